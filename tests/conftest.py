@@ -59,6 +59,12 @@ def no_figures_left():
         sys.modules["matplotlib.pyplot"].close("all")
 
 
+def slow_after(count: int, cases) -> list:
+    """The parameters of a test, with the mark `slow` on all but so many of the first."""
+    rows = [case if isinstance(case, tuple) else (case,) for case in cases]
+    return [pytest.param(*row, marks=pytest.mark.slow if k >= count else ()) for k, row in enumerate(rows)]
+
+
 def middle(enclosure: dict) -> float:
     """The middle of a proved enclosure."""
     return float((Decimal(enclosure["low"]) + Decimal(enclosure["high"])) / 2)

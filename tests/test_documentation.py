@@ -26,7 +26,8 @@ PAGES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
 BLOCK = re.compile(r"^```(python|toml|text|output|console|\{drawn\}[^\n]*)\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL)
 # The pages whose code takes more than some seconds.
 LONG = (
-    *("command_line.md", "control.md", "design.md", "families.md", "proof.md", "return_map.md", "thousand_orbits.md"),
+    *("chain.md", "command_line.md", "control.md", "design.md", "families.md", "proof.md", "return_map.md"),
+    *("start.md", "thousand_orbits.md"),
 )
 # What waits for a reader at the browser, or for a machine that a page only speaks of.
 NOT_RUN = ("orbits explore",)
@@ -229,8 +230,8 @@ WITH_EXAMPLES = (
     *("plate_hopper", "chain_hand", "springs.formula", "springs.potential", "springs.function", "springs.table"),
     *("gravity.formula", "gravity.function", "steering.keep_hopping", "steering.recover", "steering.start_up"),
 )
-# A fold costs second derivatives of a whole flight.
-LONG_EXAMPLES = ("orbits.continuation.folds", "orbits.proof.prove")
+# A fold costs second derivatives of a whole flight, a control and a front many iterations.
+LONG_EXAMPLES = ("orbits.continuation.folds", "orbits.design.pareto", "orbits.proof.prove", "problems.steering")
 OPTIONS = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
 
 

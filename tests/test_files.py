@@ -225,8 +225,8 @@ class TestDigests:
             "import sys\n"
             "from orbits import sweep\n"
             "from problems import Hopper\n"
-            "over = {'mass_ratio': (0.5, 1.0)}\n"
-            "sweep(Hopper('r', rest_length=9.0), over, samples=2, store=sys.argv[1], resume=True)\n"
+            "over = {'mass_ratio': [0.5, 1.0]}\n"
+            "sweep(Hopper('r', rest_length=9.0), over, store=sys.argv[1], resume=True)\n"
         )
         started = [
             subprocess.Popen([sys.executable, "-c", script, str(tmp_path / "store.db")], stderr=subprocess.PIPE)

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import PROVED, middle
+from conftest import PROVED, middle, slow_after
 
 from orbits import End, Event, Family, InputError, NoOrbit, Orbit, find, follow, follow_branch, orbit_at, trace
 from orbits.continuation.corrector import correct, correct_all, predict_and_correct
@@ -76,7 +76,7 @@ def test_the_collapse_in_contact_is_where_the_energy_is_that_of_the_barrier(soft
     assert not softening[softening.events[1].after + 1].admissible
 
 
-@pytest.mark.parametrize("family", [1, 2, 3, 4])
+@pytest.mark.parametrize("family", slow_after(2, [1, 4, 2, 3]))
 def test_the_saturating_spring_runs_off_to_its_limit(family):
     curve = follow(Hopper("tanh"), "b", 0.9, 0.05, family)
     assert curve.end.kind == "escaped"
@@ -326,7 +326,7 @@ def test_plots(softening):
 
 @pytest.mark.parametrize(
     ("text", "parameters", "family"),
-    [pytest.param(*law, marks=pytest.mark.slow if k >= 4 else ()) for k, law in enumerate(random_springs(12, seed=7))],
+    slow_after(2, random_springs(12, seed=7)),
 )
 def test_random_families_keep_to_their_curve(text, parameters, family):
     curves = twice(text, parameters, family)
@@ -455,8 +455,10 @@ def test_named_springs_can_be_followed():
     assert follow(Hopper(springs.sinh()), "b", 1.0).end.kind == "reached"
 
 
-@pytest.mark.parametrize("before", [1e-3, 1e-7, 1e-9])
-@pytest.mark.parametrize("longest", [0.02, 0.011])
+@pytest.mark.parametrize(
+    ("before", "longest"),
+    slow_after(3, [(1e-3, 0.02), (1e-9, 0.02), (1e-7, 0.011), (1e-3, 0.011), (1e-7, 0.02), (1e-9, 0.011)]),
+)
 def test_a_stop_beside_a_fold_is_not_passed_over(before, longest):
     stop = FOLD + before * abs(FOLD)
     family = follow(Hopper("cubic"), "beta", stop, 0.0, longest=longest)

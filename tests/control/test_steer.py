@@ -6,6 +6,7 @@ import casadi as ca
 import mpmath as mp
 import numpy as np
 import pytest
+from conftest import slow_after
 from scipy.integrate import solve_ivp, trapezoid
 from scipy.linalg import expm
 
@@ -415,7 +416,7 @@ def test_what_an_actuator_cannot_do(question, words):
         question()
 
 
-@pytest.mark.parametrize("short", [-0.3, -0.1, -0.01, 0.01, 0.3])
+@pytest.mark.parametrize("short", slow_after(2, [-0.3, 0.01, -0.1, -0.01, 0.3]))
 def test_landing_as_it_likes_costs_no_more(short):
     """A lossless landing is one of those; and from the answer for another launch nothing cheaper is found."""
     orbit, machine = find(Hopper()), Hopper()

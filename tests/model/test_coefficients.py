@@ -234,13 +234,13 @@ def largest_error(seed: int) -> float:
     return max(float(abs(a - b) / size) if size else abs(a) for a, b, size in zip(found, truth, sizes, strict=True))
 
 
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("seed", range(20))
 def test_random_mechanisms(seed):
     assert largest_error(seed) < TOLERANCE
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("first", range(0, 1000, 50))
+@pytest.mark.parametrize("first", range(20, 320, 50))
 def test_many_random_mechanisms(first):
     assert max(map(largest_error, range(first, first + 50))) < TOLERANCE
 

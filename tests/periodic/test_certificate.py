@@ -6,7 +6,7 @@ import casadi as ca
 import mpmath
 import numpy as np
 import pytest
-from conftest import REFERENCES, machine_of, name_of
+from conftest import REFERENCES, machine_of, name_of, slow_after
 from scipy.integrate import solve_ivp
 
 from orbits import METHODS, NoOrbit, find, follow, orbit_at
@@ -97,15 +97,18 @@ def exact_alpha(orbit, b, R, M, length):
 
 @pytest.mark.parametrize(
     ("b", "R", "M", "length", "family"),
-    [
-        (0.01, None, 1.0, 20.0, 1),
-        (3.0, None, 0.2, 20.0, 2),
-        (-0.008, None, 1.0, 40.0, 1),
-        (0.3, None, 1.0, 20.0, 5),
-        (0.1, 40.0, 1.0, 15.0, 1),
-        (1.0, 25.0, 3.0, 9.0, 2),
-        (0.05, 500.0, 0.1, 40.0, 3),
-    ],
+    slow_after(
+        4,
+        [
+            (0.01, None, 1.0, 20.0, 1),
+            (3.0, None, 0.2, 20.0, 2),
+            (-0.008, None, 1.0, 40.0, 1),
+            (0.1, 40.0, 1.0, 15.0, 1),
+            (0.3, None, 1.0, 20.0, 5),
+            (1.0, 25.0, 3.0, 9.0, 2),
+            (0.05, 500.0, 0.1, 40.0, 3),
+        ],
+    ),
 )
 @pytest.mark.parametrize("method", [None, pytest.param("shooting", marks=pytest.mark.slow)])
 def test_error_bound_against_30_digits(b, R, M, length, family, method):

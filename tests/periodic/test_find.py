@@ -6,7 +6,7 @@ import time
 import mpmath
 import numpy as np
 import pytest
-from conftest import PROVED, REFERENCES, machine_of, middle
+from conftest import PROVED, REFERENCES, machine_of, middle, slow_after
 
 import orbits.periodic.certificate
 from orbits import METHODS, InputError, NoOrbit, find, find_all
@@ -237,7 +237,7 @@ def test_a_machine_with_other_values_shares_its_model():
         machine.with_values(gamma=1.0)
 
 
-@pytest.mark.parametrize("block", range(10))
+@pytest.mark.parametrize("block", slow_after(4, range(10)))
 def test_random_laws_give_a_certified_orbit_or_a_named_failure(block):
     """300 laws, families 1 to 3. The family and the equation are checked by scipy, not by the toolkit."""
     found, refusals = 0, []

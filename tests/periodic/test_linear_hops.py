@@ -106,12 +106,11 @@ def test_hops_of_three_masses(topology):
     matrices = mechanism(topology, 0)
     hops = linear_hops(*matrices, 5.0, 5.0)
     assert hops
-    for hop in (hops[0], hops[-1]):
-        assert_exact(hop, matrices)
+    assert_exact(hops[-1], matrices)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(1, 4))
+@pytest.mark.parametrize("seed", [0, 1])  # without inerters and with them
 @pytest.mark.parametrize("topology", TOPOLOGIES)
 def test_every_hop_of_random_masses_and_springs(topology, seed):
     matrices = mechanism(topology, seed)

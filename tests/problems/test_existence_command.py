@@ -2,9 +2,7 @@
 
 import numpy as np
 import pytest
-
-from orbits import follow
-from problems import Hopper
+from conftest import PROVED, middle
 
 CUBIC = "existence --spring 'r + beta*r**3'"
 FOLD = "--along beta=-0.02:0.02 --across mass_ratio=0.5,2"
@@ -14,8 +12,7 @@ def test_the_diagram_ends_at_the_fold(orbits):
     done = orbits(f"{CUBIC} {FOLD} --samples 5 --json")
     assert done.code == 0
     document = done.document
-    family = follow(Hopper("r + beta*r**3", parameters={"beta": 0.0}), "beta", -0.02)
-    fold = next(event.point.value for event in family.events if event.kind == "fold")
+    fold = middle(PROVED["fold"]["beta"])
     assert (document["along"], document["across"], document["count"]) == ("beta", "mass_ratio", 10)
     for row in document["rows"]:
         assert row["stretches"][0]["status"] == "no orbit"

@@ -116,9 +116,15 @@ def test_what_is_added_to_launches_is_bounded_in_si():
         ReturnMap(BENT, inject=1e300)
 
 
-def test_an_orbit_of_a_point_beyond_a_table_says_so_with_the_units_there():
+@pytest.fixture(scope="module")
+def leaving():
+    """A family along gravity that leaves its table."""
+    return follow(TABLE, "surface_gravity", start=GRAVITY, stop=40.0, at=[15.0])
+
+
+def test_an_orbit_of_a_point_beyond_a_table_says_so_with_the_units_there(leaving):
     """Half the table holds the orbits up to half the gravity; the unit of length is proportional to it."""
-    point = follow(TABLE, "surface_gravity", start=GRAVITY, stop=15.0)[-1]
+    (point,) = leaving.at(15.0)
     half = springs.table((LENGTH_IN_M * np.linspace(-50, 6, 57), FOOT * GRAVITY * np.linspace(-50, 6, 57)))
     with pytest.raises(NoOrbit, match=r"\[-0\.2942 m, 0\.0353\d* m\]"):
         orbit_at(hopper_in_si(BODY, FOOT, stiffness=STIFFNESS, force=half), point, "surface_gravity")
@@ -163,8 +169,8 @@ def test_a_family_tells_its_numbers_with_the_units_of_where_it_is():
         assert any(told in violation for violation in point.violations) == (not point.admissible)
 
 
-def test_a_family_that_leaves_its_table_says_where_in_metres():
-    end = follow(TABLE, "surface_gravity", start=GRAVITY, stop=40.0).end
+def test_a_family_that_leaves_its_table_says_where_in_metres(leaving):
+    end = leaving.end
     assert end.kind == "stuck"
     assert re.search(r"leaves the law's range, \[-0\.2941\d* m, 0\.05883\d* m\], at 0\.05883\d* m", end.reason)
 

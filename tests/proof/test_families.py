@@ -18,6 +18,7 @@ def family(machine):
     return follow(machine, "beta", stop=0.1, longest=0.25)
 
 
+@pytest.mark.slow
 def test_the_points_of_a_family(machine, family):
     proofs = family.prove(machine)
     assert len(proofs) == len(family)

@@ -8,6 +8,7 @@ from problems import Hopper
 CUBIC = Hopper("cubic", rest_length=8.0, parameters={"beta": 0.3})
 
 
+@pytest.mark.slow
 def test_a_spring_known_to_one_percent():
     proof = prove(find(CUBIC), parameters={"beta": ("0.297", "0.303")})
     assert proof.proved, proof.reasons

@@ -110,6 +110,7 @@ def test_tolerances(tmp_path, capsys):
     assert "1.517" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_robot_leg(tmp_path, capsys):
     found = robot_leg.main(tmp_path, quick=True)
     legs, good = found["legs"], found["good"]
@@ -453,6 +454,7 @@ def test_mutations_name_tests_in_classes_as_pytest_does(tmp_path):
         assert copy._named(".".join(place).replace("/", "."), test) == f"tests/hybrid/{name}"
 
 
+@pytest.mark.slow
 def test_plate(tmp_path, capsys):
     """The limits of a heavy and of a stiff plate by their laws, and a motion at every stiffness that is tried."""
     numbers = plate.main(tmp_path, quick=True)
@@ -464,6 +466,7 @@ def test_plate(tmp_path, capsys):
     assert "the plate would have to pull the foot" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_chain_hand(tmp_path, capsys):
     """The share s^2 m3/(2 m2) by which a small mass between the springs makes the launch faster."""
     numbers = chain_hand.main(tmp_path, quick=True)

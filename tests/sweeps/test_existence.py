@@ -1,15 +1,18 @@
 """Diagrams in two parameters, against the folds and events of single families."""
 
 import json
+from functools import cache
 
 import numpy as np
 import pytest
+from conftest import PROVED, middle
 
 from orbits import InputError, existence, find, follow, follow_fold, quantities
 from problems import Hopper, Juggler
 
 MACHINE = Hopper("r + beta*r**3 + delta*r**5", rest_length=30.0, parameters={"beta": 0.0, "delta": 0.0})
 BETWEEN, DELTAS = (-0.02, 0.01), [-4e-5, 0.0, 3e-5]
+FOLD = middle(PROVED["fold"]["beta"])  # of the cubic spring
 TO_ACCURACY = 1e-6 * (BETWEEN[1] - BETWEEN[0])
 
 
@@ -18,14 +21,15 @@ def diagram():
     return existence(MACHINE, "beta", BETWEEN, "delta", DELTAS, samples=13, quantities=["stroke"])
 
 
-def event_of(machine, kind: str, along: str = "beta", stop: float = -0.02) -> float:
-    """Where an event of a family is, to rounding."""
-    return next(event.point.value for event in follow(machine, along, stop).events if event.kind == kind)
+@cache
+def event_of(machine, kind: str, along: str = "beta", stop: float = -0.02):
+    """The point of an event of a family, to rounding."""
+    return next(event.point for event in follow(machine, along, stop).events if event.kind == kind)
 
 
 def test_the_edges_are_folds_and_the_collapse(diagram):
     """Without the fifth power: orbits from the fold on, motions from where the contact no longer collapses."""
-    fold, collapse = event_of(MACHINE, "fold"), event_of(MACHINE, "collapse")
+    fold, collapse = FOLD, event_of(MACHINE, "collapse").value
     (low, middle, motion), (begin, high, other) = diagram.stretches(1)
     assert (motion, other) == (False, True)
     assert low == pytest.approx(fold, abs=TO_ACCURACY)
@@ -36,8 +40,7 @@ def test_the_edges_are_folds_and_the_collapse(diagram):
 
 
 def test_the_edge_moves_as_the_fold_does(diagram):
-    (fold,) = [event.point for event in follow(MACHINE, "beta", -0.02).events if event.kind == "fold"]
-    curve = follow_fold(MACHINE, fold, "beta", "delta", -4e-5)
+    curve = follow_fold(MACHINE, event_of(MACHINE, "fold"), "beta", "delta", -4e-5)
     assert diagram.stretches(0)[0][0] == pytest.approx(curve[-1].also["beta"], abs=TO_ACCURACY)
 
 
@@ -45,7 +48,7 @@ def test_boundaries_between_rows_are_located_too():
     """The flight under constant gravity does not depend on the mass ratio, and so the fold runs along the rows."""
     diagram = existence(MACHINE, "mass_ratio", (0.5, 2.0), "beta", (-0.02, 0.0), samples=(4, 4), both_ways=True)
     edges = diagram.orbit_edges
-    assert edges[:, 1] == pytest.approx([event_of(MACHINE, "fold")] * 4, abs=0.02e-6)
+    assert edges[:, 1] == pytest.approx([FOLD] * 4, abs=0.02e-6)
     rows = existence(MACHINE, "mass_ratio", (0.5, 2.0), "beta", (-0.02, 0.0), samples=(2, 4))
     assert len(rows.orbit_edges) == 0
     assert len(rows.boundaries.points) == 4  # which a figure shows half way between the rows
@@ -55,7 +58,7 @@ def test_boundaries_of_a_juggler():
     """A softening spring of a juggler ends at a fold of its own."""
     juggler = Juggler("r + beta*r**3", parameters={"beta": 0.0})
     diagram = existence(juggler, "beta", (-0.012, 0.0), "mass_ratio", [0.5, 1.0], samples=7)
-    fold = event_of(juggler, "fold", stop=-0.012)
+    fold = event_of(juggler, "fold", stop=-0.012).value
     assert [diagram.stretches(row)[0][0] for row in (0, 1)] == pytest.approx([fold, fold], abs=0.012e-6)
 
 
@@ -64,7 +67,7 @@ def test_three_statuses_between_two_neighbours():
     diagram = existence(MACHINE, "beta", BETWEEN, "delta", [0.0], samples=2)
     found = [(stretch.low, stretch.status) for stretch in diagram.row(0)]
     assert [status for _, status in found] == ["no orbit", "inadmissible", "certified"]
-    assert found[1][0] == pytest.approx(event_of(MACHINE, "fold"), abs=TO_ACCURACY)
+    assert found[1][0] == pytest.approx(FOLD, abs=TO_ACCURACY)
 
 
 def test_the_grid_has_the_quantities(diagram):

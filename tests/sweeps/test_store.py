@@ -197,7 +197,7 @@ WRITER = """
 """
 
 
-@pytest.mark.parametrize("kills", [3])
+@pytest.mark.parametrize("kills", [2])
 def test_nothing_that_was_acknowledged_is_lost_in_a_kill(tmp_path, kills):
     path, generator = tmp_path / "study.db", np.random.default_rng(0)
     for _ in range(kills):

@@ -28,7 +28,7 @@ def run(script: str, *numbers: int) -> None:
 
 
 def test_calls_in_threads_and_a_child_give_the_sequential_answers():
-    run("concurrent_calls.py", 8, 24)
+    run("concurrent_calls.py", 8, 16)
 
 
 @pytest.mark.slow
