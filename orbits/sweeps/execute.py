@@ -242,9 +242,11 @@ def _solved_by(pool: Any, payload: bytes, question: Question, chunks: list[Chunk
     from concurrent.futures import FIRST_COMPLETED, wait
 
     waiting, suspects, running = deque(chunks), deque[Chunk](), dict[Any, Chunk]()
+    alone = False
     while waiting or running or suspects:
         interrupts.heed()
-        alone = not waiting and not running
+        if not running:  # a chunk that is tried alone stays so, however long it takes
+            alone = not waiting
         source, most = (suspects, 1) if alone else (waiting, QUEUED * pool.size)
         crashed = False
         while source and len(running) < most and not crashed:

@@ -59,7 +59,8 @@ def test_a_member_does_not_depend_on_the_others():
         np.testing.assert_array_equal(column, whole.columns[name][order], err_msg=name)
 
 
-def test_a_member_that_kills_its_workers_has_failed_and_no_other():
+def test_a_member_that_kills_its_workers_has_failed_and_no_other(monkeypatch):
+    monkeypatch.setattr("orbits.sweeps.execute.LOOK", 0.01)  # the crash comes after many looks
     table = {"beta": [*np.linspace(0.01, 0.1, 5), DEADLY, *np.linspace(0.15, 0.3, 4)]}
     found = sweep(
         DeadlyHopper("cubic"), None, table, quantities=["largest_spring_force"], executor="processes", workers=2
