@@ -1,5 +1,6 @@
 """Lossless hops of linear mechanisms of three masses, of many topologies, against matrix exponentials in 30 digits."""
 
+import flint
 import mpmath as mp
 import numpy as np
 import pytest
@@ -38,6 +39,18 @@ def mechanism(topology: str, seed: int):
     return inertia, stiffness, load, np.array(gap, dtype=float)
 
 
+def expm(matrix: mp.matrix) -> mp.matrix:
+    """The exponential of a matrix by FLINT, which encloses it in an eighth of the time that mpmath takes."""
+    digits, before = 50, flint.ctx.dps
+    flint.ctx.dps = digits + 10
+    try:
+        enclosed = flint.arb_mat([[mp.nstr(x, digits) for x in row] for row in matrix.tolist()]).exp()
+        assert all(float(each.rad()) < 1e-40 * (1 + float(abs(each))) for each in enclosed.entries())
+        return mp.matrix([[mp.mpf(x.str(digits, radius=False)) for x in row] for row in enclosed.tolist()])
+    finally:
+        flint.ctx.dps = before
+
+
 class Exactly:
     """A linear mechanism in 30 digits, with states (y, y', 1). In contact `gone` follows from the others."""
 
@@ -63,20 +76,20 @@ class Exactly:
 
     def lifted(self, rest, half_contact):
         """The flight state a time after rest (n - 1,) in contact."""
-        n, x = self.size, mp.expm(self.contact * half_contact) * mp.matrix([*rest, *[0] * (self.size - 1), 1])
+        n, x = self.size, expm(self.contact * half_contact) * mp.matrix([*rest, *[0] * (self.size - 1), 1])
         return mp.matrix([*(self.embed * x[: n - 1]), *(self.embed * x[n - 1 : 2 * n - 2]), 1])
 
     def lacking(self, *unknowns):
         """The gap's acceleration at lift-off, and the speeds in mid-flight."""
         state, n = self.lifted(unknowns[:-2], unknowns[-2]), self.size
-        middle = mp.expm(self.flight * unknowns[-1]) * state
+        middle = expm(self.flight * unknowns[-1]) * state
         return [self.of_gap(self.acceleration(state[:n])), *middle[n : 2 * n]]
 
     def hop(self, near: LinearHop):
         """The rest in mid-contact and the half times of the hop near a computed one."""
         contact, flight = mp.mpf(near.half_contact), mp.mpf(near.half_flight)
         start = [mp.mpf(near.liftoff[2 * i + speed]) for speed in (0, 1) for i in self.kept]
-        rest = (mp.expm(-self.contact * contact) * mp.matrix([*start, 1]))[: self.size - 1]
+        rest = (expm(-self.contact * contact) * mp.matrix([*start, 1]))[: self.size - 1]
         return mp.findroot(self.lacking, [*rest, contact, flight], tol=mp.mpf("1e-48"))
 
 
@@ -87,12 +100,12 @@ def assert_exact(hop: LinearHop, matrices, tolerance: float = 1e-12):
         root = list(exactly.hop(hop))
         n, (contact, flight) = exactly.size, root[-2:]
         start = exactly.lifted(root[: n - 1], contact)
-        landed = mp.expm(exactly.flight * 2 * flight) * start
+        landed = expm(exactly.flight * 2 * flight) * start
         y, v = landed[:n], landed[n : 2 * n]
         zeros = [exactly.of_gap(y), exactly.of_gap(v), exactly.of_gap(exactly.acceleration(y))]
         assert max(map(abs, zeros)) < mp.mpf("1e-20") * (1 + max(map(abs, start)))
         standing = mp.matrix([*(y[i] for i in exactly.kept), *(v[i] for i in exactly.kept), 1])
-        back = mp.expm(exactly.contact * 2 * contact) * standing
+        back = expm(exactly.contact * 2 * contact) * standing
         returned = [*(exactly.embed * back[: n - 1]), *(exactly.embed * back[n - 1 : 2 * n - 2])]
         assert max(abs(a - b) for a, b in zip(returned, start, strict=False)) < mp.mpf("1e-20") * max(map(abs, start))
         liftoff = np.array([float(start[i + speed]) for i in range(n) for speed in (0, n)])
