@@ -138,9 +138,13 @@ FIGURES = {
     "simulation in SI": lambda: simulate(LEG, 0.9, hops=3).plot(),
     "gap": lambda: plot.plot_gap(simulate(Hopper(), 4.0, hops=2)),
 }
+# A front is many designs, and the thumbnails are drawn on what the family is.
+LONG_FIGURES = ("front", "thumbnails")
 
 
-@pytest.mark.parametrize("kind", FIGURES)
+@pytest.mark.parametrize(
+    "kind", [pytest.param(kind, marks=pytest.mark.slow if kind in LONG_FIGURES else ()) for kind in FIGURES]
+)
 def test_figures_can_be_read(kind):
     """No text leaves a figure or meets another, legends name what is drawn, and the type is large enough."""
     axes = FIGURES[kind]()

@@ -50,6 +50,7 @@ class TestLimits:
             assert orbit.alpha / alpha - 1 == pytest.approx(0.0, abs=1.0 / lower**2)
 
 
+@pytest.mark.slow
 class TestEquationsByHand:
     m = (0.7, 1.0, 0.5)
 

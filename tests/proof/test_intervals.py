@@ -35,6 +35,7 @@ def test_too_wide_an_interval_stays_undecided(bounds):
     assert proof.reasons
 
 
+@pytest.mark.slow
 def test_the_document_has_the_whole_interval():
     document = prove(find(CUBIC), parameters={"beta": ("0.297", "0.303")}, motion=False).document()
     assert document["proved"]

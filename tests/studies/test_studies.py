@@ -124,6 +124,7 @@ def test_robot_leg(tmp_path, capsys):
     assert "most forgiving" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_asteroid(tmp_path, capsys):
     numbers = asteroid.main(tmp_path, quick=True)
     assert numbers["family"] == 51
@@ -397,6 +398,7 @@ def test_inerter(tmp_path):
     assert (tmp_path / "inerter.png").stat().st_size > 20_000
 
 
+@pytest.mark.slow
 def test_tutorial(tmp_path):
     """In mid-flight the extension is at rest, by another integrator; what is lost in the hops is rounding."""
     numbers = tutorial.main(tmp_path, quick=True)
