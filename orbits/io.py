@@ -4,8 +4,10 @@ the one line in which a result tells what it is."""
 import csv
 import hashlib
 import json
+import logging
 import math
 import os
+import shutil
 import stat
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -140,7 +142,15 @@ def unsealed(document: Any, before: str = "") -> Any:
 
 def read_sealed(file: BinaryIO) -> Any:
     """The JSON document of a file, held against its digest."""
-    return unsealed(json.load(file))
+    document = json.load(file)
+    if not isinstance(document, Mapping) or DIGEST not in document:
+        warn_of_no_digest(file.name)
+    return unsealed(document)
+
+
+def warn_of_no_digest(path: str | Path) -> None:
+    """Say, through the logger "orbits", that nothing tells whether a file was changed."""
+    logging.getLogger("orbits").warning("%s has no digest, as files of earlier versions: its content is unchecked", path)
 
 
 def write_table(names: Sequence[str], rows: Iterable[Sequence], path: str | Path, what: str) -> Path:
@@ -161,21 +171,32 @@ def refusing(what: str, path: str | Path) -> Iterator[None]:
     except InputError:
         raise
     except (OSError, ValueError, RuntimeError, CalledProcessError) as error:  # NetCDF's errors are RuntimeErrors
-        raise InputError(f"the {what} cannot be written to {path}: {error}; make room, or name another file") from None
+        full = "No space left on device: " if _is_full(Path(path)) and "No space" not in str(error) else ""
+        raise InputError(
+            f"the {what} cannot be written to {path}: {full}{error}; make room, or name another file"
+        ) from None
+
+
+def _is_full(path: Path) -> bool:
+    """Whether a file's disk is as good as full, which the writers of NetCDF report as another error."""
+    with suppress(OSError):
+        return shutil.disk_usage(path.parent).free < 64 * 1024
+    return False
 
 
 @contextmanager
 def writing(what: str, path: str | Path) -> Iterator[Path]:
     """The path to write a file to: beside the file that it then replaces at once and with its mode, so that whatever
-    fails, the old file stays as it was. A link stays one, and what is no file is written to directly. Failures are as
-    with `refusing`.
+    fails, the old file stays as it was. A link stays one, and what is no file, as a pipe, or is open already, as
+    /dev/stdout, is written to directly. Failures are as with `refusing`.
     """
     with refusing(what, path):
-        whole = Path(os.path.realpath(path))
-        if whole.exists() and not whole.is_file():
+        if (Path(path).exists() and not Path(path).is_file()) or _is_open_already(Path(path)):
             yield Path(path)
             return
-        beside = whole.with_name(f".{whole.stem[:100]}.{os.getpid()}-{threading.get_ident()}{whole.suffix}")
+        whole = Path(os.path.realpath(path))
+        # A name has at most 255 bytes, and a character up to 4.
+        beside = whole.with_name(f".{whole.stem[:40]}.{os.getpid()}-{threading.get_ident()}{whole.suffix}")
         try:
             yield beside
             if whole.exists():
@@ -186,6 +207,17 @@ def writing(what: str, path: str | Path) -> Iterator[Path]:
         finally:
             with suppress(OSError):
                 beside.unlink()
+
+
+def _is_open_already(path: Path) -> bool:
+    """Whether a name leads to a descriptor of a process, as /dev/stdout does: its file has no other name for it."""
+    for _ in range(40):  # as many links as a system follows
+        if os.path.realpath(path.parent).startswith("/proc/"):
+            return True
+        if not path.is_symlink():
+            return False
+        path = path.parent / os.readlink(path)
+    return False
 
 
 def check_ending(path: str | Path, endings: tuple[str, ...]) -> Path:

@@ -1,6 +1,7 @@
 """The `orbits` command. Heavy imports wait until they are needed, so that --help and errors are quick."""
 
 import json
+import os
 import sys
 import time
 from pathlib import Path
@@ -462,6 +463,9 @@ def main() -> None:
     except BrokenPipeError:
         sys.stderr.close()  # the reader of the output has closed it
         code = 0
+    except OSError as error:  # of standard output: those of files are bad input
+        _leave_output()
+        code = _failed(f"the output cannot be written: {error}; make room, or write it elsewhere", 2)
     except MemoryError:
         code = _failed("there is not enough memory for what is asked: ask for fewer launches, hops or points", 1)
     except Exception as error:
@@ -478,10 +482,18 @@ def _failed(message: str, code: int) -> int:
     from orbits.errors import shortened
 
     message = shortened(message)
-    click.echo(f"orbits: {message}", err=True)
-    if "--json" in sys.argv:
-        click.echo(json.dumps({"error": message, "exit_code": code}))
+    try:
+        click.echo(f"orbits: {message}", err=True)
+        if "--json" in sys.argv:
+            click.echo(json.dumps({"error": message, "exit_code": code}))
+    except OSError:
+        _leave_output()
     return code
+
+
+def _leave_output() -> None:
+    """Write no more to standard output, which cannot take it; what is left is not tried again at the end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.__stdout__.fileno())  # type: ignore[union-attr]
 
 
 if __name__ == "__main__":

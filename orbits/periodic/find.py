@@ -21,7 +21,7 @@ from .error_bound import error_bounds, noise_of_alpha
 from .family_search import Cells, Lateness
 from .formulations import contact_reversor, equations_of, interpret, or_none, vector
 from .homotopy import solve_by_homotopy
-from .orbit import Orbit, Shape, orbit_of
+from .orbit import Orbit, Shape, orbit_of, start_in_file
 from .single_shooting import Evaluation, Shooting
 
 Progress: TypeAlias = Callable[[float], None] | None  # called with the share that is done
@@ -78,7 +78,7 @@ def find(
     check_machine(machine)
     number = None if family is None else _family_number(family)
     if isinstance(start, str | Path):
-        start = Orbit.load_unchecked(start)
+        start = start_in_file(start)
     if machine.units is not None:
         _possible_method(machine.model, method)
         start = dimensionless_start(start, machine)
