@@ -127,16 +127,18 @@ def sealed(document: Mapping, before: str = "") -> dict[str, Any]:
     return {**content, DIGEST: digest(content, before)}
 
 
+class Changed(ValueError):
+    """The content of a file is not the one that was written."""
+
+
 def unsealed(document: Any, before: str = "") -> Any:
-    """A document without its digest; raises `ValueError` where its content is not the one that was written. Files of
+    """A document without its digest; raises `Changed` where its content is not the one that was written. Files of
     earlier versions have none."""
     if not isinstance(document, Mapping) or DIGEST not in document:
         return document
     content = {name: value for name, value in document.items() if name != DIGEST}
     if document[DIGEST] != digest(content, before):
-        raise ValueError(
-            "it was changed or cut after it was written: take a copy from before, or compute it anew; for an orbit, find(machine, start=FILE) does"
-        )
+        raise Changed("it was changed or cut after it was written: take a copy from before, or compute it anew")
     return content
 
 
@@ -150,7 +152,9 @@ def read_sealed(file: BinaryIO) -> Any:
 
 def warn_of_no_digest(path: str | Path) -> None:
     """Say, through the logger "orbits", that nothing tells whether a file was changed."""
-    logging.getLogger("orbits").warning("%s has no digest, as files of earlier versions: its content is unchecked", path)
+    logging.getLogger("orbits").warning(
+        "%s has no digest, as files of earlier versions: its content is unchecked", path
+    )
 
 
 def write_table(names: Sequence[str], rows: Iterable[Sequence], path: str | Path, what: str) -> Path:

@@ -2,18 +2,20 @@
 
 import os
 import sys
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from functools import cache
+from io import FileIO
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO
 
 from ..errors import InputError
 from ..io import check_ending, refusing, version, writing
 from ..model.machine import machine_in_words
 from ..periodic.find import Progress
 from ..symbolic import interrupts
+from ..symbolic.time_limit import TimeOver
 from .curve import CurvePoint
 from .family import ENDINGS, UNFINISHED, Family, Sealing
 from .point import End, Event, Point, json_line
@@ -33,7 +35,7 @@ def collect_family(
     family = _begun(tracer, resume)
     points, events, end, before = [*family.points], [*family.events], family.end, len(family.points)
     with Lines(family, resume, output) as lines, interrupts.deferred():
-        for item in tracer:
+        for item in _until_time_is_over(tracer):
             line: Point | Event | End
             if isinstance(item, CurvePoint):
                 points.append(line := tracer.curve.in_units(item.point))
@@ -45,8 +47,17 @@ def collect_family(
             lines.add(json_line(line))
             if progress and isinstance(item, CurvePoint):
                 progress((item.value - tracer.start) / (tracer.stop - tracer.start))
-            interrupts.heed()
     return replace(family, points=tuple(points), events=tuple(events), end=end)
+
+
+def _until_time_is_over(tracer: Tracer) -> Iterator[CurvePoint | Event | End]:
+    """What a run finds; with an end where its time is over."""
+    try:
+        for item in tracer:
+            yield item
+            interrupts.heed()
+    except TimeOver as over:
+        yield End("interrupted", f"{over}; resume it to go on")
 
 
 def _begun(tracer: Tracer, resume: Family | None) -> Family:
@@ -72,7 +83,7 @@ class Lines:
     """
 
     def __init__(self, family: Family, resume: Family | None, output: str | Path | None):
-        self.file: BinaryIO | None = None
+        self.file: FileIO | None = None
         if output is None:
             return
         self.whole, self.sealing = check_ending(output, ENDINGS[:2]), Sealing()
@@ -82,7 +93,7 @@ class Lines:
         with writing("family", self.path) as target:
             target.write_text("".join(map(self.sealing.line, lines)), encoding="utf-8")
         with refusing("family", self.path):
-            self.file = open(self.path, "ab", buffering=0)  # what cannot be written is not tried again as it is closed
+            self.file = FileIO(self.path, "ab")  # without a buffer, which would be tried again as it is closed
 
     def add(self, record: str) -> None:
         """Write a further record, which is in the file when this returns."""

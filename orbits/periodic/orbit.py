@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ..animation import Report, animate_orbit
 from ..errors import InputError
 from ..flow.trajectory import SavedTrajectory, Trajectory, trajectory_of
-from ..io import DIGEST, conform, one_line, read_file, read_sealed, to_json, write_json
+from ..io import DIGEST, Changed, conform, one_line, read_file, read_sealed, to_json, write_json
 from ..model.machine import Machine, machine_in_words
 from ..model.model import Knee
 from ..model.phase import Affine
@@ -321,7 +321,10 @@ class Orbit:
 
     @classmethod
     def _parsed(cls, file: BinaryIO) -> "Orbit":
-        return cls.of_saved(read_sealed(file))
+        try:
+            return cls.of_saved(read_sealed(file))
+        except Changed as error:
+            raise ValueError(f"{error}, as find(machine, start=FILE) does") from None
 
     @classmethod
     def of_saved(cls, document: Any) -> "Orbit":

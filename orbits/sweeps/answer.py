@@ -70,7 +70,9 @@ class Sweep:
         if machine is not None and to_json(machine_in_words(machine)) != to_json(about["machine"]):
             raise InputError(f"the store {path} is of another machine: {about['machine']}")
         if about["outcome"] not in COLUMNS_OF:
-            raise InputError(f"the store {path} has the outcome {about['outcome']!r}: it was changed, or is of a later version")
+            raise InputError(
+                f"the store {path} has the outcome {about['outcome']!r}: it was changed, or is of a later version"
+            )
         columns = dict.fromkeys(about["parameters"], float) | COLUMNS_OF[about["outcome"]]
         columns |= dict.fromkeys(about["quantities"], float) | {"status": str, "reason": str}
         table = read_store(path, columns)

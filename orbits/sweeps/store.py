@@ -201,7 +201,9 @@ def _read(connection: sqlite3.Connection, columns: Mapping[str, type]) -> Table:
                 column[first:last] = np.array(given, dtype=float)  # None is NaN
         first = last
     if first < count:
-        raise InputError(f"the store has {count} members, and {first} of them can be read: go on with a copy from before")
+        raise InputError(
+            f"the store has {count} members, and {first} of them can be read: go on with a copy from before"
+        )
     return table
 
 
