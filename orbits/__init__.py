@@ -40,6 +40,7 @@ from .sweeps.answer import Sweep
 from .sweeps.existence import Existence, existence
 from .sweeps.sweep import SweepProgress, sweep
 from .sweeps.uncertainty import Uncertainty, uncertainty
+from .symbolic.time_limit import time_limit
 
 __all__ = [
     "METHODS", "Active", "Affine", "Arc", "Bifurcation", "BifurcationDiagram", "Branch", "BranchEnd", "Certificate",
@@ -50,7 +51,8 @@ __all__ = [
     "StepControl", "Sweep", "SweepProgress", "Uncertainty", "Units", "Weight", "__version__", "bifurcations", "check",
     "existence", "find", "find_all", "fold_statement", "follow", "follow_branch", "follow_fold", "linear_modes",
     "multiplier", "optimize", "orbit_at", "pareto", "prove", "prove_absence", "prove_fold", "quantities",
-    "sensitivities", "simulate", "start_from_rest", "starts", "steer", "sweep", "trace", "uncertainty",
+    "sensitivities", "simulate", "start_from_rest", "starts", "steer", "sweep", "time_limit", "trace",
+    "uncertainty",
 ]  # fmt: skip
 
 

@@ -12,10 +12,13 @@ HEAD, TAIL = 180, 110
 
 def shortened(message: str) -> str:
     """A message of at most 300 characters, without the middle of a longer one."""
-    if len(message) <= LONGEST_MESSAGE:
-        return message
-    head, tail = message[:HEAD], message[-TAIL:]
-    # A word that the cut goes through is left out, unless it is most of what there is.
+    return message if len(message) <= LONGEST_MESSAGE else without_middle(message, HEAD, TAIL)
+
+
+def without_middle(text: str, longest_head: int, longest_tail: int) -> str:
+    """A text's beginning and end, of at most so many characters each. A word that the cut goes through is left out,
+    unless it is most of what there is."""
+    head, tail = text[:longest_head], text[-longest_tail:]
     whole_head, whole_tail = head.rpartition(" ")[0], tail.partition(" ")[2]
     head = whole_head if 2 * len(whole_head) > len(head) else head
     tail = whole_tail if 2 * len(whole_tail) > len(tail) else tail

@@ -4,8 +4,10 @@ the one line in which a result tells what it is."""
 import csv
 import hashlib
 import json
+import logging
 import math
 import os
+import shutil
 import stat
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -20,7 +22,7 @@ from typing import Any, BinaryIO, TypeVar, get_args, get_origin, get_type_hints,
 
 import numpy as np
 
-from .errors import InputError
+from .errors import InputError, without_middle
 
 Read = TypeVar("Read")
 MEGABYTE = 1 << 20
@@ -60,7 +62,7 @@ def in_words(values: Mapping[str, Any]) -> list[str]:
 def one_line(result: Any, values: Mapping[str, Any]) -> str:
     """A result in one line of fewer than 200 characters: its type, and some of its values by name, the first as many
     as there is room for, long ones without their middle."""
-    told = [each if len(each) <= LONGEST_TOLD else f"{each[:70]}...{each[-25:]}" for each in in_words(values)]
+    told = [each if len(each) <= LONGEST_TOLD else without_middle(each, 70, 25) for each in in_words(values)]
     name, kept = type(result).__name__, len(told)
     while kept > 1 and len(f"{name}({', '.join(told[:kept])}, ...)") > LONGEST_TOLD_LINE:
         kept -= 1
@@ -125,21 +127,34 @@ def sealed(document: Mapping, before: str = "") -> dict[str, Any]:
     return {**content, DIGEST: digest(content, before)}
 
 
+class Changed(ValueError):
+    """The content of a file is not the one that was written."""
+
+
 def unsealed(document: Any, before: str = "") -> Any:
-    """A document without its digest; raises `ValueError` where its content is not the one that was written. Files of
+    """A document without its digest; raises `Changed` where its content is not the one that was written. Files of
     earlier versions have none."""
     if not isinstance(document, Mapping) or DIGEST not in document:
         return document
     content = {name: value for name, value in document.items() if name != DIGEST}
     if document[DIGEST] != digest(content, before):
-        remedy = "take a copy from before, or compute it anew; for an orbit, find(machine, start=FILE) does"
-        raise ValueError(f"it was changed or cut after it was written: {remedy}")
+        raise Changed("it was changed or cut after it was written: take a copy from before, or compute it anew")
     return content
 
 
 def read_sealed(file: BinaryIO) -> Any:
     """The JSON document of a file, held against its digest."""
-    return unsealed(json.load(file))
+    document = json.load(file)
+    if not isinstance(document, Mapping) or DIGEST not in document:
+        warn_of_no_digest(file.name)
+    return unsealed(document)
+
+
+def warn_of_no_digest(path: str | Path) -> None:
+    """Say, through the logger "orbits", that nothing tells whether a file was changed."""
+    logging.getLogger("orbits").warning(
+        "%s has no digest, as files of earlier versions: its content is unchecked", path
+    )
 
 
 def write_table(names: Sequence[str], rows: Iterable[Sequence], path: str | Path, what: str) -> Path:
@@ -160,21 +175,32 @@ def refusing(what: str, path: str | Path) -> Iterator[None]:
     except InputError:
         raise
     except (OSError, ValueError, RuntimeError, CalledProcessError) as error:  # NetCDF's errors are RuntimeErrors
-        raise InputError(f"the {what} cannot be written to {path}: {error}; make room, or name another file") from None
+        full = "No space left on device: " if _is_full(Path(path)) and "No space" not in str(error) else ""
+        raise InputError(
+            f"the {what} cannot be written to {path}: {full}{error}; make room, or name another file"
+        ) from None
+
+
+def _is_full(path: Path) -> bool:
+    """Whether a file's disk is as good as full, which the writers of NetCDF report as another error."""
+    with suppress(OSError):
+        return shutil.disk_usage(path.parent).free < 64 * 1024
+    return False
 
 
 @contextmanager
 def writing(what: str, path: str | Path) -> Iterator[Path]:
     """The path to write a file to: beside the file that it then replaces at once and with its mode, so that whatever
-    fails, the old file stays as it was. A link stays one, and what is no file is written to directly. Failures are as
-    with `refusing`.
+    fails, the old file stays as it was. A link stays one, and what is no file, as a pipe, or is open already, as
+    /dev/stdout, is written to directly. Failures are as with `refusing`.
     """
     with refusing(what, path):
-        whole = Path(os.path.realpath(path))
-        if whole.exists() and not whole.is_file():
+        if (Path(path).exists() and not Path(path).is_file()) or _is_open_already(Path(path)):
             yield Path(path)
             return
-        beside = whole.with_name(f".{whole.stem[:100]}.{os.getpid()}-{threading.get_ident()}{whole.suffix}")
+        whole = Path(os.path.realpath(path))
+        # A name has at most 255 bytes, and a character up to 4.
+        beside = whole.with_name(f".{whole.stem[:40]}.{os.getpid()}-{threading.get_ident()}{whole.suffix}")
         try:
             yield beside
             if whole.exists():
@@ -185,6 +211,17 @@ def writing(what: str, path: str | Path) -> Iterator[Path]:
         finally:
             with suppress(OSError):
                 beside.unlink()
+
+
+def _is_open_already(path: Path) -> bool:
+    """Whether a name leads to a descriptor of a process, as /dev/stdout does: its file has no other name for it."""
+    for _ in range(40):  # as many links as a system follows
+        if os.path.realpath(path.parent).startswith("/proc/"):
+            return True
+        if not path.is_symlink():
+            return False
+        path = path.parent / os.readlink(path)
+    return False
 
 
 def check_ending(path: str | Path, endings: tuple[str, ...]) -> Path:

@@ -1,9 +1,9 @@
 """The `orbits` command. Heavy imports wait until they are needed, so that --help and errors are quick."""
 
 import json
+import os
 import sys
 import time
-from pathlib import Path
 from typing import Any
 
 import click
@@ -132,16 +132,13 @@ def prove_command(
 @options.json_option
 def check_proof_command(file: str, as_json: bool) -> None:
     """Verify a proof of an orbit that was saved with prove --save, by a second program and from the file alone."""
-    from orbits.errors import InputError
+    from orbits.io import read_file, read_sealed
     from orbits.proof.prove import need_flint
 
     need_flint()
     from orbits.check_proof import check
 
-    try:
-        document = json.loads(Path(file).read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(f"'{file}' is no saved proof: {error}") from None
+    document = read_file(file, f"'{file}' is no saved proof", read_sealed)
     began = time.perf_counter()
     reasons = check(document) if isinstance(document, dict) else ["the file holds no proof"]
     verdict = {"verified": not reasons, "reasons": reasons, "seconds": time.perf_counter() - began}
@@ -156,7 +153,8 @@ COLUMNS_OF_HOPS = {"alpha": "launch speed", "next": "next", "loss": "loss"}
 
 
 @orbits.command(
-    "follow", epilog="\b\nExit code: 0 followed to its end, 1 no such orbit or the curve was lost, 2 bad input."
+    "follow",
+    epilog="\b\nExit code: 0 followed to its end, 1 no such orbit, the curve was lost or took too long, 2 bad input.",
 )
 @options.machine_options
 @options.family_option("As in find.")
@@ -172,6 +170,7 @@ COLUMNS_OF_HOPS = {"alpha": "launch speed", "next": "next", "loss": "loss"}
 @click.option("--longest", type=float, default=0.02, show_default=True, help="Longest step, as a share of the way.")
 @click.option("--method", metavar="NAME", help="As in find.")
 @click.option("--stop-inadmissible", is_flag=True, help="End where the orbits are no motions any more.")
+@options.free_limit_option
 @options.json_option
 @options.plot_option
 @options.file_option("--output", "lines", "Write each point as it is found: .jsonl, to resume from or to load.")
@@ -204,7 +203,7 @@ def follow_command(
         small = [(point, orbit_at(machine, point, along, method)) for point in spread(followed, THUMBNAILS)]
         save_figure(thumbnails(plot_family(followed), followed, small), plot)
     options.write(followed, as_json, save=save)
-    if followed.end.kind == "stuck":
+    if followed.end.kind in ("stuck", "interrupted"):
         raise click.exceptions.Exit(1)
 
 
@@ -214,6 +213,7 @@ def follow_command(
 @click.option(
     "--alpha", required=True, metavar="A|A:B:N", help=f"A launch speed, or N of them from A to B{options.IN_UNITS}"
 )
+@options.free_limit_option
 @options.json_option
 @options.file_option("--plot", "figure", "Write a figure of the map from A to B (.png, .pdf, .svg).")
 @click.option("--cobweb", type=float, metavar="A0", help="Draw the hops from this launch speed into the figure.")
@@ -287,6 +287,7 @@ def return_map(
 @click.option("--hops", type=click.IntRange(1), metavar="N", help="End after so many lift-offs.")
 @click.option("--cap", type=click.IntRange(1), default=2000, show_default=True, help="Most impacts of one hop.")
 @click.option("--time", "end", type=options.POSITIVE, metavar="T", help=f"End at this time{options.IN_UNITS}")
+@options.free_limit_option
 @options.json_option
 @options.plot_option
 @options.animate_option
@@ -304,6 +305,7 @@ def simulate_command(
 
 @orbits.command("optimize", epilog="\b\nExit code: 0 found, 1 no such design (with the reason), 2 bad input.")
 @click.argument("file", metavar="FILE.toml")
+@options.free_limit_option
 @options.json_option
 @options.file_option("--plot", "figure", "Write a figure of the best orbit, or of the front (.png, .pdf, .svg).")
 @options.file_option("--save", "front", "Save the design (.json), or the front (.json, .csv).")
@@ -351,6 +353,7 @@ def optimize_command(file: str, as_json: bool, plot: str | None, save: str | Non
 @click.option("--store", metavar="FILE", help="An SQLite file that has every chunk of members as soon as it is done.")
 @click.option("--resume", is_flag=True, help="Go on with the store, or begin it.")
 @click.option("--workers", type=click.IntRange(1), metavar="N", help="Processes that compute; 1 by default.")
+@options.free_limit_option
 @options.json_option
 @options.file_option("--output", "sweep", "Write the members: .csv, .nc, .parquet or .json.")
 @options.plot_option
@@ -397,6 +400,7 @@ def sweep_command(
 @click.option("--both-ways", is_flag=True, help="Locate boundaries between the rows too.")
 @click.option("--colour", metavar="QUANTITY", help="Colour the figure by a quantity.")
 @click.option("--workers", type=click.IntRange(1), metavar="N", help="Processes that compute; 1 by default.")
+@options.free_limit_option
 @options.json_option
 @options.file_option("--output", "diagram", "Write the diagram: .json or .nc; its rows: .csv.")
 @options.plot_option
@@ -462,12 +466,16 @@ def main() -> None:
     except BrokenPipeError:
         sys.stderr.close()  # the reader of the output has closed it
         code = 0
+    except OSError as error:  # of standard output: those of files are bad input
+        _leave_output()
+        code = _failed(f"the output cannot be written: {error}; make room, or write it elsewhere", 2)
     except MemoryError:
         code = _failed("there is not enough memory for what is asked: ask for fewer launches, hops or points", 1)
     except Exception as error:
         from orbits.errors import InputError, OrbitsError
+        from orbits.symbolic.time_limit import TimeOver
 
-        if isinstance(error, OrbitsError):
+        if isinstance(error, OrbitsError | TimeOver):
             code = _failed(str(error), 2 if isinstance(error, InputError) else 1)
         else:
             code = _failed(f"internal error, please report it: {type(error).__name__}: {error}", 1)
@@ -478,10 +486,18 @@ def _failed(message: str, code: int) -> int:
     from orbits.errors import shortened
 
     message = shortened(message)
-    click.echo(f"orbits: {message}", err=True)
-    if "--json" in sys.argv:
-        click.echo(json.dumps({"error": message, "exit_code": code}))
+    try:
+        click.echo(f"orbits: {message}", err=True)
+        if "--json" in sys.argv:
+            click.echo(json.dumps({"error": message, "exit_code": code}))
+    except OSError:
+        _leave_output()
     return code
+
+
+def _leave_output() -> None:
+    """Write no more to standard output, which cannot take it; what is left is not tried again at the end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.__stdout__.fileno())  # type: ignore[union-attr]
 
 
 if __name__ == "__main__":

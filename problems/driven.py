@@ -1,6 +1,5 @@
 """Motions of an actuated machine that optimal control has found, with the machine: drawn, saved and disturbed."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property, partial
@@ -14,7 +13,7 @@ from orbits import Control, InputError, Simulation
 from orbits.animation import SPRING_END, Report, animate_simulation
 from orbits.control.answer import control_of
 from orbits.hybrid.motion import times_within
-from orbits.io import conform, read_file, to_json
+from orbits.io import conform, read_file, read_sealed, to_json
 from orbits.model.phase import Affine
 from orbits.model.units import LIFTOFF_SPEED, without_units
 from orbits.plot import Axes
@@ -196,7 +195,7 @@ class _SavedDriven(TypedDict):
 
 def _driven_of(machine: AnyMachine | None, file: BinaryIO) -> Driven:
     """The motion in an open file; raises `ValueError` where parts of it do not fit each other."""
-    document = json.load(file)
+    document = read_sealed(file)
     data, control = conform(document, _SavedDriven), control_of(document)
     if machine is None:
         if data["statement"] is None:

@@ -56,6 +56,20 @@ limit_option = click.option(
 )
 
 
+def _limited(context: click.Context, parameter: click.Parameter, seconds: float | None) -> None:
+    """Hold all that the command does to a limit of time."""
+    from orbits.symbolic.time_limit import time_limit
+
+    if seconds is not None:
+        context.with_resource(time_limit(seconds))
+
+
+free_limit_option = click.option(
+    "--limit", type=float, metavar="SECONDS", help="How long it may take; default: as long as it needs.",
+    callback=_limited, expose_value=False,
+)  # fmt: skip
+
+
 def family_option(text: str) -> Callable:
     """The option that asks for the orbits of a family."""
     return click.option("--family", type=click.IntRange(1), default=1, show_default=True, metavar="N", help=text)

@@ -35,9 +35,9 @@ MOST_DIRECTIONS = 24
 class MeasuredRows(NamedTuple):
     """Ascending, different extensions (n,) and the mean force (n,) of the rows at each.
 
-    weights : (n,), of how many rows each force is the mean
+    weights : (n,), of how many different rows each force is the mean; copies of a row count as one
     squares : sum of the squared differences of rows from the mean at their extension
-    spare : how many differences of these are independent, the number of repeated rows
+    spare : how many differences of these are independent, the number of repeated rows that are no copies
     """
 
     extensions: np.ndarray
@@ -97,11 +97,17 @@ def _rows(r: np.ndarray, force: np.ndarray, label: str) -> MeasuredRows:
     r, force = r[order], force[order]
     place = np.cumsum(np.diff(r, prepend=r[:1]) > SAME_EXTENSION * np.ptp(r)) if len(r) else np.zeros(0, int)
     counts = np.bincount(place)
+    lowest, highest = np.full(len(counts), np.inf), np.full(len(counts), -np.inf)
+    np.minimum.at(lowest, place, force)
+    np.maximum.at(highest, place, force)
     if len(counts) < FEWEST_ROWS:
         raise InputError(f"{label}: {len(counts)} different extensions; a table needs at least {FEWEST_ROWS}")
     means = np.bincount(place, force) / counts
     squares = float(np.sum((force - means[place]) ** 2))
-    return MeasuredRows(np.bincount(place, r) / counts, means, counts.astype(float), squares, len(r) - len(counts))
+    # Rows of one force to the last bit are copies, or too coarse to tell their noise: they count as one measurement.
+    measured = np.where(lowest == highest, 1, counts)
+    spare = int(measured.sum()) - len(counts)
+    return MeasuredRows(np.bincount(place, r) / counts, means, measured.astype(float), squares, spare)
 
 
 def _mean(up: MeasuredRows, down: MeasuredRows, label: str) -> MeasuredRows:

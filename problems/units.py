@@ -10,6 +10,8 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, Self, TypeAlias
 
+import numpy as np
+
 from orbits import Mass, Mechanism
 from orbits.errors import InputError
 from orbits.model.laws import UNIT_FORCE, UNIT_LENGTH, WRONG_SIGN, Law, number, stated
@@ -280,7 +282,8 @@ def _units_by(hopper: bool, upper: str, lower: str, stiffness: str) -> Callable[
     def units(p: Mapping[str, Any]) -> Units:
         weight, k = p[lower] * p["surface_gravity"], p[stiffness]
         length, clock = weight / k, p[lower] / k
-        time = (clock / (1 + p[lower] / p[upper]) if hopper else clock) ** 0.5
+        with np.errstate(invalid="ignore"):  # a step may try masses below 0, which are refused then
+            time = (clock / (1 + p[lower] / p[upper]) if hopper else clock) ** 0.5
         return Units(length, time, weight, p[upper] * p["surface_gravity"] * length)
 
     return units

@@ -8,6 +8,7 @@ import stat
 import subprocess
 import sys
 from contextlib import closing
+from io import FileIO
 
 import pytest
 
@@ -118,9 +119,52 @@ class TestWriting:
         assert Orbit.load(path).alpha == orbit.alpha
         assert stat.S_IMODE(path.stat().st_mode) == 0o640
 
-    def test_what_is_no_file_is_written_to(self):
+    def test_what_is_no_file_is_written_to(self, tmp_path):
         with writing("text", "/dev/null") as target:
             target.write_text("nothing")
+        link = tmp_path / "link.json"
+        link.symlink_to("/dev/stdout")
+        script = (
+            "import sys; from orbits import io; print(0, flush=True); io.write_json({'x': 1}, sys.argv[1], 'table')"
+        )
+        with open(tmp_path / "out.txt", "w", encoding="utf-8") as out:
+            subprocess.run([sys.executable, "-c", script, str(link)], stdout=out, check=True, timeout=60)
+        assert (tmp_path / "out.txt").read_text().startswith('{"x": 1')  # it is opened anew, as a shell's > does
+        assert link.is_symlink()
+
+    def test_a_family_that_grows_leaves_the_old_one(self, tmp_path, monkeypatch, family):
+        """The disk is full after some points: nothing is lost, neither of the old family nor of what was found."""
+        machine, path = Hopper("cubic", rest_length=9.0), tmp_path / "family.jsonl"
+        follow(machine, "beta", stop=0.1, longest=0.2, output=path)
+        old, write, lines = path.read_bytes(), FileIO.write, []
+
+        class Full(FileIO):
+            def write(self, data):
+                lines.append(data)
+                if len(lines) > 3:
+                    raise OSError(28, "No space left on device")
+                return write(self, data)
+
+        monkeypatch.setattr("orbits.continuation.checkpoint.FileIO", Full)
+        with pytest.raises(InputError, match=r"family.part.jsonl: \[Errno 28\] No space left"):
+            follow(machine, "beta", stop=0.4, longest=0.2, output=path)
+        assert path.read_bytes() == old
+        part = Family.load(tmp_path / "family.part.jsonl")
+        assert part.points == family.points[:3]
+        monkeypatch.undo()
+        whole = follow(machine, "beta", stop=0.4, longest=0.2, resume=part, output=path)
+        assert Family.load(path) == whole
+        assert whole[-1].alpha == pytest.approx(family[-1].alpha, rel=1e-13)
+
+    @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs a device that is full")
+    @pytest.mark.parametrize("asked", ["find", "find --spring none_such --json"])
+    def test_a_full_standard_output(self, asked):
+        command = [sys.executable, "-m", "orbits", *asked.split()]
+        with open("/dev/full", "w", encoding="utf-8") as full:
+            done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False, timeout=60)
+        assert done.returncode == 2
+        assert done.stderr.startswith("orbits: ")
+        assert len(done.stderr.splitlines()) == 1
 
     @pytest.mark.parametrize("after", range(4))
     def test_a_kill_leaves_the_old_file_or_the_new_one(self, after, tmp_path):
@@ -202,12 +246,14 @@ class TestDigests:
         path.write_text("".join(lines[:-1]) + lines[-1][:20])
         assert "ends before it does" in Family.load(path).end.reason
 
-    def test_files_of_earlier_versions_are_read(self, tmp_path, orbit, family):
+    def test_files_of_earlier_versions_are_read(self, tmp_path, orbit, family, caplog):
         path = orbit.save(tmp_path / "orbit.json")
         path.write_text(json.dumps(unsealed(json.loads(path.read_text()))))
         assert Orbit.load(path).alpha == orbit.alpha
+        assert "orbit.json has no digest" in caplog.text
         path.write_text("\n".join(family.records()))
         assert Family.load(path).points == family.points
+        assert caplog.text.count("has no digest") == 2
 
     def test_a_spoilt_member_of_a_store_is_refused_and_computed_again(self, tmp_path):
         machine, store = Hopper("cubic", rest_length=9.0), tmp_path / "store.db"
@@ -219,6 +265,15 @@ class TestDigests:
             Sweep.load(store)
         again = sweep(machine, {"beta": (0.0, 1.0)}, samples=6, store=store, resume=True)
         assert again.columns["alpha"].tolist() == first.columns["alpha"].tolist()
+
+    def test_a_store_that_lost_its_digests_is_refused(self, tmp_path):
+        store = tmp_path / "store.db"
+        sweep(Hopper("cubic", rest_length=9.0), {"beta": (0.0, 1.0)}, samples=2, store=store)
+        with closing(sqlite3.connect(store)) as connection:
+            connection.execute("ALTER TABLE members RENAME COLUMN digest_of_row TO digest_of_rov")
+            connection.commit()
+        with pytest.raises(InputError, match="was changed after it was written"):
+            Sweep.load(store)
 
     def test_two_processes_that_begin_a_store_at_once(self, tmp_path):
         script = (

@@ -1,16 +1,21 @@
 """A family as it grows, in memory and on disk: every point is in its file as soon as it is found."""
 
+import os
 import sys
-from contextlib import nullcontext
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from functools import cache
+from io import FileIO
 from pathlib import Path
-from typing import Any
+from types import TracebackType
 
+from ..errors import InputError
 from ..io import check_ending, refusing, version, writing
 from ..model.machine import machine_in_words
 from ..periodic.find import Progress
 from ..symbolic import interrupts
+from ..symbolic.time_limit import TimeOver
 from .curve import CurvePoint
 from .family import ENDINGS, UNFINISHED, Family, Sealing
 from .point import End, Event, Point, json_line
@@ -29,9 +34,8 @@ def collect_family(
     """The family that a run finds; the others as in `follow`."""
     family = _begun(tracer, resume)
     points, events, end, before = [*family.points], [*family.events], family.end, len(family.points)
-    file, sealing = _opened(family, output)
-    with file, interrupts.deferred():
-        for item in tracer:
+    with Lines(family, resume, output) as lines, interrupts.deferred():
+        for item in _until_time_is_over(tracer):
             line: Point | Event | End
             if isinstance(item, CurvePoint):
                 points.append(line := tracer.curve.in_units(item.point))
@@ -40,13 +44,20 @@ def collect_family(
                 events.append(line := replace(item, after=item.after + before, point=point))
             else:
                 line = end = item
-            if output is not None:
-                with refusing("family", output):
-                    print(sealing.line(json_line(line)), end="", file=file, flush=True)
+            lines.add(json_line(line))
             if progress and isinstance(item, CurvePoint):
                 progress((item.value - tracer.start) / (tracer.stop - tracer.start))
-            interrupts.heed()
     return replace(family, points=tuple(points), events=tuple(events), end=end)
+
+
+def _until_time_is_over(tracer: Tracer) -> Iterator[CurvePoint | Event | End]:
+    """What a run finds; with an end where its time is over."""
+    try:
+        for item in tracer:
+            yield item
+            interrupts.heed()
+    except TimeOver as over:
+        yield End("interrupted", f"{over}; resume it to go on")
 
 
 def _begun(tracer: Tracer, resume: Family | None) -> Family:
@@ -64,15 +75,53 @@ def _begun(tracer: Tracer, resume: Family | None) -> Family:
     return Family(curve.along, machine, points, events, end, settings, dict(versions()), curve.machine)
 
 
-def _opened(family: Family, output: str | Path | None) -> tuple[Any, Sealing]:
-    """A new file with what there is already, in the place of `output`, which may be the file that is resumed; and the
-    digests of its lines."""
-    sealing = Sealing()
-    if output is None:
-        return nullcontext(), sealing
-    path = check_ending(output, ENDINGS[:2])
-    *lines, _ = family.records()  # all but the end
-    with writing("family", path) as target:
-        target.write_text("".join(map(sealing.line, lines)), encoding="utf-8")
-    with refusing("family", path):
-        return open(path, "a", encoding="utf-8"), sealing
+class Lines:
+    """The file of a family that grows, with what there is of it already; it does nothing without an `output`.
+
+    Where the output is another file than the one that is resumed, it grows beside it, as NAME.part.jsonl, and takes its
+    place once it has come to its end: an interrupt or a full disk leaves both.
+    """
+
+    def __init__(self, family: Family, resume: Family | None, output: str | Path | None):
+        self.file: FileIO | None = None
+        if output is None:
+            return
+        self.whole, self.sealing = check_ending(output, ENDINGS[:2]), Sealing()
+        is_other = self.whole.is_file() and not _is_in(resume, self.whole)
+        self.path = self.whole.with_suffix(f".part{self.whole.suffix}") if is_other else self.whole
+        *lines, _ = family.records()  # all but the end
+        with writing("family", self.path) as target:
+            target.write_text("".join(map(self.sealing.line, lines)), encoding="utf-8")
+        with refusing("family", self.path):
+            self.file = FileIO(self.path, "ab")  # without a buffer, which would be tried again as it is closed
+
+    def add(self, record: str) -> None:
+        """Write a further record, which is in the file when this returns."""
+        if self.file is not None:
+            with refusing("family", self.path):
+                rest = self.sealing.line(record).encode()
+                while rest:
+                    rest = rest[self.file.write(rest) :]
+
+    def __enter__(self) -> "Lines":
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
+        if self.file is None:
+            return
+        with refusing("family", self.path):
+            self.file.close()
+            if kind is None and self.path != self.whole:
+                with writing("family", self.whole) as target:
+                    os.replace(self.path, target)
+        if isinstance(error, KeyboardInterrupt) and self.path != self.whole:
+            found = f"what was found is in {self.path}, and {self.whole} is as it was"
+            raise KeyboardInterrupt(f"{found}: go on from there by resume, in the command with --resume") from None
+
+
+def _is_in(resume: Family | None, path: Path) -> bool:
+    """Whether a file has no more than the family that is resumed."""
+    with suppress(InputError):
+        points = Family.load(path).points if resume else ()
+        return resume is not None and points == resume.points[: len(points)]
+    return False

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import InputError, NoOrbit, OrbitsError
+from ..flow.flow import OUT_OF_LAW
 from ..model.machine import Machine, check_parameters
 from ..model.units import Units, without_units
 from ..periodic.certificate import certify
@@ -35,8 +36,14 @@ TEST_FUNCTIONS: dict[str, Callable[[Point], float | None]] = {
     "masses touch": lambda point: point.certificate.smallest_separation,
     "contact pulls": lambda point: None if point.contact_time is None else _smallest_force(point),
     "landing jerk": lambda point: -point.certificate.landing_jerk,
-    "collapse": lambda point: -1.0 if point.contact_time is None else 1.0,
+    "collapse": lambda point: -1.0 if point.contact_time is None and not _leaves_law(point) else 1.0,
+    "law ends": lambda point: -1.0 if point.contact_time is None and _leaves_law(point) else 1.0,
 }
+
+
+def _leaves_law(point: Point) -> bool:
+    """Whether the contact has no end since a law, as a measured table, has no value any more."""
+    return any(OUT_OF_LAW in violation for violation in point.certificate.violations)
 
 
 def _smallest_force(point: Point) -> float:

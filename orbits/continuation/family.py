@@ -20,6 +20,7 @@ from ..io import (
     sealed,
     to_json,
     unsealed,
+    warn_of_no_digest,
     write_table,
     writing,
 )
@@ -331,13 +332,12 @@ class Family:
     def save(self, path: str | Path) -> Path:
         """Write the family to .json (to load and resume), .csv (a table) or .nc (NetCDF, by the extra `data`)."""
         path = check_ending(path, ENDINGS)
+        if path.suffix.lower() == ".csv":
+            columns = [self.name, *(self.points[0].also if self.points else ()), *COLUMNS]
+            rows = ((p.value, *p.also.values(), *(getattr(p, name) for name in COLUMNS)) for p in self.points)
+            return write_table([self.heading(name) for name in columns], rows, path, "family")
         with writing("family", path) as target:
-            if path.suffix.lower() == ".csv":
-                columns = [self.name, *(self.points[0].also if self.points else ()), *COLUMNS]
-                names = [self.heading(name) for name in columns]
-                rows = ((p.value, *p.also.values(), *(getattr(p, name) for name in COLUMNS)) for p in self.points)
-                write_table(names, rows, target, "family")
-            elif path.suffix.lower() == ".nc":
+            if path.suffix.lower() == ".nc":
                 self._dataset().to_netcdf(target)
             else:
                 target.write_text("".join(map(Sealing().line, self.records())), encoding="utf-8")
@@ -360,6 +360,8 @@ class Family:
     def _parsed(cls, file: BinaryIO) -> "Family":
         sealing = Sealing()
         head = conform(sealing.opened(json.loads(next(_lines(file), "")), 1), Heading)
+        if sealing.before is None:
+            warn_of_no_digest(file.name)
         if head["format"] != FAMILY_FORMAT:
             raise ValueError(f"format {head['format']!r}, expected {FAMILY_FORMAT!r}")
         points, events, end = list[Point](), list[Event](), End("interrupted", UNFINISHED)

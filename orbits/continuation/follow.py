@@ -15,6 +15,7 @@ from ..periodic.orbit import Orbit
 from ..symbolic import interrupts
 from ..symbolic.exclusive import LOCK, exclusive
 from ..symbolic.heartbeat import running
+from ..symbolic.time_limit import time_limit
 from .checkpoint import collect_family
 from .corrector import correct
 from .curve import Curve, CurvePoint, Watch, check_followed, machine_at
@@ -250,7 +251,8 @@ def _of_family(machine: Machine, family: int, method: str | None) -> tuple[str, 
         except NoOrbit:
             if search is None:
                 raise
-    lowest = lowest_of_family(machine, family, method)
+    with time_limit(None):
+        lowest = lowest_of_family(machine, family, method)
     return solve_near(machine, lowest, method or lowest.method)
 
 

@@ -78,8 +78,8 @@ def point_in_units(point: Point, units: Units | None) -> Point:
 class Event:
     """Something that happens on the curve, located to the corrector's tolerance.
 
-    kind : "fold", "branch point", "grazing", "masses touch", "contact pulls", "landing jerk", "collapse", "family",
-        "asked", or a name given by the user
+    kind : "fold", "branch point", "grazing", "masses touch", "contact pulls", "landing jerk", "collapse", "law ends",
+        "family", "asked", or a name given by the user
     after : index of the last point before the event; of the point itself where it was "asked"
     """
 

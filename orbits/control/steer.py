@@ -263,8 +263,8 @@ def _check_not_collapsed(stages, unknowns: list[StageUnknowns]) -> None:
     for number, (stage, part) in enumerate(zip(stages, unknowns, strict=True), start=1):
         if _shortest(stage, part):
             text = (
-                "stage {number} ({name}) collapses: least cost is at its shortest duration {time:g}; state it without "
-                "that stage, or fix its duration"
+                "stage {number} ({name}) collapses: least cost is at its shortest duration {time:g}; ask for a motion "
+                "without that stage or, in stages of your own, fix its duration"
             )
             raise NoOrbit(Message(text, number=number, name=stage.phase.name, time=Quantity(stage.duration[0], TIME)))
 

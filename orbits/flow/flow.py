@@ -25,6 +25,8 @@ from .taylor import TaylorStepper
 from .trajectory import Trajectories, Trajectory, begins_of_steps
 from .vector_field import FLOW_CONTROL, TAYLOR_ORDER, VectorField, rows_used
 
+# What is said of a motion that needs a law where it has no value.
+OUT_OF_LAW = "leaves the law's range"
 # Shares of a duration that are rounding: what is no step of its own in closed form, and no difference of two times.
 STEP_ROUNDING, SAME_TIME = 1e-12, 1e-15
 LARGEST_BLOCK = 4000  # steps in closed form that are searched in one call
@@ -336,7 +338,7 @@ class Flow:
         """The error of a motion that leaves the range of its law at the state `x`."""
         breaks, pieces = self.piece_table(p)[0], self.phase.pieces
         assert pieces is not None
-        text = "the {label} leaves the law's range, [{low:.6g}, {high:.6g}], at {place:.6g}"
+        text = f"the {{label}} {OUT_OF_LAW}, [{{low:.6g}}, {{high:.6g}}], at {{place:.6g}}"
         along = self.phase.states[int(np.flatnonzero(self.coordinate)[0])]
         low, high, place = (Quantity(float(number), along) for number in (breaks[0], breaks[-1], self.coordinate @ x))
         return OutOfRange(Message(text, label=pieces.label, low=low, high=high, place=place))

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError, NoOrbit
-from .laws import Key, Law, values_and_slopes
+from .laws import WRONG_SIGN, Key, Law, values_and_slopes
 from .units import EXTENSION, FORCE, Message, Quantity
 
 # Below this slope, rounding cannot tell a force that passes the level of lift-off from one that only touches it.
@@ -62,8 +62,9 @@ class Liftoff:
             force = Quantity(float(unit * ((forces.max() if rises else forces.min()) - zero)), FORCE)
             bounds = {"low": Quantity(low, EXTENSION), "high": Quantity(high, EXTENSION)}
             within = Message(" within [{low:g}, {high:g}]", **bounds) if np.isfinite([low, high]).any() else ""
-            text = self.named + " never reaches {level} ({extreme} {force:.4g}{within}): nothing leaves the ground"
-            told = {"level": self.name, "extreme": extreme, "force": force, "within": within}
+            text = self.named + " never reaches {level} ({extreme} {force:.4g}{within}): {why}"
+            why = WRONG_SIGN if extreme == "largest tension" and force.value <= 0 else "nothing leaves the ground"
+            told = {"level": self.name, "extreme": extreme, "force": force, "within": within, "why": why}
             raise NoOrbit(Message(text, law=law.text, **told))
         low, high = np.sort(extensions[beyond[0] - 1 : beyond[0] + 1])[:, None]
         return self._checked(law, float(_level_crossings(law.with_slope, np.array([level]), low, high)[0]))

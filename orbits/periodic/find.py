@@ -15,13 +15,13 @@ from ..model.model import Model
 from ..model.units import LIFTOFF_SPEED, TIME, Message, Quantity, in_units, without_units
 from ..symbolic import interrupts
 from ..symbolic.exclusive import exclusive
-from ..symbolic.time_limit import LIMIT, time_limit
+from ..symbolic.time_limit import time_limit
 from .certificate import certify
 from .error_bound import error_bounds, noise_of_alpha
 from .family_search import Cells, Lateness
 from .formulations import contact_reversor, equations_of, interpret, or_none, vector
 from .homotopy import solve_by_homotopy
-from .orbit import Orbit, Shape, orbit_of
+from .orbit import Orbit, Shape, orbit_of, start_in_file
 from .single_shooting import Evaluation, Shooting
 
 Progress: TypeAlias = Callable[[float], None] | None  # called with the share that is done
@@ -49,7 +49,7 @@ def find(
     start: Orbit | Mapping[str, float] | str | Path | None = None,
     method: str | None = None,
     progress: Progress = None,
-    limit: float = LIMIT,
+    limit: float | None = None,
 ) -> Orbit:
     """Find the lossless orbit of a family, with its certificate.
 
@@ -61,7 +61,7 @@ def find(
         `family` is given too
     method : one of `METHODS`, None for the simplest that the machine allows; "shooting" is multiple shooting by Ipopt
     progress : called with the share of the homotopy that is done, where there is one
-    limit : how many seconds it may take
+    limit : how many seconds it may take; None for 30, or as many as a `time_limit` around it allows
 
     Where a family has several orbits, this is the one of least launch speed. A machine whose laws bend often, or there
     and back at once, is searched for all of them as by `find_all`, and so is one where none is found otherwise. For
@@ -78,7 +78,7 @@ def find(
     check_machine(machine)
     number = None if family is None else _family_number(family)
     if isinstance(start, str | Path):
-        start = Orbit.load_unchecked(start)
+        start = start_in_file(start)
     if machine.units is not None:
         _possible_method(machine.model, method)
         start = dimensionless_start(start, machine)
@@ -106,7 +106,7 @@ def find_all(
     fastest: float | None = None,
     method: str | None = None,
     progress: Progress = None,
-    limit: float = LIMIT,
+    limit: float | None = None,
 ) -> tuple[Orbit, ...]:
     """All orbits of a family, or the different ones that `find` comes to from several starts, by launch speed.
 
@@ -115,7 +115,7 @@ def find_all(
         inverse root of the spring's slope at rest, and 30 times where gravity varies and where the spring has a narrow
         feature or bends often. The slowest is 1e-3 in these multiples.
     progress : called with the share that is done of the launches that lie near an orbit, or of the starts
-    limit : how many seconds the search may take, or each start
+    limit : how many seconds the search may take, or each start, as in `find`
 
     The orbits of a family are the zeros of one function of the launch speed (see `family_search`), whose bends between
     sampled speeds are taken to be at most four times those that its second differences show: no proof, but the samples

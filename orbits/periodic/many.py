@@ -23,10 +23,6 @@ from .homotopy import MAX_CORRECTION
 from .newton_kernel import NewtonKernel, Solutions, newton_kernel
 from .single_shooting import SMALLEST_UNIT, Evaluation, Shooting
 
-# Errors that defects of the integration steps bound are multiplied by this: in long flights through hard bends of a law
-# alpha was off by up to 2.7 times the bound in 1 of some hundred orbits, against quadrature in 34 digits.
-BOUND_SAFETY = 3.0
-
 
 class Orbits(NamedTuple):
     """Certified orbits of one family, without units: the machines (k,) that have them, and their places (k,) among
@@ -211,7 +207,6 @@ def _certified(asked: _Family, which: np.ndarray, us: np.ndarray, evaluation: Ev
     assert evaluation is not None
     ps, closing = asked.ps[which], np.tile(np.eye(us.shape[1] + 1)[-1], (len(us), 1))
     errors, refused = error_bounds(asked.equations, us, ps, evaluation, closing, quickly=True)
-    errors *= BOUND_SAFETY
     kept = np.delete(np.arange(len(us)), list(refused))
     while len(kept):
         parts = us[kept], ps[kept], evaluation[kept], errors[kept]

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ..animation import Report, animate_orbit
 from ..errors import InputError
 from ..flow.trajectory import SavedTrajectory, Trajectory, trajectory_of
-from ..io import conform, one_line, read_file, read_sealed, to_json, write_json
+from ..io import DIGEST, Changed, conform, one_line, read_file, read_sealed, to_json, write_json
 from ..model.machine import Machine, machine_in_words
 from ..model.model import Knee
 from ..model.phase import Affine
@@ -320,13 +320,11 @@ class Orbit:
         return read_file(path, f"{path} is not a saved orbit", cls._parsed)
 
     @classmethod
-    def load_unchecked(cls, path: str | Path) -> "Orbit":
-        """As `load`, also of a file that was changed after it was written: nothing that it says is to be believed."""
-        return read_file(path, f"{path} is not a saved orbit", lambda file: cls.of_saved(json.load(file)))
-
-    @classmethod
     def _parsed(cls, file: BinaryIO) -> "Orbit":
-        return cls.of_saved(read_sealed(file))
+        try:
+            return cls.of_saved(read_sealed(file))
+        except Changed as error:
+            raise ValueError(f"{error}, as find(machine, start=FILE) does") from None
 
     @classmethod
     def of_saved(cls, document: Any) -> "Orbit":
@@ -369,6 +367,17 @@ class Orbit:
             seconds=data["seconds"],
             known_in_family=data.get("known_in_family"),
         )
+
+
+def start_in_file(path: str | Path) -> Orbit:
+    """What the file of an orbit says, also where it was changed after it was written: a start for `find`, of which
+    nothing else is to be believed."""
+
+    def parsed(file: BinaryIO) -> Orbit:
+        document = json.load(file)
+        return Orbit.of_saved({name: value for name, value in document.items() if name != DIGEST})
+
+    return read_file(path, f"{path} is not a saved orbit", parsed)
 
 
 class _SavedShape(TypedDict):

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..design.many import DESIGN_STATUSES
 from ..errors import InputError
-from ..io import check_path, extra_package, one_line, to_json, write_table, writing
+from ..io import check_path, extra_package, one_line, to_json, write_json, write_table, writing
 from ..model.machine import Machine, machine_in_words
 from ..model.units import DIMENSIONS_OF_HOPS, UNIT_TEXTS, unit_text
 from ..pages.cells import cell
@@ -69,6 +69,10 @@ class Sweep:
         about = question_in(path)
         if machine is not None and to_json(machine_in_words(machine)) != to_json(about["machine"]):
             raise InputError(f"the store {path} is of another machine: {about['machine']}")
+        if about["outcome"] not in COLUMNS_OF:
+            raise InputError(
+                f"the store {path} has the outcome {about['outcome']!r}: it was changed, or is of a later version"
+            )
         columns = dict.fromkeys(about["parameters"], float) | COLUMNS_OF[about["outcome"]]
         columns |= dict.fromkeys(about["quantities"], float) | {"status": str, "reason": str}
         table = read_store(path, columns)
@@ -252,13 +256,13 @@ class Sweep:
         """Write the sweep to .csv or .json, or, with the extra `data`, to .nc (NetCDF) or .parquet."""
         path = check_table(path)
         ending = path.suffix.lower()
+        if ending == ".csv":
+            names = ["member", *map(self.heading, self.columns)]
+            return write_table(names, ([_blank(value) for value in row] for row in self._values()), path, "sweep")
+        if ending == ".json":
+            return write_json(self.document(), path, "sweep")
         with writing("sweep", path) as target:
-            if ending == ".csv":
-                names = ["member", *map(self.heading, self.columns)]
-                write_table(names, ([_blank(value) for value in row] for row in self._values()), target, "sweep")
-            elif ending == ".json":
-                target.write_text(to_json(self.document()) + "\n", encoding="utf-8")
-            elif ending == ".nc":
+            if ending == ".nc":
                 self.dataset.to_netcdf(target)
             else:
                 self.dataframe().to_parquet(target)

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..design.many import DESIGN_STATUSES, solved_designs
 from ..errors import InputError, whole_number
-from ..io import check_ending, fields_in_line, to_json, write_table, writing
+from ..io import check_ending, fields_in_line, write_json, write_table, writing
 from ..model.machine import Machine
 from ..pages.cells import cell
 from ..periodic.find import LARGEST_FAMILY
@@ -176,11 +176,10 @@ class Existence:
             names = [self.heading(self.across), *(f"{side} {self.heading(self.along)}" for side in ("from", "to"))]
             stretches = ([value, *part] for row, value in enumerate(self.values) for part in self.row(row))
             return write_table([*names, "status"], stretches, path, "diagram")
+        if ending == ".json":
+            return write_json(self.document(), path, "diagram")
         with writing("diagram", path) as target:
-            if ending == ".nc":
-                self.dataset.to_netcdf(target)
-            else:
-                target.write_text(to_json(self.document()) + "\n", encoding="utf-8")
+            self.dataset.to_netcdf(target)
         return path
 
 

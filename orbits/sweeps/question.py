@@ -3,7 +3,7 @@
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypedDict
 
 import numpy as np
 
@@ -95,6 +95,18 @@ class Question:
             "chunk": CHUNK,
             "versions": {name: versions()[name] for name in ("persistent-orbits", "casadi", "numpy")},
         }
+
+
+class SavedQuestion(TypedDict):
+    """What is read of a question's document in a store."""
+
+    machine: Mapping[str, Any]
+    parameters: tuple[str, ...]
+    members: int
+    shape: tuple[int, ...] | None
+    families: tuple[int, ...]
+    quantities: tuple[str, ...]
+    outcome: str
 
 
 def question_again(machine: Machine, document: Mapping[str, Any], values: np.ndarray) -> Question:

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..io import digest, sealed, to_json, unsealed
-from .question import Question, Table, empty_table
+from ..io import DIGEST, conform, digest, sealed, to_json, unsealed, warn_of_no_digest
+from .question import Question, SavedQuestion, Table, empty_table
 
 STORE_FORMAT = "persistent-orbits sweep 1"
 DIGEST_OF_ROW = "digest_of_row"
@@ -143,7 +143,12 @@ def question_in(path: str | Path) -> dict[str, Any]:
             (check,) = connection.execute("PRAGMA quick_check(1)").fetchone()
             if check == "ok":
                 kind, text = connection.execute("SELECT format, document FROM question").fetchone()
-                document = unsealed(json.loads(text))
+                document, rows_too = json.loads(text), bool(_digest_column(connection))
+                if not isinstance(document, dict) or (DIGEST in document) != rows_too:
+                    raise ValueError("it was changed after it was written: go on with a copy from before")
+                if not rows_too:
+                    warn_of_no_digest(path)
+                document = unsealed(document)
     except (sqlite3.Error, TypeError, ValueError) as error:
         raise InputError(f"{complaint}: {error}") from None
     if check != "ok":
@@ -151,6 +156,7 @@ def question_in(path: str | Path) -> dict[str, Any]:
         raise InputError(f"the store {path} is spoilt ({found}): go on with a copy from before, or begin another one")
     if kind != STORE_FORMAT:
         raise InputError(f"the store {path} has the format {kind!r}; this version reads {STORE_FORMAT!r}")
+    conform(document, SavedQuestion, f"{complaint}: its question")
     return document
 
 
@@ -194,6 +200,10 @@ def _read(connection: sqlite3.Connection, columns: Mapping[str, type]) -> Table:
             else:
                 column[first:last] = np.array(given, dtype=float)  # None is NaN
         first = last
+    if first < count:
+        raise InputError(
+            f"the store has {count} members, and {first} of them can be read: go on with a copy from before"
+        )
     return table
 
 
@@ -216,7 +226,10 @@ def _digest_of_row(row: Sequence[Any]) -> str:
 
 def _is_unspoilt(row: Sequence[Any], columns: int) -> bool:
     """Whether a member is as it was written, if it has a digest."""
-    return len(row) == 1 + columns or row[-1] == _digest_of_row(row[:-1])
+    try:
+        return len(row) == 1 + columns or row[-1] == _digest_of_row(row[:-1])
+    except TypeError:  # bytes where a text or a number was
+        return False
 
 
 def _storable(column: np.ndarray) -> list:

@@ -12,6 +12,7 @@ from ..errors import InputError, OrbitsError
 from ..model.machine import Machine, check_machine, free_parameters
 from ..symbolic import interrupts
 from ..symbolic.exclusive import exclusive
+from ..symbolic.time_limit import TimeOver
 from .answer import Sweep, solves_again
 from .designs import Members, members_of
 from .execute import check_executor, chunks_of, solved_chunks
@@ -157,11 +158,12 @@ def _computed(
             assert store is not None
             table = store.read()
         return Sweep.of(question, table)
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, TimeOver) as stop:
+        said = f"{stop}; " if isinstance(stop, TimeOver) else ""
         if store is None:
-            raise KeyboardInterrupt("nothing is kept: name a store to keep what is done") from None
+            raise type(stop)(f"{said}nothing is kept: name a store to keep what is done") from None
         kept, way = f"{int(done.sum())} of {count} members are in {store.path}", "in the command with --resume"
-        raise KeyboardInterrupt(f"{kept}: the same sweep with this store goes on from there, {way}") from None
+        raise type(stop)(f"{said}{kept}: the same sweep with this store goes on from there, {way}") from None
     finally:
         if store is not None:
             store.close()

@@ -27,7 +27,7 @@ def deferred() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, signal.default_int_handler)
-        heed()
+        _raise_noted()
 
 
 @contextmanager
@@ -47,8 +47,12 @@ def not_for_children() -> Iterator[None]:
 def heed() -> None:
     """Raise the interrupt that was noted, if any, and `TimeOver` where the time is over. Long computations come here
     often, and say here that they go on."""
+    _raise_noted()
+    check_time()
+    heartbeat.beat()
+
+
+def _raise_noted() -> None:
     if _noted.is_set():
         _noted.clear()
         raise KeyboardInterrupt
-    check_time()
-    heartbeat.beat()

@@ -1,5 +1,6 @@
 """How long a computation may take: what it would find later is not waited for."""
 
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,22 +15,36 @@ class TimeOver(Exception):
     """The time is over. It passes through all that takes `NoOrbit` for an answer, and ends in `time_limit`."""
 
 
-# When the computation that is going on has to end, and how many seconds it may take.
-_until, _seconds = float("inf"), float("inf")
+class _Limit(threading.local):
+    """When the computation of a thread has to end, and how many seconds it may take."""
+
+    until = seconds = float("inf")
+
+
+_limit = _Limit()
 
 
 @contextmanager
-def time_limit(seconds: float) -> Iterator[None]:
-    """The block may take so many seconds in all, or as long as a block around it may; then `check_time` ends it.
+def time_limit(seconds: float | None) -> Iterator[None]:
+    """What is computed in the block may take so many seconds in all, or as long as a block around it allows.
 
-    Raises `InputError` for a limit that is none, and `NoOrbit` where the time is over.
+    seconds : None for 30, but in another such block for as long as that one allows
+
+    Raises `NoOrbit` where the time is over, and `InputError` for what is no number of seconds.
+
+    >>> from orbits import follow, time_limit
+    >>> from problems import Hopper
+    >>> with time_limit(60.0):
+    ...     family = follow(Hopper("cubic", rest_length=9.0), "beta", 0.3, start=0.2)
     """
-    global _until, _seconds
+    before = _limit.until, _limit.seconds
+    if seconds is None:
+        seconds = LIMIT if before[0] == float("inf") else float("inf")
     if isinstance(seconds, bool) or not isinstance(seconds, int | float) or not seconds > 0:
         raise InputError(f"limit = {seconds!r}; it is a number of seconds above 0")
-    before, until = (_until, _seconds), time.monotonic() + seconds
-    if until < _until:
-        _until, _seconds = until, seconds
+    until = time.monotonic() + seconds
+    if until < before[0]:
+        _limit.until, _limit.seconds = until, seconds
     try:
         yield
     except TimeOver as over:
@@ -37,10 +52,11 @@ def time_limit(seconds: float) -> Iterator[None]:
             raise
         raise NoOrbit(str(over)) from None
     finally:
-        _until, _seconds = before
+        _limit.until, _limit.seconds = before
 
 
 def check_time() -> None:
     """Raise `TimeOver` where the time is over; a computation that may be long comes here often."""
-    if time.monotonic() > _until:
-        raise TimeOver(f"it takes more than {_seconds:g} s: allow it more by its limit")
+    if time.monotonic() > _limit.until:
+        more = "limit=..., with time_limit(...), or --limit in the command"
+        raise TimeOver(f"it takes more than {_limit.seconds:g} s: allow it more by its limit ({more})")

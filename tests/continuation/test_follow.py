@@ -254,6 +254,14 @@ class TestOnDisk:
         assert rest.end.kind == "reached"
         assert Family.load(path) == rest
 
+    def test_a_table_that_ends_is_no_collapse(self):
+        """In contact the hop of a light foot leaves the table."""
+        rows = np.linspace(-6.0, 5.0, 12)
+        table = Hopper(springs.table((rows, rows), noise=0), mass_ratio=1.0, rest_length=9.0)
+        (event,) = follow(table, "mass_ratio", 4.0).events
+        assert event.kind == "law ends"
+        assert "leaves the law's range, [-6, 5]" in event.point.violations[0]
+
     def test_another_machine_cannot_resume(self, softening):
         with pytest.raises(InputError, match="another machine"):
             follow(Hopper("cubic", rest_length=31.0), "beta", -0.02, 0.0, resume=softening)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import time
+from types import SimpleNamespace
 
 import mpmath
 import numpy as np
@@ -9,9 +10,8 @@ import pytest
 from conftest import PROVED, REFERENCES, machine_of, middle, slow_after
 
 import orbits.periodic.certificate
-from orbits import METHODS, InputError, NoOrbit, find, find_all
+from orbits import METHODS, InputError, NoOrbit, find, find_all, follow, sweep, time_limit
 from orbits.periodic.formulations import half_orbit, whole_flight
-from orbits.symbolic.time_limit import time_limit
 from problems import Hopper, Juggler, gravity, springs
 from studies.stress import random_laws
 
@@ -453,6 +453,25 @@ class TestTimeLimit:
         with pytest.raises(NoOrbit, match=r"it takes more than 0.5 s: allow it more by its limit"):
             search(self.SLOW, limit=0.5)
         assert time.monotonic() - began < 20
+
+    def test_a_block_limits_all_that_is_computed_in_it(self, monkeypatch):
+        """Beyond the 30 s that a search has without one, too; a family is handed back as far as it was followed."""
+        with pytest.raises(NoOrbit, match=r"it takes more than 0.3 s.*nothing is kept"), time_limit(0.3):
+            sweep(Hopper("abs(r) + b*r", parameters={"b": 0.1}), {"b": [0.1, 0.2]}, progress=False)
+        late = SimpleNamespace(monotonic=lambda: np.inf)
+        with time_limit(60.0):
+            family = follow(
+                Hopper("cubic", rest_length=9.0), "beta", 0.4,
+                progress=lambda share: share > 0.3 and monkeypatch.setattr("orbits.symbolic.time_limit.time", late),
+            )  # fmt: skip
+        assert family.end.kind == "interrupted"
+        assert "it takes more than 60 s" in family.end.reason
+        assert 0.33 < family[-1].value < 0.36
+        monkeypatch.undo()
+        whole = follow(Hopper("cubic", rest_length=9.0), "beta", 0.4, resume=family)
+        assert whole.end.kind == "reached"
+        with pytest.raises(InputError, match="limit = -1"), time_limit(-1):
+            pass
 
     def test_the_next_search_has_its_own(self):
         with pytest.raises(NoOrbit, match="it takes more than"):

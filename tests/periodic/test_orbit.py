@@ -214,7 +214,12 @@ def test_orbits_are_equal_where_all_that_they_say_is(orbit, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "wrong", [lambda: Hopper("-r"), lambda: hopper_in_si(60.0, 3.0, force="-8000*r - 2e6*r**3", rest_length=0.8)]
+    "wrong",
+    [
+        lambda: Hopper("-r"),
+        lambda: Hopper("-tanh(r) - 0.1*r**3"),
+        lambda: hopper_in_si(60.0, 3.0, force="-8000*r - 2e6*r**3", rest_length=0.8),
+    ],
 )
 def test_a_force_with_the_sign_of_pressure(wrong):
     with pytest.raises(InputError, match="is tension positive"):

@@ -114,6 +114,7 @@ def test_a_machine_that_no_file_states_is_given(tmp_path):
         Driven.load(path, Hopper())
 
 
+@pytest.mark.usefixtures("any_digest")
 @pytest.mark.parametrize(
     ("damage", "words"),
     [
@@ -134,6 +135,7 @@ def test_a_damaged_file_is_refused(kept, tmp_path, damage, words):
     assert "is not a saved motion of a driven machine" in str(error.value)
 
 
+@pytest.mark.usefixtures("any_digest")
 def test_stages_of_another_machine_are_refused(kept, leg, tmp_path):
     document = json.loads(kept.save(tmp_path / "driven.json").read_text())
     other = json.loads(leg.save(tmp_path / "leg.json").read_text())

@@ -240,6 +240,13 @@ class TestNoise:
         r = np.repeat(np.linspace(-12, 8, 15), 2)
         assert "30 rows smoothed" in springs.table((r, r + np.tile([0.5, -0.5], 15)), noise=noise).text
 
+    def test_copies_of_rows_tell_nothing(self):
+        r = np.linspace(-8.0, 6.0, 40)
+        force = r + 0.05 * r**3 + np.random.default_rng(1).normal(0, 0.01, 40)
+        once, copied = (find(Hopper(springs.table((np.repeat(r, n), np.repeat(force, n)), noise=0.01))) for n in (1, 3))
+        assert copied.alpha == pytest.approx(once.alpha, rel=1e-13)
+        assert copied.certificate.alpha_noise == pytest.approx(once.certificate.alpha_noise, rel=1e-9)
+
     def test_exact_rows_may_be_repeated(self):
         r = np.tile(np.linspace(-3, 3, 40), 3)
         assert springs.table((r, np.sinh(r))).text == "table:table"

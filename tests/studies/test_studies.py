@@ -1,6 +1,7 @@
 """Every study runs in its quick mode, draws a figure that can be read, and gives the number it is for."""
 
 import re
+from collections import Counter
 from dataclasses import replace
 
 import mpmath as mp
@@ -22,6 +23,7 @@ from studies import (
     chain,
     chain_hand,
     claims,
+    damaged_files,
     damped_hopper,
     design,
     existence,
@@ -94,6 +96,15 @@ def test_theorems(tmp_path):
     assert numbers["wrong_proved"] == 0
     assert 1 <= numbers["width_ratio"] < 10
     assert (tmp_path / "theorems.png").stat().st_size > 10_000
+
+
+@pytest.mark.slow
+def test_damaged_files(capsys):
+    """No damaged file is read as another one, and no old file is lost."""
+    found = damaged_files.main(quick=True)
+    assert found["faults"] == 0
+    assert sum(found["files"].values(), Counter())["refused"] > 60
+    assert "faults: 0" in capsys.readouterr().out
 
 
 def test_tolerances(tmp_path, capsys):

@@ -64,7 +64,7 @@ class Damper:
 
 @dataclass(frozen=True)
 class Potential:
-    """Conservative forces that no other element tells, by their potential energy as a function of the coordinates.
+    """Any other conservative forces, by their potential energy as a function of the coordinates.
 
     `find` takes a machine that has one as it takes springs; the energy counts with that of the machine.
     """
