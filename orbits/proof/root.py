@@ -84,6 +84,8 @@ def prove_root(equations: Equations, guess: Sequence[float], bits: int) -> Prove
         except TooLong:
             raise
         except Unproved as error:
+            if not reason:  # where not even the centre's motion is enclosed, that of no smaller box is
+                evaluated_on(equations, centre, [arb(0)] * len(centre), wide=False)
             reason = f": {error}"
             continue
         if inner is not None:
