@@ -12,7 +12,7 @@ from .decimals import bounds_of_fractions
 from .refusal import Unproved
 from .stated import Bounds, Decimals, StatedMachine, stated_machine
 from .theorem import Enclosure, Proof
-from .wording import enclosed_words, motion_sentence
+from .wording import enclosed_words, equations_words, motion_sentence
 
 # IntervalParameters are halved so often where they are too wide for one proof.
 HALVINGS_OF_INTERVALS = 4
@@ -93,7 +93,7 @@ def _joined(parts: Sequence[Proof], stated: StatedMachine) -> Proof:
     unknowns = {name: _union([part.parts[0].unknowns[name] for part in parts]) for name in first.parts[0].unknowns}
     radius = min((part.uniqueness_radius or "0" for part in parts), key=Decimal)
     each = "For each value of the parameters in their intervals"
-    solved = f"{each} the equations of a lossless orbit have a solution with {enclosed_words(unknowns)}"
+    solved = f"{each} the {equations_words(unknowns)} have a solution with {enclosed_words(unknowns)}"
     alone = f"no other solution has all unknowns within {radius} of the enclosures that hold in that part"
     unique = f"In each of {len(parts)} parts of the intervals {alone}"
     same = {part.family for part in parts}
