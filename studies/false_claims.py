@@ -311,9 +311,8 @@ def _pieces(rng: np.random.Generator) -> FalseClaim | None:
 
 def _in_si(rng: np.random.Generator) -> FalseClaim | None:
     """Hops in SI with units, masses or gravity mistaken."""
-    numbers = {"m1": rng.uniform(1, 80), "m2": rng.uniform(0.1, 5), "k": rng.uniform(1e3, 1e4), "b": rng.uniform(0, 1e6),
-               "g": 9.80665}  # fmt: skip
-    numbers = {name: round(value, 3) for name, value in numbers.items()}
+    ranges = {"m1": (1, 80), "m2": (0.1, 5), "k": (1e3, 1e4), "b": (0, 1e6), "g": (9.80665, 9.80665)}
+    numbers = {name: round(rng.uniform(*ends), 5) for name, ends in ranges.items()}
     wrong = dict(numbers)
     match int(rng.integers(5)):
         case 0:
@@ -365,13 +364,15 @@ def _moved(rng: np.random.Generator) -> FalseClaim:
     return FalseClaim(KINDS[7], f"{name} moved by {share - 1:.1e}", partial(_proves, other, orbit.source))
 
 
-# What is edited in a file, and to what: a factor, or something else.
+def _scaled_number(value: float | None, rng: np.random.Generator) -> float | None:
+    return None if value is None else value * (1 + float(rng.choice([-1, 1])) * 10 ** rng.uniform(-5, 0))
+
+
+# What is edited in a file, and to what.
 _EDITED: dict[str, Callable] = {
-    **dict.fromkeys(
-        ("alpha", "flight_time", "contact_time", "liftoff_extension", "loss_coefficient", "largest_contact_force",
-         "landing_jerk", "smallest_separation", "mass_ratio", "rest_length"),
-        lambda value, rng: None if value is None else value * (1 + float(rng.choice([-1, 1])) * 10 ** rng.uniform(-5, 0)),
-    ),
+    **dict.fromkeys(("alpha", "flight_time", "contact_time", "liftoff_extension", "loss_coefficient"), _scaled_number),
+    **dict.fromkeys(("largest_contact_force", "landing_jerk", "smallest_separation"), _scaled_number),
+    **dict.fromkeys(("mass_ratio", "rest_length"), _scaled_number),
     "family": lambda value, rng: value + int(rng.choice([-1, 1])),
     "spring": lambda value, rng: str(rng.choice(["r", "r + beta*r**5", "sinh(r)"])),
     "gravity": lambda value, rng: "1 + z",
@@ -383,7 +384,7 @@ _EDITED: dict[str, Callable] = {
     "parameters": lambda value, rng: {name: number * 1.001 for name, number in value.items()},
     "rises": lambda value, rng: {name: number * 1.01 for name, number in value.items()},
     "state_mid_flight": lambda value, rng: [number * 1.001 for number in value],
-}  # fmt: skip
+}
 
 
 def _edited(rng: np.random.Generator) -> FalseClaim | None:

@@ -192,7 +192,8 @@ def _existence(claim: Claim, stated: StatedMachine, with_contact: bool, digits: 
 
 def _stated(ball: arb, digits: int | None) -> Enclosure:
     """An enclosure of some width: one without would say more than whoever verifies it by another method can find."""
-    return enclosure_of(ball if ball.rad() > 0 else ball + arb(0, arb(2) ** -bits_of_digits(digits)), digits)
+    bits = max(bits_of_digits(digits), USUAL_BITS)
+    return enclosure_of(ball if ball.rad() > 0 else ball + arb(0, abs(ball) * arb(2) ** -bits), digits)
 
 
 def _verdicts(

@@ -97,19 +97,19 @@ def _measured_otherwise(orbit: Orbit, machine: Machine) -> list[str]:
     sizes = {**dict.fromkeys(LENGTHS, length), **dict.fromkeys(FORCES, force), **dict.fromkeys(OTHERS, 0.0)}
     errors = dict.fromkeys(sizes, 0.0) | {"loss_coefficient": 10 * (true.loss_error or 0.0)}
     pairs = {name: (getattr(said, name), getattr(true, name)) for name in sizes}
-    wrong = [name for name, pair in pairs.items() if not _same(*pair, MEASURED_TO * sizes[name] + errors[name])]
+    wrong = [name for name, pair in pairs.items() if not _measured_alike(*pair, MEASURED_TO * sizes[name] + errors[name])]
     found = [f"{name}: the orbit says {pairs[name][0]!r}, and measured anew it is {pairs[name][1]!r}" for name in wrong]
-    return found + ([] if _same_motion(orbit, anew) else ["the motion: the orbit's states are not those of its launch"])
+    return found + ([] if _moves_alike(orbit, anew) else ["the motion: the orbit's states are not those of its launch"])
 
 
-def _same(said: Any, true: Any, error: float) -> bool:
+def _measured_alike(said: Any, true: Any, error: float) -> bool:
     """Whether two numbers agree to an error and `MEASURED_TO`; texts and None have to be equal."""
     if isinstance(said, float) and isinstance(true, float):
         return abs(said - true) <= error + MEASURED_TO * abs(true)
     return bool(said == true)
 
 
-def _same_motion(orbit: Orbit, anew: Orbit) -> bool:
+def _moves_alike(orbit: Orbit, anew: Orbit) -> bool:
     """Whether two orbits have the same states at some times."""
     try:
         end = anew.flight_time if anew.contact_time is None else anew.period

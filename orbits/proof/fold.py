@@ -102,7 +102,7 @@ def _fold(
 
 
 def _fold_words(part: Part, along: str) -> str:
-    place = f"The equations of the flights of its lossless orbits have a fold in {along}, with {enclosed_words(part.unknowns)}"
+    place = f"The equations of the flight of its orbits have a fold in {along}, with {enclosed_words(part.unknowns)}"
     varied = "names that begin with d are those of the direction of the family there, in which alpha changes by 1"
     regular = "It is nondegenerate: the equations of the fold are regular there, so that the family turns quadratically"
     alone = f"No other zero of these has all unknowns within {part.uniqueness_radius} of these enclosures"

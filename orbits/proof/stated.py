@@ -16,8 +16,8 @@ from ..model.machine import Machine, free_parameters
 from ..model.mechanics.derived import derived_launch
 from ..model.mechanics.elements import Inerter, Mass, Potential, Scalar, Spring, Weight
 from ..model.mechanism import Mechanism
-from ..symbolic.tracing import traced_of_places
 from ..symbolic.formula import parse
+from ..symbolic.tracing import traced_of_places
 from .decimals import decimal_text, is_decimal
 from .formulas import exact_fraction
 from .refusal import Unproved
@@ -30,10 +30,10 @@ Bounds = tuple[Fraction, Fraction]
 # Something along a function of the coordinates, with its size: the formulas of both.
 Sized = tuple[str, str]
 # What a theorem calls by these names of its own.
-OWN_NAMES = frozenset(
-    ("alpha", "liftoff", "duration", "contact_duration", "flight_time", "contact_time", "liftoff_extension")
-    + ("mid_flight_extension", "loss_coefficient")
-)
+OWN_NAMES = {
+    *("alpha", "liftoff", "duration", "contact_duration", "flight_time", "contact_time", "liftoff_extension"),
+    *("mid_flight_extension", "loss_coefficient"),
+}
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import numpy as np
 from .formula import FUNCTIONS, parse
 
 # Places at which a function is held against its formula, and how far rounding may part them there.
-PLACES, ROUNDINGS = (-1.7, -0.3, 0.0, 0.45, 2.3), 1e-9
+TRACED_AT, TRACED_TO = (-1.7, -0.3, 0.0, 0.45, 2.3), 1e-9
 
 # How tightly the parts of a formula hold together: sums, products, signs and powers, names and calls.
 SUM, PRODUCT, SIGN, ATOM = range(4)
@@ -108,34 +108,32 @@ def _text(value: Any) -> Text:
 def traced(function: Callable, arguments: Sequence[str], names: Sequence[str] = ()) -> str | None:
     """The formula that a Python function computes of these arguments and keyword arguments; None for a function that
     needs more than operators, numbers and NumPy's functions."""
-    return _written(lambda of: function(*of[: len(arguments)], **dict(zip(names, of[len(arguments) :], strict=True))),
+    return _confirmed_formula(lambda of: function(*of[: len(arguments)], **dict(zip(names, of[len(arguments) :], strict=True))),
                     [*arguments, *names])  # fmt: skip
 
 
 def traced_of_places(function: Callable, coordinates: Sequence[str], names: Sequence[str]) -> str | None:
     """The formula that a Python function computes of mappings of coordinates and of parameters, likewise."""
     first = len(coordinates)
-    return _written(
-        lambda of: function(
-            dict(zip(coordinates, of[:first], strict=True)), dict(zip(names, of[first:], strict=True))
-        ),
+    return _confirmed_formula(
+        lambda of: function(dict(zip(coordinates, of[:first], strict=True)), dict(zip(names, of[first:], strict=True))),
         [*coordinates, *names],
     )
 
 
-def _written(function: Callable[[list], Any], names: Sequence[str]) -> str | None:
+def _confirmed_formula(function: Callable[[list], Any], names: Sequence[str]) -> str | None:
     """The formula of a function of a list of values by these names; None also where it computes something else of
     numbers than of names."""
     try:
         text = _text(function([Text(name) for name in names])).text
         formula = parse(text)
-        for place in PLACES:
+        for place in TRACED_AT:
             values = [np.float64(place + 0.37 * i) for i in range(len(names))]
             named = dict(zip(names, values, strict=True))
             with np.errstate(all="ignore"):
                 found = np.float64(function(values))
                 expected = formula(**{name: named[name] for name in formula.names})
-            if not np.isclose(found, expected, rtol=ROUNDINGS, atol=ROUNDINGS, equal_nan=True):
+            if not np.isclose(found, expected, rtol=TRACED_TO, atol=TRACED_TO, equal_nan=True):
                 return None
     except Exception:  # whatever a function of the user does with what is no number
         return None
