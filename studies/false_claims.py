@@ -58,7 +58,7 @@ class TwoMasses:
         return cls(force, 2.0, 2.0, 0.5)
 
     def flight(self, alpha: float, liftoff: float) -> np.ndarray:
-        """The extension and its rate (2, 401) over half a flight."""
+        """The extension and its rate (2, n) at the steps of half a flight."""
         end = self.upper * alpha / ((self.upper + self.lower) * self.gravity)
         mobility = 1 / self.upper + 1 / self.lower
 
@@ -66,8 +66,7 @@ class TwoMasses:
             return [x[1], -float(self.force(x[0])) * mobility]
 
         with np.errstate(all="ignore"):
-            times = np.linspace(0, end, 401)
-            return solve_ivp(rates, (0, end), [liftoff, alpha], "DOP853", times, rtol=1e-12, atol=1e-13 * alpha).y
+            return solve_ivp(rates, (0, end), [liftoff, alpha], "DOP853", rtol=1e-12, atol=1e-13 * alpha).y
 
     def liftoff(self, near: float) -> float:
         """Where the force is the lower mass's weight, near a place."""
@@ -80,7 +79,7 @@ class TwoMasses:
             flown = self.flight(alpha, self.liftoff(near))
         except ValueError:
             return np.inf
-        return abs(flown[1, -1]) / alpha if flown.shape[1] == 401 and np.isfinite(flown).all() else np.inf
+        return abs(flown[1, -1]) / alpha if np.isfinite(flown).all() else np.inf
 
 
 def false_claims(count: int, seed: int = 20) -> Iterator[FalseClaim]:
@@ -139,15 +138,16 @@ def _enclosed(machine: str, text: str) -> tuple:
 
 @lru_cache(maxsize=256)
 def _slope(machine: str, text: str) -> float:
-    """The derivative of alpha by the number of a text, from the equation."""
-    value, orbit = float(text), find(_LONG[machine](text))
+    """The derivative of alpha by the number of a text, from the equation: that of its last rate by the number over
+    that by alpha."""
+    value, orbit, h = float(text), find(_LONG[machine](text)), 1e-4
 
-    def alpha(x: float) -> float:
+    def last(x: float, alpha: float) -> float:
         truth = _LONG_TRUTHS[machine](x)
-        last = lambda a: truth.flight(a, truth.liftoff(orbit.liftoff_extension))[1, -1]  # noqa: E731
-        return brentq(last, 0.99 * orbit.alpha, 1.01 * orbit.alpha, xtol=1e-14)
+        return truth.flight(alpha, truth.liftoff(orbit.liftoff_extension))[1, -1]
 
-    return (alpha(value + 1e-4) - alpha(value - 1e-4)) / 2e-4
+    by_number = last(value + h, orbit.alpha) - last(value - h, orbit.alpha)
+    return by_number / (last(value, orbit.alpha - h) - last(value, orbit.alpha + h))
 
 
 def _has_digits_of(machine: str, text: str, rounded: str) -> bool:

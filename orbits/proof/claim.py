@@ -97,7 +97,9 @@ def _measured_otherwise(orbit: Orbit, machine: Machine) -> list[str]:
     sizes = {**dict.fromkeys(LENGTHS, length), **dict.fromkeys(FORCES, force), **dict.fromkeys(OTHERS, 0.0)}
     errors = dict.fromkeys(sizes, 0.0) | {"loss_coefficient": 10 * (true.loss_error or 0.0)}
     pairs = {name: (getattr(said, name), getattr(true, name)) for name in sizes}
-    wrong = [name for name, pair in pairs.items() if not _measured_alike(*pair, MEASURED_TO * sizes[name] + errors[name])]
+    wrong = [
+        name for name, pair in pairs.items() if not _measured_alike(*pair, MEASURED_TO * sizes[name] + errors[name])
+    ]
     found = [f"{name}: the orbit says {pairs[name][0]!r}, and measured anew it is {pairs[name][1]!r}" for name in wrong]
     return found + ([] if _moves_alike(orbit, anew) else ["the motion: the orbit's states are not those of its launch"])
 
