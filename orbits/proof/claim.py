@@ -96,11 +96,11 @@ def _measured_otherwise(orbit: Orbit, machine: Machine) -> list[str]:
     length, force = anew.alpha * anew.flight_time, true.largest_contact_force or 0.0
     sizes = {**dict.fromkeys(LENGTHS, length), **dict.fromkeys(FORCES, force), **dict.fromkeys(OTHERS, 0.0)}
     errors = dict.fromkeys(sizes, 0.0) | {"loss_coefficient": 10 * (true.loss_error or 0.0)}
-    pairs = {name: (getattr(said, name), getattr(true, name)) for name in sizes}
-    wrong = [
-        name for name, pair in pairs.items() if not _measured_alike(*pair, MEASURED_TO * sizes[name] + errors[name])
-    ]
-    found = [f"{name}: the orbit says {pairs[name][0]!r}, and measured anew it is {pairs[name][1]!r}" for name in wrong]
+    found = list[str]()
+    for name, size in sizes.items():
+        own, other = getattr(said, name), getattr(true, name)
+        if not _measured_alike(own, other, MEASURED_TO * size + errors[name]):
+            found.append(f"{name}: the orbit says {own!r}, and measured anew it is {other!r}")
     return found + ([] if _moves_alike(orbit, anew) else ["the motion: the orbit's states are not those of its launch"])
 
 

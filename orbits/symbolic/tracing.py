@@ -108,8 +108,10 @@ def _text(value: Any) -> Text:
 def traced(function: Callable, arguments: Sequence[str], names: Sequence[str] = ()) -> str | None:
     """The formula that a Python function computes of these arguments and keyword arguments; None for a function that
     needs more than operators, numbers and NumPy's functions."""
-    return _confirmed_formula(lambda of: function(*of[: len(arguments)], **dict(zip(names, of[len(arguments) :], strict=True))),
-                    [*arguments, *names])  # fmt: skip
+    first = len(arguments)
+    return _confirmed_formula(
+        lambda of: function(*of[:first], **dict(zip(names, of[first:], strict=True))), [*arguments, *names]
+    )
 
 
 def traced_of_places(function: Callable, coordinates: Sequence[str], names: Sequence[str]) -> str | None:
