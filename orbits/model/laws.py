@@ -4,7 +4,10 @@ import inspect
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from decimal import Decimal
+from fractions import Fraction
 from functools import cached_property, lru_cache
+from numbers import Rational
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -331,6 +334,10 @@ def number(name: str, value: Any, low: float = -math.inf, high: float = math.inf
         raise InputError(f"{name} = {value!r} is not a number")
     if not math.isfinite(result):
         raise InputError(f"{name} = {value!r} is not a finite number")
+    exact = type(value) is not float and isinstance(value, Decimal | Rational)
+    if exact and Fraction(value) not in (Fraction(result), Fraction(repr(result))):
+        remedy = f"round it, as {result!r}; prove(..., parameters=...) takes exact decimals"
+        raise InputError(f"{name} = {value} has more digits than a number of a machine: {remedy}")
     if not low < result < high:
         bounds = f"above {low:g}" if high == math.inf else f"between {low:g} and {high:g}"
         raise InputError(f"{name} = {result:g} is out of bounds; it lies {bounds}")

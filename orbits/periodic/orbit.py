@@ -27,6 +27,8 @@ from .formulations import CONTACT_FORCE
 
 ALL_DIGITS = 15  # of a printed number
 ORBIT_FORMAT = "persistent-orbits orbit 1"
+# A number that a file tells twice is the same to this share.
+TOLD_TWICE = 1e-9
 # What describes a machine in a document.
 MACHINE_FIELDS = ("machine", "spring", "gravity", "mass_ratio", "rest_length", "restitution", "parameters", "laws_in")
 # What follows in the document of an orbit.
@@ -322,9 +324,12 @@ class Orbit:
     @classmethod
     def _parsed(cls, file: BinaryIO) -> "Orbit":
         try:
-            return cls.of_saved(read_sealed(file))
+            document = read_sealed(file)
         except Changed as error:
             raise ValueError(f"{error}, as find(machine, start=FILE) does") from None
+        orbit = cls.of_saved(document)
+        _check_told_twice(orbit.document(), document)
+        return orbit
 
     @classmethod
     def of_saved(cls, document: Any) -> "Orbit":
@@ -425,6 +430,27 @@ class SavedOrbit(SavedLaws):
     units: NotRequired[Mapping[str, str]]
     bare: NotRequired[Mapping[str, Any]]
     motion: _SavedMotion
+
+
+def _check_told_twice(document: Mapping[str, Any], data: Mapping[str, Any]) -> None:
+    """Raise `ValueError` where a file tells a number otherwise than what else it says of its orbit."""
+    if data["motion"]["units"] and "units" not in data:
+        return  # an old file, whose numbers have no units
+    sides = () if "bounce_side" in data else ("stable_side",)  # in old files the side without a bounce
+    for name in DOCUMENT_FIELDS:
+        if name in data and name not in (*sides, "seconds") and not _told_alike(data[name], document[name]):
+            raise ValueError(f"it says {name} = {data[name]!r}, and by its motion that is {document[name]!r}")
+
+
+def _told_alike(one: Any, other: Any) -> bool:
+    """Whether two parts of documents are equal, numbers but for roundings."""
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        return one.keys() == other.keys() and all(_told_alike(one[name], other[name]) for name in one)
+    if isinstance(one, list | tuple) and isinstance(other, list | tuple):
+        return len(one) == len(other) and all(map(_told_alike, one, other))
+    if isinstance(one, int | float) and isinstance(other, int | float):
+        return abs(one - other) <= TOLD_TWICE * max(abs(one), abs(other))
+    return bool(one == other)
 
 
 def orbit_of(machine: Machine, orbit: Orbit) -> Orbit:

@@ -32,8 +32,8 @@ MOST_DIGITS = 300
 # What an orbit says of alpha is right if it is within its own error, twice over, and a few units of the last place.
 CLAIMED, CLAIM_ROUNDINGS = 2.0, 8 * 2.0**-52
 # What it says of other numbers is right to this share of them, beside so many times its error: they are not what it
-# bounds the error of.
-OTHERS_CLAIMED, OTHER_ERRORS = 1e-6, 1e3
+# bounds the error of, and are right to some roundings.
+OTHERS_CLAIMED, OTHER_ERRORS = 1e-11, 1e3
 NO_CONTACT = "the orbit has no contact that ends, of which anything could be proved"
 PROVED, REFUTED, UNDECIDED = "proved", "refuted", "undecided"
 MAIN_UNKNOWNS = ("alpha", "flight_time", "contact_time")
@@ -192,7 +192,8 @@ def _existence(claim: Claim, stated: StatedMachine, with_contact: bool, digits: 
 
 def _stated(ball: arb, digits: int | None) -> Enclosure:
     """An enclosure of some width: one without would say more than whoever verifies it by another method can find."""
-    return enclosure_of(ball if ball.rad() > 0 else ball + arb(0, arb(2) ** -bits_of_digits(digits)), digits)
+    bits = max(bits_of_digits(digits), USUAL_BITS)
+    return enclosure_of(ball if ball.rad() > 0 else ball + arb(0, abs(ball) * arb(2) ** -bits), digits)
 
 
 def _verdicts(

@@ -4,14 +4,22 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from ..errors import InputError
+import numpy as np
+
+from ..errors import InputError, NoOrbit
 from ..model.machine import Machine
+from ..periodic.find import find
 from ..periodic.orbit import MACHINE_FIELDS, Orbit
 
 # The unknowns that are half the times of the two phases.
 FLIGHT_DURATION, CONTACT_DURATION = "duration", "contact_duration"
 # What describes a machine in words and numbers and tells apart its lossless orbits: restitution does not.
 DESCRIBED = [name for name in MACHINE_FIELDS if name not in ("restitution", "parameters")]
+# Numbers of a certificate that no theorem is about, measured anew: lengths, forces, and others.
+LENGTHS, FORCES = ("clearance", "smallest_separation"), ("smallest_contact_force", "largest_contact_force")
+OTHERS = ("landing_jerk", "loss_coefficient", "stable_side", "bounce_side")
+# They are right to this share of themselves, or of what they are made of; motions to that of the largest height.
+MEASURED_TO, MOTION_TO, TIMES_LOOKED_AT = 1e-6, 1e-6, 17
 
 
 @dataclass(frozen=True)
@@ -66,7 +74,7 @@ def claim_of(orbit: Orbit, machine: Machine | None, varied: Sequence[str] = ()) 
     return Claim(
         machine, orbit.alpha, orbit.error, orbit.family, orbit.violations, unknowns,
         {name: place for name, place in places.items() if not name.endswith("'")}, orbit.liftoff_extension,
-        tuple(_contradictions(orbit.machine, machine.describe(), varied)),
+        (*_contradictions(orbit.machine, machine.describe(), varied), *_measured_otherwise(orbit, machine)),
     )  # fmt: skip
 
 
@@ -76,3 +84,39 @@ def _contradictions(said: Mapping[str, Any], described: Mapping[str, Any], varie
     ours, theirs = (dict(each.get("parameters") or {}) for each in (said, described))
     pairs += [(name, ours.get(name), theirs.get(name)) for name in sorted({*ours, *theirs}) if name not in varied]
     return [f"{name}: the orbit says {own!r}, and the machine {true!r}" for name, own, true in pairs if own != true]
+
+
+def _measured_otherwise(orbit: Orbit, machine: Machine) -> list[str]:
+    """What an orbit says of its motion otherwise than the same orbit measured anew, in words."""
+    try:
+        anew = find(machine, start=orbit)
+    except (NoOrbit, InputError) as error:
+        return [f"the orbit cannot be measured anew: {error}"]
+    said, true = orbit.certificate, anew.certificate
+    length, force = anew.alpha * anew.flight_time, true.largest_contact_force or 0.0
+    sizes = {**dict.fromkeys(LENGTHS, length), **dict.fromkeys(FORCES, force), **dict.fromkeys(OTHERS, 0.0)}
+    errors = dict.fromkeys(sizes, 0.0) | {"loss_coefficient": 10 * (true.loss_error or 0.0)}
+    found = list[str]()
+    for name, size in sizes.items():
+        own, other = getattr(said, name), getattr(true, name)
+        if not _measured_alike(own, other, MEASURED_TO * size + errors[name]):
+            found.append(f"{name}: the orbit says {own!r}, and measured anew it is {other!r}")
+    return found + ([] if _moves_alike(orbit, anew) else ["the motion: the orbit's states are not those of its launch"])
+
+
+def _measured_alike(said: Any, true: Any, error: float) -> bool:
+    """Whether two numbers agree to an error and `MEASURED_TO`; texts and None have to be equal."""
+    if isinstance(said, float) and isinstance(true, float):
+        return abs(said - true) <= error + MEASURED_TO * abs(true)
+    return bool(said == true)
+
+
+def _moves_alike(orbit: Orbit, anew: Orbit) -> bool:
+    """Whether two orbits have the same states at some times."""
+    try:
+        end = anew.flight_time if anew.contact_time is None else anew.period
+        times = np.linspace(0, end, TIMES_LOOKED_AT + 1)[:-1]
+        said, true = orbit(times), anew(times)
+    except InputError:
+        return False
+    return said.shape == true.shape and bool((abs(said - true) <= MOTION_TO * abs(true).max(0)).all())

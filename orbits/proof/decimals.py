@@ -38,6 +38,11 @@ def bounds_of_fractions(bounds: tuple[Fraction, Fraction]) -> Enclosure:
     return Enclosure(*map(decimal_text, bounds))
 
 
+def is_decimal(value: Fraction) -> bool:
+    """Whether a fraction is a decimal that can be written out."""
+    return 10**MOST_PLACES_OF_DECIMALS % value.denominator == 0
+
+
 def decimal_text(value: Fraction) -> str:
     """The decimal that a fraction is, exactly."""
     places = next(n for n in range(MOST_PLACES_OF_DECIMALS) if 10**n % value.denominator == 0)

@@ -9,11 +9,11 @@ from flint import ctx
 
 from ..errors import InputError
 from ..model.machine import Machine, machine_in_words
-from .case import bits_of_digits, check_mirrored, not_stated
+from .case import ball_of, bits_of_digits, check_mirrored, not_stated
 from .claim import FLIGHT_DURATION
 from .decimals import bounds_of_fractions, enclosure_of, lower_decimal, upper_decimal
 from .equations import Equations, IntervalParameters
-from .expressions import symbol
+from .expressions import substitute, symbol
 from .mechanics import ExactMechanics, Scale
 from .programs import ball_of_fraction
 from .refusal import Unproved
@@ -77,6 +77,9 @@ def _fold(
         raise InputError("a fold of a piecewise law cannot be proved: it has no second derivatives everywhere")
     if missing := [name for name in statement.unknowns if name not in unknowns]:
         raise Unproved(f"the fold has no {missing[0]}")
+    named = [*statement.unknowns, *(f"d{name}" for name in statement.unknowns), along]
+    if twice := sorted({name for name in named if named.count(name) > 1}):
+        raise Unproved(f"the name '{twice[0]}' stands for a direction of the family: call the parameter something else")
     folded = statement_of_folds(statement, symbol(along))
     units = {name: half.unit_of(name) for name in statement.unknowns}
     units |= {f"d{name}": units[name] / units["alpha"] for name in statement.unknowns if name != "alpha"}
@@ -90,13 +93,16 @@ def _fold(
     with ctx.workprec(bits_of_digits(digits) + FIRST_BITS):
         sizes = [ball_of_fraction(units[name]) for name in folded.unknowns]
         balls = {name: ball * size for name, ball, size in zip(folded.unknowns, root.box, sizes, strict=True)}
+        (half_flight,) = substitute([half.half_flight], {symbol(along): folded.unknowns[along]})
+        if not ball_of(half_flight, folded, equations, root) > 0:
+            raise Unproved("the time of the flight is not proved to be positive")
         enclosures = {name: enclosure_of(ball, digits) for name, ball in balls.items()}
     bounds = {name: bounds_of_fractions(each) for name, each in others.items()}
     return Part(bounds, enclosures, lower_decimal(root.unique_within(sizes))), upper_decimal(balls["alpha"].rad())
 
 
 def _fold_words(part: Part, along: str) -> str:
-    place = f"The equations of its lossless orbits have a fold in {along}, with {enclosed_words(part.unknowns)}"
+    place = f"The equations of the flight of its orbits have a fold in {along}, with {enclosed_words(part.unknowns)}"
     varied = "names that begin with d are those of the direction of the family there, in which alpha changes by 1"
     regular = "It is nondegenerate: the equations of the fold are regular there, so that the family turns quadratically"
     alone = f"No other zero of these has all unknowns within {part.uniqueness_radius} of these enclosures"

@@ -12,7 +12,7 @@ from .decimals import bounds_of_fractions
 from .refusal import Unproved
 from .stated import Bounds, Decimals, StatedMachine, stated_machine
 from .theorem import Enclosure, Proof
-from .wording import enclosed_words, motion_sentence
+from .wording import enclosed_words, equations_words, motion_sentence
 
 # IntervalParameters are halved so often where they are too wide for one proof.
 HALVINGS_OF_INTERVALS = 4
@@ -36,8 +36,11 @@ def _proof_of(claim: Claim, digits: int | None, parameters: Mapping[str, Decimal
     whole = whole_proof(claim, stated, digits, motion, loss)
     if whole.proved or not stated.wide or REFUTED in whole.conditions.values() or claim.contradictions:
         return whole
-    parts = _parts(claim, stated, (digits, motion, loss), HALVINGS_OF_INTERVALS)
-    if parts is None or not any(claim.alpha in part.enclosures["alpha"] for part in parts):
+    own = stated_machine(claim.machine, {}).parameters
+    if not _holds(stated, own):
+        return whole
+    parts = _parts(claim, stated, own, (digits, motion, loss), HALVINGS_OF_INTERVALS)
+    if parts is None:
         return whole
     seconds = time.perf_counter() - began
     parameters_stated = {name: bounds_of_fractions(bounds) for name, bounds in stated.parameters.items()}
@@ -48,21 +51,29 @@ def _with(stated: StatedMachine, name: str, bounds: Bounds) -> StatedMachine:
     return replace(stated, parameters={**stated.parameters, name: bounds})
 
 
-def _parts(claim: Claim, stated: StatedMachine, asked: tuple[int | None, bool, bool], left: int) -> list[Proof] | None:
-    """Proofs of halves of the widest interval, and of their halves where they are needed; None where one fails."""
+def _holds(stated: StatedMachine, own: Mapping[str, Bounds]) -> bool:
+    """Whether the intervals hold a machine's own values."""
+    return all(stated.parameters[name][0] <= own[name][0] <= stated.parameters[name][1] for name in stated.wide)
+
+
+def _parts(
+    claim: Claim, stated: StatedMachine, own: Mapping[str, Bounds], asked: tuple[int | None, bool, bool], left: int
+) -> list[Proof] | None:
+    """Proofs of halves of the widest interval, and of their halves where they are needed; None where one fails. What
+    the orbit says is held against the parts that hold its machine's own values."""
     found = list[Proof]()
     widest = max(stated.wide, key=lambda name: _relative_width(stated.parameters[name]))
     low, high = stated.parameters[widest]
     middle = (low + high) / 2
     for ends in ((low, middle), (middle, high)):
         half = _with(stated, widest, ends)
-        proof = whole_proof(claim, half, *asked, about_claim=False)
+        proof = whole_proof(claim, half, *asked, about_claim=_holds(half, own))
         if proof.proved:
             found.append(proof)
             continue
         if left == 1 or REFUTED in proof.conditions.values():
             return None
-        deeper = _parts(claim, half, asked, left - 1)
+        deeper = _parts(claim, half, own, asked, left - 1)
         if deeper is None:
             return None
         found += deeper
@@ -82,7 +93,7 @@ def _joined(parts: Sequence[Proof], stated: StatedMachine) -> Proof:
     unknowns = {name: _union([part.parts[0].unknowns[name] for part in parts]) for name in first.parts[0].unknowns}
     radius = min((part.uniqueness_radius or "0" for part in parts), key=Decimal)
     each = "For each value of the parameters in their intervals"
-    solved = f"{each} the equations of a lossless orbit have a solution with {enclosed_words(unknowns)}"
+    solved = f"{each} the {equations_words(unknowns)} have a solution with {enclosed_words(unknowns)}"
     alone = f"no other solution has all unknowns within {radius} of the enclosures that hold in that part"
     unique = f"In each of {len(parts)} parts of the intervals {alone}"
     same = {part.family for part in parts}
@@ -92,8 +103,10 @@ def _joined(parts: Sequence[Proof], stated: StatedMachine) -> Proof:
     statement = " ".join(filter(None, (stated.words(), f"{solved}. {unique}.", motion)))
     half = (Decimal(enclosures["alpha"].high) - Decimal(enclosures["alpha"].low)) * Decimal("0.501")
     reasons = () if family is not None or not first.conditions else ("family: the parts are of several families",)
+    side = first.bounce_side if len({part.bounce_side for part in parts}) == 1 else None
     return replace(
         first, proved=not reasons, statement=statement, stated={**first.stated, **stated.document()}, family=family,
+        bounce_side=side,
         enclosures=enclosures, conditions=conditions, radius=f"{half:.3E}", uniqueness_radius=None,
         parts=tuple(each for part in parts for each in part.parts), reasons=reasons,
     )  # fmt: skip

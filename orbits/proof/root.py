@@ -33,8 +33,8 @@ MOST_REFINEMENTS = 6
 BITS_OF_REFINEMENT = 24
 # Steps of Newton's method, until one is this small relative to the unknowns.
 MOST_POLISHES, POLISHED = 6, 1e-6
-# The bits of a number that is known exactly.
-EXACT = 10**9
+# The bits of a number that is known exactly, and the share of itself that its decimals reach from it.
+EXACT, EXACTLY = 10**9, 2.0**-58
 # The unknowns that an orbit has above 0.
 POSITIVE_UNKNOWNS = ("alpha", FLIGHT_DURATION, CONTACT_DURATION)
 
@@ -57,8 +57,13 @@ class ProvedRoot:
         """A distance from every point of the enclosures within which there is no other root, in any unknown, each of
         which is solved for in a unit."""
         parts = zip(self.radii, self.box, self.centre, units, strict=True)
-        # Decimals that are rounded outward reach a little further than the balls.
-        free = [((radius - abs(value - c) - value.rad() / 10) * unit).lower() for radius, value, c, unit in parts]
+        # Decimals that are rounded outward reach a little further than the balls, and those of numbers that are known
+        # exactly by a few roundings.
+        more = [value.rad() / 10 + abs(value) * EXACTLY for value in self.box]
+        free = [
+            ((radius - abs(value - c) - rest) * unit).lower()
+            for (radius, value, c, unit), rest in zip(parts, more, strict=True)
+        ]
         least = free[0]
         for each in free[1:]:
             least = each if each < least else least
@@ -84,6 +89,8 @@ def prove_root(equations: Equations, guess: Sequence[float], bits: int) -> Prove
         except TooLong:
             raise
         except Unproved as error:
+            if not reason:  # where not even the centre's motion is enclosed, that of no smaller box is
+                evaluated_on(equations, centre, [arb(0)] * len(centre), wide=False)
             reason = f": {error}"
             continue
         if inner is not None:

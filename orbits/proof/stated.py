@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
+from numbers import Rational
 from typing import Any
 
 from ..errors import InputError
@@ -15,8 +16,9 @@ from ..model.machine import Machine, free_parameters
 from ..model.mechanics.derived import derived_launch
 from ..model.mechanics.elements import Inerter, Mass, Potential, Scalar, Spring, Weight
 from ..model.mechanism import Mechanism
+from ..symbolic.formula import parse
 from ..symbolic.tracing import traced_of_places
-from .decimals import decimal_text
+from .decimals import decimal_text, is_decimal
 from .formulas import exact_fraction
 from .refusal import Unproved
 
@@ -27,6 +29,11 @@ Decimals = ExactNumber | tuple[ExactNumber, ExactNumber]
 Bounds = tuple[Fraction, Fraction]
 # Something along a function of the coordinates, with its size: the formulas of both.
 Sized = tuple[str, str]
+# What a theorem calls by these names of its own.
+OWN_NAMES = {
+    *("alpha", "liftoff", "duration", "contact_duration", "flight_time", "contact_time", "liftoff_extension"),
+    *("mid_flight_extension", "loss_coefficient"),
+}
 
 
 @dataclass(frozen=True)
@@ -131,7 +138,8 @@ class StatedMachine:
         units = "in SI" if self.units == "SI" else "dimensionless"
         numbers = f", with {named}" if named else ""
         launch = f"{self.launch} and its rate at lift-off are called liftoff and alpha"
-        return f"Let the {self.name} have {'; '.join(parts)}{numbers}; all is {units}. {launch}."
+        turns = f"{self.counts} is stationary between lift-off and mid-flight as often as the number of its family says"
+        return f"Let the {self.name} have {'; '.join(parts)}{numbers}; all is {units}. {launch}; {turns}."
 
 
 def _range_text(bounds: Bounds) -> str:
@@ -145,6 +153,9 @@ def exact_bounds(name: str, value: Decimals) -> Bounds:
     if len(bounds) != 2:
         raise InputError(f"{name} = {value!r}: an interval has two bounds, (low, high)")
     low, high = (exact_fraction(name, bound) for bound in bounds)
+    for bound in (low, high):
+        if not is_decimal(bound):
+            raise InputError(f"{name} = {bound} is no decimal: state an interval of decimals that holds it")
     if low > high:
         raise InputError(f"{name} lies between {bounds[0]} and {bounds[1]}: the first bound is the lower one")
     return low, high
@@ -168,7 +179,21 @@ def stated_machine(machine: Machine, parameters: Mapping[str, Decimals]) -> Stat
     values = {name: exact_bounds(name, {**known, **parameters}[name]) for name in mechanism.names if name in known}
     for end in (0, 1):
         machine.with_values(**{name: float(values[name][end]) for name in parameters if name in values})
-    return _of_mechanism(mechanism, values)
+    stated = _of_mechanism(mechanism, values)
+    _refuse_two_meanings(stated)
+    return stated
+
+
+def _refuse_two_meanings(stated: StatedMachine) -> None:
+    """Raise `Unproved` for a name that would stand for two things in the theorem."""
+    names = {*stated.coordinates, *stated.parameters}
+    taken = dict.fromkeys(names & OWN_NAMES, "a number that every theorem is about")
+    if "r" in names and stated.springs:
+        taken["r"] = "the extension in a spring's law"
+    if "z" in names and "z" in parse(stated.gravity).names:
+        taken["z"] = "the height in the law of gravity"
+    for name, meaning in sorted(taken.items()):
+        raise Unproved(f"the name '{name}' stands for {meaning}: call the coordinate or parameter something else")
 
 
 def _of_mechanism(mechanism: Mechanism, values: Mapping[str, Bounds]) -> StatedMachine:
@@ -222,7 +247,10 @@ def _text_of(expression: Scalar, coordinates: tuple[str, ...], names: tuple[str,
         if found is None:
             raise Unproved(f"the Python function {expression!r} cannot be written as a formula")
         return found
-    return str(expression) if isinstance(expression, int | Decimal) else repr(float(expression))
+    if isinstance(expression, Rational):  # whole numbers too, also those of NumPy
+        above, below = int(expression.numerator), int(expression.denominator)
+        return str(above) if below == 1 else f"{above}/{below}"
+    return str(expression) if isinstance(expression, Decimal) else repr(float(expression))
 
 
 def _stated_spring(extension: str, law: Any) -> StatedSpring:

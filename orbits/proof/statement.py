@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from .claim import CONTACT_DURATION, FLIGHT_DURATION
-from .expressions import ONE, ZERO, ExactExpression, along, derivative_by, expression, substitute, symbol, symbols
+from .expressions import ONE, ZERO, ExactExpression, along, depends_on, expression, substitute, symbol, symbols
 from .formulas import Domain, Domains
 from .mechanics import Column, ExactMechanics, LoneExtension, inner_product
 
@@ -76,6 +76,8 @@ class HalfOrbit:
         self.places = [self.launch_unknowns[name] for name in names[::2]]
         self.rates = [self.launch_unknowns[name] for name in names[1::2]]
         self.lone = mechanics.lone_extension()
+        if any(depends_on([each.place], mechanics.y) for each in mechanics.domains):
+            self.lone = None  # whether formulas have values is seen along the motion of all coordinates
 
     def unit_of(self, name: str) -> Fraction:
         """The unit in which an unknown of this name is solved for."""
@@ -159,8 +161,7 @@ class HalfOrbit:
             weights = (m.pieces.weights[first] / lone.weights[first].value, Fraction(0))
             breaks = m.pieces.breaks
         rates = [[rate, acceleration] for acceleration in lone.accelerations]
-        still = [each for each in m.domains if not _of_states(each, m)]
-        domains = [[*still, *own] for own in lone.domains]
+        domains = [[*m.domains, *own] for own in lone.domains]
         guards = [[each] for each in self.lifted]
         return ExactArc(
             [r, rate], rates, [place, speed], self.half_flight, guards, [rate], domains, (), weights, breaks
@@ -192,10 +193,6 @@ class HalfOrbit:
             (place,) = substitute([each.place], at)
             found.need(each.what, place, each.positive)
         return found
-
-
-def _of_states(domain: Domain, mechanics: ExactMechanics) -> bool:
-    return any(derivative_by(domain.place, each) is not ZERO for each in mechanics.y)
 
 
 def _by_turns(first: Sequence, second: Sequence) -> list:

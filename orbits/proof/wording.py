@@ -23,7 +23,12 @@ def root_sentence(unknowns: Mapping[str, Enclosure], uniqueness: str, wide: bool
     values = "For each value of the parameters in their intervals the" if wide else "The"
     names = ", ".join(name.replace("_", " ") for name in unknowns)
     others = f"No other solution has all of these ({names}) within {uniqueness} of these enclosures"
-    return f"{values} equations of a lossless orbit have a solution with {enclosed_words(unknowns)}. {others}."
+    return f"{values} {equations_words(unknowns)} have a solution with {enclosed_words(unknowns)}. {others}."
+
+
+def equations_words(unknowns: Mapping[str, Enclosure]) -> str:
+    """Which equations were solved: without a contact, those of the flight alone."""
+    return f"equations of {'' if 'contact_time' in unknowns else 'the flight of '}a lossless orbit"
 
 
 def motion_sentence(family: int | None, conditions: Mapping[str, str], enclosures: Mapping[str, Enclosure]) -> str:

@@ -3,7 +3,12 @@
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from .formula import FUNCTIONS
+import numpy as np
+
+from .formula import FUNCTIONS, parse
+
+# Places at which a function is held against its formula, and how far rounding may part them there.
+TRACED_AT, TRACED_TO = (-1.7, -0.3, 0.0, 0.45, 2.3), 1e-9
 
 # How tightly the parts of a formula hold together: sums, products, signs and powers, names and calls.
 SUM, PRODUCT, SIGN, ATOM = range(4)
@@ -70,6 +75,14 @@ class Text:
     def __pos__(self) -> "Text":
         return self
 
+    def __bool__(self) -> bool:
+        raise TypeError("a formula has no branches")
+
+    def __eq__(self, other: object) -> bool:
+        raise TypeError("a formula has no branches")
+
+    __hash__ = None  # type: ignore[assignment]
+
     def __abs__(self) -> "Text":
         return Text(f"abs({self.text})")
 
@@ -95,16 +108,35 @@ def _text(value: Any) -> Text:
 def traced(function: Callable, arguments: Sequence[str], names: Sequence[str] = ()) -> str | None:
     """The formula that a Python function computes of these arguments and keyword arguments; None for a function that
     needs more than operators, numbers and NumPy's functions."""
-    try:
-        found = function(*map(Text, arguments), **{name: Text(name) for name in names})
-        return _text(found).text
-    except Exception:  # whatever a function of the user does with what is no number
-        return None
+    first = len(arguments)
+    return _confirmed_formula(
+        lambda of: function(*of[:first], **dict(zip(names, of[first:], strict=True))), [*arguments, *names]
+    )
 
 
 def traced_of_places(function: Callable, coordinates: Sequence[str], names: Sequence[str]) -> str | None:
     """The formula that a Python function computes of mappings of coordinates and of parameters, likewise."""
+    first = len(coordinates)
+    return _confirmed_formula(
+        lambda of: function(dict(zip(coordinates, of[:first], strict=True)), dict(zip(names, of[first:], strict=True))),
+        [*coordinates, *names],
+    )
+
+
+def _confirmed_formula(function: Callable[[list], Any], names: Sequence[str]) -> str | None:
+    """The formula of a function of a list of values by these names; None also where it computes something else of
+    numbers than of names."""
     try:
-        return _text(function({name: Text(name) for name in coordinates}, {name: Text(name) for name in names})).text
-    except Exception:
+        text = _text(function([Text(name) for name in names])).text
+        formula = parse(text)
+        for place in TRACED_AT:
+            values = [np.float64(place + 0.37 * i) for i in range(len(names))]
+            named = dict(zip(names, values, strict=True))
+            with np.errstate(all="ignore"):
+                found = np.float64(function(values))
+                expected = formula(**{name: named[name] for name in formula.names})
+            if not np.isclose(found, expected, rtol=TRACED_TO, atol=TRACED_TO, equal_nan=True):
+                return None
+    except Exception:  # whatever a function of the user does with what is no number
         return None
+    return text
