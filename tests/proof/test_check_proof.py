@@ -7,7 +7,7 @@ from decimal import Decimal
 import pytest
 
 from orbits import find, find_all, prove
-from orbits.check_proof import Unverified, Values, check, constant, parse, slope
+from orbits.check_proof import Unverified, check, parse, slope
 from problems import Chain, Hopper, Juggler, hopper_in_si, inerter_hopper
 
 SLOW = pytest.mark.slow
