@@ -4,34 +4,31 @@ It reads the formulas of the stated machine (`parse`), derives Lagrange's equati
 follows motions by Taylor series in Arb's balls with direct bounds (`Part`): a box B that holds the motion over a step
 by Picard's inclusion X + [0, h] f(B) in B, the Taylor coefficients from the box X at its start, and the next one over B
 as remainder. So are the derivatives by the start; over several steps they are P (1 + E) with a rounded matrix P and a
-small E (`Leg`), so that the errors of the steps add and do not multiply. By the mean value theorem the states of a set
-are those of its centre and the derivatives times the deviations. Existence and uniqueness follow from Krawczyk's test
-(`Solution`), on the stated enclosures and on these with the radius of uniqueness around them. Signs along the motion
-are those of functions, and of their derivatives by time, on stretches of it (`stretches`).
-
-Contact differs from flight by a force along the gap's gradient that keeps the gap's acceleration 0. A law in pieces
-makes legs of a phase, in each of which one law holds. The times of the legs are further unknowns, and equations that
-the extension is at the breakpoint at their ends. So each leg is smooth.
-
-Nothing of `orbits.proof` and nothing of CasADi is used: python-flint and the standard library alone. What is verified
-is what the file says in fields; its sentences in words are not read.
+small E (`Passage`), so that the errors of the steps add and do not multiply. By the mean value theorem the states of a
+set are those of its centre and the derivatives times the deviations. Existence and uniqueness follow from Krawczyk's
+test (`Solution`), on the stated enclosures and on these with the radius of uniqueness around them. Signs along the
+motion are those of functions, and of their derivatives by time, on stretches of it (`signs`). In contact a force along
+the gap's gradient keeps the gap's acceleration 0. Nothing of `orbits.proof` and nothing of CasADi is used. What is
+verified is what the file says in its fields: sentences in words are not read.
 """
 
 import ast
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from functools import lru_cache
-from itertools import pairwise, product
+from itertools import groupby, pairwise, product
+from operator import add, mul, sub, truediv
 from typing import Any
 
 from flint import arb, arb_mat, arb_poly, arb_series, ctx, fmpq
 
 # The orders of Taylor polynomials per bit and of those for derivatives, halvings of stretches, and of parameters.
 ORDER_PER_BIT, DERIVED_ORDER, MOST_HALVINGS, MOST_SPLITS = 0.3, 14, 16, 3
-# The first and the shortest step as shares of a leg, bits beside those of the enclosures, and those for uniqueness.
-FIRST, SHORTEST, GUARD_BITS, BITS_OF_UNIQUENESS = Fraction(1, 8), Fraction(1, 2**14), 64, 90
-MOST_POWER = 2**16
+# The first and the shortest step as shares of half a phase, and the largest whole power.
+FIRST, SHORTEST, MOST_POWER = Fraction(1, 8), Fraction(1, 2**14), 2**16
+# Bits beside those of the enclosures, and those for uniqueness.
+GUARD_BITS, BITS_OF_UNIQUENESS = 64, 90
 # The derivatives of functions of x, and functions that these define.
 SLOPES = {
     "exp": "exp(x)", "log": "1/x", "sqrt": "1/(2*sqrt(x))", "sin": "cos(x)", "cos": "-sin(x)", "atan": "1/(1 + x**2)",
@@ -42,39 +39,39 @@ DEFINED = {
     "sinh": "(exp(x) - exp(-x))/2", "cosh": "(exp(x) + exp(-x))/2", "tanh": "1 - 2/(exp(2*x) + 1)",
     "acosh": "log(x + sqrt(x - 1)*sqrt(x + 1))", "atanh": "log((1 + x)/(1 - x))/2",
 }  # fmt: skip
+Bounds = Mapping[str, tuple[Fraction, Fraction]]
+PHASES, ENDS = ("flight_time", "contact_time"), ("liftoff_extension", "mid_flight_extension")
 
 
 class Unverified(Exception):
     """What cannot be verified, in words."""
 
 
+OPERATIONS: dict[Any, Callable] = {"+": add, "*": mul, "/": truediv}
+OPERATIONS |= {ast.Add: add, ast.Sub: sub, ast.Mult: mul, ast.Div: truediv, ast.Pow: pow}
+
+
 class Tree:
     """A formula: `kind` is "number", with a Fraction as its value, "name", with a text, an operation on its parts, or
-    the name of a function. Equal ones are one object, see `tree`. The operations leave out 0 + x, 0 x, 1 x, and so on:
-    `parse` tells beside a formula what has to have a value."""
+    the name of a function. Equal ones are one object, see `tree`. Sums and products leave out 0 and 1, so that `parse`
+    tells beside a formula what has to have a value."""
 
     def __init__(self, kind: str, parts: tuple["Tree", ...], value: Any):
         self.kind, self.parts, self.value = kind, parts, value
 
     def __add__(self, other: "Tree") -> "Tree":
-        if self.kind == other.kind == "number":
-            return number(self.value + other.value)
-        return other if self.value == 0 else self if other.value == 0 else tree("+", self, other)
-
-    def __mul__(self, other: "Tree") -> "Tree":
-        if self.kind == other.kind == "number":
-            return number(self.value * other.value)
-        if self.value == 0 or other.value == 0:
-            return ZERO
-        return other if self.value == 1 else self if other.value == 1 else tree("*", self, other)
+        return other if self is ZERO else self if other is ZERO else tree("+", self, other)
 
     def __sub__(self, other: "Tree") -> "Tree":
         return self + LESS * other
 
+    def __mul__(self, other: "Tree") -> "Tree":
+        if ZERO in (self, other):
+            return ZERO
+        return other if self is ONE else self if other is ONE else tree("*", self, other)
+
     def __truediv__(self, other: "Tree") -> "Tree":
-        if other.kind == "number":
-            return self * number(1 / other.value)
-        return self if self.value == 0 else tree("/", self, other)
+        return self if self is ZERO or other is ONE else tree("/", self, other)
 
     def __pow__(self, other: "Tree") -> "Tree":
         if other.kind != "number" or other.value.denominator != 1:
@@ -87,9 +84,11 @@ class Tree:
         return product_of if other.value >= 0 else ONE / product_of
 
 
-@lru_cache(maxsize=None)
+@lru_cache(maxsize=100_000)
 def tree(kind: str, *parts: Tree, value: Any = None) -> Tree:
-    """The one tree of this kind and these parts."""
+    """The one tree of this kind and these parts; a number where they are numbers."""
+    if kind in OPERATIONS and parts[0].kind == parts[1].kind == "number":
+        return number(OPERATIONS[kind](parts[0].value, parts[1].value))
     return Tree(kind, parts, value)
 
 
@@ -98,17 +97,7 @@ def number(value: Fraction | int) -> Tree:
     return tree("number", value=Fraction(value))
 
 
-def name_of(text: str) -> Tree:
-    """The tree of a name."""
-    return tree("name", value=text)
-
-
-ZERO, ONE, LESS = map(number, (0, 1, -1))
-OPERATIONS: dict[Any, Callable] = {
-    "+": lambda a, b: a + b, "*": lambda a, b: a * b, "/": lambda a, b: a / b,
-    ast.Add: lambda a, b: a + b, ast.Sub: lambda a, b: a - b, ast.Mult: lambda a, b: a * b,
-    ast.Div: lambda a, b: a / b, ast.Pow: lambda a, b: a**b,
-}  # fmt: skip
+ZERO, ONE, LESS, X = *map(number, (0, 1, -1)), tree("name", value="x")
 
 
 def parse(text: str, names: Mapping[str, Tree], needed: list[Tree]) -> Tree:
@@ -127,26 +116,26 @@ def parse(text: str, names: Mapping[str, Tree], needed: list[Tree]) -> Tree:
                 return (LESS if isinstance(op, ast.USub) else ONE) * tree_of(operand)
             case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]) if name[:-1] in DEFINED:
                 return parse(DEFINED[name[:-1]], {"x": tree_of(argument)}, needed)
-            case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]):
-                needed.append(tree(name[:-1], tree_of(argument)) if name[:-1] in SLOPES else names[name])
+            case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]) if name[:-1] in SLOPES:
+                needed.append(tree(name[:-1], tree_of(argument)))
                 return needed[-1]
             case ast.BinOp(left=left, op=op, right=right):
                 a, b = tree_of(left), tree_of(right)
                 needed.append(tree("/", ONE, b) if isinstance(op, ast.Div) else a)
                 needed.append(OPERATIONS[type(op)](a, b))
                 return needed[-1]
-        raise SyntaxError
+        raise KeyError(ast.unparse(node))
 
     try:
         if not re.fullmatch(r"[\w\s.+*/()-]*", marked, re.ASCII):
             raise SyntaxError
         return tree_of(ast.parse(marked, mode="eval").body)
     except (SyntaxError, ValueError, KeyError, ZeroDivisionError) as error:
-        why = f": {error} is not said or not smooth" if isinstance(error, KeyError) else ""
+        why = f": {error} is not stated or not smooth" if isinstance(error, KeyError) else ""
         raise Unverified(f"the formula '{text[:60]}' cannot be read{why}") from None
 
 
-@lru_cache(maxsize=None)
+@lru_cache(maxsize=100_000)
 def slope(of: Tree, by: str) -> Tree:
     """The derivative of a tree by a name."""
     if not of.parts:
@@ -189,7 +178,7 @@ class Values(dict[Tree, Any]):
         elif of.kind in OPERATIONS:
             found = OPERATIONS[of.kind](x, *rest)
         elif of.kind == "asinh" and isinstance(x, arb_series):  # which Arb has of balls alone
-            by_x = Values({ONE: x})[parse(SLOPES["asinh"], {"x": ONE}, [])]
+            by_x = Values({X: x})[parse(SLOPES["asinh"], {"x": X}, [])]
             found = (by_x * x.derivative()).integral() + x[0].asinh()
         else:
             found = getattr(x, of.kind)()
@@ -214,25 +203,26 @@ def coefficient(value: Any, order: int) -> arb:
 class Machine:
     """Lagrange's equations of a stated machine, with exact bounds of its parameters.
 
-    names, states : of the n coordinates; these, their rates, the time of a leg, and parameters' places in intervals
-    inertia, loads, forces : M (n, n); for each law, the forces (n,) of springs, weights and potentials, and these less
-        what the rates take, which M y'' is without contact
-    needed : for each law, what has to have a value
-    edges : the extension less each breakpoint of its law, which changes there
-    gap, weights : the gap, and those of the coordinates in it
+    names, states : of the n coordinates; these, their rates, half a phase's time, and parameters' places in intervals
+    inertia, forces : M (n, n), and what M y'' is without contact
+    needed : what has to have a value
+    gap, weights, counts, separation : the stated ones, and the weights of the coordinates in the gap
     unknowns : the names of the places and the rates at the launch of the contact's coordinates, by their numbers
-    embedded : the exact matrix (n, n - 1) from the contact's coordinates to all
+    launch : of all coordinates and of their rates at the launch, the weights of the unknowns
+    rates, places : the states that are rates, and those of the parameters
     """
 
-    def __init__(self, stated: Mapping[str, Any], bounds: Mapping[str, tuple[Fraction, Fraction]]):
+    def __init__(self, stated: Mapping[str, Any], bounds: Bounds):
         names, needed = list(stated["coordinates"]), list[Tree]()
-        n, wide = len(names), {name: f"place of {name}" for name, (low, high) in bounds.items() if low < high}
-        self.names, self.states = names, [*names, *(f"{name}'" for name in names), "time of the leg", *wide.values()]
-        self.rates = v = [name_of(f"{name}'") for name in names]
+        n, wide = len(names), [name for name, (low, high) in bounds.items() if low < high]
+        states = [*names, *(f"{name}'" for name in names), "half time", *(f"place of {name}" for name in wide)]
+        self.names, self.needed, self.states = names, needed, [tree("name", value=each) for each in states]
+        self.rates, self.places = self.states[n : 2 * n], self.states[2 * n + 1 :]
         known = {name: number((low + high) / 2) for name, (low, high) in bounds.items()}
-        known |= {p: known[p] + number((bounds[p][1] - bounds[p][0]) / 2) * name_of(wide[p]) for p in wide}
-        known["pi"] = parse("4*atan(1)", {}, [])
-        both = {**dict(zip(names, map(name_of, names), strict=True)), **known}
+        for name, place in zip(wide, self.places, strict=True):
+            known[name] += number((bounds[name][1] - bounds[name][0]) / 2) * place
+        known["pi"], v = parse("4*atan(1)", {}, []), self.rates
+        both = {**dict(zip(names, self.states, strict=False)), **known}
         masses, weights, inerters = (
             [(parse(size, known, needed), parse(place, both, needed)) for place, size in stated[kind]]
             for kind in ("masses", "weights", "inerters")
@@ -240,32 +230,31 @@ class Machine:
         rows = [[parse(entry, both, needed) for entry in row] for row in stated["inertia"]] or [[ZERO] * n] * n
         if any(rows[i][j] is not rows[j][i] for i, j in product(range(n), repeat=2)):
             raise Unverified("the stated inertia is not plainly symmetric")
+
+        def rate(of: Tree) -> Tree:
+            return dot([slope(of, name) for name in names], v)
+
         twice = sum((rows[i][j] * v[i] * v[j] for i, j in product(range(n), repeat=2)), ZERO)
-        twice = sum((mass * self.rate(place) * self.rate(place) for mass, place in masses + inerters), twice)
-        self.energy = number(Fraction(1, 2)) * twice
-        momentum = [slope(self.energy, each.value) for each in v]
-        self.inertia = [[slope(each, rate.value) for rate in v] for each in momentum]
-        turning = [self.rate(p) - slope(self.energy, y) for p, y in zip(momentum, names, strict=True)]
+        twice = sum((mass * rate(place) * rate(place) for mass, place in masses + inerters), twice)
+        energy = number(Fraction(1, 2)) * twice
+        momentum = [slope(energy, each.value) for each in v]
+        self.inertia = [[slope(each, w.value) for w in v] for each in momentum]
+        turning = [rate(p) - slope(energy, y) for p, y in zip(momentum, names, strict=True)]
         pull = parse(stated["surface_gravity"], both, needed)
         along = [(m * pull * parse(stated["gravity"], {**both, "z": h}, needed), h) for m, h in masses + weights]
         along += [(ONE, parse(each, both, needed)) for each in stated["potentials"]]
-        springs = [(each, parse(each["extension"], both, needed)) for each in stated["springs"]]
-        in_pieces = [(each["breaks"], e) for each, e in springs if each["breaks"]]
-        if len(in_pieces) > 1:
-            raise Unverified("more than one spring has a law in pieces")
-        self.edges = [e - parse(text, known, needed) for texts, e in in_pieces for text in texts]
-        self.counts = parse(stated["counts"], both, needed)
-        self.separation = None if stated["separation"] is None else parse(stated["separation"], both, needed)
-        self.loads, self.forces, self.needed = list[list[Tree]](), list[list[Tree]](), list[list[Tree]]()
-        for law in range(len(self.edges) + 1):
-            own, all_along = list(needed), list(along)
-            for spring, e in springs:
-                found = parse(spring["force"][law if spring["breaks"] else 0], {**known, "r": e}, own)
-                all_along.append((ONE, found) if spring["potential"] else (found, e))
-            self.loads.append([sum((LESS * size * slope(at, y) for size, at in all_along), ZERO) for y in names])
-            self.forces.append([load - c for load, c in zip(self.loads[-1], turning, strict=True)])
-            self.needed.append(own)
-        self.gap = parse(stated["gap"], both, needed)
+        for spring in stated["springs"]:
+            if spring["breaks"]:
+                raise Unverified("a law in pieces is not verified by this program")
+            extension = parse(spring["extension"], both, needed)
+            law = parse(spring["force"][0], {**known, "r": extension}, needed)
+            along.append((ONE, law) if spring["potential"] else (law, extension))
+        loads = [sum((LESS * size * slope(at, y) for size, at in along), ZERO) for y in names]
+        self.forces = [load - each for load, each in zip(loads, turning, strict=True)]
+        self.gap, self.counts, self.separation = (
+            parse(stated[name] if stated[name] is not None else "1", both, needed)
+            for name in ("gap", "counts", "separation")
+        )
         self.weights = [slope(self.gap, name) for name in names]
         at_zero = parse(stated["gap"], {**both, **dict.fromkeys(names, ZERO)}, [])
         if at_zero is not ZERO or any(each.kind != "number" for each in self.weights):
@@ -275,34 +264,27 @@ class Machine:
             raise Unverified("the gap does not determine the coordinate that it is said to")
         self.unknowns = {i: (name, f"{name}'") for i, name in enumerate(names) if i != out}
         self.unknowns[launch] = "liftoff", "alpha"
-        self.embedded = [[Fraction(int(i == j)) for j in self.unknowns] for i in range(n)]
-        self.embedded[out] = [-self.weights[j].value / self.weights[out].value for j in self.unknowns]
-
-    def rate(self, of: Tree) -> Tree:
-        """The derivative by time of a function of the coordinates."""
-        return dot([slope(of, name) for name in self.names], self.rates)
-
-
-# Of each state: itself, and where they are followed its derivatives by all states at the start.
-Rows = list[list[Any]]
+        embedded = {i: {j: Fraction(int(i == j)) for j in self.unknowns} for i in range(n)}
+        embedded[out] = {j: -self.weights[j].value / self.weights[out].value for j in self.unknowns}
+        self.launch = [
+            [{self.unknowns[j][end]: weight for j, weight in embedded[i].items()} for i in range(n)] for end in (0, 1)
+        ]
 
 
 class Field:
-    """The motion of the states in a phase of a machine while one law of its spring holds, with time scaled such that a
-    leg lasts from 0 to 1. The first 2 n states move, and the time of the leg and the parameters' places stay.
+    """The motion of the states in half a phase of a machine, with time scaled such that it lasts from 0 to 1. The first
+    2 n states move; the time that it takes and the parameters' places stay.
 
-    mobility : the gap's acceleration by a unit force along its gradient
     force : the contact force that keeps the gap's acceleration 0
     rates, slopes : of the moving states, and their derivatives by all states
     """
 
-    def __init__(self, machine: Machine, law: int, contact: bool):
-        self.states, self.needed = [name_of(each) for each in machine.states], machine.needed[law]
-        self.pivots, (free, pushed) = solved(machine.inertia, machine.forces[law], machine.weights)
-        self.mobility = dot(machine.weights, pushed)
-        self.force = LESS * dot(machine.weights, free) / self.mobility
+    def __init__(self, machine: Machine, contact: bool):
+        self.states, self.needed = machine.states, machine.needed
+        self.pivots, (free, pushed) = solved(machine.inertia, machine.forces, machine.weights)
+        self.force = LESS * dot(machine.weights, free) / dot(machine.weights, pushed)
         held = [a + self.force * b for a, b in zip(free, pushed, strict=True)] if contact else free
-        self.rates = [name_of("time of the leg") * each for each in (*machine.rates, *held)]
+        self.rates = [self.states[2 * len(machine.names)] * each for each in (*machine.rates, *held)]
         self.slopes = [self.gradient(each) for each in self.rates]
 
     def gradient(self, of: Tree) -> list[Tree]:
@@ -320,12 +302,11 @@ class Field:
         return Values(zip(self.states, x, strict=True))
 
     def linear(self, end: tuple[list[arb], list[arb], arb_mat], of: Tree) -> tuple[arb, list[arb]]:
-        """A function of the states at an end of a leg: its value for the centre, and its derivatives by w for all."""
-        at = self.values(end[1])
-        row = arb_mat([[at[each] for each in self.gradient(of)]]) * end[2]
-        return self.values(end[0])[of], row.tolist()[0]
+        """A function of the states at an end of a passage: its value for c, and its derivatives by w for all."""
+        at, centre = self.values(end[1]), self.values(end[0])
+        return centre[of], (arb_mat([[at[each] for each in self.gradient(of)]]) * end[2]).tolist()[0]
 
-    def motion(self, rows: Rows) -> Rows:
+    def motion(self, rows: list[list[Any]]) -> list[list[Any]]:
         """The rates of the moving states, and of their derivatives."""
         at, columns = self.values([row[0] for row in rows]), list(zip(*rows, strict=True))[1:]
         found = [[at[rate]] for rate in self.rates]
@@ -334,7 +315,7 @@ class Field:
             row += [sum((at[slopes[k]] * each[k] for k in places), arb(0)) for each in columns]
         return found
 
-    def taylor(self, rows: Rows, order: int) -> list[Rows]:
+    def taylor(self, rows: list[list[Any]], order: int) -> list[list[list[arb]]]:
         """Taylor coefficients of the moving rows, one list for each entry."""
         count, cap = len(self.rates), ctx.cap
         found, still = [[[each] for each in row] for row in rows[:count]], rows[count:]
@@ -351,10 +332,10 @@ class Field:
             ctx.cap = cap
         return found
 
-    def inclusion(self, rows: Rows, h: arb) -> Rows:
+    def inclusion(self, rows: list[list[Any]], h: arb) -> list[list[Any]]:
         """Rows that hold the motion for a time h from these: Picard's inclusion. All that is needed has a value there,
         and the inertia is positive definite."""
-        box, times = rows, arb(0).union(h)
+        box, times, least = rows, arb(0).union(h), arb(2) ** (8 - ctx.prec)
         for _ in range(12):
             rates = self.motion(box)
             new = [[x + times * each for x, each in zip(*both, strict=True)] for both in zip(rows, rates, strict=False)]
@@ -363,20 +344,16 @@ class Field:
                 at = self.values([row[0] for row in box])
                 if all(at[each] > 0 for each in self.pivots) and all(at[each].is_finite() for each in self.needed):
                     return box
-            box = [*([wider(each) for each in row] for row in new), *rows[len(new) :]]
+            box = [[x + arb(0, 0.1) * (x - x.mid()) + arb(0, least) * (abs(x) + 1) for x in row] for row in new]
+            box += rows[len(new) :]
         raise Unverified("no box holds the motion, or the inertia is not positive definite")
-
-
-def wider(value: arb) -> arb:
-    """A ball with more room about it, to be tried."""
-    return value + arb(0, 0.1) * (value - value.mid()) + arb(0, (abs(value) + 1).abs_upper() * arb(2) ** (8 - ctx.prec))
 
 
 class Part:
     """A step of length h from rows of balls: their Taylor polynomials, with the next coefficient over the whole step as
     the last; raises `Unverified` where h is too long."""
 
-    def __init__(self, field: Field, rows: Rows, h: arb, order: int):
+    def __init__(self, field: Field, rows: list[list[Any]], h: arb, order: int):
         self.field, self.h, self.still = field, h, rows[len(field.rates) :]
         rests = field.taylor(field.inclusion(rows, h), order)
         self.polynomials = [
@@ -384,18 +361,9 @@ class Part:
             for both in zip(field.taylor(rows, order - 1), rests, strict=True)
         ]
 
-    def rows(self, t: arb) -> Rows:
-        """Enclosures of the rows at a time within the step."""
-        return [[each(t) for each in row] for row in self.polynomials] + self.still
-
     def states(self, t: arb) -> list[arb]:
         """Enclosures of the states at a time, or at all times of a ball, within the step."""
         return [row[0](t) for row in self.polynomials] + [row[0] for row in self.still]
-
-
-def unit(n: int, columns: int) -> arb_mat:
-    """The first rows of the unit matrix."""
-    return arb_mat(n, columns, [int(i == j) for i in range(n) for j in range(columns)])
 
 
 def moved(values: Sequence[arb], matrix: arb_mat, deviations: Sequence[arb]) -> list[arb]:
@@ -403,7 +371,7 @@ def moved(values: Sequence[arb], matrix: arb_mat, deviations: Sequence[arb]) -> 
     return [value + dot(row, deviations, arb(0)) for value, row in zip(values, matrix.tolist(), strict=True)]
 
 
-class Leg:
+class Passage:
     """The motions of a field over the scaled times from 0 to 1, from the starts c + S w with deviations w in a box.
 
     parts : its steps
@@ -412,7 +380,7 @@ class Leg:
 
     def __init__(self, field: Field, centre: Sequence[arb], seeds: arb_mat, reach: Sequence[arb]):
         n, small = len(centre), arb(2) ** (12 - ctx.prec)
-        one, rounded, error, slopes = unit(n, n), unit(n, n), arb_mat(n, n, [0] * n**2), seeds
+        one, rounded, error, slopes = arb_mat(n, n, 1), arb_mat(n, n, 1), arb_mat(n, n, 0), seeds
         self.field, self.parts, box = field, list[Part](), moved(centre, seeds, reach)
         self.start, left, length = (list(centre), box, seeds), Fraction(1), FIRST
         while left:
@@ -429,7 +397,8 @@ class Leg:
                     raise Unverified(f"the motion is not enclosed: {reason}") from None
                 length /= 2
                 continue
-            transition = arb_mat([row[1:] for row in part.rows(part.h)])
+            moving = [[each(part.h) for each in row[1:]] for row in part.polynomials]
+            transition = arb_mat([*moving, *one.tolist()[len(moving) :]])
             before, rounded = rounded, (transition.mid() * rounded).mid()
             error = rounded.inv() * (transition * before) * (one + error) - one
             slopes, centre = rounded * (one + error) * seeds, ends
@@ -439,146 +408,92 @@ class Leg:
         self.end = list(centre), box, slopes
 
 
-def stretches(parts: Sequence[Part], test: Callable[[Field, list[arb], bool, bool], Any], what: str) -> list[Any]:
-    """What a test finds on stretches of a motion, one after the other, which are halved where it finds nothing. It
-    takes a field, the states on a stretch, and whether that holds the beginning and the end of the motion."""
-    found, last = list[Any](), len(parts) - 1
+def signs(parts: Sequence[Part], of: Tree | None, orders: Callable[..., Sequence[int]]) -> list[list[int]]:
+    """On stretches of a motion, one after the other, the first of some derivatives of a function, the contact force for
+    None, that has a sign there, and that sign: pairs (order, 1 or -1). The stretches are halved where none has. Which
+    orders are tried depends on whether a stretch holds the beginning, and the end, of the motion."""
+    found, last = list[list[int]](), len(parts) - 1
     waiting = [(each, arb(0), each.h, i == 0, i == last, MOST_HALVINGS) for i, each in enumerate(parts)][::-1]
     while waiting:
         part, low, high, begins, ends, left = waiting.pop()
-        if result := test(part.field, part.states(low.union(high)), begins, ends):
-            found.append(result)
+        at, field = part.field.values(part.states(low.union(high))), part.field
+        values = ((order, at[field.along(of or field.force, order)]) for order in orders(begins, ends))
+        if decided := next(([order, 1 if each > 0 else -1] for order, each in values if each > 0 or each < 0), None):
+            found.append(decided)
         elif left:
             middle = (low + high) / 2
             waiting += [(part, middle, high, False, ends, left - 1), (part, low, middle, begins, False, left - 1)]
         else:
-            raise Unverified(f"{what} is not shown")
+            raise Unverified("a sign along the motion is not decided")
     return found
 
 
-def sign_of(value: arb) -> int:
-    """The sign of a ball, 0 where it has none."""
-    return int(value > 0) - int(value < 0)
-
-
 def check_positive(what: str, parts: Sequence[Part], of: Tree | None, at_start: int = 0, at_end: int = 0) -> None:
-    """See that a function, the contact force for None, is positive inside the motion. At the ends it is known to have
-    zeros of these orders, and is positive beside them where the derivative of that order has the fitting sign."""
-
-    def test(field: Field, x: list[arb], begins: bool, ends: bool) -> bool:
-        order, sign = (at_start, 1) if begins and at_start else (at_end, (-1) ** at_end) if ends else (0, 1)
-        return sign_of(field.values(x)[field.along(of or field.force, order)]) == sign
-
-    stretches(parts, test, what)
+    """See that a function is positive inside the motion. At one end it may be known to have a zero of some order: it is
+    positive beside that by Taylor's formula where the derivative of that order has the fitting sign."""
+    found = signs(parts, of, lambda begins, ends: [at_start if begins and at_start else at_end if ends else 0])
+    if [sign for _, sign in found] != [1] * (len(found) - 1) + [(-1) ** at_end]:
+        raise Unverified(f"{what} is not so")
 
 
 def turns(parts: Sequence[Part], of: Tree) -> int:
     """How often a function turns inside the motion, at whose end it is known to turn. On each stretch its rate has a
     sign, or the rate's rate has: then the rate has one zero there or none, as the signs before and after tell."""
-
-    def test(field: Field, x: list[arb], begins: bool, ends: bool) -> tuple[int, int] | None:
-        at = field.values(x)
-        rate = sign_of(at[field.along(of, 1)])
-        bend = 0 if rate else sign_of(at[field.along(of, 2)])
-        return (rate, bend) if rate or bend else None
-
-    marks = stretches(parts, test, "how often the extension turns")
-    first = parts[0].field
-    before, bends = sign_of(first.values(parts[0].states(arb(0)))[first.along(of, 1)]), set[int]()
-    if not before or marks[-1][0]:
-        raise Unverified("the extension hangs where the motion begins or ends")
-    count = 0
-    for rate, bend in marks:
-        bends = set() if rate else bends | {bend}
-        if len(bends) > 1:
-            raise Unverified("two turns of the extension are not told apart")
-        count, before = count + (rate not in (0, before)), rate or before
-    return count
+    found, field = signs(parts, of, lambda *_: (1, 2)), parts[0].field
+    start = field.values(parts[0].states(arb(0)))[field.along(of, 1)]
+    turned = (order == 2 and len({sign for _, sign in group}) > 1 for order, group in groupby(found, lambda x: x[0]))
+    if not (start > 0 or start < 0) or found[-1][0] == 1 or any(turned):
+        raise Unverified("turns of the extension are not told apart, or it hangs where the motion begins or ends")
+    rates = [1 if start > 0 else -1, *(sign for order, sign in found if order == 1)]
+    return sum(a != b for a, b in pairwise(rates))
 
 
 class Solution:
     """The equations of half an orbit on a box of unknowns, for all values of the parameters, and Krawczyk's image.
 
-    laws : of the legs of the flight, and where the contact is one of the equations, of the contact
-    box, image : of the unknowns by name: the launch, the whole times of the phases, (phase, leg) for the times of the
-        legs but for the last, and the parameters' places, which the image leaves
-    phases : the legs of each
-    passed : the extension less its breakpoint, with its derivatives, at the end of the legs that end there
+    box, image : of the unknowns by name: the launch, the times of the phases, and the parameters' places, which stay
+    moved, inside : how far the image is from the middle of the box, and whether it is in the interior of it
+    passages : half a phase each, from the launch, in contact with the rates turned
     """
 
-    def __init__(self, machine: Machine, laws: Sequence[Sequence[int]], box: Mapping[Any, arb]):
-        self.machine, self.laws, self.box, self.names = machine, laws, box, list(box)
-        n, count = len(machine.names), len(box) - len(machine.states[2 * len(machine.names) + 1 :])
-        self.centre = [each.mid() for each in box.values()]
-        self.reach = [each - c for each, c in zip(box.values(), self.centre, strict=True)]
-        self.phases = [self.legs(i) for i in range(len(laws))]
-        pairs = [((i, j), min(pair)) for i, own in enumerate(laws) for j, pair in enumerate(pairwise(own))]
-        self.passed = {
-            (i, j): self.phases[i][j].field.linear(self.phases[i][j].end, machine.edges[edge]) for (i, j), edge in pairs
-        }
-        launched = Field(machine, laws[0][0], True)
-        self.lifted = launched.linear(self.phases[0][0].start, launched.force)
-        equations = [self.lifted, *self.passed.values()]
-        for legs, those in zip(self.phases, (range(n), machine.unknowns), strict=False):
-            equations += [legs[-1].field.linear(legs[-1].end, machine.rates[i]) for i in those]
-        by_all = arb_mat([row for _, row in equations])
+    def __init__(self, machine: Machine, box: Mapping[str, arb]):
+        self.machine, self.box, names = machine, box, list(box)
+        centre = [each.mid() for each in box.values()]
+        reach = [each - c for each, c in zip(box.values(), centre, strict=True)]
+        self.passages, phases = list[Passage](), [name for name in PHASES if name in names]
+        for phase, sign in zip(phases, (1, -1), strict=False):
+            rows = [*machine.launch[0], *({name: sign * w for name, w in row.items()} for row in machine.launch[1])]
+            rows += [{phase: Fraction(1, 2)}, *({place.value: Fraction(1)} for place in machine.places)]
+            seeds = arb_mat([[ball(row.get(name, Fraction(0))) for name in names] for row in rows])
+            start = moved([arb(0)] * len(rows), seeds, centre)
+            self.passages.append(Passage(Field(machine, sign < 0), start, seeds, reach))
+        equations = [self.passages[0].field.linear(self.passages[0].start, self.passages[0].field.force)]
+        for passage, those in zip(self.passages, (range(len(machine.names)), machine.unknowns), strict=False):
+            equations += [passage.field.linear(passage.end, machine.rates[i]) for i in those]
+        by_all, count = arb_mat([row for _, row in equations]), len(equations)
         try:
             inverse = arb_mat([row[:count] for row in by_all.tolist()]).mid().inv().mid()
         except ZeroDivisionError:
             raise Unverified("the equations are singular") from None
-        change = moved([arb(0)] * count, unit(count, len(box)) - inverse * by_all, self.reach)
+        change = moved([arb(0)] * count, arb_mat(count, len(names), 1) - inverse * by_all, reach)
         change = moved(change, inverse, [-value for value, _ in equations])
-        self.moved = [*change, *self.reach[count:]]
-        self.image = {name: c + d for name, c, d in zip(self.names, self.centre, self.moved, strict=True)}
-
-    def row(self, weights: Mapping[Any, Fraction]) -> list[arb]:
-        """A sum of unknowns by their weights."""
-        return [ball(Fraction(weights.get(name, 0))) for name in self.names]
-
-    def legs(self, phase: int) -> list[Leg]:
-        """Half a phase from the launch, in contact with the rates turned; the last leg takes what is left of its time."""
-        machine, found, places = self.machine, list[Leg](), self.machine.states[2 * len(self.machine.names) + 1 :]
-        rows = [
-            self.row(
-                {pair[i]: -w if i and phase else w for w, pair in zip(each, machine.unknowns.values(), strict=True)}
-            )
-            for i, each in product((0, 1), machine.embedded)
-        ]
-        times = [{(phase, i): Fraction(1)} for i in range(len(self.laws[phase]) - 1)]
-        times += [
-            {
-                ("flight_time", "contact_time")[phase]: Fraction(1, 2),
-                **{key: Fraction(-1) for each in times for key in each},
-            }
-        ]
-        centre = moved([arb(0)] * len(rows), arb_mat(rows), self.centre)
-        for law, time in zip(self.laws[phase], times, strict=True):
-            still = [self.row(time), *(self.row({place: Fraction(1)}) for place in places)]
-            start = [*centre, *moved([arb(0)] * len(still), arb_mat(still), self.centre)]
-            leg = Leg(Field(machine, law, bool(phase)), start, arb_mat([*rows, *still]), self.reach)
-            found.append(leg)
-            centre, rows = leg.end[0][: len(rows)], leg.end[2].tolist()[: len(rows)]
-        return found
+        self.moved = [*change, *reach[count:]]
+        self.image = {name: c + d for name, c, d in zip(names, centre, self.moved, strict=True)}
+        self.inside = all(abs(d) < each.rad() for d, each in zip(change, box.values(), strict=False))
 
 
 def check(document: Mapping[str, Any]) -> list[str]:
     """Why a saved proof is not verified, in words; empty where all of its theorem is."""
     try:
-        if document.get("format") != "persistent-orbits proof 2" or document.get("kind") != "orbit":
-            return ["this program verifies proofs of orbits, saved by this version"]
-        if not document.get("proved"):
-            return ["the file itself says that not all is proved"]
-        if "loss_coefficient" in document["enclosures"]:
-            return ["the loss coefficient is not verified by this program"]
-        _check_cells(document)
+        kind = document.get("format"), document.get("kind"), document.get("proved")
+        if kind != ("persistent-orbits proof 2", "orbit", True):
+            return ["this program verifies proofs of orbits, saved by this version, in which all is proved"]
+        _check_parts(document)
     except Unverified as error:
         return [str(error)]
     except (KeyError, TypeError, ValueError, AttributeError, IndexError, ArithmeticError, RecursionError) as error:
         return [f"the file cannot be read as a proof: {type(error).__name__}: {error}"]
     return []
-
-
-Bounds = Mapping[str, tuple[Fraction, Fraction]]
 
 
 def bounds_of(pairs: Mapping[str, Any]) -> Bounds:
@@ -594,101 +509,88 @@ def within(inner: Bounds, outer: Bounds) -> bool:
     return all(outer[name][0] <= low and high <= outer[name][1] for name, (low, high) in inner.items())
 
 
-def _check_cells(document: Mapping[str, Any]) -> None:
-    """See that the theorem holds in each cell between the bounds of parts, and that each parameter is in a part."""
+def _check_parts(document: Mapping[str, Any]) -> None:
+    """See that the theorem holds in each part of the parameters' intervals, and that the parts cover these."""
     whole, said = bounds_of(document["machine"]["parameters"]), bounds_of(document["enclosures"])
     parts = [(bounds_of(part["parameters"]), bounds_of(part["unknowns"]), part) for part in document["parts"]]
+    motion, stated = document["motion"], document["machine"]["separation"] is not None
+    conditions = [*(["separation"] if stated else []), "clearance", "contact_force", "contact_end"] if motion else []
+    if document["conditions"] != dict.fromkeys(conditions, "proved") or (document["family"] is not None) != motion:
+        raise Unverified("not all conditions of a motion are said to be proved, or others are")
     for box, unknowns, _ in parts:
-        same = {name: unknowns[name] for name in ("alpha", "flight_time", "contact_time") if name in unknowns}
-        if box.keys() != whole.keys() or not within(same, said):
-            raise Unverified("a part is one of another machine, or its unknowns are not within those of the whole")
+        same = {name: unknowns[name] for name in ("alpha", *PHASES) if name in unknowns}
+        if said.keys() != {*same, *(ENDS if motion else ())}:
+            raise Unverified(f"other quantities are enclosed than this program verifies: {', '.join(said)}")
+        if box.keys() != whole.keys() or not (within(box, whole) and within(same, said)):
+            raise Unverified("a part has other parameters than the machine, or unknowns outside those of the whole")
     cuts = [sorted({edge for box in (whole, *(box for box, *_ in parts)) for edge in box[name]}) for name in whole]
     for edges in product(*(list(pairwise(each)) or [(each[0], each[0])] for each in cuts)):
-        cell = dict(zip(whole, edges, strict=True))
-        those = [(unknowns, part) for box, unknowns, part in parts if within(cell, box)]
-        if not those and within(cell, whole):
+        if not any(within(dict(zip(whole, edges, strict=True)), box) for box, *_ in parts):
             raise Unverified("the parts do not cover the intervals of the parameters")
-        for unknowns, part in those:
-            _check_halved(document, unknowns, Fraction(part["uniqueness_radius"]), cell, MOST_SPLITS)
+    for box, unknowns, part in parts:
+        _check_halved(document, unknowns, Fraction(part["uniqueness_radius"]), box, MOST_SPLITS)
 
 
 def _check_halved(document: Mapping[str, Any], claims: Bounds, radius: Fraction, cell: Bounds, left: int) -> None:
-    """See that the theorem holds for parameters in a cell, which is halved where that is not shown at once."""
+    """See that the theorem holds for parameters in a box, which is halved where that is not shown at once."""
+    narrow = min((high - low) / (abs(high) + abs(low) + Fraction(1, 10**9)) for low, high in claims.values())
+    if not narrow or radius <= 0:
+        raise Unverified("an enclosure has no width, or the radius of uniqueness is not positive")
+    bits = narrow.denominator.bit_length() - narrow.numerator.bit_length()
     try:
-        _check_motion(document, _solution(document, claims, radius, cell))
+        with ctx.workprec(max(BITS_OF_UNIQUENESS, bits + GUARD_BITS)):
+            solution = _solution(document, claims, radius, cell)
+            if document["motion"]:
+                _check_motion(document, solution)
     except Unverified:
-        widest = max(cell, key=lambda n: (cell[n][1] - cell[n][0]) / (abs(sum(cell[n])) or 1), default=None)
+        widest = max(cell, key=lambda n: (cell[n][1] - cell[n][0]) / (abs(cell[n][0] + cell[n][1]) or 1), default=None)
         if left == 0 or widest is None or cell[widest][0] == cell[widest][1]:
             raise
-        low, high = cell[widest]
-        for ends in ((low, (low + high) / 2), ((low + high) / 2, high)):
-            _check_halved(document, claims, radius, {**cell, widest: ends}, left - 1)
+        middle = (cell[widest][0] + cell[widest][1]) / 2
+        for half in ((cell[widest][0], middle), (middle, cell[widest][1])):
+            _check_halved(document, claims, radius, {**cell, widest: half}, left - 1)
 
 
 def _solution(document: Mapping[str, Any], claims: Bounds, radius: Fraction, cell: Bounds) -> Solution:
     """The solution that is claimed within bounds, shown to exist there and to be the only one within a radius."""
     machine = Machine(document["machine"], cell)
-    phases = ["flight_time", *(["contact_time"] if "contact_time" in claims else [])]
+    phases = [name for name in PHASES if name in claims]
     names = [name for pair in machine.unknowns.values() for name in pair] + phases
     if claims.keys() != {*names} or ((len(machine.names) > 2 or document["motion"]) and len(phases) < 2):
         raise Unverified("the theorem does not enclose the unknowns of its equations")
-    if radius <= 0 or any(claims[name][0] <= 0 for name in ("alpha", *phases)):
-        raise Unverified("the radius of uniqueness, the speed of the launch or a time is not positive")
-    narrow = min((high - low) / (abs(high) + abs(low) + Fraction(1, 10**9)) for low, high in claims.values())
-    if not narrow:
-        raise Unverified("an enclosure has no width")
-    bits = narrow.denominator.bit_length() - narrow.numerator.bit_length()
-    places = {name: arb(0, 1) for name in machine.states[2 * len(machine.names) + 1 :]}
-
-    def boxes(more: Fraction) -> dict[Any, arb]:
-        return {name: ball(claims[name][0] - more).union(ball(claims[name][1] + more)) for name in names}
-
+    if any(claims[name][0] <= 0 for name in ("alpha", *phases)):
+        raise Unverified("the speed of the launch or a time is not positive")
+    stated = {name: ball(claims[name][0]).union(ball(claims[name][1])) for name in names}
+    around = {name: ball(claims[name][0] - radius).union(ball(claims[name][1] + radius)) for name in names}
+    places = {place.value: arb(0, 1) for place in machine.places}
     with ctx.workprec(BITS_OF_UNIQUENESS):
-        laws = [[0] for _ in phases]
-        around = {**boxes(radius), **places}
-        image = Solution(machine, laws, around).image
-        if not all(abs(image[n] - each.mid()) < each.rad() for n, each in around.items() if n not in places):
-            raise Unverified("the solution is not shown to be the only one within the radius of uniqueness")
-    with ctx.workprec(max(BITS_OF_UNIQUENESS, bits + GUARD_BITS)):
-        solution = Solution(machine, laws, {**image, **boxes(Fraction(0))})
-        for _ in range(3):  # the solution is in the image of what is known to hold it
-            if all(box.contains(solution.image[name]) for name, box in solution.box.items()):
-                break
-            solution = Solution(machine, laws, image)
-            image = solution.image
-        for name in names:
-            if not (ball(claims[name][0]) < solution.image[name] < ball(claims[name][1])):
-                raise Unverified(f"{name} is not shown to lie in its enclosure")
+        known = Solution(machine, {**around, **places})
+    if not known.inside:
+        raise Unverified("the solution is not shown to be the only one within the radius of uniqueness")
+    solution = Solution(machine, {**stated, **places})
+    for _ in range(3):  # until a box is known to hold the solution, as the image of one that does
+        if not solution.inside:
+            known = solution = Solution(machine, known.image)
+    if not all(ball(claims[name][0]) < solution.image[name] < ball(claims[name][1]) for name in names):
+        raise Unverified("the solution is not shown to lie in its enclosures")
     return solution
 
 
 def _check_motion(document: Mapping[str, Any], solution: Solution) -> None:
     """See that what is said of the motion holds."""
-    machine, said = solution.machine, bounds_of(document["enclosures"])
-    flight, contact = ([part for leg in legs for part in leg.parts] for legs in (*solution.phases, [])[:2])
-    conditions = {"clearance", "contact_force", "contact_end", *(["separation"] if machine.separation else [])}
-    ends = {"liftoff_extension": solution.phases[0][0].start, "mid_flight_extension": solution.phases[0][-1].end}
-    expected = {*("alpha", "flight_time", "contact_time")} & set(solution.names) | set(
-        ends if document["motion"] else ()
-    )
-    if said.keys() != expected:
-        raise Unverified("other quantities are enclosed than the theorem is about")
-    if document["conditions"] != dict.fromkeys(conditions if document["motion"] else (), "proved"):
-        raise Unverified("not all conditions of a motion are stated to be proved, or others are")
-    if document["family"] != (turns(flight, machine.counts) if document["motion"] else None):
+    machine, passages, said = solution.machine, solution.passages, bounds_of(document["enclosures"])
+    flight, contact = (each.parts for each in passages)
+    if document["family"] != turns(flight, machine.counts):
         raise Unverified("the family is another one")
-    if not document["motion"]:
-        return
     check_positive("that the gap stays open in flight", flight, machine.gap, at_start=3)
     check_positive("that the contact pushes", contact, None, at_start=1)
-    if machine.separation:
-        check_positive("that the separation is positive", flight, machine.separation)
-        check_positive("that the separation is positive in contact", contact, machine.separation)
+    check_positive("that the separation is positive in flight", flight, machine.separation)
+    check_positive("that the separation is positive in contact", contact, machine.separation)
     if len(machine.names) == 2:
         (falling,) = (LESS * machine.rates[i] for i in machine.unknowns)
         check_positive("that the contact first rests in its middle", contact, falling, at_end=1)
-    for name, end in ends.items():
-        value, row = flight[0].field.linear(end, machine.counts)
-        value = dot(row, solution.moved, value)
+    for name, end in zip(ENDS, (passages[0].start, passages[0].end), strict=True):
+        at_centre, row = passages[0].field.linear(end, machine.counts)
+        value = dot(row, solution.moved, at_centre)
         if not (ball(said[name][0]) <= value <= ball(said[name][1])):
             raise Unverified(f"{name} is not shown to lie in its enclosure")
