@@ -3,11 +3,13 @@
 import copy
 import json
 from decimal import Decimal
+from fractions import Fraction
 
 import pytest
+from flint import arb, arb_series
 
 from orbits import find, find_all, prove
-from orbits.check_proof import Unverified, Values, check, constant, parse, slope
+from orbits.check_proof import DEFINED, SLOPES, Unverified, Values, check, number, parse, slope, tree
 from problems import Chain, Hopper, Juggler, hopper_in_si, inerter_hopper
 
 SLOW = pytest.mark.slow
@@ -99,6 +101,10 @@ FALSE = {
     "not proved": ("proved", False),
     "no format": ("format", "persistent-orbits proof 1"),
     "loss": ("enclosures", "loss_coefficient", ["1", "2"]),
+    "pieces": ("machine", "springs", 0, lambda spring: {**spring, "breaks": ["1"], "force": ["r", "r"]}),
+    "a second part": ("parts", lambda parts: [*parts, {**parts[0], "uniqueness_radius": "3"}]),
+    "no motion": ("motion", False),
+    "no pushes": ("conditions", "contact_force", "undecided"),
 }
 
 
@@ -121,18 +127,35 @@ def test_what_cannot_be_read_is_not_verified(inerter):
 @pytest.mark.parametrize(
     ("text", "value"),
     [("-2**2", -4), ("2**-1", "1/2"), ("2**3**2", 512), ("1 - 2 - 3", -4), ("8/2/2", 2), ("-(1 + .5e1)*2", -12),
-     ("1e16 + 3 - 1e16", 3), ("+1 - -1", 2)],
+     ("1e16 + 3 - 1e16", 3), ("+1 - -1", 2), ("lambda*is", 6)],
 )  # fmt: skip
 def test_formulas_have_the_precedence_of_arithmetic(text, value):
-    from fractions import Fraction
-
-    assert constant(parse(text)) == Fraction(value)
+    assert parse(text, {"lambda": number(2), "is": number(3)}, []).value == Fraction(value)
 
 
-@pytest.mark.parametrize("text", ["", "1 2", "r;r", "r.x", "f(r, 2)", "(r", "r)", "[r]", "r**"])
+@pytest.mark.parametrize(
+    "text",
+    ["", "1 2", "r;r", "r.x", "f(r, 2)", "f(r)", "(r", "r)", "[r]", "r**", "1/0", "0x10", "1_0", "1j", "q", "r//r"],
+)
 def test_what_is_no_formula_is_refused(text):
     with pytest.raises(Unverified):
-        Values({}, []).of(slope(("+", parse(text), ("name", "unknown")), "unknown"))
+        parse(text, {"r": tree("name", value="r")}, [])
+
+
+@pytest.mark.parametrize("name", [*SLOPES, *DEFINED])
+def test_functions_and_their_slopes(name):
+    """Values against Arb's own, slopes against differences, and Taylor series against both."""
+    x = tree("name", value="r")
+    of = parse(f"{name}(r)", {"r": x}, [])
+    at = arb(1.375 if name == "acosh" else 0.375)
+    value, by_x = Values({x: at})[of], Values({x: at})[slope(of, "r")]
+    assert value.overlaps(getattr(at, name)())
+    step = arb(2) ** -20
+    difference = (getattr(at + step, name)() - getattr(at - step, name)()) / (2 * step)
+    assert abs(difference - by_x) < 1e-9
+    series = Values({x: arb_series([at, 1], 3)})[of]
+    assert series[0].overlaps(value)
+    assert series[1].overlaps(by_x)
 
 
 def test_the_command(orbits, tmp_path):
@@ -158,4 +181,14 @@ def test_it_needs_nothing_of_what_proves(tmp_path):
     tree = ast.parse(Path(orbits.check_proof.__file__).read_text(encoding="utf-8"))
     imported = {n.module for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)}
     imported |= {alias.name for n in ast.walk(tree) if isinstance(n, ast.Import) for alias in n.names}
-    assert imported <= {"ast", "re", "collections.abc", "fractions", "functools", "itertools", "typing", "flint"}
+    assert imported <= {
+        "ast",
+        "re",
+        "collections.abc",
+        "fractions",
+        "functools",
+        "itertools",
+        "operator",
+        "typing",
+        "flint",
+    }
