@@ -757,6 +757,8 @@ def check(document: Mapping[str, Any]) -> list[str]:
             return ["this program verifies proofs of orbits, saved by this version"]
         if not document.get("proved"):
             return ["the file itself says that not all is proved"]
+        if document.get("attraction_radius") is not None:
+            return ["the attraction of launches above alpha is not verified by this program"]
         if "loss_coefficient" in document["enclosures"]:
             return ["the loss coefficient is not verified by this program"]
         _check_parts(document)
