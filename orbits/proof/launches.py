@@ -157,8 +157,8 @@ class Flight:
     def landing(self, low: arb, high: arb, parts: int = 1) -> Landing:
         """What is enclosed between two times of the window, which count from the landing of the hop."""
         found: list[arb] | None = None
-        times = ((each + self.window) / (2 * self.window) for each in (low, high))
-        for states in _states_between(self.motions[1], *times, parts):
+        low, high = ((each + self.window) / (2 * self.window) for each in (low, high))
+        for states in _states_between(self.motions[1], low, high, parts):
             values = self._program(states)
             found = values if found is None else [a.union(b) for a, b in zip(found, values, strict=True)]
         assert found is not None
