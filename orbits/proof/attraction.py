@@ -2,7 +2,7 @@
 
 Let a launch be faster than a hop's, whose speed is alpha, by d with 0 < d <= d0, and let its landing have no bounce:
 the gap at T, when the hop lands, rises with the speed of the launch. What follows is checked in balls for all of these
-launches at once (`launches`).
+launches at once (`launches`, `landings`). Where the gap falls, there is one bounce, of which `bounces` tells.
 
 The landing. The gap g0 of the hop has a triple zero at T, as its flight is its own mirror image. With -g0''' = J it is
 
@@ -34,6 +34,7 @@ from fractions import Fraction
 
 from flint import arb
 
+from .bounces import Bounces, losses_with_bounce
 from .decimals import enclosure_of
 from .expressions import substitute
 from .landings import losses_at_landing
@@ -47,19 +48,20 @@ from .statement import ExactArc, HalfOrbit
 from .theorem import Enclosure
 
 # The decades of the distances that are tried.
-DECADES = 6
+DECADES_OF_DISTANCES = 6
 # How far the window reaches beyond the landing that the leading order foretells, and the contact beyond its middle.
-WINDOW, BEYOND = 1.5, 1.1
+WINDOW_BEYOND, CONTACT_BEYOND = 1.5, 1.1
 
 
 @dataclass(frozen=True)
 class Attraction:
     """Launches from these places, faster than the hop by at most `within`, come to it; each of them, faster by d, loses
-    a speed c d**(4/3) with c in `losses`; in the machine's units."""
+    a speed c d**(4/3) with c in `losses`; in the machine's units. `bounce` : whether each of them bounces once."""
 
     within: Fraction
     losses: Enclosure
     places: Enclosure
+    bounce: bool
 
 
 @dataclass(frozen=True)
@@ -82,17 +84,18 @@ def attraction_of(hop: Hop) -> Attraction:
         raise Unproved("it is proved for parameters that have one value")
     if mechanics.pieces is not None:
         raise Unproved("a law in pieces has no second derivatives at its breakpoints")
-    if hop.loss.bounce_side == "above":
-        raise Unproved("the landing has a bounce on this side")
+    bounces = Bounces(hop.half) if hop.loss.bounce_side == "above" else None
     equations = LaunchEquations(hop.half, hop.contact)
-    distances, found, reason = _distances(hop.loss.coefficient), None, ""
+    distances, found, reason = _distances(hop.loss.coefficient * (10 if bounces else 1)), None, ""
     low, high = 0, len(distances)  # proved below the first, not from the second on
     while low < high:
         middle = (low + high) // 2
         try:
-            found, low = _within(hop, equations, distances[middle]), middle + 1
+            found, low = _within(hop, equations, bounces, distances[middle]), middle + 1
         except TooLong:
-            raise
+            if found is None:
+                raise
+            break
         except (Unproved, Refuted) as error:
             high, reason = middle, f"within {float(distances[middle]):g} of alpha: {error}"
     if found is None:
@@ -105,23 +108,30 @@ def _distances(coefficient: arb) -> list[Fraction]:
     all of a distance."""
     whole = float(coefficient.mid()) ** -3
     last = math.floor(math.log10(whole))
-    decades = (Fraction(10) ** exponent for exponent in range(last - DECADES + 1, last + 1))
+    decades = (Fraction(10) ** exponent for exponent in range(last - DECADES_OF_DISTANCES + 1, last + 1))
     return [each for decade in decades for digit in (1, 2, 5) if (each := digit * decade) < whole]
 
 
-def _within(hop: Hop, equations: LaunchEquations, within: Fraction) -> Attraction:
+def _within(hop: Hop, equations: LaunchEquations, bounces: Bounces | None, within: Fraction) -> Attraction:
     """The theorem for a distance; raises `Unproved` and `Refuted`."""
     mechanics = hop.half.mechanics
     speed, length = (ball_of_fraction(each) for each in (mechanics.scale.speed, mechanics.scale.length))
     reach = ball_of_fraction(within) / speed
     launches = launches_beyond(hop.half, hop.unknowns["liftoff"], hop.unknowns["alpha"], reach)
-    flight = Flight(equations, launches, hop.half_flight, _rounded(WINDOW, (hop.loss.delay * reach).root(3)))
+    flight = Flight(equations, launches, hop.half_flight, _rounded(WINDOW_BEYOND, (hop.loss.delay * reach).root(3)))
     flight.check_clearance()
-    losses, places = losses_at_landing(launches, flight, reach)
-    (contact,) = launches.follow(equations.contact, _rounded(BEYOND, hop.half_contact))
+    motions = list(flight.motions)
+    if bounces is None:
+        losses, places = losses_at_landing(launches, flight, reach)
+    else:
+        losses, places, between_landings = losses_with_bounce(launches, flight, bounces, reach)
+        motions += between_landings
+    (contact,) = launches.follow(equations.contact, _rounded(CONTACT_BEYOND, hop.half_contact))
     _check_contact(mechanics, contact, places.lower())
-    _check_separation(mechanics, flight.motions, contact)
-    return Attraction(within, enclosure_of(losses / speed.root(3)), enclosure_of(launches.curve * length))
+    _check_apart(mechanics, motions, contact)
+    return Attraction(
+        within, enclosure_of(losses / speed.root(3)), enclosure_of(launches.curve * length), bounces is not None
+    )
 
 
 def _check_contact(mechanics: ExactMechanics, contact: Motion, lowest: arb) -> None:
@@ -137,7 +147,7 @@ def _check_contact(mechanics: ExactMechanics, contact: Motion, lowest: arb) -> N
         raise Unproved("the contacts of the next launches are not proved to pass the landing")
 
 
-def _check_separation(mechanics: ExactMechanics, flights: Sequence[Motion], contact: Motion) -> None:
+def _check_apart(mechanics: ExactMechanics, flights: Sequence[Motion], contact: Motion) -> None:
     """Prove that the separation, where one is stated, stays positive; raises `Unproved` and `Refuted`."""
     if mechanics.separation is None:
         return

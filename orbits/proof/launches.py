@@ -7,7 +7,7 @@ the launch, along that curve and at fixed times, the system x' = f(x), u' = Df(x
 second of which is a window of time about the landing of the hop.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -26,11 +26,11 @@ from .statement import ExactArc, ExactStatement, HalfOrbit, unknown
 from .step import between
 
 # Bits that motions are followed in; sets of launches are wider by far than what these round.
-BITS = 64
+BITS_OF_LAUNCHES = 64
 # Attempts at the places of all launches, and the room about each.
-MOST_WIDENED, ROOM = 12, 1.25
+MOST_WIDENED, ROOM_OF_PLACES = 12, 1.25
 # Parts of each step, on which signs of the states are looked at one by one.
-PARTS = 8
+PARTS_OF_PIECE = 8
 
 
 @dataclass(frozen=True)
@@ -50,17 +50,20 @@ class Launches:
     def follow(self, equations: Equations, *others: arb) -> list[Motion]:
         """The motions of all launches on the arcs of equations, whose unknowns are the place and the speed of a launch
         and others, which are enclosed; raises `Unproved`."""
-        box = [self.place, self.speed, *others]
-        with ctx.workprec(BITS):
-            middles, radii = [each.mid() for each in box], [each.rad() for each in box]
-            passages = evaluated_on(equations, middles, radii).passages
-            equations.check_domains(passages)
-        return [Motion(leg, passage) for leg, passage in zip(equations.legs, passages, strict=True)]
+        return motions_of(equations, [self.place, self.speed, *others])
 
     def power(self) -> arb:
         """An enclosure of the derivative of the energy by the speed, along the curve."""
         _, power, *_ = launch_expressions(self.half, 0)
         return BallProgram([*self.half.launch_unknowns.values()], [power])([self.place, self.speed])[0]
+
+
+def motions_of(equations: Equations, box: Sequence[arb]) -> list[Motion]:
+    """The motions on the arcs of equations for all unknowns in a box; raises `Unproved`."""
+    with ctx.workprec(BITS_OF_LAUNCHES):
+        passages = evaluated_on(equations, [each.mid() for each in box], [each.rad() for each in box]).passages
+        equations.check_domains(passages)
+    return [Motion(leg, passage) for leg, passage in zip(equations.legs, passages, strict=True)]
 
 
 def launches_beyond(half: HalfOrbit, place: arb, speed: arb, reach: arb) -> Launches:
@@ -87,15 +90,19 @@ def launches_beyond(half: HalfOrbit, place: arb, speed: arb, reach: arb) -> Laun
 
 def _roomy(value: arb) -> arb:
     """A wider ball, which also holds the ball's bounds as decimals."""
-    return value.mid() + ROOM * (value - value.mid()) + arb(0, (1 + abs(value)).abs_upper() * 2.0**-BITS)
+    return (
+        value.mid()
+        + ROOM_OF_PLACES * (value - value.mid())
+        + arb(0, (1 + abs(value)).abs_upper() * 2.0**-BITS_OF_LAUNCHES)
+    )
 
 
 class Landing(NamedTuple):
     """Enclosures over some time about the landing of the hop, for all launches.
 
     jerk : the third derivative of the gap, with its sign turned
-    gap_by_speed, gap_rate_by_speed, place_by_speed : derivatives by the speed of the launch, at fixed times, of the
-        gap, of its rate, and of the contact's coordinate
+    gap_by_speed, gap_rate_by_speed, gap_acceleration_by_speed, place_by_speed : derivatives by the speed of the launch,
+        at fixed times, of the gap, its rate and its acceleration, and of the contact's coordinate
     place, rate, rate_after : of the contact's coordinate; the last as a plastic landing leaves it
     mass : what the gap's rate squared is multiplied by in twice the energy that a landing takes
     """
@@ -103,6 +110,7 @@ class Landing(NamedTuple):
     jerk: arb
     gap_by_speed: arb
     gap_rate_by_speed: arb
+    gap_acceleration_by_speed: arb
     place_by_speed: arb
     place: arb
     rate: arb
@@ -158,25 +166,27 @@ class Flight:
         """What is enclosed between two times of the window, which count from the landing of the hop."""
         found: list[arb] | None = None
         low, high = ((each + self.window) / (2 * self.window) for each in (low, high))
-        for states in _states_between(self.motions[1], low, high, parts):
+        for states in states_between(self.motions[1], low, high, parts):
             values = self._program(states)
             found = values if found is None else [a.union(b) for a, b in zip(found, values, strict=True)]
         assert found is not None
         return Landing(*found)
 
-    def check_clearance(self) -> None:
-        """Prove that the foot does not touch until the hop would land; raises `Unproved` and `Refuted`.
+    def states(self, low: arb, high: arb) -> list[arb]:
+        """Enclosures of the states of the flight between two times of the window, likewise."""
+        low, high = ((each + self.window) / (2 * self.window) for each in (low, high))
+        each, *others = states_between(self.motions[1], low, high, 1)
+        for other in others:
+            each = [a.union(b) for a, b in zip(each, other, strict=True)]
+        return each[: 2 * self.half.mechanics.size]
 
-        In the window the gap exceeds that of the hop, which has a triple zero at its landing.
-        """
+    def check_clearance(self) -> None:
+        """Prove that the foot does not touch before the window; raises `Unproved` and `Refuted`."""
         first = self.motions[0]
         gap = first.chain([self.half.gap], 3)
         if not first.first(gap, 2).contains(0):
             raise Unproved("the gap's acceleration does not vanish with the contact force")
         first.check_positive(gap, zero_at_start=3)
-        near = self.landing(-self.window, arb(0), PARTS)
-        if not (near.jerk > 0 and near.gap_by_speed > 0):
-            raise Unproved("before the landing of the hop the gap is not proved to exceed the hop's")
 
 
 def _landing_functions(half: HalfOrbit, arc: ExactArc) -> list[ExactExpression]:
@@ -186,15 +196,15 @@ def _landing_functions(half: HalfOrbit, arc: ExactArc) -> list[ExactExpression]:
     gaps = [half.gap]
     for _ in range(3):
         gaps.append(along(gaps[-1], own, arc.rates[0][: len(own)]))
-    gap_by_speed, rate_by_speed = (along(each, own, arc.states[len(own) :]) for each in gaps[:2])
+    gaps_by_speed = [along(each, own, arc.states[len(own) :]) for each in gaps[:3]]
     weights, kept = [expression(each) for each in m.gap], m.kept[0]
     mobility = solved(m.inertia, weights)
     mass = 1 / inner_product(weights, mobility)
     after = m.v[kept] - mobility[kept] * mass * gaps[1]
-    return [-gaps[3], gap_by_speed, rate_by_speed, by_speed[m.y[kept]], m.y[kept], m.v[kept], after, mass]
+    return [-gaps[3], *gaps_by_speed, by_speed[m.y[kept]], m.y[kept], m.v[kept], after, mass]
 
 
-def _states_between(motion: Motion, low: arb, high: arb, parts: int) -> Iterator[list[arb]]:
+def states_between(motion: Motion, low: arb, high: arb, parts: int) -> Iterator[list[arb]]:
     """Enclosures of the states of a motion, on so many parts of each of its steps, which together hold the times
     between two; the motion lasts from 0 to 1."""
     for piece in motion.passage.pieces:
@@ -208,7 +218,7 @@ def _states_between(motion: Motion, low: arb, high: arb, parts: int) -> Iterator
 
 def comes_below(contact: Motion, place: arb) -> bool:
     """Whether all motions of a contact are proved to come below a place while they fall."""
-    for states in _states_between(contact, arb(0), arb(1), PARTS):
+    for states in states_between(contact, arb(0), arb(1), PARTS_OF_PIECE):
         if not states[1] < 0:
             return False
         if states[0] < place:

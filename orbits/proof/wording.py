@@ -49,7 +49,8 @@ def attraction_sentence(radius: str, attraction: Attraction) -> str:
     """What is proved of the launches above it, within a decimal."""
     losses, places = attraction.losses, attraction.places
     launch = f"A launch, being a state of the closed gap without contact force with liftoff in {places},"
-    hop = f"whose speed exceeds alpha by d, 0 < d <= {radius}, lands once and stays in contact until the next launch"
+    lands = "lands, bounces once, lands again" if attraction.bounce else "lands once"
+    hop = f"whose speed exceeds alpha by d, 0 < d <= {radius}, {lands} and stays in contact until the next launch"
     law = f"which exceeds alpha by d - c d**(4/3) > 0 with c in {losses}"
     rate = f"after n hops by at most (d**(-1/3) + n*{losses.low}/3)**(-3)"
     return f"{launch} {hop}, {law}, and {rate}: the hop attracts all launches above it within {radius}."
