@@ -30,6 +30,7 @@ x = d**(-1/3), x rises to x (1 - c/x)**(-1/3) > x + c1/3. So d <= (d**(-1/3) + n
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from decimal import Decimal
 from fractions import Fraction
 
 from flint import arb
@@ -129,9 +130,10 @@ def _within(hop: Hop, equations: LaunchEquations, bounces: Bounces | None, withi
     (contact,) = launches.follow(equations.contact, _rounded(CONTACT_BEYOND, hop.half_contact))
     _check_contact(mechanics, contact, places.lower())
     _check_apart(mechanics, motions, contact)
-    return Attraction(
-        within, enclosure_of(losses / speed.root(3)), enclosure_of(launches.curve * length), bounces is not None
-    )
+    stated = enclosure_of(losses / speed.root(3))
+    if not Decimal(stated.low) > 0:
+        raise Unproved("the losses are not bounded from below by a decimal above 0")
+    return Attraction(within, stated, enclosure_of(launches.curve * length), bounces is not None)
 
 
 def _check_contact(mechanics: ExactMechanics, contact: Motion, lowest: arb) -> None:

@@ -48,7 +48,7 @@ def loss_sentence(enclosure: Enclosure, bounce_side: str) -> str:
 def attraction_sentence(radius: str, attraction: Attraction) -> str:
     """What is proved of the launches above it, within a decimal."""
     losses, places = attraction.losses, attraction.places
-    launch = f"A launch, being a state of the closed gap without contact force with liftoff in {places},"
+    launch = f"A launch, being a state in contact whose contact force is 0, with liftoff in {places},"
     lands = "lands, bounces once, lands again" if attraction.bounce else "lands once"
     hop = f"whose speed exceeds alpha by d, 0 < d <= {radius}, {lands} and stays in contact until the next launch"
     law = f"which exceeds alpha by d - c d**(4/3) > 0 with c in {losses}"
