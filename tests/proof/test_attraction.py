@@ -104,13 +104,13 @@ class TestLinear:
     def test_the_bounds_come_to_the_coefficient(self, orbit, monkeypatch):
         """They are apart like the time of the landings, the cube root of the distance."""
         widths = list[float]()
-        for distance in ("1e-4", "1e-7", "1e-10"):
+        for distance in ("1e-4", "1e-8"):
             within(monkeypatch, distance)
             proof = prove(orbit, attraction=True)
             losses = proof.enclosures["attraction_loss"]
             assert "3.61694979460214605" in losses
             widths.append(losses.width)
-        assert np.diff(np.log10(widths)) == pytest.approx([-1, -1], abs=0.15)
+        assert np.log10(widths[0] / widths[1]) == pytest.approx(4 / 3, abs=0.1)
 
 
 @pytest.mark.parametrize(
