@@ -488,6 +488,8 @@ def check(document: Mapping[str, Any]) -> list[str]:
         kind = document.get("format"), document.get("kind"), document.get("proved")
         if kind != ("persistent-orbits proof 2", "orbit", True):
             return ["this program verifies proofs of orbits, saved by this version, in which all is proved"]
+        if document.get("attraction_radius") is not None:
+            return ["the attraction of launches above alpha is not verified by this program"]
         _check_parts(document)
     except Unverified as error:
         return [str(error)]

@@ -101,12 +101,13 @@ def find_command(
 )
 @click.option("--digits", type=click.IntRange(1, 300), metavar="N", help="Digits to enclose; default: about 18.")
 @click.option("--loss", is_flag=True, help="Enclose the loss coefficient too.")
+@click.option("--attraction", is_flag=True, help="Prove that launches above alpha come to it, and from how far.")
 @options.limit_option
 @options.json_option
 @options.file_option("--save", "document", "Save the proof (.json).")
 def prove_command(
-    family: int, intervals: tuple[str, ...], digits: int | None, loss: bool, limit: float, as_json: bool,
-    save: str | None, **stated: Any,
+    family: int, intervals: tuple[str, ...], digits: int | None, loss: bool, attraction: bool, limit: float,
+    as_json: bool, save: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Prove that a lossless orbit exists, is alone nearby and is a motion, as a theorem of interval arithmetic.
 
@@ -121,7 +122,7 @@ def prove_command(
     stated = options.with_middles(stated, intervals)
     with options.progress() as report:
         orbit = find(options.machine_of(**stated), family, progress=report, limit=limit)
-    proof = prove(orbit, digits, parameters=exact, loss=loss, limit=limit)
+    proof = prove(orbit, digits, parameters=exact, loss=loss, attraction=attraction, limit=limit)
     options.write(proof, as_json, save=save)
     if not proof.proved:
         raise click.exceptions.Exit(1)

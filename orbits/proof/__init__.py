@@ -61,6 +61,9 @@ The last of them hold mid-flight, where the rate is 0, and no other zero. The ze
 The loss coefficient (`loss`) is enclosed from the enclosures of its parts: the jerk of the gap, its derivative by alpha
 at landing through the monodromy of the half flight, and the energies.
 
+Attraction (`attraction`): within a distance that is found, launches above a lossless hop come to it, as is proved from
+enclosures of their flights and contacts (`launches`) and of what their landings take (`landings`, `bounces`).
+
 What is trusted: Arb and python-flint; CPython; Python's own parser of arithmetic; and this package, which a second
 program may check (`orbits.check_proof`, of proofs of orbits). Tables, abs and sign are refused, and so are machines
 that state no mechanics, as models by hand.

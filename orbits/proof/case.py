@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import isfinite
 from typing import Any
 
@@ -10,8 +10,9 @@ from flint import arb, ctx
 
 from ..errors import InputError
 from ..model.machine import Machine, machine_in_words
+from .attraction import Attraction, Hop, attraction_of
 from .claim import CONTACT_DURATION, FLIGHT_DURATION, Claim
-from .decimals import bounds_of_fractions, enclosure_of, lower_decimal, upper_decimal
+from .decimals import bounds_of_fractions, decimal_text, enclosure_of, lower_decimal, upper_decimal
 from .equations import Equations, IntervalParameters
 from .expressions import ExactExpression, substitute
 from .loss import Loss, enclosed_loss
@@ -23,7 +24,7 @@ from .root import FIRST_BITS, ProvedRoot, evaluated_on, prove_root
 from .stated import StatedMachine
 from .statement import ExactStatement, HalfOrbit
 from .theorem import Enclosure, Part, Proof
-from .wording import loss_sentence, motion_sentence, root_sentence
+from .wording import attraction_sentence, loss_sentence, motion_sentence, root_sentence
 
 BITS_PER_DIGIT = 3.33
 # Bits that are asked for where no number of digits is.
@@ -104,12 +105,14 @@ class Verdicts:
     conditions: Mapping[str, str] = field(default_factory=dict)
     enclosures: Mapping[str, Enclosure] = field(default_factory=dict)
     loss: Loss | None = None
+    attraction: Attraction | None = None
     reasons: tuple[str, ...] = ()
 
 
 def whole_proof(
-    claim: Claim, stated: StatedMachine, digits: int | None, motion: bool, loss: bool, about_claim: bool = True
-) -> Proof:
+    claim: Claim, stated: StatedMachine, digits: int | None, motion: bool, loss: bool, attraction: bool = False,
+    about_claim: bool = True,
+) -> Proof:  # fmt: skip
     """The proof for all values of the parameters at once; whether with what the orbit says of its numbers, which are
     not those of each part of an interval."""
     began, found, verdicts = time.perf_counter(), None, Verdicts()
@@ -121,7 +124,9 @@ def whole_proof(
         except Unproved as error:
             verdicts = Verdicts(conditions=undecided, reasons=(f"existence: {error}",))
         if found is not None:
-            verdicts = _verdicts(found, claim, names if motion else [], loss, digits, about_claim)
+            verdicts = _verdicts(found, claim, names if motion else [], loss or attraction, digits, about_claim)
+            if attraction:
+                verdicts = _with_attraction(found, claim, verdicts)
     parameters = {name: bounds_of_fractions(bounds) for name, bounds in stated.parameters.items()}
     words = machine_in_words(claim.machine)
     if found is None:
@@ -142,9 +147,13 @@ def whole_proof(
         root_sentence(found.unknowns, radius, bool(stated.wide)),
         motion_sentence(verdicts.family, verdicts.conditions, verdicts.enclosures),
     ]
-    # Only a motion attracts.
+    # Only beside a motion there are hops.
     if verdicts.loss and motion and not reasons:
         sentences.append(loss_sentence(enclosures["loss_coefficient"], verdicts.loss.bounce_side))
+    within = None
+    if verdicts.attraction and not reasons:
+        within = decimal_text(verdicts.attraction.within)
+        sentences.append(attraction_sentence(within, verdicts.attraction))
     return Proof(
         proved=not reasons,
         statement=" ".join(filter(None, sentences)),
@@ -158,6 +167,7 @@ def whole_proof(
         parts=(Part(parameters, found.unknowns, radius),),
         conditions=verdicts.conditions,
         bounce_side=verdicts.loss.bounce_side if verdicts.loss else None,
+        attraction_radius=within,
         reasons=reasons,
         digits=digits,
         seconds=time.perf_counter() - began,
@@ -225,7 +235,27 @@ def _verdicts(
             enclosures["loss_coefficient"] = enclosure_of(lost.coefficient)
         except Unproved as error:
             reasons.append(f"the loss coefficient: {error}")
-    return Verdicts(family, conditions, enclosures, lost, tuple(reasons))
+    return Verdicts(family, conditions, enclosures, lost, reasons=tuple(reasons))
+
+
+def _with_attraction(found: ProvedExistence, claim: Claim, verdicts: Verdicts) -> Verdicts:
+    """The verdicts with that of the attraction of launches above alpha."""
+    try:
+        if claim.machine.restitution:
+            raise Unproved(f"impacts are not plastic, with restitution = {claim.machine.restitution!r}")
+        if verdicts.loss is None or {*verdicts.conditions.values()} != {PROVED}:
+            raise Unproved("it needs the conditions of a motion and the loss coefficient, which are not all proved")
+        half, half_contact = found.half, found.ball(found.statement.unknowns[CONTACT_DURATION])
+        launch = {name: found.ball(each) for name, each in half.launch_unknowns.items()}
+        contact = found.statement.arcs[-1]
+        attraction = attraction_of(
+            Hop(half, launch, found.ball(half.half_flight), half_contact, contact, verdicts.loss)
+        )
+    except Unproved as error:
+        return replace(verdicts, reasons=(*verdicts.reasons, f"attraction: {error}"))
+    return replace(
+        verdicts, attraction=attraction, enclosures={**verdicts.enclosures, "attraction_loss": attraction.losses}
+    )
 
 
 def _wrong_numbers(found: ProvedExistence, claim: Claim) -> list[str]:

@@ -19,22 +19,25 @@ HALVINGS_OF_INTERVALS = 4
 
 
 def proof_of(
-    claim: Claim, digits: int | None, parameters: Mapping[str, Decimals], motion: bool, loss: bool, limit: float
-) -> Proof:
+    claim: Claim, digits: int | None, parameters: Mapping[str, Decimals], motion: bool, loss: bool, limit: float,
+    attraction: bool = False,
+) -> Proof:  # fmt: skip
     """The proof of what is said of an orbit, see `prove`."""
     check_mirrored(claim.machine.model)
     with time_limit(limit):
-        return _proof_of(claim, digits, parameters, motion, loss)
+        return _proof_of(claim, digits, parameters, motion, loss, attraction)
 
 
-def _proof_of(claim: Claim, digits: int | None, parameters: Mapping[str, Decimals], motion: bool, loss: bool) -> Proof:
+def _proof_of(
+    claim: Claim, digits: int | None, parameters: Mapping[str, Decimals], motion: bool, loss: bool, attraction: bool
+) -> Proof:
     began = time.perf_counter()
     try:
         stated = stated_machine(claim.machine, parameters)
     except Unproved as error:
         return not_stated(claim.machine, error, dict.fromkeys(CONDITIONS if motion else (), UNDECIDED))
-    whole = whole_proof(claim, stated, digits, motion, loss)
-    if whole.proved or not stated.wide or REFUTED in whole.conditions.values() or claim.contradictions:
+    whole = whole_proof(claim, stated, digits, motion, loss, attraction)
+    if whole.proved or not stated.wide or attraction or REFUTED in whole.conditions.values() or claim.contradictions:
         return whole
     own = stated_machine(claim.machine, {}).parameters
     if not _holds(stated, own):

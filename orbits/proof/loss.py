@@ -23,10 +23,15 @@ from .statement import HalfOrbit
 
 @dataclass(frozen=True)
 class Loss:
-    """An enclosure of C, and the side on which hops land with a bounce, "above" or "below"."""
+    """An enclosure of C, and the side on which hops land with a bounce, "above" or "below".
+
+    delay : (delay |d|)**(1/3) is how much later, or earlier, hops beside it land, to leading order, in the units of the
+        equations
+    """
 
     coefficient: arb
     bounce_side: str
+    delay: arb
 
 
 def enclosed_loss(half: HalfOrbit, flight: Motion, unknowns: Mapping[str, arb], bits: int) -> Loss:
@@ -35,7 +40,7 @@ def enclosed_loss(half: HalfOrbit, flight: Motion, unknowns: Mapping[str, arb], 
     m, leg, law = half.mechanics, flight.leg, flight.passage.pieces[0].laws[0]
     if m.size != 2:
         raise Unproved("a launch is more than a speed: no map of launch speeds tells what is lost")
-    mass, power, *by_alpha = _expressions(half, law)
+    mass, power, *by_alpha = launch_expressions(half, law)
     intervals = leg.state[len(leg.moving) + 1 :]
     program = BallProgram([*half.launch_unknowns.values(), *intervals], [mass, power, *by_alpha])
     wide = flight.passage.start[len(leg.moving) + 1 :]
@@ -53,13 +58,14 @@ def enclosed_loss(half: HalfOrbit, flight: Motion, unknowns: Mapping[str, arb], 
     jerk = third.programs[law][3](start)[0] / start[len(leg.moving)] ** 3
     if not (jerk > 0 and (change > 0 or change < 0) and mass_ball > 0 and power_ball > 0):
         raise Unproved("the signs of the jerk at landing and of the gap's change with alpha are not decided")
-    loss = mass_ball * jerk**2 / 8 * (6 * abs(change) / jerk) ** (arb(4) / 3) / power_ball
+    delay = 6 * abs(change) / jerk
+    loss = mass_ball * jerk**2 / 8 * delay ** (arb(4) / 3) / power_ball
     # C takes a speed to the power 4/3 to a speed.
     unit = ball_of_fraction(m.scale.speed) ** (arb(-1) / 3)
-    return Loss(loss * unit, "below" if change > 0 else "above")
+    return Loss(loss * unit, "below" if change > 0 else "above", delay)
 
 
-def _expressions(half: HalfOrbit, law: int) -> list[ExactExpression]:
+def launch_expressions(half: HalfOrbit, law: int) -> list[ExactExpression]:
     """What the gap's speed squared is multiplied by in twice the energy that a landing loses, the derivative of the
     energy of a launch by alpha, and those (2 n,) of the launch itself, as functions of the launch."""
     m, own = half.mechanics, half.launch_unknowns

@@ -33,6 +33,7 @@ def prove(
     parameters: Exact = None,
     motion: bool = True,
     loss: bool = False,
+    attraction: bool = False,
     limit: float = LIMIT,
 ) -> Proof:
     """Prove what an orbit says, by interval arithmetic: that it exists and is alone nearby, that alpha lies within
@@ -45,6 +46,8 @@ def prove(
         intervals is true for each value in them.
     motion : whether to prove the conditions of a motion too
     loss : whether to enclose the loss coefficient too
+    attraction : whether to prove too that each launch above alpha comes to it by hopping, within a distance that is
+        found; it encloses the loss coefficient, and what those launches lose
     limit : how many seconds it may take; what is not proved by then is not
 
     What is proved, with which lemmas, and what is trusted, is said in `orbits.proof`. Where something is not proved,
@@ -64,7 +67,7 @@ def prove(
     from .case import checked_digits
     from .intervals import proof_of
 
-    return proof_of(claim, checked_digits(digits), dict(parameters or {}), motion, loss, limit)
+    return proof_of(claim, checked_digits(digits), dict(parameters or {}), motion, loss, limit, attraction)
 
 
 def prove_claims(

@@ -76,6 +76,8 @@ class Proof:
     parts : the boxes of parameters that were proved one by one, usually one
     conditions : of a motion, by name: "proved", "refuted" or "undecided"
     bounce_side : "above" or "below", the side of alpha on which hops land with a bounce; None where that is not proved
+    attraction_radius : each launch that is faster than alpha by at most this decimal comes to alpha by hopping; None
+        where that is not proved
     reasons : what is not proved, and why, in words
     digits : that were asked for
     seconds : that it took
@@ -94,6 +96,7 @@ class Proof:
     parts: tuple[Part, ...] = ()
     conditions: Mapping[str, str] = field(default_factory=dict)
     bounce_side: str | None = None
+    attraction_radius: str | None = None
     reasons: tuple[str, ...] = ()
     digits: int | None = None
     seconds: float = 0.0
@@ -132,6 +135,7 @@ class Proof:
             "family": self.family,
             "conditions": dict(self.conditions),
             "bounce_side": self.bounce_side,
+            "attraction_radius": self.attraction_radius,
             "reasons": list(self.reasons),
             "digits": self.digits,
             "seconds": self.seconds,
@@ -150,6 +154,8 @@ class Proof:
     def rows(self) -> list[tuple[str, str]]:
         """The proof as rows of a table, (name, text): what is enclosed, and the conditions with their verdicts."""
         rows = [(name.replace("_", " "), str(each)) for name, each in self.enclosures.items()]
+        if self.attraction_radius is not None:
+            rows.append(("attraction radius", self.attraction_radius))
         return rows + [(name.replace("_", " "), verdict) for name, verdict in self.conditions.items()]
 
     def __str__(self) -> str:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+from .attraction import Attraction
 from .theorem import Enclosure
 
 # What each condition of a motion says, where it is proved.
@@ -46,4 +47,15 @@ def loss_sentence(enclosure: Enclosure, bounce_side: str) -> str:
     """What is proved of the hops beside it."""
     law = f"loses C |d|**(4/3) of it in one hop, to leading order, with C in {enclosure}"
     side = f"{law}, and ten times as much on the side {bounce_side} it, where the landing has a bounce"
-    return f"A launch whose speed is off alpha by d {side}: the hop attracts from above, and from above alone."
+    return f"A launch whose speed is off alpha by d {side}."
+
+
+def attraction_sentence(radius: str, attraction: Attraction) -> str:
+    """What is proved of the launches above it, within a decimal."""
+    losses, places = attraction.losses, attraction.places
+    launch = f"A launch, being a state in contact whose contact force is 0, with liftoff in {places},"
+    lands = "lands, bounces once, lands again" if attraction.bounce else "lands once"
+    hop = f"whose speed exceeds alpha by d, 0 < d <= {radius}, {lands} and stays in contact until the next launch"
+    law = f"which exceeds alpha by d - c d**(4/3) > 0 with c in {losses}"
+    rate = f"after n hops by at most (d**(-1/3) + n*{losses.low}/3)**(-3)"
+    return f"{launch} {hop}, {law}, and {rate}: the hop attracts all launches above it within {radius}."
