@@ -16,7 +16,7 @@ import numpy as np
 from flint import arb, arb_mat, ctx
 
 from .claim import CONTACT_DURATION, FLIGHT_DURATION
-from .enclosure import unit_matrix
+from .enclosure import COARSE, Fineness, unit_matrix
 from .equations import Equations, Evaluated, columns_of
 from .programs import UNDEFINED
 from .refusal import TooLong, Unproved
@@ -97,10 +97,12 @@ def prove_root(equations: Equations, guess: Sequence[float], bits: int) -> Prove
     return root
 
 
-def evaluated_on(equations: Equations, centre: Sequence[arb], radii: Sequence[arb], wide: bool = True) -> Evaluated:
+def evaluated_on(
+    equations: Equations, centre: Sequence[arb], radii: Sequence[arb], wide: bool = True, fineness: Fineness = COARSE
+) -> Evaluated:
     """The equations on a box; a division by a ball that holds 0 leaves them without values."""
     try:
-        return equations.evaluate(centre, radii, ctx.prec, wide)
+        return equations.evaluate(centre, radii, ctx.prec, wide, fineness)
     except (*UNDEFINED, np.linalg.LinAlgError):
         raise Unproved("the motion comes to where a law has no value") from None
 
