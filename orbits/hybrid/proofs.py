@@ -3,6 +3,9 @@
 The theorems are in `orbits.proof.return_map`. Here the numbers that the proofs start from are computed in floats.
 """
 
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
 from ..errors import InputError, NoOrbit, finite_number
 from ..model.machine import Machine, check_machine
 from ..proof.prove import Decimal, Exact, need_flint
@@ -13,6 +16,9 @@ from .diagram import Bifurcation
 from .multiplier import multiplier
 from .return_map import FixedPoint, ReturnMap
 from .simulation import simulate
+
+if TYPE_CHECKING:
+    from ..proof.return_map import HopGuess
 
 # Newton's steps toward a fixed point from a guess of it, until one is this small relative to the launch speed.
 MOST_STEPS_TO_FIXED_POINT, STILL = 20, 1e-13
@@ -39,8 +45,8 @@ def prove_fixed_point(
     >>> from problems import Hopper
     >>> point = ReturnMap(Hopper(), inject=0.03).fixed_points(4.5, 5)[0]
     >>> proof = prove_fixed_point(Hopper(), point, "0.03")
-    >>> proof.proved, -0.5977 in proof.enclosures["multiplier"], "4.51882885947809" in proof.alpha
-    (True, False, False)
+    >>> proof.proved, proof.enclosures["multiplier"].high[:10], "4.518828859478097796831733" in proof.alpha
+    (True, '-0.5976197', True)
     """
     _check_plastic(machine)
     from ..proof.case import checked_digits
@@ -50,7 +56,7 @@ def prove_fixed_point(
     digits, given = checked_digits(digits), dict(parameters or {})
     low, high = exact_bounds("inject", inject)
     if not low > 0:
-        raise InputError(f"inject = {inject!r}: with none all fixed points are lossless orbits: prove(orbit)")
+        raise InputError(f"inject = {inject!r}; it is above 0: without it fixed points are lossless: prove(orbit)")
     said = None
     if isinstance(point, FixedPoint):
         if point.kind == "lossless":
@@ -101,11 +107,13 @@ def _check_plastic(machine: Machine) -> None:
     check_machine(machine, "restitution")
     if machine.restitution != 0:
         raise InputError(f"restitution = {machine.restitution:g}: a theorem is about landings that are plastic")
+    if not machine.model.conservative:
+        raise InputError(f"this {machine.model.name} loses energy by friction: nothing can be proved of its map")
     if not machine.model.one_speed:
         raise InputError(f"a launch of a {machine.model.name} is more than a speed: it has no map of speeds")
 
 
-def _guessed_hop(machine: Machine, alpha: float, inject: float):
+def _guessed_hop(machine: Machine, alpha: float, inject: float) -> "HopGuess":
     """The hop of the fixed point near a launch speed, in floats; raises `NoOrbit` where none is found."""
     from ..proof.return_map import HopGuess
 
@@ -120,6 +128,6 @@ def _guessed_hop(machine: Machine, alpha: float, inject: float):
             break
     run = simulate(machine, alpha, hops=1, inject=inject)
     times = [0.0, *(event.time for event in run.events)]
-    lasting = [after - before for before, after in zip(times, times[1:], strict=False)]
+    lasting = [after - before for before, after in pairwise(times)]
     launch = machine.model.launch_at(run(0.0))
     return HopGuess(launch["liftoff"], alpha, tuple(lasting[:-1]), lasting[-1], inject)

@@ -247,8 +247,12 @@ def _derivative_of(of: ExactExpression, by: ExactExpression) -> ExactExpression:
 
 
 def jacobian(outputs: Sequence[ExactExpression], inputs: Sequence[ExactExpression]) -> list[list[ExactExpression]]:
-    """The derivatives (outputs, inputs)."""
-    return [[derivative_by(output, each) for each in inputs] for output in outputs]
+    """The derivatives (outputs, inputs) by symbols."""
+    rows = list[list[ExactExpression]]()
+    for output in outputs:
+        held = {*in_order([output])}  # most outputs hold few of the symbols of a large system
+        rows.append([derivative_by(output, each) if each in held else ZERO for each in inputs])
+    return rows
 
 
 def along(of: ExactExpression, places: Sequence[ExactExpression], rates: Sequence[ExactExpression]) -> ExactExpression:

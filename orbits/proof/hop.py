@@ -16,8 +16,8 @@ hop, and with it w. So the map alpha -> w + inject is as smooth there as the flo
 
     dw/dalpha - dw/dz F_z**-1 F_alpha.
 
-For a jet of hops, z' and z'' are the derivatives of z by alpha, which are further unknowns, of the derivatives of F = 0.
-The derivative of the last equation is w' - 1, which is -2 where the multiplier w' is -1.
+A jet of hops has the derivatives z', z'' by alpha as further unknowns, of the derivatives of F = 0. The derivative of
+the last equation is w' - 1, which is -2 where the multiplier w' is -1.
 """
 
 from collections.abc import Mapping, Sequence
@@ -68,7 +68,7 @@ def hop_statement(mechanics: ExactMechanics, bounces: int, inject: ExactExpressi
     flights = tuple(f"flight_time_{i + 1}" for i in range(bounces + 1)) if bounces else ("flight_time",)
     contact, times = "contact_time", [unknown(name) for name in flights]
     (free,), held = half.flight().arcs, half.statement(with_contact=True).arcs[-1]
-    still = [[] for _ in free.guards]
+    still = list[Column]([] for _ in free.guards)
     arcs = [replace(free, duration=times[0], guards=[[each] for each in half.lifted], conditions=[half.gap])]
     before = symbols("before", len(free.states))
     landed = _landed(mechanics, before)

@@ -1,13 +1,13 @@
 """A proved zero of the equations of a hop that comes back, its derivatives, and the conditions of its motion."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from flint import arb, ctx
 
 from .case import bits_of_digits, verdict_of
 from .decimals import enclosure_of, lower_decimal
-from .enclosure import FINE
+from .enclosure import COARSE, FINE
 from .equations import Equations
 from .expressions import ExactExpression, depends_on, substitute
 from .hop import HopStatement, Jet, next_jet, statement_of_jets
@@ -57,12 +57,14 @@ class ProvedHop:
             return Part(parameters, enclosed, lower_decimal(self.root.unique_within(units)))
 
     def jet(self, order: int, values: Mapping[str, arb]) -> Jet:
-        """The derivatives after this order by alpha, from enclosures of the jet up to it by name."""
+        """The derivatives after this order by alpha, from enclosures of the jet up to it by name. Of the third ones no
+        more than a sign is wanted."""
         jets = statement_of_jets(self.base.statement, order)
         equations = Equations(ExactStatement({**jets.unknowns, **self.further}, jets.arcs), self.equations.intervals)
         box = [values[name] for name in equations.unknowns]
         centre, radii = [value.mid() for value in box], [value.rad() for value in box]
-        return next_jet(self.base.statement, order, evaluated_on(equations, centre, radii, fineness=FINE).slopes, values)
+        evaluated = evaluated_on(equations, centre, radii, fineness=FINE if order < 2 else COARSE)
+        return next_jet(self.base.statement, order, evaluated.slopes, values)
 
 
 def proved_hop(

@@ -11,28 +11,29 @@ Theorem 1. Let the equations of a hop with k bounces have a zero at which, along
     4. alpha and alpha - inject are positive.
 
 Then alpha is a fixed point of the map, its hop has k + 1 impacts, and the map is analytic near alpha (for a law in
-pieces: continuously differentiable). Its derivative m is that of `hop`. The fixed point is asymptotically stable for
-|m| < 1, and unstable for |m| > 1.
-Proof. At the launch the gap and its first two derivatives are 0 (Lemma 5 of `orbits.proof`), and the third is positive
-where 1 is proved. So each landing is the first zero of the gap after the flight begins, by 1; the machine leaves at once
-by 2, or stays by 3, and lifts off when the force first vanishes, at the place of the launch, moving as a launch does
-by 4. So the hop is that of the map, and the last equation says that it comes back. All of these conditions are strict
-and hold on compact times, apart from the beginning of the flights, where the first derivative of the gap that does not
-vanish is positive up to some time. They hold for all launches near alpha; the events are simple zeros, whose times are
-analytic functions of alpha by the implicit function theorem. A law in pieces is crossed transversally: the flow is
-continuously differentiable. The last sentence is that of differentiable maps of the line.
+pieces: continuously differentiable). Its derivative m there is that of `hop`. The fixed point is asymptotically stable
+for |m| < 1, and unstable for |m| > 1.
+
+Proof. At the launch the gap and its first two derivatives are 0 (Lemma 5 of `orbits.proof`), and the third is positive,
+as 1 is proved there by its sign. So each landing is the first zero of the gap in its flight. The machine leaves at once
+by 2, or stays by 3; it lifts off when the force first vanishes, by the equations at the place of the launch, and by 4
+with a speed that opens the gap as at the launch. So the hop is that of the map, and the last equation says that it
+comes back. All of these conditions are strict on the closed times of the hop, but for the beginnings of the flights,
+where the first derivative of the gap that does not vanish is positive up to some time. So they hold for all launches
+near alpha, whose events are simple zeros: their times are analytic functions of alpha by the implicit function theorem.
+Breakpoints of a law are crossed transversally. What is said of stability is true of any differentiable map of the line.
 
 Theorem 2. Let the equations and their first derivatives by alpha have a zero with the multiplier -1, for an injection
-that is an unknown, and let Krawczyk's operator prove it. Let P be the map without injection. Then P'' is not 0 there:
-the equations reduce to P + inject - alpha = 0 and P' + 1 = 0, whose determinant is -P''. The fixed points near it are a
-curve alpha(inject) with the slope 1/(1 - m) = 1/2, along which the multiplier changes at the rate P''/2, which is not 0.
-If besides a = P''**2/2 + P'''/3 is not 0, a cycle of two hops is born: for injections on one side, near the point,
-there is one, stable and where the fixed point is unstable for a > 0; unstable and where it is stable for a < 0
-(J. Guckenheimer, P. Holmes, Nonlinear Oscillations, Dynamical Systems, and Bifurcations of Vector Fields, 1983, theorem
-3.5.1).
+that is an unknown, which Krawczyk's operator proves, and with the conditions 1 to 4. Let P be the map without injection.
+Then P'' is not 0 there: the equations reduce to P + inject - alpha = 0 and P' + 1 = 0, whose Jacobian has the
+determinant -P''. The fixed points nearby are a curve alpha(inject) with the slope 1/(1 - m) = 1/2, along which the
+multiplier changes at the rate P''/2, which is not 0. If besides a = P''**2/2 + P'''/3 is not 0, hops of period two
+begin there: for injections near it on one side there is a cycle of them, for a > 0 stable, and on the side where the
+fixed point is unstable; for a < 0 unstable, and on the other side (J. Guckenheimer, P. Holmes, Nonlinear Oscillations,
+Dynamical Systems, and Bifurcations of Vector Fields, Springer 1983, theorem 3.5.1).
 
-Impacts and friction only lose, so that no fixed point has inject < 0; with inject = 0 all are lossless orbits, where the
-landing has no speed, and the equations are singular.
+A fixed point needs an injection above 0, as landings only lose. Without any, all are lossless orbits: they land with no
+speed, and these equations are singular.
 """
 
 import time
