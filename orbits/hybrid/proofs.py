@@ -64,7 +64,7 @@ def prove_fixed_point(
         said = point.alpha, point.multiplier
     with time_limit(limit):
         alpha = finite_number("point", point.alpha if isinstance(point, FixedPoint) else point)
-        guess = _guessed_hop(machine, alpha, float((low + high) / 2))
+        guess = guessed_hop(machine, alpha, float((low + high) / 2))
         return proof_of_fixed_point(machine, guess, inject, said, given, digits)
 
 
@@ -97,7 +97,7 @@ def prove_doubling(
 
     digits, given = checked_digits(digits), dict(parameters or {})
     with time_limit(limit):
-        guess = _guessed_hop(machine, flip.alpha, flip.value)
+        guess = guessed_hop(machine, flip.alpha, flip.value)
         return proof_of_doubling(machine, guess, (flip.value, flip.alpha), given, digits)
 
 
@@ -113,7 +113,7 @@ def _check_plastic(machine: Machine) -> None:
         raise InputError(f"a launch of a {machine.model.name} is more than a speed: it has no map of speeds")
 
 
-def _guessed_hop(machine: Machine, alpha: float, inject: float) -> "HopGuess":
+def guessed_hop(machine: Machine, alpha: float, inject: float) -> "HopGuess":
     """The hop of the fixed point near a launch speed, in floats; raises `NoOrbit` where none is found."""
     from ..proof.return_map import HopGuess
 

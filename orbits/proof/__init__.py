@@ -61,6 +61,10 @@ The last of them hold mid-flight, where the rate is 0, and no other zero. The ze
 The loss coefficient (`loss`) is enclosed from the enclosures of its parts: the jerk of the gap, its derivative by alpha
 at landing through the monodromy of the half flight, and the energies.
 
+Fixed points of the return map with an injection (`return_map`), which is another statement (`hop`): a hop that comes
+back, its events, and the multiplier, which is enclosed through the derivatives of the events; and where a fixed point
+loses its stability by period doubling.
+
 What is trusted: Arb and python-flint; CPython; Python's own parser of arithmetic; and this package, which a second
 program may check (`orbits.check_proof`, of proofs of orbits). Tables, abs and sign are refused, and so are machines
 that state no mechanics, as models by hand.

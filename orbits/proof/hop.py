@@ -26,8 +26,9 @@ from fractions import Fraction
 
 from flint import arb, arb_mat
 
-from .expressions import ONE, ZERO, ExactExpression, along, substitute, symbol, symbols, total
+from .expressions import ZERO, ExactExpression, along, exact_number, substitute, symbol, symbols, total
 from .mechanics import Column, ExactMechanics, inner_product, solved
+from .programs import ball_of_fraction
 from .refusal import Unproved
 from .statement import ExactArc, ExactStatement, HalfOrbit, unknown
 
@@ -101,14 +102,14 @@ def _landed(mechanics: ExactMechanics, before: Sequence[ExactExpression]) -> Col
     return [*places, *substitute(rates, at)]
 
 
-def statement_of_jets(statement: ExactStatement, order: int) -> ExactStatement:
-    """A statement with the derivatives up to an order of its equations by "alpha", as the other unknowns follow it,
-    whose derivatives are unknowns too: "dname", "ddname". The equations of each arc are those at its end, with all
-    derivatives, and then those at its start."""
+def statement_of_jets(statement: ExactStatement, order: int, pace: Fraction = Fraction(1)) -> ExactStatement:
+    """A statement with the derivatives up to an order of its equations along the curve on which "alpha" moves at a
+    pace, and the other unknowns follow it, whose derivatives are unknowns too: "dname", "ddname". The equations of each
+    arc are those at its end, with all derivatives, and then those at its start."""
     jets = [dict(statement.unknowns)]
     for k in range(order):
         named = {each: unknown("d" * (k + 1) + each) for each in jets[0]}
-        jets.append({**named, "alpha": ZERO if k else ONE})
+        jets.append({**named, "alpha": ZERO if k else exact_number(pace)})
     own = {jets[k][each]: jets[k + 1][each] for k in range(order) for each in jets[0] if not jets[k][each].is_number}
     arcs, last = list[ExactArc](), _Ends((), [])
     for arc in statement.arcs:
@@ -178,25 +179,28 @@ class Jet:
     last: arb
 
 
-def next_jet(base: ExactStatement, order: int, slopes: arb_mat, values: Mapping[str, arb]) -> Jet:
+def next_jet(
+    base: ExactStatement, order: int, slopes: arb_mat, values: Mapping[str, arb], pace: Fraction = Fraction(1)
+) -> Jet:
     """The derivatives of the order after this one, from enclosures of the unknowns of `statement_of_jets` of a base by
     name, and of the derivatives of its equations by these unknowns, in their order; further columns are not looked at.
 
     Raises `Unproved` where the equations are not proved to determine them."""
     names = [*statement_of_jets(base, order).unknowns]
     free = [names.index("d" * order + each) for each in base.unknowns if each != "alpha"]
-    known = {i: arb(1) if name == "alpha" else values[f"d{name}"] for i, name in enumerate(names) if i not in free}
+    moved = {**values, "dalpha": ball_of_fraction(pace)}
+    known = {i: moved[f"d{name}"] for i, name in enumerate(names) if i not in free}
     *events, last = _rows_of_order(base, order)
     table = slopes.tolist()
-    moved = [sum((table[row][i] * value for i, value in known.items()), arb(0)) for row in (*events, last)]
+    changes = [sum((table[row][i] * value for i, value in known.items()), arb(0)) for row in (*events, last)]
     try:
         found = arb_mat([[table[row][i] for i in free] for row in events]).solve(
-            arb_mat(len(events), 1, [-each for each in moved[:-1]])
+            arb_mat(len(events), 1, [-each for each in changes[:-1]])
         )
     except ZeroDivisionError:
         raise Unproved("the events of the hop are not proved to be transversal") from None
     following = {f"d{names[i]}": found[k, 0] for k, i in enumerate(free)}
-    change = moved[-1] + sum((table[last][i] * following[f"d{names[i]}"] for i in free), arb(0))
+    change = changes[-1] + sum((table[last][i] * following[f"d{names[i]}"] for i in free), arb(0))
     return Jet(following, change)
 
 

@@ -2,6 +2,8 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from fractions import Fraction
+from math import ceil, log2
 
 from flint import arb, ctx
 
@@ -14,7 +16,7 @@ from .hop import HopStatement, Jet, next_jet, statement_of_jets
 from .motion import Motion
 from .programs import ball_of_fraction
 from .refusal import Unproved
-from .root import FIRST_BITS, ProvedRoot, evaluated_on, prove_root
+from .root import FIRST_BITS, ProvedRoot, evaluated_on, polished, prove_root
 from .statement import ExactStatement
 from .theorem import Enclosure, Part
 
@@ -59,12 +61,26 @@ class ProvedHop:
     def jet(self, order: int, values: Mapping[str, arb]) -> Jet:
         """The derivatives after this order by alpha, from enclosures of the jet up to it by name. Of the third ones no
         more than a sign is wanted."""
-        jets = statement_of_jets(self.base.statement, order)
+        base = self.base.statement
+        levels = {"d" * k + name: k for k in range(order + 1) for name in base.unknowns}
+        pace = _pace({name: values[name] for name in levels if name in values}, levels)
+        size = ball_of_fraction(pace)
+        paced = {name: value * size ** levels.get(name, 0) for name, value in values.items()}
+        jets = statement_of_jets(base, order, pace)
         equations = Equations(ExactStatement({**jets.unknowns, **self.further}, jets.arcs), self.equations.intervals)
-        box = [values[name] for name in equations.unknowns]
+        box = [paced[name] for name in equations.unknowns]
         centre, radii = [value.mid() for value in box], [value.rad() for value in box]
         evaluated = evaluated_on(equations, centre, radii, fineness=FINE if order < 2 else COARSE)
-        return next_jet(self.base.statement, order, evaluated.slopes, values)
+        found = next_jet(base, order, evaluated.slopes, paced, pace)
+        back = size ** (order + 1)
+        return Jet({name: value / back for name, value in found.unknowns.items()}, found.last / back)
+
+
+def _pace(values: Mapping[str, arb], levels: Mapping[str, int]) -> Fraction:
+    """A pace of alpha, a power of 2, at which the derivatives of these levels are at most about 1: large ones beside
+    small ones would shorten the steps of the motion."""
+    sizes = [float(abs(value.mid())) ** (1 / levels[name]) for name, value in values.items() if levels[name]]
+    return Fraction(1, 2 ** max(0, ceil(log2(max(sizes, default=1.0) or 1.0))))
 
 
 def proved_hop(
@@ -75,8 +91,9 @@ def proved_hop(
     values; raises `Unproved`."""
     if depends_on(base.half.mechanics.contact_force, base.half.mechanics.w):
         raise Unproved("the contact force depends on speeds: an injection would move the place of the lift-off")
-    start = [guess[name] / float(base.unit_of(name)) for name in equations.unknowns]
-    root = prove_root(equations, start, bits_of_digits(digits))
+    start = [arb(guess[name] / float(base.unit_of(name))) for name in equations.unknowns]
+    centre = polished(equations, start)
+    root = prove_root(equations, [float(value) for value in centre], bits_of_digits(digits))
     equations.check_domains(root.evaluated.passages)
     found = ProvedHop(base, further, equations, root, digits)
     for name in (*base.flights, base.contact):

@@ -24,7 +24,7 @@ near alpha, whose events are simple zeros: their times are analytic functions of
 Breakpoints of a law are crossed transversally. What is said of stability is true of any differentiable map of the line.
 
 Theorem 2. Let the equations and their first derivatives by alpha have a zero with the multiplier -1, for an injection
-that is an unknown, which Krawczyk's operator proves, and with the conditions 1 to 4. Let P be the map without injection.
+that is an unknown, which Krawczyk's operator proves, and the conditions 1 to 4. Let P be the map without injection.
 Then P'' is not 0 there: the equations reduce to P + inject - alpha = 0 and P' + 1 = 0, whose Jacobian has the
 determinant -P''. The fixed points nearby are a curve alpha(inject) with the slope 1/(1 - m) = 1/2, along which the
 multiplier changes at the rate P''/2, which is not 0. If besides a = P''**2/2 + P'''/3 is not 0, hops of period two

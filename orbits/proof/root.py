@@ -72,7 +72,7 @@ def prove_root(equations: Equations, guess: Sequence[float], bits: int) -> Prove
     """
     centre = [arb(value) for value in guess]
     if equations.intervals:
-        centre = _polished(equations, centre)
+        centre = polished(equations, centre)
         boxes = _wide_boxes(equations, centre)
     else:
         boxes = _narrow_boxes(centre)
@@ -114,8 +114,9 @@ def _common(value: arb, other: arb) -> arb:
     return value.intersection(other)
 
 
-def _polished(equations: Equations, centre: list[arb]) -> list[arb]:
+def polished(equations: Equations, centre: Sequence[arb]) -> list[arb]:
     """A guess by Newton's method for the middle of the parameters' intervals, of which the given one need not be."""
+    centre = list(centre)
     for _ in range(MOST_POLISHES):
         point = evaluated_on(equations, centre, [arb(0)] * len(centre), wide=False)
         step = _rounded_inverse(columns_of(point.slopes, 0, len(centre))) * arb_mat(len(centre), 1, point.values)
