@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ..proof.return_map import HopGuess
 
 # Newton's steps toward a fixed point from a guess of it, until one is this small relative to the launch speed.
-MOST_STEPS_TO_FIXED_POINT, STILL = 20, 1e-13
+MOST_STEPS_TO_FIXED_POINT, FIXED_TO = 20, 1e-13
 
 
 @exclusive
@@ -124,7 +124,7 @@ def guessed_hop(machine: Machine, alpha: float, inject: float) -> "HopGuess":
             raise NoOrbit(f"no fixed point near: the hop from alpha = {alpha:g} ends with '{hops.status}'")
         change = float(hops.next - alpha) / (1 - multiplier(machine, alpha))
         alpha += change
-        if not abs(change) > STILL * abs(alpha):
+        if not abs(change) > FIXED_TO * abs(alpha):
             break
     run = simulate(machine, alpha, hops=1, inject=inject)
     times = [0.0, *(event.time for event in run.events)]

@@ -32,7 +32,7 @@ from .programs import ball_of_fraction
 from .refusal import Unproved
 from .statement import ExactArc, ExactStatement, HalfOrbit, unknown
 
-INJECT = "inject"
+INJECTION = "inject"
 # What the map's derivative in the last equation is where the multiplier is -1.
 AT_DOUBLING = -2
 
@@ -56,7 +56,7 @@ class HopStatement:
         """The unit in which an unknown is solved for."""
         if name in (*self.flights, self.contact):
             return self.half.mechanics.scale.time
-        if name == INJECT:
+        if name == INJECTION:
             return self.half.mechanics.scale.speed
         if name in self.statement.unknowns:
             return self.half.unit_of(name)
@@ -126,7 +126,7 @@ def doubling_statement(base: ExactStatement, inject: ExactExpression) -> ExactSt
     last = first.arcs[-1]
     *others, change = last.conditions
     arcs = (*first.arcs[:-1], replace(last, conditions=[*others, change - AT_DOUBLING]))
-    return ExactStatement({**first.unknowns, INJECT: inject}, arcs)
+    return ExactStatement({**first.unknowns, INJECTION: inject}, arcs)
 
 
 @dataclass(frozen=True)

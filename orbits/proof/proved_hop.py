@@ -91,8 +91,9 @@ def proved_hop(
     values; raises `Unproved`."""
     if depends_on(base.half.mechanics.contact_force, base.half.mechanics.w):
         raise Unproved("the contact force depends on speeds: an injection would move the place of the lift-off")
-    start = [arb(guess[name] / float(base.unit_of(name))) for name in equations.unknowns]
-    centre = polished(equations, start)
+    centre = [arb(guess[name] / float(base.unit_of(name))) for name in equations.unknowns]
+    if not base.half.mechanics.pieces:  # a single motion comes to a breakpoint in ever shorter steps
+        centre = polished(equations, centre)
     root = prove_root(equations, [float(value) for value in centre], bits_of_digits(digits))
     equations.check_domains(root.evaluated.passages)
     found = ProvedHop(base, further, equations, root, digits)
@@ -105,16 +106,16 @@ def proved_hop(
 def conditions_of_hop(found: ProvedHop, launched: arb, reasons: list[str]) -> dict[str, str]:
     """The verdict of each condition of theorem 1 of `return_map`, for the speed of the lift-off before the injection;
     reasons are added for those that are not proved."""
-    checks: dict[str, Callable[[], None]] = {"clearance": lambda: _check_flights(found)}
+    checks: dict[str, Callable[[], None]] = {"clearance": lambda: _check_flights_of_hop(found)}
     if len(found.base.flights) > 1:
         checks["bounces"] = lambda: _check_bounces(found)
     checks |= {"contact_force": lambda: _check_contact(found), "liftoff": lambda: _check_liftoff(launched)}
     if found.base.half.mechanics.separation is not None:
-        checks["separation"] = lambda: _check_separation(found)
+        checks["separation"] = lambda: _check_separation_of_hop(found)
     return {name: verdict_of(name, check, reasons) for name, check in checks.items()}
 
 
-def _check_flights(found: ProvedHop) -> None:
+def _check_flights_of_hop(found: ProvedHop) -> None:
     """The gap and its speed are 0 as a flight begins, at a launch its acceleration too; it is 0 as the flight ends."""
     for i, flight in enumerate(found.motions[:-1]):
         order = 2 if i else 3
@@ -142,7 +143,7 @@ def _check_liftoff(launched: arb) -> None:
         raise Unproved("the speed at the lift-off, before the injection, is not proved to be positive")
 
 
-def _check_separation(found: ProvedHop) -> None:
+def _check_separation_of_hop(found: ProvedHop) -> None:
     mechanics, (*flights, contact) = found.base.half.mechanics, found.motions
     assert mechanics.separation is not None
     for flight in flights:

@@ -48,7 +48,7 @@ from ..model.machine import Machine, machine_in_words
 from .case import PROVED, not_stated
 from .decimals import bounds_of_fractions, decimal_text, enclosure_of, upper_decimal
 from .equations import Equations, IntervalParameters
-from .hop import INJECT, HopStatement, doubling_statement, hop_statement, next_jet
+from .hop import INJECTION, HopStatement, doubling_statement, hop_statement, next_jet
 from .mechanics import ExactMechanics, Scale, parameter_of
 from .programs import ball_of_fraction
 from .proved_hop import ProvedHop, conditions_of_hop, proved_hop
@@ -96,7 +96,13 @@ class HopGuess:
     def unknowns(self, hop: HopStatement) -> dict[str, float]:
         """The guesses by the names of the unknowns."""
         times = dict(zip(hop.flights, self.flights, strict=True))
-        return {"liftoff": self.liftoff, "alpha": self.alpha, **times, hop.contact: self.contact, INJECT: self.inject}
+        return {
+            "liftoff": self.liftoff,
+            "alpha": self.alpha,
+            **times,
+            hop.contact: self.contact,
+            INJECTION: self.inject,
+        }
 
 
 def proof_of_fixed_point(
@@ -105,8 +111,8 @@ def proof_of_fixed_point(
 ) -> Proof:  # fmt: skip
     """The proof of a fixed point near a guess, whose alpha and multiplier are said to be these; see
     `prove_fixed_point`."""
-    injected = exact_bounds(INJECT, inject)
-    return _proof("fixed point", machine, injected, parameters, digits, lambda case: _fixed_point(case, guess, said))
+    injected = exact_bounds(INJECTION, inject)
+    return _proof("fixed point", machine, injected, parameters, digits, lambda case: _of_fixed_point(case, guess, said))
 
 
 def proof_of_doubling(
@@ -114,7 +120,7 @@ def proof_of_doubling(
     digits: int | None,
 ) -> Proof:  # fmt: skip
     """The proof of a doubling near a guess, of which inject and alpha are said; see `prove_doubling`."""
-    return _proof("period doubling", machine, None, parameters, digits, lambda case: _doubling(case, guess, said))
+    return _proof("period doubling", machine, None, parameters, digits, lambda case: _of_doubling(case, guess, said))
 
 
 @dataclass(frozen=True)
@@ -128,7 +134,7 @@ class _Case:
     @property
     def bounds(self) -> dict[str, Bounds]:
         """Of all parameters by name."""
-        return {**self.stated.parameters, **({INJECT: self.inject} if self.inject else {})}
+        return {**self.stated.parameters, **({INJECTION: self.inject} if self.inject else {})}
 
     @property
     def intervals(self) -> IntervalParameters:
@@ -142,9 +148,9 @@ class _Case:
         if mechanics.size != 2:
             raise Unproved("a launch is more than a speed: there is no map of launch speeds")
         if inject is None:
-            return hop_statement(mechanics, len(guess.flights) - 1, unknown(INJECT))
+            return hop_statement(mechanics, len(guess.flights) - 1, unknown(INJECTION))
         low, high = (each / scale.speed for each in inject)
-        return hop_statement(mechanics, len(guess.flights) - 1, parameter_of(INJECT, low, high))
+        return hop_statement(mechanics, len(guess.flights) - 1, parameter_of(INJECTION, low, high))
 
 
 @dataclass(frozen=True)
@@ -167,8 +173,8 @@ def _proof(
         stated = stated_machine(machine, parameters)
     except Unproved as error:
         return replace(not_stated(machine, error), kind=kind)
-    if INJECT in stated.parameters:
-        raise InputError(f"a parameter called '{INJECT}' cannot be told from the injection; give it another name")
+    if INJECTION in stated.parameters:
+        raise InputError(f"a parameter called '{INJECTION}' cannot be told from the injection; give it another name")
     case = _Case(stated, inject, digits)
     try:
         with ctx.workprec(FIRST_BITS):
@@ -200,7 +206,7 @@ def _proof(
     )
 
 
-def _fixed_point(case: _Case, guess: HopGuess, said: tuple[float, float | None] | None) -> _Result:
+def _of_fixed_point(case: _Case, guess: HopGuess, said: tuple[float, float | None] | None) -> _Result:
     """What is proved of a fixed point."""
     assert case.inject is not None
     hop = case.hop(guess, case.inject)
@@ -233,16 +239,16 @@ def _wrongly_said(alpha: arb, multiplier: arb, said: tuple[float, float | None] 
     return reasons
 
 
-def _doubling(case: _Case, guess: HopGuess, said: tuple[float, float]) -> _Result:
+def _of_doubling(case: _Case, guess: HopGuess, said: tuple[float, float]) -> _Result:
     """What is proved of a period doubling."""
     hop = case.hop(guess, None)
     if hop.half.mechanics.pieces:
         raise InputError("a doubling with a piecewise law cannot be proved: its map is not smooth everywhere")
-    further = {INJECT: unknown(INJECT)}
-    equations = Equations(doubling_statement(hop.statement, further[INJECT]), case.intervals)
+    further = {INJECTION: unknown(INJECTION)}
+    equations = Equations(doubling_statement(hop.statement, further[INJECTION]), case.intervals)
     guesses = guess.unknowns(hop) | _guessed_directions(case, guess)
     found, reasons = proved_hop(hop, further, equations, guesses, case.digits), list[str]()
-    conditions = conditions_of_hop(found, found.ball("alpha") - found.ball(INJECT), reasons)
+    conditions = conditions_of_hop(found, found.ball("alpha") - found.ball(INJECTION), reasons)
     second = found.jet(1, found.balls)
     third = found.jet(2, {**found.balls, **second.unknowns})
     speed = ball_of_fraction(hop.half.mechanics.scale.speed)
@@ -258,7 +264,7 @@ def _doubling(case: _Case, guess: HopGuess, said: tuple[float, float]) -> _Resul
             f"{'stable' if cubic > 0 else 'unstable'}, as half the square of the map's second derivative and a third "
             f"of its third derivative are together in {enclosures['cubic_coefficient']}."
         )
-    for name, value in zip((INJECT, "alpha"), said, strict=True):
+    for name, value in zip((INJECTION, "alpha"), said, strict=True):
         if not (found.ball(name) + arb(0, FLIP_FOUND_TO * (1 + abs(value)))).overlaps(arb(value)):
             reasons.append(f"{name}: the flip says {value!r}, outside the enclosure {enclosure_of(found.ball(name))}")
     return _Result(found, enclosures, words, conditions, reasons)

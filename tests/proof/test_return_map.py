@@ -61,6 +61,13 @@ def slope(alpha, flights, order=1):
     return mp.diff(lambda a: next_speed(a, flights), alpha, order, h=mp.mpf(10) ** -12)
 
 
+def fixed_point(guess, flights, inject):
+    def excess(alpha):
+        return next_speed(alpha, flights) + mp.mpf(inject) - alpha
+
+    return root(excess, lambda alpha: slope(alpha, flights) - 1, mp.mpf(guess))
+
+
 def holds(enclosure, value):
     return mp.mpf(enclosure.low) <= value <= mp.mpf(enclosure.high)
 
@@ -68,8 +75,7 @@ def holds(enclosure, value):
 @pytest.mark.parametrize("inject", FIXED)
 def test_the_pair_of_fixed_points_in_closed_form(inject):
     for guess, flights in FIXED[inject].items():
-        excess = lambda a, flights=flights: next_speed(a, flights) + mp.mpf(inject) - a
-        alpha = root(excess, lambda a, flights=flights: slope(a, flights) - 1, mp.mpf(guess))
+        alpha = fixed_point(guess, flights, inject)
         proof = prove_fixed_point(Hopper(), guess, inject)
         assert proof.proved
         assert holds(proof.alpha, alpha)
@@ -102,6 +108,18 @@ def test_the_period_doubling_in_closed_form():
     for name, value in (("alpha", "4.541763272853"), ("inject", "0.071587384137")):
         enclosure = proof.enclosures[name]
         assert round(Decimal(enclosure.low), 12) == round(Decimal(enclosure.high), 12) == Decimal(value)
+
+
+@pytest.mark.slow
+def test_the_doubling_of_a_cubic_spring():
+    """How fast the multiplier passes through -1, by differences along the fixed points."""
+    machine, d = Hopper("r + 0.3*r**3", mass_ratio=0.5, rest_length=8.0), 1e-6
+    proof = prove_doubling(machine, Bifurcation("flip", 0.0329952471, (2.962045693,), -1.0, 0))
+    assert proof.proved
+    inject, rate = (float(proof.enclosures[name].low) for name in ("inject", "multiplier_rate"))
+    ends = [ReturnMap(machine, inject + side).fixed_points(2.95, 2.97)[-1].multiplier for side in (-d, d)]
+    assert (ends[1] - ends[0]) / (2 * d) == pytest.approx(rate, rel=1e-4)
+    assert sum(ends) / 2 == pytest.approx(-1, abs=1e-7)
 
 
 @pytest.mark.slow
