@@ -23,6 +23,7 @@ the last equation is w' - 1, which is -2 where the multiplier w' is -1.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from math import ceil, log2
 
 from flint import arb, arb_mat
 
@@ -44,13 +45,15 @@ class HopStatement:
     half : the launch and the arcs of the machine
     flights : names of the times of the flights
     contact : name of the time of the contact
-    arcs : the flights and the contact
+    statement : its arcs are the flights and the contact
+    pace : of alpha, where derivatives along a jet of hops are unknowns
     """
 
     half: HalfOrbit
     flights: tuple[str, ...]
     contact: str
     statement: ExactStatement
+    pace: Fraction = Fraction(1)
 
     def unit_of(self, name: str) -> Fraction:
         """The unit in which an unknown is solved for."""
@@ -60,7 +63,7 @@ class HopStatement:
             return self.half.mechanics.scale.speed
         if name in self.statement.unknowns:
             return self.half.unit_of(name)
-        return self.unit_of(name[1:]) / self.half.mechanics.scale.speed  # the derivative of an unknown by alpha
+        return self.unit_of(name[1:]) / self.half.mechanics.scale.speed / self.pace  # the derivative of an unknown
 
 
 def hop_statement(mechanics: ExactMechanics, bounces: int, inject: ExactExpression) -> HopStatement:
@@ -119,13 +122,13 @@ def statement_of_jets(statement: ExactStatement, order: int, pace: Fraction = Fr
     return ExactStatement({name: each for name, each in names.items() if not each.is_number}, tuple(arcs))
 
 
-def doubling_statement(base: ExactStatement, inject: ExactExpression) -> ExactStatement:
+def doubling_statement(base: HopStatement, inject: ExactExpression) -> ExactStatement:
     """The statement of a fixed point with the multiplier -1, for an injection that is an unknown, in the units of
     rates."""
-    first = statement_of_jets(base, 1)
+    first = statement_of_jets(base.statement, 1, base.pace)
     last = first.arcs[-1]
     *others, change = last.conditions
-    arcs = (*first.arcs[:-1], replace(last, conditions=[*others, change - AT_DOUBLING]))
+    arcs = (*first.arcs[:-1], replace(last, conditions=[*others, change - AT_DOUBLING * base.pace]))
     return ExactStatement({**first.unknowns, INJECTION: inject}, arcs)
 
 
@@ -202,6 +205,19 @@ def next_jet(
     following = {f"d{names[i]}": found[k, 0] for k, i in enumerate(free)}
     change = changes[-1] + sum((table[last][i] * following[f"d{names[i]}"] for i in free), arb(0))
     return Jet(following, change)
+
+
+def pace_of(jet: Mapping[str, arb], base: ExactStatement) -> Fraction:
+    """A pace of alpha, a power of 2, at which the derivatives of a jet by alpha become at most about 1: large ones
+    beside small ones would shorten the steps along the motion."""
+    levels = levels_of(base, 2)
+    sizes = [float(abs(value.mid())) ** (1 / levels[name]) for name, value in jet.items() if levels.get(name, 0)]
+    return Fraction(1, 2 ** max(0, ceil(log2(max(sizes, default=1.0) or 1.0))))
+
+
+def levels_of(base: ExactStatement, order: int) -> dict[str, int]:
+    """The order of each derivative of the unknowns of a base by name, up to an order."""
+    return {"d" * k + name: k for k in range(order + 1) for name in base.unknowns}
 
 
 def _rows_of_order(base: ExactStatement, order: int) -> list[int]:

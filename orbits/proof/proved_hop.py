@@ -2,8 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from fractions import Fraction
-from math import ceil, log2
 
 from flint import arb, ctx
 
@@ -12,7 +10,7 @@ from .decimals import enclosure_of, lower_decimal
 from .enclosure import COARSE, FINE
 from .equations import Equations
 from .expressions import ExactExpression, depends_on, substitute
-from .hop import HopStatement, Jet, next_jet, statement_of_jets
+from .hop import HopStatement, Jet, levels_of, next_jet, pace_of, statement_of_jets
 from .motion import Motion
 from .programs import ball_of_fraction
 from .refusal import Unproved
@@ -42,6 +40,12 @@ class ProvedHop:
         return dict(zip(self.equations.unknowns, self.root.box, strict=True))
 
     @property
+    def jets(self) -> dict[str, arb]:
+        """Enclosures of the unknowns, of which those that are derivatives are by alpha itself, not at its pace."""
+        levels, pace = levels_of(self.base.statement, 1), ball_of_fraction(self.base.pace)
+        return {name: value / pace ** levels.get(name, 0) for name, value in self.balls.items()}
+
+    @property
     def motions(self) -> list[Motion]:
         """The flights and the contact."""
         passages = self.root.evaluated.passages
@@ -62,8 +66,7 @@ class ProvedHop:
         """The derivatives after this order by alpha, from enclosures of the jet up to it by name. Of the third ones no
         more than a sign is wanted."""
         base = self.base.statement
-        levels = {"d" * k + name: k for k in range(order + 1) for name in base.unknowns}
-        pace = _pace({name: values[name] for name in levels if name in values}, levels)
+        levels, pace = levels_of(base, order), pace_of(values, base)
         size = ball_of_fraction(pace)
         paced = {name: value * size ** levels.get(name, 0) for name, value in values.items()}
         jets = statement_of_jets(base, order, pace)
@@ -74,13 +77,6 @@ class ProvedHop:
         found = next_jet(base, order, evaluated.slopes, paced, pace)
         back = size ** (order + 1)
         return Jet({name: value / back for name, value in found.unknowns.items()}, found.last / back)
-
-
-def _pace(values: Mapping[str, arb], levels: Mapping[str, int]) -> Fraction:
-    """A pace of alpha, a power of 2, at which the derivatives of these levels are at most about 1: large ones beside
-    small ones would shorten the steps of the motion."""
-    sizes = [float(abs(value.mid())) ** (1 / levels[name]) for name, value in values.items() if levels[name]]
-    return Fraction(1, 2 ** max(0, ceil(log2(max(sizes, default=1.0) or 1.0))))
 
 
 def proved_hop(

@@ -48,7 +48,7 @@ from ..model.machine import Machine, machine_in_words
 from .case import PROVED, not_stated
 from .decimals import bounds_of_fractions, decimal_text, enclosure_of, upper_decimal
 from .equations import Equations, IntervalParameters
-from .hop import INJECTION, HopStatement, doubling_statement, hop_statement, next_jet
+from .hop import INJECTION, HopStatement, Jet, doubling_statement, hop_statement, next_jet, pace_of
 from .mechanics import ExactMechanics, Scale, parameter_of
 from .programs import ball_of_fraction
 from .proved_hop import ProvedHop, conditions_of_hop, proved_hop
@@ -245,12 +245,16 @@ def _of_doubling(case: _Case, guess: HopGuess, said: tuple[float, float]) -> _Re
     if hop.half.mechanics.pieces:
         raise InputError("a doubling with a piecewise law cannot be proved: its map is not smooth everywhere")
     further = {INJECTION: unknown(INJECTION)}
-    equations = Equations(doubling_statement(hop.statement, further[INJECTION]), case.intervals)
-    guesses = guess.unknowns(hop) | _guessed_directions(case, guess)
-    found, reasons = proved_hop(hop, further, equations, guesses, case.digits), list[str]()
+    jet = _guessed_jet(case, guess)
+    hop = replace(hop, pace=pace_of(jet.unknowns, hop.statement))
+    directions = {
+        name: float(each.mid() * ball_of_fraction(hop.unit_of(name) * hop.pace)) for name, each in jet.unknowns.items()
+    }
+    equations = Equations(doubling_statement(hop, further[INJECTION]), case.intervals)
+    found, reasons = proved_hop(hop, further, equations, guess.unknowns(hop) | directions, case.digits), list[str]()
     conditions = conditions_of_hop(found, found.ball("alpha") - found.ball(INJECTION), reasons)
-    second = found.jet(1, found.balls)
-    third = found.jet(2, {**found.balls, **second.unknowns})
+    second = found.jet(1, found.jets)
+    third = found.jet(2, {**found.jets, **second.unknowns})
     speed = ball_of_fraction(hop.half.mechanics.scale.speed)
     rate, cubic = second.last / 2 / speed, (second.last**2 / 2 + third.last / 3) / speed**2
     enclosures = {"multiplier_rate": enclosure_of(rate), "cubic_coefficient": enclosure_of(cubic)}
@@ -270,7 +274,7 @@ def _of_doubling(case: _Case, guess: HopGuess, said: tuple[float, float]) -> _Re
     return _Result(found, enclosures, words, conditions, reasons)
 
 
-def _guessed_directions(case: _Case, guess: HopGuess) -> dict[str, float]:
+def _guessed_jet(case: _Case, guess: HopGuess) -> Jet:
     """Guesses of the derivatives of the unknowns by alpha, from the equations at the guess."""
     inject = Fraction(guess.inject)
     hop = case.hop(guess, (inject, inject))
@@ -278,8 +282,7 @@ def _guessed_directions(case: _Case, guess: HopGuess) -> dict[str, float]:
     units = {name: float(hop.unit_of(name)) for name in equations.unknowns}
     centre = [arb(guess.unknowns(hop)[name] / unit) for name, unit in units.items()]
     point = evaluated_on(equations, centre, [arb(0)] * len(centre), wide=False)
-    jet = next_jet(hop.statement, 0, point.slopes, {})
-    return {name: float(ball.mid()) * float(hop.unit_of(name)) for name, ball in jet.unknowns.items()}
+    return next_jet(hop.statement, 0, point.slopes, {})
 
 
 def _sentences(case: _Case, result: _Result | None, part: Part | None) -> list[str]:

@@ -96,7 +96,7 @@ def test_the_period_doubling_in_closed_form():
     alpha = mp.findroot(lambda a: slope(a, flights) + 1, (4.541, 4.542), tol=1e-35)
     first, second, third = (slope(alpha, flights, order) for order in (1, 2, 3))
     assert abs(first + 1) < mp.mpf(10) ** -30
-    proof = prove_doubling(Hopper(), FLIP)
+    proof = prove_doubling(Hopper(), FLIP, limit=300)
     assert proof.proved
     assert holds(proof.alpha, alpha)
     assert holds(proof.enclosures["inject"], alpha - next_speed(alpha, flights))
@@ -114,7 +114,7 @@ def test_the_period_doubling_in_closed_form():
 def test_the_doubling_of_a_cubic_spring():
     """How fast the multiplier passes through -1, by differences along the fixed points."""
     machine, d = Hopper("r + 0.3*r**3", mass_ratio=0.5, rest_length=8.0), 1e-6
-    proof = prove_doubling(machine, Bifurcation("flip", 0.0329952471, (2.962045693,), -1.0, 0))
+    proof = prove_doubling(machine, Bifurcation("flip", 0.0329952471, (2.962045693,), -1.0, 0), limit=300)
     assert proof.proved
     inject, rate = (float(proof.enclosures[name].low) for name in ("inject", "multiplier_rate"))
     ends = [ReturnMap(machine, inject + side).fixed_points(2.95, 2.97)[-1].multiplier for side in (-d, d)]
@@ -125,7 +125,7 @@ def test_the_doubling_of_a_cubic_spring():
 @pytest.mark.slow
 def test_a_doubling_that_is_said_elsewhere_or_of_other_laws():
     moved = replace(FLIP, value=FLIP.value + 1e-8)
-    proof = prove_doubling(Hopper(), moved)
+    proof = prove_doubling(Hopper(), moved, limit=300)
     assert not proof.proved
     assert proof.reasons[0].startswith("inject: the flip says")
     with pytest.raises(InputError, match="piecewise"):
@@ -155,7 +155,7 @@ def test_the_pairs_of_other_machines(machine):
     points = ReturnMap(machine, inject).fixed_points(0.9 * alpha, 1.1 * alpha)
     assert len(points) == 2
     for point in points:
-        proof = prove_fixed_point(machine, point, inject)
+        proof = prove_fixed_point(machine, point, inject, limit=300)
         assert proof.proved
         low, high = proof.alpha.low, proof.alpha.high
         assert float(low) - 1e-13 * alpha <= point.alpha <= float(high) + 1e-13 * alpha
