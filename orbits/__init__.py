@@ -19,6 +19,7 @@ from .hybrid.check import Checked, check
 from .hybrid.diagram import Bifurcation, BifurcationDiagram, Branch, BranchEnd
 from .hybrid.motion import Simulation
 from .hybrid.multiplier import multiplier
+from .hybrid.proofs import prove_doubling, prove_fixed_point
 from .hybrid.return_map import FixedPoint, Hops, ReturnMap
 from .hybrid.simulation import simulate
 from .io import version
@@ -50,8 +51,9 @@ __all__ = [
     "Potential", "Proof", "Reduction", "ReturnMap", "Simulation", "Spring", "Stage", "StateFormula", "Statement",
     "StepControl", "Sweep", "SweepProgress", "Uncertainty", "Units", "Weight", "__version__", "bifurcations", "check",
     "existence", "find", "find_all", "fold_statement", "follow", "follow_branch", "follow_fold", "linear_modes",
-    "multiplier", "optimize", "orbit_at", "pareto", "prove", "prove_absence", "prove_fold", "quantities",
-    "sensitivities", "simulate", "start_from_rest", "starts", "steer", "sweep", "time_limit", "trace",
+    "multiplier", "optimize", "orbit_at", "pareto", "prove", "prove_absence", "prove_doubling", "prove_fixed_point",
+    "prove_fold", "quantities", "sensitivities", "simulate", "start_from_rest", "starts", "steer", "sweep", "time_limit",
+    "trace",
     "uncertainty",
 ]  # fmt: skip
 

@@ -102,24 +102,41 @@ def find_command(
 @click.option("--digits", type=click.IntRange(1, 300), metavar="N", help="Digits to enclose; default: about 18.")
 @click.option("--loss", is_flag=True, help="Enclose the loss coefficient too.")
 @click.option("--attraction", is_flag=True, help="Prove that launches above alpha come to it, and from how far.")
+@click.option(
+    "--inject", metavar="EPS", help="Prove a fixed point of the return map with this added to every launch speed."
+)
+@click.option("--near", type=float, metavar="ALPHA", help="With --inject: a launch speed near the fixed point.")
 @options.limit_option
 @options.json_option
 @options.file_option("--save", "document", "Save the proof (.json).")
 def prove_command(
-    family: int, intervals: tuple[str, ...], digits: int | None, loss: bool, attraction: bool, limit: float,
-    as_json: bool, save: str | None, **stated: Any,
+    family: int, intervals: tuple[str, ...], digits: int | None, loss: bool, attraction: bool, inject: str | None,
+    near: float | None, limit: float, as_json: bool, save: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Prove that a lossless orbit exists, is alone nearby and is a motion, as a theorem of interval arithmetic.
+
+    With --inject and --near it is a fixed point of the return map that is proved, and whether it is stable.
 
     The numbers of --set and --between are the exact decimals that are written, others the shortest decimals of floats.
     With --between it is proved for each value of a parameter
     between two decimals. Needs python-flint: pip install 'persistent-orbits[proof]'.
     """
+    from orbits.errors import InputError
+    from orbits.hybrid.proofs import prove_fixed_point
     from orbits.periodic.find import find
     from orbits.proof.prove import prove
 
     exact = options.exact_parameters(stated["settings"], intervals)
     stated = options.with_middles(stated, intervals)
+    if (inject is None) != (near is None) or ((loss or attraction) and inject is not None):
+        raise InputError("--inject EPS and --near ALPHA go together, and without --loss and --attraction")
+    if inject is not None and near is not None:
+        machine = options.machine_of(**stated)
+        proof = prove_fixed_point(machine, near, inject, digits=digits, parameters=exact, limit=limit)
+        options.write(proof, as_json, save=save)
+        if not proof.proved:
+            raise click.exceptions.Exit(1)
+        return
     with options.progress() as report:
         orbit = find(options.machine_of(**stated), family, progress=report, limit=limit)
     proof = prove(orbit, digits, parameters=exact, loss=loss, attraction=attraction, limit=limit)

@@ -225,13 +225,20 @@ MODULES = sorted(
 WITH_EXAMPLES = (
     *("find", "find_all", "follow", "follow_fold", "trace", "orbit_at", "prove", "prove_fold", "prove_absence"),
     *("ReturnMap", "multiplier", "simulate", "steer", "optimize", "pareto", "quantities", "sensitivities", "sweep"),
+    *("prove_fixed_point", "prove_doubling"),
     *("uncertainty", "existence", "check", "Mechanism", "Orbit", "Family", "Stage", "StepControl", "linear_modes"),
     *("Hopper", "Juggler", "HeavyHand", "Chain", "hopper_in_si", "juggler_in_si", "inerter_hopper", "knee_hopper"),
     *("plate_hopper", "chain_hand", "springs.formula", "springs.potential", "springs.function", "springs.table"),
     *("gravity.formula", "gravity.function", "steering.keep_hopping", "steering.recover", "steering.start_up"),
 )
 # A fold costs second derivatives of a whole flight, a control and a front many iterations.
-LONG_EXAMPLES = ("orbits.continuation.folds", "orbits.design.pareto", "orbits.proof.prove", "problems.steering")
+LONG_EXAMPLES = (
+    "orbits.continuation.folds",
+    "orbits.design.pareto",
+    "orbits.hybrid.proofs",
+    "orbits.proof.prove",
+    "problems.steering",
+)
 OPTIONS = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
 
 

@@ -344,10 +344,11 @@ def _motion_conditions(found: ProvedExistence, flight: Motion, names: list[str],
         "contact_force": lambda: _check_force(found, _ending(contact)),
         "contact_end": lambda: _check_end(found, _ending(contact)),
     }
-    return {name: _verdict(name, checks[name], reasons) for name in names}
+    return {name: verdict_of(name, checks[name], reasons) for name in names}
 
 
-def _verdict(name: str, check: Callable[[], None], reasons: list[str]) -> str:
+def verdict_of(name: str, check: Callable[[], None], reasons: list[str]) -> str:
+    """The verdict of a check of a condition; a reason is added where it is not proved."""
     try:
         check()
     except Unproved as error:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from flint import arb, arb_mat
 
 from .crossing import Breakpoints
-from .enclosure import Passage, Variation, follow_set
+from .enclosure import COARSE, Fineness, Passage, Variation, follow_set
 from .expressions import ZERO, ExactExpression, exact_number, jacobian, substitute, symbol, total
 from .mechanics import place_of
 from .programs import BallProgram, ball_of_fraction
@@ -167,9 +167,11 @@ class Equations:
         symbols = [*statement.unknowns.values()], [*intervals.symbols.values()]
         self.legs = [BallLeg(arc, *symbols) for arc in statement.arcs]
 
-    def evaluate(self, centre: Sequence[arb], radii: Sequence[arb], bits: int, wide: bool = True) -> Evaluated:
+    def evaluate(
+        self, centre: Sequence[arb], radii: Sequence[arb], bits: int, wide: bool = True, fineness: Fineness = COARSE
+    ) -> Evaluated:
         """The equations on the box of unknowns within radii of a centre, for all values of the interval parameters, or
-        for their middles alone."""
+        for their middles alone; their derivatives as finely as is said."""
         intervals = self.intervals
         middle = [*centre, *intervals.middles()]
         reach = [*radii, *(each if wide else arb(0) for each in intervals.radii())]
@@ -185,7 +187,7 @@ class Equations:
             if last_slopes is not None:
                 by_unknowns = by_unknowns + columns_of(slopes, columns, len(last)) * last_slopes
             breakpoints = leg.breakpoints(box[len(self.unknowns) :])
-            passage = follow_set(leg.variation, start, by_unknowns, deviations, bits, breakpoints=breakpoints)
+            passage = follow_set(leg.variation, start, by_unknowns, deviations, bits, fineness, breakpoints)
             law = passage.pieces[0].laws[0]
             m = leg.variation.moving
             end, end_slopes = passage.end[:m], _first_rows(passage.slopes, m)

@@ -250,8 +250,8 @@ def jacobian(outputs: Sequence[ExactExpression], inputs: Sequence[ExactExpressio
     """The derivatives (outputs, inputs) by symbols."""
     rows = list[list[ExactExpression]]()
     for output in outputs:
-        within = {*in_order([output])}
-        rows.append([derivative_by(output, each) if each in within else ZERO for each in inputs])
+        held = {*in_order([output])}  # most outputs hold few of the symbols of a large system
+        rows.append([derivative_by(output, each) if each in held else ZERO for each in inputs])
     return rows
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from flint import arb, arb_mat, ctx
 
 from .claim import CONTACT_DURATION, FLIGHT_DURATION
-from .enclosure import unit_matrix
+from .enclosure import COARSE, Fineness, unit_matrix
 from .equations import Equations, Evaluated, columns_of
 from .programs import UNDEFINED
 from .refusal import TooLong, Unproved
@@ -77,7 +77,7 @@ def prove_root(equations: Equations, guess: Sequence[float], bits: int) -> Prove
     """
     centre = [arb(value) for value in guess]
     if equations.intervals:
-        centre = _polished(equations, centre)
+        centre = polished(equations, centre)
         boxes = _wide_boxes(equations, centre)
     else:
         boxes = _narrow_boxes(centre)
@@ -104,10 +104,12 @@ def prove_root(equations: Equations, guess: Sequence[float], bits: int) -> Prove
     return root
 
 
-def evaluated_on(equations: Equations, centre: Sequence[arb], radii: Sequence[arb], wide: bool = True) -> Evaluated:
+def evaluated_on(
+    equations: Equations, centre: Sequence[arb], radii: Sequence[arb], wide: bool = True, fineness: Fineness = COARSE
+) -> Evaluated:
     """The equations on a box; a division by a ball that holds 0 leaves them without values."""
     try:
-        return equations.evaluate(centre, radii, ctx.prec, wide)
+        return equations.evaluate(centre, radii, ctx.prec, wide, fineness)
     except (*UNDEFINED, np.linalg.LinAlgError):
         raise Unproved("the motion comes to where a law has no value") from None
 
@@ -119,8 +121,9 @@ def _common(value: arb, other: arb) -> arb:
     return value.intersection(other)
 
 
-def _polished(equations: Equations, centre: list[arb]) -> list[arb]:
+def polished(equations: Equations, centre: Sequence[arb]) -> list[arb]:
     """A guess by Newton's method for the middle of the parameters' intervals, of which the given one need not be."""
+    centre = list(centre)
     for _ in range(MOST_POLISHES):
         point = evaluated_on(equations, centre, [arb(0)] * len(centre), wide=False)
         step = _rounded_inverse(columns_of(point.slopes, 0, len(centre))) * arb_mat(len(centre), 1, point.values)

@@ -134,7 +134,7 @@ class StatedMachine:
         parts.append(f"the gap {self.gap}, which lands plastically")
         if self.separation is not None:
             parts.append(f"the separation {self.separation}")
-        named = ", ".join(f"{name} {_range_text(bounds)}" for name, bounds in self.parameters.items() if name != free)
+        named = ", ".join(f"{name} {range_text(bounds)}" for name, bounds in self.parameters.items() if name != free)
         units = "in SI" if self.units == "SI" else "dimensionless"
         numbers = f", with {named}" if named else ""
         launch = f"{self.launch} and its rate at lift-off are called liftoff and alpha"
@@ -142,7 +142,8 @@ class StatedMachine:
         return f"Let the {self.name} have {'; '.join(parts)}{numbers}; all is {units}. {launch}; {turns}."
 
 
-def _range_text(bounds: Bounds) -> str:
+def range_text(bounds: Bounds) -> str:
+    """The exact bounds of a parameter, in words."""
     low, high = map(decimal_text, bounds)
     return f"= {low}" if low == high else f"in [{low}, {high}]"
 

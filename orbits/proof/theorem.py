@@ -65,7 +65,7 @@ class Proof:
     proved : whether all that was asked is proved
     statement : the theorem in words; where not all is proved, what is. Whoever has it alone can rebuild the machine.
     machine : the machine in words and numbers
-    kind : what the theorem is about: "orbit", "fold", "absence"
+    kind : what the theorem is about: "orbit", "fold", "absence", "fixed point", "period doubling"
     stated : the machine as the theorem states it, in formulas and decimals, see `orbits.proof.stated`
     parameters : the exact decimals between which each parameter lies, equal for a number
     family : the number of the family, counted from enclosures; None where that is not proved

@@ -49,9 +49,23 @@ def test_an_interval(orbits):
     assert "beta in [0.2999, 0.3001]" in done.document["statement"]
 
 
+def test_a_fixed_point_of_the_return_map(orbits):
+    done = orbits("prove --inject 0.03 --near 4.52 --json")
+    assert done.code == 0
+    document = done.document
+    assert document["kind"] == "fixed point"
+    assert document["alpha"]["low"].startswith("4.5188288594780977968")
+    assert document["multiplier"]["high"].startswith("-0.5976197355332")
+
+
 @pytest.mark.parametrize(
     ("options", "code"),
     [
+        ("--inject 0.03 --near 4.52 --rest-length 4", 1),  # the masses pass through each other
+        ("--inject 0.03 --near 2", 1),  # it comes to rest
+        ("--inject 0.03", 2),
+        ("--inject 0.03 --near 4.52 --loss", 2),
+        ("--inject x --near 4.52", 2),
         ("--spring cubic --set beta=0.3 --family 2 --rest-length 3", 1),  # the masses pass through each other
         ("--spring 'r - 0.5*r**3'", 1),
         ("--between beta", 2),

@@ -1,0 +1,230 @@
+"""The statement of a fixed point of the return map, and of what is a fixed point whose multiplier is -1.
+
+A hop of a machine of two coordinates starts at a lift-off: the gap is closed, and the contact force vanishes, which
+tells the place s of the launch; its rate there is alpha. It flies until the gap closes, lands plastically, and leaves
+at once where the contact would have to pull; so often it bounces. At last it stays in contact until the contact force
+vanishes at s again. The next launch speed is the rate there, and an injection added to it. The unknowns
+
+    s, alpha, the times T of the flights, the time C of the contact
+
+obey as many equations: the contact force at s is 0; the gap is 0 after each flight; after C the place is s; and
+
+    w + inject - alpha = 0,    w the rate after C.
+
+Where the others, F(z, alpha) = 0 with z = (s, T, C), are regular in z, they determine z as a function of alpha near the
+hop, and with it w. So the map alpha -> w + inject is as smooth there as the flows are, and its derivative is
+
+    dw/dalpha - dw/dz F_z**-1 F_alpha.
+
+A jet of hops has the derivatives z', z'' by alpha as further unknowns, of the derivatives of F = 0. The derivative of
+the last equation is w' - 1, which is -2 where the multiplier w' is -1.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from math import ceil, log2
+
+from flint import arb, arb_mat
+
+from .expressions import ZERO, ExactExpression, along, exact_number, substitute, symbol, symbols, total
+from .mechanics import Column, ExactMechanics, inner_product, solved
+from .programs import ball_of_fraction
+from .refusal import Unproved
+from .statement import ExactArc, ExactStatement, HalfOrbit, unknown
+
+INJECTION = "inject"
+# What the map's derivative in the last equation is where the multiplier is -1.
+AT_DOUBLING = -2
+
+
+@dataclass(frozen=True)
+class HopStatement:
+    """The statement of a fixed point with a number of bounces.
+
+    half : the launch and the arcs of the machine
+    flights : names of the times of the flights
+    contact : name of the time of the contact
+    statement : its arcs are the flights and the contact
+    pace : of alpha, where derivatives along a jet of hops are unknowns
+    """
+
+    half: HalfOrbit
+    flights: tuple[str, ...]
+    contact: str
+    statement: ExactStatement
+    pace: Fraction = Fraction(1)
+
+    def unit_of(self, name: str) -> Fraction:
+        """The unit in which an unknown is solved for."""
+        if name in (*self.flights, self.contact):
+            return self.half.mechanics.scale.time
+        if name == INJECTION:
+            return self.half.mechanics.scale.speed
+        if name in self.statement.unknowns:
+            return self.half.unit_of(name)
+        return self.unit_of(name[1:]) / self.half.mechanics.scale.speed / self.pace  # the derivative of an unknown
+
+
+def hop_statement(mechanics: ExactMechanics, bounces: int, inject: ExactExpression) -> HopStatement:
+    """The statement of a fixed point of a machine of two coordinates, with an injection in the units of rates."""
+    half = HalfOrbit(mechanics)
+    flights = tuple(f"flight_time_{i + 1}" for i in range(bounces + 1)) if bounces else ("flight_time",)
+    contact, times = "contact_time", [unknown(name) for name in flights]
+    (free,), held = half.flight().arcs, half.statement(with_contact=True).arcs[-1]
+    still = list[Column]([] for _ in free.guards)
+    arcs = [replace(free, duration=times[0], guards=[[each] for each in half.lifted], conditions=[half.gap])]
+    before = symbols("before", len(free.states))
+    landed = _landed(mechanics, before)
+    again = substitute(half.launch, dict(zip([*half.places, *half.rates], landed, strict=True)))
+    for each in times[1:]:
+        arcs.append(
+            replace(free, start=again, before=tuple(before), duration=each, guards=still, conditions=[half.gap])
+        )
+    (place,), (rate,) = mechanics.s, mechanics.w
+    launch = half.launch_unknowns
+    ends = [place - launch["liftoff"], rate + inject - launch["alpha"]]
+    arcs.append(replace(held, start=landed, before=tuple(before), duration=unknown(contact), conditions=ends))
+    unknowns = {**launch, **dict(zip(flights, times, strict=True)), contact: unknown(contact)}
+    return HopStatement(half, flights, contact, ExactStatement(unknowns, tuple(arcs)))
+
+
+def _landed(mechanics: ExactMechanics, before: Sequence[ExactExpression]) -> Column:
+    """Place and rate of the contact after a plastic landing in a flight state, coordinates and rates by turns: no
+    impulse but the contact's, so that the momentum along the contact stays."""
+    m = mechanics
+    momentum = m.along([inner_product(row, m.v) for row in m.inertia])
+    columns = [[row[j] for row in m.embed] for j in range(len(m.s))]
+    reduced = [
+        [total(a[i] * m.inertia[i][k] * b[k] for i in range(m.size) for k in range(m.size)) for b in columns]
+        for a in columns
+    ]
+    rates = substitute(solved(reduced, momentum), dict(zip(m.y, m.embedded(m.s), strict=True)))
+    at = dict(zip([*m.y, *m.v], [*before[::2], *before[1::2]], strict=True))
+    places = [at[each] for each in m.s]
+    return [*places, *substitute(rates, at)]
+
+
+def statement_of_jets(statement: ExactStatement, order: int, pace: Fraction = Fraction(1)) -> ExactStatement:
+    """A statement with the derivatives up to an order of its equations along the curve on which "alpha" moves at a
+    pace, and the other unknowns follow it, whose derivatives are unknowns too: "dname", "ddname". The equations of each
+    arc are those at its end, with all derivatives, and then those at its start."""
+    jets = [dict(statement.unknowns)]
+    for k in range(order):
+        named = {each: unknown("d" * (k + 1) + each) for each in jets[0]}
+        jets.append({**named, "alpha": ZERO if k else exact_number(pace)})
+    own = {jets[k][each]: jets[k + 1][each] for k in range(order) for each in jets[0] if not jets[k][each].is_number}
+    arcs, last = list[ExactArc](), _Ends((), [])
+    for arc in statement.arcs:
+        found, last = _jet(arc, own, order, last)
+        arcs.append(found)
+    names = {"d" * k + each: jets[k][each] for k in range(order + 1) for each in jets[0]}
+    return ExactStatement({name: each for name, each in names.items() if not each.is_number}, tuple(arcs))
+
+
+def doubling_statement(base: HopStatement, inject: ExactExpression) -> ExactStatement:
+    """The statement of a fixed point with the multiplier -1, for an injection that is an unknown, in the units of
+    rates."""
+    first = statement_of_jets(base.statement, 1, base.pace)
+    last = first.arcs[-1]
+    *others, change = last.conditions
+    arcs = (*first.arcs[:-1], replace(last, conditions=[*others, change - AT_DOUBLING * base.pace]))
+    return ExactStatement({**first.unknowns, INJECTION: inject}, arcs)
+
+
+@dataclass(frozen=True)
+class _Ends:
+    """The last states of an arc with their derivatives up to some order, and the derivatives of all but the highest of
+    these as the unknowns vary, and the time of the arc with them."""
+
+    states: tuple[ExactExpression, ...]
+    changes: Column
+
+
+def _jet(
+    arc: ExactArc, own: Mapping[ExactExpression, ExactExpression], order: int, last: _Ends
+) -> tuple[ExactArc, _Ends]:
+    """An arc with the derivatives of its states, for unknowns with these derivatives, and how these states end."""
+    size = len(arc.states)
+    states = [*arc.states, *(symbol(f"{'d' * k}({each.value})") for k in range(1, order + 1) for each in arc.states)]
+    lower, higher = states[: order * size], states[size:]
+    places, changes = [*own], [*own.values()]
+
+    def with_derivatives(of: Column, moving: Sequence[ExactExpression], rates: Column) -> Column:
+        found = list(of)
+        for k in range(order):
+            found += [along(each, moving, rates) for each in found[k * len(of) :]]
+        return found
+
+    rates = [with_derivatives(law, lower, higher) for law in arc.rates]
+    start = with_derivatives(arc.start, [*places, *last.states[: len(last.changes)]], [*changes, *last.changes])
+    longer = along(arc.duration, places, changes)
+    at_end = [change + rate * longer for change, rate in zip(higher, rates[0], strict=False)]
+    conditions = with_derivatives(arc.conditions, [*places, *lower], [*changes, *at_end])
+    guards = [with_derivatives(law, [*places, *lower], [*changes, *higher]) for law in arc.guards]
+    before = symbols("before", len(states))
+    ends = _Ends(tuple(before), substitute(at_end, dict(zip(states, before, strict=True))))
+    found = replace(
+        arc, states=states, rates=rates, start=start, guards=guards, conditions=conditions, before=last.states
+    )
+    return found, ends
+
+
+@dataclass(frozen=True)
+class Jet:
+    """The derivatives of a jet of hops that follow those of lower order.
+
+    unknowns : by name
+    last : of the last equation
+    """
+
+    unknowns: dict[str, arb]
+    last: arb
+
+
+def next_jet(
+    base: ExactStatement, order: int, slopes: arb_mat, values: Mapping[str, arb], pace: Fraction = Fraction(1)
+) -> Jet:
+    """The derivatives of the order after this one, from enclosures of the unknowns of `statement_of_jets` of a base by
+    name, and of the derivatives of its equations by these unknowns, in their order; further columns are not looked at.
+
+    Raises `Unproved` where the equations are not proved to determine them."""
+    names = [*statement_of_jets(base, order).unknowns]
+    free = [names.index("d" * order + each) for each in base.unknowns if each != "alpha"]
+    moved = {**values, "dalpha": ball_of_fraction(pace)}
+    known = {i: moved[f"d{name}"] for i, name in enumerate(names) if i not in free}
+    *events, last = _rows_of_order(base, order)
+    table = slopes.tolist()
+    changes = [sum((table[row][i] * value for i, value in known.items()), arb(0)) for row in (*events, last)]
+    try:
+        found = arb_mat([[table[row][i] for i in free] for row in events]).solve(
+            arb_mat(len(events), 1, [-each for each in changes[:-1]])
+        )
+    except ZeroDivisionError:
+        raise Unproved("the events of the hop are not proved to be transversal") from None
+    following = {f"d{names[i]}": found[k, 0] for k, i in enumerate(free)}
+    change = changes[-1] + sum((table[last][i] * following[f"d{names[i]}"] for i in free), arb(0))
+    return Jet(following, change)
+
+
+def pace_of(jet: Mapping[str, arb], base: ExactStatement) -> Fraction:
+    """A pace of alpha, a power of 2, at which the derivatives of a jet by alpha become at most about 1: large ones
+    beside small ones would shorten the steps along the motion."""
+    levels = levels_of(base, 2)
+    sizes = [float(abs(value.mid())) ** (1 / levels[name]) for name, value in jet.items() if levels.get(name, 0)]
+    return Fraction(1, 2 ** max(0, ceil(log2(max(sizes, default=1.0) or 1.0))))
+
+
+def levels_of(base: ExactStatement, order: int) -> dict[str, int]:
+    """The order of each derivative of the unknowns of a base by name, up to an order."""
+    return {"d" * k + name: k for k in range(order + 1) for name in base.unknowns}
+
+
+def _rows_of_order(base: ExactStatement, order: int) -> list[int]:
+    """Where the derivatives of this order of the equations of a base stand among those of `statement_of_jets`."""
+    rows, first = list[int](), 0
+    for arc in base.arcs:
+        for count in (len(arc.conditions), len(arc.guards[0])):
+            rows += range(first + order * count, first + (order + 1) * count)
+            first += (order + 1) * count
+    return rows

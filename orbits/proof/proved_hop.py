@@ -1,0 +1,149 @@
+"""A proved zero of the equations of a hop that comes back, its derivatives, and the conditions of its motion."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from flint import arb, ctx
+
+from .case import bits_of_digits, verdict_of
+from .decimals import enclosure_of, lower_decimal
+from .enclosure import COARSE, FINE
+from .equations import Equations
+from .expressions import ExactExpression, depends_on, substitute
+from .hop import HopStatement, Jet, levels_of, next_jet, pace_of, statement_of_jets
+from .motion import Motion
+from .programs import ball_of_fraction
+from .refusal import Unproved
+from .root import FIRST_BITS, ProvedRoot, evaluated_on, polished, prove_root
+from .statement import ExactStatement
+from .theorem import Enclosure, Part
+
+
+@dataclass(frozen=True)
+class ProvedHop:
+    """A proved zero.
+
+    base : the statement of a hop that comes back
+    further : unknowns by name that are constant along the jets of hops
+    equations, root : of the base, or of its doubling
+    """
+
+    base: HopStatement
+    further: Mapping[str, ExactExpression]
+    equations: Equations
+    root: ProvedRoot
+    digits: int | None
+
+    @property
+    def balls(self) -> dict[str, arb]:
+        """Enclosures of the unknowns by name, in the units of the equations."""
+        return dict(zip(self.equations.unknowns, self.root.box, strict=True))
+
+    @property
+    def jets(self) -> dict[str, arb]:
+        """Enclosures of the unknowns, of which those that are derivatives are by alpha itself, not at its pace."""
+        levels, pace = levels_of(self.base.statement, 1), ball_of_fraction(self.base.pace)
+        return {name: value / pace ** levels.get(name, 0) for name, value in self.balls.items()}
+
+    @property
+    def motions(self) -> list[Motion]:
+        """The flights and the contact."""
+        passages = self.root.evaluated.passages
+        return [Motion(leg, passage) for leg, passage in zip(self.equations.legs, passages, strict=True)]
+
+    def ball(self, name: str) -> arb:
+        """An enclosure of an unknown, in the units of the machine."""
+        return self.balls[name] * ball_of_fraction(self.base.unit_of(name))
+
+    def part(self, parameters: Mapping[str, Enclosure]) -> Part:
+        """The enclosures of all unknowns, in the units of the machine."""
+        with ctx.workprec(bits_of_digits(self.digits) + FIRST_BITS):
+            units = [ball_of_fraction(self.base.unit_of(name)) for name in self.equations.unknowns]
+            enclosed = {name: enclosure_of(self.ball(name), self.digits) for name in self.equations.unknowns}
+            return Part(parameters, enclosed, lower_decimal(self.root.unique_within(units)))
+
+    def jet(self, order: int, values: Mapping[str, arb]) -> Jet:
+        """The derivatives after this order by alpha, from enclosures of the jet up to it by name. Of the third ones no
+        more than a sign is wanted."""
+        base = self.base.statement
+        levels, pace = levels_of(base, order), pace_of(values, base)
+        size = ball_of_fraction(pace)
+        paced = {name: value * size ** levels.get(name, 0) for name, value in values.items()}
+        jets = statement_of_jets(base, order, pace)
+        equations = Equations(ExactStatement({**jets.unknowns, **self.further}, jets.arcs), self.equations.intervals)
+        box = [paced[name] for name in equations.unknowns]
+        centre, radii = [value.mid() for value in box], [value.rad() for value in box]
+        evaluated = evaluated_on(equations, centre, radii, fineness=FINE if order < 2 else COARSE)
+        found = next_jet(base, order, evaluated.slopes, paced, pace)
+        back = size ** (order + 1)
+        return Jet({name: value / back for name, value in found.unknowns.items()}, found.last / back)
+
+
+def proved_hop(
+    base: HopStatement, further: Mapping[str, ExactExpression], equations: Equations, guess: Mapping[str, float],
+    digits: int | None,
+) -> ProvedHop:  # fmt: skip
+    """The zero of equations near a guess of its unknowns, in the units of the machine, along which all formulas have
+    values; raises `Unproved`."""
+    if depends_on(base.half.mechanics.contact_force, base.half.mechanics.w):
+        raise Unproved("the contact force depends on speeds: an injection would move the place of the lift-off")
+    centre = [arb(guess[name] / float(base.unit_of(name))) for name in equations.unknowns]
+    if not base.half.mechanics.pieces:  # a single motion comes to a breakpoint in ever shorter steps
+        centre = polished(equations, centre)
+    root = prove_root(equations, [float(value) for value in centre], bits_of_digits(digits))
+    equations.check_domains(root.evaluated.passages)
+    found = ProvedHop(base, further, equations, root, digits)
+    for name in (*base.flights, base.contact):
+        if not found.balls[name] > 0:
+            raise Unproved(f"the {name.replace('_', ' ')} is not proved to be positive")
+    return found
+
+
+def conditions_of_hop(found: ProvedHop, launched: arb, reasons: list[str]) -> dict[str, str]:
+    """The verdict of each condition of theorem 1 of `return_map`, for the speed of the lift-off before the injection;
+    reasons are added for those that are not proved."""
+    checks: dict[str, Callable[[], None]] = {"clearance": lambda: _check_flights_of_hop(found)}
+    if len(found.base.flights) > 1:
+        checks["bounces"] = lambda: _check_bounces(found)
+    checks |= {"contact_force": lambda: _check_contact(found), "liftoff": lambda: _check_liftoff(launched)}
+    if found.base.half.mechanics.separation is not None:
+        checks["separation"] = lambda: _check_separation_of_hop(found)
+    return {name: verdict_of(name, check, reasons) for name, check in checks.items()}
+
+
+def _check_flights_of_hop(found: ProvedHop) -> None:
+    """The gap and its speed are 0 as a flight begins, at a launch its acceleration too; it is 0 as the flight ends."""
+    for i, flight in enumerate(found.motions[:-1]):
+        order = 2 if i else 3
+        gap = flight.chain([found.base.half.gap] * len(flight.leg.rates), order)
+        if not flight.first(gap, order - 1).contains(0):
+            raise Unproved("the gap does not open as it is proved to")
+        flight.check_positive(gap, zero_at_start=order, zero_at_end=True)
+
+
+def _check_bounces(found: ProvedHop) -> None:
+    for flight in found.motions[1:-1]:
+        gap = flight.chain([found.base.half.gap] * len(flight.leg.rates), 2)
+        if not flight.first(gap, 2) > 0:
+            raise Unproved("the machine is not proved to leave at once after an impact")
+
+
+def _check_contact(found: ProvedHop) -> None:
+    """The force at the end is that at the launch, where it vanishes, as it depends on the place alone."""
+    contact = found.motions[-1]
+    contact.check_positive(contact.chain(found.base.half.mechanics.contact_force, 1), zero_at_end=True)
+
+
+def _check_liftoff(launched: arb) -> None:
+    if not launched > 0:
+        raise Unproved("the speed at the lift-off, before the injection, is not proved to be positive")
+
+
+def _check_separation_of_hop(found: ProvedHop) -> None:
+    mechanics, (*flights, contact) = found.base.half.mechanics, found.motions
+    assert mechanics.separation is not None
+    for flight in flights:
+        flight.check_positive(flight.chain([mechanics.separation] * len(flight.leg.rates), 1))
+    closed = dict(zip(mechanics.y, mechanics.embedded(mechanics.s), strict=True))
+    (inside,) = substitute([mechanics.separation], closed)
+    contact.check_positive(contact.chain([inside] * len(contact.leg.rates), 1))

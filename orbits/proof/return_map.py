@@ -1,0 +1,305 @@
+"""Fixed points of the return map with injection, and where one loses its stability by period doubling, proved.
+
+The map takes the launch speed alpha of a machine of two coordinates to the speed at the next lift-off, and adds the
+injection to it; see `orbits.hybrid.return_map`. `hop` has its equations.
+
+Theorem 1. Let the equations of a hop with k bounces have a zero at which, along the enclosed motion,
+
+    1. the gap is positive inside each flight, and closes at its end with a speed;
+    2. after each of the first k landings the gap's acceleration is positive: the contact would have to pull;
+    3. the contact force is positive from the last landing until it vanishes at the end, where it falls;
+    4. alpha and alpha - inject are positive.
+
+Then alpha is a fixed point of the map, its hop has k + 1 impacts, and the map is analytic near alpha (for a law in
+pieces: continuously differentiable). Its derivative m there is that of `hop`. The fixed point is asymptotically stable
+for |m| < 1, and unstable for |m| > 1.
+
+Proof. At the launch the gap and its first two derivatives are 0 (Lemma 5 of `orbits.proof`), and the third is positive,
+as 1 is proved there by its sign. So each landing is the first zero of the gap in its flight. The machine leaves at once
+by 2, or stays by 3; it lifts off when the force first vanishes, by the equations at the place of the launch, and by 4
+with a speed that opens the gap as at the launch. So the hop is that of the map, and the last equation says that it
+comes back. All of these conditions are strict on the closed times of the hop, but for the beginnings of the flights,
+where the first derivative of the gap that does not vanish is positive up to some time. So they hold for all launches
+near alpha, whose events are simple zeros: their times are analytic functions of alpha by the implicit function theorem.
+Breakpoints of a law are crossed transversally. What is said of stability is true of any differentiable map of the line.
+
+Theorem 2. Let the equations and their first derivatives by alpha have a zero with the multiplier -1, for an injection
+that is an unknown, which Krawczyk's operator proves, and the conditions 1 to 4. Let P be the map without injection.
+Then P'' is not 0 there: the equations reduce to P + inject - alpha = 0 and P' + 1 = 0, whose Jacobian has the
+determinant -P''. The fixed points nearby are a curve alpha(inject) with the slope 1/(1 - m) = 1/2, along which the
+multiplier changes at the rate P''/2, which is not 0. If besides a = P''**2/2 + P'''/3 is not 0, hops of period two
+begin there: for injections near it on one side there is a cycle of them, for a > 0 stable, and on the side where the
+fixed point is unstable; for a < 0 unstable, and on the other side (J. Guckenheimer, P. Holmes, Nonlinear Oscillations,
+Dynamical Systems, and Bifurcations of Vector Fields, Springer 1983, theorem 3.5.1).
+
+A fixed point needs an injection above 0, as landings only lose. Without any, all are lossless orbits: they land with no
+speed, and these equations are singular.
+"""
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+from flint import arb, ctx
+
+from ..errors import InputError
+from ..model.machine import Machine, machine_in_words
+from .case import PROVED, not_stated
+from .decimals import bounds_of_fractions, decimal_text, enclosure_of, upper_decimal
+from .equations import Equations, IntervalParameters
+from .hop import INJECTION, HopStatement, Jet, doubling_statement, hop_statement, next_jet, pace_of
+from .mechanics import ExactMechanics, Scale, parameter_of
+from .programs import ball_of_fraction
+from .proved_hop import ProvedHop, conditions_of_hop, proved_hop
+from .refusal import Unproved
+from .root import FIRST_BITS, evaluated_on
+from .stated import Bounds, Decimals, StatedMachine, exact_bounds, range_text, stated_machine
+from .statement import unknown
+from .step import between
+from .theorem import Enclosure, Part, Proof
+from .wording import enclosed_words
+
+# What a map's own fixed point says is right to within so many roundings of the map, and its multiplier to this share.
+FOUND_TO, SLOPE_FOUND_TO = 512 * 2.0**-52, 1e-6
+# A flip is located to this share of a range.
+FLIP_FOUND_TO = 1e-9
+MAP_IN_WORDS = (
+    "A hop flies from a lift-off, with the launch speed alpha, until the gap closes, and lands plastically; where the "
+    "contact would have to pull it leaves at once and flies on, else it stays until the contact force vanishes, and "
+    "lifts off. The return map takes alpha to the speed there, with inject added to it."
+)
+CONDITIONS_OF_HOPS = {
+    "clearance": "the gap is open throughout each open flight, and closes with a speed",
+    "bounces": "after each landing but the last the contact would have to pull",
+    "contact_force": "after the last landing the contact pushes until it lifts off",
+    "liftoff": "the speed of the lift-off is positive",
+    "separation": "the separation stays positive throughout",
+}
+
+
+@dataclass(frozen=True)
+class HopGuess:
+    """Guesses of the unknowns of a hop that comes back, in the machine's units.
+
+    liftoff, alpha : place and speed of the launch
+    flights, contact : times of the flights and of the contact
+    inject : the injection
+    """
+
+    liftoff: float
+    alpha: float
+    flights: tuple[float, ...]
+    contact: float
+    inject: float
+
+    def unknowns(self, hop: HopStatement) -> dict[str, float]:
+        """The guesses by the names of the unknowns."""
+        times = dict(zip(hop.flights, self.flights, strict=True))
+        return {
+            "liftoff": self.liftoff,
+            "alpha": self.alpha,
+            **times,
+            hop.contact: self.contact,
+            INJECTION: self.inject,
+        }
+
+
+def proof_of_fixed_point(
+    machine: Machine, guess: HopGuess, inject: Decimals, said: tuple[float, float | None] | None,
+    parameters: Mapping[str, Decimals], digits: int | None,
+) -> Proof:  # fmt: skip
+    """The proof of a fixed point near a guess, whose alpha and multiplier are said to be these; see
+    `prove_fixed_point`."""
+    injected = exact_bounds(INJECTION, inject)
+    return _proof("fixed point", machine, injected, parameters, digits, lambda case: _of_fixed_point(case, guess, said))
+
+
+def proof_of_doubling(
+    machine: Machine, guess: HopGuess, said: tuple[float, float], parameters: Mapping[str, Decimals],
+    digits: int | None,
+) -> Proof:  # fmt: skip
+    """The proof of a doubling near a guess, of which inject and alpha are said; see `prove_doubling`."""
+    return _proof("period doubling", machine, None, parameters, digits, lambda case: _of_doubling(case, guess, said))
+
+
+@dataclass(frozen=True)
+class _Case:
+    """What is to be proved of: the machine as it is stated, and the injection, None where it is an unknown."""
+
+    stated: StatedMachine
+    inject: Bounds | None
+    digits: int | None
+
+    @property
+    def bounds(self) -> dict[str, Bounds]:
+        """Of all parameters by name."""
+        return {**self.stated.parameters, **({INJECTION: self.inject} if self.inject else {})}
+
+    @property
+    def intervals(self) -> IntervalParameters:
+        """Those that are intervals."""
+        return IntervalParameters(self.bounds)
+
+    def hop(self, guess: HopGuess, inject: Bounds | None) -> HopStatement:
+        """The statement of a hop that comes back with an injection; None for an unknown."""
+        scale = Scale.of(guess.alpha, guess.flights[0] / 2)
+        mechanics = ExactMechanics(self.stated, scale)
+        if mechanics.size != 2:
+            raise Unproved("a launch is more than a speed: there is no map of launch speeds")
+        if inject is None:
+            return hop_statement(mechanics, len(guess.flights) - 1, unknown(INJECTION))
+        low, high = (each / scale.speed for each in inject)
+        return hop_statement(mechanics, len(guess.flights) - 1, parameter_of(INJECTION, low, high))
+
+
+@dataclass(frozen=True)
+class _Result:
+    """What is proved: the zero, further enclosures and sentences, the conditions, and what is not proved."""
+
+    found: ProvedHop
+    enclosures: dict[str, Enclosure]
+    sentences: list[str]
+    conditions: dict[str, str]
+    reasons: list[str]
+
+
+def _proof(
+    kind: str, machine: Machine, inject: Bounds | None, parameters: Mapping[str, Decimals], digits: int | None,
+    prove_case: Callable[[_Case], _Result],
+) -> Proof:  # fmt: skip
+    began, result, reasons = time.perf_counter(), None, list[str]()
+    try:
+        stated = stated_machine(machine, parameters)
+    except Unproved as error:
+        return replace(not_stated(machine, error), kind=kind)
+    if INJECTION in stated.parameters:
+        raise InputError(f"a parameter called '{INJECTION}' cannot be told from the injection; give it another name")
+    case = _Case(stated, inject, digits)
+    try:
+        with ctx.workprec(FIRST_BITS):
+            result = prove_case(case)
+            reasons = result.reasons
+    except Unproved as error:
+        reasons = [f"the {kind}: {error}"]
+    bounds = {name: bounds_of_fractions(each) for name, each in case.bounds.items()}
+    enclosures, part = dict[str, Enclosure](), None
+    if result:
+        part = result.found.part(bounds)
+        main = (*result.found.further, *result.found.base.statement.unknowns)
+        enclosures = {**{name: part.unknowns[name] for name in main}, **result.enclosures}
+    return Proof(
+        proved=not reasons,
+        statement=" ".join([stated.words(), MAP_IN_WORDS, *_sentences(case, result, part)]),
+        machine=machine_in_words(machine),
+        kind=kind,
+        stated=stated.document() | {"injection": None if inject is None else [*map(decimal_text, inject)]},
+        parameters=bounds,
+        enclosures=enclosures,
+        parts=(part,) if part else (),
+        radius=upper_decimal(result.found.ball("alpha").rad()) if result else None,
+        uniqueness_radius=part.uniqueness_radius if part else None,
+        conditions=result.conditions if result else {},
+        reasons=tuple(reasons),
+        digits=digits,
+        seconds=time.perf_counter() - began,
+    )
+
+
+def _of_fixed_point(case: _Case, guess: HopGuess, said: tuple[float, float | None] | None) -> _Result:
+    """What is proved of a fixed point."""
+    assert case.inject is not None
+    hop = case.hop(guess, case.inject)
+    equations = Equations(hop.statement, case.intervals)
+    found, reasons = proved_hop(hop, {}, equations, guess.unknowns(hop), case.digits), list[str]()
+    inject = between(*map(ball_of_fraction, case.inject))
+    conditions = conditions_of_hop(found, found.ball("alpha") - inject, reasons)
+    multiplier = 1 + found.jet(0, found.balls).last
+    enclosures = {"multiplier": enclosure_of(multiplier)}
+    stable = abs(multiplier) < 1
+    if not (stable or abs(multiplier) > 1):
+        reasons.append(f"stability: the multiplier lies in {enclosures['multiplier']}, which holds 1 or -1")
+    reasons += _wrongly_said(found.ball("alpha"), multiplier, said)
+    words = f"The multiplier, which is the derivative of the map there, is in {enclosures['multiplier']}"
+    if stable or abs(multiplier) > 1:
+        words += f": the fixed point is {'asymptotically stable' if stable else 'unstable'}"
+    return _Result(found, enclosures, [f"{words}."], conditions, reasons)
+
+
+def _wrongly_said(alpha: arb, multiplier: arb, said: tuple[float, float | None] | None) -> list[str]:
+    """What a fixed point says of itself, and is not so; its error grows where the map runs along the identity line."""
+    if said is None:
+        return []
+    (place, slope), reasons = said, list[str]()
+    error = FOUND_TO * abs(place) * max(1.0, 1 / float(abs(1 - multiplier).abs_lower() + arb(2) ** -60))
+    if not (alpha + arb(0, error)).overlaps(arb(place)):
+        reasons.append(f"alpha: the fixed point says {place!r}, outside the enclosure {enclosure_of(alpha)}")
+    if slope is not None and not (multiplier + arb(0, SLOPE_FOUND_TO * (1 + abs(slope)))).overlaps(arb(slope)):
+        reasons.append(f"multiplier: the fixed point says {slope!r}, outside {enclosure_of(multiplier)}")
+    return reasons
+
+
+def _of_doubling(case: _Case, guess: HopGuess, said: tuple[float, float]) -> _Result:
+    """What is proved of a period doubling."""
+    hop = case.hop(guess, None)
+    if hop.half.mechanics.pieces:
+        raise InputError("a doubling with a piecewise law cannot be proved: its map is not smooth everywhere")
+    further = {INJECTION: unknown(INJECTION)}
+    jet = _guessed_jet(case, guess)
+    hop = replace(hop, pace=pace_of(jet.unknowns, hop.statement))
+    directions = {
+        name: float(each.mid() * ball_of_fraction(hop.unit_of(name) * hop.pace)) for name, each in jet.unknowns.items()
+    }
+    equations = Equations(doubling_statement(hop, further[INJECTION]), case.intervals)
+    found, reasons = proved_hop(hop, further, equations, guess.unknowns(hop) | directions, case.digits), list[str]()
+    conditions = conditions_of_hop(found, found.ball("alpha") - found.ball(INJECTION), reasons)
+    second = found.jet(1, found.jets)
+    third = found.jet(2, {**found.jets, **second.unknowns})
+    speed = ball_of_fraction(hop.half.mechanics.scale.speed)
+    rate, cubic = second.last / 2 / speed, (second.last**2 / 2 + third.last / 3) / speed**2
+    enclosures = {"multiplier_rate": enclosure_of(rate), "cubic_coefficient": enclosure_of(cubic)}
+    words = [f"Its multiplier is -1, and changes with inject at a rate in {enclosures['multiplier_rate']}."]
+    if rate.contains(0) or cubic.contains(0):
+        reasons.append("the rate of the multiplier, and the coefficient of the cycles, are not proved to have a sign")
+    else:
+        side = "above" if (rate < 0) == (cubic > 0) else "below"
+        words.append(
+            f"So it passes through -1 there, and a cycle of two hops begins: for injections just {side} it is "
+            f"{'stable' if cubic > 0 else 'unstable'}, as half the square of the map's second derivative and a third "
+            f"of its third derivative are together in {enclosures['cubic_coefficient']}."
+        )
+    for name, value in zip((INJECTION, "alpha"), said, strict=True):
+        if not (found.ball(name) + arb(0, FLIP_FOUND_TO * (1 + abs(value)))).overlaps(arb(value)):
+            reasons.append(f"{name}: the flip says {value!r}, outside the enclosure {enclosure_of(found.ball(name))}")
+    return _Result(found, enclosures, words, conditions, reasons)
+
+
+def _guessed_jet(case: _Case, guess: HopGuess) -> Jet:
+    """Guesses of the derivatives of the unknowns by alpha, from the equations at the guess."""
+    inject = Fraction(guess.inject)
+    hop = case.hop(guess, (inject, inject))
+    equations = Equations(hop.statement, case.intervals)
+    units = {name: float(hop.unit_of(name)) for name in equations.unknowns}
+    centre = [arb(guess.unknowns(hop)[name] / unit) for name, unit in units.items()]
+    point = evaluated_on(equations, centre, [arb(0)] * len(centre), wide=False)
+    return next_jet(hop.statement, 0, point.slopes, {})
+
+
+def _sentences(case: _Case, result: _Result | None, part: Part | None) -> list[str]:
+    """What is proved, in words."""
+    inject = "an unknown inject" if case.inject is None else f"inject {range_text(case.inject)}"
+    if result is None or part is None:
+        return [f"Nothing is proved of a hop that comes back with {inject}."]
+    each = "For each value in these intervals the" if case.intervals else "The"
+    count, doubled = len(result.found.base.flights), "" if case.inject else " with the multiplier -1"
+    impacts = f"{count} impact{'' if count == 1 else 's'}"
+    words = [
+        f"With {inject}: {each} equations of a hop of {impacts} that comes back{doubled} have a solution with "
+        f"{enclosed_words(part.unknowns)}{'' if case.inject else '; a d before a name is the derivative by alpha'}.",
+        f"No other solution has all of these ({', '.join(part.unknowns).replace('_', ' ')}) within "
+        f"{part.uniqueness_radius} of these enclosures.",
+    ]
+    proved = [CONDITIONS_OF_HOPS[name] for name, verdict in result.conditions.items() if verdict == PROVED]
+    if len(proved) < len(result.conditions):
+        return [*words, f"Of its motion: {'; '.join(proved)}."] if proved else words
+    return [*words, f"It is a fixed point of the return map: {'; '.join(proved)}.", *result.sentences]

@@ -1,0 +1,232 @@
+"""Fixed points of return maps with injection, and period doublings, that are proved: against the closed form of the
+linear hopper in 60 digits, and against the map's own numbers; what is not so is not proved."""
+
+from dataclasses import replace
+from decimal import Decimal
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+from orbits import (
+    Bifurcation,
+    FixedPoint,
+    InputError,
+    NoOrbit,
+    ReturnMap,
+    find,
+    prove_doubling,
+    prove_fixed_point,
+)
+from orbits.hybrid.proofs import guessed_hop
+from orbits.proof.return_map import proof_of_fixed_point
+from problems import Chain, Hopper, Juggler, hopper_in_si, inerter_hopper, knee_hopper
+
+# Of the linear hopper with equal masses: launch speeds of fixed points, and the times of their flights.
+FIXED = {"0.03": {4.4876: (8.589, 1.129), 4.5188: (9.68,)}, "0.071587384137": {4.4813: (8.46, 1.35), 4.5418: (9.86,)}}
+FLIP = Bifurcation("flip", 0.071587384137, (4.541763272853,), -1.0, 0)
+
+
+@pytest.fixture(autouse=True)
+def digits():
+    with mp.workdps(60):
+        yield
+
+
+def root(f, slope, x):
+    """The zero of a function by Newton's method, to 50 digits."""
+    for _ in range(60):
+        step = f(x) / slope(x)
+        x -= step
+        if abs(step) < mp.mpf(10) ** -50:
+            return x
+    raise AssertionError("Newton's method does not converge")
+
+
+def next_speed(alpha, flights):
+    """The launch speed of the linear hopper with equal masses after alpha, in closed form, for about these flights."""
+    place, rate = mp.mpf(1), mp.mpf(alpha)  # of the body; the foot is at rest on the ground
+    for guess in flights:
+        c, s = place, rate
+        extension = lambda t: c * mp.cos(t) + s * mp.sin(t)  # noqa: B023, E731
+        change = lambda t: -c * mp.sin(t) + s * mp.cos(t)  # noqa: B023, E731
+        gap = lambda t: (c + s * t - t**2 / 2 - extension(t)) / 2  # noqa: B023, E731
+        speed = lambda t: (s - t - change(t)) / 2  # noqa: B023, E731
+        t = root(gap, speed, mp.mpf(guess))
+        place, rate = extension(t), change(t) + speed(t)
+    return mp.sqrt(rate**2 + (place**2 - 1) / 2 + place - 1)
+
+
+def slope(alpha, flights, order=1):
+    return mp.diff(lambda a: next_speed(a, flights), alpha, order, h=mp.mpf(10) ** -12)
+
+
+def fixed_point(guess, flights, inject):
+    def excess(alpha):
+        return next_speed(alpha, flights) + mp.mpf(inject) - alpha
+
+    return root(excess, lambda alpha: slope(alpha, flights) - 1, mp.mpf(guess))
+
+
+def holds(enclosure, value):
+    return mp.mpf(enclosure.low) <= value <= mp.mpf(enclosure.high)
+
+
+@pytest.mark.parametrize("inject", FIXED)
+def test_the_pair_of_fixed_points_in_closed_form(inject):
+    for guess, flights in FIXED[inject].items():
+        alpha = fixed_point(guess, flights, inject)
+        proof = prove_fixed_point(Hopper(), guess, inject)
+        assert proof.proved
+        assert holds(proof.alpha, alpha)
+        assert proof.alpha.width < 1e-17
+        assert holds(proof.enclosures["multiplier"], slope(alpha, flights))
+        assert proof.enclosures["multiplier"].width < 1e-12
+        assert proof.kind == "fixed point"
+        assert f"With inject = {inject}: The equations of a hop of {len(flights)} impact" in proof.statement
+        assert proof.document()["machine"]["injection"] == [inject, inject]
+        assert ("asymptotically stable" in proof.statement) == (abs(slope(alpha, flights)) < 1)
+        assert ("unstable" in proof.statement) == (abs(slope(alpha, flights)) > 1)
+
+
+@pytest.mark.slow
+def test_the_period_doubling_in_closed_form():
+    """Curve (d) of the paper's Fig. 8."""
+    flights = FIXED["0.071587384137"][4.5418]
+    alpha = mp.findroot(lambda a: slope(a, flights) + 1, (4.541, 4.542), tol=1e-35)
+    first, second, third = (slope(alpha, flights, order) for order in (1, 2, 3))
+    assert abs(first + 1) < mp.mpf(10) ** -30
+    proof = prove_doubling(Hopper(), FLIP, limit=300)
+    assert proof.proved
+    assert holds(proof.alpha, alpha)
+    assert holds(proof.enclosures["inject"], alpha - next_speed(alpha, flights))
+    assert max(proof.alpha.width, proof.enclosures["inject"].width) < 1e-17
+    assert holds(proof.enclosures["multiplier_rate"], second / 2)
+    assert holds(proof.enclosures["cubic_coefficient"], second**2 / 2 + third / 3)
+    assert "for injections just above it is stable" in proof.statement
+    assert proof.document()["machine"]["injection"] is None
+    for name, value in (("alpha", "4.541763272853"), ("inject", "0.071587384137")):
+        enclosure = proof.enclosures[name]
+        assert round(Decimal(enclosure.low), 12) == round(Decimal(enclosure.high), 12) == Decimal(value)
+
+
+@pytest.mark.slow
+def test_the_doubling_of_a_cubic_spring():
+    """How fast the multiplier passes through -1, by differences along the fixed points."""
+    machine, d = Hopper("r + 0.3*r**3", mass_ratio=0.5, rest_length=8.0), 1e-6
+    proof = prove_doubling(machine, Bifurcation("flip", 0.0329952471, (2.962045693,), -1.0, 0), limit=300)
+    assert proof.proved
+    inject, rate = (float(proof.enclosures[name].low) for name in ("inject", "multiplier_rate"))
+    ends = [ReturnMap(machine, inject + side).fixed_points(2.95, 2.97)[-1].multiplier for side in (-d, d)]
+    assert (ends[1] - ends[0]) / (2 * d) == pytest.approx(rate, rel=1e-4)
+    assert sum(ends) / 2 == pytest.approx(-1, abs=1e-7)
+
+
+@pytest.mark.slow
+def test_a_doubling_that_is_said_elsewhere_or_of_other_laws():
+    moved = replace(FLIP, value=FLIP.value + 1e-8)
+    proof = prove_doubling(Hopper(), moved, limit=300)
+    assert not proof.proved
+    assert proof.reasons[0].startswith("inject: the flip says")
+    with pytest.raises(InputError, match="piecewise"):
+        prove_doubling(Hopper("bilinear"), Bifurcation("flip", 0.05, (3.44,), -1.0, 0))
+    with pytest.raises(InputError, match='"flip" event'):
+        prove_doubling(Hopper(), replace(FLIP, kind="fold"))
+    with pytest.raises(InputError, match='"flip" event'):
+        prove_doubling(Hopper(), replace(FLIP, alphas=(4.5, 4.6)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "machine",
+    [
+        Hopper("r + 0.3*r**3", mass_ratio=0.5, rest_length=8.0),
+        Juggler("tanh", parameters={"b": 0.1}),
+        Hopper("r + 0.3*r**3", gravity="1/(1 + z/40)**2", rest_length=8.0),
+        Hopper("bilinear"),
+        inerter_hopper(),
+        hopper_in_si(60.0, 3.0, force="k*r + b*r**3", parameters={"k": 8000.0, "b": 2e6}, rest_length=0.8),
+    ],
+    ids=lambda machine: repr(machine)[:24],
+)
+def test_the_pairs_of_other_machines(machine):
+    alpha = find(machine).alpha
+    inject, d = round(0.01 * alpha, 6), 1e-6 * alpha
+    points = ReturnMap(machine, inject).fixed_points(0.9 * alpha, 1.1 * alpha)
+    assert len(points) == 2
+    for point in points:
+        proof = prove_fixed_point(machine, point, inject, limit=300)
+        assert proof.proved
+        low, high = proof.alpha.low, proof.alpha.high
+        assert float(low) - 1e-13 * alpha <= point.alpha <= float(high) + 1e-13 * alpha
+        before, after = ReturnMap(machine)(point.alpha + np.array([-d, d])).next
+        for slope_there, error in (((after - before) / (2 * d), 1e-5), (point.multiplier, 1e-8)):
+            enclosure = proof.enclosures["multiplier"]
+            assert float(enclosure.low) - error <= slope_there <= float(enclosure.high) + error
+
+
+def test_a_narrow_interval_of_injections():
+    proof = prove_fixed_point(Hopper(), 4.52, ("0.0299999", "0.0300001"))
+    assert proof.proved
+    assert "For each value in these intervals" in proof.statement
+    for inject in ("0.0299999", "0.0300001"):
+        assert prove_fixed_point(Hopper(), 4.52, inject).alpha.low in proof.alpha
+
+
+def test_what_is_said_otherwise_is_not_proved():
+    low, high = ReturnMap(Hopper(), inject=0.03).fixed_points(4.4, 4.6)
+    proved = prove_fixed_point(Hopper(), high, "0.03")
+    assert proved.proved
+    other = prove_fixed_point(Hopper(), high, "0.030000000001")
+    assert not other.proved
+    assert Decimal(other.alpha.low) > Decimal(proved.alpha.high)
+    assert other.reasons[0].startswith("alpha: the fixed point says 4.51882885947")
+    crossed = prove_fixed_point(Hopper(), FixedPoint(low.alpha, "crossing", high.multiplier), "0.03")
+    assert crossed.reasons[0].startswith("multiplier: the fixed point says -0.5976")
+
+
+def test_a_contact_that_goes_on_through_its_end_is_refuted():
+    """A whole swing later the body passes the place of the lift-off again, as fast: a zero of the equations."""
+    guess = guessed_hop(Hopper(), 4.5188, 0.03)
+    later = replace(guess, contact=guess.contact + 2 * np.pi * np.sqrt(2))
+    proof = proof_of_fixed_point(Hopper(), later, "0.03", None, {}, None)
+    assert not proof.proved
+    assert proof.conditions["contact_force"] == "refuted"
+    assert "fixed point of the return map" not in proof.statement
+    assert "stable" not in proof.statement
+
+
+def test_masses_that_pass_through_each_other():
+    proof = prove_fixed_point(Hopper(rest_length=4.0), 4.5188, "0.03")
+    assert proof.conditions["separation"] == "refuted"
+    assert not proof.proved
+
+
+@pytest.mark.parametrize(
+    ("machine", "inject", "message"),
+    [
+        (Hopper(restitution=0.2), "0.03", "restitution = 0.2"),
+        (Hopper(damping=0.01), "0.03", "friction"),
+        (Chain(), "0.03", "more than a speed"),
+        (Hopper(), "0", "above 0"),
+        (Hopper(), ("0.03", "0.02"), "first bound is the lower one"),
+        (Hopper("inject*r", parameters={"inject": 1.0}), "0.03", "another name"),
+    ],
+)
+def test_what_no_theorem_is_about(machine, inject, message):
+    with pytest.raises(InputError, match=message):
+        prove_fixed_point(machine, 4.5188, inject)
+
+
+def test_a_guess_far_from_any_fixed_point():
+    with pytest.raises(NoOrbit, match="no fixed point near"):
+        prove_fixed_point(Hopper(), 2.0, "0.03")
+    with pytest.raises(InputError, match="lossless orbit"):
+        prove_fixed_point(Hopper(), ReturnMap(Hopper()).fixed_points(4, 5)[0], "0.03")
+
+
+def test_a_place_of_the_liftoff_that_depends_on_the_speed_is_left_open():
+    machine = knee_hopper()
+    proof = prove_fixed_point(machine, 3.2837, "0.0319378")
+    assert not proof.proved
+    assert "the contact force depends on speeds" in proof.reasons[0]
