@@ -198,10 +198,10 @@ def _proved_step(
             tube[:m] = WIDER * tube[:m] + SMALLEST
             change = of_derivatives + h * _change(variation, both, [*(sizes @ tube), *tube[m:]])
             grown = start[:m] + inverse @ (defect[:m] + change @ tube)
-            if all(a < b for a, b in zip(grown, tube[:m], strict=True)):
-                tube[:m] = grown
+            done = all(a < b for a, b in zip(grown, tube[:m], strict=True))
+            tube[:m] = grown
+            if done:
                 break
-            tube[:m] = [a.max(b) for a, b in zip(grown, tube[:m], strict=True)]
         else:
             return None
         found.append(_upper(tube))
@@ -212,7 +212,7 @@ def _proved_step(
         grown = begun + inverse @ (change + change[:, :m] @ after)
         if all(a < b for a, b in zip(grown.flat, after.flat, strict=True)):
             return CurveStep(begins, h, models, derivatives, found, _upper(grown))
-        after = np.array([a.max(b) for a, b in zip(grown.flat, after.flat, strict=True)]).reshape(m, n)
+        after = grown
     return None
 
 
