@@ -4,7 +4,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, BinaryIO, NotRequired, TypedDict
+from typing import Any, BinaryIO, Literal, NotRequired, TypedDict, overload
 
 import numpy as np
 
@@ -30,16 +30,21 @@ from ..pages.cells import cell
 from ..pages.tables import DIGITS
 from ..periodic.orbit import Orbit, SavedLaws, with_note
 from ..plot import spread
+from ..proof.branch_claim import BranchClaim
 from ..proof.claim import CONTACT_DURATION, Claim
-from ..proof.prove import prove_claims
+from ..proof.prove import prove_branch, prove_claims
 from ..proof.theorem import Proof
+from ..symbolic.time_limit import LIMIT
 from .hops import orbit_from
 from .point import COLUMNS, KNOWN, NUMBERS, SIDES, End, Event, Point, check_points, json_line, point_in_units
+from .proved_curve import branch_claim
 from .table import names_of_motions, numbers_of_motions
 
 FAMILY_FORMAT = "persistent-orbits family 1"
 # Why a family that is read has no end.
 UNFINISHED = "its file ends before it does: resume it to go on"
+# Seconds that the proof of a curve may take unless more are allowed.
+LIMIT_OF_BRANCH = 600.0
 # Endings of the files that a family is saved to; the first two are lines of JSON.
 ENDINGS = (".jsonl", ".json", ".csv", ".nc")
 # What is read of a saved family at most: some 100,000 points, and lines far longer than any that is written.
@@ -228,19 +233,49 @@ class Family:
             items.insert(event.after + 1, (event.point, event))
         return items
 
+    @overload
     def prove(
-        self, machine: Machine, digits: int | None = None, *, motion: bool = True, workers: int = 1
-    ) -> tuple[Proof, ...]:
-        """Prove each point's orbit, on so many processes; between points nothing is claimed.
+        self, machine: Machine, digits: int | None = None, *, motion: bool = True, workers: int = 1,
+        continuous: Literal[False] = False, limit: float | None = None,
+    ) -> tuple[Proof, ...]: ...  # fmt: skip
+
+    @overload
+    def prove(
+        self, machine: Machine, digits: int | None = None, *, motion: bool = True, workers: int = 1,
+        continuous: Literal[True], limit: float | None = None,
+    ) -> Proof: ...  # fmt: skip
+
+    def prove(
+        self, machine: Machine, digits: int | None = None, *, motion: bool = True, workers: int = 1,
+        continuous: bool = False, limit: float | None = None,
+    ) -> tuple[Proof, ...] | Proof:  # fmt: skip
+        """Prove each point's orbit, on so many processes; between points nothing is claimed. Or, where `continuous`,
+        prove that the family is one continuous curve of orbits from its first point to its last, with its folds.
 
         machine : that the family was followed with
-        digits, motion : as in `orbits.prove`
+        digits, motion : as in `orbits.prove`; of a curve, digits are those of its ends and folds
+        continuous : the theorem is in `orbits.proof.branch`; the machine is dimensionless, and its springs are smooth
+        limit : seconds for each point, or for the whole curve; None for 30 and 600
 
-        Raises `InputError` without python-flint, for another machine, and for a family of another method than the
-        simplest.
+        Raises `InputError` without python-flint, for another machine, for a family of another method than the simplest,
+        and for one that cannot be a curve.
         """
         check_parameters(machine, self.name)
-        return prove_claims([self._claim(machine, point) for point in self.points], digits, motion, workers)
+        if continuous:
+            return prove_branch(
+                self._branch_claim(machine), digits, motion, LIMIT_OF_BRANCH if limit is None else limit
+            )
+        claims = [self._claim(machine, point) for point in self.points]
+        return prove_claims(claims, digits, motion, workers, LIMIT if limit is None else limit)
+
+    def _branch_claim(self, machine: Machine) -> BranchClaim:
+        """What the family says of a curve from its first point to its last."""
+        if not self.points:
+            raise InputError("this family has no points of which a curve could be proved")
+        ends = self._claim(machine, self.points[0]), self._claim(machine, self.points[-1])
+        names = machine.model.reduction.statement.unknowns if machine.model.reduction else machine.model.half_unknowns
+        points = [point for point, event in self.in_order() if event is None or 0 <= event.after < len(self.points) - 1]
+        return branch_claim(machine, self.name, self.settings["method"], tuple(names), points, ends)
 
     def _claim(self, machine: Machine, point: Point) -> Claim:
         """What a point says of the machine there."""

@@ -1,7 +1,7 @@
 """The proof of what an orbit says: that it exists, is alone nearby, is of its family and is a motion."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import isfinite
 from typing import Any
@@ -120,7 +120,7 @@ def whole_proof(
     undecided = dict.fromkeys(names if motion else (), UNDECIDED)
     with ctx.workprec(FIRST_BITS):
         try:
-            found = _existence(claim, stated, motion and CONTACT_DURATION in claim.unknowns, digits)
+            found = existence_of(claim, stated, motion and CONTACT_DURATION in claim.unknowns, digits)
         except Unproved as error:
             verdicts = Verdicts(conditions=undecided, reasons=(f"existence: {error}",))
         if found is not None:
@@ -174,7 +174,7 @@ def whole_proof(
     )
 
 
-def _existence(claim: Claim, stated: StatedMachine, with_contact: bool, digits: int | None) -> ProvedExistence:
+def existence_of(claim: Claim, stated: StatedMachine, with_contact: bool, digits: int | None) -> ProvedExistence:
     """The proved solution near what an orbit says; raises `Unproved`."""
     half = HalfOrbit(ExactMechanics(stated, Scale.of(claim.alpha, claim.flight_time / 2, max(claim.family, 1))))
     statement = half.statement(with_contact)
@@ -210,7 +210,7 @@ def _verdicts(
     found: ProvedExistence, claim: Claim, names: list[str], loss: bool, digits: int | None, about_claim: bool
 ) -> Verdicts:
     """What is proved of the motion, for these conditions, and of what the orbit says."""
-    reasons = [*_wrong_numbers(found, claim)] if about_claim else []
+    reasons = [*wrong_numbers(found, claim)] if about_claim else []
     if not (names or loss):
         return Verdicts(reasons=tuple(reasons))
     try:
@@ -219,13 +219,16 @@ def _verdicts(
         return Verdicts(conditions=dict.fromkeys(names, UNDECIDED), reasons=(*reasons, f"the flight: {error}"))
     family, conditions, enclosures, lost = None, dict[str, str](), dict[str, Enclosure](), None
     if names:
-        family, enclosures = _family(found, flight, digits, reasons)
+        family, enclosures = counted_family(found.half, flight, digits, reasons)
         if about_claim:
             if family is not None and family != claim.family:
                 reasons.append(f"family: the extension turns as in family {family}, and the orbit says {claim.family}")
             reasons += [f"the orbit itself says that it is no motion: {each}" for each in claim.violations]
             reasons += _wrong_places(found, flight, claim)
-        conditions = _motion_conditions(found, flight, names, reasons)
+        contact = None
+        if CONTACT_DURATION in found.statement.unknowns:
+            contact = Motion(found.equations.legs[-1], found.root.evaluated.passages[-1])
+        conditions = motion_conditions(found.half, flight, contact, names, reasons)
     if loss:
         try:
             unknowns = flight_statement(found).unknowns
@@ -258,7 +261,7 @@ def _with_attraction(found: ProvedExistence, claim: Claim, verdicts: Verdicts) -
     )
 
 
-def _wrong_numbers(found: ProvedExistence, claim: Claim) -> list[str]:
+def wrong_numbers(found: ProvedExistence, claim: Claim) -> list[str]:
     """What the orbit says of alpha and of the times, and is not so."""
     reasons = list[str]()
     error = CLAIMED * claim.error + CLAIM_ROUNDINGS * abs(claim.alpha)
@@ -317,11 +320,11 @@ def _flight(found: ProvedExistence) -> Motion:
     return flight
 
 
-def _family(
-    found: ProvedExistence, flight: Motion, digits: int | None, reasons: list[str]
+def counted_family(
+    half: HalfOrbit, flight: Motion, digits: int | None, reasons: list[str]
 ) -> tuple[int | None, dict[str, Enclosure]]:
     """The family, and the extension at lift-off and in mid-flight; reasons are added where it cannot be counted."""
-    counted = flight.chain([found.half.mechanics.counts] * len(flight.leg.rates), 2)
+    counted = flight.chain([half.mechanics.counts] * len(flight.leg.rates), 2)
     try:
         family = flight.count_turns(counted)
     except Unproved as error:
@@ -333,16 +336,15 @@ def _family(
     }
 
 
-def _motion_conditions(found: ProvedExistence, flight: Motion, names: list[str], reasons: list[str]) -> dict[str, str]:
+def motion_conditions(
+    half: HalfOrbit, flight: Motion, contact: Motion | None, names: Sequence[str], reasons: list[str]
+) -> dict[str, str]:
     """The verdict of each condition of a motion; reasons are added for those that are not proved."""
-    contact = None
-    if CONTACT_DURATION in found.statement.unknowns:
-        contact = Motion(found.equations.legs[-1], found.root.evaluated.passages[-1])
     checks = {
-        "clearance": lambda: _check_gap(found, flight),
-        "separation": lambda: _check_separation(found, flight, contact),
-        "contact_force": lambda: _check_force(found, _ending(contact)),
-        "contact_end": lambda: _check_end(found, _ending(contact)),
+        "clearance": lambda: _check_gap(half, flight),
+        "separation": lambda: _check_separation(half, flight, contact),
+        "contact_force": lambda: _check_force(half, _ending(contact)),
+        "contact_end": lambda: _check_end(half, _ending(contact)),
     }
     return {name: verdict_of(name, checks[name], reasons) for name in names}
 
@@ -366,17 +368,17 @@ def _ending(contact: Motion | None) -> Motion:
     return contact
 
 
-def _check_gap(found: ProvedExistence, flight: Motion) -> None:
+def _check_gap(half: HalfOrbit, flight: Motion) -> None:
     """The gap and its speed are 0 at lift-off, as the launch is a contact state; its acceleration is, as the contact
     force vanishes there."""
-    gap = flight.chain([found.half.gap] * len(flight.leg.rates), 3)
+    gap = flight.chain([half.gap] * len(flight.leg.rates), 3)
     if not flight.first(gap, 2).contains(0):
         raise Unproved("the gap's acceleration does not vanish with the contact force")
     flight.check_positive(gap, zero_at_start=3)
 
 
-def _check_separation(found: ProvedExistence, flight: Motion, contact: Motion | None) -> None:
-    mechanics = found.half.mechanics
+def _check_separation(half: HalfOrbit, flight: Motion, contact: Motion | None) -> None:
+    mechanics = half.mechanics
     assert mechanics.separation is not None
     flight.check_positive(flight.chain([mechanics.separation] * len(flight.leg.rates), 1))
     held = _ending(contact)
@@ -384,15 +386,15 @@ def _check_separation(found: ProvedExistence, flight: Motion, contact: Motion | 
     held.check_positive(held.chain([inside] * len(held.leg.rates), 1))
 
 
-def _check_force(found: ProvedExistence, contact: Motion) -> None:
-    force = contact.chain(found.half.mechanics.contact_force, 1)
+def _check_force(half: HalfOrbit, contact: Motion) -> None:
+    force = contact.chain(half.mechanics.contact_force, 1)
     if not contact.first(force, 0).contains(0):
         raise Unproved("the contact force does not vanish at landing")
     contact.check_positive(force, zero_at_start=1)
 
 
-def _check_end(found: ProvedExistence, contact: Motion) -> None:
+def _check_end(half: HalfOrbit, contact: Motion) -> None:
     """Of one coordinate the rate first vanishes in mid-contact; of several the equations demand that all rates do."""
-    mechanics = found.half.mechanics
+    mechanics = half.mechanics
     if mechanics.size == 2:
         contact.check_positive(contact.chain([-mechanics.w[0]] * len(contact.leg.rates), 1), zero_at_end=True)

@@ -3,9 +3,10 @@ Analysis 17, 1980), which is regular only where the family turns quadratically."
 
 import time
 from collections.abc import Mapping
+from dataclasses import dataclass
 from fractions import Fraction
 
-from flint import ctx
+from flint import arb, ctx
 
 from ..errors import InputError
 from ..model.machine import Machine, machine_in_words
@@ -17,7 +18,7 @@ from .expressions import substitute, symbol
 from .mechanics import ExactMechanics, Scale
 from .programs import ball_of_fraction
 from .refusal import Unproved
-from .root import FIRST_BITS, prove_root
+from .root import FIRST_BITS, ProvedRoot, prove_root
 from .stated import Decimals, StatedMachine, stated_machine
 from .statement import HalfOrbit, statement_of_folds
 from .theorem import Part, Proof
@@ -63,11 +64,29 @@ def proof_of_fold(
     )
 
 
-def _fold(
+@dataclass(frozen=True)
+class ProvedFold:
+    """A proved zero of the equations of folds.
+
+    sizes : the units in which the unknowns are solved for
+    balls : enclosures of the unknowns by name, in the units of the machine
+    """
+
+    root: ProvedRoot
+    sizes: list[arb]
+    balls: dict[str, arb]
+
+    def alone_in(self) -> dict[str, arb]:
+        """The box by name in which there is no other zero, in the units of the machine."""
+        box = zip(self.root.centre, self.root.radii, self.sizes, strict=True)
+        return {name: (c + arb(0, r)) * size for name, (c, r, size) in zip(self.balls, box, strict=True)}
+
+
+def proved_fold(
     stated: StatedMachine, unknowns: Mapping[str, float], directions: Mapping[str, float], along: str, value: float,
     digits: int | None,
-) -> tuple[Part, str]:  # fmt: skip
-    """The enclosures of a fold, and the radius of that of alpha."""
+) -> ProvedFold:  # fmt: skip
+    """The fold near a guess; raises `Unproved`."""
     mechanics = ExactMechanics(
         stated, Scale.of(unknowns["alpha"], unknowns.get(FLIGHT_DURATION, unknowns["alpha"])), along
     )
@@ -96,9 +115,20 @@ def _fold(
         (half_flight,) = substitute([half.half_flight], {symbol(along): folded.unknowns[along]})
         if not ball_of(half_flight, folded, equations, root) > 0:
             raise Unproved("the time of the flight is not proved to be positive")
-        enclosures = {name: enclosure_of(ball, digits) for name, ball in balls.items()}
-    bounds = {name: bounds_of_fractions(each) for name, each in others.items()}
-    return Part(bounds, enclosures, lower_decimal(root.unique_within(sizes))), upper_decimal(balls["alpha"].rad())
+    return ProvedFold(root, sizes, balls)
+
+
+def _fold(
+    stated: StatedMachine, unknowns: Mapping[str, float], directions: Mapping[str, float], along: str, value: float,
+    digits: int | None,
+) -> tuple[Part, str]:  # fmt: skip
+    """The enclosures of a fold, and the radius of that of alpha."""
+    found = proved_fold(stated, unknowns, directions, along, value, digits)
+    with ctx.workprec(bits_of_digits(digits) + FIRST_BITS):
+        enclosures = {name: enclosure_of(ball, digits) for name, ball in found.balls.items()}
+        alone = lower_decimal(found.root.unique_within(found.sizes))
+    bounds = {name: bounds_of_fractions(each) for name, each in stated.parameters.items() if name != along}
+    return Part(bounds, enclosures, alone), upper_decimal(found.balls["alpha"].rad())
 
 
 def _fold_words(part: Part, along: str) -> str:

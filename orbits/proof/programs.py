@@ -102,6 +102,11 @@ def operation(each: ExactExpression) -> Callable:
     return _OPERATIONS[each.kind]
 
 
+def series_function(name: str) -> Callable | None:
+    """The function of power series with the name of an elementary function; None for another name."""
+    return _OPERATIONS.get(name) if name.isalnum() and name != "power" else None
+
+
 def _with_bounds(function: Callable, low: int, high: int) -> Callable:
     """A function of balls whose values lie between bounds, also on the ball of all numbers."""
     whole = arb(low).union(arb(high))
@@ -154,15 +159,15 @@ _OPERATIONS: dict[str, Callable] = {
     "log": lambda x: x.log(),
     "expm1": _on_both(lambda x: x.expm1(), lambda x: x.exp() - 1),
     "log1p": _on_both(lambda x: x.log1p(), lambda x: (1 + x).log()),
-    "sin": _on_both(_with_bounds(arb.sin, -1, 1), arb_series.sin),
-    "cos": _on_both(_with_bounds(arb.cos, -1, 1), arb_series.cos),
+    "sin": _on_both(_with_bounds(lambda x: x.sin(), -1, 1), arb_series.sin),
+    "cos": _on_both(_with_bounds(lambda x: x.cos(), -1, 1), arb_series.cos),
     "tan": lambda x: x.tan(),
     "asin": lambda x: x.asin(),
     "acos": lambda x: x.acos(),
     "atan": lambda x: x.atan(),
     "sinh": _on_both(lambda x: x.sinh(), _sinh),
     "cosh": _on_both(lambda x: x.cosh(), _cosh),
-    "tanh": _on_both(_with_bounds(arb.tanh, -1, 1), lambda x: 1 - 2 / ((2 * x).exp() + 1)),
+    "tanh": _on_both(_with_bounds(lambda x: x.tanh(), -1, 1), lambda x: 1 - 2 / ((2 * x).exp() + 1)),
     "asinh": _on_both(lambda x: x.asinh(), lambda x: (x + (x * x + 1).sqrt()).log()),
     "acosh": _on_both(lambda x: x.acosh(), lambda x: (x + (x * x - 1).sqrt()).log()),
     "atanh": _on_both(lambda x: x.atanh(), lambda x: ((1 + x) / (1 - x)).log() / 2),

@@ -16,6 +16,7 @@ from ..model.machine import Machine, check_machine, check_parameters
 from ..periodic.orbit import Orbit
 from ..symbolic.exclusive import exclusive
 from ..symbolic.time_limit import LIMIT, time_limit
+from .branch_claim import BranchClaim
 from .claim import Claim, claim_of
 from .theorem import Proof
 
@@ -82,6 +83,16 @@ def prove_claims(
     context = get_context("spawn")  # a fork of a process with threads may hang
     with ProcessPoolExecutor(min(workers, len(claims)), context) as pool:
         return tuple(pool.map(partial(_claim_proved, digits=digits, motion=motion, limit=limit), claims))
+
+
+@exclusive
+def prove_branch(claim: BranchClaim, digits: int | None, motion: bool, limit: float) -> Proof:
+    """The proof that a family is one continuous curve of orbits; see `Family.prove`."""
+    need_flint()
+    from .branch import proof_of_branch
+    from .case import checked_digits
+
+    return proof_of_branch(claim, checked_digits(digits), motion, limit)
 
 
 @exclusive

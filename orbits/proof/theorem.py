@@ -59,13 +59,40 @@ class Part:
 
 
 @dataclass(frozen=True)
+class CurvePart(Part):
+    """A piece of a curve: for each value of one coordinate, which is an unknown or the parameter and runs through an
+    interval, the others lie near polynomials in its place s there, from -1 to 1.
+
+    parameters, unknowns : enclosures on the whole piece
+    coordinate, start, stop : the coordinate that runs, and the decimals from and to which
+    polynomials : decimals, the coefficients of 1, s, s**2, ..., by name
+    within : how far from them the others are at most, by name
+    alone_within : how far from them there is no other solution, by name
+    """
+
+    coordinate: str = ""
+    start: str = ""
+    stop: str = ""
+    polynomials: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    within: Mapping[str, str] = field(default_factory=dict)
+    alone_within: Mapping[str, str] = field(default_factory=dict)
+
+    def document(self) -> dict[str, Any]:
+        """The piece for JSON."""
+        ends = {"coordinate": self.coordinate, "start": self.start, "stop": self.stop}
+        curves = {name: list(each) for name, each in self.polynomials.items()}
+        tubes = {"within": dict(self.within), "alone_within": dict(self.alone_within)}
+        return {**super().document(), **ends, "polynomials": curves, **tubes}
+
+
+@dataclass(frozen=True)
 class Proof:
     """A theorem about a machine, or why there is none.
 
     proved : whether all that was asked is proved
     statement : the theorem in words; where not all is proved, what is. Whoever has it alone can rebuild the machine.
     machine : the machine in words and numbers
-    kind : what the theorem is about: "orbit", "fold", "absence", "fixed point", "period doubling"
+    kind : what the theorem is about: "orbit", "fold", "absence", "branch", "fixed point", "period doubling"
     stated : the machine as the theorem states it, in formulas and decimals, see `orbits.proof.stated`
     parameters : the exact decimals between which each parameter lies, equal for a number
     family : the number of the family, counted from enclosures; None where that is not proved

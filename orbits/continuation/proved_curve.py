@@ -1,0 +1,47 @@
+"""What a family says of a curve of orbits, for its proof as one."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..errors import InputError
+from ..model.machine import Machine
+from ..proof.branch_claim import BranchClaim
+from ..proof.claim import Claim
+from .corrector import correct_all
+from .curve import Curve
+from .point import Point
+
+
+def branch_claim(
+    machine: Machine, along: str, method: str, names: Sequence[str], points: Sequence[Point], ends: tuple[Claim, Claim]
+) -> BranchClaim:
+    """What points in order along a curve say of it.
+
+    names : of the unknowns of the points
+    ends : what the first and the last point say
+
+    Raises `InputError` for fewer than two points, for a machine in SI, and where further parameters vary.
+    """
+    if machine.units is not None:
+        raise InputError("a curve is proved of a dimensionless machine: follow and prove machine.dimensionless()")
+    rows = [np.append(point.u, point.value) for point in points]
+    chosen = [i for i in range(len(rows)) if i == 0 or not np.array_equal(rows[i], rows[i - 1])]
+    if len(chosen) < 2:
+        raise InputError("a curve has two points at least: this family has fewer")
+    if any(point.also for point in points):
+        raise InputError("a curve is proved along one parameter, and others vary along this family")
+    xs, tangents = np.array([rows[i] for i in chosen]), np.array([points[i].tangent for i in chosen])
+    curve = Curve(machine, along, method, float(np.ptp(xs[:, -1])) or 1.0)
+
+    def solve(coordinate: int, values: np.ndarray, guesses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        rows = np.tile(np.eye(xs.shape[1])[coordinate], (len(values), 1))
+        solved = correct_all(curve, guesses, rows, values, rows)
+        certified, error = curve.certify_all(solved)
+        if error is not None:
+            raise error
+        times = [point.point.contact_time for point in certified]
+        halves = np.array([np.nan if each is None else each / 2 for each in times])
+        return np.array([point.x for point in solved]), halves
+
+    return BranchClaim(machine, along, *ends, (*names, along), xs, tangents, solve)

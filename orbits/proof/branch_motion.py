@@ -1,0 +1,179 @@
+"""Along which parts of a proved curve the orbits are motions.
+
+On a part of a piece the states along the motion are enclosed for all of its places at once, so that Lemmas 5 and 6 of
+this package decide the signs for all of its orbits. Where one stays undecided, the part is halved. A contact is added
+to the orbits of a piece by a tube for half its time, the other unknowns being known within theirs.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from flint import arb, arb_mat, arb_poly
+
+from ..errors import OrbitsError
+from .branch_claim import Solver
+from .branch_piece import CurveEquations, CurvePiece, parts_between
+from .case import CONDITIONS, NO_CONTACT, PROVED, UNDECIDED, counted_family, motion_conditions
+from .claim import CONTACT_DURATION
+from .curve_motion import CurveStep, coefficients_through, follow_curve, passage_on, places
+from .equations import BallLeg
+from .expressions import symbol
+from .motion import Motion
+from .refusal import TooLong, Unproved
+from .statement import unknown
+from .taylor_model import TaylorModel, as_model
+from .tube import prove_tube
+
+# How often a part of a piece is halved where no contact is proved, and where a sign is undecided.
+HALVINGS_OF_CONTACT, HALVINGS_OF_SIGNS = 4, 7
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A part of a piece, between two places, with what is proved of the motions there.
+
+    conditions : by name "proved", "refuted" or "undecided"
+    reasons : what is not proved, in words
+    """
+
+    piece: CurvePiece
+    low: float
+    high: float
+    family: int | None
+    conditions: dict[str, str]
+    reasons: tuple[str, ...]
+
+    @property
+    def decided(self) -> bool:
+        """Whether all is proved or refuted."""
+        return self.family is not None and UNDECIDED not in self.conditions.values()
+
+    @property
+    def admissible(self) -> bool:
+        """Whether all is proved."""
+        return self.family is not None and all(each == PROVED for each in self.conditions.values())
+
+    def like(self, other: "Stretch") -> bool:
+        """Whether the same is proved of another one."""
+        return self.family == other.family and self.conditions == other.conditions
+
+
+@dataclass(frozen=True)
+class _Contact:
+    """The contacts of the orbits between two places of a piece."""
+
+    low: float
+    high: float
+    leg: BallLeg
+    steps: list[CurveStep]
+
+    def on(self, low: float, high: float) -> Motion:
+        """The contacts between two places of the piece."""
+        middle, half = (arb(self.low) + self.high) / 2, (arb(self.high) - self.low) / 2
+        return Motion(self.leg, passage_on(self.steps, (arb(low).union(arb(high)) - middle) / half))
+
+
+class MotionChecks:
+    """What decides whether the orbits of pieces of a curve are motions."""
+
+    def __init__(self, equations: CurveEquations, solve: Solver):
+        self.equations, self.solve = equations, solve
+        half, parameter = equations.half, [symbol(equations.along)]
+        self.names = [each for each in CONDITIONS if each != "separation" or equations.stated.separation is not None]
+        self.flight_leg, self.contact_leg = equations.legs[0], equations.legs[-1]
+        if half.lone is not None:
+            self.flight_leg = BallLeg(half.flight().arcs[0], equations.inputs, parameter)
+        if CONTACT_DURATION not in equations.names:
+            arc = replace(half.statement(with_contact=True).arcs[-1], before=())
+            self.contact_leg = BallLeg(arc, [*equations.inputs, unknown(CONTACT_DURATION)], parameter)
+
+    def along(self, piece: CurvePiece, low: float, high: float) -> list[Stretch]:
+        """What is proved of the motions between two places of a piece, in order; raises `Unproved` where the flights
+        are not even enclosed."""
+        flight, found = self._flight(piece), list[Stretch]()
+        for first, last, contact in self._contacts(piece, low, high, HALVINGS_OF_CONTACT):
+            waiting = [(*part, HALVINGS_OF_SIGNS) for part in parts_between(first, last)[::-1]]
+            while waiting:
+                begin, end, left = waiting.pop()
+                stretch = self._decided(piece, flight, contact, begin, end)
+                if not _settled(stretch) and left:
+                    middle = (begin + end) / 2
+                    waiting += [(middle, end, left - 1), (begin, middle, left - 1)]
+                elif found and found[-1].like(stretch):
+                    found[-1] = replace(found[-1], high=end)
+                else:
+                    found.append(stretch)
+        return found
+
+    def _flight(self, piece: CurvePiece) -> list[CurveStep]:
+        if self.flight_leg is self.equations.legs[0]:
+            return piece.tube.values.steps[0]
+        models = [TaylorModel(p.parts, r) for p, r in zip(piece.tube.polynomials, piece.tube.radii, strict=True)]
+        start = [*map(as_model, self.flight_leg.start(models))]
+        return follow_curve(self.flight_leg.variation, start, [[each.rest for each in start]])
+
+    def _contacts(
+        self, piece: CurvePiece, low: float, high: float, left: int
+    ) -> list[tuple[float, float, _Contact | None]]:
+        """Parts between two places with their contacts, None where none is proved."""
+        if self.contact_leg is self.equations.legs[-1]:
+            return [(low, high, _Contact(-1.0, 1.0, self.contact_leg, piece.tube.values.steps[-1]))]
+        try:
+            return [(low, high, self._contact(piece, low, high))]
+        except TooLong:
+            raise
+        except (Unproved, OrbitsError):
+            if left == 0:
+                return [(low, high, None)]
+        middle = (low + high) / 2
+        return [*self._contacts(piece, low, middle, left - 1), *self._contacts(piece, middle, high, left - 1)]
+
+    def _contact(self, piece: CurvePiece, low: float, high: float) -> _Contact:
+        """The contacts of all orbits between two places, by a tube for half their time."""
+        middle, half = (low + high) / 2, (high - low) / 2
+        first, last = float(piece.start), float(piece.stop)
+        values = (first + last) / 2 + (last - first) / 2 * (middle + half * np.array(places()))
+        _, halves = self.solve(piece.coordinate, values, piece.numerical(values))
+        if not np.isfinite(halves).all():
+            raise Unproved(NO_CONTACT)
+        unit = float(self.equations.half.unit_of(CONTACT_DURATION))
+        rows = arb_mat([[arb(float(each) / unit)] for each in halves])
+        duration = TaylorModel.of_curve([each[0] for each in coefficients_through(rows).tolist()])
+        moved = arb_poly([(arb(low) + high) / 2, (arb(high) - low) / 2])
+        *own, parameter = (_moved(p, moved) for p in piece.tube.polynomials)
+        *radii, last_radius = piece.tube.radii
+        tube = prove_tube([self.contact_leg], [*own, duration, parameter], [len(own)], [*radii, arb(0), last_radius])
+        if not tube.at(len(own), arb(0, 1)) > 0:
+            raise Unproved("the time of the contact is not proved to be positive")
+        return _Contact(low, high, self.contact_leg, tube.values.steps[0])
+
+    def _decided(
+        self, piece: CurvePiece, steps: Sequence[CurveStep], contact: _Contact | None, low: float, high: float
+    ) -> Stretch:
+        reasons, half = list[str](), self.equations.half
+        undecided = dict.fromkeys(self.names, UNDECIDED)
+        try:
+            flight = Motion(self.flight_leg, passage_on(steps, arb(low).union(arb(high))))
+            held = None if contact is None else contact.on(low, high)
+            for motion in filter(None, (flight, held)):
+                motion.leg.check_domains(motion.passage)
+            family, _ = counted_family(half, flight, None, reasons)
+            conditions = motion_conditions(half, flight, held, self.names, reasons)
+        except TooLong:
+            raise
+        except Unproved as error:
+            return Stretch(piece, low, high, None, undecided, (str(error),))
+        return Stretch(piece, low, high, family, conditions, tuple(reasons))
+
+
+def _settled(stretch: Stretch) -> bool:
+    """Whether halves of a part would not decide more of it: all is decided that a contact is not needed for."""
+    open_ones = [name for name, verdict in stretch.conditions.items() if verdict == UNDECIDED]
+    return stretch.family is not None and all(f"{name}: {NO_CONTACT}" in stretch.reasons for name in open_ones)
+
+
+def _moved(model: TaylorModel, place: arb_poly) -> TaylorModel:
+    """A polynomial in s with s as a polynomial."""
+    polynomial = arb_poly([sum(part.coeffs(), arb(0)) for part in model.parts])
+    return TaylorModel.of_curve(polynomial(place).coeffs())

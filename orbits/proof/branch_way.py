@@ -1,0 +1,229 @@
+"""The way along a curve of orbits, piece after piece, with its folds: each piece is proved to begin where the one before
+ends, and to lead onward."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from decimal import Decimal
+from fractions import Fraction
+from functools import partial
+
+import numpy as np
+from flint import arb, ctx
+
+from ..errors import OrbitsError
+from .branch_claim import BranchClaim
+from .branch_piece import CurveEquations, CurvePiece, inside, prove_piece, signs_along
+from .fold import proved_fold
+from .programs import ball_of_fraction
+from .refusal import TooLong, Unproved
+from .root import FIRST_BITS
+
+# A parameter is followed itself where it has this share of the way at least, else the launch speed.
+SHARE_OF_PARAMETER = 0.5
+# A piece whose coordinate is not that of the one before begins and ends this share of it farther out.
+MARGIN = 0.02
+# Points of the family that the first piece tries to reach, how many may be set between points for shorter ones, and how
+# close to the next, relative to the coordinate.
+FIRST_REACH, MOST_INSERTED, CLOSEST = 8, 400, 1e-7
+# The parameter's derivative is looked at on parts of a piece that are so fine, and about a fold.
+FINEST, FINEST_AT_FOLD = 2.0**-14, 2.0**-40
+# A narrow piece about a fold is so long, as a share of its piece and of what is undecided there.
+ABOUT_FOLD, ABOUT_UNDECIDED = 0.05, 4.0
+
+
+@dataclass(frozen=True)
+class Fold:
+    """A proved fold: enclosures by name of the coordinates there, and whether the parameter is largest there."""
+
+    balls: dict[str, arb]
+    largest: bool
+
+
+@dataclass(frozen=True)
+class Link:
+    """A piece on the way, with the places between which it is followed, and the folds there in order."""
+
+    piece: CurvePiece
+    begin: arb
+    end: arb
+    folds: tuple[Fold, ...] = ()
+
+
+class Way:
+    """The way along a curve, piece after piece.
+
+    ends : the coordinates at both ends, enclosed, in the units of the equations
+    """
+
+    def __init__(self, equations: CurveEquations, claim: BranchClaim, ends: Sequence[list[arb]]):
+        self.equations, self.claim, self.ends = equations, claim, ends
+        order = [list(claim.names).index(name) for name in equations.names]
+        self._order = order
+        self.points = [np.array(row) for row in claim.points[:, order]]
+        self._tangents = [np.array(row) for row in claim.tangents[:, order]]
+        spans = np.ptp(claim.points[:, order], axis=0)
+        with np.errstate(divide="ignore"):
+            self._shares = 1.0 / spans[[equations.parameter, equations.speed]]
+        self._inserted = 0
+
+    def solve(self, coordinate: int, values: np.ndarray, guesses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The numerical curve; see `Solver`."""
+        there = np.empty_like(guesses)
+        there[:, self._order] = guesses
+        rows, halves = self.claim.solve(self._order[coordinate], values, there)
+        return rows[:, self._order], halves
+
+    def _guess(self, coordinate: int, at: int, to: int, values: np.ndarray) -> np.ndarray:
+        """Guesses between two points, and a little beyond, by lines from point to point."""
+        chain = np.array(self.points[at : to + 1])
+        chain = chain if chain[0, coordinate] < chain[-1, coordinate] else chain[::-1]
+        places = np.clip(np.searchsorted(chain[:, coordinate], values), 1, len(chain) - 1)
+        low, high = chain[places - 1], chain[places]
+        shares = (values - low[:, coordinate]) / (high - low)[:, coordinate]
+        return low + shares[:, None] * (high - low)
+
+    def followed(self) -> list[Link]:
+        """The pieces from the first end to the last; raises `Unproved` where there is a gap between two."""
+        links, at, reach = list[Link](), 0, FIRST_REACH
+        while at < len(self.points) - 1:
+            to = min(at + reach, len(self.points) - 1)
+            try:
+                links.append(self._link(links[-1] if links else None, at, to))
+            except TooLong:
+                raise
+            except (Unproved, OrbitsError) as error:
+                if to == at + 1:
+                    self._insert(at, error)
+                reach = max((to - at) // 2, 1)
+                continue
+            reach, at = 2 * (to - at), to
+        return links
+
+    def _insert(self, at: int, error: Exception) -> None:
+        """A further point of the numerical curve half way to the next one."""
+        here, there = self.points[at], self.points[at + 1]
+        coordinate = self._coordinate(at, at + 1)
+        self._inserted += 1
+        place = f"{self.equations.along} = {here[-1]:.9g} and {there[-1]:.9g}"
+        lost = f"the points of the family at {place} are not proved to be on one curve: {error}"
+        if coordinate is None:
+            raise Unproved(lost)
+        middle = (here[coordinate] + there[coordinate]) / 2
+        if self._inserted > MOST_INSERTED or abs(there - here)[coordinate] < CLOSEST * abs(here[coordinate]):
+            raise Unproved(lost)
+        try:
+            rows, _ = self.solve(coordinate, np.array([middle]), (here + there)[None] / 2)
+        except OrbitsError as missing:
+            raise Unproved(f"between {place} there is no curve to follow: {missing}") from None
+        self.points.insert(at + 1, rows[0])
+        self._tangents.insert(at + 1, (self._tangents[at] + self._tangents[at + 1]) / 2)
+
+    def _coordinate(self, at: int, to: int) -> int | None:
+        """The coordinate along which to follow the curve between two points; None where none runs all the way."""
+        parameter, speed = self.equations.parameter, self.equations.speed
+        columns, moves = np.array(self.points[at : to + 1]), np.abs(self._tangents[at : to + 1])
+        ratio = moves[:, parameter] * self._shares[0] / np.maximum(moves[:, speed] * self._shares[1], 1e-300)
+        order = (parameter, speed) if (ratio >= SHARE_OF_PARAMETER).all() else (speed, parameter)
+        for coordinate in order:
+            steps = np.diff(columns[:, coordinate])
+            if (steps > 0).all() or (steps < 0).all():
+                return coordinate
+        return None
+
+    def _link(self, before: Link | None, at: int, to: int) -> Link:
+        """The piece from a point to another one, joined to the one before; raises `Unproved`."""
+        equations, finish = self.equations, to == len(self.points) - 1
+        coordinate = self._coordinate(at, to)
+        if coordinate is None:
+            raise Unproved("neither the parameter nor the launch speed runs one way")
+        start, stop = (Fraction(Decimal(repr(float(self.points[i][coordinate])))) for i in (at, to))
+        margin, exact = (stop - start) * Fraction(MARGIN), coordinate == equations.parameter
+        joined = before is not None and before.piece.coordinate == coordinate
+        if joined:
+            start = before.piece.stop
+        elif before is not None or not exact:
+            start -= margin
+        if finish and not exact:
+            stop += margin
+        guess = partial(self._guess, coordinate, at, to)
+        piece = prove_piece(equations, self.solve, guess, coordinate, start, stop)
+        at_begin = arb(-1) if joined or (before is None and exact) else None
+        joint = self.ends[0] if before is None else before.piece.at(before.end)
+        begin = piece.holds(joint, at_begin)
+        end = piece.holds(self.ends[1], arb(1) if exact else None) if finish else arb(1)
+        if begin is None or end is None or not begin < end:
+            raise Unproved("the end of a piece is not proved to be the beginning of the next one")
+        self._check_onward(before, piece, begin)
+        self._check_points(piece, at, to)
+        folds = () if exact else self._folds(piece, begin, end)
+        return Link(piece, begin, end, folds)
+
+    @staticmethod
+    def _check_onward(before: Link | None, piece: CurvePiece, begin: arb) -> None:
+        """A piece does not lead back along the one before."""
+        if before is None:
+            return
+        if before.piece.coordinate == piece.coordinate:
+            onward = before.piece.direction == piece.direction
+        else:
+            onward = before.piece.turning(before.end) * piece.turning(begin) == 1
+        if not onward:
+            raise Unproved("a piece is not proved to lead onward from the one before")
+
+    def _check_points(self, piece: CurvePiece, at: int, to: int) -> None:
+        """The points of the family between two of them lie in the tube of the piece."""
+        for row in self.points[at : to + 1]:
+            values = [arb(float(each)) / ball_of_fraction(unit)
+                      for each, unit in zip(row, self.equations.units, strict=True)]  # fmt: skip
+            place = piece.place(values[piece.coordinate]).mid().max(arb(-1)).min(arb(1))
+            if not piece.tube.holds(values, place):
+                raise Unproved(f"the point at {self.equations.along} = {row[-1]:.9g} is not on the curve")
+
+    def _folds(self, piece: CurvePiece, begin: arb, end: arb) -> tuple[Fold, ...]:
+        """The folds between two places of a piece along the launch speed; raises `Unproved` where not all zeros of the
+        parameter's derivative there are proved to be folds."""
+        low, high = max(float(begin.lower()), -1.0), min(float(end.upper()), 1.0)
+        runs, found = signs_along(piece, low, high, FINEST), list[Fold]()
+        for i, (first, last, sign) in enumerate(runs):
+            if sign == 0:
+                if i in (0, len(runs) - 1):
+                    raise Unproved("a piece ends where the parameter may turn")
+                fold = self._fold(piece, first, last)
+                place = piece.place(self.equations.balls(fold.balls)[piece.coordinate])
+                if not (begin < place < end):
+                    raise Unproved("a piece ends at a fold")
+                found.append(fold)
+        return tuple(found)
+
+    def _fold(self, piece: CurvePiece, first: float, last: float) -> Fold:
+        """The only fold between two places, outside of which the parameter does not turn."""
+        equations, middle = self.equations, (first + last) / 2
+        reach = max(ABOUT_FOLD, ABOUT_UNDECIDED * (last - first))
+        half = float(piece.stop - piece.start) / 2
+        centre = float(piece.start + piece.stop) / 2 + half * middle
+        ends = [Fraction(Decimal(repr(centre + side * reach * half))) for side in (-1, 1)]
+        narrow = prove_piece(equations, self.solve, piece.numerical, piece.coordinate, *ends, narrow=True)
+        if not inside(narrow, piece):
+            raise Unproved("the curve about a fold is not proved to be in its piece")
+        scale = ball_of_fraction((piece.stop - piece.start) / (ends[1] - ends[0]))
+        offset = ball_of_fraction((piece.start + piece.stop - ends[0] - ends[1]) / (ends[1] - ends[0]))
+        within = [scale * arb(each) + offset for each in (first, last)]
+        runs = signs_along(narrow, float(within[0].lower()), float(within[1].upper()), FINEST_AT_FOLD)
+        if len(runs) != 3 or runs[0][2] * runs[2][2] != -1 or not (within[0] > -1 and within[1] < 1):
+            raise Unproved("the parameter is not proved to turn once at a fold")
+        s = arb(runs[1][0]).union(arb(runs[1][1]))
+        balls = equations.in_machine(narrow.at(s))
+        by_place = equations.in_machine([narrow.tube.slope_at(i, s) for i in range(len(equations.names))])
+        directions = {name: each / by_place["alpha"] for name, each in by_place.items() if name != equations.along}
+        guess, towards = ({name: float(each.mid()) for name, each in some.items()} for some in (balls, directions))
+        value = guess.pop(equations.along)
+        with ctx.workprec(FIRST_BITS):
+            fold = proved_fold(equations.stated, guess, towards, equations.along, value, None)
+        alone = fold.alone_in()
+        seen = balls | {f"d{name}": each for name, each in directions.items()}
+        if not all(box.contains(seen[name]) for name, box in alone.items()):
+            raise Unproved("there may be several folds near one another")
+        at_fold = {name: fold.balls[name] for name in equations.names}
+        if narrow.holds(equations.balls(at_fold)) is None:
+            raise Unproved("the fold is not proved to be on the curve")
+        return Fold(at_fold, largest=runs[0][2] > 0)

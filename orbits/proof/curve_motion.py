@@ -1,0 +1,278 @@
+"""Motions of all orbits of a piece of a curve at once, as Taylor models in time and along the piece.
+
+The orbits are known by their place s on the piece, -1 <= s <= 1. At a few values of s the motion and its variational
+equations are followed in rounded numbers; p(t, s) and P(t, s) are the polynomials through these, P(0, s) being about 1.
+A motion of x' = f(x) is then sought as x = p + P c, and its derivative by the start as P (1 + C):
+
+    c' = P^-1 (f(p) - p' + (J P - f_x(p) P) c + (f_x(p) P - P') c),    C' = P^-1 (f_x(x) P - P')(1 + C),
+
+with J in f_x over the segment from p to x. Let d and G bound f(p) - p' and f_x(p) P - P', both found as Taylor models,
+N bound P^-1, and B the change of f_x P over the tube |x - p| <= |P| g, which is at most its derivative by x, times that
+radius. If for each s
+
+    c0 + h N (d + (B + G) g) < g,    C0 + h N (B + G)(1 + H) < H    in each component,
+
+then the motion exists for the time h of a step with |c| < g and |C| < H: it could leave first at a time up to which
+the estimate holds. Nothing grows from step to step but by what is this small, however wide the piece is. Where the
+polynomials of the next step differ from these at its beginning, c changes by P^-1 times the difference.
+"""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from flint import arb, arb_mat, arb_poly, arb_series
+
+from .enclosure import TOO_LONG, Passage, Piece, Variation
+from .refusal import Unproved, check_proof_time
+from .step import Step, picard_coefficients, widened
+from .taylor_model import CURVE_DEGREE, TIME_DEGREE, TaylorModel, as_model
+
+# How small the last term of a polynomial in time is, relative to the largest. Orbits beside those whose terms are
+# looked at may need steps that are this much shorter.
+ACCURACY, SHORTER = 2.0**-36, 0.9
+# Steps have so many digits, so that their sums are exact.
+STEP_BITS = 16
+MOST_STEPS, MOST_HALVINGS, MOST_WIDENINGS = 400, 3, 4
+# How much wider than its estimate a tube is tried; none is thinner than the second.
+WIDER, SMALLEST = arb(1.5), arb(2) ** -200
+# The inverse of P is bounded on parts of the piece and of a step; the first are halved at most so often.
+PARTS, PARTS_OF_TIME, MOST_PARTS = 8, 2, 64
+_NOTHING, _BOTH, _UNIT = arb(0), arb(0, 1), arb(0).union(arb(1))
+
+
+@lru_cache(maxsize=1)
+def places() -> tuple[float, ...]:
+    """The places between -1 and 1 through which polynomials are laid: zeros of a Chebyshev polynomial."""
+    count = CURVE_DEGREE + 1
+    return tuple((-np.cos(np.pi * (np.arange(count) + 0.5) / count)).tolist())
+
+
+@lru_cache(maxsize=1)
+def _through_places() -> arb_mat:
+    """The matrix from the values at the places to the coefficients of the polynomial."""
+    return arb_mat([[arb(s) ** j for j in range(CURVE_DEGREE + 1)] for s in places()]).inv().mid()
+
+
+def coefficients_through(rows: arb_mat) -> arb_mat:
+    """Coefficients (degrees, m), rounded, of polynomials in s through values (places, m)."""
+    return (_through_places() * rows).mid()
+
+
+@dataclass(frozen=True)
+class CurveStep:
+    """A proved step of length h that begins at a time; the models take t from 0 to 1 in it.
+
+    models : of the n states, p
+    derivatives : (m, n) models of the moving ones by all at the start, the first rows of P
+    off : for each set of starts the bounds (n,) of c, g
+    turned : (m, n) bounds H of C on the last set of starts, its first rows
+    """
+
+    begins: arb
+    h: arb
+    models: list[TaylorModel]
+    derivatives: list[list[TaylorModel]]
+    off: list[np.ndarray]
+    turned: np.ndarray
+
+    def radii(self, number: int) -> list[arb]:
+        """How far (n,) the states of a set of starts are from the models at most."""
+        off, sizes = self.off[number], np.array([[each.polynomial_bound for each in row] for row in self.derivatives])
+        return [each.abs_upper() for each in (*(sizes @ off), *off[len(sizes) :])]
+
+    def states(self, number: int) -> list[TaylorModel]:
+        """The states at the end, of a set of starts."""
+        ends = (model.at_end() for model in self.models)
+        return [TaylorModel(end.parts, radius) for end, radius in zip(ends, self.radii(number), strict=True)]
+
+    def slopes(self) -> list[list[TaylorModel]]:
+        """The derivatives (m, n) of the moving states at the end by the start, on the last set of starts."""
+        m = len(self.derivatives)
+        sizes = np.array([[each.polynomial_bound for each in row[:m]] for row in self.derivatives])
+        rests = sizes @ self.turned
+        return [
+            [TaylorModel(each.at_end().parts, rest.abs_upper()) for each, rest in zip(*both, strict=True)]
+            for both in zip(self.derivatives, rests, strict=True)
+        ]
+
+    def on(self, s: arb) -> Step:
+        """The step of the last set of starts for all places of a ball."""
+        polynomials = [
+            arb_poly([each / self.h**i for i, each in enumerate(model.in_time(s).coeffs())]) for model in self.models
+        ]
+        return Step(self.h, polynomials, self.radii(-1))
+
+
+def passage_on(steps: Sequence[CurveStep], s: arb) -> Passage:
+    """The motions of the last set of starts for all places of a ball, as one passage."""
+    pieces = [Piece(step.begins, step.on(s), (0,)) for step in steps]
+    end = pieces[-1].step.end()
+    return Passage(pieces, pieces[0].step.at(arb(0)), end, end, arb_mat(0, 0))
+
+
+def follow_curve(
+    variation: Variation, starts: Sequence[TaylorModel], spreads: Sequence[Sequence[arb]]
+) -> list[CurveStep]:
+    """The steps from the time 0 to 1 of the motions that start within spreads (sets, n) of the polynomials of models
+    (n,), the last of which is the widest; raises `Unproved`."""
+    m, n = variation.moving, variation.size
+    rates, left = variation.varied[0].rates, arb(1)
+    unit = [[arb(int(i == j)) for j in range(n)] for i in range(m)]
+    centres = [
+        [*(start.on(arb(s)).mid() for start in starts), *(each for row in unit for each in row)] for s in places()
+    ]
+    before = [*starts, *(TaylorModel.of_curve([each]) for row in unit for each in row)]
+    off, turned = [np.array(each) for each in spreads], np.array([[_NOTHING] * n for _ in range(m)])
+    steps = list[CurveStep]()
+    while True:
+        if len(steps) == MOST_STEPS:
+            raise Unproved(TOO_LONG)
+        check_proof_time()
+        rows = [
+            [[each.mid() for each in row] for row in picard_coefficients(rates, centre, TIME_DEGREE)]
+            for centre in centres
+        ]
+        h = _step_length(rows, left)
+        for _ in range(MOST_HALVINGS):
+            step = _proved_step(variation, _models_through(rows, h), before, off, turned, 1 - left, h)
+            if step is not None:
+                break
+            h = h / 2
+        else:
+            raise Unproved("the motions along a piece of the curve spread too far to be enclosed")
+        steps.append(step)
+        if not h < left:
+            return steps
+        centres = [[arb_poly(row)(h).mid() for row in table] for table in rows]
+        before = [each.at_end() for each in (*step.models, *(one for row in step.derivatives for one in row))]
+        off, turned, left = step.off, step.turned, left - h
+
+
+def _step_length(rows: Sequence[list[list[arb]]], left: arb) -> arb:
+    """A guess of the length of a step that suits the first, the middle and the last orbit."""
+    share = 0.0
+    for table in (rows[0], rows[len(rows) // 2], rows[-1]):
+        size = max(abs(float(each)) for row in table for each in row[:2])
+        last = max(abs(float(each)) for row in table for each in row[-2:])
+        share = max(share, last / size)
+    length = SHORTER * (ACCURACY / share) ** (1 / TIME_DEGREE) if share > 0 else np.inf
+    if not np.isfinite(share):
+        raise Unproved("the motion comes to where a law has no value")
+    if not length < float(left):
+        return left
+    mantissa, exponent = np.frexp(float(left) / np.ceil(float(left) / length))
+    return arb(float(np.ldexp(np.ceil(mantissa * 2**STEP_BITS), exponent - STEP_BITS)))
+
+
+def _models_through(rows: Sequence[list[list[arb]]], h: arb) -> list[TaylorModel]:
+    """The polynomials in t and s, for t from 0 to 1 in a step of length h, through those in time at the places."""
+    length, powers = TIME_DEGREE + 1, [h**i for i in range(TIME_DEGREE + 1)]
+    flat = [[each * power for row in table for each, power in zip(row, powers, strict=True)] for table in rows]
+    coefficients, models = coefficients_through(arb_mat(flat)).tolist(), list[TaylorModel]()
+    for i in range(len(rows[0])):
+        columns = [each[i * length : (i + 1) * length] for each in coefficients]
+        models.append(TaylorModel([arb_series(column, length) for column in columns]))
+    return models
+
+
+def _proved_step(
+    variation: Variation, both: list[TaylorModel], before: Sequence[TaylorModel], off: Sequence[np.ndarray],
+    turned: np.ndarray, begins: arb, h: arb,
+) -> CurveStep | None:  # fmt: skip
+    """A step with models of the states and of their derivatives; None where it cannot be proved."""
+    m, n = variation.moving, variation.size
+    models, derivatives = both[:n], [both[n + i * n : n + (i + 1) * n] for i in range(m)]
+    rates = map(as_model, variation.varied[0].rates(both))
+    defect, of_derivatives = _halves(
+        [(rate * h - each.slope_in_time()).bound for each, rate in zip(both, rates, strict=True)], m, n
+    )
+    gap, gap_of_derivatives = _halves([_gap(old, new) for old, new in zip(before, both, strict=True)], m, n)
+    inverse = _inverse_bound([row[:m] for row in derivatives])
+    if inverse is None or not all(each.is_finite() for each in (*defect, *of_derivatives.flat)):
+        return None
+    sizes = np.array([[each.polynomial_bound for each in row] for row in derivatives])
+    found, change = list[np.ndarray](), of_derivatives
+    for each in off:
+        start = each + gap
+        start[:m] = each[:m] + inverse @ (gap[:m] + gap_of_derivatives @ each + sizes[:, m:] @ gap[m:])
+        tube = start.copy()
+        for _ in range(MOST_WIDENINGS):
+            tube[:m] = WIDER * tube[:m] + SMALLEST
+            change = of_derivatives + h * _change(variation, both, [*(sizes @ tube), *tube[m:]])
+            grown = start[:m] + inverse @ (defect[:m] + change @ tube)
+            done = all(a < b for a, b in zip(grown, tube[:m], strict=True))
+            tube[:m] = grown
+            if done:
+                break
+        else:
+            return None
+        found.append(_upper(tube))
+    begun = turned + inverse @ (gap_of_derivatives + gap_of_derivatives[:, :m] @ turned)
+    after = begun.copy()
+    for _ in range(MOST_WIDENINGS):
+        after = WIDER * after + SMALLEST
+        grown = begun + inverse @ (change + change[:, :m] @ after)
+        if all(a < b for a, b in zip(grown.flat, after.flat, strict=True)):
+            return CurveStep(begins, h, models, derivatives, found, _upper(grown))
+        after = grown
+    return None
+
+
+def _upper(bounds: np.ndarray) -> np.ndarray:
+    """Bounds without radii of their own."""
+    return np.array([each.abs_upper() for each in bounds.flat]).reshape(bounds.shape)
+
+
+def _gap(old: TaylorModel, new: TaylorModel) -> arb:
+    """How far the polynomial of a model begins from another one."""
+    first = TaylorModel([arb_series(part.coeffs()[:1], TIME_DEGREE + 1) for part in new.parts])
+    return (TaylorModel(old.parts) - first).bound
+
+
+def _halves(bounds: Sequence[arb], m: int, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Bounds (n,) of the states, and (m, n) of the derivatives of the moving ones."""
+    return np.array(bounds[:n]), np.array(bounds[n:]).reshape(m, n)
+
+
+def _change(variation: Variation, both: Sequence[TaylorModel], radii: Sequence[arb]) -> np.ndarray:
+    """How much (m, n) the derivatives of the rates, times P, change within radii (n,) of the models."""
+    n, system = variation.size, variation.varied[0]
+    inside = [each.on(_BOTH) for each in both]
+    inside[:n] = [widened(value, radius) for value, radius in zip(inside[:n], radii, strict=True)]
+    found = np.array([[_NOTHING] * n for _ in range(variation.moving)])
+    for (row, column), slope in zip(system.places, system.slopes(inside), strict=True):
+        if row >= n and column < n:
+            found[divmod(row - n, n)] += slope.abs_upper() * radii[column]
+    return found
+
+
+def _inverse_bound(block: Sequence[Sequence[TaylorModel]]) -> np.ndarray | None:
+    """Bounds (m, m) of the inverse of a matrix of models at all times, found on parts of the piece; None where one is
+    not regular."""
+    m, found, left = len(block), [_NOTHING] * len(block) ** 2, MOST_PARTS
+    waiting = [(s, t) for s in _parts(_BOTH, PARTS) for t in _parts(_UNIT, PARTS_OF_TIME)]
+    while waiting:
+        s, t = waiting.pop()
+        matrix = arb_mat([[each.on(s, t) for each in row] for row in block])
+        try:
+            sizes = [each.abs_upper() for row in matrix.inv().tolist() for each in row]
+        except ZeroDivisionError:
+            sizes = [arb("inf")]
+        if all(each.is_finite() for each in sizes):
+            found = [a.max(b) for a, b in zip(found, sizes, strict=True)]
+            continue
+        left -= 1
+        if left == 0:
+            return None
+        waiting += [(part, t) for part in _parts(s, 2)]
+    return np.array(found).reshape(m, m)
+
+
+def _parts(ball: arb, count: int) -> list[arb]:
+    """Parts of a ball, equally long."""
+    low, high = ball.lower(), ball.upper()
+    ends = [low + (high - low) * k / count for k in range(count + 1)]
+    return [a.union(b) for a, b in itertools.pairwise(ends)]

@@ -1,0 +1,228 @@
+"""Taylor models: functions of a time and of the place on a curve, as polynomials with a bound on what they leave out.
+
+A model of f on 0 <= t <= 1, -1 <= s <= 1 is a polynomial p in t and s with a rest R, such that |f - p| <= R there. Sums,
+products and functions of models are models again (M. Berz, K. Makino, Reliable Computing 4, 1998). All coefficients are
+balls, so that roundings are bounded too. What a product has beyond the degrees is bounded by sums of the absolute
+values of coefficients, since |t| <= 1 and |s| <= 1. A function g of a model is its Taylor polynomial about a centre c
+with Lagrange's remainder over the range of the model, taken as a model: sum of g_k (p - c)**k, k <= L, and
+g_(L + 1)(range) bound**(L + 1).
+"""
+
+import operator
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import cached_property
+from typing import Any, Union
+
+from flint import arb, arb_poly, arb_series, ctx
+
+from .programs import UNDEFINED, coefficient, series_function
+
+# The degrees in t and in s that are kept.
+TIME_DEGREE, CURVE_DEGREE = 20, 10
+# Functions of models: degrees that are tried one after the other until their rests are small.
+FUNCTION_DEGREES, SMALL_REST = (6, 10, 14, 20), 2.0**-56
+_ZERO, _ONE = arb(0), arb(1)
+_UNIT, _BOTH = _ZERO.union(_ONE), arb(0, 1)
+_NAN = arb("nan")
+
+# The bits of the balls of coefficients.
+MODEL_BITS = 64
+
+Operand = Union["TaylorModel", arb, int]
+
+
+@contextmanager
+def model_arithmetic() -> Iterator[None]:
+    """Where models are computed with: series are cut off at their degree in t."""
+    cap = ctx.cap
+    try:
+        with ctx.workprec(MODEL_BITS):
+            ctx.cap = TIME_DEGREE + 1
+            yield
+    finally:
+        ctx.cap = cap
+
+
+class TaylorModel:
+    """The functions within `rest` of the sum of parts[j](t) s**j.
+
+    parts : series in t, at most CURVE_DEGREE + 1 of them
+    rest : a bound, not below 0; it is no number where the functions have no values
+    """
+
+    def __init__(self, parts: Sequence[arb_series], rest: arb = _ZERO):
+        if any(part.prec != TIME_DEGREE + 1 for part in parts):
+            raise ValueError(f"the parts of a model are computed with ctx.cap = {TIME_DEGREE + 1}")
+        self.parts, self.rest = parts, rest
+
+    @classmethod
+    def of_curve(cls, coefficients: Sequence[arb], rest: arb = _ZERO) -> "TaylorModel":
+        """The polynomial in s with these coefficients, at all times."""
+        return cls([arb_series([each], TIME_DEGREE + 1) for each in coefficients], rest)
+
+    @cached_property
+    def _magnitudes(self) -> tuple[list[arb], list[arb]]:
+        """Sums of the absolute values of the coefficients, by their degrees in t, and by those in s."""
+        by_time, by_curve = [_ZERO] * (TIME_DEGREE + 1), list[arb]()
+        for part in self.parts:
+            whole = _ZERO
+            for i, each in enumerate(part.coeffs()):
+                size = each.abs_upper()
+                by_time[i] = by_time[i] + size
+                whole = whole + size
+            by_curve.append(whole)
+        return by_time, by_curve
+
+    @cached_property
+    def polynomial_bound(self) -> arb:
+        """A bound on the absolute values of the polynomial."""
+        return sum(self._magnitudes[1], _ZERO).abs_upper()
+
+    @cached_property
+    def bound(self) -> arb:
+        """A bound on the absolute values of the functions."""
+        return (self.polynomial_bound + self.rest).abs_upper()
+
+    def __add__(self, other: Operand) -> "TaylorModel":
+        if not isinstance(other, TaylorModel):
+            if not self.parts:
+                return TaylorModel.of_curve([arb(other)], self.rest)
+            return TaylorModel([self.parts[0] + other, *self.parts[1:]], self.rest)
+        short, long = sorted((self.parts, other.parts), key=len)
+        parts = [*map(operator.add, short, long), *long[len(short) :]]
+        return TaylorModel(parts, (self.rest + other.rest).abs_upper())
+
+    __radd__ = __add__
+
+    def __neg__(self) -> "TaylorModel":
+        return TaylorModel([-part for part in self.parts], self.rest)
+
+    def __sub__(self, other: Operand) -> "TaylorModel":
+        return self + -other
+
+    def __rsub__(self, other: Operand) -> "TaylorModel":
+        return -self + other
+
+    def __mul__(self, other: Operand) -> "TaylorModel":
+        if not isinstance(other, TaylorModel):
+            if isinstance(other, int) or other.is_exact():
+                if other == 0 and self.rest.is_finite():
+                    return TaylorModel([])
+            return TaylorModel([part * other for part in self.parts], (self.rest * other).abs_upper())
+        parts = list[arb_series]()
+        for j, left in enumerate(self.parts):
+            for k, right in enumerate(other.parts[: CURVE_DEGREE + 1 - j]):
+                if j + k < len(parts):
+                    parts[j + k] = parts[j + k] + left * right
+                else:
+                    parts.append(left * right)
+        degrees = TIME_DEGREE, CURVE_DEGREE
+        left_out = sum(map(_beyond, self._magnitudes, other._magnitudes, degrees), _ZERO)
+        rests = self.rest * other.bound + other.rest * self.polynomial_bound
+        return TaylorModel(parts, (left_out + rests).abs_upper())
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Operand) -> "TaylorModel":
+        if isinstance(other, TaylorModel):
+            return self * other.composed(_inverse)
+        return self * (1 / arb(other))
+
+    def __rtruediv__(self, other: Operand) -> "TaylorModel":
+        return self.composed(_inverse) * other
+
+    def __getattr__(self, name: str) -> Callable[[], "TaylorModel"]:
+        """The functions of formulas, as methods."""
+        function = series_function(name)
+        if function is None:
+            raise AttributeError(f"a model has no '{name}'")
+        return lambda: self.composed(function)
+
+    def is_finite(self) -> bool:
+        """Whether the bound is a number."""
+        return bool(self.bound.is_finite())
+
+    def is_nan(self) -> bool:
+        """Whether the bound is no number, and not infinite either."""
+        return bool(self.bound.is_nan())
+
+    def on(self, s: arb, t: arb = _UNIT) -> arb:
+        """An enclosure of the values for all places of a ball, at all times of a ball."""
+        found = _ZERO
+        for part in reversed(self.parts):
+            found = found * s + arb_poly(part.coeffs())(t)
+        return found + arb(0, self.rest.abs_upper())
+
+    def in_time(self, s: arb) -> arb_poly:
+        """A polynomial in t whose coefficients hold those of the polynomial for all places of a ball."""
+        columns = [part.coeffs() for part in self.parts]
+        length = max(map(len, columns), default=0)
+        rows = [[row[i] if i < len(row) else _ZERO for row in columns] for i in range(length)]
+        return arb_poly([_on_curve(row, s) for row in rows])
+
+    def at_end(self) -> "TaylorModel":
+        """The model at the time 1, the same at all times."""
+        return TaylorModel.of_curve([sum(part.coeffs(), _ZERO) for part in self.parts], self.rest)
+
+    def slope_in_time(self) -> "TaylorModel":
+        """The derivative of the polynomial by t."""
+        slopes = ([i * each for i, each in enumerate(part.coeffs())][1:] for part in self.parts)
+        return TaylorModel([arb_series(each, TIME_DEGREE + 1) for each in slopes])
+
+    def slope_on_curve(self) -> "TaylorModel":
+        """The derivative of the polynomial by s."""
+        return TaylorModel([part * j for j, part in enumerate(self.parts)][1:])
+
+    def composed(self, function: Callable[[arb_series], Any]) -> "TaylorModel":
+        """A function of the model, given as one of power series."""
+        whole = self.on(_BOTH)
+        centre, cap = whole.mid(), ctx.cap
+        away = self - centre
+        bound = (whole - centre).abs_upper()
+        if not bound.is_finite():
+            return TaylorModel([], _NAN)
+        for degree in FUNCTION_DEGREES:
+            try:
+                ctx.cap = degree + 2
+                last = coefficient(function(arb_series([whole, 1], degree + 2)), degree + 1)
+                series = function(arb_series([centre, 1], degree + 2))
+            except UNDEFINED:
+                return TaylorModel([], _NAN)
+            finally:
+                ctx.cap = cap
+            rest = (last * bound ** (degree + 1)).abs_upper()
+            if rest < SMALL_REST * (1 + abs(series[0])):
+                break
+        found = TaylorModel.of_curve([coefficient(series, degree)])
+        for k in reversed(range(degree)):
+            found = found * away + coefficient(series, k)
+        return TaylorModel(found.parts, (found.rest + rest).abs_upper())
+
+
+def as_model(value: Operand) -> TaylorModel:
+    """A result as a model; a ball is the same everywhere."""
+    return value if isinstance(value, TaylorModel) else TaylorModel.of_curve([arb(value)])
+
+
+def _inverse(x: arb_series) -> arb_series:
+    return 1 / x
+
+
+def _beyond(left: Sequence[arb], right: Sequence[arb], degree: int) -> arb:
+    """A bound on the products of coefficients whose degrees sum up to more than one, given bounds by degree."""
+    tails, found = [_ZERO], _ZERO  # tails[k] is the sum of the last k of the right
+    for each in reversed(right):
+        tails.append(tails[-1] + each)
+    for i, each in enumerate(left):
+        count = len(right) - (degree + 1 - i)
+        if count > 0:
+            found = found + each * tails[count]
+    return found
+
+
+def _on_curve(coefficients: Sequence[arb], s: arb) -> arb:
+    found = _ZERO
+    for each in reversed(coefficients):
+        found = found * s + each
+    return found

@@ -1,0 +1,242 @@
+"""A piece of a curve of solutions, proved: for each value of one coordinate exactly one solution in a thin tube.
+
+The equations F(X) = 0 have one unknown more than there are of them: X is the unknowns of a boundary value statement,
+and the parameter. On a piece one of these, X_k, runs through an interval, X_k = c + d s with -1 <= s <= 1, and the
+others are sought as p(s) + w with polynomials p. For each s, any matrix Y(s), and w in the box |w| <= W,
+
+    K = -Y(s) F(p(s)) + (1 - Y(s) A) w,    A in F_w(p(s) + [-W, W]),
+
+is Krawczyk's operator: if it is below W in absolute value, there is exactly one solution within W of p(s) for this s,
+and it is within |K|. F, F_w and Y are Taylor models in s, so that all s are decided at once. 1 - Y A is below 1 in a
+norm, so that F_w is regular: by the implicit function theorem the solution is a smooth function of s. Its derivative
+w' is that of F_w w' = -F_s with F_s = F_X p'(s), hence |w'| <= v where |Y F_s| + |1 - Y A| v <= v.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from flint import arb, arb_mat
+
+from .curve_motion import CurveStep, coefficients_through, follow_curve, places
+from .equations import BallLeg
+from .refusal import Unproved
+from .taylor_model import TaylorModel, as_model
+
+# The half width of the first tube that is tried, relative to the unknowns, and how many are.
+WIDEST, MOST_TRIES = 2.0**-22, 3
+# An enclosure is taken anew so often from itself.
+NARROWINGS = 4
+# The tube about an enclosure is so many times as wide, and at least this.
+NARROWER, SMALLEST = 4, arb(2) ** -50
+_BOTH = arb(0, 1)
+Models = list[TaylorModel]
+Matrix = list[Models]
+
+
+@dataclass(frozen=True)
+class CurveValues:
+    """The equations along a piece.
+
+    values : F on the polynomials, with the radii of what is not solved for
+    slopes : (equations, unknowns) F_X, on all of the tube
+    steps : of each leg
+    starts : of each leg, the states at the start on all of the tube
+    """
+
+    values: Models
+    slopes: Matrix
+    steps: list[list[CurveStep]]
+    starts: list[Models]
+
+
+def evaluate_curve(
+    legs: Sequence[BallLeg], polynomials: Sequence[TaylorModel], inner: Sequence[arb], outer: Sequence[arb]
+) -> CurveValues:
+    """The equations of legs on polynomials for all of their unknowns: their values within the inner radii, and their
+    derivatives within the outer ones."""
+    points, boxes = ([TaylorModel(p.parts, r.abs_upper()) for p, r in zip(polynomials, radii, strict=True)]
+                     for radii in (inner, outer))  # fmt: skip
+    values, slopes, all_steps, starts = Models(), Matrix(), list[list[CurveStep]](), list[Models]()
+    last = list[tuple[Models, Models]]()
+    for leg in legs:
+        if len(leg.rates) > 1:
+            raise Unproved("the spring's law is in pieces: a curve is proved of laws that are smooth")
+        m, n, columns = leg.variation.moving, leg.variation.size, len(points)
+        before = last[-1] if last else ([], [])
+        start = [
+            list(map(as_model, leg.start([*each, *ends]))) for each, ends in zip((points, boxes), before or ((), ()))
+        ]
+        by_unknowns = _rows(leg.start_slopes([*boxes, *before[1]]), n)
+        if any(each.bound != 0 for row in by_unknowns for each in row[columns:]):
+            raise Unproved("a phase starts from the end of the one before")
+        by_unknowns = [row[:columns] for row in by_unknowns]
+        steps = follow_curve(leg.variation, start[1], [[each.rest for each in one] for one in start])
+        end, end_box = steps[-1].states(0), steps[-1].states(1)
+        transition = steps[-1].slopes()
+        all_steps.append(steps)
+        starts.append(start[1])
+        last.append((end[:m], end_box[:m]))
+        if leg.count == 0:
+            continue
+        values += map(as_model, leg.conditions[0]([*points, *start[0][:m], *end[:m]]))
+        inputs = [*boxes, *start[1][:m], *end_box[:m]]
+        by_all = _rows(leg.condition_slopes[0](inputs), leg.count)
+        end_slopes = product(transition, by_unknowns)
+        whole = [row[:columns] for row in by_all]
+        whole = summed(whole, product([row[columns : columns + m] for row in by_all], by_unknowns[:m]))
+        slopes += summed(whole, product([row[columns + m :] for row in by_all], end_slopes))
+    return CurveValues(values, slopes, all_steps, starts)
+
+
+def _rows(values: Sequence, rows: int) -> Matrix:
+    count, models = len(values) // rows, [*map(as_model, values)]
+    return [models[i * count : (i + 1) * count] for i in range(rows)]
+
+
+def product(left: Matrix, right: Matrix) -> Matrix:
+    """The product of matrices of models."""
+    columns = [*zip(*right, strict=True)]
+    return [[_sum([a * b for a, b in zip(row, column, strict=True)]) for column in columns] for row in left]
+
+
+def summed(left: Matrix, right: Matrix) -> Matrix:
+    """The sum of matrices of models."""
+    return [[a + b for a, b in zip(one, other, strict=True)] for one, other in zip(left, right, strict=True)]
+
+
+def _sum(models: Models) -> TaylorModel:
+    found = TaylorModel([])
+    for each in models:
+        found = found + each
+    return found
+
+
+@dataclass(frozen=True)
+class Tube:
+    """A proved tube about polynomials.
+
+    polynomials : (unknowns,) of all unknowns in s
+    solved : which of them are solved for
+    widths : (unknowns,) W, within which the solution is alone for each s; 0 for what is not solved for
+    radii : (unknowns,) within which it is; given for what is not solved for
+    slopes : (unknowns,) bounds on the derivatives of w by s
+    values : the equations on the tube
+    """
+
+    polynomials: Models
+    solved: list[int]
+    widths: list[arb]
+    radii: list[arb]
+    slopes: list[arb]
+    values: CurveValues
+
+    def at(self, i: int, s: arb) -> arb:
+        """An enclosure of an unknown of the solutions at all places of a ball."""
+        return self.polynomials[i].on(s) + arb(0, self.radii[i])
+
+    def slope_at(self, i: int, s: arb) -> arb:
+        """An enclosure of the derivative of an unknown of the solutions by s."""
+        return self.polynomials[i].slope_on_curve().on(s) + arb(0, self.slopes[i])
+
+    def holds(self, values: Sequence[arb], s: arb) -> bool:
+        """Whether values (unknowns,) that are solved for are inside the tube, wherever in a ball their place is."""
+        return all((values[i] - self.polynomials[i].on(s)).abs_upper() < self.widths[i] for i in self.solved)
+
+
+def prove_tube(
+    legs: Sequence[BallLeg], polynomials: Sequence[TaylorModel], solved: Sequence[int], given: Sequence[arb]
+) -> Tube:
+    """The tube about polynomials in which the equations of legs have solutions, for all values within `given` radii of
+    what is not solved for. Raises `Unproved`."""
+    inner = [arb(0) if i in solved else given[i] for i in range(len(polynomials))]
+    width, reason = WIDEST, ""
+    for _ in range(MOST_TRIES):
+        outer = [arb(width) * (1 + p.polynomial_bound) if i in solved else given[i] for i, p in enumerate(polynomials)]
+        try:
+            return _tube(legs, polynomials, list(solved), inner, [each.abs_upper() for each in outer])
+        except TooWide as error:
+            width, reason = width * error.share, str(error)
+    raise Unproved(reason)
+
+
+class TooWide(Unproved):
+    """A tube is too wide, and one of a share of its width may be proved."""
+
+    def __init__(self, share: float):
+        super().__init__("the curve is not proved to stay in a tube about its polynomials")
+        self.share = share
+
+
+def _tube(
+    legs: Sequence[BallLeg], polynomials: Sequence[TaylorModel], solved: list[int], inner: Sequence[arb],
+    outer: list[arb],
+) -> Tube:  # fmt: skip
+    found = evaluate_curve(legs, polynomials, inner, outer)
+    slopes = [[row[i] for i in solved] for row in found.slopes]
+    inverse = _inverse_along(slopes)
+    off = [row[0].bound for row in product(inverse, [[each] for each in found.values])]
+    n = range(len(solved))
+    left = [[(as_model(arb(int(i == j))) - each).bound for j, each in enumerate(row)]
+            for i, row in enumerate(product(inverse, slopes))]  # fmt: skip
+    widths = [outer[i] for i in solved]
+
+    def image(box: Sequence[arb]) -> list[arb]:
+        return [(off[i] + sum((left[i][j] * box[j] for j in n), arb(0))).abs_upper() for i in n]
+
+    radii = image(widths)
+    if not all(radius < width for radius, width in zip(radii, widths, strict=True)):
+        # The second term of the image is about quadratic in the width, and the first does not depend on it.
+        needed = max(float(each / width) for each, width in zip(off, widths, strict=True))
+        share = max(float((radius - each) / width) for radius, each, width in zip(radii, off, widths, strict=True))
+        if not 4 * needed * share < 1:
+            raise Unproved("the curve is not proved to stay in a tube about its polynomials")
+        raise TooWide(0.5 / share)
+    for _ in range(NARROWINGS):
+        radii = image(radii)
+    along = product(found.slopes, [[p.slope_on_curve()] for p in polynomials])
+    moved = [row[0].bound for row in product(inverse, along)]
+    drift = _drift(moved, left)
+    whole = [list(inner), list(inner), [arb(0)] * len(outer)]
+    for position, i in enumerate(solved):
+        for row, values in zip(whole, (widths, radii, drift), strict=True):
+            row[i] = values[position]
+    whole[0] = [each if i in solved else arb(0) for i, each in enumerate(whole[0])]
+    return Tube(list(polynomials), solved, *whole, found)
+
+
+def _drift(moved: Sequence[arb], left: Sequence[Sequence[arb]]) -> list[arb]:
+    """A bound v with moved + left v <= v."""
+    n = range(len(moved))
+    floats = np.array([[float(each) for each in row] for row in left])
+    guess = np.linalg.solve(np.eye(len(moved)) - 1.1 * floats, 1.1 * np.array([float(each) for each in moved]) + 1e-25)
+    bound = [arb(float(each)) for each in guess]
+    if not all(moved[i] + sum((left[i][j] * bound[j] for j in n), arb(0)) < bound[i] for i in n):
+        raise Unproved("the direction of the curve is not enclosed")
+    return bound
+
+
+def _inverse_along(slopes: Matrix) -> Matrix:
+    """Polynomials in s that are about the inverse of a matrix."""
+    n, rows = len(slopes), list[list[arb]]()
+    for s in places():
+        matrix = arb_mat([[each.on(arb(s)).mid() for each in row] for row in slopes])
+        try:
+            rows.append([each.mid() for row in matrix.inv().tolist() for each in row])
+        except ZeroDivisionError:
+            raise Unproved("the equations are singular on this piece") from None
+    if not all(each.is_finite() for row in rows for each in row):
+        raise Unproved("the equations are singular on this piece")
+    columns = [*zip(*coefficients_through(arb_mat(rows)).tolist(), strict=True)]
+    models = [TaylorModel.of_curve(column) for column in columns]
+    return [models[i * n : (i + 1) * n] for i in range(n)]
+
+
+def narrowed(legs: Sequence[BallLeg], tube: Tube) -> Tube:
+    """The same tube with derivatives on a narrower one about the solutions, and so with a better direction of the curve;
+    no other solution is still as far as before."""
+    again = _tube(
+        legs, tube.polynomials, tube.solved, [arb(0)] * len(tube.radii),
+        [(NARROWER * radius + SMALLEST).abs_upper() for radius in tube.radii],
+    )  # fmt: skip
+    return replace(again, widths=tube.widths)
