@@ -43,6 +43,14 @@ def test_numbers_are_exact_decimals(orbits):
     assert low != high
 
 
+@pytest.mark.slow
+def test_attraction(orbits):
+    document = orbits("prove --rest-length 20 --attraction --json").document
+    assert document["proved"] is True
+    assert document["attraction_radius"] == "0.01"
+    assert float(document["attraction_loss"]["low"]) < 3.61695 < float(document["attraction_loss"]["high"])
+
+
 def test_an_interval(orbits):
     done = orbits("prove --spring cubic --between beta=0.2999:0.3001 --between mass_ratio=0.999:1.001 --json")
     assert done.code == 0
