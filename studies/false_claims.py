@@ -372,7 +372,7 @@ def _scaled_number(value: float | None, rng: np.random.Generator) -> float | Non
 _EDITED: dict[str, Callable] = {
     **dict.fromkeys(("alpha", "flight_time", "contact_time", "liftoff_extension", "loss_coefficient"), _scaled_number),
     **dict.fromkeys(("largest_contact_force", "landing_jerk", "smallest_separation"), _scaled_number),
-    **dict.fromkeys(("mass_ratio", "rest_length"), _scaled_number),
+    **dict.fromkeys(("mass_ratio", "rest_length", "body_mass", "surface_gravity", "unit_time"), _scaled_number),
     "family": lambda value, rng: value + int(rng.choice([-1, 1])),
     "spring": lambda value, rng: str(rng.choice(["r", "r + beta*r**5", "sinh(r)"])),
     "gravity": lambda value, rng: "1 + z",
@@ -391,7 +391,7 @@ def _edited(rng: np.random.Generator) -> FalseClaim | None:
     """Files of orbits with one entry changed, whose digest is that of the changed content."""
     orbit, name = _hop(rng), str(rng.choice(list(_EDITED)))
     document = orbit.saved()
-    new = _EDITED[name](document[name], rng)
+    new = _EDITED[name](document[name], rng) if name in document else None
     if new is None or new == document[name]:
         return None
     return FalseClaim(KINDS[8], f"a file with {name} = {new}", partial(_file_is_proved, document | {name: new}, orbit))

@@ -14,7 +14,8 @@ from ..periodic.orbit import MACHINE_FIELDS, Orbit
 # The unknowns that are half the times of the two phases.
 FLIGHT_DURATION, CONTACT_DURATION = "duration", "contact_duration"
 # What describes a machine in words and numbers and tells apart its lossless orbits: restitution does not.
-DESCRIBED = [name for name in MACHINE_FIELDS if name not in ("restitution", "parameters")]
+UNTOLD = ("restitution", "parameters", "units")
+DESCRIBED = [name for name in MACHINE_FIELDS if name not in UNTOLD]
 # Numbers of a certificate that no theorem is about, measured anew: lengths, forces, and others.
 LENGTHS, FORCES = ("clearance", "smallest_separation"), ("smallest_contact_force", "largest_contact_force")
 OTHERS = ("landing_jerk", "loss_coefficient", "stable_side", "bounce_side")
@@ -80,9 +81,14 @@ def claim_of(orbit: Orbit, machine: Machine | None, varied: Sequence[str] = ()) 
 
 def _contradictions(said: Mapping[str, Any], described: Mapping[str, Any], varied: Sequence[str]) -> list[str]:
     """What an orbit says otherwise of its machine, in words."""
-    pairs = [(name, said.get(name), described.get(name)) for name in DESCRIBED if name not in varied]
+    # What else tells a machine, as masses in SI do, is missing in old files; its units follow from what is varied.
+    others = [name for name in described if name in said and not (varied and name.startswith("unit"))]
+    names = dict.fromkeys((*DESCRIBED, *others))
+    pairs = [(name, said.get(name), described.get(name)) for name in names if name not in (*UNTOLD, *varied)]
     ours, theirs = (dict(each.get("parameters") or {}) for each in (said, described))
     pairs += [(name, ours.get(name), theirs.get(name)) for name in sorted({*ours, *theirs}) if name not in varied]
+    ours, theirs = (dict(each.get("units") or {}) for each in (said, described))
+    pairs += [(f"the unit of {name}", ours[name], unit) for name, unit in theirs.items() if name in ours]
     return [f"{name}: the orbit says {own!r}, and the machine {true!r}" for name, own, true in pairs if own != true]
 
 

@@ -164,6 +164,13 @@ def test_a_file_in_si_tells_each_number_twice(tmp_path):
         Orbit.load(write_json(document | {"alpha": 1.01 * document["alpha"]}, path, "orbit"))
 
 
+def test_masses_in_si_are_told():
+    orbit = find(hopper_in_si(3.0, 2.0, stiffness=500.0))
+    assert not claim_of(orbit, orbit.source).contradictions
+    said = dataclasses.replace(orbit, machine={**orbit.machine, "body_mass": 4.0})
+    assert claim_of(said, orbit.source).contradictions[0].startswith("body_mass: the orbit says 4.0")
+
+
 def test_a_direction_at_a_fold_has_a_name_of_its_own():
     machine = Hopper("r + dliftoff*r**3", parameters={"dliftoff": -0.01})
     point = SimpleNamespace(u=(1.0, 5.8), tangent=(0.1, 0.9, 0.0), value=-0.0107)
@@ -172,7 +179,7 @@ def test_a_direction_at_a_fold_has_a_name_of_its_own():
     assert "'dliftoff' stands for a direction" in proof.reasons[0]
 
 
-@pytest.mark.parametrize("right", [True, False])
+@pytest.mark.parametrize("right", [pytest.param(True, marks=pytest.mark.slow), False])
 def test_what_an_orbit_says_is_held_against_parts_of_intervals(cubic, right, monkeypatch):
     def reluctant(claim, stated, digits, motion, loss, **options):
         proof = whole_proof(claim, stated, digits, motion, loss, **options)
