@@ -74,7 +74,7 @@ CASES = {
     "searched": (BENT, lambda m: find_all(m, family=3, fastest=2.0 * scale(m)), ""),
     "start": (BENT, lambda m: find(m, start={**guess(m), "duration": 2e4 * (TIME_IN_S if m.units else 1.0)}), "0"),
     "no steering": (BENT, lambda m: steering.recover(m, 100.0 * scale(m)), ""),
-    "short stroke": (BENT, lambda m: steering.start_up(m, 2, stroke=0.05 * length(m)), "2 2 3 3 4"),
+    "short stroke": (BENT, lambda m: steering.start_up(m, 2, stroke=0.05 * length(m), intervals=8), "2 2 3 3 4"),
     "no stroke": (BENT, lambda m: steering.start_up(m, 2, stroke=-3.0 * length(m)), "0"),
     "gap": (PLAIN, lambda m: simulate(m, state=np.array([1.0, 0.0, -0.5, 0.0]) * length(m), time=1.0), "1 1 2 2"),
     "gravity": (STEEP, lambda m: find(m, 2), "2 37.1"),

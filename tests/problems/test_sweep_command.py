@@ -271,7 +271,7 @@ def test_a_sweep_that_is_killed_again_and_again_ends_with_the_unbroken_answer(tm
     command = [sys.executable, "-m", "orbits", *shlex.split(CUBIC), "--over", "beta=0:1", "--samples", "5000"]
     command += ["--store", str(store), "--resume", "--json"]
     known: set[int] = set()
-    for _ in range(12):
+    for _ in range(6):
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         try:
             process.communicate(timeout=float(generator.uniform(0.6, 3.0)))

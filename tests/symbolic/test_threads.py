@@ -33,7 +33,7 @@ def test_calls_in_threads_and_a_child_give_the_sequential_answers():
 
 @pytest.mark.slow
 def test_many_calls_in_threads_give_the_sequential_answers():
-    run("concurrent_calls.py", 8, 200)
+    run("concurrent_calls.py", 8, 80)
 
 
 @pytest.mark.slow
