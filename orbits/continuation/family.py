@@ -231,7 +231,7 @@ class Family:
     def prove(
         self, machine: Machine, digits: int | None = None, *, motion: bool = True, workers: int = 1
     ) -> tuple[Proof, ...]:
-        """Prove each point's orbit, on so many processes; between points nothing is claimed.
+        """Prove each point's orbit, on `workers` processes; nothing is claimed between points.
 
         machine : that the family was followed with
         digits, motion : as in `orbits.prove`
