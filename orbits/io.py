@@ -116,8 +116,7 @@ def canonical(value: Any) -> str:
 
 
 def digest(content: Any, before: str = "") -> str:
-    """What tells a content from any other, and where it follows another one with a digest, from all that follow
-    others."""
+    """The digest of a content; of one that follows another, also of the digest `before` it."""
     return hashlib.sha256((before + canonical(content)).encode()).hexdigest()
 
 
@@ -151,7 +150,7 @@ def read_sealed(file: BinaryIO) -> Any:
 
 
 def warn_of_no_digest(path: str | Path) -> None:
-    """Say, through the logger "orbits", that nothing tells whether a file was changed."""
+    """Say, through the logger "orbits", that whether a file was changed cannot be checked."""
     logging.getLogger("orbits").warning(
         "%s has no digest, as files of earlier versions: its content is unchecked", path
     )

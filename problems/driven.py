@@ -83,7 +83,7 @@ class Driven(Control):
         return bool(np.abs(last - first).max() <= PERIODIC * (1 + np.abs(first).max()))
 
     def schedule_of(self, hops: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """The inputs of so many hops as `simulate` takes them: a periodic motion's repeated, any other's once."""
+        """The inputs of `hops` hops as `simulate` takes them: those of a periodic motion repeated, any others once."""
         times, inputs = self.schedule(RATE)
         count = hops if self.periodic else 1
         starts = self.end * np.arange(count)

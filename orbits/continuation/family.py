@@ -249,7 +249,7 @@ class Family:
         self, machine: Machine, digits: int | None = None, *, motion: bool = True, workers: int = 1,
         continuous: bool = False, limit: float | None = None,
     ) -> tuple[Proof, ...] | Proof:  # fmt: skip
-        """Prove each point's orbit, on so many processes; between points nothing is claimed. Or, where `continuous`,
+        """Prove each point's orbit, on `workers` processes; nothing is claimed between points. Or, where `continuous`,
         prove that the family is one continuous curve of orbits from its first point to its last, with its folds.
 
         machine : that the family was followed with

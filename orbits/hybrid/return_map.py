@@ -217,7 +217,7 @@ class ReturnMap:
         self, low: float, high: float, axes: Any = None, start: float | None = None, hops: int = 60,
         samples: int = 4000, fixed_points: bool = True,
     ) -> Any:  # fmt: skip
-        """Plot the map between two launch speeds, with its fixed points, and with a cobweb of so many `hops` from the
+        """Plot the map between two launch speeds, with its fixed points, and with a cobweb of `hops` hops from the
         launch `start`; returns the axes. See `orbits.hybrid.figures.plot_map`."""
         from .figures import plot_map
 
@@ -226,8 +226,8 @@ class ReturnMap:
         return plot_map(self, low, high, axes, samples, start, hops, fixed_points)
 
     def plot_basin(self, low: float, high: float, axes: Any = None, hops: int = 1000, samples: int = 2000) -> Any:
-        """Plot which launches between two come to which lossless hop, and tell how much of the range they are; returns
-        the axes. The basin is that of `basin`."""
+        """Plot which launches between two speeds come to which lossless hop, and what share of the range they are;
+        returns the axes. The basin is that of `basin`."""
         from .figures import plot_basin
 
         return plot_basin(self, low, high, axes, hops, samples)
@@ -237,8 +237,8 @@ class ReturnMap:
 
     @exclusive
     def basins(self, low: float, high: float, hops: int = 1000, samples: int = 2000) -> dict[float, Intervals]:
-        """The basin of each lossless launch speed below `high` by itself, as `basin` has them together; those that have
-        no launches between `low` and `high` are left out."""
+        """The basin of each lossless launch speed below `high`, where `basin` gives all of them together; those without
+        launches between `low` and `high` are left out."""
         low, high, samples = _checked_grid(low, high, samples)
         hops = whole_number("hops", hops, "hops", 0)
         if self._bare:

@@ -6,6 +6,7 @@ that a process that is killed loses the chunks that it was working on and no oth
 
 import json
 import sqlite3
+import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -41,7 +42,7 @@ class Store:
             self._check_question()
         with self._using("written"):
             self.connection = sqlite3.connect(self.path, timeout=PATIENCE, isolation_level=None)
-            self.connection.execute("PRAGMA journal_mode=WAL")
+            self._keep_journal()
             self.connection.execute("PRAGMA synchronous=FULL")
             if not known:
                 self._make()
@@ -88,6 +89,18 @@ class Store:
     def close(self) -> None:
         """Close the file."""
         self.connection.close()
+
+    def _keep_journal(self) -> None:
+        """Journal writes ahead. While another process does the same SQLite refuses that at once, whatever its timeout."""
+        until = time.monotonic() + PATIENCE
+        while True:
+            try:
+                self.connection.execute("PRAGMA journal_mode=WAL")
+                return
+            except sqlite3.OperationalError as error:
+                if "locked" not in str(error) or time.monotonic() > until:
+                    raise
+            time.sleep(0.01)
 
     def _make(self) -> None:
         asked = self.question.columns()
@@ -233,7 +246,7 @@ def _is_unspoilt(row: Sequence[Any], columns: int) -> bool:
 
 
 def _storable(column: np.ndarray) -> list:
-    """The values of a column as SQLite takes them; NaN becomes NULL by itself."""
+    """The values of a column as SQLite takes them; SQLite makes NULL of NaN."""
     return column.tolist()
 
 

@@ -26,7 +26,7 @@ _limit = _Limit()
 
 @contextmanager
 def time_limit(seconds: float | None) -> Iterator[None]:
-    """What is computed in the block may take so many seconds in all, or as long as a block around it allows.
+    """Limit the time of all that is computed in the block to `seconds`, or to what a block around it allows.
 
     seconds : None for 30, but in another such block for as long as that one allows
 

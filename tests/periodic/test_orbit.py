@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from conftest import REFERENCES, machine_of
 
-from orbits import InputError, Orbit, find
+from orbits import InputError, Orbit, OrbitsError, find
 from orbits.io import to_json
 from orbits.plot import new_axes, save_figure
 from problems import Hopper, Juggler, hopper_in_si, juggler_in_si
@@ -222,5 +222,5 @@ def test_orbits_are_equal_where_all_that_they_say_is(orbit, tmp_path):
     ],
 )
 def test_a_force_with_the_sign_of_pressure(wrong):
-    with pytest.raises(InputError, match="is tension positive"):
+    with pytest.raises(OrbitsError, match="is tension positive"):
         find(wrong())
