@@ -7,7 +7,7 @@ from fractions import Fraction
 from typing import TypeAlias
 
 import numpy as np
-from flint import arb, arb_mat
+from flint import arb, arb_mat, arb_poly
 
 from .branch_claim import Solver
 from .claim import CONTACT_DURATION, FLIGHT_DURATION
@@ -91,6 +91,11 @@ class CurvePiece:
         unit = ball_of_fraction(self.equations.units[self.coordinate])
         middle, half = ball_of_fraction((self.start + self.stop) / 2), ball_of_fraction((self.stop - self.start) / 2)
         return (value * unit - middle) / half
+
+    def value(self, s: float) -> arb:
+        """The value of the coordinate at a place, in the units of the equations."""
+        middle, half = ball_of_fraction((self.start + self.stop) / 2), ball_of_fraction((self.stop - self.start) / 2)
+        return (middle + half * arb(s)) / ball_of_fraction(self.equations.units[self.coordinate])
 
     def at(self, s: arb) -> list[arb]:
         """Enclosures of all coordinates at the places of a ball."""
@@ -202,3 +207,24 @@ def signs_along(piece: CurvePiece, low: float, high: float) -> list[tuple[float,
         else:
             runs.append((first, last, sign))
     return runs
+
+
+def inside(inner: CurvePiece, outer: CurvePiece) -> bool:
+    """Whether all solutions of a piece lie in the tube of another one along the same coordinate, so that they are its
+    own."""
+    unit = ball_of_fraction(inner.equations.units[inner.coordinate])
+    ends = [outer.place(ball_of_fraction(end) / unit) for end in (inner.start, inner.stop)]
+    if not all(map(_within, ends)):
+        return False
+    moved = arb_poly([(ends[0] + ends[1]) / 2, (ends[1] - ends[0]) / 2])
+    for i in inner.tube.solved:
+        mine, other = (_polynomial(each.tube.polynomials[i]) for each in (inner, outer))
+        off = sum((each.abs_upper() for each in (mine - other(moved)).coeffs()), inner.tube.radii[i])
+        if not off < outer.tube.widths[i]:
+            return False
+    return True
+
+
+def _polynomial(model: TaylorModel) -> arb_poly:
+    """A model that is the same at all times, as its polynomial in s."""
+    return arb_poly([sum(part.coeffs(), arb(0)) for part in model.parts])

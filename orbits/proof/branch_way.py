@@ -12,7 +12,7 @@ from flint import arb, ctx
 
 from ..errors import OrbitsError
 from .branch_claim import BranchClaim
-from .branch_piece import CurveEquations, CurvePiece, prove_piece, signs_along
+from .branch_piece import CurveEquations, CurvePiece, inside, prove_piece, signs_along
 from .fold import proved_fold
 from .programs import ball_of_fraction
 from .refusal import TooLong, Unproved
@@ -26,6 +26,11 @@ MARGIN = 0.02
 # Points of the family that the first piece tries to reach, how many may be set between points for shorter ones, and how
 # close to the next, relative to the coordinate.
 FIRST_REACH, MOST_INSERTED, CLOSEST = 8, 400, 1e-7
+# A shorter piece about a fold is so long, as a share of its piece and of what is undecided there; and what is undecided
+# is looked at on it with so much on either side, which covers roundings.
+ABOUT_FOLD, ABOUT_UNDECIDED, NEXT = 0.05, 2.0, 1e-6
+# No other fold is looked for in a box that is so many times as large as what holds those of the curve.
+ROOM_AT_FOLD = 4
 
 
 @dataclass(frozen=True)
@@ -147,6 +152,9 @@ class Way:
             stop += margin
         guess = partial(self._guess, coordinate, at, to)
         piece = prove_piece(equations, self.solve, guess, coordinate, start, stop)
+        if not all(sign for _, _, sign in signs_along(piece, -1.0, 1.0)):
+            # The direction of the curve is enclosed better on a narrower tube.
+            piece = replace(piece, tube=narrowed(equations.legs, piece.tube))
         at_begin = arb(-1) if joined or (before is None and exact) else None
         joint = self.ends[0] if before is None else before.piece.at(before.end)
         begin = piece.holds(joint, at_begin)
@@ -186,31 +194,45 @@ class Way:
         runs, found = signs_along(piece, low, high), list[Fold]()
         if len(runs) == 1 and runs[0][2]:
             return ()
-        # The direction of the curve is enclosed better on a narrower tube.
-        piece = replace(piece, tube=narrowed(self.equations.legs, piece.tube))
-        runs = signs_along(piece, low, high)
         for i, (first, last, sign) in enumerate(runs):
             if sign == 0:
                 if i in (0, len(runs) - 1) or runs[i - 1][2] == runs[i + 1][2]:
                     raise Unproved("a piece ends where the parameter may turn, or it rests without turning")
-                fold = self._fold(piece, arb(first).union(arb(last)), runs[i - 1][2] > 0)
+                fold = self._fold(piece, first, last)
                 place = piece.holds(self.equations.balls(fold.balls))
                 if place is None or not (begin < place < end):
                     raise Unproved("the fold is not proved to be on the curve, or a piece ends at it")
                 found.append(fold)
         return tuple(found)
 
-    def _fold(self, piece: CurvePiece, s: arb, largest: bool) -> Fold:
-        """The only fold at the places of a ball, outside of which the parameter does not turn."""
-        equations = self.equations
+    def _fold(self, piece: CurvePiece, first: float, last: float) -> Fold:
+        """The only fold between two places, outside of which the parameter does not turn."""
+        equations, middle = self.equations, (first + last) / 2
+        reach, half = max(ABOUT_FOLD, ABOUT_UNDECIDED * (last - first)), float(piece.stop - piece.start) / 2
+        centre = float(piece.start + piece.stop) / 2 + half * middle
+        start, stop = (Fraction(Decimal(repr(centre + side * reach * half))) for side in (-1, 1))
+        whole, piece = piece, prove_piece(equations, self.solve, piece.numerical, piece.coordinate, start, stop)
+        if not inside(piece, whole):
+            raise Unproved("the curve about a fold is not proved to be in its piece")
+        # The direction of the curve is enclosed better on a narrower tube.
+        piece = replace(piece, tube=narrowed(equations.legs, piece.tube))
+        low, high = (float(piece.place(whole.value(each)).mid()) for each in (first, last))
+        if not -1 < low - NEXT <= high + NEXT < 1:
+            raise Unproved("the parameter turns too near to the end of a piece")
+        runs = signs_along(piece, low - NEXT, high + NEXT)
+        if len(runs) != 3 or runs[0][2] * runs[2][2] != -1:
+            raise Unproved("the parameter is not proved to turn once at a fold")
+        s, largest = arb(runs[1][0]).union(arb(runs[1][1])), runs[0][2] > 0
         balls = equations.in_machine(piece.at(s))
         by_place = equations.in_machine([piece.tube.slope_at(i, s) for i in range(len(equations.names))])
         directions = {name: each / by_place["alpha"] for name, each in by_place.items() if name != equations.along}
         guess, towards = ({name: float(each.mid()) for name, each in some.items()} for some in (balls, directions))
         value = guess.pop(equations.along)
+        seen = balls | {f"d{name}": each for name, each in directions.items() if name != "alpha"}
         with ctx.workprec(FIRST_BITS):
-            fold = proved_fold(equations.stated, guess, towards, equations.along, value, self.digits)
-        alone, seen = fold.alone_in(), balls | {f"d{name}": each for name, each in directions.items()}
+            reach = {name: ROOM_AT_FOLD * each.rad() for name, each in seen.items()}
+            fold = proved_fold(equations.stated, guess, towards, equations.along, value, self.digits, reach)
+        alone = fold.alone_in()
         if not all(box.contains(seen[name]) for name, box in alone.items()):
             raise Unproved("there may be several folds near one another")
         return Fold({name: fold.balls[name] for name in equations.names}, largest)
