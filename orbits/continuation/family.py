@@ -274,8 +274,7 @@ class Family:
             raise InputError("this family has no points of which a curve could be proved")
         ends = self._claim(machine, self.points[0]), self._claim(machine, self.points[-1])
         names = machine.model.reduction.statement.unknowns if machine.model.reduction else machine.model.half_unknowns
-        points = [point for point, event in self.in_order() if event is None or 0 <= event.after < len(self.points) - 1]
-        return branch_claim(machine, self.name, self.settings["method"], tuple(names), points, ends)
+        return branch_claim(machine, self.name, self.settings["method"], tuple(names), self.points, ends)
 
     def _claim(self, machine: Machine, point: Point) -> Claim:
         """What a point says of the machine there."""

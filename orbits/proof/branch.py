@@ -53,7 +53,7 @@ def _proved_curve(
         raise Unproved(f"the family has no {missing[0]}: follow it by the simplest method")
     ends = tuple(_end(equations, each, digits, reasons) for each in (claim.first, claim.last))
     way = Way(equations, claim, [equations.balls(_by_name(equations, end, value)) for end, value in zip(
-        ends, (claim.points[0, -1], claim.points[-1, -1]), strict=True)])  # fmt: skip
+        ends, (claim.points[0, -1], claim.points[-1, -1]), strict=True)], digits)  # fmt: skip
     links = way.followed()
     stretches = list[Stretch]()
     if motion:

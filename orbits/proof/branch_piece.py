@@ -20,12 +20,12 @@ from .refusal import Unproved
 from .stated import StatedMachine
 from .statement import HalfOrbit
 from .taylor_model import TaylorModel
-from .tube import Tube, narrowed, prove_tube
+from .tube import Tube, prove_tube
 
 # The last coefficients of the polynomials of a piece are at most this, relative to the first: else it is too long.
 LAST_COEFFICIENTS = 1e-9
-# Parts of a piece on which signs are decided, and how often a part is halved.
-PARTS, HALVINGS = 4, 40
+# Parts of a piece on which signs are decided, how often a part is halved, and how many may be undecided for that.
+PARTS, HALVINGS, MOST_UNDECIDED = 4, 40, 12
 
 
 class CurveEquations:
@@ -92,6 +92,11 @@ class CurvePiece:
         middle, half = ball_of_fraction((self.start + self.stop) / 2), ball_of_fraction((self.stop - self.start) / 2)
         return (value * unit - middle) / half
 
+    def value(self, s: float) -> arb:
+        """The value of the coordinate at a place, in the units of the equations."""
+        middle, half = ball_of_fraction((self.start + self.stop) / 2), ball_of_fraction((self.stop - self.start) / 2)
+        return (middle + half * arb(s)) / ball_of_fraction(self.equations.units[self.coordinate])
+
     def at(self, s: arb) -> list[arb]:
         """Enclosures of all coordinates at the places of a ball."""
         return [self.tube.at(i, s) for i in range(len(self.equations.names))]
@@ -146,18 +151,14 @@ def numerical_piece(
 
 
 def prove_piece(
-    equations: CurveEquations, solve: Solver, guess: Guess, coordinate: int, start: Fraction, stop: Fraction,
-    narrow: bool = False,
-) -> CurvePiece:  # fmt: skip
-    """The piece on which a coordinate runs from one value to another; a narrow one encloses the directions of the curve
-    better. Raises `Unproved`, and an `OrbitsError` where the numerical curve is lost."""
+    equations: CurveEquations, solve: Solver, guess: Guess, coordinate: int, start: Fraction, stop: Fraction
+) -> CurvePiece:
+    """The piece on which a coordinate runs from one value to another. Raises `Unproved`, and an `OrbitsError` where the numerical curve is lost."""
     columns, models, last = numerical_piece(equations, solve, guess, coordinate, start, stop)
     if not last <= LAST_COEFFICIENTS:
         raise Unproved("a piece of the curve is too long for its polynomials")
     others = [i for i in range(len(models)) if i != coordinate]
     tube = prove_tube(equations.legs, models, others, [arb(0)] * len(models))
-    if narrow:
-        tube = narrowed(equations.legs, tube)
     piece = CurvePiece(equations, coordinate, start, stop, columns, tube)
     _check_whole(piece)
     return piece
@@ -188,17 +189,22 @@ def parts_between(low: float, high: float) -> list[tuple[float, float]]:
     return [*zip(ends, ends[1:], strict=False)]
 
 
-def signs_along(piece: CurvePiece, low: float, high: float, finest: float) -> list[tuple[float, float, int]]:
+def signs_along(piece: CurvePiece, low: float, high: float) -> list[tuple[float, float, int]]:
     """The signs of the parameter's derivative between two places, in order: runs (low, high, sign) of parts with the
-    same one, 0 where it is undecided on parts of the finest length."""
-    waiting, runs = parts_between(low, high)[::-1], list[tuple[float, float, int]]()
-    while waiting:
-        first, last = waiting.pop()
-        sign = piece.turning(arb(first).union(arb(last)))
-        if sign == 0 and last - first > finest:
+    same one, 0 where it is undecided also on short parts."""
+    parts = [(*each, piece.turning(arb(each[0]).union(arb(each[1])))) for each in parts_between(low, high)]
+    for _ in range(HALVINGS):
+        if not 0 < sum(sign == 0 for _, _, sign in parts) <= MOST_UNDECIDED:
+            break
+        finer = list[tuple[float, float, int]]()
+        for first, last, sign in parts:
             middle = (first + last) / 2
-            waiting += [(middle, last), (first, middle)]
-        elif runs and runs[-1][2] == sign:
+            halves = [(first, middle), (middle, last)] if sign == 0 else [(first, last)]
+            finer += [(*each, sign or piece.turning(arb(each[0]).union(arb(each[1])))) for each in halves]
+        parts = finer
+    runs = list[tuple[float, float, int]]()
+    for first, last, sign in parts:
+        if runs and runs[-1][2] == sign:
             runs[-1] = runs[-1][0], last, sign
         else:
             runs.append((first, last, sign))

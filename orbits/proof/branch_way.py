@@ -2,7 +2,7 @@
 ends, and to lead onward."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import Decimal
 from fractions import Fraction
 from functools import partial
@@ -17,6 +17,7 @@ from .fold import proved_fold
 from .programs import ball_of_fraction
 from .refusal import TooLong, Unproved
 from .root import FIRST_BITS
+from .tube import narrowed
 
 # A parameter is followed itself where it has this share of the way at least, else the launch speed.
 SHARE_OF_PARAMETER = 0.5
@@ -25,10 +26,11 @@ MARGIN = 0.02
 # Points of the family that the first piece tries to reach, how many may be set between points for shorter ones, and how
 # close to the next, relative to the coordinate.
 FIRST_REACH, MOST_INSERTED, CLOSEST = 8, 400, 1e-7
-# The parameter's derivative is looked at on parts of a piece that are so fine, and about a fold.
-FINEST, FINEST_AT_FOLD = 2.0**-14, 2.0**-40
-# A narrow piece about a fold is so long, as a share of its piece and of what is undecided there.
-ABOUT_FOLD, ABOUT_UNDECIDED = 0.05, 4.0
+# A shorter piece about a fold is so long, as a share of its piece and of what is undecided there; and what is undecided
+# is looked at on it with so much on either side, which covers roundings.
+ABOUT_FOLD, ABOUT_UNDECIDED, NEXT = 0.05, 2.0, 1e-6
+# No other fold is looked for in a box that is so many times as large as what holds those of the curve.
+ROOM_AT_FOLD = 4
 
 
 @dataclass(frozen=True)
@@ -53,10 +55,13 @@ class Way:
     """The way along a curve, piece after piece.
 
     ends : the coordinates at both ends, enclosed, in the units of the equations
+    digits : of folds
     """
 
-    def __init__(self, equations: CurveEquations, claim: BranchClaim, ends: Sequence[list[arb]]):
-        self.equations, self.claim, self.ends = equations, claim, ends
+    def __init__(
+        self, equations: CurveEquations, claim: BranchClaim, ends: Sequence[list[arb]], digits: int | None = None
+    ):
+        self.equations, self.claim, self.ends, self.digits = equations, claim, ends, digits
         order = [list(claim.names).index(name) for name in equations.names]
         self._order = order
         self.points = [np.array(row) for row in claim.points[:, order]]
@@ -147,6 +152,9 @@ class Way:
             stop += margin
         guess = partial(self._guess, coordinate, at, to)
         piece = prove_piece(equations, self.solve, guess, coordinate, start, stop)
+        if not all(sign for _, _, sign in signs_along(piece, -1.0, 1.0)):
+            # The direction of the curve is enclosed better on a narrower tube.
+            piece = replace(piece, tube=narrowed(equations.legs, piece.tube))
         at_begin = arb(-1) if joined or (before is None and exact) else None
         joint = self.ends[0] if before is None else before.piece.at(before.end)
         begin = piece.holds(joint, at_begin)
@@ -183,47 +191,48 @@ class Way:
         """The folds between two places of a piece along the launch speed; raises `Unproved` where not all zeros of the
         parameter's derivative there are proved to be folds."""
         low, high = max(float(begin.lower()), -1.0), min(float(end.upper()), 1.0)
-        runs, found = signs_along(piece, low, high, FINEST), list[Fold]()
+        runs, found = signs_along(piece, low, high), list[Fold]()
+        if len(runs) == 1 and runs[0][2]:
+            return ()
         for i, (first, last, sign) in enumerate(runs):
             if sign == 0:
-                if i in (0, len(runs) - 1):
-                    raise Unproved("a piece ends where the parameter may turn")
+                if i in (0, len(runs) - 1) or runs[i - 1][2] == runs[i + 1][2]:
+                    raise Unproved("a piece ends where the parameter may turn, or it rests without turning")
                 fold = self._fold(piece, first, last)
-                place = piece.place(self.equations.balls(fold.balls)[piece.coordinate])
-                if not (begin < place < end):
-                    raise Unproved("a piece ends at a fold")
+                place = piece.holds(self.equations.balls(fold.balls))
+                if place is None or not (begin < place < end):
+                    raise Unproved("the fold is not proved to be on the curve, or a piece ends at it")
                 found.append(fold)
         return tuple(found)
 
     def _fold(self, piece: CurvePiece, first: float, last: float) -> Fold:
         """The only fold between two places, outside of which the parameter does not turn."""
         equations, middle = self.equations, (first + last) / 2
-        reach = max(ABOUT_FOLD, ABOUT_UNDECIDED * (last - first))
-        half = float(piece.stop - piece.start) / 2
+        reach, half = max(ABOUT_FOLD, ABOUT_UNDECIDED * (last - first)), float(piece.stop - piece.start) / 2
         centre = float(piece.start + piece.stop) / 2 + half * middle
-        ends = [Fraction(Decimal(repr(centre + side * reach * half))) for side in (-1, 1)]
-        narrow = prove_piece(equations, self.solve, piece.numerical, piece.coordinate, *ends, narrow=True)
-        if not inside(narrow, piece):
+        start, stop = (Fraction(Decimal(repr(centre + side * reach * half))) for side in (-1, 1))
+        whole, piece = piece, prove_piece(equations, self.solve, piece.numerical, piece.coordinate, start, stop)
+        if not inside(piece, whole):
             raise Unproved("the curve about a fold is not proved to be in its piece")
-        scale = ball_of_fraction((piece.stop - piece.start) / (ends[1] - ends[0]))
-        offset = ball_of_fraction((piece.start + piece.stop - ends[0] - ends[1]) / (ends[1] - ends[0]))
-        within = [scale * arb(each) + offset for each in (first, last)]
-        runs = signs_along(narrow, float(within[0].lower()), float(within[1].upper()), FINEST_AT_FOLD)
-        if len(runs) != 3 or runs[0][2] * runs[2][2] != -1 or not (within[0] > -1 and within[1] < 1):
+        # The direction of the curve is enclosed better on a narrower tube.
+        piece = replace(piece, tube=narrowed(equations.legs, piece.tube))
+        low, high = (float(piece.place(whole.value(each)).mid()) for each in (first, last))
+        if not -1 < low - NEXT <= high + NEXT < 1:
+            raise Unproved("the parameter turns too near to the end of a piece")
+        runs = signs_along(piece, low - NEXT, high + NEXT)
+        if len(runs) != 3 or runs[0][2] * runs[2][2] != -1:
             raise Unproved("the parameter is not proved to turn once at a fold")
-        s = arb(runs[1][0]).union(arb(runs[1][1]))
-        balls = equations.in_machine(narrow.at(s))
-        by_place = equations.in_machine([narrow.tube.slope_at(i, s) for i in range(len(equations.names))])
+        s, largest = arb(runs[1][0]).union(arb(runs[1][1])), runs[0][2] > 0
+        balls = equations.in_machine(piece.at(s))
+        by_place = equations.in_machine([piece.tube.slope_at(i, s) for i in range(len(equations.names))])
         directions = {name: each / by_place["alpha"] for name, each in by_place.items() if name != equations.along}
         guess, towards = ({name: float(each.mid()) for name, each in some.items()} for some in (balls, directions))
         value = guess.pop(equations.along)
+        seen = balls | {f"d{name}": each for name, each in directions.items() if name != "alpha"}
         with ctx.workprec(FIRST_BITS):
-            fold = proved_fold(equations.stated, guess, towards, equations.along, value, None)
+            reach = {name: ROOM_AT_FOLD * each.rad() for name, each in seen.items()}
+            fold = proved_fold(equations.stated, guess, towards, equations.along, value, self.digits, reach)
         alone = fold.alone_in()
-        seen = balls | {f"d{name}": each for name, each in directions.items()}
         if not all(box.contains(seen[name]) for name, box in alone.items()):
             raise Unproved("there may be several folds near one another")
-        at_fold = {name: fold.balls[name] for name in equations.names}
-        if narrow.holds(equations.balls(at_fold)) is None:
-            raise Unproved("the fold is not proved to be on the curve")
-        return Fold(at_fold, largest=runs[0][2] > 0)
+        return Fold({name: fold.balls[name] for name in equations.names}, largest)

@@ -12,9 +12,11 @@ radius. If for each s
 
     c0 + h N (d + (B + G) g) < g,    C0 + h N (B + G)(1 + H) < H    in each component,
 
-then the motion exists for the time h of a step with |c| < g and |C| < H: it could leave first at a time up to which
-the estimate holds. Nothing grows from step to step but by what is this small, however wide the piece is. Where the
-polynomials of the next step differ from these at its beginning, c changes by P^-1 times the difference.
+then the motion exists for the time h of a step with |c| < g and |C| < H: it could leave first at a time up to which the
+estimate holds. However wide the piece is, this is small. A step begins with P(0, s) = Q, a rounded orthogonal matrix
+that turns with the motion (R. Lohner's method, as in `enclosure`): at its end the deviation P c is Q' c' with
+c' = Q'^-1 P c, and the derivatives by the start of the motion are Q E with models E, which become Q'^-1 P (1 + C) E.
+Where the polynomials of the next step differ from these at its beginning, c changes by P^-1 times the difference.
 """
 
 import itertools
@@ -25,7 +27,7 @@ from functools import lru_cache
 import numpy as np
 from flint import arb, arb_mat, arb_poly, arb_series
 
-from .enclosure import TOO_LONG, Passage, Piece, Variation
+from .enclosure import TOO_LONG, Passage, Piece, Variation, orthogonal_frame
 from .refusal import Unproved, check_proof_time
 from .step import Step, picard_coefficients, widened
 from .taylor_model import CURVE_DEGREE, TIME_DEGREE, TaylorModel, as_model
@@ -66,9 +68,10 @@ class CurveStep:
     """A proved step of length h that begins at a time; the models take t from 0 to 1 in it.
 
     models : of the n states, p
-    derivatives : (m, n) models of the moving ones by all at the start, the first rows of P
+    derivatives : (m, n) models, the first rows of P
     off : for each set of starts the bounds (n,) of c, g
     turned : (m, n) bounds H of C on the last set of starts, its first rows
+    carried : (m, n) models, the first rows of E
     """
 
     begins: arb
@@ -77,6 +80,7 @@ class CurveStep:
     derivatives: list[list[TaylorModel]]
     off: list[np.ndarray]
     turned: np.ndarray
+    carried: list[list[TaylorModel]]
 
     def radii(self, number: int) -> list[arb]:
         """How far (n,) the states of a set of starts are from the models at most."""
@@ -88,8 +92,8 @@ class CurveStep:
         ends = (model.at_end() for model in self.models)
         return [TaylorModel(end.parts, radius) for end, radius in zip(ends, self.radii(number), strict=True)]
 
-    def slopes(self) -> list[list[TaylorModel]]:
-        """The derivatives (m, n) of the moving states at the end by the start, on the last set of starts."""
+    def turned_derivatives(self) -> list[list[TaylorModel]]:
+        """P (1 + C) at the end, its first rows (m, n), on the last set of starts."""
         m = len(self.derivatives)
         sizes = np.array([[each.polynomial_bound for each in row[:m]] for row in self.derivatives])
         rests = sizes @ self.turned
@@ -97,6 +101,18 @@ class CurveStep:
             [TaylorModel(each.at_end().parts, rest.abs_upper()) for each, rest in zip(*both, strict=True)]
             for both in zip(self.derivatives, rests, strict=True)
         ]
+
+    def slopes(self) -> list[list[TaylorModel]]:
+        """The derivatives (m, n) of the moving states at the end by the start of the motion, on the last set of
+        starts."""
+        turned, m, found = self.turned_derivatives(), len(self.derivatives), list[list[TaylorModel]]()
+        for row in turned:
+            entries = [TaylorModel([])] * m + row[m:]
+            for j in range(len(row)):
+                for k in range(m):
+                    entries[j] = entries[j] + row[k] * self.carried[k][j]
+            found.append(entries)
+        return found
 
     def on(self, s: arb) -> Step:
         """The step of the last set of starts for all places of a ball."""
@@ -120,24 +136,23 @@ def follow_curve(
     (n,), the last of which is the widest; raises `Unproved`."""
     m, n = variation.moving, variation.size
     rates, left = variation.varied[0].rates, arb(1)
-    unit = [[arb(int(i == j)) for j in range(n)] for i in range(m)]
-    centres = [
-        [*(start.on(arb(s)).mid() for start in starts), *(each for row in unit for each in row)] for s in places()
-    ]
-    before = [*starts, *(TaylorModel.of_curve([each]) for row in unit for each in row)]
-    off, turned = [np.array(each) for each in spreads], np.array([[_NOTHING] * n for _ in range(m)])
-    steps = list[CurveStep]()
+    frame = arb_mat(m, m, [int(i == j) for i in range(m) for j in range(m)])
+    carried = [[TaylorModel.of_curve([arb(int(i == j))]) for j in range(n)] for i in range(m)]
+    centres = [[start.on(arb(s)).mid() for start in starts] for s in places()]
+    before, off, steps = list(starts), [np.array(each) for each in spreads], list[CurveStep]()
     while True:
         if len(steps) == MOST_STEPS:
             raise Unproved(TOO_LONG)
         check_proof_time()
+        unit = [each for row in frame.tolist() for each in (*row, *[_NOTHING] * (n - m))]
         rows = [
-            [[each.mid() for each in row] for row in picard_coefficients(rates, centre, TIME_DEGREE)]
+            [[each.mid() for each in row] for row in picard_coefficients(rates, [*centre, *unit], TIME_DEGREE)]
             for centre in centres
         ]
+        begin = [*before, *(TaylorModel.of_curve([each]) for each in unit)]
         h = _step_length(rows, left)
         for _ in range(MOST_HALVINGS):
-            step = _proved_step(variation, _models_through(rows, h), before, off, turned, 1 - left, h)
+            step = _proved_step(variation, _models_through(rows, h), begin, off, carried, 1 - left, h)
             if step is not None:
                 break
             h = h / 2
@@ -146,9 +161,31 @@ def follow_curve(
         steps.append(step)
         if not h < left:
             return steps
-        centres = [[arb_poly(row)(h).mid() for row in table] for table in rows]
-        before = [each.at_end() for each in (*step.models, *(one for row in step.derivatives for one in row))]
-        off, turned, left = step.off, step.turned, left - h
+        centres = [[arb_poly(row)(h).mid() for row in table[:n]] for table in rows]
+        before, left = [each.at_end() for each in step.models], left - h
+        frame, off, carried = _turned_frame(step)
+
+
+def _turned_frame(step: CurveStep) -> tuple[arb_mat, list[np.ndarray], list[list[TaylorModel]]]:
+    """The orthogonal matrix of the next step, with the bounds of c and the models E in it."""
+    m = len(step.derivatives)
+    ends = [[each.at_end() for each in row] for row in step.derivatives]
+    extents = [float(each) for each in step.off[-1][:m]]
+    frame, inverse = orthogonal_frame(arb_mat([[each.on(_NOTHING) for each in row[:m]] for row in ends]), extents)
+    turned = np.array([[each.bound for each in row] for row in _times(inverse, ends)])
+    off = [_upper(np.array([*(turned @ each), *each[m:]])) for each in step.off]
+    return frame, off, _times(inverse, step.slopes())
+
+
+def _times(matrix: arb_mat, models: Sequence[Sequence[TaylorModel]]) -> list[list[TaylorModel]]:
+    """The product of a matrix of numbers (m, m) and one of models (m, n)."""
+    found = list[list[TaylorModel]]()
+    for weights in matrix.tolist():
+        row = [TaylorModel([])] * len(models[0])
+        for weight, others in zip(weights, models, strict=True):
+            row = [each + other * weight for each, other in zip(row, others, strict=True)]
+        found.append(row)
+    return found
 
 
 def _step_length(rows: Sequence[list[list[arb]]], left: arb) -> arb:
@@ -180,7 +217,7 @@ def _models_through(rows: Sequence[list[list[arb]]], h: arb) -> list[TaylorModel
 
 def _proved_step(
     variation: Variation, both: list[TaylorModel], before: Sequence[TaylorModel], off: Sequence[np.ndarray],
-    turned: np.ndarray, begins: arb, h: arb,
+    carried: list[list[TaylorModel]], begins: arb, h: arb,
 ) -> CurveStep | None:  # fmt: skip
     """A step with models of the states and of their derivatives; None where it cannot be proved."""
     m, n = variation.moving, variation.size
@@ -210,13 +247,13 @@ def _proved_step(
         else:
             return None
         found.append(_upper(tube))
-    begun = turned + inverse @ (gap_of_derivatives + gap_of_derivatives[:, :m] @ turned)
+    begun = inverse @ gap_of_derivatives
     after = begun.copy()
     for _ in range(MOST_WIDENINGS):
         after = WIDER * after + SMALLEST
         grown = begun + inverse @ (change + change[:, :m] @ after)
         if all(a < b for a, b in zip(grown.flat, after.flat, strict=True)):
-            return CurveStep(begins, h, models, derivatives, found, _upper(grown))
+            return CurveStep(begins, h, models, derivatives, found, _upper(grown), carried)
         after = grown
     return None
 

@@ -131,7 +131,7 @@ def follow_set(
             raise Unproved("the centre of the set does not cross a breakpoint with the rest of it")
         pieces.append(Piece(at, Step(long.h, long.polynomials[:n], long.tube[:n]), done.laws))
         turned = transition * frame
-        frame, inverse = _orthogonal(turned, [float(within[j, 0].abs_upper()) for j in range(n)])
+        frame, inverse = orthogonal_frame(turned, [float(within[j, 0].abs_upper()) for j in range(n)])
         inner, centre = (inverse * turned) * inner, [value.mid() for value in end]
         fresh = arb_mat(n, 1, [arb(0, value.rad()) for value in end])
         error = (inverse * turned) * error + inverse * fresh
@@ -150,7 +150,7 @@ def unit_matrix(n: int) -> arb_mat:
     return arb_mat(n, n, [int(i == j) for i in range(n) for j in range(n)])
 
 
-def _orthogonal(matrix: arb_mat, extents: Sequence[float]) -> tuple[arb_mat, arb_mat]:
+def orthogonal_frame(matrix: arb_mat, extents: Sequence[float]) -> tuple[arb_mat, arb_mat]:
     """The orthogonal factor of a matrix (n, n), rounded, and an enclosure of its inverse. Its columns are taken in the
     order in which a box of these extents (n,) reaches along them, the farthest first: so the frame follows the set
     where it is long."""

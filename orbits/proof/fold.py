@@ -25,6 +25,10 @@ from .theorem import Part, Proof
 from .wording import enclosed_words
 
 
+# What else varies at a fold is looked for within these shares of what the launch speed is.
+SHARES_OF_SPEED = (0.01, 0.1, 0.001)
+
+
 def proof_of_fold(
     machine: Machine, unknowns: Mapping[str, float], directions: Mapping[str, float], along: str, value: float,
     parameters: Mapping[str, Decimals], digits: int | None,
@@ -84,9 +88,12 @@ class ProvedFold:
 
 def proved_fold(
     stated: StatedMachine, unknowns: Mapping[str, float], directions: Mapping[str, float], along: str, value: float,
-    digits: int | None,
+    digits: int | None, reach: Mapping[str, arb] | None = None,
 ) -> ProvedFold:  # fmt: skip
-    """The fold near a guess; raises `Unproved`."""
+    """The fold near a guess; raises `Unproved`.
+
+    reach : how far from the guess there should be no other one, by the name of the unknown
+    """
     mechanics = ExactMechanics(
         stated, Scale.of(unknowns["alpha"], unknowns.get(FLIGHT_DURATION, unknowns["alpha"])), along
     )
@@ -107,7 +114,12 @@ def proved_fold(
     others = {name: bounds for name, bounds in stated.parameters.items() if name != along}
     equations = Equations(folded, IntervalParameters(others))
     start = [guess[name] / float(units[name]) for name in folded.unknowns]
-    root = prove_root(equations, start, bits_of_digits(digits))
+    boxes = list[list[arb]]()
+    if reach:
+        radii = [reach[name] / ball_of_fraction(units[name]) for name in folded.unknowns]
+        along_curve = radii[list(folded.unknowns).index("alpha")]
+        boxes = [[radius.max(share * along_curve).abs_upper() for radius in radii] for share in SHARES_OF_SPEED]
+    root = prove_root(equations, start, bits_of_digits(digits), boxes)
     equations.check_domains(root.evaluated.passages)
     with ctx.workprec(bits_of_digits(digits) + FIRST_BITS):
         sizes = [ball_of_fraction(units[name]) for name in folded.unknowns]

@@ -70,19 +70,23 @@ class ProvedRoot:
         return least
 
 
-def prove_root(equations: Equations, guess: Sequence[float], bits: int) -> ProvedRoot:
+def prove_root(
+    equations: Equations, guess: Sequence[float], bits: int, boxes: Sequence[Sequence[arb]] = ()
+) -> ProvedRoot:
     """The root near a guess, enclosed to about a number of bits where the parameters have one value.
+
+    boxes : radii (unknowns,) of boxes about the guess that are tried first
 
     Raises `Unproved` where no root can be proved.
     """
     centre = [arb(value) for value in guess]
     if equations.intervals:
         centre = polished(equations, centre)
-        boxes = _wide_boxes(equations, centre)
+        tried = [*boxes, *_wide_boxes(equations, centre)]
     else:
-        boxes = _narrow_boxes(centre)
+        tried = [*boxes, *_narrow_boxes(centre)]
     reason = ""
-    for radii in boxes:
+    for radii in tried:
         try:
             evaluated = evaluated_on(equations, centre, radii)
             inner = _contracted(equations, evaluated, centre, radii)
