@@ -51,8 +51,11 @@ class BallProgram:
                 self._operations.append((operation(each), first, second[0] if second else None))
         self._stores = [place[each] for each in outputs]
         self._known: tuple[int, list[arb]] = (0, [])
+        self._count = len(inputs)
 
     def __call__(self, values: Sequence[Value]) -> list[Value]:
+        if len(values) != self._count:  # what follows would take constants for inputs
+            raise ValueError(f"{len(values)} values for {self._count} symbols")
         work = [*values, *self._balls()]
         for operate, first, second in self._operations:
             work.append(operate(work[first]) if second is None else operate(work[first], work[second]))

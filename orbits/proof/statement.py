@@ -239,7 +239,9 @@ def _varied_arc(
     *start, duration = substitute([*start, arc.duration], {parameter: folded})
     guards = [substitute(law, {parameter: folded}) for law in guards]
     conditions = substitute(conditions, {parameter: folded})
+    # What stands before an arc has the parameter as its last state too.
+    also = (symbol(f"{parameter.value} before"),) if arc.before else ()
     return ExactArc(
         [*arc.states, *changes, parameter], rates, [*start, folded], duration, guards, conditions, arc.domains,
-        (*arc.before, *before),
+        (*arc.before, *before, *also),
     )  # fmt: skip
