@@ -12,10 +12,10 @@ HEAD, TAIL = 180, 110
 
 def shortened(message: str) -> str:
     """A message of at most 300 characters, without the middle of a longer one."""
-    return message if len(message) <= LONGEST_MESSAGE else without_middle(message, HEAD, TAIL)
+    return message if len(message) <= LONGEST_MESSAGE else cut_in_the_middle(message, HEAD, TAIL)
 
 
-def without_middle(text: str, longest_head: int, longest_tail: int) -> str:
+def cut_in_the_middle(text: str, longest_head: int, longest_tail: int) -> str:
     """A text's beginning and end, of at most so many characters each. A word that the cut goes through is left out,
     unless it is most of what there is."""
     head, tail = text[:longest_head], text[-longest_tail:]

@@ -22,7 +22,7 @@ from typing import Any, BinaryIO, TypeVar, get_args, get_origin, get_type_hints,
 
 import numpy as np
 
-from .errors import InputError, without_middle
+from .errors import InputError, cut_in_the_middle
 
 Read = TypeVar("Read")
 MEGABYTE = 1 << 20
@@ -62,7 +62,7 @@ def in_words(values: Mapping[str, Any]) -> list[str]:
 def one_line(result: Any, values: Mapping[str, Any]) -> str:
     """A result in one line of fewer than 200 characters: its type, and some of its values by name, the first as many
     as there is room for, long ones without their middle."""
-    told = [each if len(each) <= LONGEST_TOLD else without_middle(each, 70, 25) for each in in_words(values)]
+    told = [each if len(each) <= LONGEST_TOLD else cut_in_the_middle(each, 70, 25) for each in in_words(values)]
     name, kept = type(result).__name__, len(told)
     while kept > 1 and len(f"{name}({', '.join(told[:kept])}, ...)") > LONGEST_TOLD_LINE:
         kept -= 1

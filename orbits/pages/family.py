@@ -24,7 +24,7 @@ from .tables import number_text
 # How events are marked, alike in each figure of a family.
 SHAPES = {"fold": "circle", "branch point": "square", "grazing": "inverted_triangle", "masses touch": "x"}
 SHAPES |= {"contact pulls": "triangle", "landing jerk": "square_x", "collapse": "diamond", "family": "star"}
-SHAPES["law ends"] = "diamond_cross"
+SHAPES |= {"law ends": "diamond_cross"}
 OTHER_SHAPE, SHAPE_OF_END = "plus", "square_pin"
 
 

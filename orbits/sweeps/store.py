@@ -91,7 +91,7 @@ class Store:
         self.connection.close()
 
     def _keep_journal(self) -> None:
-        """Journal writes ahead. While another process does the same SQLite refuses that at once, whatever its timeout."""
+        """Journal writes ahead. While another process does the same, SQLite refuses that at once, without a timeout."""
         until = time.monotonic() + PATIENCE
         while True:
             try:
