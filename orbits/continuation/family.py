@@ -29,14 +29,14 @@ from ..pages.cells import cell
 from ..pages.tables import DIGITS
 from ..periodic.orbit import Orbit, SavedLaws, with_note
 from ..plot import spread
-from ..proof.claim import CONTACT_DURATION, Claim
 from ..proof.branch_claim import BranchClaim
+from ..proof.claim import CONTACT_DURATION, Claim
 from ..proof.prove import prove_branch, prove_claims
 from ..proof.theorem import Proof
 from ..symbolic.time_limit import LIMIT
 from .hops import orbit_from
-from .proved_curve import branch_claim
 from .point import COLUMNS, KNOWN, NUMBERS, SIDES, End, Event, Point, check_points, json_line, point_in_units
+from .proved_curve import branch_claim
 from .table import names_of_motions, numbers_of_motions
 
 FAMILY_FORMAT = "persistent-orbits family 1"
@@ -261,7 +261,8 @@ class Family:
         """
         check_parameters(machine, self.name)
         if continuous:
-            return prove_branch(self._branch_claim(machine), digits, motion, LIMIT_OF_BRANCH if limit is None else limit)
+            seconds = LIMIT_OF_BRANCH if limit is None else limit
+            return prove_branch(self._branch_claim(machine), digits, motion, seconds)
         claims = [self._claim(machine, point) for point in self.points]
         return prove_claims(claims, digits, motion, workers, LIMIT if limit is None else limit)
 

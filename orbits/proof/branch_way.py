@@ -1,5 +1,5 @@
-"""The way along a curve of orbits, piece after piece, with its folds: each piece is proved to begin where the one before
-ends, and to lead onward."""
+"""The way along a curve of orbits, piece after piece, with its folds: each piece is proved to begin where the one
+before ends, and to lead onward."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -143,9 +143,9 @@ class Way:
             raise Unproved("neither the parameter nor the launch speed runs one way")
         start, stop = (Fraction(Decimal(repr(float(self.points[i][coordinate])))) for i in (at, to))
         margin, exact = (stop - start) * Fraction(MARGIN), coordinate == equations.parameter
-        joined = before is not None and before.piece.coordinate == coordinate
-        if joined:
-            start = before.piece.stop
+        joined = False
+        if before is not None and before.piece.coordinate == coordinate:
+            joined, start = True, before.piece.stop
         elif before is not None or not exact:
             start -= margin
         if finish and not exact:
@@ -230,8 +230,8 @@ class Way:
         value = guess.pop(equations.along)
         seen = balls | {f"d{name}": each for name, each in directions.items() if name != "alpha"}
         with ctx.workprec(FIRST_BITS):
-            reach = {name: ROOM_AT_FOLD * each.rad() for name, each in seen.items()}
-            fold = proved_fold(equations.stated, guess, towards, equations.along, value, self.digits, reach)
+            near = {name: ROOM_AT_FOLD * each.rad() for name, each in seen.items()}
+            fold = proved_fold(equations.stated, guess, towards, equations.along, value, self.digits, near)
         alone = fold.alone_in()
         if not all(box.contains(seen[name]) for name, box in alone.items()):
             raise Unproved("there may be several folds near one another")
