@@ -130,8 +130,8 @@ def _curve_sentence(found: ProvedCurve, parts: Sequence[CurvePart], along: str, 
     many = "s, each of which begins where the one before ends" if len(parts) > 1 else ""
     tubes = (
         f"It is made of {len(parts)} piece{many}; on each {' or '.join(runs)} runs one way, and for each of its values "
-        f"there is exactly one solution within {alone} of polynomials, which are saved with the proof and at "
-        f"most {widest} off"
+        f"there is exactly one solution in a tube about polynomials, which are saved with the proof: the tube reaches "
+        f"{alone} or more to either side of them, and the solution is at most {widest} from them"
     )
     return f"{curve} from {first} to {last}. {tubes}."
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from orbits import InputError, find, follow, follow_fold
-from problems import Hopper, hopper_in_si
+from orbits import InputError, find, follow
+from problems import Hopper
 
 REFERENCE = json.loads((Path(__file__).parents[1] / "data" / "proved.json").read_text())["cubic"]
 # The fold of family 1 of the cubic spring, by continuation in another program.
@@ -46,7 +46,7 @@ def alphas_at(proof, value):
 
 
 def test_a_short_curve(machine):
-    family = follow(machine, "beta", stop=0.55, start=0.45)
+    family = follow(machine, "beta", stop=0.52, start=0.45, longest=0.5)
     proof = family.prove(machine, continuous=True)
     assert proof.proved, proof.reasons
     assert proof.kind == "branch"
@@ -56,7 +56,7 @@ def test_a_short_curve(machine):
         alpha[0] < Fraction(REFERENCE["0.5"]["alpha"]["low"]) <= Fraction(REFERENCE["0.5"]["alpha"]["high"]) < alpha[1]
     )
     assert alpha[1] - alpha[0] < 1e-6
-    for said in ("from beta = 0.45 ", "to beta = 0.55 ", "no fold", "r + beta*r**3", "motions all along the curve"):
+    for said in ("from beta = 0.45 ", "to beta = 0.52 ", "no fold", "r + beta*r**3", "motions all along the curve"):
         assert said in proof.statement
     assert "beta = 0.45," not in proof.statement.partition("rest_length = 30")[0]  # it is what varies
     assert set(proof.conditions.values()) == {"proved"}
@@ -72,6 +72,7 @@ def folded(machine):
     return whole, whole.prove(machine, continuous=True, motion=False)
 
 
+@pytest.mark.slow
 def test_a_fold_on_the_way(folded):
     _, proof = folded
     assert proof.proved, proof.reasons
@@ -83,6 +84,7 @@ def test_a_fold_on_the_way(folded):
     assert "where beta is least" in proof.statement
 
 
+@pytest.mark.slow
 def test_pieces_follow_one_another(folded):
     """The end of a piece along the launch speed lies in the tube of the next one, by the saved numbers alone."""
     _, proof = folded
@@ -95,6 +97,7 @@ def test_pieces_follow_one_another(folded):
                 assert abs(end - begin) + Fraction(piece.within[name]) < Fraction(after.alone_within[name])
 
 
+@pytest.mark.slow
 def test_both_sheets_in_the_document(folded):
     family, proof = folded
     document = json.loads(json.dumps(proof.document()))
@@ -106,7 +109,7 @@ def test_both_sheets_in_the_document(folded):
 
 
 def test_points_of_two_families_are_no_curve(machine):
-    first, second = (follow(machine, "beta", stop=0.6, start=0.5, family=number) for number in (1, 2))
+    first, second = (follow(machine, "beta", stop=0.52, start=0.5, family=number, longest=0.1) for number in (1, 2))
     count = len(first) // 2
     glued = dataclasses.replace(first, points=first.points[:count] + second.points[count:], events=())
     proof = glued.prove(machine, continuous=True, motion=False)
@@ -115,6 +118,7 @@ def test_points_of_two_families_are_no_curve(machine):
     assert not proof.parts
 
 
+@pytest.mark.slow
 def test_a_skipped_fold_is_not_bridged(machine, folded):
     """Two orbits at about the same beta on the two sheets, with nothing in between."""
     family, _ = folded
@@ -124,8 +128,8 @@ def test_a_skipped_fold_is_not_bridged(machine, folded):
         assert "exactly one fold" in proof.statement
 
 
-def test_another_machine(folded):
-    family, _ = folded
+def test_another_machine(machine):
+    family = follow(machine, "beta", stop=0.52, start=0.5, longest=0.5)
     assert not family.prove(
         Hopper("1.001*r + beta*r**3", rest_length=30.0, parameters={"beta": 0.0}), continuous=True
     ).proved
@@ -137,3 +141,21 @@ def test_what_cannot_be_a_curve(machine):
         between(family, 0, 0).prove(machine, continuous=True)
     with pytest.raises(InputError, match="no parameter"):
         family.prove(Hopper(), continuous=True)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("other", "along", "start", "stop"),
+    [
+        (Hopper("tanh", parameters={"b": 0.1}, rest_length=30.0), "b", 0.1, 0.12),
+        (Hopper("sinh(b*r)/b", parameters={"b": 0.2}, rest_length=30.0), "b", 0.2, 0.22),
+        (Hopper("r", "1/(1 + z/R)**2", rest_length=20.0, parameters={"R": 150.0}), "R", 150.0, 155.0),
+        (Hopper("cubic", rest_length=9.0, parameters={"beta": 0.3}), "mass_ratio", 1.0, 1.2),
+    ],
+)
+def test_other_laws_and_parameters(other, along, start, stop):
+    family = follow(other, along, stop=stop, start=start, longest=0.5)
+    proof = family.prove(other, continuous=True, motion=False)
+    assert proof.proved, proof.reasons
+    middle = find(other.with_values(**{along: (start + stop) / 2}))
+    assert any(middle.alpha in part.unknowns["alpha"] for part in proof.parts)
