@@ -22,6 +22,7 @@ Examples:
   orbits find --machine rover.toml --animate hop.gif   a machine in SI units
   orbits prove --spring cubic --set beta=0.3 --rest-length 8
   orbits prove --spring cubic --between beta=0.299:0.301 --rest-length 8
+  orbits prove --spring cubic --along beta --from 0 --to 1 --rest-length 30
   orbits check-proof proof.json                        a saved proof, verified by a second program
   orbits follow --spring cubic --along beta --from 0 --to 5 --at 0.5,1,2
   orbits follow --spring cubic --along beta --from 0 --to -0.02 --plot fold.png
@@ -106,26 +107,41 @@ def find_command(
     "--inject", metavar="EPS", help="Prove a fixed point of the return map with this added to every launch speed."
 )
 @click.option("--near", type=float, metavar="ALPHA", help="With --inject: a launch speed near the fixed point.")
+@click.option("--along", metavar="NAME", help="Prove the family along a parameter as one curve, with its folds.")
+@click.option("--from", "start", type=float, metavar="A", help="The parameter's first value; default: as --set has it.")
+@click.option("--to", "stop", type=float, metavar="B", help="The parameter's last value.")
 @options.limit_option
 @options.json_option
 @options.file_option("--save", "document", "Save the proof (.json).")
 def prove_command(
     family: int, intervals: tuple[str, ...], digits: int | None, loss: bool, attraction: bool, inject: str | None,
-    near: float | None, limit: float, as_json: bool, save: str | None, **stated: Any,
+    near: float | None, along: str | None, start: float | None, stop: float | None, limit: float, as_json: bool,
+    save: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Prove that a lossless orbit exists, is alone nearby and is a motion, as a theorem of interval arithmetic.
 
     With --inject and --near it is a fixed point of the return map that is proved, and whether it is stable.
 
     The numbers of --set and --between are the exact decimals that are written, others the shortest decimals of floats.
-    With --between it is proved for each value of a parameter
-    between two decimals. Needs python-flint: pip install 'persistent-orbits[proof]'.
+    With --between it is proved for each value of a parameter between two decimals; with --along that its orbits from one value to another are one curve. Needs python-flint:
+    pip install 'persistent-orbits[proof]'.
     """
     from orbits.errors import InputError
     from orbits.hybrid.proofs import prove_fixed_point
     from orbits.periodic.find import find
     from orbits.proof.prove import prove
 
+    if along is not None or start is not None or stop is not None:
+        usual = click.get_current_context().get_parameter_source("limit") is ParameterSource.DEFAULT
+        if along is None or stop is None or intervals or loss or attraction or inject is not None:
+            others = "--between, --loss, --attraction, --inject"
+            raise InputError(f"--along NAME needs --to B, and goes with --from A and with none of {others}")
+        seconds = None if usual else limit
+        curve = options.proved_curve(along, (start, stop), family, stated, digits=digits, limit=seconds)
+        options.write(curve, as_json, save=save)
+        if not curve.proved:
+            raise click.exceptions.Exit(1)
+        return
     exact = options.exact_parameters(stated["settings"], intervals)
     stated = options.with_middles(stated, intervals)
     if (inject is None) != (near is None) or ((loss or attraction) and inject is not None):

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from orbits.hybrid.diagram import BifurcationDiagram
     from orbits.hybrid.return_map import Hops
+    from orbits.proof.theorem import Proof
 
     from .units import AnyMachine
 
@@ -238,6 +239,25 @@ def diagram_of(
     machine = machine_of(**stated, first=None if known else (along, span[0]))
     with progress() as report:
         return bifurcations(machine, along, span, between, samples=len(speeds), progress=report, **asked)
+
+
+def proved_curve(
+    along: str, span: tuple[float | None, float], family: int, stated: dict[str, Any], **asked: Any
+) -> "Proof":
+    """The proof that the orbits of the stated machine along a parameter are one curve over its range `span`; raises
+    `NoOrbit` where the family ends before."""
+    from orbits.continuation.follow import follow
+    from orbits.errors import NoOrbit
+    from orbits.proof.prove import need_flint
+
+    need_flint()
+    start, stop = span
+    machine = machine_of(**stated, first=None if start is None else (along, start))
+    with progress() as report:
+        followed = follow(machine, along, stop, start, family, progress=report)
+    if followed.end.kind != "reached":
+        raise NoOrbit(f"the family does not come to {along} = {stop:g}: {followed.end.kind}, {followed.end.reason}")
+    return followed.prove(machine, continuous=True, **asked)
 
 
 def summary(hops: "Hops") -> str:

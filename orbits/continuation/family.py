@@ -262,9 +262,8 @@ class Family:
         """
         check_parameters(machine, self.name)
         if continuous:
-            return prove_branch(
-                self._branch_claim(machine), digits, motion, LIMIT_OF_BRANCH if limit is None else limit
-            )
+            seconds = LIMIT_OF_BRANCH if limit is None else limit
+            return prove_branch(self._branch_claim(machine), digits, motion, seconds)
         claims = [self._claim(machine, point) for point in self.points]
         return prove_claims(claims, digits, motion, workers, LIMIT if limit is None else limit)
 

@@ -58,6 +58,11 @@ Lemma 6, the family. Times where the rate of the extension has a sign alternate 
 On the latter the rate is monotone: it has one zero where the signs before and after differ, and none where they agree.
 The last of them hold mid-flight, where the rate is 0, and no other zero. The zeros before are counted.
 
+A family as one continuous curve (`branch`) is proved piece by piece: on each a coordinate runs through an interval, and
+Krawczyk's operator is evaluated for all of its values at once, along motions that are polynomials in time and in the
+place on the piece, with bounds on what these leave out (`taylor_model`, `curve_motion`, `tube`). The end of each piece
+is proved to be the beginning of the next one (`branch_way`), and folds are counted.
+
 The loss coefficient (`loss`) is enclosed from the enclosures of its parts: the jerk of the gap, its derivative by alpha
 at landing through the monodromy of the half flight, and the energies.
 

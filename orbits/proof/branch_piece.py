@@ -1,5 +1,6 @@
 """Pieces of a curve of orbits along a parameter: proved tubes, what they hold, and how the parameter turns on them."""
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
@@ -104,9 +105,8 @@ class CurvePiece:
     def numerical(self, values: np.ndarray) -> np.ndarray:
         """Coordinates (m, n + 1) about where the one that runs has values (m,), in the units of the machine."""
         middle, half = float(self.start + self.stop) / 2, float(self.stop - self.start) / 2
-        columns = [
-            np.polyval([float(each) for each in row[::-1]], (values - middle) / half) for row in self.coefficients
-        ]
+        places_of = (values - middle) / half
+        columns = [np.polyval([float(each) for each in row[::-1]], places_of) for row in self.coefficients]
         columns[self.coordinate] = values
         return np.array(columns).T
 
@@ -153,7 +153,8 @@ def numerical_piece(
 def prove_piece(
     equations: CurveEquations, solve: Solver, guess: Guess, coordinate: int, start: Fraction, stop: Fraction
 ) -> CurvePiece:
-    """The piece on which a coordinate runs from one value to another. Raises `Unproved`, and an `OrbitsError` where the numerical curve is lost."""
+    """The piece on which a coordinate runs from one value to another. Raises `Unproved`, and an `OrbitsError` where the
+    numerical curve is lost."""
     columns, models, last = numerical_piece(equations, solve, guess, coordinate, start, stop)
     if not last <= LAST_COEFFICIENTS:
         raise Unproved("a piece of the curve is too long for its polynomials")
@@ -167,7 +168,7 @@ def prove_piece(
 def _check_whole(piece: CurvePiece) -> None:
     """Prove that alpha and the times are positive, and formulas have values, all along."""
     waiting = [(part, HALVINGS // 4) for part in parts_between(-1.0, 1.0)]
-    legs = [leg for leg in zip(piece.equations.legs, piece.tube.values.steps, strict=True)]
+    legs = [*zip(piece.equations.legs, piece.tube.values.steps, strict=True)]
     while waiting:
         (low, high), left = waiting.pop()
         s = arb((low + high) / 2, (high - low) / 2)
@@ -186,7 +187,7 @@ def _check_whole(piece: CurvePiece) -> None:
 def parts_between(low: float, high: float) -> list[tuple[float, float]]:
     """Parts of the places between two floats, in order."""
     ends = [low + (high - low) * k / PARTS for k in range(PARTS)] + [high]
-    return [*zip(ends, ends[1:], strict=False)]
+    return [*itertools.pairwise(ends)]
 
 
 def signs_along(piece: CurvePiece, low: float, high: float) -> list[tuple[float, float, int]]:

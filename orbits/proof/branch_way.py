@@ -1,5 +1,5 @@
-"""The way along a curve of orbits, piece after piece, with its folds: each piece is proved to begin where the one before
-ends, and to lead onward."""
+"""The way along a curve of orbits, piece after piece, with its folds: each piece is proved to begin where the one
+before ends, and to lead onward."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -19,13 +19,14 @@ from .refusal import TooLong, Unproved
 from .root import FIRST_BITS
 from .tube import narrowed
 
-# A parameter is followed itself where it has this share of the way at least, else the launch speed.
-SHARE_OF_PARAMETER = 0.5
+# A parameter is followed itself where it has this share of the way at least, else the launch speed; where it is followed
+# already, until it has less than the second.
+SHARE_OF_PARAMETER, SHARE_STILL = 0.5, 0.25
 # A piece whose coordinate is not that of the one before begins and ends this share of it farther out.
 MARGIN = 0.02
-# Points of the family that the first piece tries to reach, how many may be set between points for shorter ones, and how
+# Points of the family that the first piece tries to reach, how many times as many the next one does, how many may be set between points for shorter ones, and how
 # close to the next, relative to the coordinate.
-FIRST_REACH, MOST_INSERTED, CLOSEST = 8, 400, 1e-7
+FIRST_REACH, LONGER, MOST_INSERTED, CLOSEST = 64, 4, 400, 1e-7
 # A shorter piece about a fold is so long, as a share of its piece and of what is undecided there; and what is undecided
 # is looked at on it with so much on either side, which covers roundings.
 ABOUT_FOLD, ABOUT_UNDECIDED, NEXT = 0.05, 2.0, 1e-6
@@ -101,7 +102,7 @@ class Way:
                     self._insert(at, error)
                 reach = max((to - at) // 2, 1)
                 continue
-            reach, at = 2 * (to - at), to
+            reach, at = LONGER * (to - at), to
         return links
 
     def _insert(self, at: int, error: Exception) -> None:
@@ -123,12 +124,13 @@ class Way:
         self.points.insert(at + 1, rows[0])
         self._tangents.insert(at + 1, (self._tangents[at] + self._tangents[at + 1]) / 2)
 
-    def _coordinate(self, at: int, to: int) -> int | None:
+    def _coordinate(self, at: int, to: int, before: Link | None = None) -> int | None:
         """The coordinate along which to follow the curve between two points; None where none runs all the way."""
         parameter, speed = self.equations.parameter, self.equations.speed
         columns, moves = np.array(self.points[at : to + 1]), np.abs(self._tangents[at : to + 1])
         ratio = moves[:, parameter] * self._shares[0] / np.maximum(moves[:, speed] * self._shares[1], 1e-300)
-        order = (parameter, speed) if (ratio >= SHARE_OF_PARAMETER).all() else (speed, parameter)
+        share = SHARE_STILL if before is not None and before.piece.coordinate == parameter else SHARE_OF_PARAMETER
+        order = (parameter, speed) if (ratio >= share).all() else (speed, parameter)
         for coordinate in order:
             steps = np.diff(columns[:, coordinate])
             if (steps > 0).all() or (steps < 0).all():
@@ -138,14 +140,14 @@ class Way:
     def _link(self, before: Link | None, at: int, to: int) -> Link:
         """The piece from a point to another one, joined to the one before; raises `Unproved`."""
         equations, finish = self.equations, to == len(self.points) - 1
-        coordinate = self._coordinate(at, to)
+        coordinate = self._coordinate(at, to, before)
         if coordinate is None:
             raise Unproved("neither the parameter nor the launch speed runs one way")
         start, stop = (Fraction(Decimal(repr(float(self.points[i][coordinate])))) for i in (at, to))
         margin, exact = (stop - start) * Fraction(MARGIN), coordinate == equations.parameter
-        joined = before is not None and before.piece.coordinate == coordinate
-        if joined:
-            start = before.piece.stop
+        joined = False
+        if before is not None and before.piece.coordinate == coordinate:
+            joined, start = True, before.piece.stop
         elif before is not None or not exact:
             start -= margin
         if finish and not exact:
@@ -230,8 +232,8 @@ class Way:
         value = guess.pop(equations.along)
         seen = balls | {f"d{name}": each for name, each in directions.items() if name != "alpha"}
         with ctx.workprec(FIRST_BITS):
-            reach = {name: ROOM_AT_FOLD * each.rad() for name, each in seen.items()}
-            fold = proved_fold(equations.stated, guess, towards, equations.along, value, self.digits, reach)
+            near = {name: ROOM_AT_FOLD * each.rad() for name, each in seen.items()}
+            fold = proved_fold(equations.stated, guess, towards, equations.along, value, self.digits, near)
         alone = fold.alone_in()
         if not all(box.contains(seen[name]) for name, box in alone.items()):
             raise Unproved("there may be several folds near one another")

@@ -23,7 +23,7 @@ LOST = {
     "clearance": "clearance",
     "separation": "separation",
     "contact_force": "contact force",
-    "contact_end": "end of contact",
+    "contact_end": "end of the contact",
 }
 
 
@@ -127,10 +127,11 @@ def _curve_sentence(found: ProvedCurve, parts: Sequence[CurvePart], along: str, 
     widest = max((each for part in parts for each in part.within.values()), key=float)
     alone = min((part.uniqueness_radius for part in parts), key=float)
     runs = sorted({part.coordinate for part in parts})
+    many = "s, each of which begins where the one before ends" if len(parts) > 1 else ""
     tubes = (
-        f"It is made of {len(parts)} piece{'s' if len(parts) > 1 else ''}, each of which begins where the one before ends; on each of them "
-        f"{' or '.join(runs)} runs one way, and for each of its values there is exactly one solution within {alone} of "
-        f"polynomials, which are saved with the proof and at most {widest} off"
+        f"It is made of {len(parts)} piece{many}; on each {' or '.join(runs)} runs one way, and for each of its values "
+        f"there is exactly one solution in a tube about polynomials, which are saved with the proof: the tube reaches "
+        f"{alone} or more to either side of them, and the solution is at most {widest} from them"
     )
     return f"{curve} from {first} to {last}. {tubes}."
 
@@ -141,7 +142,7 @@ def _fold_sentence(along: str, folds: Sequence[dict[str, Enclosure]], largest: S
     count = "exactly one fold" if len(folds) == 1 else f"exactly {len(folds)} folds"
     each = [f"one with {enclosed_words(fold)}, where {along} is {'largest' if top else 'least'}"
             for fold, top in zip(folds, largest, strict=True)]  # fmt: skip
-    return f"It has {count}, all of them nondegenerate: {'; '.join(each)}. Between them {along} runs one way."
+    return f"It has {count} in {along}, nondegenerate: {'; '.join(each)}. Elsewhere {along} runs one way."
 
 
 def _ends_of(stretch: Stretch) -> list[dict[str, arb]]:
@@ -162,18 +163,17 @@ def _runs(stretches: Sequence[Stretch]) -> list[list[Stretch]]:
 
 def _place_words(run: Sequence[Stretch], along: str) -> str:
     (first, _), (_, last) = _ends_of(run[0]), _ends_of(run[-1])
-    places = (
+    begin, end = (
         f"{along} in {enclosure_of(each[along])} and alpha in {enclosure_of(each['alpha'])}" for each in (first, last)
     )
-    return "from {} to {}".format(*places)
+    return f"from {begin} to {end}"
 
 
 def _motion_sentence(stretches: Sequence[Stretch], along: str) -> str:
     """What is proved of the motions, part after part."""
     runs = _runs(stretches)
-    return " ".join(
-        _run_words(run, "all along the curve" if len(runs) == 1 else _place_words(run, along)) for run in runs
-    )
+    places = ["all along the curve"] if len(runs) == 1 else [_place_words(run, along) for run in runs]
+    return " ".join(_run_words(run, place) for run, place in zip(runs, places, strict=True))
 
 
 def _run_words(run: Sequence[Stretch], where: str) -> str:

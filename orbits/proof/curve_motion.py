@@ -45,6 +45,10 @@ PARTS, PARTS_OF_TIME, MOST_PARTS = 8, 2, 64
 _NOTHING, _BOTH, _UNIT = arb(0), arb(0, 1), arb(0).union(arb(1))
 
 
+class SpreadTooFar(Unproved):
+    """The motions of starts within wide spreads are not enclosed; of narrower ones they may be."""
+
+
 @lru_cache(maxsize=1)
 def places() -> tuple[float, ...]:
     """The places between -1 and 1 through which polynomials are laid: zeros of a Chebyshev polynomial."""
@@ -157,7 +161,7 @@ def follow_curve(
                 break
             h = h / 2
         else:
-            raise Unproved("the motions along a piece of the curve spread too far to be enclosed")
+            raise SpreadTooFar("the motions along a piece of the curve spread too far to be enclosed")
         steps.append(step)
         if not h < left:
             return steps

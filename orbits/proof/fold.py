@@ -24,7 +24,6 @@ from .statement import HalfOrbit, statement_of_folds
 from .theorem import Part, Proof
 from .wording import enclosed_words
 
-
 # What else varies at a fold is looked for within these shares of what the launch speed is.
 SHARES_OF_SPEED = (0.01, 0.1, 0.001)
 

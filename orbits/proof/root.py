@@ -70,9 +70,7 @@ class ProvedRoot:
         return least
 
 
-def prove_root(
-    equations: Equations, guess: Sequence[float], bits: int, boxes: Sequence[Sequence[arb]] = ()
-) -> ProvedRoot:
+def prove_root(equations: Equations, guess: Sequence[float], bits: int, boxes: Sequence[list[arb]] = ()) -> ProvedRoot:
     """The root near a guess, enclosed to about a number of bits where the parameters have one value.
 
     boxes : radii (unknowns,) of boxes about the guess that are tried first

@@ -1,11 +1,11 @@
 """Taylor models: functions of a time and of the place on a curve, as polynomials with a bound on what they leave out.
 
-A model of f on 0 <= t <= 1, -1 <= s <= 1 is a polynomial p in t and s with a rest R, such that |f - p| <= R there. Sums,
-products and functions of models are models again (M. Berz, K. Makino, Reliable Computing 4, 1998). All coefficients are
-balls, so that roundings are bounded too. What a product has beyond the degrees is bounded by sums of the absolute
-values of coefficients, since |t| <= 1 and |s| <= 1. A function g of a model is its Taylor polynomial about a centre c
-with Lagrange's remainder over the range of the model, taken as a model: sum of g_k (p - c)**k, k <= L, and
-g_(L + 1)(range) bound**(L + 1).
+A model of f on 0 <= t <= 1, -1 <= s <= 1 is a polynomial p in t and s with a rest R, such that |f - p| <= R there.
+Sums, products and functions of models are models again (M. Berz, K. Makino, Reliable Computing 4, 1998). All
+coefficients are balls, so that roundings are bounded too. What a product has beyond the degrees is bounded by sums of
+the absolute values of coefficients, since |t| <= 1 and |s| <= 1. A function g of a model is its Taylor polynomial about
+a centre c with Lagrange's remainder over the range of the model, taken as a model: the sum of g_k (p - c)**k for
+k <= L, and g_(L + 1)(range) bound**(L + 1).
 """
 
 import operator
@@ -106,9 +106,8 @@ class TaylorModel:
 
     def __mul__(self, other: Operand) -> "TaylorModel":
         if not isinstance(other, TaylorModel):
-            if isinstance(other, int) or other.is_exact():
-                if other == 0 and self.rest.is_finite():
-                    return TaylorModel([])
+            if other == 0 and self.rest.is_finite():
+                return TaylorModel([])
             return TaylorModel([part * other for part in self.parts], (self.rest * other).abs_upper())
         parts = list[arb_series]()
         for j, left in enumerate(self.parts):

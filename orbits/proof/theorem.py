@@ -67,7 +67,7 @@ class CurvePart(Part):
     coordinate, start, stop : the coordinate that runs, and the decimals from and to which
     polynomials : decimals, the coefficients of 1, s, s**2, ..., by name
     within : how far from them the others are at most, by name
-    alone_within : how far from them there is no other solution, by name
+    alone_within : how far from them there is no other solution, by name; the least is `uniqueness_radius`
     """
 
     coordinate: str = ""

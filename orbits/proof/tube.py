@@ -18,13 +18,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from flint import arb, arb_mat
 
-from .curve_motion import CurveStep, coefficients_through, follow_curve, places
+from .curve_motion import CurveStep, SpreadTooFar, coefficients_through, follow_curve, places
 from .equations import BallLeg
 from .refusal import Unproved
 from .taylor_model import TaylorModel, as_model
 
 # The half width of the first tube that is tried, relative to the unknowns, and how many are.
 WIDEST, MOST_TRIES = 2.0**-22, 3
+# A tube whose motions spread too far is tried again with this share of its width.
+NARROWER_TRY = 2.0**-7
 # An enclosure is taken anew so often from itself.
 NARROWINGS = 4
 # The tube about an enclosure is so many times as wide, and at least this.
@@ -64,14 +66,14 @@ def evaluate_curve(
             raise Unproved("the spring's law is in pieces: a curve is proved of laws that are smooth")
         m, n, columns = leg.variation.moving, leg.variation.size, len(points)
         before = last[-1] if last else ([], [])
-        start = [
-            list(map(as_model, leg.start([*each, *ends]))) for each, ends in zip((points, boxes), before or ((), ()))
-        ]
+        starts_of_both = zip((points, boxes), before, strict=True)
+        start = [[*map(as_model, leg.start([*each, *ends]))] for each, ends in starts_of_both]
         by_unknowns = _rows(leg.start_slopes([*boxes, *before[1]]), n)
         if any(each.bound != 0 for row in by_unknowns for each in row[columns:]):
             raise Unproved("a phase starts from the end of the one before")
         by_unknowns = [row[:columns] for row in by_unknowns]
-        steps = follow_curve(leg.variation, start[1], [[each.rest for each in one] for one in start])
+        spreads = [[_spread(each, about) for each, about in zip(one, start[1], strict=True)] for one in start]
+        steps = follow_curve(leg.variation, start[1], spreads)
         end, end_box = steps[-1].states(0), steps[-1].states(1)
         transition = steps[-1].slopes()
         all_steps.append(steps)
@@ -87,6 +89,11 @@ def evaluate_curve(
         whole = summed(whole, product([row[columns : columns + m] for row in by_all], by_unknowns[:m]))
         slopes += summed(whole, product([row[columns + m :] for row in by_all], end_slopes))
     return CurveValues(values, slopes, all_steps, starts)
+
+
+def _spread(model: TaylorModel, about: TaylorModel) -> arb:
+    """How far the functions of a model are from the polynomial of another one."""
+    return (TaylorModel(model.parts) - TaylorModel(about.parts)).polynomial_bound + model.rest
 
 
 def _rows(values: Sequence, rows: int) -> Matrix:
@@ -157,6 +164,8 @@ def prove_tube(
             return _tube(legs, polynomials, list(solved), inner, [each.abs_upper() for each in outer])
         except TooWide as error:
             width, reason = width * error.share, str(error)
+        except SpreadTooFar as error:
+            width, reason = width * NARROWER_TRY, str(error)
     raise Unproved(reason)
 
 
@@ -197,12 +206,10 @@ def _tube(
     along = product(found.slopes, [[p.slope_on_curve()] for p in polynomials])
     moved = [row[0].bound for row in product(inverse, along)]
     drift = _drift(moved, left)
-    whole = [list(inner), list(inner), [arb(0)] * len(outer)]
+    widths_of_all, radii_of_all, drifts = [arb(0)] * len(outer), list(inner), [arb(0)] * len(outer)
     for position, i in enumerate(solved):
-        for row, values in zip(whole, (widths, radii, drift), strict=True):
-            row[i] = values[position]
-    whole[0] = [each if i in solved else arb(0) for i, each in enumerate(whole[0])]
-    return Tube(list(polynomials), solved, *whole, found)
+        widths_of_all[i], radii_of_all[i], drifts[i] = widths[position], radii[position], drift[position]
+    return Tube(list(polynomials), solved, widths_of_all, radii_of_all, drifts, found)
 
 
 def _drift(moved: Sequence[arb], left: Sequence[Sequence[arb]]) -> list[arb]:
@@ -233,8 +240,8 @@ def _inverse_along(slopes: Matrix) -> Matrix:
 
 
 def narrowed(legs: Sequence[BallLeg], tube: Tube) -> Tube:
-    """The same tube with derivatives on a narrower one about the solutions, and so with a better direction of the curve;
-    no other solution is still as far as before."""
+    """The same tube with derivatives on a narrower one about the solutions, and so with a better direction of the
+    curve; another solution is still as far away as before."""
     again = _tube(
         legs, tube.polynomials, tube.solved, [arb(0)] * len(tube.radii),
         [(NARROWER * radius + SMALLEST).abs_upper() for radius in tube.radii],
