@@ -123,15 +123,14 @@ def parse(text: str, names: Mapping[str, Tree], needed: list[Tree]) -> Tree:
                 needed.append(tree("/", ONE, b) if isinstance(op, ast.Div) else a)
                 needed.append(OPERATIONS[type(op)](a, b))
                 return needed[-1]
-        raise KeyError(ast.unparse(node))
+        raise KeyError
 
     try:
         if not re.fullmatch(r"[\w\s.+*/()-]*", marked, re.ASCII):
             raise SyntaxError
         return tree_of(ast.parse(marked, mode="eval").body)
-    except (SyntaxError, ValueError, KeyError, ZeroDivisionError) as error:
-        why = f": {error} is not stated or not smooth" if isinstance(error, KeyError) else ""
-        raise Unverified(f"the formula '{text[:60]}' cannot be read{why}") from None
+    except (SyntaxError, ValueError, KeyError, ZeroDivisionError):
+        raise Unverified(f"'{text[:50]}' cannot be read, or has what is not stated, or is not smooth") from None
 
 
 @lru_cache(maxsize=100_000)
@@ -154,8 +153,7 @@ def dot(a: Sequence[Any], b: Sequence[Any], start: Any = ZERO) -> Any:
 
 
 def solved(matrix: list[list[Tree]], *right: Sequence[Tree]) -> tuple[list[Tree], list[list[Tree]]]:
-    """The pivots of a symmetric matrix, which are positive where it is positive definite, and the solutions of the
-    systems with these right hand sides, by elimination."""
+    """The pivots of a symmetric matrix, positive where it is positive definite, and the solutions of linear systems."""
     rows, pivots = [[*row, *(each[i] for each in right)] for i, row in enumerate(matrix)], list[Tree]()
     for k in range(len(rows)):
         pivots.append(rows[k][k])
@@ -234,8 +232,7 @@ class Machine:
             return dot([slope(of, name) for name in names], v)
 
         twice = sum((rows[i][j] * v[i] * v[j] for i, j in product(range(n), repeat=2)), ZERO)
-        twice = sum((mass * rate(place) * rate(place) for mass, place in masses + inerters), twice)
-        energy = number(Fraction(1, 2)) * twice
+        energy = number(Fraction(1, 2)) * sum((m * rate(place) * rate(place) for m, place in masses + inerters), twice)
         momentum = [slope(energy, each.value) for each in v]
         self.inertia = [[slope(each, w.value) for w in v] for each in momentum]
         turning = [rate(p) - slope(energy, y) for p, y in zip(momentum, names, strict=True)]
@@ -452,15 +449,16 @@ def turns(parts: Sequence[Part], of: Tree) -> int:
 
 
 class Solution:
-    """The equations of half an orbit on a box of unknowns, for all values of the parameters, and Krawczyk's image.
+    """The equations of half an orbit on a box of unknowns, for all values of the parameters, and Krawczyk's image: that
+    holds what solutions the box has, and where it is inside, just one.
 
-    box, image : of the unknowns by name: the launch, the times of the phases, and the parameters' places, which stay
+    common : what box and image have in common: the launch, the times of the phases, and the parameters' places
     moved, inside : how far the image is from the middle of the box, and whether it is in the interior of it
     passages : half a phase each, from the launch, in contact with the rates turned
     """
 
     def __init__(self, machine: Machine, box: Mapping[str, arb]):
-        self.machine, self.box, names = machine, box, list(box)
+        self.machine, names = machine, list(box)
         centre = [each.mid() for each in box.values()]
         reach = [each - c for each, c in zip(box.values(), centre, strict=True)]
         self.passages, phases = list[Passage](), [name for name in PHASES if name in names]
@@ -481,7 +479,8 @@ class Solution:
         change = moved([arb(0)] * count, arb_mat(count, len(names), 1) - inverse * by_all, reach)
         change = moved(change, inverse, [-value for value, _ in equations])
         self.moved = [*change, *reach[count:]]
-        self.image = {name: c + d for name, c, d in zip(names, centre, self.moved, strict=True)}
+        image = {name: c + d for name, c, d in zip(names, centre, self.moved, strict=True)}
+        self.common = {n: image[n].intersection(box[n]) if image[n].overlaps(box[n]) else arb("nan") for n in names}
         self.inside = all(abs(d) < each.rad() for d, each in zip(change, box.values(), strict=False))
 
 
@@ -559,22 +558,25 @@ def _solution(document: Mapping[str, Any], claims: Bounds, radius: Fraction, cel
     machine = Machine(document["machine"], cell)
     phases = [name for name in PHASES if name in claims]
     names = [name for pair in machine.unknowns.values() for name in pair] + phases
-    if claims.keys() != {*names} or ((len(machine.names) > 2 or document["motion"]) and len(phases) < 2):
-        raise Unverified("the theorem does not enclose the unknowns of its equations")
-    if any(claims[name][0] <= 0 for name in ("alpha", *phases)):
-        raise Unverified("the speed of the launch or a time is not positive")
-    stated = {name: ball(claims[name][0]).union(ball(claims[name][1])) for name in names}
-    around = {name: ball(claims[name][0] - radius).union(ball(claims[name][1] + radius)) for name in names}
-    places = {place.value: arb(0, 1) for place in machine.places}
+    other = claims.keys() != {*names} or ((len(machine.names) > 2 or document["motion"]) and len(phases) < 2)
+    if other or any(claims[name][0] <= 0 for name in ("alpha", *phases)):
+        raise Unverified("other unknowns are enclosed than the equations have, or the speed or a time is not positive")
+    stated, around = (
+        {name: ball(claims[name][0] - more).union(ball(claims[name][1] + more)) for name in names}
+        | {place.value: arb(0, 1) for place in machine.places}
+        for more in (Fraction(0), radius)
+    )
     with ctx.workprec(BITS_OF_UNIQUENESS):
-        known = Solution(machine, {**around, **places})
+        known = Solution(machine, around)
+        for _ in range(3):
+            known = known if known.inside else Solution(machine, known.common)
     if not known.inside:
         raise Unverified("the solution is not shown to be the only one within the radius of uniqueness")
-    solution = Solution(machine, {**stated, **places})
+    solution = Solution(machine, stated)
     for _ in range(3):  # until a box is known to hold the solution, as the image of one that does
         if not solution.inside:
-            known = solution = Solution(machine, known.image)
-    if not all(ball(claims[name][0]) < solution.image[name] < ball(claims[name][1]) for name in names):
+            known = solution = Solution(machine, known.common)
+    if not all(ball(claims[name][0]) < solution.common[name] < ball(claims[name][1]) for name in names):
         raise Unverified("the solution is not shown to lie in its enclosures")
     return solution
 
@@ -590,10 +592,9 @@ def _check_motion(document: Mapping[str, Any], solution: Solution) -> None:
     check_positive("that the separation is positive in flight", flight, machine.separation)
     check_positive("that the separation is positive in contact", contact, machine.separation)
     if len(machine.names) == 2:
-        (falling,) = (LESS * machine.rates[i] for i in machine.unknowns)
-        check_positive("that the contact first rests in its middle", contact, falling, at_end=1)
+        check_positive("that the contact first rests midway", contact, LESS * machine.rates[1 - machine.out], at_end=1)
     for name, end in zip(ENDS, (passages[0].start, passages[0].end), strict=True):
-        at_centre, row = passages[0].field.linear(end, machine.counts)
-        value = dot(row, solution.moved, at_centre)
+        value, row = passages[0].field.linear(end, machine.counts)
+        value += dot(row, solution.moved, arb(0))
         if not (ball(said[name][0]) <= value <= ball(said[name][1])):
             raise Unverified(f"{name} is not shown to lie in its enclosure")
