@@ -7,9 +7,8 @@ as remainder. So are the derivatives by the start; over several steps they are P
 small E (`Passage`), so that the errors of the steps add and do not multiply. By the mean value theorem the states of a
 set are those of its centre and the derivatives times the deviations. Existence and uniqueness follow from Krawczyk's
 test (`Solution`), on the stated enclosures and on these with the radius of uniqueness around them. Signs along the
-motion are those of functions, and of their derivatives by time, on stretches of it (`signs`). In contact a force along
-the gap's gradient keeps the gap's acceleration 0. Nothing of `orbits.proof` and nothing of CasADi is used. What is
-verified is what the file says in its fields: sentences in words are not read.
+motion are those of functions, and of their derivatives by time, on stretches of it (`signs`). Nothing of `orbits.proof`
+and nothing of CasADi is used. What is verified is what the file says in its fields: sentences in words are not read.
 """
 
 import ast
@@ -27,8 +26,8 @@ from flint import arb, arb_mat, arb_poly, arb_series, ctx, fmpq
 ORDER_PER_BIT, DERIVED_ORDER, MOST_HALVINGS, MOST_SPLITS = 0.3, 14, 16, 3
 # The first and the shortest step as shares of half a phase, and the largest whole power.
 FIRST, SHORTEST, MOST_POWER = Fraction(1, 8), Fraction(1, 2**14), 2**16
-# Bits beside those of the enclosures, and those for uniqueness.
-GUARD_BITS, BITS_OF_UNIQUENESS = 64, 90
+# Bits beside those of the enclosures, those for uniqueness, and what a step's remainder may be in a derivative.
+GUARD_BITS, BITS_OF_UNIQUENESS, COARSE = 64, 90, 2.0**-36
 # The derivatives of functions of x, and functions that these define.
 SLOPES = {
     "exp": "exp(x)", "log": "1/x", "sqrt": "1/(2*sqrt(x))", "sin": "cos(x)", "cos": "-sin(x)", "atan": "1/(1 + x**2)",
@@ -124,15 +123,14 @@ def parse(text: str, names: Mapping[str, Tree], needed: list[Tree]) -> Tree:
                 needed.append(tree("/", ONE, b) if isinstance(op, ast.Div) else a)
                 needed.append(OPERATIONS[type(op)](a, b))
                 return needed[-1]
-        raise KeyError(ast.unparse(node))
+        raise KeyError
 
     try:
         if not re.fullmatch(r"[\w\s.+*/()-]*", marked, re.ASCII):
             raise SyntaxError
         return tree_of(ast.parse(marked, mode="eval").body)
-    except (SyntaxError, ValueError, KeyError, ZeroDivisionError) as error:
-        why = f": {error} is not stated or not smooth" if isinstance(error, KeyError) else ""
-        raise Unverified(f"the formula '{text[:60]}' cannot be read{why}") from None
+    except (SyntaxError, ValueError, KeyError, ZeroDivisionError):
+        raise Unverified(f"'{text[:50]}' cannot be read, or has what is not stated, or is not smooth") from None
 
 
 @lru_cache(maxsize=100_000)
@@ -155,8 +153,7 @@ def dot(a: Sequence[Any], b: Sequence[Any], start: Any = ZERO) -> Any:
 
 
 def solved(matrix: list[list[Tree]], *right: Sequence[Tree]) -> tuple[list[Tree], list[list[Tree]]]:
-    """The pivots of a symmetric matrix, which are positive where it is positive definite, and the solutions of the
-    systems with these right hand sides, by elimination."""
+    """The pivots of a symmetric matrix, positive where it is positive definite, and the solutions of linear systems."""
     rows, pivots = [[*row, *(each[i] for each in right)] for i, row in enumerate(matrix)], list[Tree]()
     for k in range(len(rows)):
         pivots.append(rows[k][k])
@@ -204,10 +201,10 @@ class Machine:
     """Lagrange's equations of a stated machine, with exact bounds of its parameters.
 
     names, states : of the n coordinates; these, their rates, half a phase's time, and parameters' places in intervals
-    inertia, forces : M (n, n), and what M y'' is without contact
-    needed : what has to have a value
+    inertia, forces, needed : M (n, n), what M y'' is without contact, and what has to have a value
     gap, weights, counts, separation : the stated ones, and the weights of the coordinates in the gap
     unknowns : the names of the places and the rates at the launch of the contact's coordinates, by their numbers
+    out, embedded : the coordinate that the closed gap determines, and the matrix (n, n - 1) from the others to all
     launch : of all coordinates and of their rates at the launch, the weights of the unknowns
     rates, places : the states that are rates, and those of the parameters
     """
@@ -235,8 +232,7 @@ class Machine:
             return dot([slope(of, name) for name in names], v)
 
         twice = sum((rows[i][j] * v[i] * v[j] for i, j in product(range(n), repeat=2)), ZERO)
-        twice = sum((mass * rate(place) * rate(place) for mass, place in masses + inerters), twice)
-        energy = number(Fraction(1, 2)) * twice
+        energy = number(Fraction(1, 2)) * sum((m * rate(place) * rate(place) for m, place in masses + inerters), twice)
         momentum = [slope(energy, each.value) for each in v]
         self.inertia = [[slope(each, w.value) for w in v] for each in momentum]
         turning = [rate(p) - slope(energy, y) for p, y in zip(momentum, names, strict=True)]
@@ -251,10 +247,8 @@ class Machine:
             along.append((ONE, law) if spring["potential"] else (law, extension))
         loads = [sum((LESS * size * slope(at, y) for size, at in along), ZERO) for y in names]
         self.forces = [load - each for load, each in zip(loads, turning, strict=True)]
-        self.gap, self.counts, self.separation = (
-            parse(stated[name] if stated[name] is not None else "1", both, needed)
-            for name in ("gap", "counts", "separation")
-        )
+        self.gap, self.counts = (parse(stated[name], both, needed) for name in ("gap", "counts"))
+        self.separation = ONE if stated["separation"] is None else parse(stated["separation"], both, needed)
         self.weights = [slope(self.gap, name) for name in names]
         at_zero = parse(stated["gap"], {**both, **dict.fromkeys(names, ZERO)}, [])
         if at_zero is not ZERO or any(each.kind != "number" for each in self.weights):
@@ -264,11 +258,11 @@ class Machine:
             raise Unverified("the gap does not determine the coordinate that it is said to")
         self.unknowns = {i: (name, f"{name}'") for i, name in enumerate(names) if i != out}
         self.unknowns[launch] = "liftoff", "alpha"
-        embedded = {i: {j: Fraction(int(i == j)) for j in self.unknowns} for i in range(n)}
-        embedded[out] = {j: -self.weights[j].value / self.weights[out].value for j in self.unknowns}
-        self.launch = [
-            [{self.unknowns[j][end]: weight for j, weight in embedded[i].items()} for i in range(n)] for end in (0, 1)
-        ]
+        embedded = [[Fraction(int(i == j)) for j in self.unknowns] for i in range(n)]
+        embedded[out] = [-self.weights[j].value / self.weights[out].value for j in self.unknowns]
+        ends = list(zip(*self.unknowns.values(), strict=True))
+        self.launch = [[dict(zip(end, row, strict=True)) for row in embedded] for end in ends]
+        self.out, self.embedded = out, [[number(each) for each in row] for row in embedded]
 
 
 class Field:
@@ -280,11 +274,14 @@ class Field:
     """
 
     def __init__(self, machine: Machine, contact: bool):
-        self.states, self.needed = machine.states, machine.needed
-        self.pivots, (free, pushed) = solved(machine.inertia, machine.forces, machine.weights)
-        self.force = LESS * dot(machine.weights, free) / dot(machine.weights, pushed)
-        held = [a + self.force * b for a, b in zip(free, pushed, strict=True)] if contact else free
-        self.rates = [self.states[2 * len(machine.names)] * each for each in (*machine.rates, *held)]
+        m, time, out = machine, machine.states[2 * len(machine.names)], machine.out
+        self.states, self.needed, along = m.states, m.needed, list(zip(*m.embedded, strict=True))
+        self.pivots, (free,) = solved(m.inertia, m.forces)
+        reduced = [[dot(a, [dot(row, b) for row in m.inertia]) for b in along] for a in along]
+        _, (inside,) = solved(reduced, [dot(a, m.forces) for a in along])
+        held = [dot(row, inside) for row in m.embedded]
+        self.force = (dot(m.inertia[out], held) - m.forces[out]) / m.weights[out]
+        self.rates = [time * each for each in (*m.rates, *(held if contact else free))]
         self.slopes = [self.gradient(each) for each in self.rates]
 
     def gradient(self, of: Tree) -> list[Tree]:
@@ -341,9 +338,10 @@ class Field:
             new = [[x + times * each for x, each in zip(*both, strict=True)] for both in zip(rows, rates, strict=False)]
             pairs = [pair for both in zip(new, box, strict=False) for pair in zip(*both, strict=True)]
             if all(inner.is_finite() and outer.contains(inner) for inner, outer in pairs):
-                at = self.values([row[0] for row in box])
+                new += rows[len(new) :]
+                at = self.values([row[0] for row in new])
                 if all(at[each] > 0 for each in self.pivots) and all(at[each].is_finite() for each in self.needed):
-                    return box
+                    return new
             box = [[x + arb(0, 0.1) * (x - x.mid()) + arb(0, least) * (abs(x) + 1) for x in row] for row in new]
             box += rows[len(new) :]
         raise Unverified("no box holds the motion, or the inertia is not positive definite")
@@ -388,10 +386,12 @@ class Passage:
             try:
                 alone = Part(field, [[each] for each in centre], ball(length), int(ORDER_PER_BIT * ctx.prec))
                 ends = alone.states(alone.h)
-                if any(d.rad() > small * (1 + abs(d)) + 4 * c.rad() for c, d in zip(centre, ends, strict=True)):
-                    raise Unverified("the step is too long")
                 rows = [[x, *row] for x, row in zip(box, one.tolist(), strict=True)]
                 part = Part(field, rows, alone.h, DERIVED_ORDER)
+                rests = (each[DERIVED_ORDER] * part.h**DERIVED_ORDER for row in part.polynomials for each in row[1:])
+                sharp = (d.rad() <= small * (1 + abs(d)) + 4 * c.rad() for c, d in zip(centre, ends, strict=True))
+                if not (all(sharp) and all(abs(each) < COARSE for each in rests)):
+                    raise Unverified("the step is too long")
             except Unverified as reason:
                 if length < SHORTEST:
                     raise Unverified(f"the motion is not enclosed: {reason}") from None
@@ -449,15 +449,16 @@ def turns(parts: Sequence[Part], of: Tree) -> int:
 
 
 class Solution:
-    """The equations of half an orbit on a box of unknowns, for all values of the parameters, and Krawczyk's image.
+    """The equations of half an orbit on a box of unknowns, for all values of the parameters, and Krawczyk's image: that
+    holds what solutions the box has, and where it is inside, just one.
 
-    box, image : of the unknowns by name: the launch, the times of the phases, and the parameters' places, which stay
+    common : what box and image have in common: the launch, the times of the phases, and the parameters' places
     moved, inside : how far the image is from the middle of the box, and whether it is in the interior of it
     passages : half a phase each, from the launch, in contact with the rates turned
     """
 
     def __init__(self, machine: Machine, box: Mapping[str, arb]):
-        self.machine, self.box, names = machine, box, list(box)
+        self.machine, names = machine, list(box)
         centre = [each.mid() for each in box.values()]
         reach = [each - c for each, c in zip(box.values(), centre, strict=True)]
         self.passages, phases = list[Passage](), [name for name in PHASES if name in names]
@@ -478,7 +479,8 @@ class Solution:
         change = moved([arb(0)] * count, arb_mat(count, len(names), 1) - inverse * by_all, reach)
         change = moved(change, inverse, [-value for value, _ in equations])
         self.moved = [*change, *reach[count:]]
-        self.image = {name: c + d for name, c, d in zip(names, centre, self.moved, strict=True)}
+        image = {name: c + d for name, c, d in zip(names, centre, self.moved, strict=True)}
+        self.common = {n: image[n].intersection(box[n]) if image[n].overlaps(box[n]) else arb("nan") for n in names}
         self.inside = all(abs(d) < each.rad() for d, each in zip(change, box.values(), strict=False))
 
 
@@ -558,22 +560,25 @@ def _solution(document: Mapping[str, Any], claims: Bounds, radius: Fraction, cel
     machine = Machine(document["machine"], cell)
     phases = [name for name in PHASES if name in claims]
     names = [name for pair in machine.unknowns.values() for name in pair] + phases
-    if claims.keys() != {*names} or ((len(machine.names) > 2 or document["motion"]) and len(phases) < 2):
-        raise Unverified("the theorem does not enclose the unknowns of its equations")
-    if any(claims[name][0] <= 0 for name in ("alpha", *phases)):
-        raise Unverified("the speed of the launch or a time is not positive")
-    stated = {name: ball(claims[name][0]).union(ball(claims[name][1])) for name in names}
-    around = {name: ball(claims[name][0] - radius).union(ball(claims[name][1] + radius)) for name in names}
-    places = {place.value: arb(0, 1) for place in machine.places}
+    other = claims.keys() != {*names} or ((len(machine.names) > 2 or document["motion"]) and len(phases) < 2)
+    if other or any(claims[name][0] <= 0 for name in ("alpha", *phases)):
+        raise Unverified("other unknowns are enclosed than the equations have, or the speed or a time is not positive")
+    stated, around = (
+        {name: ball(claims[name][0] - more).union(ball(claims[name][1] + more)) for name in names}
+        | {place.value: arb(0, 1) for place in machine.places}
+        for more in (Fraction(0), radius)
+    )
     with ctx.workprec(BITS_OF_UNIQUENESS):
-        known = Solution(machine, {**around, **places})
+        known = Solution(machine, around)
+        for _ in range(3):
+            known = known if known.inside else Solution(machine, known.common)
     if not known.inside:
         raise Unverified("the solution is not shown to be the only one within the radius of uniqueness")
-    solution = Solution(machine, {**stated, **places})
+    solution = Solution(machine, stated)
     for _ in range(3):  # until a box is known to hold the solution, as the image of one that does
         if not solution.inside:
-            known = solution = Solution(machine, known.image)
-    if not all(ball(claims[name][0]) < solution.image[name] < ball(claims[name][1]) for name in names):
+            known = solution = Solution(machine, known.common)
+    if not all(ball(claims[name][0]) < solution.common[name] < ball(claims[name][1]) for name in names):
         raise Unverified("the solution is not shown to lie in its enclosures")
     return solution
 
@@ -589,10 +594,9 @@ def _check_motion(document: Mapping[str, Any], solution: Solution) -> None:
     check_positive("that the separation is positive in flight", flight, machine.separation)
     check_positive("that the separation is positive in contact", contact, machine.separation)
     if len(machine.names) == 2:
-        (falling,) = (LESS * machine.rates[i] for i in machine.unknowns)
-        check_positive("that the contact first rests in its middle", contact, falling, at_end=1)
+        check_positive("that the contact first rests midway", contact, LESS * machine.rates[1 - machine.out], at_end=1)
     for name, end in zip(ENDS, (passages[0].start, passages[0].end), strict=True):
-        at_centre, row = passages[0].field.linear(end, machine.counts)
-        value = dot(row, solution.moved, at_centre)
+        value, row = passages[0].field.linear(end, machine.counts)
+        value += dot(row, solution.moved, arb(0))
         if not (ball(said[name][0]) <= value <= ball(said[name][1])):
             raise Unverified(f"{name} is not shown to lie in its enclosure")

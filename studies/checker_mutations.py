@@ -1,0 +1,253 @@
+"""Does each of the two programs that prove orbits see a fault of the other? 40 faults chosen by hand, 20 in each.
+
+In a copy of the sources one place of the first program (`orbits.proof`) or of the second (`orbits.check_proof`) is made
+wrong or unsound: a sign, a dropped term, a remainder or a widening left out, a condition that is not looked at. A fault
+of the first is caught where it proves what the second does not verify. A fault of the second is caught where its
+verdict on a saved theorem is another one than before: it refuses what is proved, or verifies what is false. Where a
+fault is right by luck in usual cases, `settings` makes guesses coarser, under which a sound program stays sound.
+Run: python studies/checker_mutations.py [--only first|second] [--quick]
+"""
+
+import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
+from dataclasses import dataclass, field, replace
+from decimal import Decimal
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parent.parent
+FIRST, SECOND = "orbits/proof", "orbits/check_proof.py"
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A place that is made wrong: a module, a text in it and what stands there instead.
+
+    cases : names of `PROOFS` for the first program, and of `THEOREMS` for the second, on which it is looked at
+    settings : values of the constants of a program, by dotted name
+    """
+
+    module: str
+    text: str
+    wrong: str
+    cases: tuple[str, ...]
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+
+# So many times the accuracy may a step's defect be: then it is what the enclosures are wide by.
+COARSE = {"orbits.proof.step.MOST_OFF": 2.0**45}
+STEP, SET, ROOTS, SIGNS = (f"{FIRST}/{name}.py" for name in ("step", "enclosure", "root", "motion"))
+FORMULAS, EQUATIONS, INTERVALS, CASE = (f"{FIRST}/{name}.py" for name in ("formulas", "equations", "intervals", "case"))
+FAULTS_OF_FIRST = [
+    Fault(STEP, "added = [(start + each).abs_upper()", "added = [start.abs_upper()", ("inerter",), COARSE),
+    Fault(STEP, "scale = h ** (order + 1) / (order + 1)", "scale = h ** (order + 3) / (order + 1)", ("inerter",), COARSE),
+    Fault(STEP, "shift = arb_poly([between(arb(0), h), 1])", "shift = arb_poly([arb(0), 1])", ("gravity",), COARSE),
+    Fault(STEP, "return value + arb(0, radius.abs_upper())", "return value", ("inerter",), COARSE),
+    Fault(SET, "error + inverse * fresh", "error", ("inerter",), COARSE),
+    Fault(SET, "_moved(start, by_unknowns * radii), _moved(end, whole * radii)", "list(start), list(end)", ("interval",)),
+    Fault(ROOTS, "return image if inside else None", "return image", ("inerter",), {"orbits.proof.root.BOXES": (0.6,)}),
+    Fault(ROOTS, "- value.rad() / 10) * unit)", "- value.rad() / 10) * unit * 2**19)", ("inerter",)),
+    Fault(ROOTS, "change -= by_parameters", "0 * by_parameters; change -= 0 * by_parameters", ("interval",)),
+    Fault(EQUATIONS, "return [arb(1)] * len(self)", "return [arb(0.5)] * len(self)", ("interval",)),
+    Fault(SIGNS, "return self._on(each, order, self.passage.pieces[-1].laws[-1:], self.passage.finish)",
+          "return self._on(each, order, self.passage.pieces[-1].laws[-1:], self.passage.end)", ("interval",)),
+    Fault(SIGNS, "self.passage.pieces[0].laws[:1], self.passage.start)",
+          "self.passage.pieces[0].laws[:1], [value.mid() for value in self.passage.start])", ("interval",)),
+    Fault(SIGNS, "        if self.value(each, 0, piece, times) > 0:\n            return\n        at_middle",
+          "        return\n        at_middle", ("overlap",)),
+    Fault(SIGNS, "turns, before, slope = 0, marks[0][0], 0", "turns, before, slope = 1, marks[0][0], 0", ("family",)),
+    Fault(FORMULAS, 'domains.need(f"a quotient in {shown}", right, positive=False)', "pass", ("quotient",)),
+    Fault(FORMULAS, '"sqrt": lambda x: (x,),', "", ("root",)),
+    Fault(FORMULAS, 'exact_fraction("a numeral", node[2])', 'Fraction(float(node[2]))', ("decimal",)),
+    Fault(INTERVALS, "low = min((each.low for each in enclosures)", "low = max((each.low for each in enclosures)", ("parts",)),
+    Fault(INTERVALS, "found += deeper\n    return found", "found += deeper\n    return found[:1]", ("parts",)),
+    Fault(CASE, "balls.pop(CONTACT_DURATION, None)", "balls.pop(CONTACT_DURATION, None) * (1 + arb(2) ** -60)", ("inerter",)),
+]  # fmt: skip
+FAULTS_OF_SECOND = [
+    Fault(SECOND, "arb_poly([*each, rest[order]])", "arb_poly(each)", ("inerter",)),
+    Fault(SECOND, "if all(inner.is_finite() and outer.contains(inner) for", "if all(inner.is_finite() for", ("inerter", "unique")),
+    Fault(SECOND, "coefficient(rate, k) / (k + 1)", "coefficient(rate, k) / (k + 2)", ("inerter",)),
+    Fault(SECOND, "arb(0).union(h)", "h", ("inerter", "gravity", "unique", "overlap")),
+    Fault(SECOND, "slopes, centre = rounded * (one + error) * seeds, ends", "slopes, centre = rounded * seeds, ends", ("unique",)),
+    Fault(SECOND, "error = rounded.inv() * (transition * before) * (one + error) - one",
+          "error = rounded.inv() * (transition * before) - one", ("inerter", "unique", "interval")),
+    Fault(SECOND, "box = moved(centre, slopes, reach)\n            self.parts", "box = list(centre)\n            self.parts", ("unique",)),
+    Fault(SECOND, "arb_mat(count, len(names), 1) - inverse * by_all", "arb_mat(count, len(names), 1) + inverse * by_all", ("inerter",)),
+    Fault(SECOND, "[-value for value, _ in equations]", "[value for value, _ in equations]", ("inerter", "alpha")),
+    Fault(SECOND, "self.inside = all(", "self.inside = any(", ("unique",)),
+    Fault(SECOND, "claims[name][0] - radius).union(ball(claims[name][1] + radius))", "claims[name][0]).union(ball(claims[name][1]))", ("unique",)),
+    Fault(SECOND, "< solution.image[name] < ball(claims[name][1])", "< solution.image[name]", ("alpha",)),
+    Fault(SECOND, " and all(at[each].is_finite() for each in self.needed)", "", ("quotient",)),
+    Fault(SECOND, "if each > 0 or each < 0), None)", "if each.mid() > 0 or each.mid() < 0), None)", ("overlap", "inerter")),
+    Fault(SECOND, "sum(a != b for a, b in pairwise(rates))", "sum(a != b for a, b in pairwise(rates)) + 1", ("family",)),
+    Fault(SECOND, 'number(Fraction(marked[node.col_offset : node.end_col_offset].replace("_", "?")))', "number(Fraction(node.value))", ("exponent",)),
+    Fault(SECOND, "turning = [rate(p) - slope(energy, y)", "turning = [rate(p)", ("knee",)),
+    Fault(SECOND, '"cos": "-sin(x)"', '"cos": "sin(x)"', ("knee",)),
+    Fault(SECOND, "if not any(within(dict(zip(whole, edges, strict=True)), box) for box, *_ in parts)", "if not parts", ("uncovered",)),
+    Fault(SECOND, "{name: sign * w for name, w in row.items()}", "row", ("inerter",)),
+]  # fmt: skip
+
+
+def settled(settings: Mapping[str, Any]) -> None:
+    """Give constants other values."""
+    for name, value in settings.items():
+        module, constant = name.rsplit(".", 1)
+        assert hasattr(import_module(module), constant)
+        setattr(import_module(module), constant, tuple(value) if isinstance(value, list) else value)
+
+
+def proof_of(name: str) -> dict[str, Any]:
+    """The document of what the first program says of a case."""
+    from orbits import find, prove
+    from problems import Hopper, inerter_hopper, knee_hopper
+
+    def told(machine: Any, family: int | None = None, **how: Any) -> Any:
+        orbit = find(machine)
+        certificate = replace(orbit.certificate, violations=(), family=family or orbit.certificate.family)
+        return prove(replace(orbit, certificate=certificate), **how)
+
+    proofs: dict[str, Callable[[], Any]] = {
+        "inerter": lambda: told(inerter_hopper()),
+        "knee": lambda: told(knee_hopper()),
+        "gravity": lambda: told(Hopper("sinh(r)", "1/(1 + z/R)**2", rest_length=8.0, parameters={"R": 50.0})),
+        "decimal": lambda: told(Hopper("r + 0.3*r**3", rest_length=8.0)),
+        "interval": lambda: told(inerter_hopper(), parameters={"inertance": ("0.1999", "0.2001")}),
+        "parts": lambda: told(inerter_hopper(), parameters={"inertance": ("0.198", "0.202")}),
+        "overlap": lambda: told(Hopper("r", rest_length=4.0)),
+        "family": lambda: told(inerter_hopper(), family=2),
+        "quotient": lambda: told(Hopper("r + 0/(r - 0.5)", rest_length=20.0)),
+        "root": lambda: told(Hopper("r + 0*sqrt(r + 1)", rest_length=20.0)),
+    }
+    return json.loads(json.dumps(proofs[name]().document()))
+
+
+def theorems() -> dict[str, dict[str, Any]]:
+    """Saved theorems by name, true ones and false ones."""
+    found = {name: proof_of(name) for name in ("inerter", "knee", "gravity", "interval", "overlap")}
+    found["overlap"] |= {"proved": True, "conditions": dict.fromkeys(found["overlap"]["conditions"], "proved")}
+
+    def falsified(name: str, change: Callable[[dict[str, Any]], Any]) -> None:
+        found[name] = deepcopy(found["inerter"])
+        change(found[name])
+
+    def unknown(document: dict[str, Any]) -> None:
+        low, high = (Decimal(each) for each in document["parts"][0]["unknowns"]["alpha"])
+        pair = [str(low - 2 * (high - low)), str(low)]
+        document["parts"][0]["unknowns"]["alpha"] = document["enclosures"]["alpha"] = pair
+
+    falsified("alpha", unknown)
+    falsified("unique", lambda document: document["parts"][0].update(uniqueness_radius="0.9"))
+    falsified("family", lambda document: document.update(family=2))
+    for name, law in (("quotient", "r + 0/(r - 0.5)"), ("exponent", "r**1.0000000000000000000001")):
+        falsified(name, lambda document, law=law: document["machine"]["springs"][0].update(force=[law]))
+    found["uncovered"] = deepcopy(found["interval"])
+    found["uncovered"]["machine"]["parameters"]["inertance"] = ["0.1998", "0.2001"]
+    return found
+
+
+class Copies:
+    """A copy of the sources in which one place at a time is wrong."""
+
+    def __init__(self, folder: Path):
+        self.root = folder
+        for name in ("orbits", "problems", "studies"):
+            shutil.copytree(
+                ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__", "pictures", "docs")
+            )
+
+    def answer(self, task: Mapping[str, Any], fault: Fault | None = None) -> Any:
+        """What a fresh interpreter answers to a task, with a fault in the sources; None where it fails."""
+        path = self.root / fault.module if fault else None
+        text = path.read_text(encoding="utf-8") if path else ""
+        if fault and path:
+            assert text.count(fault.text) == 1, f"{fault.module}: {text.count(fault.text)} times '{fault.text}'"
+            path.write_text(text.replace(fault.text, fault.wrong), encoding="utf-8")
+        own = {"PYTHONPATH": str(self.root), "PYTHONDONTWRITEBYTECODE": "1", "OPENBLAS_NUM_THREADS": "1"}
+        command = [sys.executable, "-m", "studies.checker_mutations", "--task", json.dumps(task)]
+        try:
+            run = subprocess.run(command, cwd=self.root, env={**os.environ, **own}, capture_output=True, text=True)
+        finally:
+            if path:
+                path.write_text(text, encoding="utf-8")
+        return json.loads(run.stdout.splitlines()[-1]) if run.returncode == 0 else None
+
+
+def answered(task: Mapping[str, Any]) -> Any:
+    """The answer to a task: documents of cases, or the reasons why saved theorems are not verified."""
+    settled(task.get("settings", {}))
+    if "prove" in task:
+        return {name: proof_of(name) for name in task["prove"]}
+    from orbits.check_proof import check
+
+    documents = json.loads(Path(task["file"]).read_text(encoding="utf-8"))
+    return {name: check(documents[name]) for name in task["check"]}
+
+
+def of_first(copies: Copies, fault: Fault) -> str:
+    """How a fault of the first program is caught by the second."""
+    from orbits.check_proof import check
+
+    documents = copies.answer({"prove": fault.cases, "settings": fault.settings}, fault)
+    if documents is None:
+        return "not caught: the first program fails by itself"
+    for name, document in documents.items():
+        if not document["proved"]:
+            return f"not caught: the first program refuses {name} by itself: {document['reasons']}"
+        if reasons := check(document):
+            return f"caught: the second does not verify {name}: {reasons[0]}"
+    return "not caught: what it proves is verified"
+
+
+def of_second(copies: Copies, fault: Fault, file: Path, before: Mapping[str, list[str]]) -> str:
+    """How a fault of the second program is caught by theorems of which the first one knows whether they are true."""
+    after = copies.answer({"check": fault.cases, "file": str(file)}, fault)
+    if after is None:
+        return "caught: the second program fails by itself"
+    for name in fault.cases:
+        if bool(after[name]) != bool(before[name]):
+            return f"caught: it {'refuses the true' if after[name] else 'verifies the false'} {name}"
+    return "not caught: its verdicts are the same"
+
+
+def main(quick: bool = False, only: str | None = None) -> dict[str, int]:
+    """How many faults of each program were tried and caught."""
+    numbers = {}
+    with tempfile.TemporaryDirectory() as folder:
+        copies, file = Copies(Path(folder)), Path(folder) / "theorems.json"
+        saved = theorems()
+        file.write_text(json.dumps(saved), encoding="utf-8")
+        before = answered({"check": list(saved), "file": str(file)})
+        print("verified without a fault:", ", ".join(name for name, reasons in before.items() if not reasons))
+        tried: dict[str, Sequence[Fault]] = {"first": FAULTS_OF_FIRST, "second": FAULTS_OF_SECOND}
+        for program, faults in tried.items():
+            if only in (None, program):
+                faults = faults[7:8] if quick else faults
+                found = []
+                for fault in faults:
+                    words = of_first(copies, fault) if program == "first" else of_second(copies, fault, file, before)
+                    found.append(words.startswith("caught"))
+                    print(f"{fault.module}: {fault.text!r} -> {fault.wrong!r}\n    {words}", flush=True)
+                numbers |= {f"{program}_tried": len(found), f"{program}_caught": sum(found)}
+    print(numbers)
+    return numbers
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", choices=("first", "second"))
+    parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--task", type=json.loads, help=argparse.SUPPRESS)
+    options = vars(parser.parse_args())
+    task = options.pop("task")
+    if task:
+        print(json.dumps(answered(task)))
+    else:
+        main(**options)
