@@ -52,9 +52,8 @@ __all__ = [
     "StepControl", "Sweep", "SweepProgress", "Uncertainty", "Units", "Weight", "__version__", "bifurcations", "check",
     "existence", "find", "find_all", "fold_statement", "follow", "follow_branch", "follow_fold", "linear_modes",
     "multiplier", "optimize", "orbit_at", "pareto", "prove", "prove_absence", "prove_doubling", "prove_fixed_point",
-    "prove_fold", "quantities", "sensitivities", "simulate", "start_from_rest", "starts", "steer", "sweep", "time_limit",
-    "trace",
-    "uncertainty",
+    "prove_fold", "quantities", "sensitivities", "simulate", "start_from_rest", "starts", "steer", "sweep",
+    "time_limit", "trace", "uncertainty",
 ]  # fmt: skip
 
 

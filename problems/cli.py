@@ -123,39 +123,32 @@ def prove_command(
     With --inject and --near it is a fixed point of the return map that is proved, and whether it is stable.
 
     The numbers of --set and --between are the exact decimals that are written, others the shortest decimals of floats.
-    With --between it is proved for each value of a parameter between two decimals; with --along that its orbits from one value to another are one curve. Needs python-flint:
-    pip install 'persistent-orbits[proof]'.
+    With --between it is proved for each value of a parameter between two decimals; with --along that its orbits from
+    one value to another are one curve. Needs python-flint: pip install 'persistent-orbits[proof]'.
     """
     from orbits.errors import InputError
     from orbits.hybrid.proofs import prove_fixed_point
     from orbits.periodic.find import find
     from orbits.proof.prove import prove
 
+    if (inject is None) != (near is None) or ((loss or attraction) and inject is not None):
+        raise InputError("--inject EPS and --near ALPHA go together, and without --loss and --attraction")
+    exact = options.exact_parameters(stated["settings"], intervals)
     if along is not None or start is not None or stop is not None:
-        usual = click.get_current_context().get_parameter_source("limit") is ParameterSource.DEFAULT
         if along is None or stop is None or intervals or loss or attraction or inject is not None:
             others = "--between, --loss, --attraction, --inject"
             raise InputError(f"--along NAME needs --to B, and goes with --from A and with none of {others}")
+        usual = click.get_current_context().get_parameter_source("limit") is ParameterSource.DEFAULT
         seconds = None if usual else limit
-        curve = options.proved_curve(along, (start, stop), family, stated, digits=digits, limit=seconds)
-        options.write(curve, as_json, save=save)
-        if not curve.proved:
-            raise click.exceptions.Exit(1)
-        return
-    exact = options.exact_parameters(stated["settings"], intervals)
-    stated = options.with_middles(stated, intervals)
-    if (inject is None) != (near is None) or ((loss or attraction) and inject is not None):
-        raise InputError("--inject EPS and --near ALPHA go together, and without --loss and --attraction")
-    if inject is not None and near is not None:
-        machine = options.machine_of(**stated)
+        proof = options.proved_curve(along, (start, stop), family, stated, digits=digits, limit=seconds)
+    elif inject is not None and near is not None:
+        machine = options.machine_of(**options.with_middles(stated, intervals))
         proof = prove_fixed_point(machine, near, inject, digits=digits, parameters=exact, limit=limit)
-        options.write(proof, as_json, save=save)
-        if not proof.proved:
-            raise click.exceptions.Exit(1)
-        return
-    with options.progress() as report:
-        orbit = find(options.machine_of(**stated), family, progress=report, limit=limit)
-    proof = prove(orbit, digits, parameters=exact, loss=loss, attraction=attraction, limit=limit)
+    else:
+        machine = options.machine_of(**options.with_middles(stated, intervals))
+        with options.progress() as report:
+            orbit = find(machine, family, progress=report, limit=limit)
+        proof = prove(orbit, digits, parameters=exact, loss=loss, attraction=attraction, limit=limit)
     options.write(proof, as_json, save=save)
     if not proof.proved:
         raise click.exceptions.Exit(1)

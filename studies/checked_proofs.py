@@ -1,4 +1,4 @@
-"""Do the two programs agree? 200 proofs are verified, and each, falsified in one place, is refused by both.
+"""Do the two programs agree? 200 proofs of different machines are verified; falsified in one place, both refuse them.
 
 The machines are hoppers with springs of all laws, in SI and under gravity that varies, jugglers, hoppers with an
 inerter or with a knee, and chains; some proofs are of higher families, of intervals of parameters, of
