@@ -23,7 +23,7 @@ from .tube import narrowed
 # followed already, until it has less than the second.
 SHARE_OF_PARAMETER, SHARE_STILL = 0.5, 0.25
 # A piece whose coordinate is not that of the one before begins and ends this share of it farther out.
-MARGIN = 0.02
+MARGIN_AT_JOINTS = 0.02
 # Points of the family that the first piece tries to reach, and how many times as many as before the next one does.
 FIRST_REACH, LONGER = 64, 4
 # How many points may be set between those of the family, and how close to the next, relative to the coordinate.
@@ -145,7 +145,7 @@ class Way:
         if coordinate is None:
             raise Unproved("neither the parameter nor the launch speed runs one way")
         start, stop = (Fraction(Decimal(repr(float(self.points[i][coordinate])))) for i in (at, to))
-        margin, exact = (stop - start) * Fraction(MARGIN), coordinate == equations.parameter
+        margin, exact = (stop - start) * Fraction(MARGIN_AT_JOINTS), coordinate == equations.parameter
         joined = False
         if before is not None and before.piece.coordinate == coordinate:
             joined, start = True, before.piece.stop
