@@ -52,7 +52,7 @@ from flint import arb, ctx
 
 from ..symbolic.time_limit import time_limit
 from .branch_claim import BranchClaim
-from .branch_motion import MotionChecks, Stretch
+from .branch_motion import MotionChecks, MotionStretch
 from .branch_piece import CurveEquations
 from .branch_way import Way
 from .branch_words import ProvedCurve, branch_proof
@@ -94,12 +94,12 @@ def _proved_curve(
     equations = CurveEquations(stated, claim.along, scale)
     if missing := [name for name in equations.names if name not in claim.names]:
         raise Unproved(f"the family has no {missing[0]}: follow it by the simplest method")
-    ends = _end(equations, claim.first, digits, reasons), _end(equations, claim.last, digits, reasons)
+    ends = _proved_end(equations, claim.first, digits, reasons), _proved_end(equations, claim.last, digits, reasons)
     values = claim.points[0, -1], claim.points[-1, -1]
     balls = [equations.balls(_by_name(equations, end, value)) for end, value in zip(ends, values, strict=True)]
     way = Way(equations, claim, balls, digits)
     links = way.followed()
-    stretches = list[Stretch]()
+    stretches = list[MotionStretch]()
     if motion:
         checks = MotionChecks(equations, way.solve)
         for link in links:
@@ -108,7 +108,7 @@ def _proved_curve(
     return ProvedCurve(ends, links, stretches)
 
 
-def _end(equations: CurveEquations, claim: Claim, digits: int | None, reasons: list[str]) -> ProvedExistence:
+def _proved_end(equations: CurveEquations, claim: Claim, digits: int | None, reasons: list[str]) -> ProvedExistence:
     """An end of the curve, proved for the exact value of the parameter there."""
     value = Fraction(Decimal(repr(claim.machine.values[equations.along])))
     bounds = {**equations.stated.parameters, equations.along: (value, value)}

@@ -30,7 +30,7 @@ HALVINGS_OF_CONTACT, HALVINGS_OF_SIGNS = 4, 7
 
 
 @dataclass(frozen=True)
-class Stretch:
+class MotionStretch:
     """A part of a piece, between two places, with what is proved of the motions there.
 
     conditions : by name "proved", "refuted" or "undecided"
@@ -54,7 +54,7 @@ class Stretch:
         """Whether all is proved."""
         return self.family is not None and all(each == PROVED for each in self.conditions.values())
 
-    def like(self, other: "Stretch") -> bool:
+    def like(self, other: "MotionStretch") -> bool:
         """Whether the same is proved of another one."""
         return self.family == other.family and self.conditions == other.conditions
 
@@ -88,16 +88,16 @@ class MotionChecks:
             arc = replace(half.statement(with_contact=True).arcs[-1], before=())
             self.contact_leg = BallLeg(arc, [*equations.inputs, unknown(CONTACT_DURATION)], parameter)
 
-    def along(self, piece: CurvePiece, low: float, high: float) -> list[Stretch]:
+    def along(self, piece: CurvePiece, low: float, high: float) -> list[MotionStretch]:
         """What is proved of the motions between two places of a piece, in order; raises `Unproved` where the flights
         are not even enclosed."""
-        flight, found = self._flight(piece), list[Stretch]()
+        flight, found = self._flight(piece), list[MotionStretch]()
         for first, last, contact in self._contacts(piece, low, high, HALVINGS_OF_CONTACT):
             waiting = [(*part, HALVINGS_OF_SIGNS) for part in parts_between(first, last)[::-1]]
             while waiting:
                 begin, end, left = waiting.pop()
                 stretch = self._decided(piece, flight, contact, begin, end)
-                if not _settled(stretch) and left:
+                if not _halves_would_not_help(stretch) and left:
                     middle = (begin + end) / 2
                     waiting += [(middle, end, left - 1), (begin, middle, left - 1)]
                 elif found and found[-1].like(stretch):
@@ -141,7 +141,7 @@ class MotionChecks:
         rows = arb_mat([[arb(float(each) / unit)] for each in halves])
         duration = TaylorModel.of_curve([each[0] for each in coefficients_through(rows).tolist()])
         moved = arb_poly([(arb(low) + high) / 2, (arb(high) - low) / 2])
-        *own, parameter = (_moved(p, moved) for p in piece.tube.polynomials)
+        *own, parameter = (_on_part(p, moved) for p in piece.tube.polynomials)
         *radii, last_radius = piece.tube.radii
         tube = prove_tube([self.contact_leg], [*own, duration, parameter], [len(own)], [*radii, arb(0), last_radius])
         if not tube.at(len(own), arb(0, 1)) > 0:
@@ -150,7 +150,7 @@ class MotionChecks:
 
     def _decided(
         self, piece: CurvePiece, steps: Sequence[CurveStep], contact: _Contact | None, low: float, high: float
-    ) -> Stretch:
+    ) -> MotionStretch:
         reasons, half = list[str](), self.equations.half
         undecided = dict.fromkeys(self.names, UNDECIDED)
         try:
@@ -163,17 +163,17 @@ class MotionChecks:
         except TooLong:
             raise
         except Unproved as error:
-            return Stretch(piece, low, high, None, undecided, (str(error),))
-        return Stretch(piece, low, high, family, conditions, tuple(reasons))
+            return MotionStretch(piece, low, high, None, undecided, (str(error),))
+        return MotionStretch(piece, low, high, family, conditions, tuple(reasons))
 
 
-def _settled(stretch: Stretch) -> bool:
+def _halves_would_not_help(stretch: MotionStretch) -> bool:
     """Whether halves of a part would not decide more of it: all is decided that a contact is not needed for."""
     open_ones = [name for name, verdict in stretch.conditions.items() if verdict == UNDECIDED]
     return stretch.family is not None and all(f"{name}: {NO_CONTACT}" in stretch.reasons for name in open_ones)
 
 
-def _moved(model: TaylorModel, place: arb_poly) -> TaylorModel:
+def _on_part(model: TaylorModel, place: arb_poly) -> TaylorModel:
     """A polynomial in s with s as a polynomial."""
     polynomial = arb_poly([sum(part.coeffs(), arb(0)) for part in model.parts])
     return TaylorModel.of_curve(polynomial(place).coeffs())

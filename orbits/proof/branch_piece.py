@@ -26,7 +26,7 @@ from .tube import Tube, prove_tube
 # The last coefficients of the polynomials of a piece are at most this, relative to the first: else it is too long.
 LAST_COEFFICIENTS = 1e-9
 # Parts of a piece on which signs are decided, how often a part is halved, and how many may be undecided for that.
-PARTS, HALVINGS, MOST_UNDECIDED = 4, 40, 12
+PARTS_OF_PIECES, HALVINGS_OF_PIECES, MOST_UNDECIDED = 4, 40, 12
 
 
 class CurveEquations:
@@ -128,11 +128,11 @@ def _within(s: arb) -> bool:
 
 
 # Guesses (m, n + 1) of the curve where the coordinate of a piece has values (m,).
-Guess: TypeAlias = Callable[[np.ndarray], np.ndarray]
+NumericalCurve: TypeAlias = Callable[[np.ndarray], np.ndarray]
 
 
 def numerical_piece(
-    equations: CurveEquations, solve: Solver, guess: Guess, coordinate: int, start: Fraction, stop: Fraction
+    equations: CurveEquations, solve: Solver, guess: NumericalCurve, coordinate: int, start: Fraction, stop: Fraction
 ) -> tuple[list[list[Fraction]], list[TaylorModel], float]:
     """The polynomials of a piece through the numerical curve, as decimals and as models in the units of the equations,
     and the size of their last coefficients relative to the first."""
@@ -151,7 +151,7 @@ def numerical_piece(
 
 
 def prove_piece(
-    equations: CurveEquations, solve: Solver, guess: Guess, coordinate: int, start: Fraction, stop: Fraction
+    equations: CurveEquations, solve: Solver, guess: NumericalCurve, coordinate: int, start: Fraction, stop: Fraction
 ) -> CurvePiece:
     """The piece on which a coordinate runs from one value to another. Raises `Unproved`, and an `OrbitsError` where the
     numerical curve is lost."""
@@ -167,7 +167,7 @@ def prove_piece(
 
 def _check_whole(piece: CurvePiece) -> None:
     """Prove that alpha and the times are positive, and formulas have values, all along."""
-    waiting = [(part, HALVINGS // 4) for part in parts_between(-1.0, 1.0)]
+    waiting = [(part, HALVINGS_OF_PIECES // 4) for part in parts_between(-1.0, 1.0)]
     legs = [*zip(piece.equations.legs, piece.tube.values.steps, strict=True)]
     while waiting:
         (low, high), left = waiting.pop()
@@ -186,7 +186,7 @@ def _check_whole(piece: CurvePiece) -> None:
 
 def parts_between(low: float, high: float) -> list[tuple[float, float]]:
     """Parts of the places between two floats, in order."""
-    ends = [low + (high - low) * k / PARTS for k in range(PARTS)] + [high]
+    ends = [low + (high - low) * k / PARTS_OF_PIECES for k in range(PARTS_OF_PIECES)] + [high]
     return [*itertools.pairwise(ends)]
 
 
@@ -194,7 +194,7 @@ def signs_along(piece: CurvePiece, low: float, high: float) -> list[tuple[float,
     """The signs of the parameter's derivative between two places, in order: runs (low, high, sign) of parts with the
     same one, 0 where it is undecided also on short parts."""
     parts = [(*each, piece.turning(arb(each[0]).union(arb(each[1])))) for each in parts_between(low, high)]
-    for _ in range(HALVINGS):
+    for _ in range(HALVINGS_OF_PIECES):
         if not 0 < sum(sign == 0 for _, _, sign in parts) <= MOST_UNDECIDED:
             break
         finer = list[tuple[float, float, int]]()

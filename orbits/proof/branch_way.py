@@ -19,14 +19,15 @@ from .refusal import TooLong, Unproved
 from .root import FIRST_BITS
 from .tube import narrowed
 
-# A parameter is followed itself where it has this share of the way at least, else the launch speed; where it is followed
-# already, until it has less than the second.
+# A parameter is followed itself where it has this share of the way at least, else the launch speed; where it is
+# followed already, until it has less than the second.
 SHARE_OF_PARAMETER, SHARE_STILL = 0.5, 0.25
 # A piece whose coordinate is not that of the one before begins and ends this share of it farther out.
-MARGIN = 0.02
-# Points of the family that the first piece tries to reach, how many times as many the next one does, how many may be set between points for shorter ones, and how
-# close to the next, relative to the coordinate.
-FIRST_REACH, LONGER, MOST_INSERTED, CLOSEST = 64, 4, 400, 1e-7
+MARGIN_AT_JOINTS = 0.02
+# Points of the family that the first piece tries to reach, and how many times as many as before the next one does.
+FIRST_REACH, LONGER = 64, 4
+# How many points may be set between those of the family, and how close to the next, relative to the coordinate.
+MOST_INSERTED, CLOSEST = 400, 1e-7
 # A shorter piece about a fold is so long, as a share of its piece and of what is undecided there; and what is undecided
 # is looked at on it with so much on either side, which covers roundings.
 ABOUT_FOLD, ABOUT_UNDECIDED, NEXT = 0.05, 2.0, 1e-6
@@ -144,7 +145,7 @@ class Way:
         if coordinate is None:
             raise Unproved("neither the parameter nor the launch speed runs one way")
         start, stop = (Fraction(Decimal(repr(float(self.points[i][coordinate])))) for i in (at, to))
-        margin, exact = (stop - start) * Fraction(MARGIN), coordinate == equations.parameter
+        margin, exact = (stop - start) * Fraction(MARGIN_AT_JOINTS), coordinate == equations.parameter
         joined = False
         if before is not None and before.piece.coordinate == coordinate:
             joined, start = True, before.piece.stop

@@ -7,7 +7,7 @@ from flint import arb, ctx
 
 from ..model.machine import machine_in_words
 from .branch_claim import BranchClaim
-from .branch_motion import Stretch
+from .branch_motion import MotionStretch
 from .branch_piece import CurvePiece, parts_between
 from .branch_way import Link
 from .case import PROVED, REFUTED, UNDECIDED, ProvedExistence
@@ -19,7 +19,7 @@ from .theorem import CurvePart, Enclosure, Proof
 from .wording import CONDITIONS_IN_WORDS, enclosed_words
 
 # What each condition is called where it is violated or not decided.
-LOST = {
+LOST_CONDITIONS = {
     "clearance": "clearance",
     "separation": "separation",
     "contact_force": "contact force",
@@ -33,7 +33,7 @@ class ProvedCurve:
 
     ends: tuple[ProvedExistence, ProvedExistence]
     links: list[Link]
-    stretches: list[Stretch]
+    stretches: list[MotionStretch]
 
 
 def branch_proof(
@@ -68,7 +68,7 @@ def branch_proof(
         enclosures |= {f"{name}_{key}": value for key, value in each.items()}
     for name, end in zip(("first", "last"), found.ends, strict=True):
         enclosures |= {f"{name}_{key}": end.unknowns[key] for key in ("alpha", "flight_time")}
-    verdicts = _verdicts(found.stretches)
+    verdicts = _verdicts_along(found.stretches)
     families = {each.family for each in found.stretches}
     reasons = (*reasons, *_reasons(found.stretches, along))
     return Proof(
@@ -145,14 +145,14 @@ def _fold_sentence(along: str, folds: Sequence[dict[str, Enclosure]], largest: S
     return f"It has {count} in {along}, nondegenerate: {'; '.join(each)}. Elsewhere {along} runs one way."
 
 
-def _ends_of(stretch: Stretch) -> list[dict[str, arb]]:
+def _ends_of(stretch: MotionStretch) -> list[dict[str, arb]]:
     equations = stretch.piece.equations
     return [equations.in_machine(stretch.piece.at(arb(place))) for place in (stretch.low, stretch.high)]
 
 
-def _runs(stretches: Sequence[Stretch]) -> list[list[Stretch]]:
+def _runs(stretches: Sequence[MotionStretch]) -> list[list[MotionStretch]]:
     """The stretches in order, those together of which the same is proved."""
-    runs = list[list[Stretch]]()
+    runs = list[list[MotionStretch]]()
     for each in stretches:
         if runs and runs[-1][-1].like(each):
             runs[-1].append(each)
@@ -161,7 +161,7 @@ def _runs(stretches: Sequence[Stretch]) -> list[list[Stretch]]:
     return runs
 
 
-def _place_words(run: Sequence[Stretch], along: str) -> str:
+def _place_words(run: Sequence[MotionStretch], along: str) -> str:
     (first, _), (_, last) = _ends_of(run[0]), _ends_of(run[-1])
     begin, end = (
         f"{along} in {enclosure_of(each[along])} and alpha in {enclosure_of(each['alpha'])}" for each in (first, last)
@@ -169,14 +169,14 @@ def _place_words(run: Sequence[Stretch], along: str) -> str:
     return f"from {begin} to {end}"
 
 
-def _motion_sentence(stretches: Sequence[Stretch], along: str) -> str:
+def _motion_sentence(stretches: Sequence[MotionStretch], along: str) -> str:
     """What is proved of the motions, part after part."""
     runs = _runs(stretches)
     places = ["all along the curve"] if len(runs) == 1 else [_place_words(run, along) for run in runs]
     return " ".join(_run_words(run, place) for run, place in zip(runs, places, strict=True))
 
 
-def _run_words(run: Sequence[Stretch], where: str) -> str:
+def _run_words(run: Sequence[MotionStretch], where: str) -> str:
     family, conditions = run[0].family, run[0].conditions
     proved = [CONDITIONS_IN_WORDS[name] for name, verdict in conditions.items() if verdict == PROVED]
     counted = [] if family is None else [f"the orbits are of family {family}"]
@@ -184,12 +184,16 @@ def _run_words(run: Sequence[Stretch], where: str) -> str:
         return f"They are motions {where}: {'; '.join([*counted, *proved])}."
     lost = [name for name, verdict in conditions.items() if verdict == REFUTED]
     left = [name for name, verdict in conditions.items() if verdict == UNDECIDED]
-    violated = [f"they are no motions, as the {' and '.join(LOST[name] for name in lost)} is violated"] if lost else []
-    undecided = [f"undecided is the {' and '.join(LOST[name] for name in left)}"] if left else []
+    violated = (
+        [f"they are no motions, as the {' and '.join(LOST_CONDITIONS[name] for name in lost)} is violated"]
+        if lost
+        else []
+    )
+    undecided = [f"undecided is the {' and '.join(LOST_CONDITIONS[name] for name in left)}"] if left else []
     return f"Of the part {where}: {'; '.join([*counted, *violated, *proved, *undecided])}."
 
 
-def _verdicts(stretches: Sequence[Stretch]) -> dict[str, str]:
+def _verdicts_along(stretches: Sequence[MotionStretch]) -> dict[str, str]:
     """The verdict on each condition all along the curve: refuted where it is on some part."""
     names = stretches[0].conditions if stretches else {}
     found = {name: {each.conditions[name] for each in stretches} for name in names}
@@ -197,7 +201,7 @@ def _verdicts(stretches: Sequence[Stretch]) -> dict[str, str]:
     return {name: next(each for each in order if each in verdicts) for name, verdicts in found.items()}
 
 
-def _reasons(stretches: Sequence[Stretch], along: str) -> list[str]:
+def _reasons(stretches: Sequence[MotionStretch], along: str) -> list[str]:
     """What is not proved of the motions, part after part."""
     runs = [run for run in _runs(stretches) if not run[0].admissible]
     reasons = [f"{_place_words(run, along)}: {'; '.join(dict.fromkeys(run[0].reasons))}" for run in runs]

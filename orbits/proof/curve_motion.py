@@ -30,19 +30,19 @@ from flint import arb, arb_mat, arb_poly, arb_series
 from .enclosure import TOO_LONG, Passage, Piece, Variation, orthogonal_frame
 from .refusal import Unproved, check_proof_time
 from .step import Step, picard_coefficients, widened
-from .taylor_model import CURVE_DEGREE, TIME_DEGREE, TaylorModel, as_model
+from .taylor_model import ALL_PLACES, ALL_TIMES, CURVE_DEGREE, TIME_DEGREE, TaylorModel, as_model
 
 # How small the last term of a polynomial in time is, relative to the largest. Orbits beside those whose terms are
 # looked at may need steps that are this much shorter.
-ACCURACY, SHORTER = 2.0**-36, 0.9
+CURVE_ACCURACY, SHORTER = 2.0**-36, 0.9
 # Steps have so many digits, so that their sums are exact.
-STEP_BITS = 16
-MOST_STEPS, MOST_HALVINGS, MOST_WIDENINGS = 400, 3, 4
+CURVE_STEP_BITS = 16
+MOST_CURVE_STEPS, MOST_HALVED_STEPS, MOST_WIDENINGS = 400, 3, 4
 # How much wider than its estimate a tube is tried; none is thinner than the second.
-WIDER, SMALLEST = arb(1.5), arb(2) ** -200
+WIDER_CURVE, THINNEST = arb(1.5), arb(2) ** -200
 # The inverse of P is bounded on parts of the piece and of a step; the first are halved at most so often.
-PARTS, PARTS_OF_TIME, MOST_PARTS = 8, 2, 64
-_NOTHING, _BOTH, _UNIT = arb(0), arb(0, 1), arb(0).union(arb(1))
+PARTS_OF_CURVE, PARTS_OF_TIME, MOST_SINGULAR_PARTS = 8, 2, 64
+_NOTHING = arb(0)
 
 
 class SpreadTooFar(Unproved):
@@ -145,7 +145,7 @@ def follow_curve(
     centres = [[start.on(arb(s)).mid() for start in starts] for s in places()]
     before, off, steps = list(starts), [np.array(each) for each in spreads], list[CurveStep]()
     while True:
-        if len(steps) == MOST_STEPS:
+        if len(steps) == MOST_CURVE_STEPS:
             raise Unproved(TOO_LONG)
         check_proof_time()
         unit = [each for row in frame.tolist() for each in (*row, *[_NOTHING] * (n - m))]
@@ -155,7 +155,7 @@ def follow_curve(
         ]
         begin = [*before, *(TaylorModel.of_curve([each]) for each in unit)]
         h = _step_length(rows, left)
-        for _ in range(MOST_HALVINGS):
+        for _ in range(MOST_HALVED_STEPS):
             step = _proved_step(variation, _models_through(rows, h), begin, off, carried, 1 - left, h)
             if step is not None:
                 break
@@ -176,12 +176,12 @@ def _turned_frame(step: CurveStep) -> tuple[arb_mat, list[np.ndarray], list[list
     ends = [[each.at_end() for each in row] for row in step.derivatives]
     extents = [float(each) for each in step.off[-1][:m]]
     frame, inverse = orthogonal_frame(arb_mat([[each.on(_NOTHING) for each in row[:m]] for row in ends]), extents)
-    turned = np.array([[each.bound for each in row] for row in _times(inverse, ends)])
+    turned = np.array([[each.bound for each in row] for row in _number_times_models(inverse, ends)])
     off = [_upper(np.array([*(turned @ each), *each[m:]])) for each in step.off]
-    return frame, off, _times(inverse, step.slopes())
+    return frame, off, _number_times_models(inverse, step.slopes())
 
 
-def _times(matrix: arb_mat, models: Sequence[Sequence[TaylorModel]]) -> list[list[TaylorModel]]:
+def _number_times_models(matrix: arb_mat, models: Sequence[Sequence[TaylorModel]]) -> list[list[TaylorModel]]:
     """The product of a matrix of numbers (m, m) and one of models (m, n)."""
     found = list[list[TaylorModel]]()
     for weights in matrix.tolist():
@@ -199,13 +199,13 @@ def _step_length(rows: Sequence[list[list[arb]]], left: arb) -> arb:
         size = max(abs(float(each)) for row in table for each in row[:2])
         last = max(abs(float(each)) for row in table for each in row[-2:])
         share = max(share, last / size)
-    length = SHORTER * (ACCURACY / share) ** (1 / TIME_DEGREE) if share > 0 else np.inf
+    length = SHORTER * (CURVE_ACCURACY / share) ** (1 / TIME_DEGREE) if share > 0 else np.inf
     if not np.isfinite(share):
         raise Unproved("the motion comes to where a law has no value")
     if not length < float(left):
         return left
     mantissa, exponent = np.frexp(float(left) / np.ceil(float(left) / length))
-    return arb(float(np.ldexp(np.ceil(mantissa * 2**STEP_BITS), exponent - STEP_BITS)))
+    return arb(float(np.ldexp(np.ceil(mantissa * 2**CURVE_STEP_BITS), exponent - CURVE_STEP_BITS)))
 
 
 def _models_through(rows: Sequence[list[list[arb]]], h: arb) -> list[TaylorModel]:
@@ -241,7 +241,7 @@ def _proved_step(
         start[:m] = each[:m] + inverse @ (gap[:m] + gap_of_derivatives @ each + sizes[:, m:] @ gap[m:])
         tube = start.copy()
         for _ in range(MOST_WIDENINGS):
-            tube[:m] = WIDER * tube[:m] + SMALLEST
+            tube[:m] = WIDER_CURVE * tube[:m] + THINNEST
             change = of_derivatives + h * _change(variation, both, [*(sizes @ tube), *tube[m:]])
             grown = start[:m] + inverse @ (defect[:m] + change @ tube)
             done = all(a < b for a, b in zip(grown, tube[:m], strict=True))
@@ -254,7 +254,7 @@ def _proved_step(
     begun = inverse @ gap_of_derivatives
     after = begun.copy()
     for _ in range(MOST_WIDENINGS):
-        after = WIDER * after + SMALLEST
+        after = WIDER_CURVE * after + THINNEST
         grown = begun + inverse @ (change + change[:, :m] @ after)
         if all(a < b for a, b in zip(grown.flat, after.flat, strict=True)):
             return CurveStep(begins, h, models, derivatives, found, _upper(grown), carried)
@@ -281,7 +281,7 @@ def _halves(bounds: Sequence[arb], m: int, n: int) -> tuple[np.ndarray, np.ndarr
 def _change(variation: Variation, both: Sequence[TaylorModel], radii: Sequence[arb]) -> np.ndarray:
     """How much (m, n) the derivatives of the rates, times P, change within radii (n,) of the models."""
     n, system = variation.size, variation.varied[0]
-    inside = [each.on(_BOTH) for each in both]
+    inside = [each.on(ALL_PLACES) for each in both]
     inside[:n] = [widened(value, radius) for value, radius in zip(inside[:n], radii, strict=True)]
     found = np.array([[_NOTHING] * n for _ in range(variation.moving)])
     for (row, column), slope in zip(system.places, system.slopes(inside), strict=True):
@@ -293,8 +293,8 @@ def _change(variation: Variation, both: Sequence[TaylorModel], radii: Sequence[a
 def _inverse_bound(block: Sequence[Sequence[TaylorModel]]) -> np.ndarray | None:
     """Bounds (m, m) of the inverse of a matrix of models at all times, found on parts of the piece; None where one is
     not regular."""
-    m, found, left = len(block), [_NOTHING] * len(block) ** 2, MOST_PARTS
-    waiting = [(s, t) for s in _parts(_BOTH, PARTS) for t in _parts(_UNIT, PARTS_OF_TIME)]
+    m, found, left = len(block), [_NOTHING] * len(block) ** 2, MOST_SINGULAR_PARTS
+    waiting = [(s, t) for s in _equal_parts(ALL_PLACES, PARTS_OF_CURVE) for t in _equal_parts(ALL_TIMES, PARTS_OF_TIME)]
     while waiting:
         s, t = waiting.pop()
         matrix = arb_mat([[each.on(s, t) for each in row] for row in block])
@@ -308,11 +308,11 @@ def _inverse_bound(block: Sequence[Sequence[TaylorModel]]) -> np.ndarray | None:
         left -= 1
         if left == 0:
             return None
-        waiting += [(part, t) for part in _parts(s, 2)]
+        waiting += [(part, t) for part in _equal_parts(s, 2)]
     return np.array(found).reshape(m, m)
 
 
-def _parts(ball: arb, count: int) -> list[arb]:
+def _equal_parts(ball: arb, count: int) -> list[arb]:
     """Parts of a ball, equally long."""
     low, high = ball.lower(), ball.upper()
     ends = [low + (high - low) * k / count for k in range(count + 1)]

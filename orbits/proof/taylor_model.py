@@ -22,14 +22,15 @@ from .programs import UNDEFINED, coefficient, series_function
 TIME_DEGREE, CURVE_DEGREE = 20, 10
 # Functions of models: degrees that are tried one after the other until their rests are small.
 FUNCTION_DEGREES, SMALL_REST = (6, 10, 14, 20), 2.0**-56
-_ZERO, _ONE = arb(0), arb(1)
-_UNIT, _BOTH = _ZERO.union(_ONE), arb(0, 1)
+_NO_REST = arb(0)
+# The balls of all t, from 0 to 1, and of all s, from -1 to 1.
+ALL_TIMES, ALL_PLACES = arb(0).union(arb(1)), arb(0, 1)
 _NAN = arb("nan")
 
 # The bits of the balls of coefficients.
 MODEL_BITS = 64
 
-Operand = Union["TaylorModel", arb, int]
+ModelOperand = Union["TaylorModel", arb, int]
 
 
 @contextmanager
@@ -51,22 +52,22 @@ class TaylorModel:
     rest : a bound, not below 0; it is no number where the functions have no values
     """
 
-    def __init__(self, parts: Sequence[arb_series], rest: arb = _ZERO):
+    def __init__(self, parts: Sequence[arb_series], rest: arb = _NO_REST):
         if any(part.prec != TIME_DEGREE + 1 for part in parts):
             raise ValueError(f"the parts of a model are computed with ctx.cap = {TIME_DEGREE + 1}")
         self.parts, self.rest = parts, rest
 
     @classmethod
-    def of_curve(cls, coefficients: Sequence[arb], rest: arb = _ZERO) -> "TaylorModel":
+    def of_curve(cls, coefficients: Sequence[arb], rest: arb = _NO_REST) -> "TaylorModel":
         """The polynomial in s with these coefficients, at all times."""
         return cls([arb_series([each], TIME_DEGREE + 1) for each in coefficients], rest)
 
     @cached_property
     def _magnitudes(self) -> tuple[list[arb], list[arb]]:
         """Sums of the absolute values of the coefficients, by their degrees in t, and by those in s."""
-        by_time, by_curve = [_ZERO] * (TIME_DEGREE + 1), list[arb]()
+        by_time, by_curve = [_NO_REST] * (TIME_DEGREE + 1), list[arb]()
         for part in self.parts:
-            whole = _ZERO
+            whole = _NO_REST
             for i, each in enumerate(part.coeffs()):
                 size = each.abs_upper()
                 by_time[i] = by_time[i] + size
@@ -77,14 +78,14 @@ class TaylorModel:
     @cached_property
     def polynomial_bound(self) -> arb:
         """A bound on the absolute values of the polynomial."""
-        return sum(self._magnitudes[1], _ZERO).abs_upper()
+        return sum(self._magnitudes[1], _NO_REST).abs_upper()
 
     @cached_property
     def bound(self) -> arb:
         """A bound on the absolute values of the functions."""
         return (self.polynomial_bound + self.rest).abs_upper()
 
-    def __add__(self, other: Operand) -> "TaylorModel":
+    def __add__(self, other: ModelOperand) -> "TaylorModel":
         if not isinstance(other, TaylorModel):
             if not self.parts:
                 return TaylorModel.of_curve([arb(other)], self.rest)
@@ -98,13 +99,13 @@ class TaylorModel:
     def __neg__(self) -> "TaylorModel":
         return TaylorModel([-part for part in self.parts], self.rest)
 
-    def __sub__(self, other: Operand) -> "TaylorModel":
+    def __sub__(self, other: ModelOperand) -> "TaylorModel":
         return self + -other
 
-    def __rsub__(self, other: Operand) -> "TaylorModel":
+    def __rsub__(self, other: ModelOperand) -> "TaylorModel":
         return -self + other
 
-    def __mul__(self, other: Operand) -> "TaylorModel":
+    def __mul__(self, other: ModelOperand) -> "TaylorModel":
         if not isinstance(other, TaylorModel):
             if other == 0 and self.rest.is_finite():
                 return TaylorModel([])
@@ -117,18 +118,18 @@ class TaylorModel:
                 else:
                     parts.append(left * right)
         degrees = TIME_DEGREE, CURVE_DEGREE
-        left_out = sum(map(_beyond, self._magnitudes, other._magnitudes, degrees), _ZERO)
+        left_out = sum(map(_beyond_degree, self._magnitudes, other._magnitudes, degrees), _NO_REST)
         rests = self.rest * other.bound + other.rest * self.polynomial_bound
         return TaylorModel(parts, (left_out + rests).abs_upper())
 
     __rmul__ = __mul__
 
-    def __truediv__(self, other: Operand) -> "TaylorModel":
+    def __truediv__(self, other: ModelOperand) -> "TaylorModel":
         if isinstance(other, TaylorModel):
             return self * other.composed(_inverse)
         return self * (1 / arb(other))
 
-    def __rtruediv__(self, other: Operand) -> "TaylorModel":
+    def __rtruediv__(self, other: ModelOperand) -> "TaylorModel":
         return self.composed(_inverse) * other
 
     def __getattr__(self, name: str) -> Callable[[], "TaylorModel"]:
@@ -146,9 +147,9 @@ class TaylorModel:
         """Whether the bound is no number, and not infinite either."""
         return bool(self.bound.is_nan())
 
-    def on(self, s: arb, t: arb = _UNIT) -> arb:
+    def on(self, s: arb, t: arb = ALL_TIMES) -> arb:
         """An enclosure of the values for all places of a ball, at all times of a ball."""
-        found = _ZERO
+        found = _NO_REST
         for part in reversed(self.parts):
             found = found * s + arb_poly(part.coeffs())(t)
         return found + arb(0, self.rest.abs_upper())
@@ -157,12 +158,12 @@ class TaylorModel:
         """A polynomial in t whose coefficients hold those of the polynomial for all places of a ball."""
         columns = [part.coeffs() for part in self.parts]
         length = max(map(len, columns), default=0)
-        rows = [[row[i] if i < len(row) else _ZERO for row in columns] for i in range(length)]
+        rows = [[row[i] if i < len(row) else _NO_REST for row in columns] for i in range(length)]
         return arb_poly([_on_curve(row, s) for row in rows])
 
     def at_end(self) -> "TaylorModel":
         """The model at the time 1, the same at all times."""
-        return TaylorModel.of_curve([sum(part.coeffs(), _ZERO) for part in self.parts], self.rest)
+        return TaylorModel.of_curve([sum(part.coeffs(), _NO_REST) for part in self.parts], self.rest)
 
     def slope_in_time(self) -> "TaylorModel":
         """The derivative of the polynomial by t."""
@@ -175,7 +176,7 @@ class TaylorModel:
 
     def composed(self, function: Callable[[arb_series], Any]) -> "TaylorModel":
         """A function of the model, given as one of power series."""
-        whole = self.on(_BOTH)
+        whole = self.on(ALL_PLACES)
         centre, cap = whole.mid(), ctx.cap
         away = self - centre
         bound = (whole - centre).abs_upper()
@@ -199,7 +200,7 @@ class TaylorModel:
         return TaylorModel(found.parts, (found.rest + rest).abs_upper())
 
 
-def as_model(value: Operand) -> TaylorModel:
+def as_model(value: ModelOperand) -> TaylorModel:
     """A result as a model; a ball is the same everywhere."""
     return value if isinstance(value, TaylorModel) else TaylorModel.of_curve([arb(value)])
 
@@ -208,9 +209,9 @@ def _inverse(x: arb_series) -> arb_series:
     return 1 / x
 
 
-def _beyond(left: Sequence[arb], right: Sequence[arb], degree: int) -> arb:
+def _beyond_degree(left: Sequence[arb], right: Sequence[arb], degree: int) -> arb:
     """A bound on the products of coefficients whose degrees sum up to more than one, given bounds by degree."""
-    tails, found = [_ZERO], _ZERO  # tails[k] is the sum of the last k of the right
+    tails, found = [_NO_REST], _NO_REST  # tails[k] is the sum of the last k of the right
     for each in reversed(right):
         tails.append(tails[-1] + each)
     for i, each in enumerate(left):
@@ -221,7 +222,7 @@ def _beyond(left: Sequence[arb], right: Sequence[arb], degree: int) -> arb:
 
 
 def _on_curve(coefficients: Sequence[arb], s: arb) -> arb:
-    found = _ZERO
+    found = _NO_REST
     for each in reversed(coefficients):
         found = found * s + each
     return found

@@ -24,14 +24,13 @@ from .refusal import Unproved
 from .taylor_model import TaylorModel, as_model
 
 # The half width of the first tube that is tried, relative to the unknowns, and how many are.
-WIDEST, MOST_TRIES = 2.0**-22, 3
+WIDEST, MOST_TUBES = 2.0**-22, 3
 # A tube whose motions spread too far is tried again with this share of its width.
 NARROWER_TRY = 2.0**-7
 # An enclosure is taken anew so often from itself.
 NARROWINGS = 4
 # The tube about an enclosure is so many times as wide, and at least this.
-NARROWER, SMALLEST = 4, arb(2) ** -50
-_BOTH = arb(0, 1)
+NARROWER, THINNEST_TUBE = 4, arb(2) ** -50
 Models = list[TaylorModel]
 Matrix = list[Models]
 
@@ -68,11 +67,11 @@ def evaluate_curve(
         before = last[-1] if last else ([], [])
         starts_of_both = zip((points, boxes), before, strict=True)
         start = [[*map(as_model, leg.start([*each, *ends]))] for each, ends in starts_of_both]
-        by_unknowns = _rows(leg.start_slopes([*boxes, *before[1]]), n)
+        by_unknowns = _model_rows(leg.start_slopes([*boxes, *before[1]]), n)
         if any(each.bound != 0 for row in by_unknowns for each in row[columns:]):
             raise Unproved("a phase starts from the end of the one before")
         by_unknowns = [row[:columns] for row in by_unknowns]
-        spreads = [[_spread(each, about) for each, about in zip(one, start[1], strict=True)] for one in start]
+        spreads = [[_spread_about(each, about) for each, about in zip(one, start[1], strict=True)] for one in start]
         steps = follow_curve(leg.variation, start[1], spreads)
         end, end_box = steps[-1].states(0), steps[-1].states(1)
         transition = steps[-1].slopes()
@@ -83,36 +82,36 @@ def evaluate_curve(
             continue
         values += map(as_model, leg.conditions[0]([*points, *start[0][:m], *end[:m]]))
         inputs = [*boxes, *start[1][:m], *end_box[:m]]
-        by_all = _rows(leg.condition_slopes[0](inputs), leg.count)
-        end_slopes = product(transition, by_unknowns)
+        by_all = _model_rows(leg.condition_slopes[0](inputs), leg.count)
+        end_slopes = model_product(transition, by_unknowns)
         whole = [row[:columns] for row in by_all]
-        whole = summed(whole, product([row[columns : columns + m] for row in by_all], by_unknowns[:m]))
-        slopes += summed(whole, product([row[columns + m :] for row in by_all], end_slopes))
+        whole = model_sum(whole, model_product([row[columns : columns + m] for row in by_all], by_unknowns[:m]))
+        slopes += model_sum(whole, model_product([row[columns + m :] for row in by_all], end_slopes))
     return CurveValues(values, slopes, all_steps, starts)
 
 
-def _spread(model: TaylorModel, about: TaylorModel) -> arb:
+def _spread_about(model: TaylorModel, about: TaylorModel) -> arb:
     """How far the functions of a model are from the polynomial of another one."""
     return (TaylorModel(model.parts) - TaylorModel(about.parts)).polynomial_bound + model.rest
 
 
-def _rows(values: Sequence, rows: int) -> Matrix:
+def _model_rows(values: Sequence, rows: int) -> Matrix:
     count, models = len(values) // rows, [*map(as_model, values)]
     return [models[i * count : (i + 1) * count] for i in range(rows)]
 
 
-def product(left: Matrix, right: Matrix) -> Matrix:
+def model_product(left: Matrix, right: Matrix) -> Matrix:
     """The product of matrices of models."""
     columns = [*zip(*right, strict=True)]
-    return [[_sum([a * b for a, b in zip(row, column, strict=True)]) for column in columns] for row in left]
+    return [[_sum_of_models([a * b for a, b in zip(row, column, strict=True)]) for column in columns] for row in left]
 
 
-def summed(left: Matrix, right: Matrix) -> Matrix:
+def model_sum(left: Matrix, right: Matrix) -> Matrix:
     """The sum of matrices of models."""
     return [[a + b for a, b in zip(one, other, strict=True)] for one, other in zip(left, right, strict=True)]
 
 
-def _sum(models: Models) -> TaylorModel:
+def _sum_of_models(models: Models) -> TaylorModel:
     found = TaylorModel([])
     for each in models:
         found = found + each
@@ -158,7 +157,7 @@ def prove_tube(
     what is not solved for. Raises `Unproved`."""
     inner = [arb(0) if i in solved else given[i] for i in range(len(polynomials))]
     width, reason = WIDEST, ""
-    for _ in range(MOST_TRIES):
+    for _ in range(MOST_TUBES):
         outer = [arb(width) * (1 + p.polynomial_bound) if i in solved else given[i] for i, p in enumerate(polynomials)]
         try:
             return _tube(legs, polynomials, list(solved), inner, [each.abs_upper() for each in outer])
@@ -184,10 +183,10 @@ def _tube(
     found = evaluate_curve(legs, polynomials, inner, outer)
     slopes = [[row[i] for i in solved] for row in found.slopes]
     inverse = _inverse_along(slopes)
-    off = [row[0].bound for row in product(inverse, [[each] for each in found.values])]
+    off = [row[0].bound for row in model_product(inverse, [[each] for each in found.values])]
     n = range(len(solved))
     left = [[(as_model(arb(int(i == j))) - each).bound for j, each in enumerate(row)]
-            for i, row in enumerate(product(inverse, slopes))]  # fmt: skip
+            for i, row in enumerate(model_product(inverse, slopes))]  # fmt: skip
     widths = [outer[i] for i in solved]
 
     def image(box: Sequence[arb]) -> list[arb]:
@@ -203,8 +202,8 @@ def _tube(
         raise TooWide(0.5 / share)
     for _ in range(NARROWINGS):
         radii = image(radii)
-    along = product(found.slopes, [[p.slope_on_curve()] for p in polynomials])
-    moved = [row[0].bound for row in product(inverse, along)]
+    along = model_product(found.slopes, [[p.slope_on_curve()] for p in polynomials])
+    moved = [row[0].bound for row in model_product(inverse, along)]
     drift = _drift(moved, left)
     widths_of_all, radii_of_all, drifts = [arb(0)] * len(outer), list(inner), [arb(0)] * len(outer)
     for position, i in enumerate(solved):
@@ -244,6 +243,6 @@ def narrowed(legs: Sequence[BallLeg], tube: Tube) -> Tube:
     curve; another solution is still as far away as before."""
     again = _tube(
         legs, tube.polynomials, tube.solved, [arb(0)] * len(tube.radii),
-        [(NARROWER * radius + SMALLEST).abs_upper() for radius in tube.radii],
+        [(NARROWER * radius + THINNEST_TUBE).abs_upper() for radius in tube.radii],
     )  # fmt: skip
     return replace(again, widths=tube.widths)
