@@ -181,8 +181,8 @@ def test_a_direction_at_a_fold_has_a_name_of_its_own():
 
 @pytest.mark.parametrize("right", [pytest.param(True, marks=pytest.mark.slow), False])
 def test_what_an_orbit_says_is_held_against_parts_of_intervals(cubic, right, monkeypatch):
-    def reluctant(claim, stated, digits, motion, loss, **options):
-        proof = whole_proof(claim, stated, digits, motion, loss, **options)
+    def reluctant(claim, stated, *asked, **options):
+        proof = whole_proof(claim, stated, *asked, **options)
         low, high = stated.parameters["beta"]
         return proof if high - low < Fraction(1, 5000) else dataclasses.replace(proof, proved=False)
 

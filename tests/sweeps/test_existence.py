@@ -21,10 +21,18 @@ def diagram():
     return existence(MACHINE, "beta", BETWEEN, "delta", DELTAS, samples=13, quantities=["stroke"])
 
 
+JUGGLER = Juggler("r + beta*r**3", parameters={"beta": 0.0})
+
+
 @cache
-def event_of(machine, kind: str, along: str = "beta", stop: float = -0.02):
+def family_of(maker: type, stop: float):
+    """The family of the hopper or of the juggler along "beta" from 0."""
+    return follow({Hopper: MACHINE, Juggler: JUGGLER}[maker], "beta", stop)
+
+
+def event_of(machine, kind: str, stop: float = -0.02):
     """The point of an event of a family, to rounding."""
-    return next(event.point for event in follow(machine, along, stop).events if event.kind == kind)
+    return next(event.point for event in family_of(type(machine), stop).events if event.kind == kind)
 
 
 def test_the_edges_are_folds_and_the_collapse(diagram):
@@ -56,9 +64,8 @@ def test_boundaries_between_rows_are_located_too():
 
 def test_boundaries_of_a_juggler():
     """A softening spring of a juggler ends at a fold of its own."""
-    juggler = Juggler("r + beta*r**3", parameters={"beta": 0.0})
-    diagram = existence(juggler, "beta", (-0.012, 0.0), "mass_ratio", [0.5, 1.0], samples=7)
-    fold = event_of(juggler, "fold", stop=-0.012).value
+    diagram = existence(JUGGLER, "beta", (-0.012, 0.0), "mass_ratio", [0.5, 1.0], samples=7)
+    fold = event_of(JUGGLER, "fold", stop=-0.012).value
     assert [diagram.stretches(row)[0][0] for row in (0, 1)] == pytest.approx([fold, fold], abs=0.012e-6)
 
 
