@@ -92,7 +92,7 @@ def attraction_of(hop: Hop) -> Attraction:
     while low < high:
         middle = (low + high) // 2
         try:
-            found, low = _within(hop, equations, bounces, distances[middle]), middle + 1
+            found, low = _proved_within(hop, equations, bounces, distances[middle]), middle + 1
         except TooLong:
             if found is None:
                 raise
@@ -113,7 +113,7 @@ def _distances(coefficient: arb) -> list[Fraction]:
     return [each for decade in decades for digit in (1, 2, 5) if (each := digit * decade) < whole]
 
 
-def _within(hop: Hop, equations: LaunchEquations, bounces: Bounces | None, within: Fraction) -> Attraction:
+def _proved_within(hop: Hop, equations: LaunchEquations, bounces: Bounces | None, within: Fraction) -> Attraction:
     """The theorem for a distance; raises `Unproved` and `Refuted`."""
     mechanics = hop.half.mechanics
     speed, length = (ball_of_fraction(each) for each in (mechanics.scale.speed, mechanics.scale.length))
@@ -128,7 +128,7 @@ def _within(hop: Hop, equations: LaunchEquations, bounces: Bounces | None, withi
         losses, places, between_landings = losses_with_bounce(launches, flight, bounces, reach)
         motions += between_landings
     (contact,) = launches.follow(equations.contact, _rounded(CONTACT_BEYOND, hop.half_contact))
-    _check_contact(mechanics, contact, places.lower())
+    _check_contacts(mechanics, contact, places.lower())
     _check_apart(mechanics, motions, contact)
     stated = enclosure_of(losses / speed.root(3))
     if not Decimal(stated.low) > 0:
@@ -136,7 +136,7 @@ def _within(hop: Hop, equations: LaunchEquations, bounces: Bounces | None, withi
     return Attraction(within, stated, enclosure_of(launches.curve * length), bounces is not None)
 
 
-def _check_contact(mechanics: ExactMechanics, contact: Motion, lowest: arb) -> None:
+def _check_contacts(mechanics: ExactMechanics, contact: Motion, lowest: arb) -> None:
     """Prove that contacts which begin as the mirror images of launches push until they rest, and come below a place
     while they fall; raises `Unproved` and `Refuted`."""
     force = contact.chain(mechanics.contact_force, 1)
