@@ -68,7 +68,7 @@ def evaluate_curve(
         starts_of_both = zip((points, boxes), before, strict=True)
         start = [[*map(as_model, leg.start([*each, *ends]))] for each, ends in starts_of_both]
         by_unknowns = _model_rows(leg.start_slopes([*boxes, *before[1]]), n)
-        if any(each.bound != 0 for row in by_unknowns for each in row[columns:]):
+        if not all(each.bound == 0 for row in by_unknowns for each in row[columns:]):
             raise Unproved("a phase starts from the end of the one before")
         by_unknowns = [row[:columns] for row in by_unknowns]
         spreads = [[_spread_about(each, about) for each, about in zip(one, start[1], strict=True)] for one in start]
