@@ -1,7 +1,6 @@
 """Diagrams in two parameters, against the folds and events of single families."""
 
 import json
-from functools import cache
 
 import numpy as np
 import pytest
@@ -21,10 +20,9 @@ def diagram():
     return existence(MACHINE, "beta", BETWEEN, "delta", DELTAS, samples=13, quantities=["stroke"])
 
 
-@cache
-def event_of(machine, kind: str, along: str = "beta", stop: float = -0.02):
+def event_of(machine, kind: str, stop: float = -0.02):
     """The point of an event of a family, to rounding."""
-    return next(event.point for event in follow(machine, along, stop).events if event.kind == kind)
+    return next(event.point for event in follow(machine, "beta", stop).events if event.kind == kind)
 
 
 def test_the_edges_are_folds_and_the_collapse(diagram):
