@@ -1,7 +1,6 @@
 """Diagrams in two parameters, against the folds and events of single families."""
 
 import json
-from functools import cache
 
 import numpy as np
 import pytest
@@ -21,18 +20,9 @@ def diagram():
     return existence(MACHINE, "beta", BETWEEN, "delta", DELTAS, samples=13, quantities=["stroke"])
 
 
-JUGGLER = Juggler("r + beta*r**3", parameters={"beta": 0.0})
-
-
-@cache
-def family_of(maker: type, stop: float):
-    """The family of the hopper or of the juggler along "beta" from 0."""
-    return follow({Hopper: MACHINE, Juggler: JUGGLER}[maker], "beta", stop)
-
-
 def event_of(machine, kind: str, stop: float = -0.02):
     """The point of an event of a family, to rounding."""
-    return next(event.point for event in family_of(type(machine), stop).events if event.kind == kind)
+    return next(event.point for event in follow(machine, "beta", stop).events if event.kind == kind)
 
 
 def test_the_edges_are_folds_and_the_collapse(diagram):
@@ -64,8 +54,9 @@ def test_boundaries_between_rows_are_located_too():
 
 def test_boundaries_of_a_juggler():
     """A softening spring of a juggler ends at a fold of its own."""
-    diagram = existence(JUGGLER, "beta", (-0.012, 0.0), "mass_ratio", [0.5, 1.0], samples=7)
-    fold = event_of(JUGGLER, "fold", stop=-0.012).value
+    juggler = Juggler("r + beta*r**3", parameters={"beta": 0.0})
+    diagram = existence(juggler, "beta", (-0.012, 0.0), "mass_ratio", [0.5, 1.0], samples=7)
+    fold = event_of(juggler, "fold", stop=-0.012).value
     assert [diagram.stretches(row)[0][0] for row in (0, 1)] == pytest.approx([fold, fold], abs=0.012e-6)
 
 
