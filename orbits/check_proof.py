@@ -575,12 +575,12 @@ def _solution(document: Mapping[str, Any], claims: Bounds, radius: Fraction, cel
     if not known.inside:
         raise Unverified("the solution is not shown to be the only one within the radius of uniqueness")
     solution = Solution(machine, stated)
-    for _ in range(3):  # until a box is known to hold the solution, as the image of one that does
-        if not solution.inside:
-            known = solution = Solution(machine, known.common)
-    if not all(ball(claims[name][0]) < solution.common[name] < ball(claims[name][1]) for name in names):
-        raise Unverified("the solution is not shown to lie in its enclosures")
-    return solution
+    for _ in range(3):  # where the enclosures do not suffice, from the boxes that are known to hold the solution
+        lies = all(ball(claims[name][0]) < solution.common[name] < ball(claims[name][1]) for name in names)
+        if solution.inside and lies:
+            return solution
+        known = solution = Solution(machine, known.common)
+    raise Unverified("the solution is not shown to lie in its enclosures")
 
 
 def _check_motion(document: Mapping[str, Any], solution: Solution) -> None:
