@@ -1,12 +1,13 @@
 """Lossless periodic orbits of machines with plastic contact: found, certified, followed, controlled and designed."""
 
+from .check import Checked, check
 from .continuation.family import Family
 from .continuation.folds import follow_fold
 from .continuation.follow import follow, follow_branch, orbit_at, trace
 from .continuation.point import End, Event, Point
 from .continuation.starts import start_from_rest, starts
 from .continuation.step_control import StepControl
-from .control.answer import Control
+from .control.control import Control
 from .control.stage import Input, Stage
 from .control.steer import Guess, steer
 from .design.optimality import Active, Design
@@ -14,34 +15,33 @@ from .design.optimize import optimize
 from .design.pareto import Front, pareto
 from .design.sensitivities import quantities, sensitivities
 from .errors import FlowError, InconsistentModel, InputError, NoOrbit, OrbitsError, OutOfRange
-from .hybrid.bifurcations import bifurcations
-from .hybrid.check import Checked, check
-from .hybrid.diagram import Bifurcation, BifurcationDiagram, Branch, BranchEnd
-from .hybrid.motion import Simulation
-from .hybrid.multiplier import multiplier
-from .hybrid.proofs import prove_doubling, prove_fixed_point
-from .hybrid.return_map import FixedPoint, Hops, ReturnMap
-from .hybrid.simulation import simulate
 from .io import version
+from .mechanics.elements import Damper, Force, Inerter, Mass, Potential, Spring, Weight
+from .mechanics.mechanism import Mechanism
 from .model.machine import Machine
-from .model.mechanics.elements import Damper, Force, Inerter, Mass, Potential, Spring, Weight
-from .model.mechanism import Mechanism
 from .model.model import Model, Reduction
 from .model.modes import Modes, linear_modes
 from .model.phase import Affine, Arc, Phase, Pieces, Statement
 from .model.state_formula import StateFormula
-from .model.units import Units
 from .periodic.certificate import Certificate
 from .periodic.find import METHODS, find, find_all
-from .periodic.fold import fold_statement
+from .periodic.fold_statement import fold_statement
 from .periodic.orbit import Orbit
 from .proof.prove import prove, prove_absence, prove_fold
 from .proof.theorem import Enclosure, Proof
-from .sweeps.answer import Sweep
+from .return_map.bifurcations import bifurcations
+from .return_map.diagram import Bifurcation, BifurcationDiagram, Branch, BranchEnd
+from .return_map.proofs import prove_doubling, prove_fixed_point
+from .return_map.return_map import FixedPoint, Hops, ReturnMap
+from .running.time_limit import time_limit
+from .simulation.multiplier import multiplier
+from .simulation.simulated import Simulation
+from .simulation.simulation import simulate
 from .sweeps.existence import Existence, existence
 from .sweeps.sweep import SweepProgress, sweep
+from .sweeps.sweep_result import Sweep
 from .sweeps.uncertainty import Uncertainty, uncertainty
-from .symbolic.time_limit import time_limit
+from .units import Units
 
 __all__ = [
     "METHODS", "Active", "Affine", "Arc", "Bifurcation", "BifurcationDiagram", "Branch", "BranchEnd", "Certificate",

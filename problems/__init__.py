@@ -4,22 +4,22 @@ from importlib import import_module
 from typing import Any
 
 _HOMES = {
-    "Actuated": ".actuated",
-    "Chain": ".chain",
-    "Disturbed": ".disturbed",
-    "Driven": ".driven",
-    "HeavyHand": ".juggler",
-    "Hopper": ".hopper",
-    "Juggler": ".juggler",
-    "chain_hand": ".hand",
+    "Actuated": ".steering.actuated",
+    "Chain": ".machines.chain",
+    "Disturbed": ".steering.disturbed",
+    "Driven": ".steering.driven",
+    "HeavyHand": ".machines.juggler",
+    "Hopper": ".machines.hopper",
+    "Juggler": ".machines.juggler",
+    "chain_hand": ".machines.chain_hand",
     "explore": ".explorer.server",
-    "hopper_in_si": ".units",
-    "inerter_hopper": ".inerter",
-    "juggler_in_si": ".units",
-    "knee_hopper": ".knee",
-    "plate_hopper": ".plate",
+    "hopper_in_si": ".machines.in_si",
+    "inerter_hopper": ".machines.inerter",
+    "juggler_in_si": ".machines.in_si",
+    "knee_hopper": ".machines.knee",
+    "plate_hopper": ".machines.plate",
 }
-_MODULES = ("gravity", "springs", "steering")
+_MODULES = {"gravity": ".laws.gravity", "springs": ".laws.springs", "steering": ".steering"}
 
 __all__ = [*_HOMES, *_MODULES]
 
@@ -27,7 +27,7 @@ __all__ = [*_HOMES, *_MODULES]
 def __getattr__(name: str) -> Any:
     # The command line lives in this package and must answer --help before CasADi and NumPy are loaded.
     if name in _MODULES:
-        return import_module(f".{name}", __name__)
+        return import_module(_MODULES[name], __name__)
     if name not in _HOMES:
         raise AttributeError(f"module 'problems' has no attribute '{name}'")
     return getattr(import_module(_HOMES[name], __name__), name)

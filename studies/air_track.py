@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from orbits import find
-from orbits.plot import plot_orbit, save_figure
+from orbits.show.plot import plot_orbit, save_figure
 from problems import juggler_in_si
 
 BALL, HAND = 0.2923, 0.2657  # kg

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from orbits import ReturnMap
-from orbits.plot import COLOURS, new_row, save_figure
+from orbits.show.plot import COLOURS, new_row, save_figure
 from problems import Hopper
 
 LAUNCHES = (4.5, 20.0)

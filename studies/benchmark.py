@@ -36,7 +36,7 @@ from orbits.continuation.curve import Curve
 from orbits.flow.flow import Flow
 from orbits.flow.runge_kutta import RungeKuttaStepper
 from orbits.periodic.formulations import equations_of
-from orbits.plot import save_figure
+from orbits.show.plot import save_figure
 from orbits.symbolic.kernels import Kernel
 from problems import Chain, Hopper
 

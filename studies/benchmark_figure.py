@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from orbits import METHODS
-from orbits.plot import COLOURS, Axes, legend_below, new_row, save_figure
+from orbits.result import Axes
+from orbits.show.plot import COLOURS, legend_below, new_row, save_figure
 
 OURS = (*METHODS, "warm", "Taylor, virtual machine", "Taylor, compiled", "Runge-Kutta of order 8")
 LOOKS = {way: ("o", colour) for way, colour in zip(OURS, cycle(COLOURS), strict=False)}

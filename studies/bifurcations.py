@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from orbits import BifurcationDiagram, bifurcations
-from orbits.plot import new_row, save_figure
+from orbits.show.plot import new_row, save_figure
 from problems import Hopper
 
 LAUNCHES = (4.4, 4.7)

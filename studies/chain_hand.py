@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from orbits import NoOrbit, Orbit, find, find_all, follow, starts
-from orbits.plot import COLOURS, NO_MOTIONS, legend_below, new_row, plot_orbit, save_figure
+from orbits.show.plot import COLOURS, NO_MOTIONS, legend_below, new_row, plot_orbit, save_figure
 from problems import Juggler, chain_hand
 
 LAWS = ["r + b*r**3", "K*r"]

@@ -20,7 +20,8 @@ import numpy as np
 
 from orbits import Orbit, OrbitsError, find, find_all, prove
 from orbits.check_proof import check
-from problems import Chain, Hopper, Juggler, hopper_in_si, inerter_hopper, knee_hopper, springs
+from problems import Chain, Hopper, Juggler, hopper_in_si, inerter_hopper, knee_hopper
+from problems.laws import springs
 
 # Laws of springs with the range of their parameter.
 LAWS = {

@@ -11,7 +11,7 @@ import argparse
 from pathlib import Path
 
 from orbits import Design, Front, NoOrbit, optimize, pareto, quantities
-from orbits.plot import new_row, save_figure
+from orbits.show.plot import new_row, save_figure
 from problems import hopper_in_si
 
 BODY, FOOT = 60.0, 3.0  # kg

@@ -69,7 +69,15 @@ def waited(driver, script: str, seconds: float = 60.0) -> None:
 
 def measured(moves: int) -> tuple[float, float, np.ndarray]:
     """Seconds until the page is served, until it is drawn, and from each move to its picture."""
-    command = [sys.executable, "-c", "from problems.cli import main; main()", "explore", "--no-browser", "--port", "0"]
+    command = [
+        sys.executable,
+        "-c",
+        "from problems.command.cli import main; main()",
+        "explore",
+        "--no-browser",
+        "--port",
+        "0",
+    ]
     driver = new_driver()
     try:
         began = time.perf_counter()

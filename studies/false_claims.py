@@ -18,7 +18,7 @@ from scipy.optimize import brentq
 
 from orbits import InputError, Mass, Mechanism, NoOrbit, Orbit, Spring, find, prove
 from orbits.io import write_json
-from orbits.model.laws import Law, Written
+from orbits.laws.law import Law, Written
 from orbits.proof.claim import Claim
 from orbits.proof.prove import prove_claims
 from problems import Hopper, hopper_in_si

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from orbits import find
-from orbits.plot import new_row, plot_orbit, save_figure
+from orbits.show.plot import new_row, plot_orbit, save_figure
 from problems import Hopper, Juggler
 
 

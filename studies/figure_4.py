@@ -13,7 +13,7 @@ import numpy as np
 
 from orbits import find
 from orbits.flow.flow import flow_of
-from orbits.plot import COLOURS, new_row, save_figure
+from orbits.show.plot import COLOURS, new_row, save_figure
 from problems import Hopper
 
 ALPHA = 4.493409457909064

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from orbits import ReturnMap, find
-from orbits.plot import COLOURS, new_row, save_figure
+from orbits.show.plot import COLOURS, new_row, save_figure
 from problems import HeavyHand, Hopper
 
 LIGHT, HEAVY = 0.02, 1e3

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from orbits import find, simulate
-from orbits.plot import new_row, plot_gap, save_figure
+from orbits.show.plot import new_row, plot_gap, save_figure
 from problems import Hopper
 
 TYPICAL = 4.0

@@ -17,7 +17,7 @@ from orbits import Arc, Statement, find
 from orbits.flow.flow import flow_of
 from orbits.numerics.bernstein import derivative, piecewise_roots
 from orbits.periodic.single_shooting import Shooting
-from orbits.plot import COLOURS, legend_below, new_row, save_figure
+from orbits.show.plot import COLOURS, legend_below, new_row, save_figure
 from problems import Hopper
 
 MACHINE = Hopper("r + beta*r**3", "1/(1 + z/R)**2", rest_length=12.0, parameters={"beta": 0.1, "R": 60.0})

@@ -18,7 +18,7 @@ import numpy as np
 
 from orbits import NoOrbit, ReturnMap, find, multiplier
 from orbits.numerics.roots import bracketed_root
-from orbits.plot import COLOURS, legend_below, new_row, save_figure
+from orbits.show.plot import COLOURS, legend_below, new_row, save_figure
 from problems import Hopper
 
 MACHINE = Hopper()

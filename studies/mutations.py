@@ -30,7 +30,10 @@ from xml.etree import ElementTree
 ROOT = Path(__file__).parent.parent
 COPIED = ("orbits", "problems", "studies", "tests", "README.md", "pyproject.toml")
 # Rooms without tests of their own, with those of the rooms that use them first.
-TESTED_BY = {"model": ("flow", "periodic")}
+TESTED_BY = {
+    "model": ("flow", "periodic"), "laws": ("problems/test_laws.py", "periodic"), "running": ("symbolic",),
+    "check.py": ("consistency",), "units.py": ("problems/test_units.py",),
+}  # fmt: skip
 # What rooms do for machines in SI is tested here; numerics knows no units.
 IN_SI = "tests/problems/test_units.py", "tests/problems/test_messages.py"
 SWAPPED = {

@@ -21,7 +21,8 @@ from scipy.optimize import brentq
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds the other studies
 
 from orbits import METHODS, InputError, NoOrbit, ReturnMap, find, follow
-from problems import Hopper, Juggler, springs
+from problems import Hopper, Juggler
+from problems.laws import springs
 from studies.oracle import bisected, by_another_integrator, landed
 
 # Of a launch speed that is known in closed form, the largest share that an orbit may say it is off by.

@@ -19,7 +19,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds the other studies
 
 from orbits import NoOrbit, Orbit, Proof, find, prove
-from orbits.plot import COLOURS, legend_below, new_row, save_figure
+from orbits.show.plot import COLOURS, legend_below, new_row, save_figure
 from problems import Hopper
 from studies.false_claims import KINDS, false_claims
 from studies.stress import random_laws

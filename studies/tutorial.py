@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from orbits import Inerter, Mass, Mechanism, ReturnMap, Spring, check, find, follow, multiplier, optimize, simulate
-from orbits.plot import save_figure
+from orbits.show.plot import save_figure
 
 
 def leg(inertance: float) -> Mechanism:

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from problems import Hopper
-from problems.cli import main
+from problems.command.cli import main
 
 DATA = Path(__file__).parent / "data"
 REFERENCES = json.loads((DATA / "orbits.json").read_text(encoding="utf-8"))

@@ -51,7 +51,7 @@ def writers(orbit, family, swept):
 def save(orbit, path):
     from matplotlib import pyplot
 
-    from orbits.plot import save_figure
+    from orbits.show.plot import save_figure
 
     axes = orbit.plot()
     try:

@@ -32,18 +32,8 @@ from orbits import (
     uncertainty,
 )
 from orbits.continuation import checkpoint
-from problems import (
-    Actuated,
-    Chain,
-    HeavyHand,
-    Hopper,
-    Juggler,
-    gravity,
-    hopper_in_si,
-    juggler_in_si,
-    springs,
-    steering,
-)
+from problems import Actuated, Chain, HeavyHand, Hopper, Juggler, hopper_in_si, juggler_in_si, steering
+from problems.laws import gravity, springs
 
 ROWS = ([-20.0, -10.0, -1.0, 0.0, 1.0, 10.0, 20.0], [-30.0, -14.0, -1.0, 0.0, 1.0, 14.0, 30.0])
 

@@ -14,8 +14,8 @@ from ..errors import InputError
 from ..io import check_ending, refusing, version, writing
 from ..model.machine import machine_in_words
 from ..periodic.find import Progress
-from ..symbolic import interrupts
-from ..symbolic.time_limit import TimeOver
+from ..running import interrupts
+from ..running.time_limit import TimeOver
 from .curve import CurvePoint
 from .family import ENDINGS, UNFINISHED, Family, Sealing
 from .point import End, Event, Point, json_line

@@ -12,16 +12,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..consistency.accepted import check_parameters
 from ..errors import InputError, NoOrbit, OrbitsError
 from ..flow.flow import OUT_OF_LAW
-from ..model.machine import Machine, check_parameters
-from ..model.units import Units, without_units
+from ..model.machine import Machine
 from ..periodic.certificate import certify
 from ..periodic.error_bound import error_bounds
 from ..periodic.find import certified_orbit
 from ..periodic.formulations import equations_of, interpret, or_none
 from ..periodic.orbit import Orbit, orbit_of
 from ..periodic.single_shooting import Evaluation, joined
+from ..units import Units, without_units
 from .point import RESERVED_NAMES, Point, point_in_units
 from .predictor import around
 

@@ -12,9 +12,9 @@ from itertools import pairwise
 import numpy as np
 
 from ..errors import InputError, NoOrbit, OrbitsError, finite_number
-from ..model.units import LIFTOFF_SPEED
 from ..numerics.roots import bracketed_root
 from ..periodic.orbit import Orbit
+from ..units import LIFTOFF_SPEED
 from .corrector import correct
 from .curve import TEST_FUNCTIONS, Curve, CurvePoint, Watch, interpolated
 

@@ -8,6 +8,7 @@ from typing import Any, BinaryIO, Literal, NotRequired, TypedDict, overload
 
 import numpy as np
 
+from ..consistency.accepted import check_parameters
 from ..errors import InputError
 from ..io import (
     DIGEST,
@@ -24,17 +25,16 @@ from ..io import (
     write_table,
     writing,
 )
-from ..model.machine import Machine, check_parameters
-from ..model.units import UNIT_TEXTS, saved_units
-from ..pages.cells import cell
-from ..pages.tables import DIGITS
+from ..model.machine import Machine
 from ..periodic.orbit import Orbit, SavedLaws, with_note
-from ..plot import spread
 from ..proof.branch_claim import BranchClaim
 from ..proof.claim import CONTACT_DURATION, Claim
 from ..proof.prove import prove_branch, prove_claims
 from ..proof.theorem import Proof
-from ..symbolic.time_limit import LIMIT
+from ..result import cell, shown
+from ..running.time_limit import LIMIT
+from ..tables import DIGITS
+from ..units import UNIT_TEXTS, saved_units
 from .hops import orbit_from
 from .point import COLUMNS, KNOWN, NUMBERS, SIDES, End, Event, Point, check_points, json_line, point_in_units
 from .proved_curve import branch_claim
@@ -334,10 +334,8 @@ class Family:
         return cell(self.summary(), self.rows(DIGITS), self.plot)
 
     def plot(self, quantity: str = "alpha", axes: Any = None, label: str | None = None) -> Any:
-        """Plot a quantity against the parameter; returns the axes. See `orbits.plot.plot_family`."""
-        from ..plot import plot_family
-
-        return plot_family(self, axes, quantity, label)
+        """Plot a quantity against the parameter; returns the axes. See `orbits.show.plot.plot_family`."""
+        return shown("plot").plot_family(self, axes, quantity, label)
 
     def page(self, path: str | Path, quantity: str = "alpha", machine: Machine | None = None) -> Path:
         """Write a page of the family in one file (.html) that needs no network; returns its path.
@@ -348,13 +346,12 @@ class Family:
 
         Raises `InputError` for a bad path, an unknown quantity, and without Bokeh.
         """
-        from ..pages.still import MOST_HOPS, family_page
-
+        still = shown("pages.still")
         hops: Iterator[tuple[Point, Orbit]] = iter(())
         if (whole := machine or self.source) is not None and self.points:
             check_parameters(whole, self.name)
-            hops = ((point, self._orbit(whole, point)) for point in spread(self, MOST_HOPS))
-        return family_page(self, path, quantity, hops)
+            hops = ((point, self._orbit(whole, point)) for point in shown("plot").spread(self, still.MOST_HOPS))
+        return still.family_page(self, path, quantity, hops)
 
     def _orbit(self, machine: Machine, point: Point) -> Orbit:
         """The whole orbit at a point."""

@@ -7,10 +7,10 @@ import numpy as np
 
 from ..errors import InputError, NoOrbit, finite_number
 from ..model.machine import Machine
-from ..periodic.fold import fold_statement
+from ..periodic.fold_statement import fold_statement
 from ..periodic.formulations import columns
 from ..periodic.single_shooting import Evaluation, shooting_equations
-from ..symbolic.exclusive import exclusive
+from ..running.exclusive import exclusive
 from .checkpoint import collect_family
 from .curve import Curve, CurvePoint, check_followed, machine_at
 from .family import Family

@@ -9,13 +9,13 @@ import numpy as np
 
 from ..errors import InputError, NoOrbit, finite_number
 from ..model.machine import Machine, machine_in_words
-from ..model.units import without_units
 from ..periodic.find import Progress, Root, another_family, lowest_of_family, solve_family, solve_near
 from ..periodic.orbit import Orbit
-from ..symbolic import interrupts
-from ..symbolic.exclusive import LOCK, exclusive
-from ..symbolic.heartbeat import running
-from ..symbolic.time_limit import time_limit
+from ..running import interrupts
+from ..running.exclusive import LOCK, exclusive
+from ..running.heartbeat import running
+from ..running.time_limit import time_limit
+from ..units import without_units
 from .checkpoint import collect_family
 from .corrector import correct
 from .curve import Curve, CurvePoint, Watch, check_followed, machine_at

@@ -9,7 +9,7 @@ from ..model.machine import Machine
 from ..periodic.find import certified_orbit
 from ..periodic.formulations import equations_of
 from ..periodic.orbit import Orbit, orbit_of
-from ..symbolic.exclusive import exclusive
+from ..running.exclusive import exclusive
 
 
 @exclusive

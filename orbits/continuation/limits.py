@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..errors import InputError, OrbitsError
-from ..model.units import LIFTOFF_SPEED, Message, Quantity, in_units
+from ..units import LIFTOFF_SPEED, Message, Quantity, in_units
 from .curve import Curve, CurvePoint
 from .events import Segment
 from .point import End, Point

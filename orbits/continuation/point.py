@@ -5,9 +5,9 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from ..io import fields_in_line, to_json
-from ..model.units import Units
 from ..periodic.certificate import Certificate
 from ..periodic.orbit import certificate_in_units
+from ..units import Units
 
 # Columns of a table of points, after the parameter's own.
 MOTION_COLUMNS = ("alpha", "liftoff_extension", "flight_time", "contact_time", "admissible")

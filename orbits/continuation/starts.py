@@ -8,10 +8,10 @@ import numpy as np
 
 from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..flow.flow import flow_of
-from ..model.laws import Law, from_formula, from_key
+from ..laws.law import Law, from_formula, from_key
+from ..mechanics.elements import Damper, Force, Spring
+from ..mechanics.mechanism import Mechanism
 from ..model.machine import Machine
-from ..model.mechanics.elements import Damper, Force, Spring
-from ..model.mechanism import Mechanism
 from ..periodic.find import find
 from ..periodic.linear_hops import linear_hops
 from .follow import follow

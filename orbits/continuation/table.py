@@ -8,8 +8,8 @@ import numpy as np
 from ..errors import InputError
 from ..model.machine import Machine
 from ..periodic.formulations import equations_of, interpret
-from ..periodic.many import Orbits, numbers_of
-from ..symbolic.exclusive import exclusive
+from ..periodic.orbits_at_once import Orbits, numbers_of
+from ..running.exclusive import exclusive
 
 # Quantities that the motions tell, besides the rises of the heights.
 OF_MOTIONS = ("stroke",)

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from ..errors import NoOrbit, OrbitsError
-from ..model.units import Message
+from ..units import Message
 from .corrector import MEMORY
 from .curve import Curve, CurvePoint, StepEnd
 from .events import Segment, may_happen

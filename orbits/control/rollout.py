@@ -8,7 +8,7 @@ import numpy as np
 
 from ..flow.trajectory import Trajectory
 from ..numerics.bernstein import PiecewisePolynomials, powers
-from .answer import ControlledLeg, WarmStart
+from .control import ControlledLeg, WarmStart
 from .stage import RUNNING_COST, Stage, stage_flow
 from .transcription import StageUnknowns
 

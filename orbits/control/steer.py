@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError, NoOrbit, finite_number
-from ..model.units import TIME, Message, Quantity
-from ..symbolic import interrupts
-from ..symbolic.exclusive import exclusive
+from ..running import interrupts
+from ..running.exclusive import exclusive
 from ..symbolic.ipopt import Minimum
-from .answer import Control, ControlledLeg, WarmStart
+from ..units import TIME, Message, Quantity
+from .control import Control, ControlledLeg, WarmStart
 from .rollout import MotionRollout, roll_out
 from .stage import Stage, check_range, check_stage
 from .transcription import StageUnknowns, Transcription, transcription

@@ -13,12 +13,12 @@ import numpy as np
 
 from ..errors import NoOrbit
 from ..model.machine import Machine
-from ..model.units import without_units
 from ..periodic.find import certified_orbit
 from ..periodic.formulations import equations_of, vector
 from ..periodic.orbit import Orbit
-from ..symbolic import interrupts
+from ..running import interrupts
 from ..symbolic.ipopt import Minimum
+from ..units import without_units
 from .nlp import DEMAND_MARGIN, DesignPoint, Ties, Weights, design_point
 from .optimality import Design, optimum_at
 from .problem import DesignProblem, Outputs

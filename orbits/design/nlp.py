@@ -16,12 +16,12 @@ import numpy as np
 from ..errors import NoOrbit
 from ..model.machine import Machine
 from ..model.model import Model
-from ..model.units import DIMENSIONS, LENGTH, Units
 from ..numerics.roots import solve
 from ..periodic.multiple_shooting import MeshTrajectory, ShootingMesh, trajectory_on_mesh
 from ..periodic.orbit import Orbit
 from ..symbolic.ipopt import Minimiser, Minimum
 from ..symbolic.kept import kept
+from ..units import DIMENSIONS, LENGTH, Units
 from .problem import Outputs
 from .quantities import ABSENT, Place, expressions, extreme_values, extremes_of, locate, without_contact
 

@@ -15,9 +15,9 @@ import numpy as np
 from ..errors import InputError
 from ..io import conform, one_line, read_file, read_sealed, to_json, write_json
 from ..model.machine import Machine, machine_in_words
-from ..pages.cells import cell
-from ..pages.tables import DIGITS, number_text, orbit_rows
 from ..periodic.orbit import Orbit, orbit_of
+from ..result import cell
+from ..tables import DIGITS, number_text, orbit_rows
 from .nlp import DesignPoint
 from .problem import DesignProblem
 

@@ -12,8 +12,8 @@ import numpy as np
 from ..errors import InputError, NoOrbit, OrbitsError, whole_number
 from ..model.machine import Machine
 from ..periodic.find import Progress, find
-from ..symbolic import interrupts
-from ..symbolic.exclusive import exclusive
+from ..running import interrupts
+from ..running.exclusive import exclusive
 from .local import Infeasible, Unbounded, local_optimum
 from .optimality import Design, Start
 from .problem import DesignProblem, design_problem

@@ -12,12 +12,11 @@ import numpy as np
 from ..errors import InputError, OrbitsError, whole_number
 from ..io import DOCUMENTS, conform, one_line, read_file, read_sealed, write_json, write_table
 from ..model.machine import Machine
-from ..pages.cells import cell
-from ..pages.tables import number_text
 from ..periodic.find import Progress, find
-from ..plot import Axes, plot_front
-from ..symbolic import interrupts
-from ..symbolic.exclusive import exclusive
+from ..result import Axes, cell, shown
+from ..running import interrupts
+from ..running.exclusive import exclusive
+from ..tables import number_text
 from .optimality import Design
 from .optimize import best_design, multistart, starting_points
 from .problem import Constraint, DesignProblem, design_problem, formula_names, known_formula
@@ -67,8 +66,8 @@ class Front:
         return one_line(self, {"minimise": self.texts, "designs": len(self.designs), "seconds": self.seconds})
 
     def plot(self, axes: Axes | None = None) -> Axes:
-        """Plot the objectives of the designs against each other; returns the axes. See `orbits.plot.plot_front`."""
-        return plot_front(self, axes)
+        """Plot the objectives of the designs against each other; returns the axes."""
+        return shown("plot").plot_front(self, axes)
 
     def save(self, path: str | Path) -> Path:
         """Write the document with the whole orbits (.json) or a table of objectives and parameters (.csv); returns the

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..consistency.accepted import check_parameters
 from ..errors import InputError, finite_number
-from ..model.machine import Machine, check_parameters, free_parameters
+from ..model.machine import Machine, free_parameters
 from ..model.model import Model
 from ..model.phase import Statement
 from ..symbolic.formula import Formula, parse, suggest

@@ -17,12 +17,12 @@ from ..errors import InputError, NoOrbit
 from ..model.machine import Machine
 from ..model.model import Model
 from ..model.phase import Arc, Phase, Statement
-from ..model.units import DIMENSIONS, Message, in_units
 from ..numerics.roots import bracketed_root
 from ..periodic.formulations import half_orbit
 from ..periodic.local_law import by_launch_speed, launch_power, loss_coefficient
 from ..periodic.orbit import Orbit
 from ..symbolic.kept import kept
+from ..units import DIMENSIONS, Message, in_units
 
 # Quantities of every orbit.
 QUANTITIES = tuple(name for name in DIMENSIONS if name not in ("error", "alpha_noise", "loss_error"))

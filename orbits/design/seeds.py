@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import NoOrbit
 from ..model.machine import Machine
-from .many import Designs, solved_designs
+from .designs_at_once import Designs, solved_designs
 from .problem import DesignProblem
 
 # Designs of the sample, neighbours that a design is held against, and local searches at most.

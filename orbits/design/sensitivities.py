@@ -3,12 +3,13 @@
 from collections.abc import Sequence
 from typing import TypeAlias
 
+from ..consistency.accepted import check_parameters
 from ..errors import InputError
-from ..model.machine import Machine, check_parameters, free_parameters, machine_in_words
+from ..model.machine import Machine, free_parameters, machine_in_words
 from ..periodic.find import find
 from ..periodic.orbit import Orbit
-from ..symbolic import interrupts
-from ..symbolic.exclusive import exclusive
+from ..running import interrupts
+from ..running.exclusive import exclusive
 from .nlp import DesignPoint, design_point
 from .problem import Outputs, formula_names, known_formula
 from .quantities import extremes_of, locate, quantity_names

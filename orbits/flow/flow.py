@@ -14,11 +14,11 @@ from numpy.typing import ArrayLike
 from ..errors import BreaksDown, FlowError, OutOfRange, RunsAway
 from ..model.modes import Modes
 from ..model.phase import Phase
-from ..model.units import TIME, Message, Quantity, described
 from ..numerics.roots import Array
-from ..symbolic import interrupts
+from ..running import interrupts
 from ..symbolic.calls import BufferedFunction, ElementwiseFunction
 from ..symbolic.kept import kept
+from ..units import TIME, Message, Quantity, described
 from .breakpoints import ActivePiece
 from .runge_kutta import RungeKuttaStepper
 from .taylor import TaylorStepper

@@ -7,7 +7,7 @@ from ..errors import BreaksDown, FlowError, RunsAway
 from ..model.phase import Affine
 from ..numerics.bernstein import Crossings, PiecewisePolynomials, evaluate, powers
 from ..numerics.roots import Array
-from ..symbolic import interrupts
+from ..running import interrupts
 from .breakpoints import ActivePieces
 from .flow import Flow, StopTest
 from .taylor import LONGEST_STEP, TaylorStepper, Watched

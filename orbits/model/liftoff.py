@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError, NoOrbit
-from .laws import WRONG_SIGN, Key, Law, values_and_slopes
-from .units import EXTENSION, FORCE, Message, Quantity
+from ..laws.law import WRONG_SIGN, Key, Law, values_and_slopes
+from ..units import EXTENSION, FORCE, Message, Quantity
 
 # Below this slope, rounding cannot tell a force that passes the level of lift-off from one that only touches it.
 FLATTEST_LIFTOFF = 1e-14

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from .features import (
+from ..laws.features import (
     NO_FEATURES,
     features,
     features_of_many,
@@ -25,7 +25,7 @@ from .features import (
     unit_of_length,
     units_of_length,
 )
-from .laws import WRONG_SIGN, Key, Parameters, from_key
+from ..laws.law import WRONG_SIGN, Key, Parameters, from_key
 from .liftoff import Liftoff
 from .model import Reduction, Search
 from .modes import Modes, single_mode

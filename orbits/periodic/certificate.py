@@ -13,11 +13,11 @@ from ..flow.trajectory import Trajectories
 from ..io import fields_in_line
 from ..model.model import Model
 from ..model.phase import Phase
-from ..model.units import JERK, LENGTH, TIME, Message, Quantity
 from ..numerics.bernstein import PiecewisePolynomials, derivative, evaluate
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
 from ..symbolic.calls import ElementwiseFunction
 from ..symbolic.kept import kept
+from ..units import JERK, LENGTH, TIME, Message, Quantity
 from .error_bound import DOUBTFUL_RATIO, EPS, NARROW
 from .formulations import CONTACT_FORCE, NONE, Cycles, or_none, vectors
 from .local_law import by_launch_speed, launch_power, loss_coefficient

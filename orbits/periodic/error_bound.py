@@ -8,12 +8,12 @@ from ..errors import NoOrbit
 from ..flow.flow import Flow
 from ..flow.trajectory import Trajectories, Trajectory
 from ..flow.vector_field import runge_kutta
-from ..model.units import LIFTOFF_SPEED, Message, Quantity
 from ..numerics.bernstein import powers
 from ..numerics.quadrature import GAUSS, GAUSS_PLACES, GAUSS_WEIGHTS
 from ..numerics.roots import solve
 from ..symbolic.calls import BufferedFunction, ElementwiseFunction
 from ..symbolic.kept import kept
+from ..units import LIFTOFF_SPEED, Message, Quantity
 from .single_shooting import Evaluation, Shooting
 
 # Rounding errors of n steps add up at random, like the square root of n, and by their bias, like n. The two are equal

@@ -8,14 +8,15 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
+from ..consistency.accepted import check_machine
 from ..errors import FlowError, InputError, NoOrbit, finite_number
-from ..model.laws import NOISE
-from ..model.machine import Machine, check_machine, dimensionless
+from ..laws.law import NOISE
+from ..model.machine import Machine, dimensionless
 from ..model.model import Model
-from ..model.units import LIFTOFF_SPEED, TIME, Message, Quantity, in_units, without_units
-from ..symbolic import interrupts
-from ..symbolic.exclusive import exclusive
-from ..symbolic.time_limit import time_limit
+from ..running import interrupts
+from ..running.exclusive import exclusive
+from ..running.time_limit import time_limit
+from ..units import LIFTOFF_SPEED, TIME, Message, Quantity, in_units, without_units
 from .certificate import certify
 from .error_bound import error_bounds, noise_of_alpha
 from .family_search import Cells, Lateness

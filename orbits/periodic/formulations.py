@@ -14,8 +14,8 @@ from ..flow.trajectory import Trajectories
 from ..flow.zero_crossing import first_zero, first_zeros, until_zero
 from ..model.model import Model, Reduction
 from ..model.phase import Affine, Arc, Phase, Statement
-from ..model.units import Message
 from ..numerics.roots import solve
+from ..units import Message
 from .single_shooting import Evaluation, Shooting, shooting_equations
 
 # Marks a minimum, a peak or a time that does not exist.

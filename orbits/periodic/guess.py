@@ -8,13 +8,13 @@ import numpy as np
 from ..errors import FlowError, NoOrbit, OutOfRange
 from ..flow.flow import Flow, flow_of
 from ..flow.zero_crossing import first_zeros
-from ..model.laws import from_key, values_and_slopes
+from ..laws.law import from_key, values_and_slopes
 from ..model.model import Model
 from ..model.phase import Affine
 from ..model.relative import FASTEST, Relative, half_angle
-from ..model.units import SPEED, Message, Quantity
 from ..numerics.bernstein import Crossings
 from ..numerics.roots import answered, root_search
+from ..units import SPEED, Message, Quantity
 
 # The slowest launch speed of a search, in multiples of the machine's own scale of speed, from which it starts again
 # when its first speed is too fast.

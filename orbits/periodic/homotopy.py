@@ -6,8 +6,8 @@ import numpy as np
 
 from ..errors import InconsistentModel, NoOrbit
 from ..model.model import Model
-from ..model.units import LIFTOFF_SPEED, Message, Quantity
 from ..numerics.roots import solve
+from ..units import LIFTOFF_SPEED, Message, Quantity
 from .certificate import count_families
 from .formulations import halved, vector
 from .guess import guess

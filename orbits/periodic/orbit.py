@@ -9,7 +9,6 @@ from typing import Any, BinaryIO, NotRequired, TypedDict
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..animation import Report, animate_orbit
 from ..errors import InputError
 from ..flow.trajectory import SavedTrajectory, Trajectory, trajectory_of
 from ..io import DIGEST, Changed, conform, one_line, read_file, read_sealed, to_json, write_json
@@ -17,11 +16,10 @@ from ..model.machine import Machine, machine_in_words
 from ..model.model import Knee
 from ..model.phase import Affine
 from ..model.state_formula import SavedHeight, StateFormula, height_of
-from ..model.units import EXTENSION, UNIT_TEXTS, SavedUnits, Units, in_units, saved_units
 from ..numerics.bernstein import lowest
-from ..pages.cells import cell
-from ..pages.tables import VIOLATED, machine_rows, orbit_rows
-from ..plot import plot_orbit, plot_phase_portrait
+from ..result import Report, cell, shown
+from ..tables import VIOLATED, machine_rows, orbit_rows
+from ..units import EXTENSION, UNIT_TEXTS, SavedUnits, Units, in_units, saved_units
 from .certificate import Certificate
 from .formulations import CONTACT_FORCE
 
@@ -276,16 +274,16 @@ class Orbit:
         return cell(self.summary(), orbit_rows(self), self.plot)
 
     def plot(self, axes: Any = None) -> Any:
-        """Plot heights against time as in Fig. 3 of the paper; returns the axes. See `orbits.plot.plot_orbit`."""
-        return plot_orbit(self, axes)
+        """Plot heights against time as in Fig. 3 of the paper; returns the axes."""
+        return shown("plot").plot_orbit(self, axes)
 
     def plot_phase_portrait(self, axes: Any = None) -> Any:
         """Plot speed against height over a cycle; returns the axes."""
-        return plot_phase_portrait(self, axes)
+        return shown("plot").plot_phase_portrait(self, axes)
 
     def animate(self, path: str | Path, frames: int = 80, *, progress: Report = None) -> Path:
-        """Write an animation of one cycle (.gif or .mp4); returns its path. See `orbits.animation.animate_orbit`."""
-        return animate_orbit(self, path, frames, progress)
+        """Write an animation of one cycle (.gif or .mp4); returns its path."""
+        return shown("animation").animate_orbit(self, path, frames, progress)
 
     def page(self, path: str | Path) -> Path:
         """Write a page in one file (.html) that needs no network: the animated machine, the certificate, heights, phase
@@ -293,9 +291,7 @@ class Orbit:
 
         Raises `InputError` for a bad path, and without Bokeh.
         """
-        from ..pages.still import orbit_page
-
-        return orbit_page(self, path)
+        return shown("pages.still").orbit_page(self, path)
 
     def save(self, path: str | Path) -> Path:
         """Write the orbit to a JSON file, every float with the digits that bring it back; returns the path.

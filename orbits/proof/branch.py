@@ -50,7 +50,7 @@ from fractions import Fraction
 
 from flint import arb, ctx
 
-from ..symbolic.time_limit import time_limit
+from ..running.time_limit import time_limit
 from .branch_claim import BranchClaim
 from .branch_motion import MotionChecks, MotionStretch
 from .branch_piece import CurveEquations

@@ -13,8 +13,8 @@ from flint import arb, ctx
 from ..errors import OrbitsError
 from .branch_claim import BranchClaim
 from .branch_piece import CurveEquations, CurvePiece, inside, prove_piece, signs_along
-from .fold import proved_fold
 from .programs import ball_of_fraction
+from .proved_fold import proved_fold
 from .refusal import TooLong, Unproved
 from .root import FIRST_BITS
 from .tube import narrowed

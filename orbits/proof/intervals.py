@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from decimal import Decimal
 
-from ..symbolic.time_limit import time_limit
+from ..running.time_limit import time_limit
 from .case import CONDITIONS, REFUTED, UNDECIDED, check_mirrored, not_stated, whole_proof
 from .claim import Claim
 from .decimals import bounds_of_fractions

@@ -11,11 +11,12 @@ from importlib.util import find_spec
 from multiprocessing import get_context
 from typing import Protocol, TypeAlias
 
+from ..consistency.accepted import check_machine, check_parameters
 from ..errors import InputError
-from ..model.machine import Machine, check_machine, check_parameters
+from ..model.machine import Machine
 from ..periodic.orbit import Orbit
-from ..symbolic.exclusive import exclusive
-from ..symbolic.time_limit import LIMIT, time_limit
+from ..running.exclusive import exclusive
+from ..running.time_limit import LIMIT, time_limit
 from .branch_claim import BranchClaim
 from .claim import Claim, claim_of
 from .theorem import Proof
@@ -151,7 +152,7 @@ def prove_fold(
     if machine.units is not None:
         raise InputError("a fold is proved of a dimensionless machine: follow and prove machine.dimensionless()")
     from .case import checked_digits
-    from .fold import proof_of_fold
+    from .proved_fold import proof_of_fold
 
     names = machine.model.reduction.statement.unknowns if machine.model.reduction else machine.model.half_unknowns
     if len(fold.u) != len(names) or not fold.tangent[names.index("alpha")]:

@@ -1,6 +1,6 @@
 """What is said where a proof does not succeed, or takes too long; it is no error but a result."""
 
-from ..symbolic import time_limit
+from ..running import time_limit
 
 
 class Unproved(Exception):

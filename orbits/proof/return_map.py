@@ -1,7 +1,7 @@
 """Fixed points of the return map with injection, and where one loses its stability by period doubling, proved.
 
 The map takes the launch speed alpha of a machine of two coordinates to the speed at the next lift-off, and adds the
-injection to it; see `orbits.hybrid.return_map`. `hop` has its equations.
+injection to it; see `orbits.return_map.return_map`. `hop` has its equations.
 
 Theorem 1. Let the equations of a hop with k bounces have a zero at which, along the enclosed motion,
 

@@ -11,11 +11,11 @@ from numbers import Rational
 from typing import Any
 
 from ..errors import InputError
-from ..model.laws import Key
+from ..laws.law import Key
+from ..mechanics.derived import derived_launch
+from ..mechanics.elements import Inerter, Mass, Potential, Scalar, Spring, Weight
+from ..mechanics.mechanism import Mechanism
 from ..model.machine import Machine, free_parameters
-from ..model.mechanics.derived import derived_launch
-from ..model.mechanics.elements import Inerter, Mass, Potential, Scalar, Spring, Weight
-from ..model.mechanism import Mechanism
 from ..symbolic.formula import parse
 from ..symbolic.tracing import traced_of_places
 from .decimals import decimal_text, is_decimal

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..io import one_line, write_json
-from ..pages.cells import cell
+from ..result import cell
 
 # The width of the lines of a statement.
 LINE_WIDTH = 110

@@ -18,7 +18,7 @@ import numpy as np
 
 from ..errors import InputError, whole_number
 from ..io import MEGABYTE
-from ..symbolic import interrupts
+from ..running import interrupts
 from .members import failed_table, solve_chunk
 from .question import CHUNK, Question, Table
 

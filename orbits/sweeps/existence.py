@@ -15,17 +15,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..design.many import DESIGN_STATUSES, solved_designs
+from ..design.designs_at_once import DESIGN_STATUSES, solved_designs
 from ..errors import InputError, whole_number
 from ..io import check_ending, fields_in_line, write_json, write_table, writing
 from ..model.machine import Machine
-from ..pages.cells import cell
 from ..periodic.find import LARGEST_FAMILY
-from ..symbolic import interrupts
-from .answer import Sweep
+from ..result import cell, shown
+from ..running import interrupts
 from .designs import Axis, axis_of
-from .show import on_screen
+from .progress import on_screen
 from .sweep import SweepProgress, sweep
+from .sweep_result import Sweep
 
 # Boundaries are located to this share of the range of a parameter.
 LOCATED_TO = 1e-6
@@ -140,11 +140,9 @@ class Existence:
 
     def plot(self, quantity: str | None = None, axes: Any = None) -> Any:
         """Plot the diagram, coloured by a quantity if one is named; returns the axes."""
-        from .figures import plot_existence
-
         if quantity is not None and quantity not in self.grid.numbers:
             raise InputError(f"the diagram has no quantity '{quantity}'; it has {', '.join(self.grid.numbers)}")
-        return plot_existence(self, quantity, axes)
+        return shown("sweep_figures").plot_existence(self, quantity, axes)
 
     def document(self) -> dict[str, Any]:
         """The diagram as JSON-ready data: the rows in stretches, the boundaries, and the members on the grid."""

@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from ..design.many import solved_designs
+from ..design.designs_at_once import solved_designs
 from ..design.problem import formula_names, known_formula
 from ..errors import OrbitsError
-from ..hybrid.return_map import ReturnMap
 from ..model.machine import Machine
-from ..symbolic import interrupts
-from ..symbolic.exclusive import exclusive
+from ..return_map.return_map import ReturnMap
+from ..running import interrupts
+from ..running.exclusive import exclusive
 from .question import LAUNCH_SPEED, Question, Table, empty_table
 
 

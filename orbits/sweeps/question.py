@@ -7,12 +7,13 @@ from typing import Any, NamedTuple, TypedDict
 
 import numpy as np
 
+from ..consistency.accepted import check_machine
 from ..continuation.checkpoint import versions
 from ..design.problem import formula_names, known_formula
 from ..errors import InputError, finite_number, whole_number
-from ..model.machine import Machine, check_machine, machine_in_words
+from ..model.machine import Machine, machine_in_words
 from ..periodic.find import LARGEST_FAMILY
-from ..symbolic.exclusive import exclusive
+from ..running.exclusive import exclusive
 from .designs import Axis, Members
 
 OUTCOMES = ("find", "map", "fixed_points")

@@ -8,16 +8,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ..consistency.accepted import check_machine
 from ..errors import InputError, OrbitsError
-from ..model.machine import Machine, check_machine, free_parameters
-from ..symbolic import interrupts
-from ..symbolic.exclusive import exclusive
-from ..symbolic.time_limit import TimeOver
-from .answer import Sweep, solves_again
+from ..model.machine import Machine, free_parameters
+from ..running import interrupts
+from ..running.exclusive import exclusive
+from ..running.time_limit import TimeOver
 from .designs import Members, members_of
 from .execute import check_executor, chunks_of, solved_chunks
+from .progress import on_screen
 from .question import LAUNCH_SPEED, Question, Table, empty_table, question_of
-from .show import on_screen
+from .sweep_result import Sweep, solves_again
 
 if TYPE_CHECKING:
     from .store import Store

@@ -10,11 +10,11 @@ from ..design.sensitivities import sensitivities
 from ..errors import InputError, whole_number
 from ..io import one_line
 from ..model.machine import Machine
-from ..pages.cells import cell
 from ..periodic.find import find
-from .answer import QUANTILES, Sweep
+from ..result import cell
 from .designs import members_of
 from .sweep import sweep as swept
+from .sweep_result import QUANTILES, Sweep
 
 # Shares of the members below the quantiles that are printed, and the columns of the printed table.
 OUTER_QUANTILES = ("5%", "95%")

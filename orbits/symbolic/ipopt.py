@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import NoOrbit
 from ..numerics.roots import Array
-from . import heartbeat, interrupts
+from ..running import heartbeat, interrupts
 from .kept import weigh
 
 Pair = tuple[Array, Array]

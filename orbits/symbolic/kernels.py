@@ -12,9 +12,9 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from . import interrupts
+from ..running import interrupts
+from ..running.exclusive import LOCK, threads
 from .calls import BufferedFunction
-from .exclusive import LOCK, threads
 from .kept import weigh
 from .machine_code import MOST_LANES, MachineCode, compile_seconds, say_interpreted, target
 

@@ -9,14 +9,14 @@ import numpy as np
 from orbits.continuation.family import Family
 from orbits.continuation.follow import follow
 from orbits.errors import InputError
-from orbits.hybrid.return_map import ReturnMap
-from orbits.pages.family import FamilyData, family_data
-from orbits.pages.hop import HopData, hop_data
-from orbits.pages.law import LawData, law_data
-from orbits.pages.return_map import MapData, map_data
-from orbits.pages.tables import orbit_rows
 from orbits.periodic.find import find
 from orbits.periodic.orbit import Orbit
+from orbits.return_map.return_map import ReturnMap
+from orbits.show.pages.family_view import FamilyData, family_data
+from orbits.show.pages.hop_view import HopData, hop_data
+from orbits.show.pages.law_view import LawData, law_data
+from orbits.show.pages.map_view import MapData, map_data
+from orbits.tables import orbit_rows
 
 from .dials import Dial, dials_of
 from .scene import Scene

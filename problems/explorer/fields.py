@@ -9,8 +9,8 @@ from typing import Any
 
 from orbits.errors import InputError
 
-from .. import gravity as gravities
-from .. import springs
+from ..laws import gravity as gravities
+from ..laws import springs
 from .dials import Dial
 from .scene import GIVEN, DroppedRows, Scene, beginning
 

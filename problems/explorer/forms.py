@@ -4,15 +4,14 @@ import base64
 import json
 import zlib
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
 
 from orbits.errors import InputError
 
-from ..files import MASSES, SI_KEYS, build
-from .scene import LARGEST_ROWS, LINEAR_IN_SI, LOSSES, DroppedRows, Scene, beginning, with_surroundings
+from ..machines.files import MASSES, SI_KEYS
+from .scene import LARGEST_ROWS, LINEAR_IN_SI, LOSSES, DroppedRows, Scene, with_surroundings
 
 # Characters of measured rows in a link, packed: browsers and servers take some 60,000 of an address.
 LONGEST_ROWS_IN_LINK = 8000
@@ -120,7 +119,7 @@ def _whole_in_link(name: str, text: str) -> int:
 
 
 def scene_of_statement(told: Mapping[str, Any], family: int = 1) -> Scene:
-    """The scene of a statement that `problems.files.read` gave or the command line, whose table is read from its file.
+    """The scene of a statement of a machine file or of the command line, whose table is read from its file.
 
     Raises `InputError` for a table that cannot be read; what else is wrong, `Scene.build` says.
     """
@@ -143,8 +142,8 @@ def scene_of_statement(told: Mapping[str, Any], family: int = 1) -> Scene:
 
 def _rows_from_file(spring: str) -> DroppedRows:
     """The rows of "table:FILE?branch=loading&noise=0.5", with the text of the file."""
-    from ..springs import table_options
-    from ..tables import text_of
+    from ..laws.measured import text_of
+    from ..laws.springs import table_options
 
     path, options = table_options(spring.removeprefix("table:"))
     return DroppedRows(Path(path).name, text_of(Path(path)), **options)
@@ -200,15 +199,3 @@ def python_lines(scene: Scene) -> str:
     if len(call) > 100:
         call = f"machine = {maker}(\n    " + ",\n    ".join(arguments) + ",\n)"
     return f"from orbits import find\nfrom problems import {maker}\n\n{call}\n{find}"
-
-
-def first_scene(family: int = 1, **stated: Any) -> Scene:
-    """The scene of the command line's options, of a hopper with a cubic spring where they say nothing; raises
-    `InputError` for a machine that cannot be."""
-    from ..options import statement_of
-
-    if not any(value for value in stated.values()):
-        return replace(beginning("hopper"), family=family)
-    statement, where = statement_of(**stated)
-    build(statement, where)
-    return scene_of_statement(statement, family)

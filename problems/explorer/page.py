@@ -18,11 +18,11 @@ from bokeh.resources import Resources
 from jinja2 import Template
 
 from orbits.errors import InputError
-from orbits.pages.family import FamilyFigure
-from orbits.pages.hop import HopFigures
-from orbits.pages.law import LawFigure
-from orbits.pages.return_map import MapFigure
-from orbits.pages.tables import html_table
+from orbits.show.pages.family_view import FamilyFigure
+from orbits.show.pages.hop_view import HopFigures
+from orbits.show.pages.law_view import LawFigure
+from orbits.show.pages.map_view import MapFigure
+from orbits.tables import html_table
 
 from .answers import DialsAnswer, FamilyAnswer, HopAnswer, same_family
 from .dials import Dial

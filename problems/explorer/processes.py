@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from orbits.symbolic import interrupts
+from orbits.running import interrupts
 
 # What the server of processes imports before the first one is asked of it.
 PRELOADED = ["problems.explorer.worker"]

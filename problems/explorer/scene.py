@@ -14,13 +14,13 @@ from pathlib import Path
 from typing import Any
 
 from orbits.errors import InputError, finite_number, whole_number
-from orbits.model.laws import Law
+from orbits.laws.law import Law
 from orbits.symbolic.formula import parse, suggest
 
-from .. import gravity as gravities
-from .. import springs
-from ..files import KINDS, MASSES, SI_KEYS, SI_PARAMETERS, build
-from ..units import AnyMachine, MachineInSI
+from ..laws import gravity as gravities
+from ..laws import springs
+from ..machines.files import KINDS, MASSES, SI_KEYS, SI_PARAMETERS, build
+from ..machines.in_si import AnyMachine, MachineInSI
 
 # The machine that `explore` was given, where no statement makes it.
 GIVEN = "given"
@@ -183,7 +183,7 @@ class Scene:
         return replace(self, numbers=numbers, along=along)
 
     def statement(self) -> dict[str, Any]:
-        """The scene's machine as `problems.files` states one, with a file's name in the place of measured rows."""
+        """The scene's machine as a machine file states one, with a file's name in the place of measured rows."""
         numbers, masses = dict(self.numbers), MASSES[self.machine]
         own = (*masses, *SI_KEYS[:-1]) if self.si else ("mass_ratio", "rest_length")
         stated = {name: numbers.pop(name) for name in own if name in numbers}

@@ -114,7 +114,7 @@ def _page_of(scene: "Scene", given: Any) -> Callable[[Any], None]:
 
 def _page_of_words(text: str) -> Any:
     """A text as a model of Bokeh."""
-    from orbits.pages.bokeh_figures import bokeh
+    from orbits.show.pages.bokeh_figures import bokeh
 
     return bokeh("models").Div(text=escape(text))
 
@@ -211,12 +211,12 @@ def explore(machine: Any = None, *, height: int = 900) -> Exploration:
     the extra `explore`, and for what is no machine.
     """
     if machine is None:
-        from ..hopper import Hopper
+        from ..machines.hopper import Hopper
 
         machine = Hopper("r + beta*r**3", rest_length=8.0, parameters={"beta": 0.3})
     from multiprocessing import current_process
 
-    from orbits.model.machine import check_machine
+    from orbits.consistency.accepted import check_machine
 
     check_machine(machine, "with_values")
     if getattr(current_process(), "_inheriting", False):  # a worker is importing the script that called this

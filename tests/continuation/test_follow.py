@@ -21,8 +21,9 @@ from orbits.periodic.certificate import certify
 from orbits.periodic.find import solve_family
 from orbits.periodic.newton_kernel import NewtonKernel
 from orbits.periodic.single_shooting import Shooting
-from orbits.plot import spread, thumbnails
-from problems import Hopper, Juggler, hopper_in_si, springs
+from orbits.show.plot import spread, thumbnails
+from problems import Hopper, Juggler, hopper_in_si
+from problems.laws import springs
 from studies.random_families import differences, random_springs, twice
 
 GOLDEN = {float(beta): middle(hop["alpha"]) for beta, hop in PROVED["cubic"].items()}

@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 
 import orbits.continuation.starts as room
 from orbits import Damper, Force, InputError, Mass, Mechanism, NoOrbit, Spring, find, starts
-from problems import springs
+from problems.laws import springs
 
 MASSES = [Mass("body", 2.0), Mass("foot", 0.5), Mass("plate", 3.0)]
 VALUES = {"k": 3.0, "h": 20.0, "c": 0.01}

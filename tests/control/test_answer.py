@@ -8,7 +8,7 @@ import pytest
 from legibility import faults
 
 from orbits import Control, Guess, Input, InputError, Phase, Stage, steer
-from orbits.plot import new_axes, new_row
+from orbits.show.plot import new_axes, new_row
 
 CART = Phase("cart", ("x", "v"), lambda x, p, q: [x[1], p["f"]])
 SLED = Phase("sled", ("v", "x", "heat"), lambda x, p, q: [p["f"], x[0], p["g"] ** 2])

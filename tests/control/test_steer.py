@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp, trapezoid
 from scipy.linalg import expm
 
 from orbits import Guess, Input, InputError, NoOrbit, Phase, Stage, find, simulate, steer
-from orbits.hybrid.impacts import Impacts
+from orbits.simulation.impacts import Impacts
 from problems import Actuated, Chain, Hopper, Juggler, steering
 
 CART = Phase("cart", ("x", "v"), lambda x, p, q: [x[1], p["f"]])

@@ -7,7 +7,7 @@ from conftest import grazing_flights
 from orbits import ReturnMap
 from orbits.flow.flow import Flow
 from orbits.flow.zero_crossing import CLOSED_BLOCK, CLOSED_STEP, first_zeros
-from orbits.hybrid.impacts import Impacts
+from orbits.simulation.impacts import Impacts
 from problems import Hopper
 
 

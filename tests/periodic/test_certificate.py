@@ -18,7 +18,8 @@ from orbits.numerics.roots import solve
 from orbits.periodic import error_bound
 from orbits.periodic.formulations import landing_gap_slope
 from orbits.periodic.local_law import by_launch_speed, launch_power
-from problems import HeavyHand, Hopper, Juggler, springs
+from problems import HeavyHand, Hopper, Juggler
+from problems.laws import springs
 
 mpmath.mp.dps = 30
 

@@ -8,10 +8,10 @@ import pytest
 import studies.search
 from orbits import InputError, NoOrbit, Orbit, find, find_all
 from orbits.errors import LONGEST_MESSAGE
-from orbits.model.features import features, unit_of_length
+from orbits.laws.features import features, unit_of_length
 from orbits.model.model import Search
 from orbits.periodic.family_search import LATEST_TURN, Lateness
-from orbits.periodic.many import lowest_orbits
+from orbits.periodic.orbits_at_once import lowest_orbits
 from problems import Chain, Hopper, Juggler, knee_hopper
 from studies.search import Case
 

@@ -12,7 +12,8 @@ from conftest import PROVED, REFERENCES, machine_of, middle, slow_after
 import orbits.periodic.certificate
 from orbits import METHODS, InputError, NoOrbit, find, find_all, follow, sweep, time_limit
 from orbits.periodic.formulations import half_orbit, whole_flight
-from problems import Hopper, Juggler, gravity, springs
+from problems import Hopper, Juggler
+from problems.laws import gravity, springs
 from studies.stress import random_laws
 
 
@@ -462,7 +463,7 @@ class TestTimeLimit:
         with time_limit(60.0):
             family = follow(
                 Hopper("cubic", rest_length=9.0), "beta", 0.4,
-                progress=lambda share: share > 0.3 and monkeypatch.setattr("orbits.symbolic.time_limit.time", late),
+                progress=lambda share: share > 0.3 and monkeypatch.setattr("orbits.running.time_limit.time", late),
             )  # fmt: skip
         assert family.end.kind == "interrupted"
         assert "it takes more than 60 s" in family.end.reason

@@ -45,9 +45,9 @@ from orbits import (
 from orbits.model.model import Model
 from orbits.model.phase import Affine, Phase
 from orbits.model.state_formula import StateFormula
-from orbits.model.units import Units
 from orbits.sweeps.sweep import sweep
 from orbits.symbolic.formula import parse
+from orbits.units import Units
 from problems import hopper_in_si, knee_hopper
 
 SI = Units(1.0, 1.0, 1.0, 1.0, ("knee", "liftoff"))

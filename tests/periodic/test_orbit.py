@@ -9,7 +9,7 @@ from conftest import REFERENCES, machine_of
 
 from orbits import InputError, Orbit, OrbitsError, find
 from orbits.io import to_json
-from orbits.plot import new_axes, save_figure
+from orbits.show.plot import new_axes, save_figure
 from problems import Hopper, Juggler, hopper_in_si, juggler_in_si
 
 

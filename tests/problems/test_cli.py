@@ -659,7 +659,7 @@ def test_the_progress_display_shows_on_a_terminal_and_clears_itself(monkeypatch)
     import io
     import time
 
-    from problems.options import progress
+    from problems.command.options import progress
 
     class Terminal(io.StringIO):
         def isatty(self):

@@ -15,9 +15,10 @@ import pytest
 
 from orbits import Family, InputError, Orbit, find, follow, pareto, simulate
 from orbits.errors import LONGEST_MESSAGE, shortened
-from orbits.hybrid.impacts import Impacts
-from problems import Hopper, hopper_in_si, springs
-from problems.cli import main
+from orbits.simulation.impacts import Impacts
+from problems import Hopper, hopper_in_si
+from problems.command.cli import main
+from problems.laws import springs
 
 pytestmark = pytest.mark.usefixtures("any_digest")
 

@@ -11,9 +11,10 @@ from scipy.integrate import solve_ivp, trapezoid
 from scipy.linalg import expm
 
 from orbits import Control, InputError, ReturnMap, find, simulate
-from orbits.hybrid.motion import Simulation
-from problems import Actuated, Disturbed, Driven, Hopper, Juggler, hopper_in_si, springs, steering
-from problems.driven import WithMovedEnd
+from orbits.simulation.simulated import Simulation
+from problems import Actuated, Disturbed, Driven, Hopper, Juggler, hopper_in_si, steering
+from problems.laws import springs
+from problems.steering.driven import WithMovedEnd
 
 C = 0.01
 LEG = hopper_in_si(60.0, 3.0, force="k*r + b*r**3", parameters={"k": 8000.0, "b": 1e5}, rest_length=0.8, damping=5.0)

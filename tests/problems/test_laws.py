@@ -8,7 +8,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from orbits import InputError, NoOrbit, OutOfRange, find
-from problems import Hopper, Juggler, gravity, hopper_in_si, springs
+from problems import Hopper, Juggler, hopper_in_si
+from problems.laws import gravity, springs
 
 R = np.linspace(-2.5, 2.5, 41)
 BY_HAND = {

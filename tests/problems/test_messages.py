@@ -21,8 +21,9 @@ from orbits import (
     quantities,
     simulate,
 )
-from orbits.model.units import LENGTH, SPEED, Message, Quantity, without_units
-from problems import hopper_in_si, springs, steering
+from orbits.units import LENGTH, SPEED, Message, Quantity, without_units
+from problems import hopper_in_si, steering
+from problems.laws import springs
 
 FOOT, BODY, STIFFNESS, GRAVITY = 3.0, 60.0, 5000.0, 9.80665
 # The units of equation 2, by hand.

@@ -3,7 +3,8 @@
 import pytest
 
 from orbits import InputError
-from problems import Chain, Hopper, chain_hand, gravity, inerter_hopper, knee_hopper, plate_hopper, springs
+from problems import Chain, Hopper, chain_hand, inerter_hopper, knee_hopper, plate_hopper
+from problems.laws import gravity, springs
 
 
 @pytest.mark.parametrize(

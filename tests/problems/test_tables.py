@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from orbits import InputError, Orbit, find
-from problems import Hopper, hopper_in_si, springs
-from problems.springs import as_spring
+from problems import Hopper, hopper_in_si
+from problems.laws import springs
+from problems.laws.springs import as_spring
 
 R = np.linspace(-5, 5, 11)
 # Files of the line 8 N/mm, from -5 to 5 mm, as test machines write them.

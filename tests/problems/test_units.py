@@ -31,9 +31,10 @@ from orbits import (
     trace,
 )
 from orbits.io import to_json
-from orbits.model.units import DIMENSIONS, SPEED, unit_text
-from problems import Hopper, gravity, hopper_in_si, juggler_in_si, springs, steering
-from problems.units import MachineInSI
+from orbits.units import DIMENSIONS, SPEED, unit_text
+from problems import Hopper, hopper_in_si, juggler_in_si, steering
+from problems.laws import gravity, springs
+from problems.machines.in_si import MachineInSI
 
 SCHEDULE = "; it is a list of times, and lists of values of parameters by name"
 LEG = hopper_in_si(60.0, 3.0, force="k*r + b*r**3", parameters={"k": 5000.0, "b": 1e5}, rest_length=0.8)

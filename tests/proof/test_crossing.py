@@ -7,10 +7,11 @@ import pytest
 from flint import arb
 
 from orbits import NoOrbit, find, prove
-from orbits.model.laws import Written
+from orbits.laws.law import Written
 from orbits.proof.crossing import Breakpoints
 from orbits.proof.refusal import Unproved
-from problems import Hopper, Juggler, springs
+from problems import Hopper, Juggler
+from problems.laws import springs
 
 
 def lateness(alpha, gap, ratio):

@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from orbits import find
-from orbits.plot import new_axes, save_figure
+from orbits.show.plot import new_axes, save_figure
 from problems import Hopper
 from studies import (
     air_track,
@@ -462,9 +462,9 @@ def test_mutations(tmp_path):
 
 def test_mutations_name_tests_in_classes_as_pytest_does(tmp_path):
     copy = mutations.Copy(tmp_path, {})
-    for name in ("test_endings.py::TestStatuses::test_a", "test_return_map.py::test_b[1.0-x]"):
-        *place, test = f"tests/hybrid/{name}".replace(".py", "").split("::")
-        assert copy._named(".".join(place).replace("/", "."), test) == f"tests/hybrid/{name}"
+    for name in ("test_endings.py::TestStatuses::test_a", "test_simulation.py::test_b[1.0-x]"):
+        *place, test = f"tests/simulation/{name}".replace(".py", "").split("::")
+        assert copy._named(".".join(place).replace("/", "."), test) == f"tests/simulation/{name}"
 
 
 @pytest.mark.slow

@@ -7,9 +7,9 @@ import pytest
 from scipy.stats import norm
 
 from orbits import InputError, NoOrbit, find, quantities
-from orbits.sweeps.answer import Sweep
 from orbits.sweeps.question import CHUNK
 from orbits.sweeps.sweep import sweep
+from orbits.sweeps.sweep_result import Sweep
 from problems import Hopper, Juggler, hopper_in_si
 
 LEG = hopper_in_si(60.0, 3.0, force="k*r + b*r**3", parameters={"k": 8000.0, "b": 2e6}, rest_length=0.8)
@@ -62,7 +62,7 @@ def test_every_member_is_what_find_finds(case):
 def test_members_are_solved_together(case, monkeypatch):
     """None of these is left to be asked for alone."""
     machine, over, family = CASES[case]
-    monkeypatch.setattr("orbits.design.many._solve_alone", lambda *arguments: pytest.fail("asked for alone"))
+    monkeypatch.setattr("orbits.design.designs_at_once._solve_alone", lambda *arguments: pytest.fail("asked for alone"))
     assert np.isfinite(sweep(machine, over, 40, family=family)["alpha"]).all()
 
 
@@ -249,7 +249,7 @@ def test_a_summary_and_a_table_in_words():
 )
 @pytest.mark.parametrize("sampling", ["grid", "sobol"])
 def test_figures(over, sampling, tmp_path):
-    from orbits.plot import save_figure
+    from orbits.show.plot import save_figure
 
     found = sweep(Hopper("cubic", rest_length=8.0), over, 5 if sampling == "grid" else 30, sampling=sampling)
     axes = found.plot("flight_time")

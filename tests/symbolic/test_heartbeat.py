@@ -6,8 +6,8 @@ from contextlib import nullcontext
 import pytest
 
 from orbits import InputError
-from orbits.symbolic import interrupts
-from orbits.symbolic.exclusive import exclusive
+from orbits.running import interrupts
+from orbits.running.exclusive import exclusive
 from problems import Hopper, steering
 
 
@@ -57,7 +57,7 @@ def test_a_function_that_fails_is_no_longer_running(clock, caplog):
 def test_steering_is_one_computation(monkeypatch, function, options):
     """From its first orbit to its last nonlinear program, so that it is not silent between them."""
     names = set()
-    monkeypatch.setattr("orbits.symbolic.exclusive.running", lambda name: names.add(name) or nullcontext())
+    monkeypatch.setattr("orbits.running.exclusive.running", lambda name: names.add(name) or nullcontext())
     with pytest.raises(InputError, match="stroke = -1"):
         function(Hopper(), stroke=-1.0, **options)
     assert function.__name__ in names

@@ -13,7 +13,8 @@ import pytest
 from orbits import InputError, ReturnMap, find, follow
 from orbits.flow import taylor
 from orbits.flow.flow import flow_of
-from orbits.symbolic import interrupts, kernels, machine_code
+from orbits.running import interrupts
+from orbits.symbolic import kernels, machine_code
 from orbits.symbolic.kernels import Kernel
 from problems import Hopper
 

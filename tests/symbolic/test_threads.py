@@ -13,8 +13,8 @@ import casadi as ca
 import pytest
 
 from orbits import find, trace
+from orbits.running.exclusive import _DYING, LOCK, exclusive
 from orbits.symbolic import kept
-from orbits.symbolic.exclusive import _DYING, LOCK, exclusive
 from problems import Hopper
 
 HERE = Path(__file__).parent

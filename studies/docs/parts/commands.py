@@ -20,7 +20,7 @@ class Commands(SphinxDirective):
     """A section for each subcommand."""
 
     def run(self):
-        from problems.cli import orbits
+        from problems.command.cli import orbits
 
         self.env.note_reread()  # what it shows may change without the page
         sections = []

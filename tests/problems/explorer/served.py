@@ -8,7 +8,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 ROOT = Path(__file__).parents[3]
-COMMAND = [sys.executable, "-c", "from problems.cli import main; main()", "explore"]
+COMMAND = [sys.executable, "-c", "from problems.command.cli import main; main()", "explore"]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONWARNINGS": "error"}
 # Bokeh heeds these for pages of other kinds.
 ENVIRONMENT |= {"BOKEH_RESOURCES": "cdn", "BOKEH_ALLOW_WS_ORIGIN": "*"}

@@ -9,9 +9,10 @@ import pytest
 pytest.importorskip("bokeh")
 
 from orbits import find, follow
-from orbits.plot import COLOURS
-from problems import Hopper, springs
+from orbits.show.plot import COLOURS
+from problems import Hopper
 from problems.explorer.forms import scene_of_link
+from problems.laws import springs
 from tests.browser import Page, chromium, wait_for
 from tests.problems.explorer.served import descendants, served
 from tests.problems.explorer.test_scene import arguments

@@ -12,11 +12,11 @@ import pytest
 
 from orbits import InputError, find
 from orbits.errors import LONGEST_MESSAGE
-from problems import Hopper, Juggler, explorer, hopper_in_si, inerter_hopper, springs
+from problems import Hopper, Juggler, explorer, hopper_in_si, inerter_hopper
+from problems.command.options import first_scene, machine_of
 from problems.explorer.dials import dials_of
 from problems.explorer.fields import changed, shown_fields
 from problems.explorer.forms import (
-    first_scene,
     link_of,
     machine_file,
     python_lines,
@@ -24,8 +24,8 @@ from problems.explorer.forms import (
     scene_of_statement,
 )
 from problems.explorer.scene import LARGEST_ROWS, DroppedRows, Scene, beginning, scene_of_machine
-from problems.files import read
-from problems.options import machine_of
+from problems.laws import springs
+from problems.machines.files import read
 
 ROWS = DroppedRows("leg spring.csv", springs.SAMPLE.read_text(encoding="utf-8"), "mean")
 SHORT_ROWS = DroppedRows("rows.csv", "extension,force\n" + "\n".join(f"{r},{r + r**3 / 50}" for r in range(-20, 21)))

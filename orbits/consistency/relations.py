@@ -1,0 +1,397 @@
+"""What follows from mechanics about the fields of a model, each as a relation that holds or does not.
+
+y are the positions, v their speeds, a the gap's weights of the positions, d the impact's change of the speeds, M the
+inertia: the derivative of the energy's gradient by v. In a plastic impact, M d = m a with a . d = 1, where m is the
+impact's mass; in contact the ground holds the gap closed, so that its accelerations are those of flight less d times
+the gap's acceleration in flight.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from itertools import combinations
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from ..model.model import Model
+from ..model.phase import Affine
+from ..model.state_formula import StateFormula
+from .draws import Draw, Expressions, coordinates, reversor_of, signs_in_contact
+
+# What holds in exact arithmetic does so to this share of the terms: rounding is far below, a slip of the pen far above.
+LARGEST_DEVIATION = 1e-8
+CENTRE = "centre of mass"
+
+
+class Relation(NamedTuple):
+    """Something that follows: in words, the fields of the model that it joins, and by which share it does not hold."""
+
+    words: str
+    fields: tuple[str, ...]
+    deviation: float
+    bound: float = LARGEST_DEVIATION
+
+    @property
+    def holds(self) -> bool:
+        """Whether the deviation is rounding."""
+        return self.deviation <= self.bound
+
+
+def share(residual: Any, *magnitudes: Any) -> float:
+    """The largest residual as a share of the largest of the magnitudes; infinite where one is no number."""
+    largest = float(np.max(np.abs(residual), initial=0.0))
+    size = max((float(np.max(np.abs(each), initial=0.0)) for each in magnitudes), default=1.0)
+    if largest == 0:
+        return 0.0
+    return largest / size if np.isfinite(largest) and np.isfinite(size) and size > 0 else np.inf
+
+
+def motion(model: Model, draw: Draw) -> Iterator[Relation]:
+    """The two fields: their positions, their energy, and how the ground holds the one to make the other."""
+    for where, phase, states, field in (
+        ("flight", model.flight, draw.x, draw.flown["field"]),
+        ("contact", model.contact, draw.y, draw.stood["field"]),
+    ):
+        at, rates = coordinates(phase)
+        words = f"positions in {where} change at their speeds"
+        yield Relation(words, (f"{where}.field",), share(field[:, at] - states[:, rates], states))
+    embed, d, a = np.asarray(model.embed), draw.held["impact"], _gap_acceleration(model, draw)
+    (at, rates), (stood_at, stood_rates) = coordinates(model.flight), coordinates(model.contact)
+    mixed = np.concatenate([embed[np.ix_(at, stood_rates)].ravel(), embed[np.ix_(rates, stood_at)].ravel()])
+    yield Relation("embed makes no positions of speeds, nor speeds of positions", ("embed",), share(mixed, embed))
+    differ = embed[np.ix_(at, stood_at)] - embed[np.ix_(rates, stood_rates)]
+    yield Relation("embed makes speeds of speeds as it makes positions of positions", ("embed",), share(differ, embed))
+    held, stood = draw.held["field"], draw.stood["field"] @ embed.T
+    fields: tuple[str, ...] = ("contact.field", "flight.field", "embed", "impact", "gap")
+    words = "the ground holds the gap closed: contact.field is flight.field along it"
+    yield Relation(words, fields, share(stood - (held - (held @ a)[:, None] * d), held, stood))
+    masses = _shape_of_masses(draw)
+    force, closing = draw.stood["force"][:, 0], -(held @ a) * masses
+    unit, told = _force_of_closing(force, closing), ("impact_mass",) if np.ptp(masses) > LARGEST_DEVIATION else ()
+    words, fields = "the contact force is in proportion to what closes the gap", ("contact.watch", "flight.field")
+    fields += ("embed", "gap", *told)
+    deviation = share(force - unit * closing, force) if unit > 0 else np.inf
+    yield Relation(words, fields, deviation)
+
+
+def energy(model: Model, draw: Draw) -> Iterator[Relation]:
+    """The gradients of the energy: along the fields, of each other, and of what impacts change."""
+    kept, grows = _powers(draw)
+    damped = _loses(draw)
+    if model.conservative:
+        yield Relation("energy is not lost in both phases", ("conservative",), max(kept.values()) if damped else 0.0)
+    steady = model.conservative and not damped
+    if model.driven and model.conservative:
+        yield Relation("what conserves the energy is not driven", ("driven",), np.inf)
+    for where, gradient in (("flight", "flight_gradient"), ("contact", "contact_gradient")):
+        words = f"energy {'is conserved' if steady else 'does not grow'} in {where}"
+        if not model.driven:
+            yield Relation(words, (f"{where}.field", gradient), (kept if steady else grows)[where])
+    embed, hessian = np.asarray(model.embed), draw.flown["hessian"]
+    words = "contact_gradient is flight_gradient on the ground"
+    fields = ("flight_gradient", "contact_gradient", "embed")
+    yield Relation(words, fields, share(draw.held["gradient"] @ embed - draw.stood["gradient"], draw.held["gradient"]))
+    asymmetry = share(hessian - hessian.swapaxes(1, 2), hessian)
+    yield Relation("flight_gradient is the gradient of a function", ("flight_gradient",), asymmetry)
+    _, rates = coordinates(model.flight)
+    inertia = _inertias(draw.flown, rates)
+    least = np.linalg.eigvalsh(inertia).min() if inertia.size and np.isfinite(inertia).all() else np.nan
+    yield Relation("the kinetic energy is not below 0", ("flight_gradient",), share(min(least, 0.0), inertia))
+    yield from _impact(model, draw)
+
+
+def _powers(draw: Draw) -> tuple[dict[str, float], dict[str, float]]:
+    """The largest power by phase, as a share of its terms, and the largest above 0."""
+    terms = {"flight": draw.flown, "contact": draw.stood}
+    works = {where: at["gradient"] * at["field"] for where, at in terms.items()}
+    kept = {where: share(work.sum(1), work) for where, work in works.items()}
+    return kept, {where: share(np.maximum(work.sum(1), 0.0), work) for where, work in works.items()}
+
+
+def _loses(draw: Draw) -> bool:
+    """Whether energy is lost in both phases, and grows in none."""
+    kept, grows = _powers(draw)
+    return max(grows.values()) <= LARGEST_DEVIATION < min(kept.values())
+
+
+def _impact(model: Model, draw: Draw) -> Iterator[Relation]:
+    """Impacts where the gap is closed."""
+    at, rates = coordinates(model.flight)
+    direction, mass = draw.held["impact"], draw.held["mass"]
+    a, d = np.array(model.gap(draw.p).weights, float)[at], direction[:, rates]
+    others = np.delete(direction, rates, axis=1)
+    yield Relation("an impact changes speeds alone", ("impact",), share(others, direction))
+    yield Relation("along impact the gap's speed changes by 1", ("gap", "impact"), share(d @ a - 1.0, 1.0))
+    momentum = np.einsum("kij,kj->ki", _inertias(draw.held, rates), d)
+    words = "an impact changes the momentum along the gap alone, by impact_mass"
+    fields = ("impact_mass", "impact", "gap", "flight_gradient")
+    yield Relation(words, fields, share(momentum - mass * a, momentum, mass * a))
+    words, lost = "impact_mass is that of the impact's kinetic energy", (momentum * d).sum(1, keepdims=True)
+    yield Relation(words, ("impact_mass", "impact", "flight_gradient"), share(lost - mass, lost, mass))
+
+
+def launches(model: Model, draw: Draw) -> Iterator[Relation]:
+    """The launch set: where the contact force and the gap's acceleration vanish, and its mirror image, where it
+    lands."""
+    yield from _any_launch(model, draw)
+    if not draw.roots:
+        return
+    roots, at, a = draw.roots, draw.launched, _gap_acceleration(model, draw)
+    source = "release" if roots["released"][0] else "liftoff"
+    if source == "release":
+        off = share(roots["liftoff"], roots["slope"] * draw.length)
+        yield Relation("liftoff vanishes at the launches of release", ("liftoff", "release"), off)
+    words = f"the gap has no acceleration at the launches of {source}"
+    yield Relation(words, (source, "launch", "flight.field", "gap"), share(at["field"] @ a, at["field"]))
+    words, forces = f"the contact force vanishes at the launches of {source}", draw.stood["force"]
+    yield Relation(words, (source, "launch", "contact.watch", "embed"), share(at["force"], forces))
+    yield from _landing(model, draw)
+
+
+def _any_launch(model: Model, draw: Draw) -> Iterator[Relation]:
+    """What holds of launches with any unknowns, also where the contact force would not vanish."""
+    u, launch, touchdown = draw.free["u"], draw.free["launch"], draw.free["touchdown"]
+    named = dict(zip(model.launch_unknowns, u.T, strict=True))
+    embed, gap, scale = np.asarray(model.embed, float), model.gap(draw.p), float(np.abs(u).max())
+    down, mirrored = np.linalg.pinv(embed), ("reversor",) if model.reversor else ()
+    yield Relation("a launch has a closed gap", ("launch", "gap"), share(gap(launch), scale))
+    speeds = launch @ _gap_acceleration(model, draw)
+    yield Relation("a launch has no gap speed", ("launch", "gap"), share(speeds, scale))
+    yield Relation(
+        "a launch is a contact state", ("launch", "embed"), share(launch @ (down.T @ embed.T) - launch, scale)
+    )
+    words, fields = "touchdown is the mirror image of launch", ("touchdown", "launch", "embed", *mirrored)
+    yield Relation(words, fields, share(touchdown @ embed.T - launch * reversor_of(model), scale))
+    speed, alpha = model.contact_speed, named["alpha"]
+    words, fields = "contact_speed is alpha at launch", ("contact_speed", "launch", "embed")
+    yield Relation(words, fields, share(speed(launch @ down.T) - alpha, alpha))
+    words, fields = "contact_speed is -alpha at touchdown", ("contact_speed", "touchdown")
+    yield Relation(words, fields, share(speed(touchdown) + alpha, alpha))
+    if not model.derived:
+        words, fields = "liftoff is the extension at launch", ("extension", "launch")
+        yield Relation(words, fields, share(model.extension(launch) - named["liftoff"], scale))
+    states = {name: model.flight.states.index(name) for name in named if name in model.flight.states}
+    if states:
+        off = np.array([launch[:, place] - named[name] for name, place in states.items()])
+        yield Relation("a launch has the states that it is told", ("launch",), share(off, scale))
+
+
+def _landing(model: Model, draw: Draw) -> Iterator[Relation]:
+    """Where `landing` vanishes near the mirror image of a launch, the gap, its speed and its acceleration do."""
+    gap, at = np.array(model.gap(draw.p).weights, float), draw.launched
+    a, launch, mirrored = _gap_acceleration(model, draw), draw.roots["launch"], ("reversor",) if model.reversor else ()
+    scale = max(float(np.abs(launch).max()), draw.length) * np.abs(at["landing slopes"]).max(initial=0.0)
+    words, fields = "landing vanishes at the mirror image of launch", ("landing", "launch", *mirrored)
+    # Where the landing says that the gap has no acceleration, the launch has to have none.
+    if model.one_speed or share(at["field"] @ a, at["field"]) <= LARGEST_DEVIATION:
+        yield Relation(words, fields, share(at["landing"], scale))
+    independent, gaps, accelerations = 0.0, 0.0, 0.0
+    _, rates = coordinates(model.flight)
+    # A landing is not told which piece of a law holds: other states of the launch are then to be known beside it.
+    names = model.launch_unknowns if model.flight.pieces else ()
+    told = [np.eye(len(gap))[i] for i, name in enumerate(model.flight.states) if name in names]
+    for rows, accelerates, gradient in zip(at["landing slopes"], a @ at["slopes"], at["gradient"], strict=True):
+        if not np.isfinite(rows).all() or np.linalg.matrix_rank(rows) < 3:
+            independent = np.inf
+            continue
+        gaps = max(gaps, _beyond(np.array([gap, a]), rows))
+        # Where the acceleration depends on speeds, these are those of the launch, as the energy is that of the launch.
+        by_speeds = share(accelerates[rates], accelerates) > LARGEST_DEVIATION
+        known = np.vstack([rows, *told, gradient] if by_speeds else [rows, *told])
+        accelerations = max(accelerations, _beyond(accelerates, known))
+    yield Relation("the three expressions of landing are independent", ("landing",), independent)
+    yield Relation("where landing vanishes the gap is closed and at rest", ("landing", "gap"), gaps)
+    if model.conservative and not _loses(draw):
+        words = "where landing vanishes the gap has no acceleration"
+        yield Relation(words, ("landing", "flight.field", "gap", *mirrored), accelerations)
+
+
+def _beyond(slopes: np.ndarray, known: np.ndarray) -> float:
+    """By which share slopes (..., n) do not vanish with those (k, n) of what is known to vanish."""
+    return share(slopes - slopes @ (np.linalg.pinv(known) @ known), slopes)
+
+
+def reversal(model: Model, draw: Draw) -> Iterator[Relation]:
+    """Time reversal turns motions into motions."""
+    if model.reversor is None:
+        return
+    signs, (at, rates) = reversor_of(model), coordinates(model.flight)
+    words = "the reversor gives a speed the sign that its position has not"
+    yield Relation(words, ("reversor",), share(signs[at] + signs[rates], 1.0))
+    for where, names, field, back in (
+        ("flight", ("reversor", "flight.field"), draw.flown, draw.mirrored),
+        ("contact", ("reversor", "contact.field", "embed"), draw.stood, draw.mirrored_contact),
+    ):
+        mirror = signs if where == "flight" else signs_in_contact(model, signs)
+        residual = back["field"] * mirror + field["field"]
+        yield Relation(f"the reversor turns motions in {where} back", names, share(residual, field["field"]))
+
+
+def geometry(model: Model, draw: Draw) -> Iterator[Relation]:
+    """What is a position, what is a speed, and where the gap is closed."""
+    (_, rates), (_, rates_in_contact) = coordinates(model.flight), coordinates(model.contact)
+    p, embed, gap = draw.p, np.asarray(model.embed, float), model.gap(draw.p)
+    positions = {"gap": gap, "extension": model.extension, "separation": model.separation(p)}
+    for name, function in positions.items():
+        if function:
+            slopes = _values_and_slopes(function, draw)[:, 1:]
+            off = share(slopes[:, rates], slopes) + (0.0 if slopes.any() else np.inf)
+            yield Relation(f"{name} is a position", (name,), off)
+    risen = np.array([_values_and_slopes(height, draw)[:, 1:] for height in model.heights(p).values()])
+    yield Relation("heights are positions", ("heights",), share(risen[:, :, rates], risen))
+    speed = np.array(model.contact_speed.weights, float)
+    words = "contact_speed is the rate of a position"
+    yield Relation(
+        words, ("contact_speed",), share(np.delete(speed, rates_in_contact), speed) + share(model.contact_speed.offset)
+    )
+    closed = np.array(gap.weights, float) @ embed
+    yield Relation("embedded states have a closed gap", ("gap", "embed"), share(closed, embed) + share(gap.offset))
+    if model.flight.pieces and model.contact.pieces:
+        own, flown = (np.array(each.coordinate, float) for each in (model.contact.pieces, model.flight.pieces))
+        words, fields = "the pieces in contact are those in flight", ("contact.pieces", "flight.pieces", "embed")
+        yield Relation(words, fields, share(flown @ embed - own, own))
+    if model.rest:
+        rest = np.asarray(model.rest(p), float)
+        words = "at rest the gap is closed and no speed is left"
+        yield Relation(words, ("rest", "gap"), share([gap(rest), *rest[rates]], 1.0))
+
+
+def distances(model: Model, draw: Draw) -> Iterator[Relation]:
+    """Gap, separation, extension and knees lie between heights."""
+    p, (at, rates) = draw.p, coordinates(model.flight)
+    seen = {name: _values_and_slopes(height, draw) for name, height in model.heights(p).items()}
+    masses = [each for name, each in seen.items() if name != CENTRE]
+    pairs = [*masses, *(upper - lower for upper, lower in combinations(masses, 2))]
+    words, gap = "the gap is between two of the heights, or one and the ground", _values_and_slopes(model.gap(p), draw)
+    off = min(_apart(gap, each) for each in pairs)
+    if model.derived and not {*model.gap(p).weights} <= {0.0, 1.0, -1.0}:  # along a lever, as "2*foot - plate"
+        words, slopes = "the gap is a sum of multiples of the heights", gap[:, 1:]
+        off = max(_beyond(own, each[:, 1:]) for own, each in zip(slopes, np.stack(masses, axis=1), strict=True))
+    yield Relation(words, ("gap", "heights"), off)
+    if apart := model.separation(p):
+        words = "the separation is at most that of two of the heights, or of one and the ground"
+        if model.derived:  # a mechanism may count its coordinates from anywhere
+            words = "the separation changes as that of two of the heights, or of one and the ground"
+        most = min(_apart(_values_and_slopes(apart, draw), each, most=not model.derived) for each in pairs)
+        yield Relation(words, ("separation", "heights"), most)
+    ends = [seen[upper] - (seen[lower] if lower else 0.0) for lower, upper in model.springs]
+    if ends and not model.derived:
+        words = "the extension is that between the ends of one of the springs"
+        least = min(_apart(_values_and_slopes(model.extension, draw), each) for each in ends)
+        yield Relation(words, ("extension", "heights", "springs"), least)
+    for lower, upper, length in model.knees(p) if model.knees else ():
+        by = np.abs(seen[upper] - (seen[lower] if lower else 0.0))[:, 0]
+        words = "a knee's ends are at most its two links apart"
+        yield Relation(words, ("knees", "heights"), share(np.maximum(by - 2 * length, 0.0), 2 * length))
+    if CENTRE in seen:
+        yield from _centre_of_mass(np.array(masses), seen[CENTRE], _inertias(draw.flown, rates), at)
+
+
+def _values_and_slopes(function: Affine | StateFormula, draw: Draw) -> np.ndarray:
+    """The values (N, 1 + n) of a function of the flight state at the states of a draw, before its slopes there."""
+    if isinstance(function, Affine):
+        slopes = np.tile(np.array(function.weights, float), (len(draw.x), 1))
+        return np.column_stack([function(draw.x), slopes])
+    x = ca.SX.sym("x", draw.x.shape[1])
+    value = function.at(ca.vertsplit(x))
+    seen = Expressions([x, ca.SX(0, 1)], {"seen": ca.horzcat(value, ca.jacobian(value, x)).T})
+    return seen(draw.x, np.zeros(0))["seen"]
+
+
+def _apart(seen: np.ndarray, between: np.ndarray, most: bool = False) -> float:
+    """By how much a function of the state differs from the distance of two heights: in its slopes and, with `most`,
+    by how much its value is above."""
+    (value, *slopes), (distance, *own) = seen.T, between.T
+    above = share(np.maximum(value - distance, 0.0), value, distance) if most else 0.0
+    return max(share(np.subtract(slopes, own), own), above)
+
+
+def _centre_of_mass(masses: np.ndarray, centre: np.ndarray, inertia: np.ndarray, at: list[int]) -> Iterator[Relation]:
+    """The mean of the masses' heights by what they weigh in the kinetic energy of a motion of all together."""
+    heights, slopes = masses[:, :, 0].T[:, :, None], masses[:, :, 1:][:, :, at].swapaxes(0, 1)
+    rank = np.linalg.matrix_rank(slopes).min()
+    told = rank == min(slopes.shape[1:])
+    yield Relation("the heights tell the masses apart", ("heights",), 0.0 if told else np.inf)
+    shift = np.linalg.pinv(slopes) @ np.ones((slopes.shape[1], 1))
+    if rank < len(at) or np.abs(slopes @ shift - 1).max() > LARGEST_DEVIATION:
+        return
+    momentum = inertia @ shift
+    total = shift.swapaxes(1, 2) @ momentum
+    if not (total > 0).all():
+        return
+    mean = momentum / total
+    height = (np.linalg.pinv(slopes.swapaxes(1, 2)) @ mean).swapaxes(1, 2) @ heights
+    value, slopes_of_centre = centre[:, :1], centre[:, 1:][:, at, None]
+    off = max(share(slopes_of_centre - mean, mean), share(value - height[:, :, 0], value, masses[:, :, 0]))
+    yield Relation("the centre of mass is where the kinetic energy says", ("heights", "flight_gradient"), off)
+
+
+def forces(model: Model, draw: Draw) -> Iterator[Relation]:
+    """The spring's force and the contact force have one unit, and the spring's is a function of the extension."""
+    closing = -(draw.held["field"] @ _gap_acceleration(model, draw))
+    unit = _force_of_closing(draw.stood["force"][:, 0], closing * _shape_of_masses(draw))
+    mass = float(draw.held["mass"].mean())
+    told = mass / unit if unit > 0 and mass > 0 else None  # the unit of energy over those of force and length
+    what = ("contact.watch", "impact_mass", "flight.field", "gap", "embed")
+    if model.units and told and (units := model.units(draw.p)).energy:
+        stated = units.force * units.length / units.energy
+        words = "the contact force is in the unit that units say"
+        yield Relation(words, ("units", *what), share(told / stated - 1.0, 1.0))
+    if model.tension is None:
+        return
+    at, rates = coordinates(model.flight)
+    slopes = draw.flown["tension slopes"].reshape(len(draw.x), -1)[:, [*at, *rates]]
+    along = np.array(model.extension.weights, float)[[*at, *rates]]
+    own = slopes @ along / max(along @ along, np.finfo(float).tiny)
+    words = "the tension is a function of the extension"
+    yield Relation(words, ("tension", "extension"), share(slopes - np.outer(own, along), slopes))
+    inertia, stiffness = (draw.flown["hessian"][:, of][:, :, of] for of in (rates, at))
+    if share(inertia - inertia[0], inertia) > LARGEST_DEVIATION or (model.homotopy and draw.p[model.homotopy]):
+        return  # links that turn, and gravity that varies, have a part in the stiffness
+    shape = np.outer(along[: len(at)], along[: len(at)])
+    size = (stiffness * shape).sum((1, 2)) / max((shape**2).sum(), np.finfo(float).tiny)
+    if share(stiffness - size[:, None, None] * shape, stiffness) > LARGEST_DEVIATION:
+        return  # something else than the spring stores energy
+    factor = _force_of_closing(size, own)
+    words, fields = "the tension is in proportion to the stiffness", ("tension", "flight_gradient", "extension")
+    yield Relation(words, fields, share(size - factor * own, size) if factor > 0 else np.inf)
+    if told:
+        words = "tension and contact force have one unit"
+        yield Relation(words, (*fields, *what), share(told - factor, factor))
+
+
+def _inertias(values: Mapping[str, np.ndarray], rates: list[int]) -> np.ndarray:
+    """The inertia matrices at flight states."""
+    return values["hessian"][:, rates][:, :, rates]
+
+
+def _shape_of_masses(draw: Draw) -> np.ndarray:
+    """How the impact's mass varies with the state where the gap is closed, about 1."""
+    masses = draw.held["mass"][:, 0]
+    mean = masses.mean()
+    return masses / mean if np.isfinite(masses).all() and mean else np.ones(len(masses))
+
+
+def _gap_acceleration(model: Model, draw: Draw) -> np.ndarray:
+    """Weights (n,) of the gap's acceleration in the rates of the flight state."""
+    return _rates_of(model, np.array(model.gap(draw.p).weights, float))
+
+
+def _rates_of(model: Model, weights: np.ndarray) -> np.ndarray:
+    """The weights (n,) of the rate of a position with weights (n,)."""
+    at, rates = coordinates(model.flight)
+    found = np.zeros(len(weights))
+    found[rates] = weights[at]
+    return found
+
+
+def _force_of_closing(force: np.ndarray, closing: np.ndarray) -> float:
+    """The factor that makes the one the other, best on the whole; 0 where there is nothing to compare."""
+    with np.errstate(all="ignore"):
+        return float(np.nan_to_num((force @ closing) / (closing @ closing), posinf=0.0, neginf=0.0))
+
+
+# Every kind of relation, as a function of a model and a draw.
+MECHANICS: tuple[Callable[[Model, Draw], Iterator[Relation]], ...] = (
+    motion, energy, launches, reversal, geometry, distances, forces,
+)  # fmt: skip

@@ -1,0 +1,115 @@
+"""A hand-written model held against what follows from it: at a few random states and parameters, without integration.
+
+Each relation names the fields of the model that it joins. Where one does not hold, one of its fields is wrong; which of
+them, the other relations tell: a wrong field breaks those that it is in, and the fields that are right are in relations
+that hold.
+"""
+
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from itertools import combinations
+from weakref import WeakSet
+
+import numpy as np
+
+from ..errors import InconsistentModel, OrbitsError
+from ..laws.law import NOISE
+from ..model.model import Model
+from .draws import SEED, Graphs
+from .relations import MECHANICS, Relation
+from .shapes import malformed
+from .shortcuts import SHORT_CUTS
+
+# How far, as a share, parameters are drawn around the machine's own.
+PARAMETER_SPREAD = 0.02
+SHORT_CUT = 0.1  # what a relation that holds speaks for a short cut, compared with what it speaks for other fields
+MOST_SUSPECTS = 3  # where more fields are wrong, all that do not fit are named
+# What is evaluated with the data of a piece.
+IN_FLIGHT = ("flight.field", "flight_gradient", "liftoff", "tension")
+IN_CONTACT = ("contact.field", "contact_gradient", "contact.watch")
+
+
+def suspects(relations: list[Relation]) -> tuple[str, ...]:
+    """The fewest fields that explain all relations that do not hold; of several such sets the one for which the least
+    speaks: a relation that holds speaks for its fields, the more the fewer they are, and little for short cuts, which
+    are doubted before what they shorten."""
+    broken = [{*each.fields} for each in relations if not each.holds]
+    if not broken:
+        return ()
+    names, speaks = sorted(set[str]().union(*broken)), defaultdict[str, float](float)
+    for each in (each for each in relations if each.holds):
+        for name in each.fields:
+            speaks[name] += (SHORT_CUT if "closed_form" in name or "reduction" in name else 1.0) / len(each.fields)
+    for count in range(1, MOST_SUSPECTS + 1):
+        sets = [each for each in combinations(names, count) if all(fields & {*each} for fields in broken)]
+        if sets:
+            return min(sets, key=lambda each: (sum(speaks[name] for name in each), each))
+    return tuple(names)
+
+
+def inconsistent(name: str, relations: list[Relation]) -> InconsistentModel:
+    """The error about a model of which some relations do not hold."""
+    fields, broken = suspects(relations), [each for each in relations if not each.holds]
+    told = "; ".join(f"{each.words}: off by {each.deviation:.2g} ({', '.join(each.fields)})" for each in broken)
+    return InconsistentModel(f"the model '{name}' contradicts itself, by its {' and '.join(fields)}: {told}", fields)
+
+
+_consistent: WeakSet[Model] = WeakSet()
+
+
+def check_consistency(model: Model, values: Mapping[str, float]) -> None:
+    """Raise `InconsistentModel` for a model whose fields contradict each other; each model is looked at once."""
+    if model.derived or model in _consistent:
+        return
+    relations = algebraic_relations(model, values)
+    if not all(each.holds for each in relations):
+        raise inconsistent(model.name, relations)
+    _consistent.add(model)
+
+
+def algebraic_relations(model: Model, values: Mapping[str, float]) -> list[Relation]:
+    """The relations among a model's fields, each with its largest deviation over all draws; none where its laws give no
+    numbers near a launch.
+
+    Raises `InconsistentModel` where a field has not the form that `Model` says.
+    """
+    if wrong := malformed(model, values):
+        told = "; ".join(f"{name}: {text}" for name, text in wrong.items())
+        raise InconsistentModel(f"the model '{model.name}' is malformed: {told}", tuple(wrong))
+    graphs, found = Graphs(model, tuple(values)), dict[str, Relation]()
+    draws = [_relations_at(model, graphs, p) for p in _parameters(model, values)]
+    if not any(draws):
+        draws = [_relations_at(model, graphs, values)]
+    for each in (relation for draw in draws for relation in draw):
+        if each.words not in found or not each.deviation <= found[each.words].deviation:
+            found[each.words] = each
+    return list(found.values())
+
+
+def _with_pieces(model: Model, relation: Relation) -> Relation:
+    """The relation with the pieces of the phases on which its fields are evaluated."""
+    fields = relation.fields
+    for where, phase, own in (("flight", model.flight, IN_FLIGHT), ("contact", model.contact, IN_CONTACT)):
+        name = f"{where}.pieces"
+        fields += (name,) if phase.pieces and {*own} & {*fields} and name not in fields else ()
+    return relation._replace(fields=fields)
+
+
+def _parameters(model: Model, values: Mapping[str, float]) -> Iterator[dict[str, float]]:
+    """Parameters near the machine's own, of which no two are equal by chance; the same in the scene of the guess."""
+    moved = 1 + PARAMETER_SPREAD * np.random.default_rng(SEED).uniform(-1, 1, len(values))
+    near = zip(values.items(), moved.tolist(), strict=True)
+    p = {name: value if name.startswith(NOISE) else value * factor for (name, value), factor in near}
+    yield p
+    if model.homotopy:
+        yield {**p, model.homotopy: 0.0}
+
+
+def _relations_at(model: Model, graphs: Graphs, p: Mapping[str, float]) -> list[Relation]:
+    """The relations at one draw of the parameters; none where the machine cannot have them, nor its laws."""
+    try:
+        with np.errstate(all="ignore"):  # what is no number deviates without bound
+            draw = graphs.draw(p)
+            return [_with_pieces(model, each) for kind in (*MECHANICS, *SHORT_CUTS) for each in kind(model, draw)]
+    except OrbitsError:
+        return []

@@ -1,1 +1,0 @@
-"""Motions through impacts and contacts: simulation, the return map, its multiplier."""

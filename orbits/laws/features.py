@@ -1,0 +1,195 @@
+"""How finely a law varies, looked at before anything is integrated.
+
+A Taylor series at one extension does not see a bump at another, so that an integration step may leap over it; and where
+a law bends often, a family may have several orbits. Both show in the slopes of the law on a grid.
+"""
+
+import math
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from ..symbolic.calls import ElementwiseFunction
+from .law import Key, from_key, values_and_slopes
+
+# So many slopes are looked at, up to this distance from rest in units of length, and up to twice the height. A hop of
+# the linear spring's third family stays within it.
+LAW_SAMPLES, FARTHEST = 4096, 20.0
+SAMPLED_SHARES = np.linspace(0.0, 1.0, LAW_SAMPLES)
+BLOCK = 16  # laws whose slopes are looked at together, so that these stay in the processor's cache
+# Slopes below this, or above its inverse, set no unit of length.
+SOFTEST = 1e-12
+# Functions that vanish, or come to a limit, as fast as an exponential: a series far from where they vary shows nothing.
+HIDING = {getattr(ca, f"OP_{name}") for name in ("EXP", "EXPM1", "TANH", "COSH", "SINH", "ERF")}
+# Quotients and powers hide bumps, where a law bends there and back; where it only steepens, there is a pole ahead.
+HIDING_BUMPS = {getattr(ca, f"OP_{name}") for name in ("DIV", "INV", "POW", "CONSTPOW")}
+# A step goes at most so many times the length over which the law varies, which is 0.3 widths of a Gaussian bump: a
+# series sees one from nine widths away, and from six its force is below rounding. No bound is set for lengths above
+# this share of the unit: the steps are as short by themselves.
+STEP_LENGTHS, NARROW_SHARE = 10.0, 0.2
+# Differences of slopes below this multiple of their rounding are rounding. Where a slope is so many times their order,
+# the law has a singularity, and beyond it another branch.
+SLOPE_ROUNDING, SINGULAR_SLOPE = 1e3 * float(np.finfo(float).eps), 1e6
+
+
+class Features(NamedTuple):
+    """The length over which a law varies, infinite where its fifth derivative vanishes; and how often it bends the
+    other way."""
+
+    length: float
+    bends: int
+
+
+NO_FEATURES = Features(math.inf, 0)
+
+
+def features(key: Key, unit: float, p: Mapping[str, float]) -> Features:
+    """The features of a spring, or of the gravity that varies around a spring, with this `unit_of_length`, as far as a
+    hop may lead.
+
+    None are looked for in a law in pieces, whose breakpoints end the steps.
+    """
+    if key.pieces is not None or key.degree() < 2:
+        return NO_FEATURES
+    low, high = ends_of_features(key, p, unit)
+    values = tuple(p[name] for name in key.names)
+    return _features(key._replace(reach=math.inf), values, low, high, unit)
+
+
+def ends_of_features(key: Key, p: Mapping[str, Any], unit: Any) -> tuple[Any, Any]:
+    """How far features are looked for on either side, of one law or of many (m,)."""
+    if key.variable == "r":
+        return -FARTHEST * unit, FARTHEST * unit
+    return 0.0 * unit, p.get("rest_length", 0.0) + 2 * FARTHEST * unit
+
+
+def with_reach(key: Key, spring: Key, p: Mapping[str, float]) -> Key:
+    """The key of a law with how far an integration step may go along its variable.
+
+    That is infinite for one that hides nothing. Else it is rounded to a power of two, so that machines share models.
+    """
+    hides, hides_bumps = hiding(key)
+    if not (hides or hides_bumps):
+        return key
+    unit = unit_of_length(spring, p)
+    length, bends = features(key, unit, p)
+    narrow = length < NARROW_SHARE * unit and (hides or bends > 1)
+    return key._replace(reach=STEP_LENGTHS * 2.0 ** math.floor(math.log2(length))) if narrow else key
+
+
+def hiding(key: Key) -> tuple[bool, bool]:
+    """Whether a law may hide features, and whether it may hide bumps."""
+    hides, hides_bumps = (not functions.isdisjoint(_operations(key)) for functions in (HIDING, HIDING_BUMPS))
+    return hides, hides_bumps
+
+
+def reaches_of_many(key: Key, lengths: np.ndarray, bends: np.ndarray, units: np.ndarray) -> np.ndarray:
+    """How far (m,) `with_reach` lets steps go along laws with these features and units of length (m,)."""
+    hides, hides_bumps = hiding(key)
+    narrow = (lengths < NARROW_SHARE * units) & (hides | (hides_bumps & (bends > 1)))
+    return np.where(narrow, STEP_LENGTHS * 2.0 ** np.floor(np.log2(np.where(narrow, lengths, 1.0))), math.inf)
+
+
+def units_of_length(spring: Key, p: Mapping[str, np.ndarray]) -> np.ndarray:
+    """`unit_of_length` of laws with parameters (m,) by name and no pieces."""
+    _, slopes = values_and_slopes(spring, p, np.zeros((len(next(iter(p.values()))), 1)))
+    slope = slopes[:, 0]
+    with np.errstate(all="ignore"):
+        return np.where((slope > SOFTEST) & (slope < 1 / SOFTEST), 1 / slope, 1.0)
+
+
+def unit_of_length(spring: Key, p: Mapping[str, float]) -> float:
+    """The length over which a spring of constant slope, that at rest, comes to the foot's weight; 1 without a slope."""
+    law = from_key(spring, p)
+    slope = float(law.with_slope(law.rest())[1])
+    return 1 / slope if SOFTEST < slope < 1 / SOFTEST else 1.0
+
+
+@lru_cache(maxsize=256)
+def _operations(key: Key) -> frozenset[int]:
+    """What the slope of a law is computed by; nothing for laws in which no features are looked for."""
+    if key.pieces is not None or key.degree() < 2:
+        return frozenset()
+    slope = _slopes(key).function
+    return frozenset(slope.instruction_id(i) for i in range(slope.n_instructions()))
+
+
+@lru_cache(maxsize=256)
+def _slopes(key: Key) -> ElementwiseFunction:
+    """The function (x, p) -> slope of a law."""
+    x, p = ca.SX.sym(key.variable), {name: ca.SX.sym(name) for name in key.names}
+    slope = ca.jacobian(ca.SX(key.expression(x, p, [])), x)
+    return ElementwiseFunction(ca.Function("slopes", [x, ca.vertcat(*p.values())], [slope]))
+
+
+@lru_cache(maxsize=256)
+def _features(key: Key, values: tuple[float, ...], low: float, high: float, unit: float) -> Features:
+    places, slopes = _sampled_slopes(key, np.array([values]), np.array([low]), np.array([high]))
+    return _features_of_branch(places[0], slopes[0], unit)
+
+
+def _features_of_branch(places: np.ndarray, slopes: np.ndarray, unit: float) -> Features:
+    """The features of a law with slopes (n,) at places (n,), between the singularities nearest to rest."""
+    rest = int(np.abs(places).argmin())
+    with np.errstate(invalid="ignore"):
+        ends = (~(np.abs(slopes) < SINGULAR_SLOPE / unit)).nonzero()[0]
+    after = int(np.searchsorted(ends, rest))
+    first, last = np.append(-1, ends)[after] + 1, np.append(ends, LAW_SAMPLES)[after]
+    if last - first < 5:
+        return NO_FEATURES
+    lengths, bends = _lengths_and_bends(slopes[None, first:last], np.array([unit]), places[None, 1] - places[None, 0])
+    return Features(float(lengths[0]), int(bends[0]))
+
+
+def features_of_many(key: Key, spring: Key, p: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """`features` of laws with parameters (m,) by name: lengths (m,) and numbers of bends (m,). Where nothing depends on
+    a length, since a law bends but once, it is infinite."""
+    units = units_of_length(spring, p)
+    lengths, bends = np.full((2, len(units)), np.nan)
+    if key.pieces is not None or key.degree() < 2:
+        lengths[:], bends[:] = NO_FEATURES
+        return lengths, bends
+    values = np.column_stack([p[name] for name in key.names]) if key.names else np.zeros((len(units), 0))
+    (low, high), hides = ends_of_features(key, p, units), hiding(key)[0]
+    for first in range(0, len(units), BLOCK):
+        rows = slice(first, first + BLOCK)
+        places, slopes = _sampled_slopes(key, values[rows], low[rows], high[rows])
+        with np.errstate(invalid="ignore"):
+            plain = (np.abs(slopes) < SINGULAR_SLOPE / units[rows, None]).all(axis=1)
+        # A law that bends at most once needs no closer look unless it may hide something.
+        falls = slopes[:, 1:] < slopes[:, :-1]
+        turns = np.count_nonzero(falls[:, 1:] != falls[:, :-1], axis=1)
+        steady = plain & (not hides) & (turns <= 1)
+        lengths[rows][steady], bends[rows][steady] = math.inf, turns[steady]
+        if (rest := plain & ~steady).any():
+            found = _lengths_and_bends(slopes[rest], units[rows][rest], (places[:, 1] - places[:, 0])[rest])
+            lengths[rows][rest], bends[rows][rest] = found
+        for i in np.flatnonzero(~plain).tolist():
+            lengths[first + i], bends[first + i] = _features_of_branch(places[i], slopes[i], units[first + i])
+    return lengths, bends
+
+
+def _sampled_slopes(key: Key, values: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Places (m, n) between bounds (m,), and the slopes (m, n) there of laws with parameters (m, k)."""
+    places = low[:, None] + (high - low)[:, None] * SAMPLED_SHARES
+    p = np.repeat(values, LAW_SAMPLES, axis=0) if len(values) > 1 else values
+    return places, _slopes(key)(places.reshape(-1, 1), p)[0].reshape(places.shape)
+
+
+def _lengths_and_bends(slopes: np.ndarray, units: np.ndarray, spacing: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The features (m,) of laws with slopes (m, n) at places so far (m,) apart, in units of length (m,)."""
+    floor = SLOPE_ROUNDING * np.maximum(np.abs(slopes), 1 / units[:, None])
+    change = slopes[:, 1:] - slopes[:, :-1]
+    rises = [row[beyond] > 0 for row, beyond in zip(change, np.abs(change) > floor[:, 1:], strict=True)]
+    bends = np.array([np.count_nonzero(row[1:] != row[:-1]) for row in rises])
+    bend = change[:, 1:] - change[:, :-1]
+    second, third = np.abs(bend[:, 1:-1]), bend[:, 1:] - bend[:, :-1]
+    fourth = np.abs(third[:, 1:] - third[:, :-1])
+    # Where the second difference is larger than its neighbours, in a circle, it does not vanish by chance.
+    around = np.concatenate([second[:, -1:], second, second[:, :1]], axis=1)
+    peak = (second >= around[:, :-2]) & (second >= around[:, 2:]) & (fourth > floor[:, 2:-2])
+    ratio = np.divide(fourth, second, out=np.zeros(second.shape), where=peak).max(axis=1, initial=0.0)
+    return np.divide(spacing, np.sqrt(ratio), out=np.full(len(ratio), np.inf), where=ratio > 0), bends

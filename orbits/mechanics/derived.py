@@ -1,0 +1,111 @@
+"""The whole `Model` of a mechanism, derived from its mechanics."""
+
+from dataclasses import replace
+from functools import lru_cache, partial
+from typing import Any
+
+from ..errors import InputError
+from ..laws.law import Parameters
+from ..model.model import Model, as_derived
+from ..running.exclusive import exclusive
+from .elements import Force, Spring, expressions_of, names_in
+from .lagrange import GRAVITY_SHARE, Mechanics
+from .linear import Linear, LinearEquations
+from .lone_extension import launch_of
+from .parts import Parts
+from .structure import Structure
+
+
+@exclusive
+@lru_cache(maxsize=64)
+def derived_model(structure: Structure) -> Model:
+    """The model of a mechanism; raises `InputError` for what is no mechanism."""
+    s, parts = structure, _parts_of(structure)
+    mechanics = parts.mechanics
+    launch = launch_of(mechanics, parts.alone, parts.words["liftoff"], dict(s.rest).get(parts.launched_name, 0.0))
+    linear = Linear.of(mechanics)
+    # The motion of one extension alone leads to orbits where nothing damps or drives it. Under gravity that varies it
+    # is the motion in the scene of the guess only, so that there is a guess and no reduction.
+    moves_alone = launch is not None and launch.reduction and mechanics.conservative and not s.actuators
+    still = launch if moves_alone and not mechanics.varying else None
+    exact: tuple[Any, Any] = (linear.flight, linear.contact) if linear else (None, None)
+    if linear and still and parts.alone:  # told by the extension in the fewest operations, so with the least rounding
+        exact = partial(parts.alone.flight, still.relative), partial(parts.alone.contact, still.relative)
+    model = Model(
+        name=s.name,
+        flight=parts.flight(exact[0]),
+        contact=parts.contact(exact[1]),
+        launch=parts.launch,
+        launch_unknowns=parts.launch_unknowns,
+        liftoff=parts.liftoff,
+        landing=parts.landing,
+        reversor=(1, -1) * mechanics.size if mechanics.conservative and not s.actuators else None,
+        release=launch.relative.release if launch else parts.no_release,
+        touchdown=parts.touchdown,
+        embed=parts.embed,
+        flight_gradient=parts.flight_gradient,
+        contact_gradient=parts.contact_gradient,
+        extension=parts.extension,
+        gap=lambda p: parts.gap,
+        separation=parts.separation,
+        heights=parts.heights,
+        impact_mass=parts.impact_mass,
+        impact=parts.impact,
+        contact_speed=parts.contact_speed,
+        violations={name: parts.words[name] for name in ("gap", "pull", "separation", "end")},
+        springs=parts.drawn,
+        homotopy=GRAVITY_SHARE if mechanics.varying else None,
+        conservative=mechanics.conservative and not s.actuators,
+        driven=any(isinstance(element, Force) for element in s.elements),
+        reduction=still.reduction if still else None,
+        tension=parts.tension if parts.counted else None,
+        liftoff_slope=launch.liftoff_slope if launch else None,
+        search=launch.relative.search if launch and mechanics.conservative else None,
+        relative=launch.relative if launch and moves_alone else None,
+        rest=parts.rest if s.rest else None,
+        knees=parts.knees if s.knees else None,
+    )
+    return as_derived(model)
+
+
+@exclusive
+@lru_cache(maxsize=64)
+def derived_launch(structure: Structure) -> str:
+    """The coordinate that is launched."""
+    return _parts_of(structure).launched_name
+
+
+@exclusive
+def linear_equations(structure: Structure, p: Parameters) -> LinearEquations:
+    """The matrices of a mechanism whose springs are straight lines; raises `InputError` for another."""
+    linear = Linear.of(_parts_of(structure).mechanics)
+    if linear is None:
+        needed = "straight springs along sums of coordinates, no other force but weights, constant gravity and inertia"
+        raise InputError(f"the {structure.name} is not linear: that takes {needed}")
+    return linear.equations(p)
+
+
+def _parts_of(structure: Structure) -> "Parts":
+    """The parts of a model. All of them but the laws of the springs are built once for structures that differ in these
+    alone."""
+    springs = [element for element in structure.elements if isinstance(element, Spring)]
+    places = iter(range(len(springs)))
+    elements = tuple(replace(e, force=next(places)) if isinstance(e, Spring) else e for e in structure.elements)
+    laws = [spring.force for spring in springs]
+    own = {name for law in laws for name in law.names} - _names_beside_laws(structure)
+    names = tuple(name for name in structure.parameters if name not in own)
+    return _parts_without_laws(structure._replace(elements=elements, parameters=names)).with_laws(laws)
+
+
+def _names_beside_laws(s: Structure) -> set[str]:
+    """The names that a structure asks for beside the laws of its springs."""
+    expressions = expressions_of(s)
+    if any(map(callable, expressions)):
+        return set(s.parameters)  # a function may ask for any of them
+    return {name for value in expressions for name in names_in(value)} | {*s.gravity.names, GRAVITY_SHARE}
+
+
+@lru_cache(maxsize=64)
+def _parts_without_laws(s: Structure) -> "Parts":
+    places, others = (s.coordinates, s.actuators, s.elements, s.inertia), (s.gravity, s.surface_gravity, s.parameters)
+    return Parts(s, Mechanics(*places, s.gap, *others))

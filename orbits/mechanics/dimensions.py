@@ -1,0 +1,109 @@
+"""Dimensions of the parameters of a mechanism in SI, as far as its elements tell them."""
+
+import math
+from collections import defaultdict
+from collections.abc import Iterator
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+
+from ..laws.law import Key
+from ..running.exclusive import exclusive
+from ..units import ACCELERATION, ANGLE, FORCE, LENGTH, MASS, Dimension, unit_text
+from .elements import Damper, Inerter, Mass, Spring, Weight, names_in, value_of
+
+
+def dimensions_of_parameters(mechanism: Any) -> dict[str, Dimension]:
+    """Dimensions of those parameters of a `Mechanism` that stand alone for a mass, a length, a coefficient or gravity,
+    or before a power of an extension in a spring's law; not of those that stand for two things of different kinds."""
+    found = defaultdict[Any, dict[str, Dimension]](dict)
+    for name, dimension in _told(mechanism):
+        found[name][unit_text(dimension)] = dimension
+    return {name: next(iter(found[name].values())) for name in mechanism.parameters if len(found[name]) == 1}
+
+
+def _told(mechanism: Any) -> Iterator[tuple[Any, Dimension]]:
+    """What stands for something, a parameter's name or another expression, with its dimension, once for each place."""
+    angles = {*mechanism.angles}
+    coordinates = {*mechanism.coordinates, *mechanism.actuators}
+    for element in mechanism.elements:
+        kind = None
+        if isinstance(element, Inerter | Damper | Spring):
+            kind = _length_or_angle(element.extension, coordinates, angles)
+            if kind is LENGTH:
+                yield from _lengths(element.extension, coordinates).items()
+        match element:
+            case Mass(height, mass) | Weight(height, mass):
+                yield mass, MASS
+                yield from _lengths(height, coordinates).items()
+            case Inerter(_, inertance) if kind is LENGTH:
+                yield inertance, MASS
+            case Damper(_, coefficient) if kind is LENGTH:
+                yield coefficient, (-1, 1, 1)
+            case Spring(_, law) if kind is not None:
+                turned = kind is ANGLE
+                yield from ((name, _of_power(power, turned)) for name, power in powers_of_coefficients(law).items())
+    yield from ((place, ANGLE if name in angles else LENGTH) for name, place in mechanism.rest.items())
+    yield from ((length, LENGTH) for *_, length in mechanism.knees)
+    yield mechanism.surface_gravity, ACCELERATION
+    if mechanism.gravity.text in mechanism.gravity.names:
+        yield mechanism.gravity.text, ACCELERATION
+    if mechanism.separation is not None:
+        yield from _lengths(mechanism.separation, coordinates).items()
+
+
+def _length_or_angle(extension: Any, coordinates: set[str], angles: set[str]) -> Dimension | None:
+    """Whether an extension is a length or an angle, as the coordinates tell to which it is proportional; None where
+    they do not."""
+    used = names_in(extension) & coordinates
+    if not used & angles:
+        return LENGTH
+    plain = {name for name in used if _plain_slope(extension, name)}
+    if plain - angles:
+        return LENGTH
+    return ANGLE if plain else None
+
+
+def coefficient_dimensions(law: Key) -> dict[str, Dimension]:
+    """Dimensions of those parameters of a spring's law that are coefficients of powers of the extension."""
+    return {name: _of_power(power, turned=False) for name, power in powers_of_coefficients(law).items()}
+
+
+def _of_power(power: float, turned: bool) -> Dimension:
+    """The dimension of what makes a force of this power of a length, or where it is `turned` a torque of an angle's."""
+    return (1, 0, 1, 0, 0, -power) if turned else (-power, *FORCE[1:])
+
+
+def _lengths(height: Any, coordinates: set[str]) -> dict[str, Dimension]:
+    """The parameters that are added to coordinates in a formula of a height."""
+    if not isinstance(height, str):
+        return {}
+    names = sorted(names_in(height) - coordinates)
+    return {name: LENGTH for name in names if abs(_plain_slope(height, name)) == 1.0}
+
+
+@exclusive
+@lru_cache(maxsize=256)
+def _plain_slope(formula: str, name: str) -> float:
+    """The derivative of a formula by a name, where it is a number; else 0."""
+    symbols = {each: ca.SX.sym(each) for each in names_in(formula)}
+    slope = ca.jacobian(ca.SX(value_of(formula, symbols, {})), symbols[name])
+    return 0.0 if ca.depends_on(slope, ca.vertcat(*symbols.values())) else float(ca.evalf(slope))
+
+
+@exclusive
+@lru_cache(maxsize=256)
+def powers_of_coefficients(law: Key) -> dict[str, float]:
+    """Those parameters of a spring's law that are coefficients of powers of the extension, with the powers."""
+    x, p = ca.SX.sym("x"), {name: ca.SX.sym(name) for name in law.names}
+    found: dict[str, float] = {}
+    if law.pieces is None:
+        for name, symbol in p.items():
+            power = ca.jacobian(ca.SX(law.expression(x, p, [])), symbol)
+            if ca.depends_on(power, ca.vertcat(*p.values())):
+                continue
+            low, middle, high = (float(ca.evalf(ca.substitute(power, x, place))) for place in (0.5, 1.0, 2.0))
+            if low > 0 and middle > 0 and abs(high * low / middle**2 - 1) < 1e-12:
+                found[name] = round(math.log2(high / middle), 9)
+    return found

@@ -1,0 +1,125 @@
+"""The elements of a mechanism: what has inertia, and what exerts a force along an extension or a height.
+
+Extensions and heights are formulas of the coordinates and the parameters, numbers, or Python functions (y, p) of both
+by name, written with operators and NumPy or CasADi functions. Masses, inertances and coefficients are the same of the
+parameters alone: a formula of them that names a coordinate is refused, whereas a Python function that uses one goes
+unnoticed and gives a wrong machine. An inertia that varies is stated by `Mechanism(inertia=...)`.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, TypeAlias
+
+from ..symbolic.formula import Formula, parse
+
+Scalar: TypeAlias = str | float | Callable[[Mapping[str, Any], Mapping[str, Any]], Any]
+
+
+@dataclass(frozen=True)
+class Mass:
+    """A point mass that moves vertically at a height: it has inertia and weight."""
+
+    height: Scalar
+    mass: Scalar
+
+
+@dataclass(frozen=True)
+class Weight:
+    """The weight of a mass at a height, without its inertia."""
+
+    height: Scalar
+    mass: Scalar
+
+
+@dataclass(frozen=True)
+class Inerter:
+    """A force against the second derivative of an extension, as if a mass moved along it (Smith 2002)."""
+
+    extension: Scalar
+    inertance: Scalar
+
+
+@dataclass(frozen=True)
+class Spring:
+    """A force against an extension.
+
+    force : a law as of `problems.springs`, or a formula of the extension r; tension is positive
+    """
+
+    extension: Scalar
+    force: Any = "r"
+
+
+@dataclass(frozen=True)
+class Damper:
+    """A force against the rate of an extension, coefficient times rate, with a coefficient from 0.
+
+    A machine that has one loses energy on every hop, so that `find` refuses it; `simulate` and `ReturnMap` take it.
+    """
+
+    extension: Scalar
+    coefficient: Scalar
+
+
+@dataclass(frozen=True)
+class Potential:
+    """Any other conservative forces, by their potential energy as a function of the coordinates.
+
+    `find` takes a machine that has one as it takes springs; the energy counts with that of the machine.
+    """
+
+    energy: Scalar
+
+
+@dataclass(frozen=True)
+class Force:
+    """A force along the rate of a function of the coordinates, which neither conserves energy nor comes from a law.
+
+    As with a `Damper`, `find` refuses a machine that has one, even where the force does no work; `simulate` and
+    `ReturnMap` take it. A force that conserves energy is stated by its `Potential`.
+
+    force : a Python function (y, v, p) of coordinates, their rates and parameters by name
+    """
+
+    along: Scalar
+    force: Callable
+
+
+Element: TypeAlias = Mass | Weight | Inerter | Spring | Damper | Potential | Force
+
+
+@lru_cache(maxsize=1024)
+def parsed(text: str) -> Formula:
+    """A formula, parsed once."""
+    return parse(text)
+
+
+def names_in(expression: Any) -> frozenset[str]:
+    """The names that an expression asks for; those that a Python function asks for are not known."""
+    return parsed(expression).names if isinstance(expression, str) else frozenset()
+
+
+def value_of(expression: Scalar, y: Mapping[str, Any], p: Mapping[str, Any]) -> Any:
+    """The value of an expression at coordinates and parameters by name."""
+    if isinstance(expression, str):
+        formula = parsed(expression)
+        return formula(**{name: y[name] if name in y else p[name] for name in formula.names})
+    return expression(y, p) if callable(expression) else float(expression)
+
+
+def fields_of(element: Element) -> list[Any]:
+    """The expressions by which an element is told, without its law."""
+    return [getattr(element, name) for name in element.__match_args__ if name != "force"]
+
+
+def expressions_of(stated: Any) -> list[Any]:
+    """The expressions of a `Mechanism`, or of its structure, that may ask for parameters, without the laws."""
+    elements = [value for element in stated.elements for value in fields_of(element)]
+    forces = [element.force for element in stated.elements if isinstance(element, Force)]
+    whole = [stated.gap, stated.surface_gravity, stated.energy_unit]
+    optional = [each for each in (stated.counts, stated.separation) if each is not None]
+    by_name = [*dict(stated.heights or {}).values(), *dict(stated.rest).values()]
+    rows = [value for row in stated.inertia for value in row]
+    lengths = [length for *_, length in stated.knees]
+    return [*elements, *forces, *whole, *optional, *by_name, *rows, *lengths]

@@ -1,0 +1,282 @@
+"""Launches of machines of two coordinates: the law that holds the contact closed, and the extension that moves alone.
+
+Where all springs act along one extension r, and gravity is constant, that extension moves alone, and the momentum
+across it is thrown up. With (r, w) = apart y, w'' = -1 and y = mix (r, w), the gap's second derivative vanishes at
+lift-off, where r'' = -rate: so rate = -(gap mix_w)/(gap mix_r).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ..errors import InputError
+from ..laws.law import Key, Parameters, Scalars
+from ..model.liftoff import Liftoff
+from ..model.model import Reduction
+from ..model.modes import Modes, single_mode
+from ..model.relative import Relative, straight_line
+from .coefficients import Coefficients
+from .elements import Force, Potential, Scalar, Spring
+from .lagrange import Mechanics, at_zero
+from .terms import is_used
+
+# The launch speed, as a parameter of the law by which a machine lifts off whose contact force depends on its speed.
+SPEED_OF_LAUNCH = "_launch_speed"
+
+
+@dataclass(frozen=True)
+class Launch:
+    """What follows for the launches of a machine.
+
+    relative : the law that is reached at lift-off, and the motion of its extension
+    reduction : the smaller statement under constant gravity; None where no extension moves alone
+    liftoff_slope : as in `Model`
+    """
+
+    relative: Relative
+    reduction: Reduction | None = None
+    liftoff_slope: Callable | None = None
+
+
+def launch_of(mechanics: Mechanics, alone: "Alone | None", level: str, rest: Scalar) -> Launch | None:
+    """How a machine is launched, None where its contact has several coordinates.
+
+    alone : the extension that moves alone, None where none does
+    level : what the springs' force comes to at lift-off, in words
+    rest : where the coordinate that is launched rests
+    """
+    if mechanics.size != 2:
+        return None
+    return alone.launch(mechanics, level) if alone and rest == 0.0 else _held(mechanics, rest)
+
+
+class Alone:
+    """The extension that moves alone, whatever the laws are.
+
+    springs : the springs, each with how its own extension follows from that one: a factor, and an offset
+    """
+
+    def __init__(self, mechanics: Mechanics, springs: Sequence[tuple[Spring, Fraction, ca.SX]], along: ca.SX):
+        self.mechanics, self.springs = mechanics, springs
+        m, gap, embed = mechanics, mechanics.exact_gap, mechanics.exact_embed
+        across = across_line(along)
+        weight = ca.SX(sum(term.gradient[:2] for term in m.terms if term.is_weight))
+        # The rows are scaled so that the thrown coordinate falls with acceleration 1.
+        apart = ca.vertcat(along.T, across @ m.inertia / (across @ weight))
+        determinant = apart[0, 0] * apart[1, 1] - apart[0, 1] * apart[1, 0]
+        mix = ca.vertcat(ca.horzcat(apart[1, 1], -apart[0, 1]), ca.horzcat(-apart[1, 0], apart[0, 0])) / determinant
+        by_extension, by_throw = ca.vertsplit((gap.T @ mix).T)
+        rate = -by_throw / by_extension
+        self.rate, self.gap_slope_of = self._numbers(rate), self._numbers(by_extension)
+        self.lifted = self._numbers(apart[1, :] @ embed[:2, 0])
+        self.mix, self.apart = m.coefficients(mix), m.coefficients(apart)
+        pulls = -(along.T @ m.accelerations) / rate
+        columns = [[i for i, term in enumerate(m.terms) if term.element is spring] for spring, *_ in springs]
+        self.shares = [self._numbers(pulls[column[0]]) for column in columns]
+        weights = [i for i, term in enumerate(m.terms) if term.is_weight]
+        self.load = self._numbers(sum((pulls[i] for i in weights), ca.SX(0)))
+        self.offsets = [self._numbers(offset) for *_, offset in springs]
+        # The contact force is this multiple of phi + load - 1, and each damper adds to it.
+        multiple = by_extension * rate / (1 / m.impact_mass)
+        dampers = [i for i, term in enumerate(m.contact_terms) if term.what == "damper"]
+        rates = [m.gradient(m.contact_terms[i].place).T @ embed[:, 0] for i in dampers]
+        self.damping = self._numbers(
+            sum((m.contact_row[i] * r for i, r in zip(dampers, rates, strict=True)), ca.SX(0)) / multiple
+        )
+        # In contact the same phi pulls at the one coordinate s that is left: s'' = fall - pull (phi + load).
+        pull = m.numerals.number(springs[0][1]) / (pulls[columns[0][0]] * m.contact_inertia[0, 0])
+        fall = pull * sum(pulls[i] for i in weights) - weight.T @ embed[:2, 0] / m.contact_inertia[0, 0]
+        self.held = m.coefficients(ca.horzcat(pull, fall, multiple))
+
+    @classmethod
+    def of(cls, mechanics: Mechanics) -> "Alone | None":
+        """That of a machine; None where there is none."""
+        springs = [element for element in mechanics.elements if isinstance(element, Spring)]
+        unusual = any(isinstance(element, Potential | Force) for element in mechanics.elements)
+        if (
+            mechanics.size != 2
+            or not springs
+            or unusual
+            or mechanics.flight_coefficients.by_coordinates
+            or not _is_level(mechanics)
+        ):
+            return None
+        found, along = list[tuple[Spring, Fraction, ca.SX]](), list[Fraction]()
+        for spring in springs:
+            weights = mechanics.weights(spring.extension)
+            if weights is None or not (factor := mechanics.weights_in_contact(weights)[0]):
+                return None
+            direction = [weight / factor for weight in weights[:2]]
+            along = along or direction
+            if direction != along:
+                return None
+            found.append((spring, factor, at_zero(mechanics.scalar(spring.extension), mechanics.y)))
+        line, weight = ca.vertcat(*map(mechanics.numerals.number, along)), ca.SX(2, 1)
+        for term in mechanics.terms:
+            weight += term.gradient[:2] if term.is_weight else 0
+        return None if mechanics.vanishes(across_line(line) @ weight) else cls(mechanics, found, line)
+
+    def _numbers(self, expression: ca.SX) -> "_Number":
+        """p -> the value of an expression."""
+        return _Number(self.mechanics.coefficients(ca.SX(expression)))
+
+    def launch(self, mechanics: Mechanics, level: str) -> Launch:
+        """What follows with the laws of the mechanics."""
+        law, load = self._law(mechanics)
+        rate = None if self.rate.constant == 1.0 else self.rate
+        gravity = self.mechanics.gravity if self.mechanics.varying else None
+
+        def scale(p: Parameters) -> tuple[Any, Any, float]:  # the first spring's force, without the load in the law
+            return 1 / self.shares[0](p), self.load(p) - load, 0.0
+
+        relative = Relative(law, gravity, Liftoff(load, level, scale), rate, self.damping)
+        return Launch(relative, relative.reduction(self.complete, self.gap_slope))
+
+    def flight(self, relative: Relative, p: Parameters) -> Modes:
+        """The exact flow of the flight where the laws are straight lines: one mode is thrown, the extension swings."""
+        assert relative.phase.closed_form is not None
+        swing = relative.phase.closed_form(p)
+        mix, apart = np.array(self.mix(p), dtype=float), np.array(self.apart(p), dtype=float)
+        return Modes(np.append(0.0, swing.squares), mix[:, ::-1], apart[::-1], np.append(-1.0, swing.loads))
+
+    def contact(self, relative: Relative, p: Parameters) -> Modes:
+        """The exact flow of the contact where the laws are straight lines, with the contact force."""
+        (pull, fall, multiple), (k, zero) = self.held(p)[0], straight_line(relative.law, p)
+        load = relative.liftoff.load - k * zero  # phi + load where the coordinate is 0
+        force = (multiple * k, 0.0), multiple * (load - 1)
+        return single_mode(pull * k, fall - pull * load, {"contact force": force})
+
+    def _law(self, mechanics: Mechanics) -> tuple[Key, float]:
+        """The law phi and the load of the extension's motion r'' = -rate (phi + load)."""
+        laws, load = [mechanics.law_of(spring) for spring, *_ in self.springs], self.load.constant
+        (_, factor, _), law = self.springs[0], laws[0]
+        plain = len(self.springs) == 1 and factor == 1 and self.offsets[0].constant == 0.0
+        if plain and self.shares[0].constant == 1.0 and load == load:
+            return law, load
+        if any(law.pieces for law in laws) and not plain:
+            raise InputError(f"spring '{law.text}' is in pieces: state it alone, along what is launched")
+        each = zip(laws, self.springs, self.shares, self.offsets, strict=True)
+        parts = [(law.expression, float(factor), share, offset) for law, (_, factor, _), share, offset in each]
+
+        def expression(r: Any, p: Parameters, q: Scalars) -> Any:
+            forces = [share(p) * law(factor * r + offset(p), p, q) for law, factor, share, offset in parts]
+            return sum(forces, self.load(p))
+
+        texts, names = [law.text for law in laws], tuple(mechanics.p)
+        reach = min(law.reach / abs(float(factor)) for law, (_, factor, _) in zip(laws, self.springs, strict=True))
+        return Key(" + ".join(texts), "r", expression, names, law.pieces, reach), 0.0
+
+    def complete(self, times: np.ndarray, coefficients: np.ndarray, u: Parameters, p: Parameters) -> np.ndarray:
+        """The Taylor coefficients of all flight states, see `Reduction`."""
+        lifted, swung, flown = self.lifted(p), coefficients[:, :2], np.zeros((len(times), 2, 3))
+        flown[:, 0, 0] = lifted * u["liftoff"] + times * (lifted * u["alpha"] - times / 2)
+        flown[:, 0, 1] = flown[:, 1, 0] = lifted * u["alpha"] - times
+        flown[:, 0, 2], flown[:, 1, 1] = -0.5, -1.0
+        rows = np.zeros((len(times), 4, coefficients.shape[2]))
+        for i, (by_extension, by_throw) in enumerate(self.mix(p)):
+            target = rows[:, 2 * i : 2 * i + 2]
+            if is_used(by_extension):
+                np.multiply(_for_steps(by_extension), swung, out=target)
+            if is_used(by_throw):
+                target[:, :, :3] += _for_steps(by_throw) * flown
+        return rows
+
+    def gap_slope(self, times: np.ndarray, dz: np.ndarray, p: Parameters) -> np.ndarray:
+        """The derivative of the gap by the launch speed, see `Reduction`."""
+        return self.gap_slope_of(p) * (dz[0] - times)
+
+
+def across_line(along: ca.SX) -> ca.SX:
+    """A row (1, 2) across a direction (2,)."""
+    return ca.horzcat(-along[1], along[0])
+
+
+class _Number:
+    """p -> a number; `constant` is the number where it is the same for all p, else NaN."""
+
+    def __init__(self, coefficients: Coefficients):
+        self.coefficients, self.constant = coefficients, coefficients.constants[0]
+
+    def __call__(self, p: Parameters) -> Any:
+        return self.coefficients(p)[0][0]
+
+
+def _for_steps(value: Any) -> Any:
+    """A number for all of N steps, or (N,) numbers as (N, 1, 1)."""
+    return value if isinstance(value, float) else np.reshape(value, (-1, 1, 1))
+
+
+def _is_level(mechanics: Mechanics) -> bool:
+    """Whether the contact force has no part of a gravity that varies, but that on the ground."""
+    coefficients = mechanics.contact_force_coefficients.exact
+    for term, coefficient in zip(mechanics.contact_terms, coefficients, strict=True):
+        if term.what == "gravity" and coefficient != 0 and not mechanics.vanishes_in_contact(term.place):
+            return False
+    return True
+
+
+def _scales_at(mechanics: Mechanics, start: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """A unit of the contact force, and the rate of a launch: what follows at lift-off from the slopes at rest.
+
+    With the acceleration F of the launched coordinate in flight, the contact force lambda vanishes at the extension
+    r = -lambda/lambda', and there the contact and the flight have one acceleration, the rate = -(F + F' r). In the unit
+    lambda' rate/F' the contact force has the slope of the extension's own motion.
+    """
+    m, s, ends = mechanics, ca.SX.sym("s"), [0.0] * len(mechanics.actuators)
+    still = {**m.p, **{rate: ca.SX(0) for _, rate in m.actuators}}
+    force, place = ca.SX(m.contact_force([s, ca.SX(0), *ends], still, [])), m.embedded([s, *ends], [s, *ends])[0]
+    launched = m.kept[0]
+    state = [part for y in place[: m.size] for part in (y, ca.SX(0))]
+    motion = ca.SX(m.flight([*state, *ends], still, [])[2 * launched + 1])
+    at_start = [
+        ca.substitute(part, s, start) for part in (force, ca.gradient(force, s), motion, ca.gradient(motion, s))
+    ]
+    level, slope, fall, stiffness = at_start
+    rate = -(fall - stiffness * level / slope)
+    # Without a slope at rest nothing has a scale; what is stated is then taken to be of order 1.
+    regular = ca.logic_and(ca.fabs(slope) > 1e-12, ca.logic_and(stiffness < -1e-12, rate > 1e-12))
+    return ca.if_else(regular, slope * rate / stiffness, 1.0), ca.if_else(regular, rate, 1.0)
+
+
+def _has_rates(mechanics: Mechanics) -> bool:
+    """Whether the contact force depends on the rate of the coordinate that is launched, the actuators at rest."""
+    m, rate, total = mechanics, ca.SX.sym("v"), ca.SX(0)
+    moving = ca.densify(ca.sparsify(m.exact_embed[:, 0]) * rate)
+    for j, term in enumerate(m.contact_terms):
+        if term.by_rates is not None:
+            force, still = (ca.substitute(term.by_rates, m.v, v) for v in (moving, ca.SX.zeros(moving.shape)))
+            total += m.contact_row[j] * m.inside(force - still)
+    return not m.vanishes(total, m.symbols(m.s, rate))
+
+
+def _held(mechanics: Mechanics, rest: Scalar) -> Launch:
+    """The launch of a machine whose contact force is a function of the coordinate that is launched and of its rate."""
+    m, start = mechanics, mechanics.scalar(rest)
+    numbers = m.coefficients(ca.horzcat(*_scales_at(mechanics, start), start))
+    if any(law.pieces for law in m.laws):
+        raise InputError("a law in pieces can be taken where all springs act along one sum of two coordinates")
+
+    def expression(r: Any, p: Parameters, q: Scalars) -> Any:
+        unit, _, start = numbers(p)[0]
+        state = [start + r, p[SPEED_OF_LAUNCH], *(0.0 for _ in m.actuators)]
+        return 1 - m.contact_force(state, {**p, **{rate: 0.0 for _, rate in m.actuators}}, q) / unit
+
+    law = Key("the contact force", "r", expression, (*m.p, SPEED_OF_LAUNCH), None)
+    still = not _has_rates(m)
+    if still:  # A speed that makes no difference is no parameter.
+        law = law._replace(expression=lambda r, p, q: expression(r, {**p, SPEED_OF_LAUNCH: 0.0}, q), names=tuple(m.p))
+    gravity, by_speed = m.gravity if m.varying else None, None if still else SPEED_OF_LAUNCH
+    rate, offset = (lambda p: numbers(p)[0][1]), (lambda p: numbers(p)[0][2])
+    liftoff = Liftoff(0.0, "0", lambda p: (-numbers(p)[0][0], 1.0, offset(p)), "{law}")
+    relative = Relative(law, gravity, liftoff, rate, by_speed=by_speed, rest=offset)
+    if still:
+        return Launch(relative)
+    symbols = ca.SX.sym("r"), ca.SX.sym("speed")
+    force = ca.SX(expression(symbols[0], {**m.p, SPEED_OF_LAUNCH: symbols[1]}, []))
+    by_extension, by_rate = (ca.jacobian(force, symbol) for symbol in symbols)
+    slope = m.coefficients(-by_rate / by_extension, m.symbols(*symbols))
+    return Launch(relative, None, lambda u, p: slope(p, [u["liftoff"] - offset(p), u["alpha"]])[0][0])

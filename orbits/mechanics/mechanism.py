@@ -1,0 +1,329 @@
+"""A machine stated by its mechanics: coordinates, elements and one gap that lands plastically.
+
+    from orbits import Inerter, Mass, Mechanism, Spring, find
+
+    hopper = Mechanism(
+        coordinates=("body", "foot"),
+        elements=[Mass("body", "m1"), Mass("foot", "m2"), Spring("body - foot", "k*r"), Inerter("body - foot", "b")],
+        gap="foot",
+        parameters={"m1": 1.0, "m2": 1.0, "k": 1.0, "b": 0.2},
+    )
+    find(hopper)
+
+Everything that the engine asks of a machine follows from that: the equations of motion in flight and in contact,
+launch, lift-off and landing, impacts, energy, closed forms, and the extension that moves alone.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Any, Self
+
+import numpy as np
+
+from ..errors import InputError
+from ..io import one_line
+from ..laws.features import with_reach
+from ..laws.law import Key, Law, coefficient_of_restitution, key_of, number, stated
+from ..model.machine import Stated
+from ..model.model import Model, as_derived
+from ..running.exclusive import exclusive, exclusive_property
+from ..symbolic.formula import suggest
+from ..units import LENGTH, Units, unit_text
+from .derived import derived_launch, derived_model, linear_equations
+from .dimensions import dimensions_of_parameters
+from .elements import Element, Scalar, Spring, expressions_of, names_in
+from .lagrange import GRAVITY_SHARE
+from .linear import LinearEquations
+from .refusals import (
+    hint_of_coordinate,
+    joined_values,
+    listed,
+    refuse_misstated,
+    refuse_names_of_parameters,
+    refuse_values,
+)
+from .structure import Structure
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Mechanism(Stated):
+    """A machine of coordinates and elements.
+
+    coordinates : names (n,), from the top
+    elements : `Mass`, `Spring`, `Damper`, `Weight`, `Inerter`, `Potential` and `Force`, whose extensions and heights
+        are formulas of the coordinates and parameters
+    gap : the distance that opens in flight and lands plastically, a sum of coordinates with numbers before them
+    parameters : values of the names in all formulas and laws; those that laws bring with them are added to these
+    gravity : the acceleration as a number, or as a formula or law of the height z. Where it varies, `find` solves for
+        constant gravity first, as it is at z = 0, and goes from there to the law in steps
+    surface_gravity : what the law of gravity is multiplied by
+    inertia : of the coordinates, beside that of masses and inerters: a mapping of coordinates to masses, or rows of a
+        symmetric matrix
+    counts : the extension whose turning points count the family; that of the first spring if left out
+    launch : the coordinate whose place and speed at lift-off are "liftoff" and "alpha"; the last one of the contact if
+        left out
+    heights : for plots, the upper before the lower; the coordinates that are lengths if left out
+    separation : a distance that must stay positive
+    restitution : of the impacts, 0 <= e <= 1
+    in_si : whether all numbers are in SI, and results then have units
+    name : of the kind of machine
+    energy_unit : in units of force and length
+    rest : of coordinates that are not 0 where the machine rests with its springs unloaded
+    angles : coordinates that are angles, in rad
+    knees : for pictures, tuples (lower, upper, length): from the height of the name `lower`, None for the ground, to
+        that of the name `upper` a leg is drawn, which is two links of this length with a knee between them
+    actuators : displacements that may stand in extensions, each with the name of its rate, which is a parameter and 0
+        unless `parameters` has it
+    words : what messages call the "liftoff" force, and say of a violated "gap", "pull", "separation" and "end"
+
+    Raises `InputError` for an unknown name, for what is no mechanism, and for masses, inertias, dampers and gravity of
+    a wrong sign as soon as all parameters have values.
+
+    >>> from orbits import Mass, Mechanism, Spring, find
+    >>> masses = [Mass("body", "m1"), Mass("foot", "m2")]
+    >>> elements, numbers = [*masses, Spring("body - foot", "k*r")], {"m1": 1.0, "m2": 1.0, "k": 1.0}
+    >>> hopper = Mechanism(("body", "foot"), elements, gap="foot", parameters=numbers, gravity=1.0)
+    >>> round(find(hopper).alpha, 6)
+    6.354641
+    """
+
+    coordinates: Sequence[str]
+    elements: Sequence[Element]
+    gap: Scalar
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    gravity: Any = "1"
+    surface_gravity: Scalar = 1.0
+    inertia: Any = ()
+    counts: Scalar | None = None
+    launch: str | None = None
+    heights: Mapping[str, Scalar] | None = None
+    separation: Scalar | None = None
+    restitution: float = 0.0
+    in_si: bool = False
+    name: str = "mechanism"
+    energy_unit: Scalar = 1.0
+    rest: Mapping[str, Scalar] = field(default_factory=dict)
+    angles: Sequence[str] = ()
+    knees: Sequence[tuple[str | None, str, Scalar]] = ()
+    actuators: Mapping[str, str] = field(default_factory=dict)
+    words: Mapping[str, str] = field(default_factory=dict)
+
+    @exclusive
+    def __post_init__(self) -> None:
+        self._keep(
+            coordinates=listed("coordinates", self.coordinates), elements=listed("elements", self.elements),
+            knees=tuple(listed("knees", knee) for knee in listed("knees", self.knees)),
+            angles=listed("angles", self.angles),
+        )  # fmt: skip
+        self._keep(inertia=self._rows(), heights=self.heights or self._lengths())
+        refuse_misstated(self)
+        given = {name: number(name, value) for name, value in self.parameters.items()}
+        laws, elements = [self._law(self.gravity, "z", given)], list[Element]()
+        for element in self.elements:
+            if isinstance(element, Spring):
+                laws.append(self._law(element.force, "r", given))
+                element = replace(element, force=laws[-1][0])
+            elements.append(element)
+        values = joined_values(((key.text, own) for key, own in laws), given)
+        rates = {rate: 0.0 for rate in self.actuators.values() if rate not in values}
+        self._keep(
+            elements=tuple(elements), gravity=laws[0][0], parameters=values | rates, actuators=self.actuators,
+            words=self.words, rest=self.rest, restitution=coefficient_of_restitution(self.restitution),
+        )  # fmt: skip
+        asked = self._asked_names
+        refuse_names_of_parameters(self, [*self.parameters, *(name for key, _ in laws for name in key.names)], asked)
+        if asked <= self.parameters.keys():
+            refuse_values(self)
+
+    def _lengths(self) -> dict[str, str]:
+        """The coordinates that are lengths, each by its name; all of them where none is."""
+        lengths = [name for name in self.coordinates if name not in self.angles]
+        return {name: name for name in lengths or self.coordinates}
+
+    @staticmethod
+    def _law(law: Any, variable: str, given: Mapping[str, float]) -> tuple[Key, Mapping[str, float]]:
+        """The key of a law, and the values that it brings for its parameters."""
+        if isinstance(law, Law):
+            if law.variable != variable:
+                raise InputError(f"'{law.text}' is a law of {law.variable}; one of {variable} stands here")
+            return law.key, law.parameters
+        try:
+            return key_of(law, variable, given), {}
+        except KeyError as error:  # an argument of a Python function
+            name = error.args[0]
+            raise InputError(f"'{name}' has no value: give parameters={{'{name}': ...}}") from None
+
+    def _rows(self) -> tuple[tuple[Scalar, ...], ...]:
+        """The rows of the inertia."""
+        if isinstance(self.inertia, Mapping):
+            if unknown := [name for name in self.inertia if name not in self.coordinates]:
+                raise InputError(f"inertia of '{unknown[0]}'{suggest(unknown[0], self.coordinates)}")
+            each = enumerate(self.coordinates)
+            return tuple(
+                tuple(self.inertia.get(name, 0.0) if i == j else 0.0 for j in range(len(self.coordinates)))
+                for i, name in each
+            )
+        return tuple(listed("inertia", row) for row in listed("inertia", self.inertia))
+
+    @property
+    def places(self) -> set[str]:
+        """The names of the coordinates and of the actuators' displacements."""
+        return {*self.coordinates, *self.actuators}
+
+    @property
+    def expressions(self) -> list[Any]:
+        """The expressions that may ask for parameters, without the laws."""
+        return expressions_of(self)
+
+    @property
+    def _names_beside_springs(self) -> set[str]:
+        """The names of the parameters that formulas and gravity ask for."""
+        found = {name for value in self.expressions for name in names_in(value)}
+        return (found | {*self.gravity.names, *self.actuators.values()}) - self.places
+
+    @property
+    def _asked_names(self) -> set[str]:
+        """The names of the parameters that formulas and laws ask for."""
+        springs = [element.force for element in self.elements if isinstance(element, Spring)]
+        return self._names_beside_springs | {name for law in springs for name in law.names} - self.places
+
+    @property
+    def has_functions(self) -> bool:
+        """Whether a Python function may ask for any parameter."""
+        return any(map(callable, self.expressions))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of all parameters."""
+        return tuple(sorted(self._asked_names | self.parameters.keys()))
+
+    @property
+    def _missing(self) -> list[str]:
+        """The names of the parameters that have no value."""
+        return [name for name in self.names if name not in self.parameters]
+
+    @exclusive_property
+    def structure(self) -> Structure:
+        """The mechanism without its numbers; what is built from it serves all that differ in these alone."""
+        elements, gravity = self.elements, self.gravity
+        springs = [element for element in elements if isinstance(element, Spring)]
+        if springs and self.parameters.keys() >= set(self.names):
+            first, p = springs[0].force, self.parameters
+            elements = tuple(replace(e, force=with_reach(e.force, first, p)) if e in springs else e for e in elements)
+            gravity = with_reach(gravity, first, p) if gravity.degree() > 0 else gravity
+        counts = springs[0].extension if self.counts is None and springs else self.counts
+        if counts is None:
+            raise InputError("a mechanism without a spring says what its families are counted by: counts=")
+        names = self.names if gravity.degree() == 0 else (*self.names, GRAVITY_SHARE)
+        return Structure(
+            self.name, tuple(self.coordinates), tuple(elements), self.gap, self.inertia, gravity, self.surface_gravity,
+            counts, self.launch, tuple((self.heights or {}).items()), self.separation, self.energy_unit,
+            tuple(self.rest.items()), tuple(self.knees), tuple(self.actuators.items()), tuple(self.words.items()),
+            names,
+        )  # fmt: skip
+
+    @exclusive_property
+    def model(self) -> Model:
+        """The model that follows; mechanisms that differ only in numbers share it."""
+        try:
+            model = derived_model(self.structure)
+        except InputError as error:
+            hints = (hint_of_coordinate(name, self.coordinates) for name in self._missing)
+            raise InputError("; ".join([str(error), *filter(None, hints)])) from error
+        return _with_units(model, self._si) if self.in_si else model
+
+    @property
+    def _si(self) -> Units:
+        """The units of a machine whose numbers are in SI."""
+        launched = self.launch or derived_launch(self.structure)
+        return Units(1.0, 1.0, 1.0, 1.0, (*self.angles, *(["liftoff"] if launched in self.angles else [])))
+
+    @property
+    def gap_weights(self) -> np.ndarray:
+        """The weights (n,) of the coordinates in the gap."""
+        return np.array(self.model.gap(self.values).weights[: 2 * len(self.coordinates) : 2])
+
+    def linear_equations(self) -> LinearEquations:
+        """The matrices M, K and f of M y'' = -K y + f in flight; raises `InputError` where a spring is no straight
+        line."""
+        return linear_equations(self.structure, self.values)
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Every parameter of the model by name; raises `InputError` where one has no value."""
+        if missing := self._missing:
+            hints = [hint for name in missing if (hint := hint_of_coordinate(name, self.coordinates))]
+            raise InputError([*hints, f"'{missing[0]}' has no value: give parameters={{'{missing[0]}': ...}}"][0])
+        return dict(self.parameters) | ({GRAVITY_SHARE: 1.0} if self.model.homotopy else {})
+
+    def with_values(self, **values: float) -> Self:
+        """The same mechanism with other values of some parameters; raises `InputError` for an unknown name."""
+        for name in values:
+            if name not in self.names:
+                raise InputError(f"this machine has no parameter '{name}'{suggest(name, stated(self.names))}")
+        return replace(self, parameters={**self.parameters, **values})
+
+    def with_springs(self, forces: Sequence[Any]) -> Self:
+        """The same mechanism with other laws of its springs, without the parameters that these no longer ask for."""
+        new = iter(forces)
+        elements = [replace(each, force=next(new)) if isinstance(each, Spring) else each for each in self.elements]
+        beside = {name: self.parameters[name] for name in self._names_beside_springs if name in self.parameters}
+        other = replace(self, elements=elements, parameters=beside)
+        known = [name for name in self.parameters if other.has_functions or name in other._asked_names]
+        return replace(other, parameters={**{name: self.parameters[name] for name in known}, **other.parameters})
+
+    @property
+    def units(self) -> Units | None:
+        """SI, for a machine whose numbers are in it."""
+        return self._si if self.in_si else None
+
+    def stated(self) -> Self:
+        """The mechanism itself: what a theorem is about."""
+        return self
+
+    def dimensionless(self) -> Self:
+        """The same machine without units."""
+        return replace(self, in_si=False)
+
+    @property
+    def scheduled(self) -> dict[str, float]:
+        """The units of the parameters that a simulation may vary in time."""
+        return dict.fromkeys(stated(self.parameters), 1.0)
+
+    @property
+    def rest_length(self) -> float | None:
+        """The distance that must stay positive, where the machine rests with its springs unloaded; None without one."""
+        if self.separation is None:
+            return None
+        at_rest = self.model.rest(self.values) if self.model.rest else np.zeros(len(self.model.flight.states))
+        return float(self.model.separation(self.values)(at_rest))
+
+    def describe(self) -> dict[str, Any]:
+        """The machine as JSON-ready data."""
+        springs = [element.force.text for element in self.elements if isinstance(element, Spring)]
+        length = {} if self.separation is None else {"rest_length": unit_text(LENGTH)}
+        return {
+            "machine": self.name,
+            "spring": ", ".join(dict.fromkeys(springs)),
+            "gravity": self.gravity.text,
+            "mass_ratio": self.parameters.get("mass_ratio"),  # files of orbits have this key for any machine
+            "rest_length": self.rest_length,
+            "restitution": self.restitution,
+            "parameters": {name: self.parameters[name] for name in stated(self.parameters)},
+            "laws_in": "SI" if self.in_si else "units of the machine",
+            **({"units": {**length, **self.units_of_parameters()}} if self.in_si else {}),
+        }
+
+    def units_of_parameters(self) -> dict[str, str]:
+        """The units of SI of those parameters whose dimension the elements tell."""
+        return {name: unit_text(dimension) for name, dimension in dimensions_of_parameters(self).items()}
+
+    def __repr__(self) -> str:
+        return one_line(self, {"name": self.name, "coordinates": self.coordinates, **self.parameters})
+
+
+@lru_cache(maxsize=64)
+def _with_units(model: Model, units: Units) -> Model:
+    """The same model, its results in units."""
+    return as_derived(replace(model, units=lambda p: units))

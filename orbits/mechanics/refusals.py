@@ -1,0 +1,204 @@
+"""What is refused of a mechanism as it is stated: names, shapes, and values that no machine has."""
+
+import difflib
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from math import inf
+from numbers import Real
+from typing import Any, get_args
+
+from ..errors import InputError
+from ..laws.law import stated
+from ..symbolic.formula import CONSTANTS, FUNCTIONS, suggest
+from .elements import Damper, Element, Force, Inerter, Mass, Scalar, Weight, fields_of, names_in, value_of
+from .lagrange import GRAVITY_SHARE
+from .structure import USUAL_WORDS
+
+# What names that coordinates cannot have stand for already.
+TAKEN_NAMES = {
+    **dict.fromkeys(("alpha", "liftoff", "duration", "contact_duration", "unfolding"), "an unknown of every orbit"),
+    **dict.fromkeys(FUNCTIONS, "a function in formulas"),
+    **dict.fromkeys(CONSTANTS, "a constant in formulas"),
+    GRAVITY_SHARE: "the share of gravity that varies",
+}
+# A name without a value is taken for a misspelt coordinate from this share of equal letters on: "bdy" is one of "body"
+# (0.86), "foot_mass" is none of "foot" (0.62).
+NEARLY_THE_SAME = 0.75
+
+
+def refuse_misstated(mechanism: Any) -> None:
+    """Raise `InputError` for a `Mechanism` whose names or shapes cannot be, whatever its parameters' values are."""
+    m = mechanism
+    for name in ("parameters", "rest", "actuators", "words", "heights"):
+        if not isinstance(getattr(m, name), Mapping):
+            raise InputError(f"{name} = {getattr(m, name)!r}; it is a mapping of names")
+    if len(m.coordinates) < 2:
+        raise InputError(f"coordinates = {m.coordinates!r}: a gap opens between at least two, as ('body', 'foot')")
+    _refuse_names([*m.coordinates, *m.actuators, *m.actuators.values()])
+    if odd := [knee for knee in m.knees if len(knee) != 3]:
+        raise InputError(f"knees: {odd[0]!r} is no tuple (lower, upper, length)")
+    for element in m.elements:
+        if not isinstance(element, Element):
+            known = ", ".join(each.__name__ for each in get_args(Element))
+            raise InputError(f"{element!r} is no element; those are {known}, all in `orbits`")
+        if isinstance(element, Force) and not callable(element.force):
+            raise InputError(f"{element.force!r} in {element} is no Python function (y, v, p)")
+        _refuse_expressions(element, fields_of(element))
+    _refuse_expressions("the mechanism", m.expressions)
+    if unknown := sorted(names_in(m.gap) - {*m.coordinates}):
+        hint = suggest(unknown[0], m.coordinates)
+        raise InputError(f"gap '{m.gap}' is no sum of coordinates: it has '{unknown[0]}'{hint}")
+    _refuse_rows(m.inertia, len(m.coordinates))
+    _refuse_keys(m)
+    _refuse_coordinates_in(m)
+
+
+def listed(what: str, given: Any) -> tuple:
+    """Several things as a tuple; raises `InputError` for one alone."""
+    if isinstance(given, str) or not isinstance(given, Iterable):
+        raise InputError(f"{what} = {given!r}; it is a list, as [{given!r}]")
+    return tuple(given)
+
+
+def _refuse_names(names: Sequence[Any]) -> None:
+    """Refuse names of coordinates, actuators and rates that are none, have another meaning, or occur twice."""
+    for i, name in enumerate(names):
+        if not isinstance(name, str) or not (name.isascii() and name.isidentifier()):
+            raise InputError(f"{name!r} is no name for a coordinate: those are of letters, digits and _, as 'y1'")
+        if name in TAKEN_NAMES:
+            raise InputError(f"'{name}' is {TAKEN_NAMES[name]}; call the coordinate something else")
+        if name in names[:i]:
+            raise InputError(f"'{name}' is the name of two coordinates or actuators; rename one")
+
+
+def _refuse_expressions(owner: Any, expressions: Iterable[Any]) -> None:
+    """Refuse what is neither formula, number nor function."""
+    for each in expressions:
+        if not isinstance(each, str | Real) and not callable(each):
+            raise InputError(f"{each!r} in {owner} is neither a formula, nor a number or a function (y, p)")
+
+
+def _refuse_rows(rows: Sequence[Sequence[Scalar]], size: int) -> None:
+    """Refuse an inertia that is no symmetric matrix."""
+    if rows and (len(rows) != size or any(len(row) != size for row in rows)):
+        raise InputError(f"inertia = {rows!r}: {size} coordinates have {size} rows of {size} entries")
+    for i, row in enumerate(rows):
+        for j in range(i):
+            if row[j] != rows[j][i]:
+                apart = f"{row[j]!r} in row {i + 1} and {rows[j][i]!r} in row {j + 1}"
+                raise InputError(f"the inertia is not symmetric: {apart}; write the same in both places")
+
+
+def _refuse_keys(m: Any) -> None:
+    """Refuse misspelt names of coordinates, heights, words and displacements."""
+    places = (*m.coordinates, *m.actuators)
+    joined = [name for knee in m.knees for name in knee[:2] if name is not None]
+    for what, kind, names, known in (
+        ("rest", "coordinate", m.rest, places),
+        ("angles", "coordinate", m.angles, m.coordinates),
+        ("words", "message", m.words, tuple(USUAL_WORDS)),
+        ("knees", "height", joined, tuple(m.heights)),
+    ):
+        if unknown := [name for name in names if name not in known]:
+            raise InputError(f"{what}: there is no {kind} '{unknown[0]}'{suggest(str(unknown[0]), known)}")
+    asked = {name for each in m.expressions for name in names_in(each)} if m.actuators else set()
+    if not m.has_functions and (unused := [name for name in m.actuators if name not in asked]):
+        hint = suggest(unused[0], sorted(asked - {*m.coordinates}))
+        raise InputError(f"no extension has the actuator's displacement '{unused[0]}'{hint}")
+
+
+def _refuse_coordinates_in(m: Any) -> None:
+    """Refuse coordinates in what depends on parameters alone, as far as formulas tell."""
+    places = {*m.coordinates, *m.actuators}
+    alone: list[tuple[str, Any, str]] = [
+        *(("rest", place, "a place of rest is a number or a parameter") for place in m.rest.values()),
+        *(("the length of a knee", length, "links are rigid") for *_, length in m.knees),
+        ("surface_gravity", m.surface_gravity, "a law of gravity says how it varies with the height z"),
+        ("energy_unit", m.energy_unit, "it is one for all configurations"),
+    ]
+    for element in m.elements:
+        if isinstance(element, Mass | Weight):
+            alone.append(("the mass", element.mass, "state an inertia that varies by inertia="))
+        elif isinstance(element, Inerter):
+            alone.append(("the inertance", element.inertance, "state an inertia that varies by inertia="))
+        elif isinstance(element, Damper):
+            alone.append(("the coefficient", element.coefficient, "state a force of place and speed by a Force"))
+    for what, expression, remedy in alone:
+        if found := sorted(names_in(expression) & places):
+            raise InputError(f"{what} '{expression}' depends on the coordinate '{found[0]}': {remedy}")
+
+
+def joined_values(brought: Iterable[tuple[str, Mapping[str, float]]], given: Mapping[str, float]) -> dict[str, float]:
+    """The values of the parameters that laws (text, values) bring, with those that are `given`; raises `InputError`
+    where two of them give one name different values."""
+    values, owners = dict(given), dict.fromkeys(given, "parameters")
+    own = dict[str, float]()
+    for text, law in brought:
+        for name, value in law.items():
+            if name in values and values[name] != value:
+                apart = f"{values[name]:g} by {owners[name]} and {value:g} by the law '{text}'"
+                raise InputError(f"parameter '{name}' has two values, {apart}: give both the same, or rename one")
+            values[name] = own[name] = value
+            owners.setdefault(name, f"the law '{text}'")
+    return {**own, **given}
+
+
+def refuse_names_of_parameters(mechanism: Any, names: Iterable[str], asked: Collection[str]) -> None:
+    """Raise `InputError` for parameters whose names are those of coordinates, or that nothing asks for."""
+    if taken := sorted(mechanism.places & {*names}):
+        raise InputError(f"'{taken[0]}' is a coordinate; call the parameter something else")
+    if GRAVITY_SHARE in asked:
+        raise InputError(f"'{GRAVITY_SHARE}' is the mechanism's own name; call the parameter something else")
+    if not mechanism.has_functions and (unused := [name for name in mechanism.parameters if name not in asked]):
+        raise InputError(f"no element has a parameter '{unused[0]}'{suggest(unused[0], stated(asked))}")
+
+
+def hint_of_coordinate(name: str, coordinates: Collection[str]) -> str:
+    """What to say of a parameter without a value that looks like a misspelt coordinate, '' for another."""
+    near = difflib.get_close_matches(name, list(coordinates), n=1, cutoff=NEARLY_THE_SAME)
+    return f"'{name}' has no value; did you mean the coordinate '{near[0]}'?" if near else ""
+
+
+def refuse_values(mechanism: Any) -> None:
+    """Raise `InputError` for masses, inertias, dampers and gravity of a `Mechanism` that have wrong signs at the values
+    of its parameters; what depends on coordinates, and Python functions, are left out."""
+    m, p = mechanism, mechanism.parameters
+    moving, anything_moves = set[str](), False
+    for element in m.elements:
+        if isinstance(element, Mass | Weight):
+            value = _refuse_sign(element.mass, m, "the mass in", element, above=isinstance(element, Mass))
+        elif isinstance(element, Inerter):
+            value = _refuse_sign(element.inertance, m, "the inertance in", element)
+        elif isinstance(element, Damper):
+            _refuse_sign(element.coefficient, m, "the coefficient in", element)
+        if isinstance(element, Mass | Inerter) and (value is None or value > 0):
+            place = element.height if isinstance(element, Mass) else element.extension
+            moving |= names_in(place)
+            anything_moves |= callable(place)
+    for i, name in enumerate(m.coordinates if m.inertia else ()):
+        value = _refuse_sign(m.inertia[i][i], m, "the inertia of coordinate", name)
+        moving |= {name} if value is None or value > 0 else set()
+    if not anything_moves and (still := [name for name in m.coordinates if name not in moving]):
+        raise InputError(f"coordinate '{still[0]}' has no inertia: give it a Mass, or state its inertia, above 0")
+    surface = _value(m.surface_gravity, m.places, p)
+    if surface is not None and m.gravity.pieces is None:
+        ground = surface * float(m.gravity.expression(0.0, p, []))
+        if not 0 < ground < inf:
+            told = f"'{m.gravity.text}'" if surface == 1 else f"'{m.gravity.text}' times {m.surface_gravity!r}"
+            raise InputError(f"gravity {told} is {ground:g} at z = 0, not above 0: it is counted downwards")
+
+
+def _refuse_sign(expression: Scalar, m: Any, what: str, owner: Any, above: bool = False) -> float | None:
+    """The value of an expression, None where it has none; raises `InputError` for one that is infinite, below 0, or 0
+    where it must be `above`."""
+    value = _value(expression, m.places, m.parameters)
+    if value is None or 0 < value < inf or (value == 0 and not above):
+        return value
+    told = f"{expression} = " if isinstance(expression, str) else ""
+    raise InputError(f"{told}{value:g}: {what} {owner!r} must be a finite number {'above' if above else 'from'} 0")
+
+
+def _value(expression: Scalar, places: Collection[str], p: Mapping[str, float]) -> float | None:
+    """The value of an expression of parameters alone, None for another."""
+    if callable(expression) or not names_in(expression).isdisjoint(places):
+        return None
+    return p[expression] if isinstance(expression, str) and expression in p else float(value_of(expression, {}, p))

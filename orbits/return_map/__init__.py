@@ -1,0 +1,1 @@
+"""The return map of launch speeds: its values, fixed points, basins and bifurcations."""

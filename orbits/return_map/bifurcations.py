@@ -1,0 +1,270 @@
+"""Bifurcation diagrams of the return map along the injection, the restitution, or a parameter of the machine.
+
+Fixed points are looked for at some values of the parameter, all over the range of launch speeds, and each is followed
+to both sides. Where its multiplier passes -1, hops of twice the period begin, and are followed too.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..errors import InputError, NoOrbit, finite_number, whole_number
+from ..model.machine import Machine, machine_in_words
+from ..periodic.find import Progress
+from ..running import interrupts
+from ..running.exclusive import exclusive
+from ..simulation.impacts import CAP
+from .branches import SAME_PLACE, BranchTracer, FoundEvent, PeriodicLaunch
+from .cycles import INJECT, MapsAlong
+from .diagram import RESERVED_IN_DIAGRAMS, Bifurcation, BifurcationDiagram, Branch, BranchEnd
+from .resolved_map import ROUNDED
+
+SECTIONS, ATTRACTOR = 9, 400
+# Launches from which the attractor is looked for, hops until they have come to it, and hops of it that are kept.
+STARTS_OF_HOPS, TRANSIENT, KEPT_HOPS = 4, 200, 60
+LONGEST_CHORD = 0.02
+SETTLES = {True: "stable", False: "unstable"}
+
+
+@exclusive
+def bifurcations(
+    machine: Machine, along: str, span: tuple[float, float], between: tuple[float, float], *, inject: float = 0.0,
+    samples: int = 400, sections: int = SECTIONS, attractor: int | None = None, cap: int = CAP,
+    progress: Progress = None,
+) -> BifurcationDiagram:  # fmt: skip
+    """The fixed points of a machine's return maps along a parameter, and the hops of period two that begin at flips.
+
+    machine : as for `ReturnMap`
+    along : "inject", "restitution", or a parameter of the machine, as "damping"
+    span : the range of the parameter
+    between : the range of launch speeds
+    inject : the injection, where that is not the parameter
+    samples : launches in the grid that is searched for fixed points, as in `ReturnMap.fixed_points`
+    sections : values of the parameter at which they are searched; a closed curve of fixed points between two of these
+        values is not found
+    attractor : values of the parameter at which the launches visited in the long run are found; by default 400 along
+        the injection, where all are mapped at once, and none along others, where this takes longer
+    cap : impacts of one hop after which it is given up
+
+    Folds and flips are located to some 1e-11 of the range, beside the error of the map. A branch ends where the map is
+    not continuous, and says so. Raises `InputError` for a range or a name that has no meaning, and where every fixed
+    point is a lossless hop, which `follow` follows.
+    """
+    low, high = _range("span", span)
+    slow, fast = _range("between", between)
+    if slow <= 0:
+        raise InputError(f"between = {between!r}; launch speeds are above 0")
+    sections = whole_number("sections", sections, "values of the parameter", 2)
+    maps = MapsAlong(machine, along, low, high, finite_number("inject", inject), cap)
+    if along in RESERVED_IN_DIAGRAMS:
+        raise InputError(f"a parameter called '{along}' cannot be told from the diagram's own; give it another name")
+    if along == INJECT and inject != 0:
+        raise InputError(f"inject = {inject:g} beside a range of it: the range says it all")
+    for end in (low, high):
+        maps.at(end)  # a machine that cannot be is refused before the search
+    values = np.linspace(low, high, sections).tolist()
+    if along != INJECT and all(maps.lossless(value) for value in values):
+        raise InputError("every fixed point is a lossless hop here: follow them with `follow`, or give an injection")
+    count = (ATTRACTOR if along == INJECT else 0) if attractor is None else whole_number("attractor", attractor, "", 0)
+    search = _Search(maps, (slow, fast), values, whole_number("samples", samples, "launches", 2), progress)
+    search.fixed_points()
+    search.doubled()
+    return BifurcationDiagram(
+        along, (low, high), (slow, fast), machine_in_words(machine), tuple(search.branches), search.located(),
+        visits=_visits(maps, (slow, fast), count), units=maps.units,
+    )  # fmt: skip
+
+
+def _range(name: str, ends: tuple[float, float]) -> tuple[float, float]:
+    """Two ends of a range, checked."""
+    try:
+        low, high = ends
+    except (TypeError, ValueError):
+        raise InputError(f"{name} = {ends!r}; it is a pair (low, high)") from None
+    low, high = finite_number(name, low), finite_number(name, high)
+    if not low < high:
+        raise InputError(f"{name} = ({low:g}, {high:g}); a range goes up, low < high")
+    return low, high
+
+
+class _Search:
+    """The branches that are found so far, and their events with the index of the branch."""
+
+    def __init__(
+        self, maps: MapsAlong, between: tuple[float, float], values: list[float], samples: int, progress: Progress
+    ):
+        self.maps, self.between, self.values, self.samples, self.progress = maps, between, values, samples, progress
+        self.branches: list[Branch] = []
+        self.events: list[tuple[int, FoundEvent]] = []
+        self.notes: dict[int, str] = {}  # by the identity of a flip's point
+
+    def _tracer(self, period: int) -> BranchTracer:
+        return BranchTracer(self.maps, self.between, period, tuple(self.values), LONGEST_CHORD)
+
+    def fixed_points(self) -> None:
+        """Follow each fixed point that is found in a section and lies on no branch yet. Along the injection the
+        branches that begin at lossless hops come first."""
+        tracer = self._tracer(1)
+        for alpha in self._lossless():
+            hop, beside = tracer.start_lossless(alpha)
+            if max(abs(side.value) for side in beside) <= ROUNDED * alpha:
+                continue  # nothing is lost beside it either, and every launch comes back
+            below, above = ([side, *tracer.trace(side, 1)] for side in beside)
+            self._keep(1, [*reversed(below), FoundEvent("fold", hop), *above])
+        starts = list(self._starts())
+        near = SAME_PLACE * (self.between[1] - self.between[0])
+        for i, (value, alpha) in enumerate(starts):
+            if self.progress:
+                self.progress(i / len(starts))
+            if any(((b.values == value) & (np.abs(b.alphas[:, 0] - alpha) <= near)).any() for b in self.branches):
+                continue
+            start = tracer.start(alpha, value)
+            ahead = list(tracer.trace(start, 1))
+            back = ahead[-1:] if _ends_as(ahead, "closed") else list(tracer.trace(start, -1))
+            self._keep(1, [*reversed(back), start, *ahead])
+
+    def _lossless(self) -> list[float]:
+        """The lossless launches that are fixed points of a map without injection."""
+        maps = self.maps
+        if maps.name != INJECT or not maps.low <= 0.0 <= maps.high or not maps.lossless(0.0):
+            return []
+        return [point.alpha for point in maps.at(0.0).fixed_points(*self.between, self.samples)]
+
+    def _starts(self) -> Iterator[tuple[float, float]]:
+        """Fixed points (value, launch speed) at the sections, but for lossless hops."""
+        for value in self.values:
+            interrupts.heed()
+            if not self.maps.lossless(value):
+                for point in self.maps.at(value).fixed_points(*self.between, self.samples):
+                    yield value, point.alpha
+
+    def doubled(self) -> None:
+        """Follow the hops of twice the period from each flip of fixed points."""
+        tracer, ended = self._tracer(2), list[PeriodicLaunch]()
+        flips = [event.point for _, event in self.events if event.kind == "flip"]
+        for flip in flips:
+            if flip in ended:
+                self.notes[id(flip)] = "the hops of period two end here"
+                continue
+            try:
+                first = tracer.start_beside_flip(flip)
+            except NoOrbit as error:
+                self.notes[id(flip)] = str(error)
+                continue
+            side = "greater" if first.value > flip.value else "smaller"
+            kind = SETTLES[abs(first.multiplier) < 1]
+            self.notes[id(flip)] = f"hops of period two begin here, {kind}, toward {side} {self.maps.name}"
+            items = list(tracer.trace(first, 1))
+            if _ends_as(items, "flip") and (other := _flip_beside([first, *items], flips, flip)):
+                ended.append(other)
+                items.insert(-1, _twice(other, first))
+            self._keep(2, [BranchEnd("flip", "a flip of the fixed points"), _twice(flip, first), first, *items])
+
+    def _keep(self, period: int, items: list) -> None:
+        """Keep a branch from its points, events and ends in order."""
+        ends = [item for item in items if isinstance(item, BranchEnd)]
+        items = _with_events_at_points(items)
+        points = [(x, x.multiplier) if isinstance(x, PeriodicLaunch) else (x.point, _slope(x))
+                  for x in items if not isinstance(x, BranchEnd)]  # fmt: skip
+        self.events += [(len(self.branches), item) for item in items if isinstance(item, FoundEvent)]
+        values, alphas, slopes = zip(*((p.value, p.alphas, slope) for p, slope in points), strict=True)
+        columns = np.array(values), np.array(alphas), np.array(slopes)
+        self.branches.append(Branch(period, *columns, (ends[0], ends[-1])))
+
+    def located(self) -> tuple[Bifurcation, ...]:
+        """The events, ascending in the parameter."""
+        found = [
+            Bifurcation(e.kind, e.point.value, e.point.alphas, _slope(e), branch, self._note(e, branch))
+            for branch, e in self.events
+        ]
+        return tuple(sorted(found, key=lambda event: event.value))
+
+    def _note(self, event: FoundEvent, branch: int) -> str:
+        period = self.branches[branch].period
+        if event.kind == "flip":
+            return self.notes.get(id(event.point), "hops of period four branch off here" if period == 2 else "")
+        if event.kind == "fold" and self.maps.lossless(event.point.value):
+            return "the lossless hop"
+        return "the slope of the map jumps" if event.kind == "border collision" else ""
+
+
+def _with_events_at_points(items: list) -> list:
+    """The items of a branch in order, where points exactly at a multiplier of 1 or -1 become events if the multiplier
+    passes it there; the tracer finds those between points."""
+    items, places = list(items), [i for i, item in enumerate(items) if not isinstance(item, BranchEnd)]
+    for before, i, behind in zip(places, places[1:], places[2:], strict=False):
+        point = items[i]
+        if isinstance(point, FoundEvent) or point.multiplier not in (1.0, -1.0):
+            continue
+        (last, first), (following, second) = (
+            (x.point, _slope(x)) if isinstance(x, FoundEvent) else (x, x.multiplier)
+            for x in (items[before], items[behind])
+        )
+        if (first - point.multiplier) * (second - point.multiplier) < 0:
+            turns = (last.value - point.value) * (following.value - point.value) > 0
+            kind = "flip" if point.multiplier < 0 else "fold" if turns else "branch point"
+            items[i] = FoundEvent(kind, point)
+    return items
+
+
+def _ends_as(items: list, kind: str) -> bool:
+    """Whether what has been traced has an end of this kind."""
+    return isinstance(items[-1], BranchEnd) and items[-1].kind == kind
+
+
+def _twice(flip: PeriodicLaunch, along: PeriodicLaunch) -> PeriodicLaunch:
+    """The fixed point at a flip as a point of a branch of period two, of which another point is given."""
+    return PeriodicLaunch(flip.value, flip.alphas * 2, 1.0, flip.impacts * 2, flip.place, along.tangent)
+
+
+def _flip_beside(items: list, flips: list[PeriodicLaunch], but: PeriodicLaunch) -> PeriodicLaunch | None:
+    """The flip, but one, at which a branch of period two ends: its two launches lie on both sides of the fixed point,
+    at most a step away. None where it is not among the flips that are known."""
+    last = [item for item in items if isinstance(item, PeriodicLaunch)][-1]
+    middle = last.place * [np.mean(last.alphas) / last.alphas[0], 1.0]
+
+    def far(flip: PeriodicLaunch) -> float:
+        return float(np.abs(flip.place - middle).max())
+
+    nearest = min((flip for flip in flips if flip is not but), key=far, default=None)
+    return nearest if nearest and far(nearest) <= LONGEST_CHORD else None
+
+
+def _slope(event: FoundEvent) -> float:
+    """The multiplier at an event, which it has by definition; NaN where there are two."""
+    known = {"fold": 1.0, "branch point": 1.0, "flip": -1.0}
+    return known.get(event.kind, float("nan"))
+
+
+def _visits(maps: MapsAlong, between: tuple[float, float], count: int) -> np.ndarray:
+    """Values of the parameter and launch speeds (k, 2) in the range `between` that are visited in the long run."""
+    if count == 0:
+        return np.zeros((0, 2))
+    values = np.linspace(maps.low, maps.high, count)
+    starts = np.linspace(*between, STARTS_OF_HOPS + 2)[1:-1]
+    together = np.repeat(values, len(starts))
+    if maps.name == INJECT:
+        found = _settled(maps, np.tile(starts, count), together)
+    else:
+        found = np.hstack([_settled(maps, starts, np.full(len(starts), value)) for value in values])
+    places = np.broadcast_to(together, found.shape)
+    inside = (found >= between[0]) & (found <= between[1])
+    return np.column_stack([places[inside], found[inside]])
+
+
+def _settled(maps: MapsAlong, alpha: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """The launch speeds (KEPT_HOPS, m) that are visited after many hops from launches (m,) at values (m,) of the
+    parameter, all the same unless it is the injection; NaN where the machine comes to rest."""
+    found = np.full((KEPT_HOPS, len(alpha)), np.nan)
+    going, alpha = np.arange(len(alpha)), alpha.copy()
+    for hop in range(TRANSIENT + KEPT_HOPS):
+        interrupts.heed()
+        following = maps.next(alpha[going], values[going] if maps.name == INJECT else values[0])
+        alive = np.isfinite(following)
+        going = going[alive]
+        if not len(going):
+            break
+        alpha[going] = following[alive]
+        if hop >= TRANSIENT:
+            found[hop - TRANSIENT, going] = alpha[going]
+    return found

@@ -1,0 +1,162 @@
+"""Periodic launches of a machine's return maps along a parameter: what is zero at them, and their multiplier.
+
+A launch of period one, a fixed point, comes back after one hop; a launch of period two after two, and not after one.
+"""
+
+from collections import OrderedDict
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass, replace
+from typing import Any, cast
+
+import numpy as np
+
+from ..consistency.accepted import check_machine
+from ..errors import InputError, NoOrbit
+from ..model.machine import Machine, free_parameters, machine_in_words
+from ..simulation.multiplier import multiplier
+from ..units import LIFTOFF_SPEED
+from .return_map import Hops, ReturnMap
+
+INJECT, RESTITUTION = "inject", "restitution"
+DAMPERS_OF_HOPS = ("damping", "drag")  # a machine may have these at 0 without its model having such a parameter
+KEPT_MAPS = 8  # the maps that were asked for last are kept: a step along a branch comes back to its values
+# Differences for slopes: along the parameter as a share of its range, and of the launch speed as shares of it. The
+# smaller one is needed beside lossless hops, where the slope changes with the cube root of the distance.
+STEP_ALONG, SMALLEST_STEP, LARGEST_STEP = 1e-6, 1e-9, 1e-6
+
+
+class MapsAlong:
+    """The return maps of a machine along one parameter.
+
+    machine : the machine; its own value of the parameter is not looked at
+    name : "inject", "restitution", or a parameter of the machine
+    low, high : the range of the parameter, outside of which no map is asked for
+    inject : injection of all maps, unless it is the parameter
+
+    `units` has those of launch speeds ("alpha") and parameters by name; it is empty for a dimensionless machine.
+    """
+
+    units: Mapping[str, str] = {}
+
+    def __init__(self, machine: Machine, name: str, low: float, high: float, inject: float, cap: int):
+        self.machine, self.name, self.low, self.high, self.cap = machine, name, low, high, cap
+        self.inject = inject
+        self._kept: OrderedDict[float, ReturnMap] = OrderedDict()
+        check_machine(machine, "with_values", "restitution")
+        if name not in (known := parameters_of_maps(machine)):
+            raise InputError(f"the return map has no parameter '{name}'; it has {', '.join(known)}")
+        if machine.units:
+            speed = machine.units.text(LIFTOFF_SPEED)
+            self.units = {**machine_in_words(machine).get("units", {}), "alpha": speed, INJECT: speed}
+
+    def told(self, name: str, number: float, digits: int = 6) -> str:
+        """A value of the parameter, or a launch speed "alpha", in words: "inject = 0.12 m/s"."""
+        return f"{name} = {number:.{digits}g} {self.units.get(name) or ''}".rstrip()
+
+    def machine_at(self, value: float) -> Machine:
+        """The machine at a value of the parameter."""
+        if self.name == INJECT:
+            return self.machine
+        if self.name == RESTITUTION:
+            return cast(Machine, replace(cast(Any, self.machine), restitution=value))
+        return self.machine.with_values(**{self.name: value})
+
+    def at(self, value: float) -> ReturnMap:
+        """The map at a value of the parameter."""
+        value = float(value)
+        if value not in self._kept:
+            inject = value if self.name == INJECT else self.inject
+            self._kept[value] = ReturnMap(self.machine_at(value), inject, self.cap)
+            if len(self._kept) > KEPT_MAPS:
+                self._kept.popitem(last=False)
+        return self._kept[value]
+
+    def hops(self, alpha: np.ndarray, value: float | np.ndarray) -> Hops:
+        """The hops from launch speeds (m,); along the injection, which may differ from launch to launch (m,), they are
+        those of one map, to which it is added."""
+        if self.name != INJECT:
+            return self.at(float(value))(alpha)
+        plain = self.at(0.0)(alpha)
+        following = plain.next + value
+        return replace(plain, next=np.where(following > 0, following, np.nan))
+
+    def next(self, alpha: np.ndarray, value: float | np.ndarray) -> np.ndarray:
+        """The next launch speeds (m,) after launch speeds (m,), NaN where there are none."""
+        return self.hops(alpha, value).next
+
+    def cycle(self, alpha: float, value: float, period: int) -> tuple[tuple[float, ...], tuple[int, ...]]:
+        """The launch speeds of the hops from a periodic launch until it comes back, and their numbers of impacts."""
+        launches, impacts = [float(alpha)], list[int]()
+        while len(impacts) < period:
+            hops = self.hops(np.array(launches[-1:]), value)
+            launches.append(float(hops.next[0]))
+            impacts.append(int(hops.impacts[0]))
+        return tuple(launches[:period]), tuple(impacts)
+
+    def multiplier(self, launches: tuple[float, ...], value: float) -> float:
+        """The multiplier of a cycle, NaN where it has none. It is 1 on lossless hops, which have only one-sided
+        derivatives of higher order."""
+        step, product = self.at(value), 1.0
+        for alpha in launches:
+            try:
+                product *= multiplier(step.machine, alpha)
+            except NoOrbit:
+                if not step.impacts.model.conservative:
+                    return float("nan")
+        return product
+
+    def excess(self, alpha: np.ndarray, value: float, period: int) -> np.ndarray:
+        """What vanishes at launches (m,) of a period, NaN where a hop has no next launch.
+
+        Period one: f(a) - a. Period two: 1 + (f(f(a)) - f(a))/(f(a) - a), which has no zeros at fixed points but those
+        with the multiplier -1, so that the hops of period two go through a flip as a smooth curve.
+        """
+        once = self.next(alpha, value)
+        if period == 1:
+            return once - alpha
+        twice = np.full(len(once), np.nan)
+        known = np.isfinite(once)
+        twice[known] = self.next(once[known], value)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return 1.0 + (twice - once) / (once - alpha)
+
+    def slopes(self, alpha: float, value: float, period: int, step: float) -> tuple[float, float]:
+        """The excess at a launch, and its derivative with respect to the launch speed by a central difference over
+        about `step`."""
+        step = float(np.clip(step, SMALLEST_STEP * alpha, LARGEST_STEP * alpha))
+        before, here, behind = self.excess(np.array([alpha - step, alpha, alpha + step]), value, period)
+        return float(here), float(behind - before) / (2 * step)
+
+    def slope_along(self, alpha: float, value: float, period: int, here: float) -> float:
+        """The derivative of the excess, which is `here`, with respect to the parameter, by a difference within its
+        range."""
+        if self.name == INJECT and period == 1:
+            return 1.0
+        step = STEP_ALONG * (self.high - self.low) * (-1 if value > self.low + 0.5 * (self.high - self.low) else 1)
+        return float(self.excess(np.array([alpha]), value + step, period)[0] - here) / step
+
+    def jumps_between(self, alphas: tuple[float, float], value: float, samples: int = 33) -> bool:
+        """Whether the map jumps somewhere between two launch speeds, or a hop there has no next launch."""
+        hops = self.at(value)(np.linspace(*alphas, samples))
+        following = np.isfinite(hops.next)
+        return bool(not following.all() or len(self.at(value).jumps(hops)))
+
+    def lossless(self, value: float) -> bool:
+        """Whether nothing is lost or added but by impacts: then every fixed point is a lossless hop."""
+        step = self.at(value)
+        return step.inject == 0 and step.impacts.model.conservative
+
+    def status(self, alpha: float, value: float) -> str:
+        """What becomes of a launch, in the words of `orbits.simulation.impacts.STATUSES`."""
+        return str(self.at(value)(np.array([alpha])).status[0])
+
+
+def _has(machine: Machine, name: str) -> bool:
+    """Whether a machine is a dataclass with a field of this name."""
+    return is_dataclass(machine) and name in {each.name for each in fields(machine)}
+
+
+def parameters_of_maps(machine: Machine) -> list[str]:
+    """The names of the parameters along which maps can be followed."""
+    own = [name for name in (RESTITUTION, *DAMPERS_OF_HOPS) if _has(machine, name)]
+    return list(dict.fromkeys([INJECT, *own, *free_parameters(machine)]))

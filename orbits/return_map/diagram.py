@@ -1,0 +1,245 @@
+"""A bifurcation diagram of return maps: branches of periodic launches, what happens on them, and the attractor."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..io import check_ending, one_line, write_json, write_table
+from ..result import cell, shown
+
+DIAGRAM_ENDINGS = (".json", ".csv")
+HOPS_OF = {1: "fixed points", 2: "hops of period two"}
+COLUMNS_OF_BRANCHES = ("branch", "period", "value", "alpha", "other", "multiplier", "stable")
+# Names that the parameter of a diagram cannot have, since it stands beside these in a table or a document.
+RESERVED_IN_DIAGRAMS = (*COLUMNS_OF_BRANCHES, "ends", "kind", "note")
+
+WORDS_OF_STABILITY = {True: "stable", False: "unstable", None: "stability unknown"}
+
+
+@dataclass(frozen=True)
+class Bifurcation:
+    """What happens on a branch of periodic launches, located.
+
+    kind : "flip" (multiplier -1: hops of twice the period begin), "fold" (multiplier 1: the branch turns round in the
+        parameter), "branch point" (multiplier 1, and the branch does not turn), or "border collision" (the slope of the
+        map jumps there, and the multiplier with it past 1 or -1)
+    value : of the parameter
+    alphas : the launch speeds of the periodic hops
+    multiplier : of these hops; NaN at a border collision, which has two
+    branch : index of the branch
+    note : in words what begins there, or what the hop is
+    """
+
+    kind: str
+    value: float
+    alphas: tuple[float, ...]
+    multiplier: float
+    branch: int
+    note: str = ""
+
+    @property
+    def alpha(self) -> float:
+        """The first of the launch speeds."""
+        return self.alphas[0]
+
+
+@dataclass(frozen=True)
+class BranchEnd:
+    """How a branch ends: "reached" an end of the parameter's range, "left" the range of launch speeds, "flip",
+    "closed", "jump" (the map is not continuous there), "no launch" (beyond, a hop has no next launch) or "stuck"."""
+
+    kind: str
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class Branch:
+    """A curve of periodic launches in the plane of parameter and launch speed.
+
+    period : 1 or 2
+    values : of the parameter (n,), in order along the curve, which may turn round
+    alphas : launch speeds (n, period) of the hops
+    multipliers : of the hops (n,), NaN where they have none
+    ends : at the first and the last point
+    """
+
+    period: int
+    values: np.ndarray
+    alphas: np.ndarray
+    multipliers: np.ndarray
+    ends: tuple[BranchEnd, BranchEnd]
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def __repr__(self) -> str:
+        ends = {"start": float(self.values[0]), "stop": float(self.values[-1])}
+        return one_line(self, {"period": self.period, "points": len(self), **ends})
+
+    @property
+    def stable(self) -> list[bool | None]:
+        """Whether the hops (n,) attract their neighbours: the multiplier is smaller than 1 in size. None where they
+        have none, and it is not known."""
+        return [_settles(each) for each in self.multipliers.tolist()]
+
+    def stretches(self) -> list[tuple[float, float, bool | None]]:
+        """The parts of the curve, in order, each from one value of the parameter to another, and whether it is
+        stable, None where that is not known. At bifurcations, which are points of the curve, one part gives way to the
+        next."""
+        return [(float(self.values[a]), float(self.values[b]), stable) for a, b, stable in self.parts()]
+
+    def parts(self) -> list[tuple[int, int, bool | None]]:
+        """The `stretches` by the indices of their first and their last point."""
+        before, behind = self.multipliers[:-1], self.multipliers[1:]
+        # A bifurcation, with 1, -1 or no multiplier, counts as what is beside it.
+        between = np.where(np.isnan(before), behind, np.where(np.isnan(behind), before, 0.5 * (before + behind)))
+        stable = [_settles(each) for each in between.tolist()]
+        cuts = [0, *(i for i in range(1, len(stable)) if stable[i] != stable[i - 1]), len(self) - 1]
+        return [(a, b, stable[a]) for a, b in pairwise(cuts) if b > a]
+
+
+@dataclass(frozen=True, eq=False)
+class BifurcationDiagram:
+    """The periodic launches of the return maps of a machine along a parameter, as `bifurcations` follows them.
+
+    along : name of the parameter
+    span : the range of the parameter
+    between : the range of launch speeds
+    machine : in words and numbers
+    branches, events : the curves, and what happens on them, ascending in the parameter
+    visits : (k, 2) values of the parameter, and launch speeds that are visited there in the long run
+    units : of launch speeds and parameters, by name; empty for a dimensionless machine
+    """
+
+    along: str
+    span: tuple[float, float]
+    between: tuple[float, float]
+    machine: Mapping[str, Any]
+    branches: tuple[Branch, ...]
+    events: tuple[Bifurcation, ...]
+    visits: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        counts = {"branches": len(self.branches), "events": len(self.events)}
+        return one_line(self, {"along": self.along, "span": self.span, "between": self.between, **counts})
+
+    def summary(self) -> str:
+        """What the diagram is of, in one line."""
+        m = self.machine
+        return f"return map of {m['machine']}, spring {m['spring']}, gravity {m['gravity']}"
+
+    def _told(self) -> tuple[str, list[tuple[str, str]]]:
+        """The ranges in one line, and each branch and event as a pair: what it is, and what is to be said of it."""
+        unit, speed = (f" {self.units[name]}" if self.units.get(name) else "" for name in (self.along, "alpha"))
+        (low, high), (slow, fast) = self.span, self.between
+        ranges = f"along {self.along} from {low:g} to {high:g}{unit}, launch speeds {slow:g} to {fast:g}{speed}"
+        rows = [] if self.branches else [("no launch of period one comes back there", "")]
+        for i, branch in enumerate(self.branches):
+            rows.append((f"branch {i}", f"{HOPS_OF[branch.period]}, {len(branch)} points"))
+            for a, b, stable in branch.stretches():
+                rows.append(("", f"{self.along} = {a:.12g} to {b:.12g}{unit}: {WORDS_OF_STABILITY[stable]}"))
+            for where, end in zip(("begins", "ends"), branch.ends, strict=True):
+                rows.append(("", f"{where}: {end.reason}"))
+        for event in self.events:
+            launches = ", ".join(f"{alpha:.12g}" for alpha in event.alphas)
+            note = f": {event.note}" if event.note else ""
+            rows.append((event.kind, f"{self.along} = {event.value:.12g}{unit}, alpha = {launches}{speed}{note}"))
+        return ranges, rows
+
+    def __str__(self) -> str:
+        ranges, rows = self._told()
+        lines = [f"  {name:<18}{text}".rstrip() for name, text in rows]
+        return "\n".join([self.summary(), f"  {ranges}", *lines])
+
+    def _repr_html_(self) -> str:
+        ranges, rows = self._told()
+        return cell(f"{self.summary()}, {ranges}", rows, self.plot)
+
+    def heading(self, name: str) -> str:
+        """A name with its unit, if it has one: "inject (m/s)"."""
+        return f"{name} ({self.units[name]})" if self.units.get(name) else name
+
+    def periodic(self, value: float) -> list[tuple[int, float, float]]:
+        """The periodic launches at a value of the parameter, read off the branches by straight lines between their
+        points: (period, launch speed, multiplier) of each, ascending in the launch speed."""
+        found = []
+        for branch in self.branches:
+            ahead = branch.values - value
+            exact = ahead == 0
+            if branch.ends[1].kind == "closed":  # its last point is its first one
+                exact[-1] = False
+            places = [(i, i, 0.0) for i in np.flatnonzero(exact)]
+            for i in np.flatnonzero(ahead[1:] * ahead[:-1] < 0):
+                places.append((i, i + 1, float(ahead[i] / (ahead[i] - ahead[i + 1]))))
+            for i, k, share in places:
+                alphas = branch.alphas[i] + share * (branch.alphas[k] - branch.alphas[i])
+                slope = branch.multipliers[i] + share * (branch.multipliers[k] - branch.multipliers[i])
+                found += [(branch.period, float(alpha), float(slope)) for alpha in alphas]
+        return sorted(found, key=lambda each: each[1])
+
+    def plot(self, axes: Any = None) -> Any:
+        """Plot the launch speeds against the parameter; returns the axes. See `orbits.show.map_figures`."""
+        return shown("map_figures").plot_bifurcations(self, axes)
+
+    def document(self) -> dict[str, Any]:
+        """The diagram as the JSON document of the command line."""
+        branches = [
+            {
+                "period": branch.period,
+                self.along: branch.values.tolist(),
+                "alpha": branch.alphas.tolist(),
+                "multiplier": [_known(each) for each in branch.multipliers.tolist()],
+                "stable": branch.stable,
+                "ends": [vars(end) for end in branch.ends],
+            }
+            for branch in self.branches
+        ]
+        events = [
+            {
+                "kind": event.kind,
+                self.along: event.value,
+                "alpha": list(event.alphas),
+                "multiplier": _known(event.multiplier),
+                "branch": event.branch,
+                "note": event.note,
+            }
+            for event in self.events
+        ]
+        whole = {"machine": self.machine, "along": self.along, "from": self.span[0], "to": self.span[1]}
+        whole |= {"between": list(self.between), "branches": branches, "events": events}
+        visits = {self.along: self.visits[:, 0].tolist(), "alpha": self.visits[:, 1].tolist()}
+        return {**whole, "attractor": visits, **({"units": self.units} if self.units else {})}
+
+    def rows(self) -> Iterator[tuple]:
+        """The points of all branches, with the columns of a table."""
+        for i, branch in enumerate(self.branches):
+            columns = branch.values, branch.alphas, branch.multipliers, branch.stable
+            for value, alphas, slope, stable in zip(*columns, strict=True):
+                other = float(alphas[1]) if branch.period == 2 else ""
+                known = ("", "") if stable is None else (float(slope), stable)
+                yield i, branch.period, float(value), float(alphas[0]), other, *known
+
+    def save(self, path: str | Path) -> Path:
+        """Write the diagram to .json (everything) or .csv (the points of its branches)."""
+        path = check_ending(path, DIAGRAM_ENDINGS)
+        if path.suffix.lower() == ".json":
+            return write_json(self.document(), path, "diagram")
+        names = {"value": self.along, "alpha": "alpha", "other": "alpha"}
+        heads = [self.heading(names.get(name, name)) for name in COLUMNS_OF_BRANCHES]
+        heads[COLUMNS_OF_BRANCHES.index("other")] = "other " + heads[COLUMNS_OF_BRANCHES.index("other")]
+        return write_table(heads, self.rows(), path, "diagram")
+
+
+def _settles(multiplier: float) -> bool | None:
+    """Whether hops with a multiplier attract their neighbours; None without one."""
+    return None if np.isnan(multiplier) else abs(multiplier) < 1
+
+
+def _known(number: float) -> float | None:
+    """A number for JSON, None for none."""
+    return number if np.isfinite(number) else None

@@ -1,0 +1,134 @@
+"""What can be proved of return maps: a fixed point with its multiplier, and where one loses stability by doubling.
+
+The theorems are in `orbits.proof.return_map`. Here the numbers that the proofs start from are computed in floats.
+"""
+
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+from ..consistency.accepted import check_machine
+from ..errors import InputError, NoOrbit, finite_number
+from ..model.machine import Machine
+from ..proof.prove import Decimal, Exact, need_flint
+from ..proof.theorem import Proof
+from ..running.exclusive import exclusive
+from ..running.time_limit import LIMIT, time_limit
+from ..simulation.multiplier import multiplier
+from ..simulation.simulation import simulate
+from .diagram import Bifurcation
+from .return_map import FixedPoint, ReturnMap
+
+if TYPE_CHECKING:
+    from ..proof.return_map import HopGuess
+
+# Newton's steps toward a fixed point from a guess of it, until one is this small relative to the launch speed.
+MOST_STEPS_TO_FIXED_POINT, FIXED_TO = 20, 1e-13
+
+
+@exclusive
+def prove_fixed_point(
+    machine: Machine, point: FixedPoint | float, inject: Decimal | tuple[Decimal, Decimal], *,
+    digits: int | None = None, parameters: Exact = None, limit: float = LIMIT,
+) -> Proof:  # fmt: skip
+    """Prove that the return map with an injection has a fixed point, that it is alone nearby, and whether it is stable.
+
+    machine : of two coordinates, whose landings are plastic; what it is stated as is as in `prove`
+    point : a fixed point of the `ReturnMap`, whose numbers are held against the theorem; or a launch speed near one
+    inject : added to the launch speed at every lift-off, as an exact decimal, or as an interval of two
+    digits, parameters, limit : as in `prove`
+
+    The result encloses alpha, the times and the multiplier. What is proved, and how, is said in
+    `orbits.proof.return_map`; where something is not, the result says what and why. Raises `InputError` without
+    python-flint, for a machine with restitution or friction, or of which a launch is more than a speed, and for a
+    lossless hop, which `prove` proves; and `NoOrbit` where a guess leads to no fixed point.
+
+    >>> from orbits import ReturnMap, prove_fixed_point
+    >>> from problems import Hopper
+    >>> point = ReturnMap(Hopper(), inject=0.03).fixed_points(4.5, 5)[0]
+    >>> proof = prove_fixed_point(Hopper(), point, "0.03")
+    >>> proof.proved, proof.enclosures["multiplier"].high[:10], "4.518828859478097796831733" in proof.alpha
+    (True, '-0.5976197', True)
+    """
+    _check_plastic(machine)
+    from ..proof.case import checked_digits
+    from ..proof.return_map import proof_of_fixed_point
+    from ..proof.stated import exact_bounds
+
+    digits, given = checked_digits(digits), dict(parameters or {})
+    low, high = exact_bounds("inject", inject)
+    if not low > 0:
+        raise InputError(f"inject = {inject!r}; it is above 0: without it fixed points are lossless: prove(orbit)")
+    said = None
+    if isinstance(point, FixedPoint):
+        if point.kind == "lossless":
+            raise InputError("this fixed point is a lossless orbit: prove(orbit)")
+        said = point.alpha, point.multiplier
+    with time_limit(limit):
+        alpha = finite_number("point", point.alpha if isinstance(point, FixedPoint) else point)
+        guess = guessed_hop(machine, alpha, float((low + high) / 2))
+        return proof_of_fixed_point(machine, guess, inject, said, given, digits)
+
+
+@exclusive
+def prove_doubling(
+    machine: Machine, flip: Bifurcation, *, digits: int | None = None, parameters: Exact = None, limit: float = LIMIT
+) -> Proof:
+    """Prove that a fixed point of the return map loses its stability by period doubling as the injection grows, with an
+    enclosure of the injection where that happens.
+
+    machine : as in `prove_fixed_point`, with a smooth law
+    flip : an event of that kind of `bifurcations(machine, "inject", ...)`, of a fixed point
+    digits, parameters, limit : as in `prove`
+
+    The result encloses inject, alpha, how fast the multiplier passes through -1, and the coefficient whose sign tells
+    whether the hops of period two are stable. Raises `InputError` as `prove_fixed_point` does.
+
+    >>> from orbits import bifurcations, prove_doubling
+    >>> from problems import Hopper
+    >>> diagram = bifurcations(Hopper(), "inject", (0.0, 0.1), (4.4, 4.7), sections=2, attractor=0)
+    >>> flip = next(event for event in diagram.events if event.kind == "flip")
+    >>> prove_doubling(Hopper(), flip).proved
+    True
+    """
+    _check_plastic(machine)
+    if not (isinstance(flip, Bifurcation) and flip.kind == "flip" and len(flip.alphas) == 1):
+        raise InputError('a doubling is a "flip" event of fixed points along "inject", see `bifurcations`')
+    from ..proof.case import checked_digits
+    from ..proof.return_map import proof_of_doubling
+
+    digits, given = checked_digits(digits), dict(parameters or {})
+    with time_limit(limit):
+        guess = guessed_hop(machine, flip.alpha, flip.value)
+        return proof_of_doubling(machine, guess, (flip.value, flip.alpha), given, digits)
+
+
+def _check_plastic(machine: Machine) -> None:
+    """Raise `InputError` for a machine whose map has other impacts, or no map of speeds."""
+    need_flint()
+    check_machine(machine, "restitution")
+    if machine.restitution != 0:
+        raise InputError(f"restitution = {machine.restitution:g}: a theorem is about landings that are plastic")
+    if not machine.model.conservative:
+        raise InputError(f"this {machine.model.name} loses energy by friction: nothing can be proved of its map")
+    if not machine.model.one_speed:
+        raise InputError(f"a launch of a {machine.model.name} is more than a speed: it has no map of speeds")
+
+
+def guessed_hop(machine: Machine, alpha: float, inject: float) -> "HopGuess":
+    """The hop of the fixed point near a launch speed, in floats; raises `NoOrbit` where none is found."""
+    from ..proof.return_map import HopGuess
+
+    step = ReturnMap(machine, inject)
+    for _ in range(MOST_STEPS_TO_FIXED_POINT):
+        hops = step(alpha)
+        if hops.status != "lifts_off":
+            raise NoOrbit(f"no fixed point near: the hop from alpha = {alpha:g} ends with '{hops.status}'")
+        change = float(hops.next - alpha) / (1 - multiplier(machine, alpha))
+        alpha += change
+        if not abs(change) > FIXED_TO * abs(alpha):
+            break
+    run = simulate(machine, alpha, hops=1, inject=inject)
+    times = [0.0, *(event.time for event in run.events)]
+    lasting = [after - before for before, after in pairwise(times)]
+    launch = machine.model.launch_at(run(0.0))
+    return HopGuess(launch["liftoff"], alpha, tuple(lasting[:-1]), lasting[-1], inject)

@@ -1,0 +1,311 @@
+"""The one-step return map: from the launch speed at one lift-off after sustained contact to that at the next.
+
+A hop is a flight, impacts after which the machine leaves at once, and a sustained contact. The loss of a hop is the sum
+of the losses of its impacts. It is not the difference of launch speeds: near a lossless orbit the loss vanishes like
+the power 4/3 of the distance, and the difference would be rounding.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..errors import InputError, NoOrbit, OrbitsError, finite_number, whole_number
+from ..io import fields_in_line, one_line
+from ..model.machine import Machine, dimensionless
+from ..numerics.roots import enclosed_sign_changes
+from ..periodic.find import Progress, find
+from ..result import cell, shown
+from ..running.exclusive import exclusive
+from ..simulation.impacts import CAP, FASTEST_LAUNCH, STATUS, Impacts, decided_impacts, injected
+from ..simulation.multiplier import multiplier
+from ..tables import number_text
+from ..units import DIMENSIONS_OF_HOPS, LIFTOFF_SPEED, Units, without_units
+from .resolved_map import JUMP, SLOWEST_LOSSLESS, Intervals, ResolvedMap, lossless_speeds
+
+BATCH_SIZE = 5000  # launch speeds in one batch: enough to pay for the calls, few enough for the memory
+# The launches in the picture of a map, and the fastest of them where there is no lossless one, in units of the machine.
+SHOWN, HIGH_LAUNCH = 1000, 9.0
+NO_BASIN = "with injection or damping no hop is lossless, and none comes to one"
+
+
+@dataclass(frozen=True)
+class Hops:
+    """The outcome of launches, each array of the launch speeds' shape.
+
+    alpha : launch speeds
+    next : launch speed at the next lift-off, with the injection, NaN where there is none
+    loss : loss of alpha**2 in the hop before the injection, or in its impacts where there is no next launch
+    impacts : number of impacts in between
+    status : "lifts_off", or why there is no next launch: a name of `orbits.simulation.impacts.STATUSES`
+    units : of the numbers, by name; empty for a dimensionless machine
+    """
+
+    alpha: np.ndarray
+    next: np.ndarray
+    loss: np.ndarray
+    impacts: np.ndarray
+    status: np.ndarray
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    def in_units(self, units: Units) -> "Hops":
+        """Dimensionless hops in these units."""
+        return replace(units.convert(self, **DIMENSIONS_OF_HOPS), units=units.texts(DIMENSIONS_OF_HOPS))
+
+    def __repr__(self) -> str:
+        statuses, counts = np.unique(self.status, return_counts=True)
+        return one_line(self, dict(zip(statuses.tolist(), counts.tolist(), strict=True)))
+
+    def _repr_html_(self) -> str:
+        statuses, counts = np.unique(self.status, return_counts=True)
+        rows = [(status.replace("_", " "), str(count)) for status, count in zip(statuses, counts, strict=True)]
+        return cell(f"{self.status.size} launches: what becomes of them", rows)
+
+    def document(self) -> dict[str, Any]:
+        """The hops as the JSON document of the command line."""
+        columns = {name: np.ravel(values).tolist() for name, values in vars(self).items() if name != "units"}
+        for name in DIMENSIONS_OF_HOPS:  # what is no number has none in a document
+            columns[name] = [value if np.isfinite(value) else None for value in columns[name]]
+        return columns | ({"units": self.units} if self.units else {})
+
+
+@dataclass(frozen=True)
+class FixedPoint:
+    """A launch speed that comes back; kind "lossless" or "crossing", where the map crosses the identity line, and the
+    map's slope there, None where it has none: at a lossless hop, and where the hop lands tangentially."""
+
+    alpha: float
+    kind: str
+    multiplier: float | None = None
+
+
+class ReturnMap:
+    """The return map of a machine, with its restitution and damping.
+
+    machine : as in `find`, with its restitution
+    inject : added to the launch speed at every lift-off; with a damper the extension there depends on the speed, and
+        the injection moves the machine to that of the new speed
+    cap : impacts of one hop after which it is given up, with the status "cap"
+
+    Called with launch speeds (...), it gives `Hops`; in an array, one that is not a number above 0 has the status
+    "invalid". It does not check whether the masses pass through each other: see `Simulation.smallest_separation`.
+    Raises `InputError` where a launch is more than a speed, and for a single speed that is not above 0.
+
+    >>> from orbits import ReturnMap
+    >>> from problems import Hopper
+    >>> hops = ReturnMap(Hopper())([2.0, 4.0, 4.5])
+    >>> hops.status.tolist(), hops.next.round(4).tolist()
+    (['rests', 'lifts_off', 'lifts_off'], [nan, 2.0736, 4.4952])
+    >>> low, high = ReturnMap(Hopper(), inject=0.03).fixed_points(4, 5)
+    >>> round(low.multiplier, 3), round(high.multiplier, 3)
+    (7.274, -0.598)
+    """
+
+    @exclusive
+    def __init__(self, machine: Machine, inject: float = 0.0, cap: int = CAP):
+        self.machine, self._units = machine, getattr(machine, "units", None) or Units(1.0, 1.0, 1.0)
+        self._bare: ReturnMap | None = None  # of the dimensionless machine, where this one has units
+        self._speed: float = self._units.of(LIFTOFF_SPEED)
+        self.inject, self.cap = injected(inject, self._speed), whole_number("cap", cap, "impacts")
+        if getattr(machine, "units", None):
+            self._bare = ReturnMap(dimensionless(machine), self.inject / self._speed, self.cap)
+        self.impacts: Impacts = self._bare.impacts if self._bare else Impacts(machine)
+        if not self.impacts.model.one_speed:
+            raise InputError(f"a launch of a {self.impacts.model.name} is more than a speed: it has no map of speeds")
+
+    def __repr__(self) -> str:
+        return fields_in_line(self, "machine", "inject", "cap")
+
+    def _repr_html_(self) -> str:
+        speed = self._units.text(LIFTOFF_SPEED) if self._bare else ""
+        rows = [("injection", number_text(self.inject, speed)), ("impacts of a hop", f"{self.cap} at most")]
+        return cell(f"return map of {self.machine!r}", rows, self._draw)
+
+    def _draw(self, axes: Any) -> Any:
+        """Draw the map up to twice the lowest lossless launch speed, or up to a high one."""
+        try:
+            highest = 2.0 * find(self.machine).alpha
+        except OrbitsError:
+            highest = HIGH_LAUNCH * self._speed
+        return self.plot(highest / SHOWN, highest, axes, samples=SHOWN)
+
+    def __reduce__(self) -> tuple[type, tuple[Machine, float, int]]:
+        return type(self), (self.machine, self.inject, self.cap)
+
+    @exclusive
+    def __call__(self, alpha: ArrayLike) -> Hops:
+        """The next launch speeds after launch speeds (...)."""
+        try:
+            alpha = np.array(alpha, dtype=float)
+        except (TypeError, ValueError):
+            raise InputError(f"alpha = {alpha!r}; launch speeds are numbers") from None
+        launches = np.isfinite(alpha) & (alpha > 0)
+        if not (alpha.ndim or launches):
+            raise InputError(f"alpha = {alpha:g}; launch speeds are above 0")
+        if self._bare:
+            with without_units(self._units):
+                return replace(self._bare(alpha / self._speed).in_units(self._units), alpha=alpha)
+        nothing = np.full(alpha.shape, np.nan)
+        hops = Hops(alpha, nothing, nothing.copy(), np.zeros(alpha.shape, int), np.full(alpha.shape, "invalid", STATUS))
+        places = np.flatnonzero(launches)
+        for batch in np.array_split(places, -(-len(places) // BATCH_SIZE)) if len(places) else ():
+            found = _hops_from(self.impacts, alpha.flat[batch], self.inject, self.cap)
+            for name in ("next", "loss", "impacts", "status"):
+                getattr(hops, name).reshape(-1)[batch] = getattr(found, name)
+        return hops
+
+    @exclusive
+    def fixed_points(self, low: float, high: float, samples: int = 2000) -> tuple[FixedPoint, ...]:
+        """The fixed points of the map between two launch speeds, ascending.
+
+        Without injection or damping they are the lossless orbits that are motions: all of them under constant gravity,
+        otherwise those of `find`. Else the map crosses the identity line there: next - alpha changes its sign between
+        neighbours of a grid of `samples` launches, refined toward lossless ones and toward extrema.
+        """
+        low, high, samples = _checked_grid(low, high, samples)
+        if self._bare:
+            with without_units(self._units):
+                found = self._bare.fixed_points(low / self._speed, high / self._speed, samples)
+            return tuple(self._units.convert(point) for point in found)
+        lossless = lossless_speeds(self.impacts, low, high)
+        if self.inject == 0 and self.impacts.model.conservative:
+            return tuple(FixedPoint(alpha, "lossless") for alpha in lossless)
+        crossings = ResolvedMap(self, lossless, low, high, samples, True).crossings()
+        return tuple(FixedPoint(alpha, "crossing", self._slope(alpha)) for alpha in crossings.tolist())
+
+    def _slope(self, alpha: float) -> float | None:
+        """The slope of the map at a launch speed, None where it has none."""
+        try:
+            return multiplier(self.machine, alpha)
+        except NoOrbit:
+            return None
+
+    @exclusive
+    def jumps(self, hops: Hops) -> np.ndarray:
+        """Indices of the launches of hops (m,), ascending, after which the map jumps: the number of impacts changes,
+        and the next launch speed is not continuous."""
+        if self._bare:
+            with without_units(self._units):
+                return self._bare.jumps(hops.in_units(self._units.inverse()))
+        change = np.abs(np.diff(np.nan_to_num(hops.next)))
+        beside = np.maximum(np.append(0.0, change[:-1]), np.append(change[1:], 0.0))
+        # A jump that is smaller than the changes beside it would not be seen in a plot.
+        i = np.flatnonzero((np.diff(hops.impacts) != 0) & (change > beside))
+        same = lambda alpha, which: np.where(self(alpha).impacts == hops.impacts[i[which]], 1.0, -1.0)  # noqa: E731
+        a, b, _, _ = enclosed_sign_changes(same, hops.alpha[i], hops.alpha[i + 1], np.ones(len(i)), -np.ones(len(i)))
+        return i[np.abs(np.nan_to_num(self(a).next) - np.nan_to_num(self(b).next)) > JUMP * a]
+
+    @exclusive
+    def preimages(self, edges: Intervals, low: float, high: float, samples: int = 2000) -> Intervals:
+        """The intervals of launch speeds between `low` and `high`, ascending, whose next one lies in one of the
+        intervals `edges`. They end where the map passes an edge, or jumps; the grid is as in `fixed_points`."""
+        low, high, samples = _checked_grid(low, high, samples)
+        edges = [(finite_number("edges", a), finite_number("edges", b)) for a, b in edges]
+        if wrong := [pair for pair in edges if not 0 < pair[0] <= pair[1]]:
+            raise InputError(f"edges = {wrong[0]}; the launch speeds of an interval are above 0 and ascend")
+        if self._bare:
+            speeds = [(a / self._speed, b / self._speed) for a, b in edges]
+            with without_units(self._units):
+                found = self._bare.preimages(speeds, low / self._speed, high / self._speed, samples)
+            return self._in_units(found)
+        lossless = lossless_speeds(self.impacts, low, high)
+        return ResolvedMap(self, lossless, low, high, samples, False).preimages(edges)
+
+    def plot(
+        self, low: float, high: float, axes: Any = None, start: float | None = None, hops: int = 60,
+        samples: int = 4000, fixed_points: bool = True,
+    ) -> Any:  # fmt: skip
+        """Plot the map between two launch speeds, with its fixed points, and with a cobweb of `hops` hops from the
+        launch `start`; returns the axes. See `orbits.show.map_figures.plot_map`."""
+        low, high, samples = _checked_grid(low, high, samples)
+        hops = whole_number("hops", hops, "hops", 0)
+        return shown("map_figures").plot_map(self, low, high, axes, samples, start, hops, fixed_points)
+
+    def plot_basin(self, low: float, high: float, axes: Any = None, hops: int = 1000, samples: int = 2000) -> Any:
+        """Plot which launches between two speeds come to which lossless hop, and what share of the range they are;
+        returns the axes. The basin is that of `basin`."""
+        return shown("map_figures").plot_basin(self, low, high, axes, hops, samples)
+
+    def _in_units(self, intervals: Intervals) -> Intervals:
+        return [(a * self._speed, b * self._speed) for a, b in intervals]
+
+    @exclusive
+    def basins(self, low: float, high: float, hops: int = 1000, samples: int = 2000) -> dict[float, Intervals]:
+        """The basin of each lossless launch speed below `high`, where `basin` gives all of them together; those without
+        launches between `low` and `high` are left out."""
+        low, high, samples = _checked_grid(low, high, samples)
+        hops = whole_number("hops", hops, "hops", 0)
+        if self._bare:
+            with without_units(self._units):
+                bare = self._bare.basins(low / self._speed, high / self._speed, hops, samples)
+            return {star * self._speed: self._in_units(own) for star, own in bare.items()}
+        if self.inject != 0 or not self.impacts.model.conservative:
+            raise InputError(NO_BASIN)
+        lossless = [star for star in lossless_speeds(self.impacts, SLOWEST_LOSSLESS, high) if star < high]
+        if not lossless:
+            return {}
+        resolved_map = ResolvedMap(self, lossless, lossless[0], high, samples, False)
+        found = {star: resolved_map.basin(lossless, hops, high - low, only=k) for k, star in enumerate(lossless)}
+        inside = {star: [(max(a, low), min(b, high)) for a, b in own if b > low] for star, own in found.items()}
+        return {star: own for star, own in inside.items() if own}
+
+    @exclusive
+    def basin(
+        self, low: float, high: float, hops: int = 1000, samples: int = 2000,
+        progress: Progress = None,
+    ) -> Intervals:  # fmt: skip
+        """The intervals of launch speeds between `low` and `high` that come to a lossless hop, ascending.
+
+        All launches just above a lossless one come down to it, up to where the map falls below it; all others enter
+        one of these intervals before, within at most `hops` hops. Intervals that would add only some 1e-5 of the range
+        are left out. Called after every hop, `progress` is given the share of the range that is found, and 0 while the
+        grid is refined. Raises `InputError` with injection or damping.
+        """
+        low, high, samples = _checked_grid(low, high, samples)
+        if self.inject != 0 or not self.impacts.model.conservative:
+            raise InputError(NO_BASIN)
+        hops = whole_number("hops", hops, "hops", 0)
+        if self._bare:
+            with without_units(self._units):
+                found = self._bare.basin(low / self._speed, high / self._speed, hops, samples, progress)
+            return self._in_units(found)
+        lossless = lossless_speeds(self.impacts, SLOWEST_LOSSLESS, high)
+        if not lossless or lossless[0] >= high:
+            return []
+        resolved_map = ResolvedMap(self, lossless, lossless[0], high, samples, False, progress)
+        intervals = resolved_map.basin(lossless, hops, high - low, progress)
+        return [(max(a, low), min(b, high)) for a, b in intervals if b > low]
+
+
+def _checked_grid(low: float, high: float, samples: int) -> tuple[float, float, int]:
+    """Two launch speeds and the number of launches of a grid between them, checked."""
+    low, high = finite_number("low", low), finite_number("high", high)
+    if not 0 < low < high:
+        raise InputError(f"low = {low:g}, high = {high:g}: 0 < low < high is needed")
+    return low, high, whole_number("samples", samples, "launches", 2)
+
+
+def _hops_from(impacts: Impacts, alpha, inject: float, cap: int) -> Hops:
+    """One hop from each of the launch speeds (m,), given up after `cap` impacts, with `inject` added to the next."""
+    loss, counts, status, standing = decided_impacts(impacts, alpha, cap)
+    alpha, asked = np.minimum(alpha, FASTEST_LAUNCH), alpha
+    next_speed, left, lifting = np.full(len(alpha), np.nan), alpha**2 - loss, np.flatnonzero(status == "lifts_off")
+    if impacts.contact.phase.closed_form:  # The force is linear: the energy alone decides whether it vanishes.
+        status[lifting[left[lifting] < 0]] = "rests"
+    elif len(lifting):
+        status[lifting], ends = impacts.sustained_contacts(standing[lifting])
+        ended = status[lifting] == "lifts_off"
+        lifting = lifting[ended]
+        speed, launches = impacts.liftoff(ends[ended])
+        status[lifting[~launches]] = "leaves_elsewhere"
+        if not impacts.one_liftoff:
+            lifting, speed = lifting[launches], speed[launches]
+            left[lifting] = speed**2
+            loss[lifting] = alpha[lifting] ** 2 - left[lifting]
+    lifting = np.flatnonzero(status == "lifts_off")
+    next_speed[lifting] = np.sqrt(np.maximum(left[lifting], 0.0)) + inject
+    stopped = next_speed <= 0
+    status[stopped], next_speed[stopped] = "rests", np.nan
+    return Hops(asked, next_speed, loss, counts, status)

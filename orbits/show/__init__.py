@@ -1,0 +1,1 @@
+"""Results drawn: figures, animations and pages, above all that they show."""

@@ -1,0 +1,136 @@
+"""Figures of the return map: with a cobweb, of its basins, and of bifurcations; in SI where the machine is."""
+
+from itertools import cycle
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError, finite_number
+from ..result import Axes
+from ..return_map.diagram import WORDS_OF_STABILITY
+from ..units import LIFTOFF_SPEED
+from .plot import COLOURS, cobweb, finished, new_axes, plain, sampled_map, title_of_machine
+
+IDENTITY: dict[str, Any] = {"color": "0.6", "lw": 0.8, "zorder": 1}
+# How fixed points look: full where they attract, open where they do not, half where they attract from above only.
+LOOKS_OF_POINTS: dict[str, dict[str, Any]] = {
+    "stable": {"mfc": "0.15"},
+    "unstable": {"mfc": "white"},
+    "lossless, attracts from above": {"fillstyle": "right", "mfc": "0.15", "markerfacecoloralt": "white"},
+}
+LOOKS_OF_STABILITY: dict[bool | None, dict[str, Any]] = {
+    True: {"lw": 2},
+    False: {"lw": 1.3, "ls": (0, (4, 2))},
+    None: {"lw": 1.3, "ls": (0, (1, 2))},
+}
+LOOKS_OF_EVENTS = {"flip": "o", "fold": "s", "branch point": "D", "border collision": "X"}
+WORDS_OF_PERIODS = {1: "fixed points", 2: "period two"}
+BAR = 0.05  # height of the bar that tells destinations, as a share of the axes
+
+
+def plot_map(
+    step: Any, low: float, high: float, axes: Axes | None = None, samples: int = 4000, start: float | None = None,
+    hops: int = 60, fixed_points: bool = True,
+) -> Axes:  # fmt: skip
+    """Plot the return map between two launch speeds, with the identity line; return the axes.
+
+    step : a `ReturnMap`
+    start : launch speed from which a cobweb of so many `hops` is drawn, None for no cobweb
+    fixed_points : mark the fixed points of the map too
+    """
+    axes = _drawn_map(step, low, high, axes or new_axes(5.2, 5.0), samples)
+    if start is not None:
+        axes.plot(*cobweb(step, finite_number("start", start), hops), color=COLOURS[1], lw=0.9, label=f"from {start:g}")
+    if fixed_points:
+        _mark(axes, [(point.alpha, _stability(point)) for point in step.fixed_points(low, high)])
+    axes.set_title(plain(f"return map of {title_of_machine(step.machine.describe())}"), fontsize="medium", wrap=True)
+    return _labelled_map(axes, step, low, high)
+
+
+def _drawn_map(step: Any, low: float, high: float, axes: Axes, samples: int) -> Axes:
+    """The identity line and the map, broken where it jumps."""
+    axes.plot([low, high], [low, high], label="identity", **IDENTITY)
+    axes.plot(*sampled_map(step, low, high, samples), color=COLOURS[0], lw=1.6, label="map")
+    return axes
+
+
+def _labelled_map(axes: Axes, step: Any, low: float, high: float) -> Axes:
+    unit = f" ({step.machine.units.text(LIFTOFF_SPEED)})" if step.machine.units else ""
+    labels: dict[str, Any] = {"xlabel": "launch speed" + unit, "ylabel": "next launch speed" + unit}
+    lowest = float(np.nanmin(np.hstack([line.get_ydata() for line in axes.lines])))
+    bottom = 0.0 if lowest < 0.3 * high else lowest - 0.05 * (high - lowest)
+    return finished(axes, xlim=(low, high), ylim=(bottom, high), **labels)
+
+
+def _stability(point: Any) -> str:
+    """How a fixed point of the map is called in a legend."""
+    if point.kind == "lossless":
+        return "lossless, attracts from above"
+    return "stable" if point.multiplier is not None and abs(point.multiplier) < 1 else "unstable"
+
+
+def _mark(axes: Axes, points: list[tuple[float, str]]) -> None:
+    """Mark fixed points on the identity line, each kind with one entry in the legend."""
+    for kind, look in LOOKS_OF_POINTS.items():
+        if here := [alpha for alpha, other in points if other == kind]:
+            axes.plot(here, here, "o", ms=6, mec="0.15", mew=1.2, zorder=4, label=kind, **look)
+
+
+def plot_basin(step: Any, low: float, high: float, axes: Axes | None, hops: int, samples: int) -> Axes:
+    """Plot which launches between two come to which lossless hop, as a bar below the map, and tell in the legend how
+    much of the range comes to each and in the title how much to any; return the axes.
+
+    step : a `ReturnMap` without injection and damping
+    hops, samples : as in `ReturnMap.basin`
+    """
+    basins, width = step.basins(low, high, hops, samples), high - low
+    unit = f" {step.machine.units.text(LIFTOFF_SPEED)}" if step.machine.units else ""
+    axes = _drawn_map(step, low, high, axes or new_axes(6.4, 5.2), 4000)
+    inside = axes.get_xaxis_transform()
+    total = 0.0
+    for (star, intervals), colour in zip(basins.items(), cycle(COLOURS[1:])):
+        spans = [(a, b - a) for a, b in intervals]
+        length = sum(span for _, span in spans)
+        total, share = total + length, length / width
+        text = f"to {star:.6g}{unit}: {100 * share:.3g}%"
+        axes.broken_barh(spans, (0, BAR), fc=colour, ec=colour, lw=0.4, transform=inside, label=text, zorder=3)
+        axes.broken_barh(spans, (BAR, 1 - BAR), fc=colour, ec="none", transform=inside, alpha=0.12, zorder=0)
+        if low <= star <= high:
+            axes.plot(star, star, "o", color=colour, mec="0.15", ms=6, zorder=4)
+    words = f"{100 * total / width:.3g}% of the launches come to a lossless hop: {total:.6g} of {width:.6g}{unit}"
+    axes.set_title(words if basins else "no launch here comes to a lossless hop", fontsize="medium")
+    return _labelled_map(axes, step, low, high)
+
+
+def plot_bifurcations(diagram: Any, axes: Axes | None = None) -> Axes:
+    """Plot the periodic launches of a `BifurcationDiagram` against its parameter: stable ones as a line, unstable ones
+    dashed, over the launches that are visited in the long run, with what happens marked; return the axes."""
+    axes = axes or new_axes(6.8, 4.6)
+    if not (len(diagram.branches) or len(diagram.visits)):
+        raise InputError("there is nothing to draw: no launch comes back in this range")
+    if len(diagram.visits):
+        axes.plot(*diagram.visits.T, ".", ms=1.2, mew=0, color="0.55", zorder=1, rasterized=True)
+        axes.plot(*diagram.visits[:1].T, "o", color="0.55", ms=3, label="visited in the long run", zorder=1)
+    known: set[str] = set()
+    for branch in diagram.branches:
+        colour, words = COLOURS[branch.period - 1], WORDS_OF_PERIODS[branch.period]
+        for first, last, stable in branch.parts():
+            label, part = f"{words}, {WORDS_OF_STABILITY[stable]}", slice(first, last + 1)
+            for alphas in branch.alphas[part].T:
+                look = {"color": colour, "label": None if label in known else label, "zorder": 2}
+                axes.plot(branch.values[part], alphas, **look, **LOOKS_OF_STABILITY[stable])
+                known.add(label)
+    for event in diagram.events:
+        name = None if event.kind in known else event.kind
+        places = np.full(len(event.alphas), event.value)
+        axes.plot(places, event.alphas, LOOKS_OF_EVENTS[event.kind], color="0.15", mfc="white", ms=6, mew=1.4,
+                  label=name, zorder=4, clip_on=False)  # fmt: skip
+        known.add(event.kind)
+    machine = diagram.machine
+    axes.set_title(plain(f"return map of {title_of_machine(machine)}"), fontsize="medium", wrap=True)
+    labels = {"xlabel": diagram.heading(diagram.along).replace("_", " "),
+              "ylabel": diagram.heading("alpha").replace("alpha", "launch speed")}  # fmt: skip
+    drawn = np.concatenate([diagram.visits[:, 1], *(branch.alphas.ravel() for branch in diagram.branches)])
+    margin = 0.05 * (np.ptp(drawn) or np.ptp(diagram.between))
+    ends = (float(drawn.min() - margin), float(drawn.max() + margin))
+    return finished(axes, xlim=diagram.span, ylim=ends, **labels)

@@ -1,0 +1,123 @@
+"""What the figures of Bokeh have in common: their looks, their tools, and ranges that do not jump."""
+
+from html import escape
+from importlib import import_module
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from ...errors import InputError
+
+# A model of Bokeh, the name of one of its properties, and the value it gets.
+Change: TypeAlias = tuple[Any, str, Any]
+
+TOOLS = "pan,box_zoom,wheel_zoom,reset,save"
+# What moves in each frame is drawn on a canvas of its own, so that nothing else is drawn again for it.
+MOVING = {"level": "overlay"}
+GREY, INK = "#6b6b6b", "#333333"
+# A range stays as long as what it shows fills at least this share of it.
+FILLED = 0.7
+FLAT = 1e-9  # what varies by a smaller share of itself is constant
+MARGIN = 0.06  # beside what is shown, as a share of it
+SPARE = 0.1  # more where something has just grown, which is likely to go on
+
+
+def bokeh(module: str) -> Any:
+    """A module of Bokeh by its name within the package; raises `InputError` where Bokeh is missing."""
+    try:
+        return import_module(f"bokeh.{module}")
+    except ImportError:
+        raise InputError("pages need Bokeh: install persistent-orbits[explore]") from None
+
+
+def new_figure(title: str, height: int, **options: Any) -> Any:
+    """A figure of Bokeh as wide as its place, whose axes have fixed ranges unless the options say others.
+
+    No tool takes a drag or a turn of the wheel before it is chosen, so that a page can be scrolled by touch.
+    """
+    new_range = bokeh("models").Range1d
+    options = {"x_range": new_range(0, 1), "y_range": new_range(0, 1)} | options
+    figure = bokeh("plotting").figure(
+        **{"title": title, "height": height, "sizing_mode": "stretch_width", "tools": TOOLS} | options,
+        active_drag=None,
+        active_scroll=None,
+    )
+    figure.title.text_font_size, figure.title.text_color = "14px", INK
+    figure.axis.axis_label_text_font_style, figure.axis.axis_label_text_font_size = "normal", "13px"
+    figure.axis.major_label_text_font_size, figure.axis.minor_tick_line_color = "12px", None
+    figure.xaxis.ticker.desired_num_ticks = 5
+    figure.grid.grid_line_color, figure.outline_line_color = "#ececec", None
+    figure.toolbar.logo, figure.toolbar.autohide, figure.min_border_right = None, False, 12
+    return figure
+
+
+def legend_above(figure: Any, *items: Any, columns: int = 4) -> None:
+    """Put a legend of `LegendItem`s between the title and the axes, where it hides no curve."""
+    legend = bokeh("models").Legend(
+        items=list(items), orientation="horizontal", ncols=columns, border_line_color=None, margin=0, padding=2,
+        label_text_font_size="12px", glyph_width=18, spacing=8,
+    )  # fmt: skip
+    figure.add_layout(legend, "above")
+
+
+def empty_columns(*names: str) -> dict[str, list]:
+    """Columns of a source with nothing in them."""
+    return {name: [] for name in names}
+
+
+def hover(renderers: list[Any], told: list[tuple[str, str]], **options: Any) -> Any:
+    """A tool that tells what is at the pointer; `told` is as for `tip`."""
+    formatters = {text.split("{")[0]: "printf" for _, text in told if "{" in text}
+    return bokeh("models").HoverTool(renderers=renderers, tooltips=tip(told), formatters=formatters, **options)
+
+
+def tip(told: list[tuple[str, str]]) -> str:
+    """What stands in a tooltip, narrow enough for a phone.
+
+    told : names and texts, where "@name{%.5g}" is a column in the format of C; a text without a name has none
+    """
+    names = (f"<span style='color:{GREY}'>{escape(name)}</span> " if name else "" for name, _ in told)
+    rows = "".join(f"<div>{name}{text}</div>" for name, (_, text) in zip(names, told, strict=True))
+    return f"<div style='max-width:15em;white-space:normal;overflow-wrap:anywhere;color:{INK}'>{rows}</div>"
+
+
+def range_changes(shown: Any, low: float, high: float, steady: bool, margin: float = MARGIN) -> list[Change]:
+    """What makes a `Range1d` show from low to high: nothing for a steady one that shows that already and that is well
+    filled by it."""
+    if (size := high - low) <= FLAT * max(abs(low), abs(high)):  # nothing but rounding
+        size = abs(high) or 1.0
+        low, high = low - 0.5 * size, high + 0.5 * size
+    start, end = shown.reset_start, shown.reset_end
+    below, above = margin, margin
+    if steady and start is not None:
+        if start <= low and high <= end and size >= FILLED * (end - start):
+            return []
+        below, above = margin + SPARE * (low < start), margin + SPARE * (high > end)
+    ends = {"start": low - below * size, "end": high + above * size}
+    return [(shown, each + name, value) for name, value in ends.items() for each in ("", "reset_")]
+
+
+def apply(changes: list[Change]) -> None:
+    """Give the models those values that they do not have, together where they are on a page already."""
+    document = next((model.document for model, _, _ in changes if model.document is not None), None)
+    held = document is not None and document.callbacks.hold_value is None
+    if document is not None and held:
+        document.hold("combine")
+    try:
+        for model, name, value in changes:
+            if not _equal(getattr(model, name), value):  # Bokeh tells of arrays also where they are equal
+                setattr(model, name, value)
+    finally:
+        if document is not None and held:
+            document.unhold()
+
+
+def _equal(old: Any, new: Any) -> bool:
+    """Whether two values of a property are equal, in columns too."""
+    if isinstance(new, dict):
+        return isinstance(old, dict) and old.keys() == new.keys() and all(_equal(old[name], new[name]) for name in new)
+    if isinstance(new, np.ndarray) or isinstance(old, np.ndarray):
+        return np.array_equal(old, new)
+    if isinstance(new, list):
+        return isinstance(old, list) and len(old) == len(new) and all(map(_equal, old, new))
+    return bool(old == new)

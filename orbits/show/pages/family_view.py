@@ -1,0 +1,151 @@
+"""A family as a figure of Bokeh: a quantity along the curve, with what happens on it, to hover over and to click."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...tables import number_text
+from ..plot import COLOURS, family_curve
+from .bokeh_figures import (
+    INK,
+    MOVING,
+    Change,
+    apply,
+    bokeh,
+    empty_columns,
+    hover,
+    legend_above,
+    new_figure,
+    range_changes,
+    tip,
+)
+
+# How events are marked, alike in each figure of a family.
+SHAPES = {"fold": "circle", "branch point": "square", "grazing": "inverted_triangle", "masses touch": "x"}
+SHAPES |= {"contact pulls": "triangle", "landing jerk": "square_x", "collapse": "diamond", "family": "star"}
+SHAPES |= {"law ends": "diamond_cross"}
+OTHER_SHAPE, SHAPE_OF_END = "plus", "square_pin"
+
+
+@dataclass(frozen=True, eq=False)
+class FamilyData:
+    """What the figure of a family shows, as arrays and texts that can be sent to another process.
+
+    value, motions, others : (k,) the parameter along the curve, and the quantity where the orbits are motions and where
+        they are not, NaN elsewhere
+    points : columns (k,) of the orbits: "value", "quantity", "alpha", and "told", whether they are motions and what
+        happens there
+    events : columns of what happens and of the end: "value", "quantity", "kind"
+    labels : of the two axes, with units
+    """
+
+    value: np.ndarray
+    motions: np.ndarray
+    others: np.ndarray
+    points: dict[str, Any]
+    events: dict[str, Any]
+    labels: tuple[str, str]
+
+
+def family_data(family: Any, quantity: str = "alpha") -> FamilyData:
+    """What the figure shows of a `Family`, in SI for a machine that is stated so.
+
+    quantity : as in `Family.quantity`, which raises `InputError` for an unknown one
+    """
+    value, whole, motions, others = family_curve(family, quantity)
+    along, speed_in = family.in_order(), family.units.get("alpha", "")
+    told = ["a motion" if point.admissible else "; ".join(point.violations) for point, _ in along]
+    told = [text if event is None else f"{event.kind}: {text}" for text, (_, event) in zip(told, along, strict=True)]
+    marked = [i for i, (_, event) in enumerate(along) if event and event.kind != "asked"]
+    kinds = [along[i][1].kind for i in marked]
+    if along:
+        marked, kinds = [*marked, len(along) - 1], [*kinds, f"end: {family.end.kind}"]
+        told[-1] += f"; {kinds[-1]}, {ending(family)}"
+    speeds = [number_text(point.alpha, speed_in) for point, _ in along]
+    points = {"value": value, "quantity": whole, "alpha": speeds, "told": told}
+    events = {"value": value[marked], "quantity": whole[marked], "kind": kinds}
+    labels = family.heading(family.name), family.heading(quantity).replace("_", " ")
+    return FamilyData(value, motions, others, points, events, labels)
+
+
+def ending(family: Any) -> str:
+    """How a `Family` ends, in words."""
+    end, unit = family.end, family.units.get(family.name, "")
+    if end.limit is None:
+        return end.reason
+    return f"{end.reason}, {family.name} tends to {number_text(float(end.limit), unit)}"
+
+
+class FamilyFigure:
+    """The figure of a family, which `show` gives another one.
+
+    figure : of Bokeh
+    points : the source of the orbits, with columns "value" and "quantity"; clicks select from it
+    """
+
+    def __init__(self, height: int = 360) -> None:
+        models, new = bokeh("models"), bokeh("models").ColumnDataSource
+        self._curve = new(empty_columns("value", "motions", "others"))
+        self.points = new(empty_columns("value", "quantity", "alpha", "told"))
+        self._events = new(empty_columns("value", "quantity", "kind", "marker"))
+        self._here = new(empty_columns("value", "quantity"))
+        self.figure = figure = new_figure("", height)
+        line = figure.line("value", "motions", source=self._curve, line_width=2.5, color=COLOURS[0])
+        dashed = figure.line("value", "others", source=self._curve, line_width=2, color=COLOURS[0], line_dash=[4, 4])
+        # The orbits themselves would fill the gaps of the dashes: they are seen where the pointer is.
+        unseen: dict[str, Any] = dict.fromkeys(("line_color", "fill_color", "nonselection_fill_color"))
+        unseen |= {"hover_fill_color": COLOURS[0], "hover_line_color": None, "size": 7}
+        points = figure.scatter("value", "quantity", source=self.points, **unseen)
+        look = {"marker": "marker", "fill_color": "white", "line_color": INK, "line_width": 1.6, "size": 10}
+        events = figure.scatter("value", "quantity", source=self._events, **look)
+        ring = {"size": 16, "fill_color": None, "line_color": COLOURS[1], "line_width": 3}
+        here = figure.scatter("value", "quantity", source=self._here, **ring, **MOVING)
+        new_item = models.LegendItem
+        self._items = [new_item(label="motions", renderers=[line]), new_item(label="no motions", renderers=[dashed])]
+        self._items.append(new_item(label="shown", renderers=[here], visible=False))
+        legend_above(figure, *self._items, new_item(label={"field": "kind"}, renderers=[events]), columns=3)
+        self._hover = hover([points], [("", "@told")])
+        figure.add_tools(self._hover, models.TapTool(renderers=[points]))
+
+    def show(self, data: FamilyData, steady: bool = True) -> None:
+        """Show another family in place of the one before; what `mark` has marked is gone.
+
+        steady : whether axes stay as they are while the family fills them well
+        """
+        apply(self.changes(data, steady))
+
+    def changes(self, data: FamilyData, steady: bool = True) -> list[Change]:
+        """What `show` changes."""
+        across, up = data.labels
+        kinds = data.events["kind"]
+        markers = [SHAPE_OF_END if kind.startswith("end: ") else SHAPES.get(kind, OTHER_SHAPE) for kind in kinds]
+        tips = [(across, "@value{%.7g}"), (up, "@quantity{%.7g}")]
+        tips += [("", "@told")] if up.startswith("alpha") else [("alpha", "@alpha"), ("", "@told")]
+        changes: list[Change] = [
+            (self._curve, "data", {name: getattr(data, name) for name in ("value", "motions", "others")}),
+            (self.points, "data", data.points),
+            (self._events, "data", {**data.events, "marker": markers}),
+            (self.figure.xaxis[0], "axis_label", across),
+            (self.figure.yaxis[0], "axis_label", up),
+            (self._items[0], "visible", bool(np.isfinite(data.motions).any())),
+            (self._items[1], "visible", bool(np.isfinite(data.others).any())),
+            (self._hover, "tooltips", tip(tips)),
+            (self._hover, "formatters", {"@value": "printf", "@quantity": "printf"}),
+            *self.marks(),
+        ]
+        for shown, values in ((self.figure.x_range, data.value), (self.figure.y_range, data.points["quantity"])):
+            known = values[np.isfinite(values)]
+            if len(known):
+                changes += range_changes(shown, float(known.min()), float(known.max()), steady)
+        return changes
+
+    def mark(self, value: float | None = None, quantity: float | None = None) -> None:
+        """Mark the place of the hop that is shown; none without a value."""
+        apply(self.marks(value, quantity))
+
+    def marks(self, value: float | None = None, quantity: float | None = None) -> list[Change]:
+        """What `mark` changes."""
+        seen = value is not None and quantity is not None
+        place = {"value": [value], "quantity": [quantity]} if seen else empty_columns("value", "quantity")
+        return [(self._here, "data", place), (self._items[2], "visible", seen)]

@@ -1,0 +1,242 @@
+"""A hop as figures of Bokeh: the animated machine, heights, phase portrait and contact force."""
+
+from dataclasses import dataclass
+from itertools import cycle, islice
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError
+from ...units import FORCE
+from ..animation import drawn_heights, drawn_range
+from ..plot import COLOURS, SHADE, masses_at, title, unit_labels, vertical
+from .bokeh_figures import (
+    GREY,
+    INK,
+    MARGIN,
+    MOVING,
+    Change,
+    apply,
+    bokeh,
+    empty_columns,
+    hover,
+    legend_above,
+    new_figure,
+    range_changes,
+)
+from .player import new_player
+
+# Times at which a hop of family n is looked at: so many, and so many more for each family, at most so many.
+TIMES, TIMES_EACH, MOST_TIMES = 160, 40, 1200
+CENTRE_OF_MASS = "centre of mass"
+
+
+@dataclass(frozen=True, eq=False)
+class HopData:
+    """What the figures of a hop show, as arrays and texts that can be sent to another process.
+
+    title : machine, family, speed and laws in two lines
+    names : of the m masses, the upper before the lower
+    time : (k,) over a cycle, or over the flight of an orbit whose contact never ends
+    height, speed, drawn : (m, k) of the masses; `drawn` are heights with room for springs of unknown rest length
+    centre : (k,) the height of the centre of mass; None where there is none
+    force : (k,) the contact force; None where there is none
+    why : in words, why there is no contact force
+    flight_time : of it
+    floating : whether `drawn` are no true heights
+    springs : numbers of the masses, lower and upper, that springs join; -1 is the ground
+    knees : such numbers with the length of each of the two links
+    span : the lowest and the highest of what is drawn
+    labels : of the axes, by "time", "height", "speed" and "force", with units
+    """
+
+    title: str
+    names: tuple[str, ...]
+    time: np.ndarray
+    height: np.ndarray
+    speed: np.ndarray
+    drawn: np.ndarray
+    centre: np.ndarray | None
+    force: np.ndarray | None
+    why: str
+    flight_time: float
+    floating: bool
+    springs: tuple[tuple[int, int], ...]
+    knees: tuple[tuple[int, int, float], ...]
+    span: tuple[float, float]
+    labels: dict[str, str]
+
+    @property
+    def end(self) -> float:
+        """The last time."""
+        return float(self.time[-1])
+
+
+def hop_data(orbit: Any) -> HopData:
+    """What the figures show of an `Orbit`, in SI for a machine that is stated so."""
+    count = min(TIMES + TIMES_EACH * orbit.family, MOST_TIMES)
+    time, force, why = np.linspace(0, orbit.flight_time, count), None, "the contact never ends"
+    if orbit.contact_time is not None:
+        time = np.append(time, np.linspace(orbit.flight_time, orbit.period, count // 2)[1:])
+        try:
+            force, why = orbit.contact_force(time), ""
+        except InputError as error:
+            why = str(error)
+    states, shape, floating = orbit(time), orbit.shape, orbit.machine["rest_length"] is None
+    masses = masses_at(orbit, states)
+    heights, floating = drawn_heights(states, shape.heights, (shape.springs, shape.knees, shape.embed), floating)
+    places = {None: -1} | {name: i for i, name in enumerate(masses)}
+    metres, seconds, speeds_in = unit_labels(orbit.units)
+    centre = shape.heights.get(CENTRE_OF_MASS)
+    return HopData(
+        title=title(orbit),
+        names=tuple(masses),
+        time=time,
+        height=np.array([height for height, _ in masses.values()]),
+        speed=np.array([speed for _, speed in masses.values()]),
+        drawn=np.array([heights[name] for name in masses]),
+        centre=None if centre is None else np.asarray(centre(states)),
+        force=force,
+        why=why,
+        flight_time=orbit.flight_time,
+        floating=floating,
+        springs=tuple((places[lower], places[upper]) for lower, upper in shape.springs),
+        knees=tuple((places[lower], places[upper], link) for lower, upper, link in shape.knees),
+        span=drawn_range(heights, shape.knees),
+        labels={
+            "time": "time" + seconds,
+            "height": vertical(orbit.machine["rest_length"]) + metres,
+            "speed": "speed" + speeds_in,
+            "force": "contact force" + (f" ({orbit.units.text(FORCE)})" if orbit.units else ""),
+        },
+    )
+
+
+class HopFigures:
+    """Figures of a hop, which `show` gives another one, also one of a machine with other masses.
+
+    machine : the animated machine
+    heights : heights of the masses against time, contact shaded
+    portrait : speed of the masses against height
+    force : contact force against time
+    player : widgets for the animation, which runs in the browser alone
+    """
+
+    def __init__(self) -> None:
+        new = bokeh("models").ColumnDataSource
+        masses, joints, seen = ("time", "height", "speed", "colour", "name"), ("lower", "upper"), ("xs", "ys")
+        self._masses, self._centre = new(empty_columns(*masses)), new(empty_columns("time", "height"))
+        self._force, self._contact = new(empty_columns("time", "force")), new(empty_columns("start", "end"))
+        self._motion = new(empty_columns("drawn"))
+        self._springs, self._knees = new(empty_columns(*joints, *seen)), new(empty_columns(*joints, "link", *seen))
+        self._bodies = new(empty_columns(*masses, "x", "y", "marker", "size", "aside", "align", "force"))
+        self.machine, self.heights = self._new_machine(), self._new_heights()
+        self.portrait, self.force = self._new_portrait(), self._new_force()
+        shown = {"masses": self._masses, "motion": self._motion, "force": self._force, "bodies": self._bodies}
+        self.player = new_player(self.machine, **shown, springs=self._springs, knees=self._knees)
+
+    def show(self, data: HopData, steady: bool = True) -> None:
+        """Show another hop in place of the one before.
+
+        steady : whether axes stay as they are while the hop fills them well
+        """
+        apply(self.changes(data, steady))
+
+    def changes(self, data: HopData, steady: bool = True) -> list[Change]:
+        """What `show` changes, in this order."""
+        stands, nothing = data.end > data.flight_time, np.zeros(0)
+        force, centre = (nothing if row is None else row for row in (data.force, data.centre))
+        changes: list[Change] = [
+            (self._springs, "data", _joints(data.springs, "lower", "upper")),
+            (self._knees, "data", _joints(data.knees, "lower", "upper", "link")),
+            (self._force, "data", {"time": data.time[: len(force)], "force": force}),
+            (self._centre, "data", {"time": data.time[: len(centre)], "height": centre}),
+            (self._contact, "data", {"start": [data.flight_time][:stands], "end": [data.end][:stands]}),
+            (self.force.title, "text", f"Contact force: {data.why}" if data.why else "Contact force"),
+            (self.machine.yaxis[0], "visible", not data.floating),
+            (self._centre_item, "visible", data.centre is not None),
+            (self._contact_item, "visible", stands),
+        ]
+        axes = {"time": [self.heights.xaxis, self.force.xaxis], "speed": [self.portrait.yaxis]}
+        axes |= {"height": [self.heights.yaxis, self.portrait.xaxis, self.machine.yaxis], "force": [self.force.yaxis]}
+        changes += [(axis[0], "axis_label", data.labels[name]) for name, some in axes.items() for axis in some]
+        changes += self._range_changes(data, steady)
+        *colours, of_centre = islice(cycle(COLOURS), len(data.names) + 1)
+        changes.append((self._centre_item.renderers[0].glyph, "line_color", of_centre))
+        rows = {"time": [data.time] * len(colours), "colour": colours, "name": list(data.names)}
+        rows |= {"height": list(data.height), "speed": list(data.speed)}
+        return [*changes, (self._masses, "data", rows), (self._motion, "data", {"drawn": list(data.drawn)})]
+
+    def _range_changes(self, data: HopData, steady: bool) -> list[Change]:
+        high, low = data.height.max(), min(data.height.min(), 0.0)
+        force = np.zeros(1) if data.force is None else data.force
+        bounds = [
+            (self.heights.x_range, 0.0, data.end, 0.0),
+            (self.heights.y_range, low, high, MARGIN),
+            (self.portrait.x_range, low, high, MARGIN),
+            (self.portrait.y_range, data.speed.min(), data.speed.max(), MARGIN),
+            (self.force.y_range, min(force.min(), 0.0), force.max(), MARGIN),
+            (self.machine.y_range, *data.span, 2 * MARGIN),
+        ]
+        each = (range_changes(shown, float(a), float(b), steady, margin) for shown, a, b, margin in bounds)
+        return [change for changes in each for change in changes]
+
+    def _new_machine(self) -> Any:
+        models, figure = bokeh("models"), new_figure("", 320, x_range=bokeh("models").Range1d(-1, 1), tools="save")
+        figure.grid.visible = figure.xaxis.visible = False
+        figure.add_layout(
+            models.BoxAnnotation(top=0, fill_color=SHADE, fill_alpha=1, line_color=None, level="underlay")
+        )
+        figure.add_layout(models.Span(location=0, dimension="width", line_color=INK, line_width=1.5))
+        figure.multi_line("xs", "ys", source=self._springs, line_color=GREY, line_width=2, line_join="round", **MOVING)
+        figure.multi_line("xs", "ys", source=self._knees, line_color=GREY, line_width=5, line_join="round", **MOVING)
+        looks = {"color": "colour", "marker": "marker", "size": "size"}
+        drawn = figure.scatter("x", "y", source=self._bodies, line_width=6, **looks, **MOVING)
+        text = {"text": "name", "x_offset": "aside", "text_align": "align", "text_color": INK, "text_font_size": "13px"}
+        figure.text("x", "y", source=self._bodies, text_baseline="middle", y_offset=-11, **text, **MOVING)
+        told = [("", "@name"), *((name, f"@{name}{{%.5g}}") for name in ("time", "height", "speed"))]
+        figure.add_tools(hover([drawn], told))
+        return figure
+
+    def _new_heights(self) -> Any:
+        models, figure = bokeh("models"), new_figure("Heights", 300)
+        strip = self._shade(figure)
+        figure.add_layout(models.Span(location=0, dimension="width", line_color=GREY))
+        lines = figure.multi_line("time", "height", source=self._masses, line_color="colour", line_width=2.5)
+        centre = figure.line("time", "height", source=self._centre, line_dash=[5, 3], line_width=1.5)
+        figure.scatter("time", "height", source=self._bodies, size=9, color="colour", line_color="white", **MOVING)
+        new = models.LegendItem
+        self._centre_item = new(label=CENTRE_OF_MASS, renderers=[centre])
+        self._contact_item = new(label="contact", renderers=[strip])
+        named = new(label={"field": "name"}, renderers=[lines])
+        legend_above(figure, named, self._centre_item, self._contact_item)
+        told = [("", "@name"), ("time", "$snap_x{%.5g}"), ("height", "$snap_y{%.5g}")]
+        figure.add_tools(hover([lines], told, mode="vline", line_policy="interp"))
+        return figure
+
+    def _new_portrait(self) -> Any:
+        figure = new_figure("Phase portrait", 300)
+        lines = figure.multi_line("height", "speed", source=self._masses, line_color="colour", line_width=2.5)
+        figure.scatter("height", "speed", source=self._bodies, size=9, color="colour", line_color="white", **MOVING)
+        told = [("", "@name"), ("height", "$snap_x{%.5g}"), ("speed", "$snap_y{%.5g}")]
+        figure.add_tools(hover([lines], told, line_policy="interp"))
+        return figure
+
+    def _new_force(self) -> Any:
+        figure = new_figure("Contact force", 240, x_range=self.heights.x_range)
+        self._shade(figure)
+        line = figure.line("time", "force", source=self._force, line_color=INK, line_width=2.5)
+        figure.scatter("time", "force", source=self._bodies, size=9, color=INK, line_color="white", **MOVING)
+        told = [("time", "@time{%.5g}"), ("force", "@force{%.5g}")]
+        figure.add_tools(hover([line], told, mode="vline"))
+        return figure
+
+    def _shade(self, figure: Any) -> Any:
+        """Shade the contact in a figure against time."""
+        return figure.vstrip("start", "end", source=self._contact, fill_color=SHADE, line_color=None, level="underlay")
+
+
+def _joints(joints: tuple, *names: str) -> dict[str, list]:
+    """The columns of springs or knees; where they are drawn is up to the browser."""
+    unseen: list[list[float]] = [[] for _ in joints]
+    return {name: [joint[i] for joint in joints] for i, name in enumerate(names)} | {"xs": unseen, "ys": unseen}

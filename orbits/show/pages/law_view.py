@@ -1,0 +1,136 @@
+"""The spring's force over its extension as a figure of Bokeh, with the range that a hop uses."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ...errors import InputError
+from ...model.machine import Machine, dimensionless
+from ...running.exclusive import exclusive
+from ...units import EXTENSION, FORCE
+from ..plot import COLOURS, SHADE
+from .bokeh_figures import GREY, Change, apply, bokeh, empty_columns, hover, legend_above, new_figure, range_changes
+
+TORQUE = (1, 0, 1)  # the dimension of a force against an angle
+EXTENSIONS = 301  # at which a law is looked at
+LONGEST_TITLE = 44  # characters that fit above the figure on a phone
+ON_EACH_SIDE = 0.35  # so far beyond the used range on both sides, as a share of it
+
+
+@dataclass(frozen=True, eq=False)
+class LawData:
+    """What the figure of a law shows, as arrays and texts that can be sent to another process.
+
+    extension, force : (k,) of the spring, NaN where the law has no value; a tension is positive
+    used : the smallest and the largest extension of the hop
+    liftoff : the extension at lift-off, and the force there
+    title : the law as it was stated, cut where it is long
+    labels : of the two axes, with units
+    """
+
+    extension: np.ndarray
+    force: np.ndarray
+    used: tuple[float, float]
+    liftoff: tuple[float, float]
+    title: str
+    labels: tuple[str, str]
+
+
+def law_data(machine: Machine, orbit: Any) -> LawData:
+    """What the figure shows of the springs against the extension that a machine counts, and of its hop, in SI for a
+    machine that is stated so.
+
+    orbit : an `Orbit` of this machine
+
+    Raises `InputError` for a machine that states no force of a spring.
+    """
+    bare, own, units = orbit.dimensionless(), dimensionless(machine), orbit.units
+    end = bare.flight_time if bare.contact_time is None else bare.period
+    extension = own.model.extension
+    states = bare(np.linspace(0, end, EXTENSIONS))
+    used = extension(states)
+    low, high = float(used.min()), float(used.max())
+    beside = ON_EACH_SIDE * (high - low)
+    places, forces = _forces(own, np.linspace(low - beside, high + beside, EXTENSIONS))
+    start = _forces(own, np.array([bare.liftoff_extension]))[1]
+    turns = units is not None and "liftoff" in units.angles
+    title = f"Spring: {orbit.machine['spring']}"
+    name, dimensions = ("torque", (EXTENSION, TORQUE)) if turns else ("force", (EXTENSION, FORCE))
+    length, force = (units.of(each) if units else 1.0 for each in dimensions)
+    texts = [f" ({units.text(each)})" if units else "" for each in dimensions]
+    return LawData(
+        extension=places * length,
+        force=forces * force,
+        used=(low * length, high * length),
+        liftoff=(bare.liftoff_extension * length, float(start[0]) * force),
+        title=title if len(title) <= LONGEST_TITLE else title[: LONGEST_TITLE - 3] + "...",
+        labels=("extension" + texts[0], name + texts[1]),
+    )
+
+
+@exclusive
+def _forces(machine: Machine, extensions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Those of the extensions (m,) for which a law is stated, and the forces (m,) there, NaN where there is none."""
+    model, p = machine.model, machine.values
+    if model.tension is None:
+        raise InputError("this machine states no force of a spring over its extension")
+    weights, pieces = np.array(model.extension.weights, dtype=float), model.flight.pieces
+    states = np.outer((extensions - model.extension.offset) / (weights @ weights), weights)
+    data = np.zeros((len(states), 0))
+    if pieces is not None:
+        breaks, rows = map(np.asarray, pieces.table(p))
+        place = states[:, : len(pieces.coordinate)] @ np.array(pieces.coordinate)
+        inside = (breaks[0] <= place) & (place <= breaks[-1])
+        extensions, states, place = extensions[inside], states[inside], place[inside]
+        data = rows.reshape(len(rows), -1)[np.clip(np.searchsorted(breaks, place, "right") - 1, 0, len(breaks) - 2)]
+    x, q = ca.SX.sym("x", len(weights)), ca.SX.sym("q", data.shape[1])
+    tension = ca.Function("tension", [x, q], [model.tension(ca.vertsplit(x), p, ca.vertsplit(q) if q.numel() else [])])
+    with np.errstate(all="ignore"):
+        forces = np.array(tension.map(len(states))(states.T, data.T)).ravel()
+    return extensions, np.where(np.isfinite(forces), forces, np.nan)
+
+
+class LawFigure:
+    """The figure of a law, which `show` gives another one."""
+
+    def __init__(self, height: int = 260) -> None:
+        models, new = bokeh("models"), bokeh("models").ColumnDataSource
+        self._curve = new(empty_columns("extension", "force"))
+        self._used, self._liftoff = new(empty_columns("low", "high")), new(empty_columns("extension", "force"))
+        self.figure = figure = new_figure("", height)
+        strip = figure.vstrip("low", "high", source=self._used, fill_color=SHADE, line_color=None, level="underlay")
+        figure.add_layout(models.Span(location=0, dimension="width", line_color=GREY))
+        line = figure.line("extension", "force", source=self._curve, line_width=2.5, color=COLOURS[0])
+        look = {"size": 9, "fill_color": COLOURS[1], "line_color": "white"}
+        dot = figure.scatter("extension", "force", source=self._liftoff, **look)
+        item = models.LegendItem
+        named = {"spring": line, "used by the hop": strip, "lift-off": dot}
+        legend_above(figure, *(item(label=name, renderers=[renderer]) for name, renderer in named.items()))
+        tips = [("extension", "@extension{%.5g}"), ("force", "@force{%.5g}")]
+        figure.add_tools(hover([line], tips, mode="vline"))
+
+    def show(self, data: LawData, steady: bool = True) -> None:
+        """Show another law in place of the one before.
+
+        steady : whether axes stay as they are while the law fills them well
+        """
+        apply(self.changes(data, steady))
+
+    def changes(self, data: LawData, steady: bool = True) -> list[Change]:
+        """What `show` changes."""
+        (low, high), (extension, force) = data.used, data.liftoff
+        changes: list[Change] = [
+            (self._curve, "data", {"extension": data.extension, "force": data.force}),
+            (self._used, "data", {"low": [low], "high": [high]}),
+            (self._liftoff, "data", {"extension": [extension], "force": [force]}),
+            (self.figure.title, "text", data.title),
+            (self.figure.xaxis[0], "axis_label", data.labels[0]),
+            (self.figure.yaxis[0], "axis_label", data.labels[1]),
+            *range_changes(self.figure.x_range, float(data.extension[0]), float(data.extension[-1]), steady, 0.0),
+        ]
+        known = data.force[np.isfinite(data.force)]
+        if len(known):
+            changes += range_changes(self.figure.y_range, float(known.min()), float(known.max()), steady)
+        return changes

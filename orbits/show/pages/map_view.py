@@ -1,0 +1,118 @@
+"""The return map as a figure of Bokeh: the map and the identity line, the basin coloured, and a cobweb."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...units import LIFTOFF_SPEED
+from ..plot import COLOURS, PALE, cobweb, sampled_map
+from .bokeh_figures import (
+    GREY,
+    MOVING,
+    Change,
+    apply,
+    bokeh,
+    empty_columns,
+    hover,
+    legend_above,
+    new_figure,
+    range_changes,
+)
+
+MAP_SAMPLES, WEB_HOPS = 1500, 60
+
+
+@dataclass(frozen=True, eq=False)
+class MapData:
+    """What the figure of a return map shows, as arrays and texts that can be sent to another process.
+
+    low, high : launch speeds between which the map is drawn
+    alpha, following : (k,) launch speeds and the next ones, NaN where there is none or the map jumps
+    basin : (b, 2) the intervals of launch speeds that come to a lossless hop; None where they are not known
+    web : (2, j) the corners of the cobweb, empty for none
+    unit : of a launch speed, "" without units
+    """
+
+    low: float
+    high: float
+    alpha: np.ndarray
+    following: np.ndarray
+    basin: np.ndarray | None
+    web: np.ndarray
+    unit: str
+
+    @property
+    def share(self) -> float | None:
+        """The share of the launch speeds drawn that come to a lossless hop; None where that is not known."""
+        return None if self.basin is None else float(np.diff(self.basin).sum() / (self.high - self.low))
+
+
+def map_data(
+    step: Any,
+    low: float,
+    high: float,
+    *,
+    basin: Any = None,
+    start: float | None = None,
+    samples: int = MAP_SAMPLES,
+    hops: int = WEB_HOPS,
+) -> MapData:
+    """What the figure shows of a `ReturnMap` between two launch speeds.
+
+    basin : the intervals that `ReturnMap.basin` gave, None for none
+    start : launch speed from which a cobweb of so many `hops` is drawn, None for no cobweb
+    """
+    web = np.zeros((2, 0)) if start is None else cobweb(step, start, hops)
+    units = step.machine.units
+    unit = units.text(LIFTOFF_SPEED) if units else ""
+    intervals = None if basin is None else np.reshape(basin, (-1, 2))
+    return MapData(low, high, *sampled_map(step, low, high, samples), intervals, web, unit)
+
+
+class MapFigure:
+    """A figure of a return map, which `show` gives another one; `figure` is that of Bokeh."""
+
+    def __init__(self) -> None:
+        models = bokeh("models")
+        new = models.ColumnDataSource
+        self.figure = figure = new_figure("Return map", 380)
+        lines = (new(empty_columns("alpha", "following")) for _ in range(4))
+        self._map, self._web, self._identity, self._start = lines
+        self._basin = new(empty_columns("low", "high"))
+        strips = figure.vstrip("low", "high", source=self._basin, fill_color=PALE, line_color=None, level="underlay")
+        identity = figure.line("alpha", "following", source=self._identity, line_color=GREY, line_dash=[4, 3])
+        line = figure.line("alpha", "following", source=self._map, line_color=COLOURS[0], line_width=2.5)
+        web = figure.line("alpha", "following", source=self._web, line_color=COLOURS[1], line_width=1.5)
+        figure.scatter(
+            "alpha", "following", source=self._start, color=COLOURS[1], line_color="white", size=10, **MOVING
+        )
+        names = ("map", line), ("next = this", identity), ("cobweb", web), ("comes to a lossless hop", strips)
+        self._items = {name: models.LegendItem(label=name, renderers=[drawn]) for name, drawn in names}
+        legend_above(figure, *self._items.values(), columns=2)
+        told = [("launch speed", "@alpha{%.6g}"), ("next", "@following{%.6g}")]
+        figure.add_tools(hover([line], told, mode="vline"))
+
+    def show(self, data: MapData, steady: bool = True) -> None:
+        """Show another map in place of the one before; axes stay as they are while it fills them well if `steady`."""
+        apply(self.changes(data, steady))
+
+    def changes(self, data: MapData, steady: bool = True) -> list[Change]:
+        """What `show` changes."""
+        basin = np.zeros((0, 2)) if data.basin is None else data.basin
+        most = np.nanmax(data.following, initial=data.high, where=np.isfinite(data.following))
+        lines: list[tuple[Any, Any, Any]] = [
+            (self._map, data.alpha, data.following),
+            (self._web, *data.web),
+            (self._start, *data.web[:, :1]),
+            (self._identity, [data.low, data.high], [data.low, data.high]),
+        ]
+        changes: list[Change] = [(source, "data", {"alpha": x, "following": y}) for source, x, y in lines]
+        changes.append((self._basin, "data", {"low": basin[:, 0], "high": basin[:, 1]}))
+        changes += range_changes(self.figure.x_range, data.low, data.high, steady, 0.0)
+        changes += range_changes(self.figure.y_range, 0.0, float(most), steady)
+        unit = f" ({data.unit})" if data.unit else ""
+        changes += [(self.figure.xaxis[0], "axis_label", "launch speed" + unit)]
+        changes += [(self.figure.yaxis[0], "axis_label", "next launch speed" + unit)]
+        seen = {"cobweb": data.web.size > 0, "comes to a lossless hop": len(basin) > 0}
+        return [*changes, *((self._items[name], "visible", is_seen) for name, is_seen in seen.items())]

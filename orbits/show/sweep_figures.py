@@ -1,0 +1,242 @@
+"""Figures of sweeps: a line, a map, or a matrix of scatter plots, by the number of parameters; and diagrams."""
+
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..result import Axes
+from .pages.sweep_view import MOTIONS
+from .plot import (
+    COLOURS,
+    NO_MOTIONS,
+    NO_ORBITS,
+    PALE,
+    label_of,
+    legend_below,
+    new_axes,
+    new_row,
+    plain,
+    title_of_machine,
+)
+
+MAP = "viridis"  # of colours; it is read in print and by colour-blind readers
+LEVELS = 8  # contours of a map
+NOTHING = "0.93"  # the grey of parameters without an orbit
+# How parts of a diagram look, by the status of the members there, and the edges between them.
+LOOKS: dict[str, dict[str, Any]] = {
+    "certified": {"fc": COLOURS[0], "ec": COLOURS[0], "lw": 0.2, "label": "motions"},
+    "inadmissible": {"fc": PALE, "ec": PALE, "lw": 0.2, "label": NO_MOTIONS},
+    "no orbit": {"fc": NOTHING, "ec": NOTHING, "lw": 0.5, "label": NO_ORBITS, "zorder": 1.5},
+    "failed": {"fc": "white", "ec": "0.8", "hatch": "///", "lw": 0, "label": "not known", "zorder": 1.6},
+}
+EDGES: dict[str, dict[str, Any]] = {
+    "edge of the orbits": {"color": "0.1", "lw": 1.4, "zorder": 3},
+    "edge of the motions": {"color": COLOURS[1], "lw": 1.4, "zorder": 3},
+}
+
+
+def plot_sweep(sweep: Any, quantity: str, axes: Axes | None = None) -> Axes:
+    """Plot a quantity of a sweep over its parameters; return the axes, for more than two the first of the matrix."""
+    values = sweep[quantity]
+    if values.dtype == object:
+        raise InputError(f"'{quantity}' is no number: give one of {', '.join(sweep.numbers)}")
+    if len(sweep.about["families"]) > 1 and len(sweep.parameters) > 1:
+        raise InputError("a figure over two parameters or more is of one family: plot sweep.of_family(n)")
+    if len(sweep.parameters) == 1:
+        return _over_one(sweep, quantity, axes or new_axes())
+    if len(sweep.parameters) == 2:
+        return _surface(sweep, quantity, axes or new_axes(6.4, 4.8))
+    return _matrix(sweep, quantity)
+
+
+def _motions(sweep: Any) -> np.ndarray:
+    """Which members (k,) are motions."""
+    return np.isin(sweep["status"].astype(str), MOTIONS)
+
+
+def _over_one(sweep: Any, quantity: str, axes: Axes) -> Axes:
+    """A quantity over the one parameter; for each family a line, dotted where it has no motions."""
+    (name,), families = sweep.parameters, sweep.about["families"]
+    for k, family in enumerate(families):
+        rows = np.flatnonzero(sweep.index % len(families) == k)
+        rows = rows[np.argsort(sweep[name][rows], kind="stable")]
+        x, y, motion = sweep[name][rows], sweep[quantity][rows], _motions(sweep)[rows]
+        look = {"color": COLOURS[k % len(COLOURS)], **({"marker": "o", "ms": 3} if len(rows) <= 60 else {})}
+        others, nothing = ~motion & np.isfinite(y), ~np.isfinite(y)
+        names = [f"family {family}" if len(families) > 1 else "motions", NO_MOTIONS, NO_ORBITS]
+        known = axes.get_legend_handles_labels()[1]
+        own, dotted, ticks = (None if each in known else each for each in names)
+        if (shown := motion & ~nothing).any():
+            axes.plot(x, np.where(shown, y, np.nan), label=own, **look)
+        if others.any():
+            axes.plot(x, np.where(others, y, np.nan), ls=":", label=dotted, **look)
+        if nothing.any():
+            axes.plot(x[nothing], np.zeros(nothing.sum()), "|", color="0.4", ms=6, label=ticks,
+                      transform=axes.get_xaxis_transform(), clip_on=False)  # fmt: skip
+    return _labelled(axes, sweep, name, quantity)
+
+
+def _surface(sweep: Any, quantity: str, axes: Axes) -> Axes:
+    """A quantity over two parameters as colours, hatched where there is no motion and grey where there is nothing."""
+    across, up = sweep.parameters
+    shape = sweep.about["shape"]
+    x, y, z, motion = sweep[across], sweep[up], sweep[quantity], _motions(sweep)
+    axes.set_facecolor(NOTHING)
+    contours = None
+    if shape is not None and len(x) == np.prod(shape):
+        grid: list[Any] = [column.reshape(shape) for column in (x, y, np.ma.masked_invalid(z), motion)]
+        order = np.argsort(grid[0][:, 0]), np.argsort(grid[1][0])
+        x, y, z, motion = (part[order[0]][:, order[1]] for part in grid)
+        drawn = axes.pcolormesh(x, y, z, cmap=MAP, shading="nearest", rasterized=True)
+        if z.count() and np.ptp(z.compressed()) > 0 and min(shape) > 2:
+            contours = axes.contour(x, y, z, LEVELS, colors="white", linewidths=0.7)
+        if not motion.all() and min(shape) > 1:
+            axes.contourf(x, y, ~motion * 1.0, [0.5, 1.5], colors="none", hatches=["////"])
+            axes.fill_between([], [], fc="none", ec="0.3", hatch="////", lw=0, label=NO_MOTIONS)
+    else:
+        known = np.isfinite(z)
+        axes.plot(x[~known], y[~known], "x", color="0.4", ms=4, label=NO_ORBITS if (~known).any() else None)
+        drawn = axes.scatter(x[known], y[known], c=z[known], s=_size(len(x)), cmap=MAP)
+        if (others := known & ~motion).any():
+            axes.plot(x[others], y[others], "o", mfc="none", mec="0.1", ms=5, mew=0.8, label=NO_MOTIONS)
+    bar = axes.figure.colorbar(drawn, ax=axes, label=_axis_label(sweep, quantity))
+    if contours is not None:
+        bar.add_lines(contours)
+    return _labelled(axes, sweep, across, up)
+
+
+def plot_existence(diagram: Any, quantity: str | None = None, axes: Axes | None = None) -> Axes:
+    """Plot where a family has orbits in two parameters (light) and where they are motions (dark), or a quantity of the
+    orbits in colours, and the edges of both; return the axes."""
+    from matplotlib.collections import LineCollection, PolyCollection
+
+    axes, sweep = axes or new_axes(6.4, 4.8), diagram.grid
+    cells = list(_cells_of_diagram(diagram))
+    looks = LOOKS if quantity is None else {status: LOOKS[status] for status in ("no orbit", "failed")}
+    if quantity is not None:
+        x, y, z = (sweep[name].reshape(sweep.about["shape"]) for name in (*sweep.parameters, quantity))
+        drawn = axes.pcolormesh(x, y, _beyond_edges(z), cmap=MAP, shading="nearest", rasterized=True)
+        axes.figure.colorbar(drawn, ax=axes, label=_axis_label(sweep, quantity))
+    for status, look in looks.items():
+        if shown := [polygon for polygons, _ in cells for own, polygon in polygons if own == status]:
+            axes.add_collection(PolyCollection(shown, **look))
+    for kind, style in EDGES.items():
+        if pieces := [piece for _, lines in cells for own, piece in lines if own == kind]:
+            axes.add_collection(LineCollection(pieces, **style, label=kind, capstyle="round"))
+    axes.set(xlim=diagram.between, ylim=(diagram.values[0], diagram.values[-1]))
+    axes.locator_params(axis="x", nbins=6)
+    return _labelled(axes, sweep, diagram.along, diagram.across)
+
+
+def _beyond_edges(z: np.ndarray) -> np.ndarray:
+    """The values (m, n) on a grid, where there are none the mean of the neighbours', so that colours reach to edges
+    between the nodes."""
+    padded = np.pad(z, 1, constant_values=np.nan)
+    around = np.ma.masked_invalid(np.lib.stride_tricks.sliding_window_view(padded, (3, 3)))
+    return np.ma.where(np.isfinite(z), z, around.mean(axis=(2, 3)))
+
+
+def _cells_of_diagram(diagram: Any) -> Iterator[tuple[list[Any], list[Any]]]:
+    """For each cell of a diagram's grid its polygons, each with the status in it, and its pieces of edges, each with
+    what it is the edge of.
+
+    The boundaries on the sides of a cell are joined, two by a line and more by lines to their middle.
+    """
+    found, statuses = diagram.boundaries, diagram.statuses.T
+    x, y = diagram.grid[diagram.along].reshape(statuses.shape)[:, 0], np.array(diagram.values)
+    sides: dict[tuple[int, int, bool], list[Any]] = {}
+    for (i, j), along, point, pair in zip(*(part.tolist() for part in found[:4]), strict=True):
+        sides.setdefault((i, j, along), []).append((point, tuple(pair)))
+    for side in sides.values():
+        side.sort()
+    for i, j in np.ndindex(len(x) - 1, len(y) - 1):
+        ways = ((i, j, True), 1), ((i + 1, j, False), 1), ((i, j + 1, True), -1), ((i, j, False), -1)
+        corners = [(x[i], y[j]), (x[i + 1], y[j]), (x[i + 1], y[j + 1]), (x[i], y[j + 1])]
+        round_it: list[Any] = []  # corners, without a status, and boundaries, with those before and behind
+        for corner, (place, way) in zip(corners, ways, strict=True):
+            round_it.append((corner, None))
+            round_it.extend((point, pair[::way]) for point, pair in sides.get(place, [])[::way])
+        cuts = [k for k, (_, pair) in enumerate(round_it) if pair]
+        if not cuts:
+            yield [(statuses[i, j], corners)], []
+            continue
+        middle = np.mean([round_it[k][0] for k in cuts], axis=0)
+        inner = [middle] if len(cuts) > 2 else []
+        polygons = []
+        for start, end in pairwise([*cuts, cuts[0] + len(round_it)]):
+            arc = [round_it[k % len(round_it)][0] for k in range(start, end + 1)]
+            polygons.append((round_it[start][1][1], arc + inner))
+        ends = [round_it[k] for k in cuts]
+        yield polygons, [(_edge_of(pair), [point, middle]) for point, pair in ends]
+
+
+def _edge_of(pair: tuple[str, str]) -> str:
+    """What a boundary between two statuses is the edge of."""
+    return "edge of the motions" if "no orbit" not in pair else "edge of the orbits"
+
+
+def _matrix(sweep: Any, quantity: str) -> Axes:
+    """Every pair of parameters, with the quantity as colour, and below the quantity over each parameter."""
+    names, values = sweep.parameters, sweep[quantity]
+    count, known = len(names), np.isfinite(values)
+    panels: Axes = new_row(count, 1.95, 1.85, rows=count)
+    size = _size(len(values)) / 2
+    for i, j in np.ndindex(count, count):
+        axes: Axes = panels[i, j]
+        if j > i:
+            axes.set_axis_off()
+            continue
+        x, y = sweep[names[j]], values if i == j else sweep[names[i]]
+        if i != j:
+            axes.plot(x[~known], y[~known], ".", color="0.8", ms=2, zorder=0, rasterized=True)
+        drawn = axes.scatter(x[known], y[known], c=values[known], s=size, cmap=MAP, lw=0, rasterized=True)
+        up = quantity if i == j else names[i] if j == 0 else ""
+        labels = (_axis_label(sweep, name) for name in (names[j] if i == count - 1 else "", up))
+        across, beside = (label.replace(" (", "\n(") for label in labels)  # a unit has a line of its own
+        axes.set_xlabel(across, labelpad=12)  # below the power of ten of the ticks
+        axes.set_ylabel(beside)
+        for name, one in ((names[j], "x"), ("" if i == j else names[i], "y")):
+            if name in sweep.about["logarithmic"]:
+                _scale(axes, sweep, name, one)
+            else:
+                axes.locator_params(axis=one, nbins=3)
+                axes.ticklabel_format(axis=one, scilimits=(-3, 4))  # long numbers would meet
+    figure, corner = panels[0, 0].figure, panels[0, -1].inset_axes((0.0, 0.0, 0.12, 1.0))
+    figure.colorbar(drawn, cax=corner, label=_axis_label(sweep, quantity))
+    figure.suptitle(plain(_title_of(sweep)), fontsize="medium", wrap=True)
+    return panels[0, 0]
+
+
+def _size(count: int) -> float:
+    """The area of a mark, smaller for more of them."""
+    return float(np.clip(6000 / count, 1.0, 24.0))
+
+
+def _axis_label(sweep: Any, name: str) -> str:
+    """A name for an axis, with its unit."""
+    return label_of(sweep.heading(name)) if name else ""
+
+
+def _title_of(sweep: Any) -> str:
+    """Whose orbits a figure shows, in two lines."""
+    families = ", ".join(map(str, sweep.about["families"])) if sweep.about["outcome"] == "find" else ""
+    machine, laws = title_of_machine(sweep.about["machine"]).split(", ", 1)
+    return machine + (families and f", family {families}") + "\n" + laws
+
+
+def _scale(axes: Axes, sweep: Any, name: str, which: str) -> None:
+    """A logarithmic axis for a parameter that is asked for over decades."""
+    if name in sweep.about["logarithmic"]:
+        getattr(axes, f"set_{which}scale")("log")
+
+
+def _labelled(axes: Axes, sweep: Any, across: str, up: str) -> Axes:
+    """The axes with their title, names, scales and, where something has a label, a legend below."""
+    axes.set(xlabel=_axis_label(sweep, across), ylabel=_axis_label(sweep, up))
+    axes.set_title(plain(_title_of(sweep)), fontsize="medium", wrap=True)
+    _scale(axes, sweep, across, "x")
+    _scale(axes, sweep, up, "y")
+    return legend_below(axes)

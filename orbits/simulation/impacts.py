@@ -1,0 +1,380 @@
+"""Impacts of a machine in flight, and the sustained contact that may follow.
+
+An impact of restitution e turns the speed s of the gap into -e s. With e = 0 the machine stays in contact where the
+contact force presses, and leaves at once where the contact would have to pull. A contact ends where its force vanishes.
+For most springs that happens on the launch set. A spring whose force does not rise all the way may also let go
+elsewhere, or at the extension of a launch while it moves down.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..consistency.accepted import check_machine
+from ..errors import BreaksDown, FlowError, InputError, OutOfRange, RunsAway, finite_number
+from ..flow.flow import Flow, flow_of
+from ..flow.trajectory import Trajectory
+from ..flow.zero_crossing import MOST_CLOSED_STEPS, first_zeros
+from ..model.machine import Machine
+from ..model.phase import Affine
+from ..numerics.bernstein import Crossings
+from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
+from ..periodic.certificate import gradients
+from ..periodic.formulations import contact_force_row, vector
+from ..symbolic.calls import ElementwiseFunction
+from ..units import LIFTOFF_SPEED, Message, Quantity
+
+# How a hop ends other than by "lifts_off" (of a map) and "done" (of a simulation).
+STATUSES = {
+    "rests": "the contact never ends, or the launch speed with the injection is not above 0",
+    "leaves_elsewhere": "the contact ends where no launch does: a simulation flies on from there, a map has no next",
+    "no_launch": "the contact would not open, because a strong damper takes a slow launch back",
+    "collapses": "the spring collapses, in contact or in flight",
+    "carried_off": "the flight does not end",
+    "out_of_range": "a law is needed where it is not defined, as outside a measured table",
+    "lost": "the motion could not be followed, as when it takes too many steps",
+    "cap": "there are too many impacts in one hop",
+    "undecided": "after many bounces rounding decides how the hop ends",
+    "invalid": "the launch speed is not a number above 0",
+}
+STATUS = f"<U{max(map(len, STATUSES))}"  # the type of arrays of statuses
+FASTEST_LAUNCH = 1e15  # a launch speed beyond this has no digits left for the motion between two impacts
+# With restitutions from here on the end of many bounces is compared with that of another launch, which is faster by a
+# share beyond the roundings of a flight. States that differ by a larger share than the last belong to other motions.
+MANY_BOUNCES, NEIGHBOUR, PARTED = 0.5, 1e-14, 1e-4
+CAP = 10_000  # a hop is given up after this many impacts
+LIFTOFF_ORDER = 3  # order of the gap's zero at a lift-off
+TURNS = 3  # after this many zeros of its speed a contact never ends, see `ContactEnd`
+# A landing in closed form is searched from so many reciprocals of the frequency before it may come.
+BEFORE_LANDING = 0.01
+# A contact whose rates are all below this is at rest. An overdamped contact gets there without turning.
+STILL_RATE = 1e-12
+SAME_LIFTOFF = 1e-12  # extensions at lift-off that differ by a smaller share are rounding
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImpactOptions:
+    """The tolerances of impacts and contacts. Times are relative to the size of the state that a phase starts from."""
+
+    longest_flight: float = 1e4  # a flight that lasts longer, in its ballistic times, does not end
+    longest_contact: float = 1e6  # a contact that lasts longer, which grows as sqrt(mass ratio), does not end
+    batch_contact: float = 1e3  # contacts are followed as a batch up to this time, what has not ended then one by one
+    # Bounces are summed as a geometric series once the pressing acceleration changes by less than this share while they
+    # last. Their effect on the rest of the motion is of third order in that time.
+    summed_change: float = 1e-8
+    slowest_bounce: float = 1e-15  # a slower one, relative to the state, is rounding and without a force never ends
+    # A contact that ends within this relative distance of a launch state is taken to end there, so that lossless hops
+    # stay lossless to the last bit. Two lift-offs that close would be one fold of the spring's force.
+    launch_distance: float = 1e-7
+    energy_panels: int = 32  # straight panels between the origin and a state along which its energy is integrated
+
+
+class ContactEnd:
+    """A `stop` of the contact's flow: at lift-off, or as soon as it is known that lift-off never comes.
+
+    speed : the coordinate of the contact that is its speed; None where rest is not looked for
+    outcome : "lifts_off", "rests", or None while the contact lasts
+
+    Trajectories of one coordinate do not cross in the phase plane. Once the speed has changed its sign three times,
+    what follows stays, with damping or without, inside what the contact has passed, and it never ends.
+    """
+
+    def __init__(self, contact: Flow, speed: Affine | None):
+        self.size, self.force, self.speed = contact.size, contact_force_row(contact.phase), speed
+        self.force_zeros, self.speed_zeros, self.turns_left = Crossings(), Crossings(), TURNS
+        self.outcome: str | None = None
+
+    def __call__(self, coefficients: np.ndarray, steps: np.ndarray) -> tuple[int, float] | None:
+        """The step at which the contact ends, and the time in that step; None while it lasts."""
+        liftoff = self.force_zeros(self.force.series(coefficients), steps)[:1]
+        rest = self._rest(self.speed, coefficients, steps) if self.speed else []
+        first = min([*liftoff, *rest], default=None)
+        self.outcome = None if first is None else "lifts_off" if liftoff and first == liftoff[0] else "rests"
+        return first
+
+    def _rest(self, speed: Affine, coefficients, steps) -> list[tuple[int, float]]:
+        """Places from which the force never ends the contact: the last turn, and where a step starts at rest."""
+        turns = self.speed_zeros(speed.series(coefficients), steps)
+        last, self.turns_left = turns[self.turns_left - 1 : self.turns_left], self.turns_left - len(turns)
+        still = np.flatnonzero(np.abs(coefficients[:, : self.size, 1]).max(1) < STILL_RATE)[:1]
+        return [*last, *((int(i), float(steps[i])) for i in still)]
+
+
+class Impacts:
+    """The impacts and contacts of a machine with its restitution, at its own parameters or at other `values` of them.
+
+    bounce_order : order of the gap's zero where the machine leaves at once after an impact
+    flight, contact : the flows of the two phases
+    gap : the gap as a function of the flight state
+    contact_force, force_index : the contact force as a function of the rows of the contact's motion, and its place
+        among the quantities that the contact watches
+    onto_contact : matrix (k, n) from flight states with closed gap to contact states
+
+    Raises `InputError` for what is no machine with a restitution.
+    """
+
+    def __init__(self, machine: Machine, values: Mapping | None = None, options: ImpactOptions | None = None):
+        check_machine(machine, "restitution")
+        self.machine, self.options = machine, options or ImpactOptions()
+        model, self.restitution = machine.model, float(machine.restitution)
+        self.model, self.values = model, dict(values or machine.values)
+        self.p, names = vector(self.values), tuple(self.values)
+        self.bounce_order = 1 if self.restitution > 0 else 2
+        self.flight, self.contact = flow_of(model.flight, names), flow_of(model.contact, names)
+        self.gap, self.contact_force = model.gap(self.values), contact_force_row(model.contact)
+        self.force_index = len(self.contact_force.weights) - 1 - self.contact.size
+        self.onto_contact = np.linalg.pinv(model.embed)
+
+    def landings(self, x: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray, dict[int, FlowError]]:
+        """`first_zeros` of the gap on flights from states (m, n), where it has a zero of this order and opens."""
+        limit, ahead = self.longest_flight(x), np.zeros(len(x))
+        if self.flight.phase.closed_form:
+            # Nothing is searched until shortly before the gap may close.
+            form = self.flight.closed_form(self.p)
+            rate = np.sqrt(form.square)
+            ahead = form.positive_until(self.gap, x.T, order) - BEFORE_LANDING / rate
+            ahead = np.where((ahead > 0) & (ahead < limit) & (ahead * rate < MOST_CLOSED_STEPS), ahead, 0.0)
+        return first_zeros(self.flight, x, self.p, self.gap, limit, order, ahead=ahead)
+
+    def landing(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """The effect of impacts at flight states (m, n) with closed gap: whether (m,) sustained contact follows, at
+        once or after infinitely many bounces; the states (m, n) after the impact, which move away where the machine
+        bounces; the loss of energy (m,); and the time (m,) that infinitely many bounces take."""
+        e, speed, direction = self.restitution, x @ self.gap_speed, self.direction(x)
+        stuck = x - speed[:, None] * direction
+        held, wait = self.pressing(stuck) >= 0, np.zeros(len(x))
+        if e > 0:
+            closing = -(self.flight.field(stuck, self.p)[0] @ self.gap_speed)
+            # All bounces to come are summed where the acceleration that closes the gap hardly changes while they last.
+            jerk, snap = self.gap_rates(stuck - (e * speed)[:, None] * direction)
+            with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+                wait = 2 * e * np.abs(speed) / (1 - e) / closing if e < 1 else np.full(len(x), np.inf)
+                change = wait * (np.abs(jerk) + 0.5 * wait * np.abs(snap))
+                summed = (closing > 0) & (change <= self.options.summed_change * closing)
+            held &= summed | (np.abs(speed) <= self.options.slowest_bounce * np.abs(x).max(1))
+            wait = np.where(held & summed, wait, 0.0)
+        loss = 0.5 * self.model.impact_mass(list(x.T), self.values) * speed**2 * np.where(held, 1.0, 1 - e**2)
+        state = stuck - np.where(held, 0.0, e * speed)[:, None] * direction
+        return held, state, loss, wait
+
+    def direction(self, x: np.ndarray) -> np.ndarray:
+        """The change (m, n) of flight states (m, n) per change of the gap's speed in an impact; (1, n) where it is the
+        same for all."""
+        rows = self.model.impact(list(x.T), self.values)
+        if not any(map(np.ndim, rows)):
+            return np.array([rows], dtype=float)
+        return np.stack(np.broadcast_arrays(*rows, x[:, 0])[:-1], axis=1)
+
+    @cached_property
+    def change_after(self) -> ca.Function:
+        """(flight state, a small change of it, how many times its gap speed an impact takes away) -> the change after
+        the impact, whose direction may depend on where it happens."""
+        x, change, factor = self.flight.vector_field.x, ca.SX.sym("change", self.flight.size), ca.SX.sym("factor")
+        direction = ca.vertcat(*self.model.impact(ca.vertsplit(x), self.values))
+        after = x - factor * ca.dot(ca.DM(self.gap_speed), x) * direction
+        return ca.Function("change_after", [x, change, factor], [ca.densify(ca.jtimes(after, x, change))])
+
+    def launch(self, alpha: ArrayLike) -> np.ndarray:
+        """Flight states (m, n) at lift-off with launch speeds (m,)."""
+        liftoff = self.model.release(alpha, self.values)
+        rows = self.model.launch({"liftoff": liftoff, "alpha": alpha}, self.values)
+        return np.stack(np.broadcast_arrays(*rows, alpha)[:-1], axis=1).astype(float)
+
+    def opens(self, x: np.ndarray) -> np.ndarray:
+        """Whether the gap opens (m,) at launch states (m, n), where it and its first two derivatives vanish."""
+        jerk, snap = self.gap_rates(x)
+        return (jerk > 0) | ((jerk == 0) & (snap > 0))
+
+    def longest_flight(self, x: np.ndarray) -> np.ndarray:
+        """The time () or (m,) after which a flight from states (n,) or (m, n) is said not to end."""
+        # NumPy takes nine times as long along the short axis.
+        return self.options.longest_flight * (1 + np.abs(x.T.copy()).max(0))
+
+    def longest_contact(self, y: np.ndarray) -> float:
+        """The time after which a contact from a state (k,) is said not to end."""
+        return float(self.options.longest_contact * (1 + np.abs(y).max()))
+
+    def sustained_contact(self, y: np.ndarray, left: float = np.inf) -> tuple[Trajectory | None, str | None, str]:
+        """Follow the contact from a state (k,) for at most the time `left`: its motion, its outcome and the reason.
+
+        The outcome is "lifts_off", a status, or None when the time is up; that it rests is only looked for when the
+        time is not limited. The motion is None where it could not be followed.
+        """
+        endless = left == np.inf
+        limit = self.longest_contact(y) if endless else left
+        end = ContactEnd(self.contact, self.model.contact_speed if endless and self.model.one_speed else None)
+        try:
+            path, _ = self.contact.run(y, self.p, limit, stop=end)
+        except FlowError as error:
+            return None, status_of_failure(error, "contact"), error.args[0]
+        if end.outcome or not endless:
+            return path, end.outcome, ""
+        return path, "collapses" if np.abs(path.end).max() > limit else "rests", ""
+
+    def sustained_contacts(self, ys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Follow contacts from states (m, k): their outcomes (m,), "lifts_off" or a status, and states (m, k) there."""
+        contact, speed = self.contact, self.model.contact_speed
+        outcome, ends = np.full(len(ys), "", dtype=STATUS), np.full(ys.shape, np.nan)
+        if speed and contact.method == "Taylor":
+            limit = self.options.batch_contact * (1 + np.abs(ys).max(1))
+            times, rows, _ = first_zeros(contact, ys, self.p, self.contact_force, limit, over=(speed, TURNS))
+            lifts = np.isfinite(times)
+            outcome[lifts], ends[lifts] = "lifts_off", rows[lifts, : contact.size]
+            outcome[np.isinf(times)] = "rests"
+        for i in np.flatnonzero(outcome == ""):
+            path, outcome[i], _ = self.sustained_contact(ys[i])
+            if path is not None and outcome[i] == "lifts_off":
+                ends[i] = path.end[: contact.size]
+        return outcome, ends
+
+    def liftoff(self, ys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Speeds (m,) of contact states (m, k) whose force vanishes, and whether (m,) each is the launch so fast."""
+        speed, x = self.model.contact_speed(ys), ys @ self.model.embed.T
+        if not self.model.one_speed:
+            return speed, np.zeros(len(ys), bool)
+        forward = speed > 0
+        distance = np.abs(x - self.launch(np.where(forward, speed, 1.0))).max(1)
+        return speed, forward & (distance <= self.options.launch_distance * (1 + np.abs(x).max(1)))
+
+    def energy(self, x: ArrayLike) -> float:
+        """The energy of a flight state (n,), relative to rest with the spring unloaded and the gap closed: the integral
+        of its gradient along the straight line from there."""
+        rest = np.array(self.model.rest(self.values) if self.model.rest else np.zeros(self.flight.size), dtype=float)
+        way = np.asarray(x, dtype=float) - rest
+        edges, pieces = np.linspace(0.0, 1.0, self.options.energy_panels + 1), self.model.flight.pieces
+        if pieces:  # A panel may not reach across a breakpoint of the law.
+            reach, breaks = float(self.flight.coordinate @ way), self.flight.piece_table(self.p)[0]
+            places = (np.array(breaks) - self.flight.coordinate @ rest) / reach if reach else np.zeros(0)
+            edges = np.unique([*edges, *places[(places > 0) & (places < 1)]])
+        widths = np.diff(edges)
+        points = (edges[:-1, None] + widths[:, None] * GAUSS_PLACES).reshape(-1, 1) * way + rest
+        gradient = gradients(self.model.flight, self.model.flight_gradient, tuple(self.values))
+        (slopes,) = gradient(points, self.flight.data(points, self.p))
+        return float((widths[:, None] * GAUSS_WEIGHTS).ravel() @ (slopes @ way))
+
+    @cached_property
+    def gap_speed(self) -> np.ndarray:
+        """Weights (n,) of the gap's speed as a function of the flight state, whose speeds are states themselves."""
+        graph = self.flight.vector_field
+        speed = ca.DM(self.gap.weights).T @ graph.field(graph.x, graph.p)[0]
+        return np.array(ca.evalf(ca.jacobian(speed, graph.x))).ravel()
+
+    def pressing(self, x: np.ndarray) -> np.ndarray:
+        """The contact force (m,) at flight states (m, n) with closed gap and no gap speed."""
+        return self.contact.field(x @ self.onto_contact.T, self.p)[1][:, self.force_index]
+
+    def gap_rates(self, x: np.ndarray) -> np.ndarray:
+        """Third and fourth derivative (2, m) of the gap in time at flight states (m, n)."""
+        return self._gap_rates(x, self.flight.data(x, self.p))[0].T
+
+    @cached_property
+    def _gap_rates(self) -> ElementwiseFunction:
+        graph = self.flight.vector_field
+        field = graph.field(graph.x, graph.p)[0]
+        jerk = ca.jtimes(ca.DM(self.gap_speed).T @ field, graph.x, field)
+        rates = ca.vertcat(jerk, ca.jtimes(jerk, graph.x, field))
+        return ElementwiseFunction(ca.Function("gap_rates", [graph.x, graph.p], [rates]))
+
+    @cached_property
+    def one_liftoff(self) -> bool:
+        """Whether the energy at lift-off tells the launch speed: it is conserved, and all launches have one
+        configuration."""
+        if not self.model.conservative:
+            return False
+        slow, fast = self.model.release(np.array([1.0, 2.0]), self.values)
+        return bool(abs(fast - slow) <= SAME_LIFTOFF * abs(slow))
+
+    @cached_property
+    def launch_inertia(self) -> float:
+        """Twice the part of the energy at launch that its speed makes, over the square of that; for an inertia that
+        varies, at the configuration of the launch with speed 1, which is that of all where there is `one_liftoff`."""
+        (liftoff,) = self.model.release(np.ones(1), self.values)
+        launch = np.array(self.model.launch({"liftoff": liftoff, "alpha": 1.0 + 1e-30j}, self.values), dtype=complex)
+        # The launch speed changes speeds alone, and the energy's gradient with respect to these involves no law.
+        direction, moved = launch.imag * 1e30, launch.imag != 0
+        q = [0.0] * (self.model.flight.pieces.size if self.model.flight.pieces else 0)
+        gradient = np.array([float(g) for g in self.model.flight_gradient(launch.real.tolist(), self.values, q)])
+        return float(gradient[moved] @ direction[moved])
+
+
+def decided_impacts(impacts: Impacts, alpha: np.ndarray, cap: int) -> tuple[np.ndarray, ...]:
+    """The impacts of hops with launch speeds (m,), of which each is given up after `cap`.
+
+    Returns the losses (m,) of the launch speed's square, the numbers (m,) of impacts, the statuses (m,), and the
+    contact states (m, k) where sustained contact begins, with the status "lifts_off". The status is "undecided" where
+    another launch, faster by some roundings, comes to another motion after many bounces. It is not where the energy
+    that is left by then is too little for any launch, so that the machine rests in any case.
+    """
+    if impacts.restitution < MANY_BOUNCES:
+        return _flights_and_impacts(impacts, alpha, cap)
+    m, both = len(alpha), np.concatenate([alpha, alpha * (1 + NEIGHBOUR)])
+    parted, undecided = np.zeros((2, m), bool)
+
+    def compare(states: np.ndarray, loss: np.ndarray) -> None:
+        far = np.abs(states[:m] - states[m:]).max(1) > PARTED * np.abs(states[:m]).max(1)
+        spent = impacts.model.conservative & (loss[:m] > alpha**2)
+        undecided[far & ~parted & ~spent] = True
+        parted[far] = True
+
+    loss, counts, status, standing = _flights_and_impacts(impacts, both, cap, compare)
+    undecided &= status[:m] != "cap"
+    status[:m][undecided | (status[:m] != status[m:])] = "undecided"
+    return loss[:m], counts[:m], status[:m], standing[:m]
+
+
+def _flights_and_impacts(impacts: Impacts, alpha, cap: int, watch: Callable | None = None):
+    """Losses, numbers of impacts, statuses (m,) and contact states (m, k) up to sustained contact ("lifts_off");
+    `watch` is called after every impact with the states (m, n), kept in contact, and the losses so far (m,)."""
+    m = len(alpha)
+    loss, counts, status = np.zeros(m), np.zeros(m, int), np.full(m, "no_launch", dtype=STATUS)
+    state, standing = impacts.launch(np.minimum(alpha, FASTEST_LAUNCH)), np.zeros((m, impacts.contact.size))
+    too_fast = alpha > FASTEST_LAUNCH
+    flying, order = np.flatnonzero(impacts.opens(state) & ~too_fast), LIFTOFF_ORDER
+    status[flying], status[too_fast] = "cap", "lost"
+    for _ in range(cap):
+        times, rows, errors = impacts.landings(state.take(flying, 0), order)
+        gone, order = np.isnan(times), impacts.bounce_order
+        status[flying[gone]] = "carried_off"
+        for i, error in errors.items():
+            status[flying[i]] = status_of_failure(error, "flight")
+        flying = flying[~gone]
+        if not len(flying):
+            break
+        held, after, lost, _ = impacts.landing(rows.compress(~gone, 0)[:, : impacts.flight.size])
+        counts[flying] += 1
+        loss[flying] += 2 * lost / impacts.launch_inertia
+        landed = flying[held]
+        standing[landed], status[landed] = after.compress(held, 0) @ impacts.onto_contact.T, "lifts_off"
+        state[flying] = after
+        if watch:
+            watch(state, loss)
+        flying = flying[~held]
+        if not len(flying):
+            break
+    return loss, counts, status, standing
+
+
+def status_of_failure(error: FlowError, phase: str) -> str:
+    """The status of a machine whose flight or contact could not be followed to its end."""
+    if isinstance(error, OutOfRange):
+        return "out_of_range"
+    if isinstance(error, RunsAway) and phase == "flight":
+        return "carried_off"
+    return "collapses" if isinstance(error, RunsAway | BreaksDown) else "lost"
+
+
+def no_launch(alpha: float) -> Message:
+    """Why a machine does not leave the ground at a launch speed."""
+    text = "alpha = {alpha:g} is no launch: the damper is too strong for the contact to open"
+    return Message(text, alpha=Quantity(alpha, LIFTOFF_SPEED))
+
+
+def injected(inject: object, unit: float = 1.0) -> float:
+    """What is added to launch speeds, checked; launch speeds are in this unit."""
+    if abs(number := finite_number("inject", inject)) > FASTEST_LAUNCH * unit:
+        raise InputError(f"inject = {number:g}; it is at most {FASTEST_LAUNCH * unit:g}, as a launch speed is")
+    return number

@@ -1,0 +1,230 @@
+"""A simulated motion: its legs, flights and contacts, and the events between them."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..errors import InputError
+from ..flow.trajectory import Trajectory
+from ..io import fields_in_line
+from ..model.machine import Machine
+from ..model.model import Knee
+from ..model.phase import Affine
+from ..model.state_formula import StateFormula
+from ..numerics.bernstein import lowest
+from ..result import Report, cell, shown
+from ..units import ENERGY, LENGTH, LIFTOFF_SPEED, TIME, Units, in_units
+
+# The dimensions of a simulation's numbers by name; those of states are lengths and speeds.
+DIMENSIONS_OF_SIMULATIONS = {
+    "launches": LIFTOFF_SPEED,
+    **dict.fromkeys(("end", "time"), TIME),
+    "smallest_separation": LENGTH,
+    **dict.fromkeys(("energy", "loss"), ENERGY),
+}
+AFTER_NUMBERS = ("end", "launches", "smallest_separation")  # whose units follow the numbers in a printed simulation
+
+
+@dataclass(frozen=True)
+class ContactEvent:
+    """The event at the end of a leg.
+
+    kind : "impact", after which the machine flies on; "landing", after which it stays in contact; "lift-off"
+    time : time since the start; for a landing by infinitely many bounces, the time when they have ended
+    before, after : flight states (n,)
+    energy : energy before the event, relative to the machine at rest in contact with its spring unloaded
+    loss : energy lost in the event, below 0 where an injection adds energy
+    """
+
+    kind: str
+    time: float
+    before: np.ndarray
+    after: np.ndarray
+    energy: float
+    loss: float
+
+    def __repr__(self) -> str:
+        return fields_in_line(self, "kind", "time", "energy", "loss")
+
+
+@dataclass(frozen=True)
+class Leg:
+    """A flight or a contact: its phase's name, when it starts, and its motion from there."""
+
+    phase: str
+    start: float
+    path: Trajectory
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A motion from a state; called with times (...), it gives flight states (..., n).
+
+    legs, events : in order
+    status : "done", or why it ended early: a name of `orbits.simulation.impacts.STATUSES`
+    launches : launch speeds, that of the start if it was a launch, then one for each lift-off, NaN if it is no launch
+    end : time of the end
+    machine : the machine simulated
+    reason : why the motion could not be followed further, in words; "" where it could
+    """
+
+    legs: tuple[Leg, ...]
+    events: tuple[ContactEvent, ...]
+    status: str
+    launches: np.ndarray
+    end: float
+    machine: Machine
+    reason: str = ""
+
+    @cached_property
+    def smallest_separation(self) -> float | None:
+        """The smallest separation of the masses, None without a rest length; where it is not above 0 they pass through
+        each other, which no real machine does and the simulation ignores."""
+        embed, smallest = self.machine.model.embed, []
+        if (separation := self._length(self.machine.model.separation(self.machine.values))) is None:
+            return None
+        for leg in self.legs:
+            rows = leg.path.coefficients
+            states = rows[:, : len(embed)] if leg.phase == "flight" else embed @ rows[:, : embed.shape[1]]
+            smallest.append(lowest(separation.series(states), leg.path.steps)[0])
+        return min(smallest, default=None)
+
+    @property
+    def heights(self) -> dict[str, Affine | StateFormula]:
+        """The heights of the machine's model, as functions of the flight state."""
+        return {name: self._length(height) for name, height in self.machine.model.heights(self.machine.values).items()}
+
+    @property
+    def springs(self) -> tuple[tuple[str | None, str], ...]:
+        """Names of the heights, lower and upper, that springs join, None for the ground."""
+        return self.machine.model.springs
+
+    @property
+    def knees(self) -> tuple[Knee, ...]:
+        """The knees of the machine's model, as its `heights`."""
+        model, unit = self.machine.model, self.machine.units.length if self.machine.units else 1.0
+        found = model.knees(self.machine.values) if model.knees else ()
+        return tuple((lower, upper, length * unit) for lower, upper, length in found)
+
+    @property
+    def gap(self) -> Affine:
+        """The gap as a function of the flight state."""
+        return self._length(self.machine.model.gap(self.machine.values))
+
+    def _length(self, height: Any) -> Any:
+        """A length of the model as a function of the flight state: in SI where the machine is stated so."""
+        units, states = self.machine.units, self.machine.model.flight.states
+        return units.convert_height(height, states) if units else height
+
+    def __repr__(self) -> str:
+        return fields_in_line(self, "status", "end", "machine")
+
+    def document(self) -> dict[str, Any]:
+        """The simulation as the JSON document of the command line."""
+        return {
+            **({"units": self.machine.units.texts(DIMENSIONS_OF_SIMULATIONS)} if self.machine.units else {}),
+            "launches": [None if np.isnan(speed) else float(speed) for speed in self.launches],
+            "status": self.status, "reason": self.reason, "end": self.end,
+            "smallest_separation": self.smallest_separation,
+            "events": [{**vars(e), "before": e.before.tolist(), "after": e.after.tolist()} for e in self.events],
+        }  # fmt: skip
+
+    def _told(self) -> tuple[list[tuple[str, ...]], list[str]]:
+        """A table of the events, its headings first, and what is to be said of the whole."""
+        units = self.machine.units.texts(DIMENSIONS_OF_SIMULATIONS) if self.machine.units else {}
+        time, energy, loss = (f"{name} ({units[name]})" if units else name for name in ("time", "energy", "loss"))
+        second, speed, metre = ("", "", "") if not units else (f" {units[name]}" for name in AFTER_NUMBERS)
+        rows = [(f"{e.time:.9g}", e.kind, f"{e.energy:.9g}", f"{e.loss:.6g}") for e in self.events]
+        speeds, why = ", ".join(f"{alpha:.10g}" for alpha in self.launches), f": {self.reason}" if self.reason else ""
+        notes = [f"launch speeds {speeds}{speed}", f"{self.status} at time {self.end:.9g}{second}{why}"]
+        if (least := self.smallest_separation) is not None and least <= 0:
+            notes.append(f"the masses pass through each other: their least separation is {least:.6g}{metre}")
+        return [(time, "event", energy, loss), *rows], notes
+
+    def __str__(self) -> str:
+        rows, notes = self._told()
+        lines = [f"{time:>14}  {event:<10}{energy:>16}{loss:>14}" for time, event, energy, loss in rows]
+        return "\n".join([*lines, *(f"  {note}" for note in notes)])
+
+    def _repr_html_(self) -> str:
+        (heads, *rows), notes = self._told()
+        return cell(f"motion of {self.machine!r}", rows, self.plot, heads, notes)
+
+    def plot(self, axes: Any = None) -> Any:
+        """Plot heights against time; returns the axes. See `orbits.show.plot.plot_simulation`."""
+        return shown("plot").plot_simulation(self, axes)
+
+    def animate(self, path: str | Path, frames: int = 200, *, progress: Report = None) -> Path:
+        """Write an animation of the whole motion (.gif or .mp4); returns its path. See `animate_simulation`."""
+        return shown("animation").animate_simulation(self, path, frames, progress)
+
+    def in_contact(self, t: ArrayLike) -> np.ndarray:
+        """Whether the machine is in contact at times (...)."""
+        index = index_of_legs(self.legs, np.asarray(t, dtype=float))
+        return np.array([leg.phase == "contact" for leg in self.legs])[index]
+
+    def __call__(self, t: ArrayLike) -> np.ndarray:
+        """Flight states (..., n) at times (...)."""
+        embed = self.machine.model.embed
+
+        def flight_states(leg: Leg, since: np.ndarray) -> np.ndarray:
+            rows = leg.path(since)
+            return rows[..., : len(embed)] if leg.phase == "flight" else rows[..., : embed.shape[1]] @ embed.T
+
+        return rows_of_legs(self.legs, self.end, t, flight_states, " s" if getattr(self.machine, "units", None) else "")
+
+
+def index_of_legs(legs: Sequence[Leg], t: np.ndarray) -> np.ndarray:
+    """Which of the legs (...) a motion is on at times (...); where two meet, the later one."""
+    return np.clip(np.searchsorted([leg.start for leg in legs], t, side="right") - 1, 0, None)
+
+
+def times_within(t: ArrayLike, end: float, second: str = "") -> np.ndarray:
+    """Times (...) that lie between 0 and the end of a motion; raises `InputError` for others and for what is no number.
+
+    second : the unit of time in the message
+    """
+    try:
+        times = np.asarray(t, dtype=float)
+    except (TypeError, ValueError):
+        times = np.array(np.nan)
+    if not ((times >= 0) & (times <= end * (1 + 1e-12))).all():
+        raise InputError(f"times lie between 0 and {end:.6g}{second}")
+    return times
+
+
+def rows_of_legs(
+    legs: Sequence[Leg], end: float, t: ArrayLike, rows: Callable[[Any, np.ndarray], np.ndarray], second: str = ""
+) -> np.ndarray:
+    """Rows (..., n) of a motion in legs at times (...), which lie between 0 and its end.
+
+    rows : (a leg, times (k,) since its start) -> rows (k, n)
+
+    Raises as `times_within` does.
+    """
+    t = times_within(t, end, second)
+    flat = t.ravel()
+    index, found = index_of_legs(legs, flat), rows(legs[0], flat[:0])
+    found = np.empty((len(flat), found.shape[1]))
+    for i in {*index.tolist()}:
+        leg, inside = legs[i], index == i
+        found[inside] = rows(leg, np.minimum(flat[inside] - leg.start, leg.path.times[-1]))
+    return found.reshape(*t.shape, found.shape[1])
+
+
+def run_in_units(run: Simulation, units: Units, machine: Machine) -> Simulation:
+    """A dimensionless simulation in these units, of the machine that has them."""
+    size = units.of_states(machine.model.flight.states)
+    legs = tuple(replace(leg, start=leg.start * units.time, path=units.convert_motion(leg.path)) for leg in run.legs)
+    energies = {"time": TIME, "energy": ENERGY, "loss": ENERGY}
+    states = [{"before": event.before * size, "after": event.after * size} for event in run.events]
+    pairs = zip(run.events, states, strict=True)
+    events = tuple(replace(units.convert(event, **energies), **changed) for event, changed in pairs)
+    launches, end = run.launches * units.of(LIFTOFF_SPEED), run.end * units.time
+    reason = in_units(run.reason, units)
+    return replace(run, legs=legs, events=events, launches=launches, end=end, machine=machine, reason=reason)

@@ -1,0 +1,277 @@
+"""Simulation of a machine from any state: flights, impacts and contacts, one after the other, with every event found.
+
+Events are zeros of the motion's Taylor polynomials, found by Bernstein exclusion, which misses no grazing pair of them.
+"""
+
+from collections.abc import Mapping
+from contextlib import suppress
+from numbers import Real
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..consistency.accepted import check_machine
+from ..errors import FlowError, InputError, finite_number, whole_number
+from ..flow.trajectory import Trajectory
+from ..flow.zero_crossing import first_zero
+from ..model.machine import Machine, dimensionless
+from ..running import interrupts
+from ..running.exclusive import exclusive
+from ..units import LENGTH, LIFTOFF_SPEED, Message, Quantity, Units, described, without_units
+from .impacts import (
+    CAP,
+    FASTEST_LAUNCH,
+    LIFTOFF_ORDER,
+    MANY_BOUNCES,
+    Impacts,
+    decided_impacts,
+    injected,
+    no_launch,
+    status_of_failure,
+)
+from .schedule import Inputs, Schedule, check_scheduled, parsed_schedule
+from .simulated import ContactEvent, Leg, Simulation, run_in_units
+
+TOUCHING = 1e-9  # a gap, gap speed or contact force below this, relative to the state, is zero: rounding is smaller
+
+
+@exclusive
+def simulate(
+    machine: Machine, alpha: float | Mapping[str, float] | None = None, *, state: ArrayLike | None = None,
+    hops: int | None = None, time: float = np.inf, inject: float = 0.0, cap: int = CAP,
+    schedule: tuple[ArrayLike, Mapping[str, ArrayLike]] | None = None,
+) -> Simulation:  # fmt: skip
+    """Follow a machine's motion from a launch or from a state.
+
+    machine : as in `find`, with its restitution
+    alpha : launch speed at a lift-off after sustained contact, or the unknowns of a launch by name; or
+    state : (n,), a flight state with open gap, or with a gap that is closed and at rest; then the machine stays in
+        contact if the contact force presses, and lifts off if it does not
+    hops, time : it ends after this many lift-offs or after this time, whichever is first; one of them is needed
+    inject : added to the launch speed at every lift-off that is a launch; with a damper its extension depends on the
+        speed, and the injection moves the machine to that of the new speed
+    cap : impacts in one hop after which it is given up
+    schedule : (times (k + 1,), values (k,) of parameters by name): an actuator's inputs from one time to the next, at
+        which legs are cut; the machine's own values hold before and after
+
+    A hop from a launch whose end is "undecided" in the `ReturnMap` ends the simulation with that status, at the landing
+    after its many bounces. Raises `InputError` for arguments without a meaning, such as a launch at which the contact
+    would not open.
+
+    >>> from orbits import simulate
+    >>> from problems import Hopper
+    >>> run = simulate(Hopper(), 4.6, hops=2)
+    >>> [event.kind for event in run.events]
+    ['landing', 'lift-off', 'impact', 'landing', 'lift-off']
+    >>> run.launches.round(4).tolist()
+    [4.6, 4.3923, 3.7382]
+    """
+    check_machine(machine)
+    units = getattr(machine, "units", None)
+    inject, cap = injected(inject, units.of(LIFTOFF_SPEED) if units else 1.0), whole_number("cap", cap, "impacts")
+    hops = None if hops is None else whole_number("hops", hops, "lift-offs")
+    if not (isinstance(time, Real) and time > 0):
+        raise InputError(f"time = {time!r}; it is a number above 0")
+    if hops is None and time == np.inf:
+        raise InputError("a simulation needs hops or a time at which to end")
+    if not (alpha is None or isinstance(alpha, Mapping) or finite_number("alpha", alpha) > 0):
+        raise InputError(f"alpha = {alpha:g}; a launch speed is above 0")
+    inputs = None if schedule is None else parsed_schedule(schedule)
+    state = None if state is None else _checked_state(machine, state)
+    if units:
+        return _simulate_in(units, machine, alpha, state, hops, time, inject, cap, inputs)
+    impacts = Impacts(machine)
+    if inject != 0 and not impacts.model.one_speed:
+        name = impacts.model.name
+        raise InputError(f"inject = {inject:g}: a launch of a {name} is more than the speed that it adds to")
+    known = Schedule(machine, inputs)
+    x, launch_speed, order = _initial_state(impacts, known(0.0)[0], alpha, state)
+    with interrupts.deferred():
+        return _Run(impacts, inject, hops, float(time), cap, known).simulate(x, order, launch_speed)
+
+
+def _checked_state(machine: Machine, state: ArrayLike) -> np.ndarray:
+    """A flight state (n,); raises `InputError` where it is none."""
+    names = machine.model.flight.states
+    with suppress(TypeError, ValueError):
+        x = np.array(state, dtype=float)
+        if x.shape == (len(names),) and np.isfinite(x).all():
+            return x
+    raise InputError(f"state = {state!r}; it is {len(names)} numbers, {', '.join(names)}")
+
+
+def _simulate_in(units: Units, machine, alpha, state, hops, time, inject, cap, inputs: Inputs | None) -> Simulation:
+    """The simulation of a machine with units: that of its dimensionless self, its arguments and results converted."""
+    speed = units.of(LIFTOFF_SPEED)
+    if isinstance(alpha, Mapping):
+        alpha = units.without("alpha", alpha)
+    elif alpha is not None:
+        alpha = alpha / speed
+    if state is not None:
+        state = state / units.of_states(machine.model.flight.states)
+    if inputs is not None:
+        sizes = machine.scheduled
+        check_scheduled(inputs, [*sizes])
+        inputs = inputs[0] / units.time, {name: values / sizes[name] for name, values in inputs[1].items()}
+    options = {"hops": hops, "time": time / units.time, "inject": inject / speed, "cap": cap, "schedule": inputs}
+    with without_units(units):
+        run = simulate(dimensionless(machine), alpha, state=state, **options)
+    return run_in_units(run, units, machine)
+
+
+def _initial_state(impacts: Impacts, p, alpha, state) -> tuple[np.ndarray, float | None, int | None]:
+    """The first flight state, the launch speed if it is a launch, and the order of the gap's zero, None in contact."""
+    if (alpha is None) == (state is None):
+        raise InputError("a simulation starts from a launch speed alpha or from a state: give one of them")
+    if alpha is not None:
+        x, alpha = _launch_state(impacts, alpha)
+        if not impacts.opens(x)[0]:
+            raise InputError(no_launch(alpha))
+        return x[0], alpha, LIFTOFF_ORDER
+    x = np.array(state)
+    gap, speed, tolerance = impacts.gap(x), float(x @ impacts.gap_speed), TOUCHING * (1 + np.abs(x).max())
+    if abs(gap) <= tolerance and abs(speed) <= tolerance:
+        path, _ = impacts.contact.run(impacts.onto_contact @ x, p, tolerance)
+        force, rise = impacts.contact_force.series(path.coefficients)[0, :2]
+        if abs(force) <= tolerance and rise < 0:
+            return x, None, LIFTOFF_ORDER  # just lifting off
+        return x, None, None if force >= 0 else 2
+    if not gap > 0:
+        text, names = "state = {place}: its gap is {gap:.6g} and must be open", impacts.flight.phase.states
+        raise InputError(Message(text, place=described(names, x), gap=Quantity(gap, LENGTH)))
+    return x, None, 0
+
+
+def _launch_state(impacts: Impacts, launch) -> tuple[np.ndarray, float]:
+    """The flight state (1, n) of a launch, given by its speed or by its unknowns, and its speed."""
+    names = impacts.model.launch_unknowns
+    if isinstance(launch, Mapping):
+        if unknown := sorted(set(names) ^ launch.keys()):
+            raise InputError(f"alpha: a launch of this machine is told by {', '.join(names)}; not so '{unknown[0]}'")
+        named = {name: finite_number(name, launch[name]) for name in names}
+        return np.array([impacts.model.launch(named, impacts.values)], dtype=float), named["alpha"]
+    if not 0 < (alpha := finite_number("alpha", launch)) <= FASTEST_LAUNCH:
+        text = "alpha = {alpha:g}; a launch speed is above 0 and at most {most:g}"
+        speed, most = (Quantity(number, LIFTOFF_SPEED) for number in (alpha, FASTEST_LAUNCH))
+        raise InputError(Message(text, alpha=speed, most=most))
+    return impacts.launch(np.array([alpha])), alpha
+
+
+class _Run:
+    """The state of a simulation while it runs."""
+
+    def __init__(self, impacts: Impacts, inject: float, hops: int | None, time: float, cap: int, inputs: Schedule):
+        self.impacts, self.inject, self.hops = impacts, inject, hops
+        self.time, self.cap, self.inputs = time, cap, inputs
+        self.legs, self.events, self.launches = list[Leg](), list[ContactEvent](), list[float]()
+        self.now, self.impact_count, self.liftoff_count, self.reason = 0.0, 0, 0, ""
+        self.launch: np.ndarray | None = None  # the state in which the hop began, where it began with a lift-off
+
+    def simulate(self, x, order: int | None, alpha: float | None) -> Simulation:
+        """Alternate flights, from a zero of the gap of this order, and contacts, order None, up to the end's status."""
+        self.launches += [] if alpha is None else [alpha]
+        status: str | None = None
+        while status is None:
+            if order is None:
+                status, x = self.contact(x)
+                order = self.order_of_liftoff(x)
+            else:
+                status, x, held = self.flight(x, order)
+                order = None if held else self.impacts.bounce_order
+        launches, machine = np.array(self.launches), self.impacts.machine
+        return Simulation(tuple(self.legs), tuple(self.events), status, launches, self.now, machine, self.reason)
+
+    def flight(self, x, order: int) -> tuple[str | None, np.ndarray, bool]:
+        """Fly until the gap closes: the status at an end, the state after the impact, whether contact follows."""
+        until, closed = self.update_parameters(), False
+        self.launch = x if order == LIFTOFF_ORDER else self.launch
+        last = self.now + float(self.impacts.longest_flight(x))
+        if order == LIFTOFF_ORDER and not self.impacts.opens(x[None])[0]:
+            return "no_launch", x, False
+        while not closed:
+            left = min(self.time, last, until) - self.now
+            try:
+                path, _ = self.impacts.flight.run(x, self.impacts.p, left, stop=first_zero(self.impacts.gap, order))
+            except FlowError as error:
+                self.reason = error.args[0]
+                return status_of_failure(error, "flight"), x, False
+            closed = path.times[-1] < left
+            cut = not closed and until < min(self.time, last)
+            if status := self.add_leg("flight", path, None if closed or cut else "carried_off", until if cut else None):
+                return status, x, False
+            x = path.end[: len(x)]
+            closed |= bool(self.impacts.gap(x) <= 0)
+            until, order = self.update_parameters(), 0
+        (held,), (after,), (loss,), (wait,) = self.impacts.landing(x[None])
+        self.impact_count += 1
+        self.add_event("landing" if held else "impact", x, after, float(loss), float(wait))
+        if held:
+            return ("undecided" if self.undecided() else None), after, True
+        return ("cap" if self.impact_count >= self.cap else None), after, False
+
+    def undecided(self) -> bool:
+        """Whether rounding decides how the hop ends that has just landed, as the map tells of hops from launches."""
+        impacts, alpha = self.impacts, np.array(self.launches[-1:])
+        if impacts.restitution < MANY_BOUNCES or not (alpha > 0).any() or not impacts.model.one_speed:
+            return False
+        launched = self.launch is not None and np.array_equal(impacts.launch(alpha)[0], self.launch)
+        return launched and bool(decided_impacts(impacts, alpha, self.cap)[2][0] == "undecided")
+
+    def contact(self, x) -> tuple[str | None, np.ndarray]:
+        """Stay in contact until lift-off: the status if the simulation ends, and the state after lift-off."""
+        y, outcome = self.impacts.onto_contact @ x, None
+        while outcome is None:
+            until = self.update_parameters()
+            path, outcome, self.reason = self.impacts.sustained_contact(y, min(self.time, until) - self.now)
+            if path is None:
+                return outcome, x
+            cut = outcome is None and until < self.time
+            ended = None if cut or outcome == "lifts_off" else outcome
+            if status := self.add_leg("contact", path, ended, until if cut else None):
+                return status, x
+            y = path.end[: self.impacts.contact.size]
+            self.update_parameters()
+            if cut and self.impacts.pressing((self.impacts.model.embed @ y)[None])[0] <= 0:
+                outcome = "lifts_off"  # by rounding, or because the new inputs make the force vanish
+        return self.liftoff(y, x)
+
+    def liftoff(self, y, x) -> tuple[str | None, np.ndarray]:
+        """Lift off from a contact state: the status at an end, and the flight state, `x` if an injection stops it."""
+        impacts, driven = self.impacts, len(self.inputs.times) > 0
+        (speed,), (is_launch,) = impacts.liftoff(y[None])
+        before = after = impacts.model.embed @ y
+        # A driven machine lifts off where it is; without inputs its state is moved onto the launch set.
+        if is_launch and not (driven and self.inject == 0):
+            speed = float(speed) + self.inject
+            if speed <= 0:
+                return "rests", x
+            after = impacts.launch(np.array([speed]))[0]
+        self.add_event("lift-off", before, after, impacts.energy(before) - impacts.energy(after))
+        has_speed = is_launch or driven or not impacts.model.one_speed
+        self.launches.append(float(speed) if has_speed else np.nan)
+        self.impact_count, self.liftoff_count = 0, self.liftoff_count + 1
+        return ("done" if self.liftoff_count == self.hops else None), after
+
+    def order_of_liftoff(self, x) -> int:
+        """The order of the gap's zero in a state of lift-off: 2 where new inputs pull at once, else `LIFTOFF_ORDER`."""
+        pulls = len(self.inputs.times) > 0 and self.impacts.pressing(x[None])[0] < -TOUCHING * (1 + np.abs(x).max())
+        return 2 if pulls else LIFTOFF_ORDER
+
+    def update_parameters(self) -> float:
+        """Take the parameters that the schedule sets now; returns the time until which they hold."""
+        p, until = self.inputs(self.now)
+        if (p != self.impacts.p).any():
+            self.impacts = Impacts(self.impacts.machine, dict(zip(self.impacts.values, p.tolist(), strict=True)))
+        return until
+
+    def add_leg(self, phase: str, path: Trajectory, status: str | None, until: float | None = None) -> str | None:
+        """Keep a leg, which ends at `until` if that is given; returns "done" if the time is up, else `status`."""
+        self.legs.append(Leg(phase, self.now, path))
+        lasted = float(path.times[-1])
+        over = until is None and (lasted >= self.time - self.now or self.now + lasted >= self.time)
+        self.now = self.time if over else self.now + lasted if until is None else until
+        return "done" if over else status
+
+    def add_event(self, kind: str, before, after, loss: float, wait: float = 0.0):
+        """Keep an event that happens `wait` after the end of the last leg."""
+        self.events.append(ContactEvent(kind, self.now + wait, before, after, self.impacts.energy(before), loss))

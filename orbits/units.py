@@ -1,0 +1,279 @@
+"""Units: what the numbers of a machine that is stated in SI stand for, and the one place that converts results.
+
+The engine computes without dimensions. A result's number has a dimension by its name (`DIMENSIONS`), a state by the
+apostrophe at the end of a speed's name. Where a machine has `Units`, its public results are converted to SI by them,
+and where some of its coordinates are angles, the units say so: an angle is the same number in every system of units.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, fields, replace
+from fractions import Fraction
+from typing import Any, NamedTuple, NotRequired, Self, TypedDict, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .errors import InputError, OrbitsError, finite_number
+from .io import conform
+
+# Powers of the units of length, time, force and energy, of the extension at lift-off, which is a length or an angle,
+# and of angles; those left out at the end are 0.
+Dimension = tuple[float, ...]
+Record = TypeVar("Record")
+
+LENGTH, TIME, FORCE, ENERGY = (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, 0, 1)
+SPEED, SPEED_SQUARED, ACCELERATION, JERK = (1, -1, 0), (2, -2, 0), (1, -2, 0), (1, -3, 0)
+MASS, STIFFNESS = (-1, 2, 1), (-1, 0, 1)
+EXTENSION, LIFTOFF_SPEED, LIFTOFF_SPEED_SQUARED = (0, 0, 0, 0, 1), (0, -1, 0, 0, 1), (0, -2, 0, 0, 2)
+ANGLE, ANGULAR_SPEED = (0, 0, 0, 0, 0, 1), (0, -1, 0, 0, 0, 1)
+# Dimensions of results by name. The loss coefficient is a loss of speed per speed to the power 4/3; the loss of a hop
+# of the map is one of the speed's square.
+DIMENSIONS: dict[str, Dimension] = {
+    **dict.fromkeys(("alpha", "error", "alpha_noise"), LIFTOFF_SPEED),
+    **dict.fromkeys(("flight_time", "contact_time", "period"), TIME),
+    **dict.fromkeys(("liftoff_extension", "stroke"), EXTENSION),
+    **dict.fromkeys(("clearance", "smallest_separation"), LENGTH),
+    **dict.fromkeys(("smallest_contact_force", "largest_contact_force", "largest_spring_force"), FORCE),
+    "landing_jerk": JERK,
+    "landing_sensitivity": (1, 1, 0, 0, -1),
+    **dict.fromkeys(("loss_coefficient", "loss_error"), (0, 1 / 3, 0, 0, -1 / 3)),
+}
+# Those of the hops of a return map.
+DIMENSIONS_OF_HOPS: dict[str, Dimension] = {
+    **{"alpha": LIFTOFF_SPEED, "next": LIFTOFF_SPEED, "loss": LIFTOFF_SPEED_SQUARED},
+}
+# Dimensions of unknowns, beside the flight states, that a launch or half an orbit is told by.
+UNKNOWNS: dict[str, Dimension] = {
+    **dict.fromkeys(("duration", "contact_duration"), TIME),
+    **{"alpha": LIFTOFF_SPEED, "liftoff": EXTENSION, "unfolding": ()},
+}
+# A power is told as a fraction where one with such a denominator is the same: those of formulas have nine digits.
+LARGEST_DENOMINATOR, SAME_POWER = 12, 2e-9
+# The powers of a unit in a file, of which there are few, stay far from the bounds of numbers.
+SMALLEST_SAVED = 1e-50
+# Names of composed dimensions.
+_NAMES: dict[Dimension, str] = {(0, 0, 0, 0, 0): "", (*MASS, 0, 0): "kg", (*ENERGY, 0): "J"}
+
+
+@dataclass(frozen=True)
+class Units:
+    """What one unit of length (m), time (s), force (N) and energy (J) of a dimensionless machine stands for.
+
+    Its unit of energy need not be the force's times the length's; None where it is not known. In `Model.units` the
+    units are expressions of the machine's parameters. `angles` are the names of those coordinates that are angles (rad)
+    instead of lengths, with "liftoff" among them where the extension at lift-off is one: the launch speed is then in
+    rad/s.
+    """
+
+    length: Any
+    time: Any
+    force: Any
+    energy: Any = None
+    angles: tuple[str, ...] = ()
+
+    def resolved(self, dimension: Dimension | str) -> Dimension:
+        """The powers of lengths, times, forces, energies and angles of a dimension, or of the state or unknown of this
+        name."""
+        if isinstance(dimension, str):
+            angle = ANGULAR_SPEED if dimension.endswith("'") else ANGLE
+            known = dimension not in UNKNOWNS and dimension.removesuffix("'") in self.angles
+            dimension = angle if known else dimension_of_state(dimension)
+        length, time, force, energy, extension, turned = _all_powers(dimension)
+        launched = (0, extension) if "liftoff" in self.angles else (extension, 0)
+        return length + launched[0], time, force, energy, turned + launched[1]
+
+    def of(self, dimension: Dimension | str) -> Any:
+        """The unit of a dimension, or of the state or unknown of this name."""
+        unit, powers = 1.0, self.resolved(dimension)
+        for base, power in zip((self.length, self.time, self.force, self.energy), powers, strict=False):
+            unit = unit if power == 0 else unit * base**power
+        return unit
+
+    def text(self, dimension: Dimension | str) -> str:
+        """The unit of SI of a dimension, or of the state or unknown of this name, in words: "m/s"."""
+        length, time, force, energy, angle = self.resolved(dimension)
+        return unit_text((length, time, force, energy, 0, angle))
+
+    def texts(self, dimensions: Mapping[str, Dimension] = DIMENSIONS) -> dict[str, str]:
+        """The units of SI of results by name, in words."""
+        return {name: self.text(dimension) for name, dimension in dimensions.items()}
+
+    def unusual_texts(self) -> dict[str, str]:
+        """Those of `texts`, hops included, that differ from the units of a machine whose launch speed is in m/s."""
+        known = {**DIMENSIONS, **DIMENSIONS_OF_HOPS}
+        return {name: text for name, text in self.texts(known).items() if text != unit_text(known[name])}
+
+    def of_states(self, names: Sequence[str], own: Mapping[str, Dimension] | None = None) -> np.ndarray:
+        """The units (n,) of states, lengths or speeds, by their names; `own` has the dimensions of other rows."""
+        own = {"contact force": FORCE, **(own or {})}
+        return np.array([self.of(own.get(name) or name) for name in names])
+
+    def without(self, what: str, unknowns: Mapping[str, Any]) -> dict[str, float]:
+        """Unknowns of a launch or half an orbit, by name, without these units; raises `InputError` for what is no
+        number."""
+        return {name: finite_number(f"{what} '{name}'", unknowns[name]) / self.of(str(name)) for name in unknowns}
+
+    def convert(self, record: Record, **own: Dimension) -> Record:
+        """A frozen record of dimensionless numbers with those of known names in SI; `own` are further dimensions."""
+        known: dict[str, Any] = {}
+        for field in fields(record):  # type: ignore[arg-type]
+            dimension = own.get(field.name) or DIMENSIONS.get(field.name)
+            if dimension and (value := getattr(record, field.name)) is not None:
+                known[field.name] = value * self.of(dimension)
+        return replace(record, **known)  # type: ignore[type-var]
+
+    def convert_motion(self, path: Any, own: Mapping[str, Dimension] | None = None) -> Any:
+        """A `Trajectory` in SI; `own` has the dimensions of rows that are no states."""
+        with np.errstate(all="ignore"):  # the last coefficients may be beyond all numbers
+            powers = float(self.time) ** -np.arange(path.coefficients.shape[2])
+            rows = self.of_states(path.names, own)[:, None] * powers
+            return replace(path, times=path.times * self.time, coefficients=path.coefficients * rows, variations=None)
+
+    def convert_height(self, height: Any, states: Sequence[str]) -> Any:
+        """A function of the state whose value is a length, for states of these names in SI; None for None."""
+        return height and height.in_units(self.of_states(states).tolist(), self.length)
+
+    def inverse(self) -> "Units":
+        """The units that convert back."""
+        return Units(1 / self.length, 1 / self.time, 1 / self.force, self.energy and 1 / self.energy, self.angles)
+
+    def saved(self) -> dict[str, Any]:
+        """The units for a file, as `SavedUnits`."""
+        return {name: value for name, value in vars(self).items() if name != "angles" or value}
+
+
+def dimension_of_state(name: str) -> Dimension:
+    """The dimension of a state: that of one of `UNKNOWNS`, of a speed, whose name ends with an apostrophe, or of a
+    length."""
+    return UNKNOWNS.get(name, SPEED if name.endswith("'") else LENGTH)
+
+
+class SavedUnits(TypedDict):
+    """`Units` in a file."""
+
+    length: float
+    time: float
+    force: float
+    energy: NotRequired[float | None]
+    angles: NotRequired[tuple[str, ...]]
+
+
+def saved_units(data: Mapping[str, Any]) -> Units:
+    """The units that a file states; raises `InputError` where one is not above 0, or so small or so large that results
+    in it would be no numbers."""
+    units = Units(**conform(dict(data), SavedUnits))
+    for name in ("length", "time", "force", "energy"):
+        unit = getattr(units, name)
+        if unit is not None and not SMALLEST_SAVED < unit < 1 / SMALLEST_SAVED:
+            bounds = f"{SMALLEST_SAVED:g} and {1 / SMALLEST_SAVED:g}"
+            raise InputError(f"its unit of {name} is {unit:g}; it lies between {bounds}")
+    return units
+
+
+class Quantity(NamedTuple):
+    """A number in a message, with its dimension or the name of the state that it is; `unit` follows it once it is in
+    SI."""
+
+    value: float
+    dimension: Dimension | str
+    unit: str = ""
+
+    def __format__(self, spec: str) -> str:
+        return f"{self.value:{spec}} {self.unit}".rstrip()
+
+    def in_units(self, units: Units) -> "Quantity":
+        """The same in these units; one that has its unit stays as it is."""
+        if self.unit:
+            return self
+        return Quantity(self.value * units.of(self.dimension), self.dimension, units.text(self.dimension))
+
+
+class Message(str):
+    """A text that tells numbers with dimensions, which `in_units` tells in SI.
+
+    pattern : as for `str.format`
+    parts : what its names stand for: quantities, numbers without dimension, texts, other messages, or errors for what
+        they say
+    """
+
+    pattern: str
+    parts: dict[str, Any]
+
+    def __new__(cls, pattern: str, /, **parts: Any) -> Self:
+        parts = {name: _said(part) for name, part in parts.items()}  # no error is kept, nor what it refers to
+        text = super().__new__(cls, pattern.format(**parts))
+        text.pattern, text.parts = pattern, parts
+        return text
+
+    def __getnewargs_ex__(self) -> tuple[tuple[str], dict[str, Any]]:
+        return (self.pattern,), self.parts
+
+    @classmethod
+    def joined(cls, separator: str, texts: Iterable[str]) -> "Message":
+        """Texts, which may be messages, with a separator between."""
+        parts = {f"text{i}": text for i, text in enumerate(texts)}
+        return cls(separator.join(f"{{{name}}}" for name in parts), **parts)
+
+    def in_units(self, units: Units) -> "Message":
+        """The same in these units."""
+        return Message(self.pattern, **{name: in_units(part, units) for name, part in self.parts.items()})
+
+
+def _said(part: Any) -> Any:
+    """What an error says, whole; anything else as it is."""
+    return (part.args or ("",))[0] if isinstance(part, OrbitsError) else part
+
+
+def in_units(part: Any, units: Units | None) -> Any:
+    """A message, what an error says, or a quantity, in these units; anything else as it is."""
+    part = _said(part)
+    return part.in_units(units) if units and isinstance(part, Message | Quantity) else part
+
+
+def described(names: Sequence[str], x: ArrayLike) -> Message:
+    """The names of states and their numbers (n,)."""
+    numbers = zip(names, np.ravel(x).tolist(), strict=False)
+    told = [(name, Quantity(value, name)) for name, value in numbers]
+    return Message.joined(", ", [Message("{name} = {value:.6g}", name=name, value=value) for name, value in told])
+
+
+@contextmanager
+def without_units(units: Units | None) -> Iterator[None]:
+    """Where a machine with units is computed without: an error tells its quantities in the machine's units."""
+    try:
+        yield
+    except OrbitsError as error:
+        if units and error.args:
+            error.args = (in_units(error, units),)
+        raise
+
+
+def _all_powers(dimension: Dimension) -> tuple[float, ...]:
+    """The six powers of a dimension."""
+    return (*dimension, *(0.0,) * (6 - len(dimension)))
+
+
+def unit_text(dimension: Dimension) -> str:
+    """A dimension in words of SI, as "m/s", its extensions being lengths; nothing for a number's."""
+    length, time, force, energy, extension, angle = _all_powers(dimension)
+    length += extension
+    if (known := (length, time, force, energy, angle)) in _NAMES:
+        return _NAMES[known]
+    powers = {"N": force, "rad": angle, "m": length, "s": time}
+    above = [_text_of_power(name, power) for name, power in powers.items() if power > 0]
+    below = [_text_of_power(name, -power) for name, power in powers.items() if power < 0]
+    return " ".join(above or ["1"]) + "".join(f"/{part}" for part in below)
+
+
+def _text_of_power(name: str, power: float) -> str:
+    if power == 1:
+        return name
+    fraction = Fraction(power).limit_denominator(LARGEST_DENOMINATOR)
+    if abs(fraction - power) > SAME_POWER:
+        return f"{name}^{power:g}"
+    return f"{name}^{fraction}" if fraction.denominator == 1 else f"{name}^({fraction})"
+
+
+# Units of the results of a machine in SI, by name.
+UNIT_TEXTS = {name: unit_text(dimension) for name, dimension in DIMENSIONS.items()}

@@ -1,0 +1,1 @@
+"""The command line `orbits`, its options and the files that state machines."""

@@ -1,0 +1,530 @@
+"""The `orbits` command. Heavy imports wait until they are needed, so that --help and errors are quick."""
+
+import json
+import os
+import sys
+import time
+from typing import Any
+
+import click
+from click.core import ParameterSource
+
+from . import options
+
+EXAMPLES = """\b
+Examples:
+  orbits find                                          the paper's hopper: alpha = tan(alpha)
+  orbits find --family 3 --mass-ratio 0.5              a higher hop
+  orbits find --spring "r + beta*r**3" --set beta=0.3  a spring of your own
+  orbits find --spring tanh --set b=0.2 --plot hop.png
+  orbits find --spring table:rows.csv --json           a measured spring, in the machine's units
+  orbits find --gravity "1/(1 + z/R)**2" --set R=150 --rest-length 20
+  orbits find --machine rover.toml --animate hop.gif   a machine in SI units
+  orbits prove --spring cubic --set beta=0.3 --rest-length 8
+  orbits prove --spring cubic --between beta=0.299:0.301 --rest-length 8
+  orbits prove --spring cubic --along beta --from 0 --to 1 --rest-length 30
+  orbits check-proof proof.json                        a saved proof, verified by a second program
+  orbits follow --spring cubic --along beta --from 0 --to 5 --at 0.5,1,2
+  orbits follow --spring cubic --along beta --from 0 --to -0.02 --plot fold.png
+  orbits follow --spring tanh --along b --from 0.1 --to 1 --family 2 --output tanh.jsonl
+  orbits map --alpha 3:12:10000 --plot map.png         from launch speed to launch speed
+  orbits map --alpha 4.3:5:400 --along inject --from 0 --to 0.15 --plot flips.png
+  orbits simulate --alpha 4.6 --hops 8 --inject 0.01   with every impact on the way
+  orbits optimize leg.toml --plot best.png             the best design, as [design] in the file asks
+  orbits explore --spring cubic --set beta=0.3 --rest-length 8   the same, to play with
+  orbits sweep --spring cubic --over beta=0:1 --over mass_ratio=0.1:10:log --samples 1000 --output hops.csv
+  orbits existence --spring cubic --along beta=-0.02:0.1 --across rest_length=6:20 --colour alpha --plot where.png
+
+\b
+Completion of commands and options by the shell, from a line in its start file:
+  eval "$(_ORBITS_COMPLETE=bash_source orbits)"        in ~/.bashrc; zsh_source in ~/.zshrc
+  _ORBITS_COMPLETE=fish_source orbits | source         in ~/.config/fish/config.fish
+"""
+# A map of more launches is printed as a summary.
+LONGEST_TABLE = 100
+# How many orbits are drawn small above the figure of a family.
+THUMBNAILS = 6
+
+
+@click.group(epilog=EXAMPLES, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.version_option(package_name="persistent-orbits", prog_name="orbits")
+def orbits() -> None:
+    """Motions of hopping and juggling machines that lose nothing, even with plastic collisions.
+
+    A spring's force is a formula of its extension r, gravity a formula of the height z; every other name in them is a
+    parameter that --set gives a value. Lengths are in units of the foot's weight over the stiffness; a machine whose
+    file has [si] is in SI, and its masses are parameters too.
+    """
+
+
+@orbits.command("find", epilog="\b\nExit code: 0 found, 1 no such orbit or an inadmissible one, 2 bad input.")
+@options.machine_options
+@options.family_option("Oscillations in flight, from 1.")
+@click.option("--method", metavar="NAME", help="Force a way: 'closed form', 'relative', 'half orbit' or 'shooting'.")
+@click.option(
+    "--start", type=click.Path(dir_okay=False), metavar="FILE", help="Begin at a saved orbit, and measure it anew."
+)
+@click.option("--allow-inadmissible", is_flag=True, help="Exit 0 also for a root that is no motion.")
+@options.limit_option
+@options.json_option
+@click.option("--explain", is_flag=True, help="Say which way was taken and what the scene did not need.")
+@options.plot_option
+@options.animate_option
+@options.file_option("--save", "document", "Save the orbit (.json), for Orbit.load.")
+def find_command(
+    family: int, method: str | None, start: str | None, allow_inadmissible: bool, limit: float, as_json: bool,
+    explain: bool, plot: str | None, animate: str | None, save: str | None, **stated: Any,
+) -> None:  # fmt: skip
+    """Find one lossless orbit and certify it."""
+    from orbits.periodic.find import find
+
+    stated_family = click.get_current_context().get_parameter_source("family") is not ParameterSource.DEFAULT
+    asked = family if start is None or stated_family else None
+    with options.progress() as report:
+        orbit = find(options.machine_of(**stated), asked, start=start, method=method, progress=report, limit=limit)
+    options.write(orbit, as_json, plot, animate, save)
+    if explain and not as_json:
+        click.echo("  what this scene did not need:")
+        click.echo("".join(f"      {line}\n" for line in orbit.skipped), nl=False)
+    if not orbit.admissible and not allow_inadmissible:
+        raise click.exceptions.Exit(1)
+
+
+@orbits.command("prove", epilog="\b\nExit code: 0 all is proved, 1 not all or no such orbit, 2 bad input.")
+@options.machine_options
+@options.family_option("As in find.")
+@click.option(
+    "--between",
+    "intervals",
+    metavar="NAME=LOW:HIGH",
+    multiple=True,
+    help="A parameter between decimals; repeatable.",
+)
+@click.option("--digits", type=click.IntRange(1, 300), metavar="N", help="Digits to enclose; default: about 18.")
+@click.option("--loss", is_flag=True, help="Enclose the loss coefficient too.")
+@click.option("--attraction", is_flag=True, help="Prove that launches above alpha come to it, and from how far.")
+@click.option(
+    "--inject", metavar="EPS", help="Prove a fixed point of the return map with this added to every launch speed."
+)
+@click.option("--near", type=float, metavar="ALPHA", help="With --inject: a launch speed near the fixed point.")
+@click.option("--along", metavar="NAME", help="Prove the family along a parameter as one curve, with its folds.")
+@click.option("--from", "start", type=float, metavar="A", help="The parameter's first value; default: as --set has it.")
+@click.option("--to", "stop", type=float, metavar="B", help="The parameter's last value.")
+@options.limit_option
+@options.json_option
+@options.file_option("--save", "document", "Save the proof (.json).")
+def prove_command(
+    family: int, intervals: tuple[str, ...], digits: int | None, loss: bool, attraction: bool, inject: str | None,
+    near: float | None, along: str | None, start: float | None, stop: float | None, limit: float, as_json: bool,
+    save: str | None, **stated: Any,
+) -> None:  # fmt: skip
+    """Prove that a lossless orbit exists, is alone nearby and is a motion, as a theorem of interval arithmetic.
+
+    With --inject and --near it is a fixed point of the return map that is proved, and whether it is stable.
+
+    The numbers of --set and --between are the exact decimals that are written, others the shortest decimals of floats.
+    With --between it is proved for each value of a parameter between two decimals; with --along that its orbits from
+    one value to another are one curve. Needs python-flint: pip install 'persistent-orbits[proof]'.
+    """
+    from orbits.errors import InputError
+    from orbits.periodic.find import find
+    from orbits.proof.prove import prove
+    from orbits.return_map.proofs import prove_fixed_point
+
+    if (inject is None) != (near is None) or ((loss or attraction) and inject is not None):
+        raise InputError("--inject EPS and --near ALPHA go together, and without --loss and --attraction")
+    exact = options.exact_parameters(stated["settings"], intervals)
+    if along is not None or start is not None or stop is not None:
+        if along is None or stop is None or intervals or loss or attraction or inject is not None:
+            others = "--between, --loss, --attraction, --inject"
+            raise InputError(f"--along NAME needs --to B, and goes with --from A and with none of {others}")
+        usual = click.get_current_context().get_parameter_source("limit") is ParameterSource.DEFAULT
+        seconds = None if usual else limit
+        proof = options.proved_curve(along, (start, stop), family, stated, digits=digits, limit=seconds)
+    elif inject is not None and near is not None:
+        machine = options.machine_of(**options.with_middles(stated, intervals))
+        proof = prove_fixed_point(machine, near, inject, digits=digits, parameters=exact, limit=limit)
+    else:
+        machine = options.machine_of(**options.with_middles(stated, intervals))
+        with options.progress() as report:
+            orbit = find(machine, family, progress=report, limit=limit)
+        proof = prove(orbit, digits, parameters=exact, loss=loss, attraction=attraction, limit=limit)
+    options.write(proof, as_json, save=save)
+    if not proof.proved:
+        raise click.exceptions.Exit(1)
+
+
+@orbits.command("check-proof", epilog="\b\nExit code: 0 verified, 1 not, 2 bad input.")
+@click.argument("file", type=click.Path(exists=True, dir_okay=False))
+@options.json_option
+def check_proof_command(file: str, as_json: bool) -> None:
+    """Verify a proof of an orbit that was saved with prove --save, by a second program and from the file alone."""
+    from orbits.io import read_file, read_sealed
+    from orbits.proof.prove import need_flint
+
+    need_flint()
+    from orbits.check_proof import check
+
+    document = read_file(file, f"'{file}' is no saved proof", read_sealed)
+    began = time.perf_counter()
+    reasons = check(document) if isinstance(document, dict) else ["the file holds no proof"]
+    verdict = {"verified": not reasons, "reasons": reasons, "seconds": time.perf_counter() - began}
+    words = ["NOT VERIFIED" if reasons else "verified", *(f"  not verified: {reason}" for reason in reasons)]
+    click.echo(json.dumps(verdict) if as_json else "\n".join(words))
+    if reasons:
+        raise click.exceptions.Exit(1)
+
+
+# Columns of the table of a map's hops.
+COLUMNS_OF_HOPS = {"alpha": "launch speed", "next": "next", "loss": "loss"}
+
+
+@orbits.command(
+    "follow",
+    epilog="\b\nExit code: 0 followed to its end, 1 no such orbit, the curve was lost or took too long, 2 bad input.",
+)
+@options.machine_options
+@options.family_option("As in find.")
+@click.option(
+    "--along",
+    required=True,
+    metavar="NAME",
+    help="The parameter: a law's, mass_ratio or rest_length; in SI also a mass, stiffness or surface_gravity.",
+)
+@click.option("--from", "start", type=float, metavar="A", help="Its first value; default: as --set has it.")
+@click.option("--to", "stop", type=float, required=True, metavar="B", help="Its last value.")
+@click.option("--at", metavar="V1,V2,...", help="Values to hit exactly.")
+@click.option("--longest", type=float, default=0.02, show_default=True, help="Longest step, as a share of the way.")
+@click.option("--method", metavar="NAME", help="As in find.")
+@click.option("--stop-inadmissible", is_flag=True, help="End where the orbits are no motions any more.")
+@options.free_limit_option
+@options.json_option
+@options.plot_option
+@options.file_option("--output", "lines", "Write each point as it is found: .jsonl, to resume from or to load.")
+@options.file_option("--save", "family", "Save the whole family: .csv, .nc or .jsonl.")
+@click.option("--resume", metavar="FILE", help="Go on from the end of a family written by --output or --save.")
+def follow_command(
+    family: int, along: str, start: float | None, stop: float, at: str | None, longest: float, method: str | None,
+    stop_inadmissible: bool, as_json: bool, plot: str | None, output: str | None, save: str | None,
+    resume: str | None, **stated: Any,
+) -> None:  # fmt: skip
+    """Follow a family of orbits along a parameter, past folds, to its end."""
+    from orbits.continuation.family import Family
+    from orbits.continuation.follow import follow, orbit_at
+    from orbits.errors import InputError
+    from orbits.show.plot import plot_family, save_figure, spread, thumbnails
+
+    try:
+        values = [float(value) for value in at.split(",")] if at else []
+    except ValueError:
+        raise InputError(f"--at {at!r} is not a list of numbers, as 0.5,1,2") from None
+    before = None if resume is None else Family.load(resume)
+    machine = options.machine_of(**stated, first=None if start is None else (along, start))
+    with options.progress() as report:
+        followed = follow(
+            machine, along, stop, start, family, at=values, longest=longest,
+            method=method, stop_inadmissible=stop_inadmissible, output=output, resume=before, progress=report,
+        )  # fmt: skip
+    if plot is not None:
+        method = followed.settings["method"]
+        small = [(point, orbit_at(machine, point, along, method)) for point in spread(followed, THUMBNAILS)]
+        save_figure(thumbnails(plot_family(followed), followed, small), plot)
+    options.write(followed, as_json, save=save)
+    if followed.end.kind in ("stuck", "interrupted"):
+        raise click.exceptions.Exit(1)
+
+
+@orbits.command("map", epilog="\b\nExit code: 0 done, also for hops that come to rest; 2 bad input.")
+@options.machine_options
+@options.loss_options
+@click.option(
+    "--alpha", required=True, metavar="A|A:B:N", help=f"A launch speed, or N of them from A to B{options.IN_UNITS}"
+)
+@options.free_limit_option
+@options.json_option
+@options.file_option("--plot", "figure", "Write a figure of the map from A to B (.png, .pdf, .svg).")
+@click.option("--cobweb", type=float, metavar="A0", help="Draw the hops from this launch speed into the figure.")
+@click.option("--all", "whole", is_flag=True, help=f"Print every launch, also of more than {LONGEST_TABLE}.")
+@click.option("--cap", type=click.IntRange(1), default=2000, show_default=True, help="Most impacts of one hop.")
+@click.option(
+    "--along",
+    metavar="NAME",
+    help="Follow the map's fixed points between A and B along inject, restitution, damping or another parameter.",
+)
+@click.option("--from", "start", type=float, metavar="V", help="The parameter's first value.")
+@click.option("--to", "stop", type=float, metavar="W", help="Its last value.")
+@click.option("--attractor", type=click.IntRange(0), metavar="N", help="Values at which the attractor is found.")
+@options.file_option("--save", "front", "Save what is followed: .json, or its points as .csv.")
+def return_map(
+    alpha: str, inject: float, as_json: bool, plot: str | None, cobweb: float | None, whole: bool, cap: int,
+    along: str | None, start: float | None, stop: float | None, attractor: int | None, save: str | None,
+    **stated: Any,
+) -> None:  # fmt: skip
+    """Map launch speeds to the next ones, with the losses and impacts in between; or, with --along, follow the fixed
+    points of the map and its hops of period two along a parameter, with their folds and flips."""
+    from orbits.errors import InputError
+    from orbits.io import to_json
+    from orbits.return_map.return_map import ReturnMap
+    from orbits.show.plot import save_figure
+
+    speeds = options.launch_speeds(alpha)
+    if not 0 < speeds[0] < float("inf"):
+        raise InputError(f"--alpha {alpha}; launch speeds are above 0")
+    if along is not None:
+        if cobweb is not None or whole or start is None or stop is None or len(speeds) < 2:
+            raise InputError("--along needs --from V, --to W and a range --alpha A:B:N, and has no --cobweb or --all")
+        asked = {"inject": inject, "cap": cap, "attractor": attractor}
+        diagram = options.diagram_of(along, (start, stop), speeds, stated, asked)
+        options.write(diagram, as_json, plot, save=save)
+        return
+    if any(each is not None for each in (start, stop, attractor, save)):
+        raise InputError("--from, --to, --attractor and --save go with --along NAME")
+    if plot is not None:
+        if len(speeds) < 2:
+            raise InputError(f"--plot needs a range, --alpha A:B:N, not --alpha {alpha}")
+    elif cobweb is not None:
+        raise InputError("--cobweb is drawn into a figure: give --plot FILE too")
+    if cobweb is not None and not 0 < cobweb < float("inf"):
+        raise InputError(f"--cobweb {cobweb:g}; a launch speed is above 0")
+    step = ReturnMap(options.machine_of(**stated), inject, cap)
+    with options.progress():
+        hops = step(speeds)
+        if plot is not None:
+            save_figure(step.plot(float(speeds[0]), float(speeds[-1]), start=cobweb), plot)
+    if as_json:
+        click.echo(to_json(hops.document()))
+        return
+    if len(speeds) > LONGEST_TABLE and not whole:
+        click.echo(options.summary(hops))
+        return
+    heads = [f"{name} ({hops.units[key]})" if hops.units else name for key, name in COLUMNS_OF_HOPS.items()]
+    click.echo("{:>16}{:>20}{:>16}{:>9}  {}".format(*heads, "impacts", "status"))
+    columns = [hops.document()[name] for name in (*COLUMNS_OF_HOPS, "impacts", "status")]
+    for row in zip(*columns, strict=True):
+        following = "-" if row[1] is None else f"{row[1]:.12g}"
+        click.echo(f"{row[0]:16.12g}{following:>20}{row[2]:16.9g}{row[3]:9d}  {row[4]}")
+
+
+@orbits.command("simulate", epilog="\b\nExit code: 0 done, also when it comes to rest; 2 bad input.")
+@options.machine_options
+@options.loss_options
+@click.option(
+    "--alpha", type=float, required=True, metavar="A", help=f"Launch speed at the first lift-off{options.IN_UNITS}"
+)
+@click.option("--hops", type=click.IntRange(1), metavar="N", help="End after so many lift-offs.")
+@click.option("--cap", type=click.IntRange(1), default=2000, show_default=True, help="Most impacts of one hop.")
+@click.option("--time", "end", type=options.POSITIVE, metavar="T", help=f"End at this time{options.IN_UNITS}")
+@options.free_limit_option
+@options.json_option
+@options.plot_option
+@options.animate_option
+def simulate_command(
+    alpha: float, hops: int | None, end: float | None, cap: int, inject: float, as_json: bool, plot: str | None,
+    animate: str | None, **stated: Any,
+) -> None:  # fmt: skip
+    """Follow the machine's motion from a launch, through every impact and contact."""
+    from orbits.simulation.simulation import simulate
+
+    machine = options.machine_of(**stated)
+    run = simulate(machine, alpha, hops=hops, time=float("inf") if end is None else end, inject=inject, cap=cap)
+    options.write(run, as_json, plot, animate)
+
+
+@orbits.command("optimize", epilog="\b\nExit code: 0 found, 1 no such design (with the reason), 2 bad input.")
+@click.argument("file", metavar="FILE.toml")
+@options.free_limit_option
+@options.json_option
+@options.file_option("--plot", "figure", "Write a figure of the best orbit, or of the front (.png, .pdf, .svg).")
+@options.file_option("--save", "front", "Save the design (.json), or the front (.json, .csv).")
+def optimize_command(file: str, as_json: bool, plot: str | None, save: str | None) -> None:
+    """Find the best design of a machine, or a front of two objectives, as its file asks."""
+    from orbits.design.optimize import optimize as best_design
+    from orbits.design.pareto import Front, pareto
+    from orbits.errors import InputError
+    from orbits.show.plot import save_figure
+
+    from ..machines.files import build, design, read
+
+    statement = read(file)
+    machine, asked = build(statement, file), design(statement, file)
+    front = isinstance(asked.get("minimise"), tuple)
+    with options.progress() as report:
+        try:
+            found = (pareto if front else best_design)(machine, **asked, progress=report)
+        except InputError as error:
+            raise InputError(f"{file}: {error}") from None
+    if plot is not None:
+        save_figure(found.plot() if isinstance(found, Front) else found.orbit.plot(), plot)
+    options.write(found, as_json, save=save)
+
+
+@orbits.command(
+    "sweep",
+    epilog="\b\nExit code: 0 done, also where some members have no orbit; 1 where none has one, 2 bad input.",
+)
+@options.machine_options
+@click.option(
+    "--over",
+    multiple=True,
+    metavar="NAME=RANGE",
+    help="A parameter: LOW:HIGH, LOW:HIGH:log, V1,V2,... or norm(MEAN,SD); repeatable.",
+)
+@click.option("--from", "designs", metavar="FILE.csv", help="The members instead: a column for each parameter.")
+@click.option("--samples", type=int, metavar="N", help="Members; on a grid, values of each range.")
+@click.option("--sampling", metavar="WAY", help="grid, sobol, lhs or random; default: grid for values, else sobol.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Of the sampling.")
+@click.option("--family", "families", default="1", show_default=True, metavar="N1,N2,...", help="As in find.")
+@click.option("--quantities", metavar="A,B,...", help="Further columns: quantities of the orbit, or formulas of them.")
+@click.option("--outcome", default="find", show_default=True, metavar="find|map|fixed_points", help="What is asked.")
+@click.option("--between", metavar="A:B", help="Launch speeds between which fixed points are looked for.")
+@click.option("--store", metavar="FILE", help="An SQLite file that has every chunk of members as soon as it is done.")
+@click.option("--resume", is_flag=True, help="Go on with the store, or begin it.")
+@click.option("--workers", type=click.IntRange(1), metavar="N", help="Processes that compute; 1 by default.")
+@options.free_limit_option
+@options.json_option
+@options.file_option("--output", "sweep", "Write the members: .csv, .nc, .parquet or .json.")
+@options.plot_option
+def sweep_command(
+    over: tuple[str, ...], designs: str | None, samples: int | None, sampling: str | None, seed: int, families: str,
+    quantities: str | None, outcome: str, between: str | None, store: str | None, resume: bool, workers: int | None,
+    as_json: bool, output: str | None, plot: str | None, **stated: Any,
+) -> None:  # fmt: skip
+    """Find the orbits of many machines, over ranges of their parameters."""
+    from orbits.errors import InputError
+    from orbits.show.plot import save_figure
+    from orbits.sweeps.sweep import sweep
+
+    axes, table = options.swept_members(over, designs)
+    if table is not None and samples is not None:
+        raise InputError("--samples draws members; --from has them already")
+    if resume and store is None:
+        raise InputError("--resume goes on with a store: give --store FILE too")
+    machine = options.machine_of(**options.with_first_values(stated, axes, table))
+    answer = sweep(
+        machine, axes if table is None else None, samples if table is None else table, sampling=sampling, seed=seed,
+        family=options.numbers("--family", families, int), quantities=options.formulas(quantities), outcome=outcome,
+        between=None if between is None else tuple(options.numbers("--between", between, float, ":")),
+        store=store, resume=resume,
+        **options.computed_by(workers),
+    )  # fmt: skip
+    options.write(answer, as_json, save=output)
+    if plot is not None:
+        save_figure(answer.plot(), plot)
+    if not answer.found:
+        raise click.exceptions.Exit(1)
+
+
+@orbits.command(
+    "existence",
+    epilog="\b\nExit code: 0 done; 1 where no member has an orbit, 2 bad input.",
+)
+@options.machine_options
+@click.option("--along", required=True, metavar="NAME=LOW:HIGH[:log]", help="The parameter of the rows.")
+@click.option("--across", required=True, metavar="NAME=RANGE", help="That from row to row: as --along, or V1,V2,...")
+@options.family_option("As in find.")
+@click.option("--samples", default="100", show_default=True, metavar="N[,M]", help="Values along and across.")
+@click.option("--quantities", metavar="A,B,...", help="Further columns: quantities of the orbit, or formulas of them.")
+@click.option("--both-ways", is_flag=True, help="Locate boundaries between the rows too.")
+@click.option("--colour", metavar="QUANTITY", help="Colour the figure by a quantity.")
+@click.option("--workers", type=click.IntRange(1), metavar="N", help="Processes that compute; 1 by default.")
+@options.free_limit_option
+@options.json_option
+@options.file_option("--output", "diagram", "Write the diagram: .json or .nc; its rows: .csv.")
+@options.plot_option
+def existence_command(
+    along: str, across: str, family: int, samples: str, quantities: str | None, both_ways: bool,
+    colour: str | None, workers: int | None, as_json: bool, output: str | None, plot: str | None, **stated: Any,
+) -> None:  # fmt: skip
+    """Find where orbits exist in two parameters, and where they are motions."""
+    from orbits.errors import InputError
+    from orbits.show.plot import save_figure
+    from orbits.sweeps.existence import existence
+
+    row, between = options.swept_axis("--along", along)
+    column, values = options.swept_axis("--across", across)
+    if not isinstance(between, tuple) or not isinstance(values, tuple | list):
+        raise InputError(f"--along {along!r} is NAME=LOW:HIGH, and --across {across!r} that or NAME=V1,V2,...")
+    machine = options.machine_of(**options.with_first_values(stated, {row: between, column: values}, None))
+    asked, counts = options.formulas(quantities), options.numbers("--samples", samples, int)
+    if colour is not None and colour not in ("alpha", "flight_time", "error", *asked):
+        asked.append(colour)
+    diagram = existence(
+        machine, row, between, column, values, family, samples=counts[0] if len(counts) == 1 else tuple(counts),
+        both_ways=both_ways, quantities=asked, **options.computed_by(workers),
+    )  # fmt: skip
+    options.write(diagram, as_json, save=output)
+    if plot is not None:
+        save_figure(diagram.plot(colour), plot)
+    if not diagram.grid.found:
+        raise click.exceptions.Exit(1)
+
+
+@orbits.command("explore", epilog="\b\nExit code: 0 ended by Ctrl-C, 2 bad input.")
+@options.machine_options
+@options.family_option("As in find.")
+@click.option("--no-browser", is_flag=True, help="Serve the page, and open no browser.")
+@click.option("--port", type=click.IntRange(0, 65535), default=5007, show_default=True, help="0 for any that is free.")
+def explore_command(family: int, no_browser: bool, port: int, **stated: Any) -> None:
+    """Show a hop on a page with sliders, in the browser: the machine moving, its family and its return map.
+
+    The page is served to this machine alone, and needs no network.
+    """
+    from ..explorer.processes import prepare
+
+    prepare()  # it imports the solver while this process imports Bokeh
+    from ..explorer.server import run
+
+    run(options.first_scene(family, **stated), port, not no_browser, click.echo)
+
+
+def main() -> None:
+    """Run the command; what goes wrong is one message and an exit code, never a traceback."""
+    try:
+        code = orbits.main(prog_name="orbits", standalone_mode=False) or 0
+    except click.exceptions.NoArgsIsHelpError as error:
+        click.echo(error.format_message())
+        code = 0
+    except click.ClickException as error:
+        code = _failed(error.format_message(), error.exit_code)
+    except (click.Abort, KeyboardInterrupt) as error:
+        said = str(error.__cause__ or error)  # click makes its own of an interrupt
+        code = _failed(": ".join(filter(None, ("interrupted", said))), 130)
+    except BrokenPipeError:
+        sys.stderr.close()  # the reader of the output has closed it
+        code = 0
+    except OSError as error:  # of standard output: those of files are bad input
+        _leave_output()
+        code = _failed(f"the output cannot be written: {error}; make room, or write it elsewhere", 2)
+    except MemoryError:
+        code = _failed("there is not enough memory for what is asked: ask for fewer launches, hops or points", 1)
+    except Exception as error:
+        from orbits.errors import InputError, OrbitsError
+        from orbits.running.time_limit import TimeOver
+
+        if isinstance(error, OrbitsError | TimeOver):
+            code = _failed(str(error), 2 if isinstance(error, InputError) else 1)
+        else:
+            code = _failed(f"internal error, please report it: {type(error).__name__}: {error}", 1)
+    sys.exit(code)
+
+
+def _failed(message: str, code: int) -> int:
+    from orbits.errors import shortened
+
+    message = shortened(message)
+    try:
+        click.echo(f"orbits: {message}", err=True)
+        if "--json" in sys.argv:
+            click.echo(json.dumps({"error": message, "exit_code": code}))
+    except OSError:
+        _leave_output()
+    return code
+
+
+def _leave_output() -> None:
+    """Write no more to standard output, which cannot take it; what is left is not tried again at the end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.__stdout__.fileno())  # type: ignore[union-attr]
+
+
+if __name__ == "__main__":
+    main()

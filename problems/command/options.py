@@ -1,0 +1,421 @@
+"""What the commands share: the options that describe a machine, its losses and the files to write."""
+
+import logging
+import math
+import re
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import reduce
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from orbits.proof.theorem import Proof
+    from orbits.return_map.diagram import BifurcationDiagram
+    from orbits.return_map.return_map import Hops
+
+    from ..explorer.scene import Scene
+    from ..machines.in_si import AnyMachine
+
+
+def combined(*options: Callable) -> Callable:
+    """Several options as one decorator, shown in this order."""
+
+    return lambda command: reduce(lambda decorated, option: option(decorated), reversed(options), command)
+
+
+MOST_LAUNCHES = 1_000_000  # of one map, some hundred bytes each
+IN_UNITS = ", in the machine's units."
+POSITIVE = click.FloatRange(0, min_open=True)
+machine_options = combined(
+    click.option("--machine", metavar="hopper|juggler|FILE.toml", help="Kind of machine, or a file that states it."),
+    click.option("--mass-ratio", type=POSITIVE, metavar="M", help="Foot (hand) over body (ball) mass; default 1."),
+    click.option("--rest-length", type=POSITIVE, metavar="L", help="Of the spring; default: long enough."),
+    click.option(
+        "--spring",
+        metavar="LAW",
+        help="Formula of r, a law's name, potential:FORMULA, or measured rows under a header of extension and force, "
+        "table:FILE, also table:FILE?branch=loading and table:FILE?noise=SD; see the documentation.",
+    ),
+    click.option("--gravity", metavar="LAW", help="Formula of z with value 1 at z = 0, or a law's name."),
+    click.option("--set", "settings", metavar="NAME=VALUE", multiple=True, help="A parameter; repeatable."),
+)
+loss_options = combined(
+    click.option("--restitution", type=click.FloatRange(0, 1), metavar="e", help="Of the impacts; default 0, plastic."),
+    click.option("--damping", type=click.FloatRange(0), metavar="c", help="Of the damper beside the spring."),
+    click.option("--drag", type=click.FloatRange(0), metavar="d", help="On each mass, against its motion."),
+    click.option("--inject", type=float, default=0.0, metavar="EPS", help=f"Added to every launch speed{IN_UNITS}"),
+)
+json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
+limit_option = click.option(
+    "--limit", type=float, default=30.0, show_default=True, metavar="SECONDS", help="How long it may take."
+)
+
+
+def _limited(context: click.Context, parameter: click.Parameter, seconds: float | None) -> None:
+    """Hold all that the command does to a limit of time."""
+    from orbits.running.time_limit import time_limit
+
+    if seconds is not None:
+        context.with_resource(time_limit(seconds))
+
+
+free_limit_option = click.option(
+    "--limit", type=float, metavar="SECONDS", help="How long it may take; default: as long as it needs.",
+    callback=_limited, expose_value=False,
+)  # fmt: skip
+
+
+def family_option(text: str) -> Callable:
+    """The option that asks for the orbits of a family."""
+    return click.option("--family", type=click.IntRange(1), default=1, show_default=True, metavar="N", help=text)
+
+
+def file_option(flag: str, kind: str, text: str) -> Callable:
+    """An option that names a file to write, of a kind that has its own endings; checked before the search."""
+
+    def check(context, parameter, path):
+        if path is not None:
+            from orbits.continuation.family import ENDINGS
+            from orbits.io import DOCUMENTS, check_path
+            from orbits.show.animation import check_animation
+            from orbits.show.plot import FIGURES
+
+            if kind == "animation":
+                return str(check_animation(path))
+            if kind == "sweep":
+                from orbits.sweeps.sweep_result import check_table
+
+                return str(check_table(path))
+            endings = {"document": DOCUMENTS, "front": (*DOCUMENTS, ".csv"), "figure": FIGURES, "family": ENDINGS}
+            endings["diagram"] = (".json", ".csv", ".nc")
+            check_path(path, endings.get(kind, ENDINGS[:2]))
+        return path
+
+    return click.option(flag, metavar="FILE", help=text, callback=check)
+
+
+plot_option = file_option("--plot", "figure", "Write a figure (.png, .pdf, .svg).")
+animate_option = file_option("--animate", "animation", "Write an animation (.gif, or .mp4 where ffmpeg is).")
+
+
+def write(
+    result: Any, as_json: bool, plot: str | None = None, animate: str | None = None, save: str | None = None
+) -> None:
+    """Write the files that are asked for, and print the result as one JSON document or in words."""
+    from orbits.io import to_json
+    from orbits.show.plot import save_figure
+
+    if plot is not None:
+        save_figure(result.plot(), plot)
+    if animate is not None:
+        with progress("drawing") as report:
+            result.animate(animate, progress=report)
+    if save is not None:
+        result.save(save)
+    click.echo(to_json(result.document()) if as_json else str(result))
+
+
+def numbers(option: str, text: str, kind: Callable, separator: str = ",") -> list:
+    """The numbers in an option's text; raises `InputError` for anything else."""
+    from orbits.errors import InputError
+
+    try:
+        return [kind(part) for part in text.split(separator)]
+    except ValueError:
+        raise InputError(f"{option} {text!r} is not a list of numbers, as 1{separator}2") from None
+
+
+def formulas(text: str | None) -> list[str]:
+    """The formulas in an option's text, which commas separate outside of parentheses."""
+    parts, depth = [""], 0
+    for letter in text or "":
+        depth += (letter == "(") - (letter == ")")
+        if letter == "," and depth == 0:
+            parts.append("")
+        else:
+            parts[-1] += letter
+    return [part.strip() for part in parts if part.strip()]
+
+
+def swept_members(over: Sequence[str], designs: str | None) -> tuple[dict[str, Any], dict[str, "np.ndarray"] | None]:
+    """What --over asks of each parameter, or the table that --from names; raises `InputError` for neither or both."""
+    from orbits.errors import InputError
+    from orbits.sweeps.designs import as_numbers, read_designs
+
+    if bool(over) == (designs is not None):
+        raise InputError("a sweep is --over NAME=RANGE, repeatable, or --from FILE.csv")
+    axes: dict[str, Any] = {}
+    for text in over:
+        name, axis = swept_axis("--over", text)
+        if name in axes:
+            raise InputError(f"--over gives {name!r} twice")
+        axes[name] = axis
+    if designs is None:
+        return axes, None
+    return axes, {name: as_numbers(name, column, designs) for name, column in read_designs(designs).items()}
+
+
+def swept_axis(option: str, text: str) -> tuple[str, Any]:
+    """The parameter's name in NAME=RANGE, and the range, the values or the distribution that is stated for it; raises
+    `InputError` for anything else."""
+    from orbits.errors import InputError
+
+    name, equals, stated = (part.strip() for part in text.partition("="))
+    wrong = InputError(f"{option} {text!r} is not of the form NAME=LOW:HIGH or NAME=LOW:HIGH:log")
+    if not equals or not name.isidentifier():
+        raise wrong
+    if found := re.fullmatch(r"norm\(([^,()]+),([^,()]+)\)", stated):
+        from scipy.stats import norm
+
+        mean, deviation = numbers(option, ",".join(found.groups()), float)
+        if not (math.isfinite(mean) and 0 < deviation < math.inf):
+            raise InputError(f"{option} {text!r}: a mean is finite, and a standard deviation above 0 and finite")
+        return name, norm(mean, deviation)
+    if ":" not in stated:
+        return name, numbers(option, stated, float)
+    ends, _, last = stated.rpartition(":")
+    logarithmic = last == "log"
+    low, *high = numbers(option, ends if logarithmic else stated, float, ":")
+    if len(high) != 1:
+        raise wrong
+    return name, (low, high[0], "log") if logarithmic else (low, high[0])
+
+
+def computed_by(workers: int | None) -> dict[str, Any]:
+    """What a sweep is told of --workers."""
+    return {"executor": "processes", "workers": workers} if workers and workers > 1 else {}
+
+
+def with_first_values(stated: dict[str, Any], axes: dict[str, Any], table: Any) -> dict[str, Any]:
+    """The options that state a machine, with a value for each swept parameter that has none: a formula needs one."""
+    import numpy as np
+
+    from orbits.sweeps.designs import axis_of
+
+    settings = list(stated.get("settings", ()))
+    known = {setting.partition("=")[0].strip() for setting in settings}
+    middle = {name: float(axis_of(name, axis).at(np.array([0.5]))[0]) for name, axis in axes.items()}
+    middle |= {name: float(values[0]) for name, values in (table or {}).items()}
+    own = ("mass_ratio", "rest_length", "alpha", "damping", "drag")
+    settings += [f"{name}={value}" for name, value in middle.items() if name not in known and name not in own]
+    return {**stated, "settings": tuple(settings)}
+
+
+def launch_speeds(text: str) -> "np.ndarray":
+    """The launch speeds that A or A:B:N stands for; raises `InputError` for anything else."""
+    import numpy as np
+
+    from orbits.errors import InputError
+
+    try:
+        if ":" not in text:
+            return np.array([float(text)])
+        low, high, count = (kind(part) for kind, part in zip((float, float, int), text.split(":"), strict=True))
+    except ValueError:
+        count = 0
+    if not 2 <= count <= MOST_LAUNCHES or not np.isfinite([low, high]).all():
+        bounds = f"from 2 to {MOST_LAUNCHES}"
+        raise InputError(f"--alpha {text!r} is neither a number nor a range A:B:N of N launch speeds, {bounds}")
+    if not low < high:
+        raise InputError(f"--alpha {text!r}: the range goes up, A < B")
+    return np.linspace(low, high, count)
+
+
+def diagram_of(
+    along: str, span: tuple[float, float], speeds: "np.ndarray", stated: dict[str, Any], asked: dict[str, Any]
+) -> "BifurcationDiagram":
+    """What the return maps of the stated machine do along a parameter, between the ends of its range `span`."""
+    from orbits.return_map.bifurcations import bifurcations
+    from orbits.return_map.cycles import DAMPERS_OF_HOPS, INJECT, RESTITUTION
+
+    between = float(speeds[0]), float(speeds[-1])
+    known = along in (INJECT, RESTITUTION, *DAMPERS_OF_HOPS)  # without being a parameter of the formulas
+    machine = machine_of(**stated, first=None if known else (along, span[0]))
+    with progress() as report:
+        return bifurcations(machine, along, span, between, samples=len(speeds), progress=report, **asked)
+
+
+def proved_curve(
+    along: str, span: tuple[float | None, float], family: int, stated: dict[str, Any], **asked: Any
+) -> "Proof":
+    """The proof that the orbits of the stated machine along a parameter are one curve over its range `span`; raises
+    `NoOrbit` where the family ends before."""
+    from orbits.continuation.follow import follow
+    from orbits.errors import NoOrbit
+    from orbits.proof.prove import need_flint
+
+    need_flint()
+    start, stop = span
+    machine = machine_of(**stated, first=None if start is None else (along, start))
+    with progress() as report:
+        followed = follow(machine, along, stop, start, family, progress=report)
+    if followed.end.kind != "reached":
+        raise NoOrbit(f"the family does not come to {along} = {stop:g}: {followed.end.kind}, {followed.end.reason}")
+    return followed.prove(machine, continuous=True, **asked)
+
+
+def summary(hops: "Hops") -> str:
+    """What became of many launches, in some lines: how many of each status, and the ranges of their numbers."""
+    import numpy as np
+
+    lines = [f"{len(hops.alpha)} launches (--all prints each, --json all as one document)"]
+    for status in np.unique(hops.status):
+        these, rows = hops.status == status, {}
+        for name in ("alpha", "next", "loss", "impacts"):
+            if np.isfinite(inside := getattr(hops, name)[these]).any():
+                rows[name] = f"{np.nanmin(inside):.10g} to {np.nanmax(inside):.10g}"
+        lines.append(f"  {status}: {these.sum()}")
+        words = {"alpha": "launch speed"}
+        lines += [
+            f"    {words.get(name, name):<14}{text} {hops.units.get(name, '')}".rstrip() for name, text in rows.items()
+        ]
+    return "\n".join(lines)
+
+
+def machine_of(machine: str | None, *arguments: Any, **stated: Any) -> "AnyMachine":
+    """The machine that the options describe, as in `statement_of`."""
+    from ..machines.files import build
+
+    return build(*statement_of(machine, *arguments, **stated))
+
+
+def statement_of(
+    machine: str | None, settings: Sequence[str] = (), first: tuple[str, float] | None = None,
+    **stated: str | float | None,
+) -> tuple[dict[str, Any], str]:  # fmt: skip
+    """The statement of a machine that the options describe, and where it stands; an option that is not None comes
+    before what the machine's file says.
+
+    first : name and first value of a parameter to be followed, which replaces what --set says
+    """
+    from orbits.errors import InputError
+
+    from ..machines.files import KINDS, SI_PARAMETERS, read
+
+    statement: dict[str, Any] = {"machine": machine or "hopper"}
+    where = "the options"
+    if machine is not None and machine not in KINDS:
+        if not machine.endswith(".toml"):
+            raise InputError(f"--machine {machine!r} is neither {' nor '.join(KINDS)} nor a .toml file")
+        statement, where = read(machine), machine
+    if first is not None:
+        settings = [setting for setting in settings if not sets(setting, first[0])]
+    own = {name: value for name, value in stated.items() if value is not None}
+    values, parameters = _parameter_values(settings), dict(statement.get("parameters", {}))
+    if first is not None:
+        (own if first[0] in ("mass_ratio", "rest_length") else values)[first[0]] = first[1]
+    for name, value in (own | values).items():
+        in_si = name in SI_PARAMETERS and "si" in statement and name not in parameters
+        place = statement["si"] if in_si else statement if name in own else parameters
+        place[name] = value
+    statement["parameters"] = parameters
+    return statement, where
+
+
+def first_scene(family: int = 1, **stated: Any) -> "Scene":
+    """The scene of the command line's options, of a hopper with a cubic spring where they say nothing; raises
+    `InputError` for a machine that cannot be."""
+    from ..explorer.forms import scene_of_statement
+    from ..explorer.scene import beginning
+    from ..machines.files import build
+
+    if not any(value for value in stated.values()):
+        return replace(beginning("hopper"), family=family)
+    statement, where = statement_of(**stated)
+    build(statement, where)
+    return scene_of_statement(statement, family)
+
+
+def _parameter_values(settings: Sequence[str]) -> dict[str, float]:
+    """The parameters that --set gives values."""
+    from orbits.errors import InputError
+
+    values: dict[str, float] = {}
+    for setting in settings:
+        text, equals, value = setting.partition("=")
+        name = text.strip()
+        if not equals or not name.isidentifier():
+            raise InputError(f"--set {setting!r} is not of the form NAME=VALUE")
+        if name in values:
+            raise InputError(f"--set gives {name!r} two values")
+        try:
+            values[name] = float(value)
+        except ValueError:
+            raise InputError(f"--set {setting!r}: {value!r} is not a number") from None
+    return values
+
+
+def exact_parameters(settings: Sequence[str], intervals: Sequence[str]) -> dict[str, Any]:
+    """The parameters of --set as the decimals that are written, and those of --between as pairs of decimals."""
+    found: dict[str, Any] = {name.strip(): text.strip() for name, _, text in (each.partition("=") for each in settings)}
+    return found | {name: tuple(bounds) for name, bounds in _bounds(intervals)}
+
+
+def with_middles(stated: dict[str, Any], intervals: Sequence[str]) -> dict[str, Any]:
+    """The options with the middles of --between, of which an orbit is found first."""
+    middles = {name: (float(low) + float(high)) / 2 for name, (low, high) in _bounds(intervals)}
+    own: dict[str, Any] = {name: middles.pop(name) for name in ("mass_ratio", "rest_length") if name in middles}
+    kept = [setting for setting in stated["settings"] if not any(sets(setting, name) for name in middles)]
+    return {**stated, **own, "settings": (*kept, *(f"{name}={value!r}" for name, value in middles.items()))}
+
+
+def _bounds(intervals: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
+    from orbits.errors import InputError
+
+    for each in intervals:
+        name, _, text = each.partition("=")
+        bounds = [part.strip() for part in text.split(":")]
+        try:
+            finite = len(bounds) == 2 and all(math.isfinite(float(bound)) for bound in bounds)
+        except ValueError:
+            finite = False
+        if not (name.strip() and finite):
+            raise InputError(f"--between {each!r} is not NAME=LOW:HIGH, as beta=0.29:0.31")
+        yield name.strip(), bounds
+
+
+def sets(setting: str, name: str) -> bool:
+    """Whether a --set gives this name a value, which another option then replaces."""
+    try:
+        float(setting.partition("=")[2])
+    except ValueError:
+        return False
+    return setting.partition("=")[0].strip() == name
+
+
+@contextmanager
+def progress(doing: str = "searching") -> Iterator[Callable[[float], None] | None]:
+    """Show what is done, the elapsed time and the share done on a terminal, once the first second has passed."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    share, done, began = [0.0], threading.Event(), time.monotonic()
+
+    def show():
+        wait = 1.0
+        while not done.wait(wait):
+            wait = 0.2
+            text = f"\r{doing}, {time.monotonic() - began:.0f} s" + (f", {100 * share[0]:.0f}%" if share[0] else "")
+            sys.stderr.write(text)
+            sys.stderr.flush()
+        if wait < 1:
+            sys.stderr.write("\r" + " " * 40 + "\r")
+
+    thread = threading.Thread(target=show, daemon=True)
+    thread.start()
+    logger = logging.getLogger("orbits")
+    logger.disabled = True  # what it says is on the line already
+    try:
+        yield lambda value: share.__setitem__(0, value)
+    finally:
+        logger.disabled = False
+        done.set()
+        thread.join()

@@ -1,0 +1,1 @@
+"""Springs and gravity by name, by formula and by measurement."""

@@ -1,0 +1,318 @@
+"""Spring laws: force phi(r) against extension r, tension positive, stiffness 1 at rest where nothing else is said.
+
+Lengths are in units of the foot's weight over the stiffness, forces in the foot's weight (hopper), or of the hand's
+(juggler); of a machine stated in SI, in m and N. Each named law is a function of its parameters, whose units follow
+from these: `beta` is 1/length**2, `delta` 1/length**4, `a` and `b` are 1/length, `gap`, `length`, `height` and
+`thickness` lengths, `k`, `ratio` and `stop` stiffnesses. `NAMED` lists the laws for the command line.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+from zlib import crc32
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from orbits.errors import InputError
+from orbits.laws import law as laws
+from orbits.laws.law import NOISE, Expression, Law, Written, number, positive
+from orbits.symbolic.formula import suggest
+
+from .measured import read_table, short
+from .smoothing import SmoothCurve, branch_of, curve_of
+
+# A sample to try tables with: a leg's spring in mm and N, with noise as from a bench.
+SAMPLE = Path(__file__).with_name("leg_spring.csv")
+TABLE_OPTIONS = ("branch", "noise")
+
+
+def formula(text: str, /, **parameters: float) -> Law:
+    """A spring from a formula of the extension r: ``formula("r + beta*r**3", beta=0.3)``.
+
+    >>> float(formula("r + beta*r**3", beta=0.3)(2.0))
+    4.4
+    """
+    return laws.from_formula(text, "r", parameters)
+
+
+def potential(text: str, /, **parameters: float) -> Law:
+    """A spring from its potential energy V(r); the force is dV/dr.
+
+    >>> float(potential("r**2/2 + beta*r**4/4", beta=0.3)(2.0))
+    4.4
+    """
+    return laws.from_potential(text, "r", parameters)
+
+
+def function(force: Callable, /, breakpoints: tuple[float, ...] = (), **parameters: float) -> Law:
+    """A spring from a Python function force(r, **parameters), smooth between the breakpoints.
+
+    State where it jumps or bends: integration steps end there, and derivatives are carried across a jump.
+
+    >>> float(function(lambda r, b: r + b * r**3, b=0.3)(2.0))
+    4.4
+    """
+    return laws.from_function(force, "r", parameters, breakpoints)
+
+
+def linear(*, k: float = 1.0) -> Law:
+    """Hooke's law k r: metal springs in small strain (Hooke 1678)."""
+    number("k", k, low=0)
+    return formula("r") if k == 1 else formula("k*r", k=k)
+
+
+def cubic(*, beta: float = 0.3) -> Law:
+    """Duffing's spring r + beta r**3: hardening for beta > 0, softening for beta < 0 (Duffing 1918)."""
+    return formula("r + beta*r**3", beta=beta)
+
+
+def quintic(*, beta: float = 0.0, delta: float = 0.1) -> Law:
+    """Spring r + beta r**3 + delta r**5, softening first and hardening then, or inversely (Nayfeh and Mook 1979)."""
+    return formula("r + beta*r**3 + delta*r**5", beta=beta, delta=delta)
+
+
+def tanh(*, b: float = 0.2) -> Law:
+    """Saturating spring tanh(b r)/b: at most 1/b, a smooth elastic, perfectly plastic curve (Hill 1950)."""
+    return formula("tanh(b*r)/b", **positive(b=b))
+
+
+def sinh(*, b: float = 0.5) -> Law:
+    """Hardening spring sinh(b r)/b, exponentially stiff both ways, as in Eyring's theory of flow (1936)."""
+    return formula("sinh(b*r)/b", **positive(b=b))
+
+
+def toda(*, b: float = 0.2) -> Law:
+    """Toda's lattice spring (1 - exp(-b r))/b (1967): hard in compression, at most 1/b in tension; b < 0 reverses."""
+    if number("b", b) == 0:
+        raise InputError("b = 0 makes the Toda spring linear; use the law 'linear'")
+    return formula("(1 - exp(-b*r))/b", b=b)
+
+
+def morse(*, a: float = 0.05) -> Law:
+    """Morse's bond (1 - exp(-a r)) exp(-a r)/a: the tension has its maximum 1/(4 a) and then falls (Morse 1929)."""
+    return formula("(1 - exp(-a*r))*exp(-a*r)/a", **positive(a=a))
+
+
+def bilinear(*, ratio: float = 3.0, gap: float = 0.5) -> Law:
+    """Stiffness 1 up to the extension `gap`, `ratio` beyond: a second spring picked up (Shaw and Holmes 1983)."""
+    written = Written(("r", "gap + ratio*(r - gap)"), ("gap",))
+    return Law("bilinear", "r", _line_expression, positive(ratio=ratio, gap=gap), (3, _bilinear_pieces), written)
+
+
+def end_stops(*, gap: float = 3.0, stop: float = 20.0) -> Law:
+    """Stiffness 1 between extensions -gap and gap, `stop` beyond: bump stop and strap (Shaw and Holmes 1983)."""
+    written = Written(("-gap + stop*(r + gap)", "r", "gap + stop*(r - gap)"), ("-gap", "gap"))
+    return Law("end_stops", "r", _line_expression, positive(gap=gap, stop=stop), (3, _end_stop_pieces), written)
+
+
+def air(*, length: float = 5.0, exponent: float = 1.4) -> Law:
+    """Air spring: a gas column of effective length `length`, compressed polytropically with `exponent`.
+
+    (length/exponent) (1 - (1 + r/length)**-exponent), the change of the force p A (V0/V)**n from rest (Bachrach and
+    Rivin 1983); exponent 1 is slow (isothermal), 1.4 fast (adiabatic) air. Tension stays below length/exponent.
+    """
+    return formula("length/exponent*(1 - (1 + r/length)**(-exponent))", **positive(length=length, exponent=exponent))
+
+
+def belleville(*, height: float = 4.0, thickness: float = 4.0) -> Law:
+    """Belleville washer after Almen and Laszlo (1936), held at both rims so that it can also be pulled.
+
+    With deflection -r, cone height h and thickness t: r ((h + r)(h + r/2) + t**2)/(h**2 + t**2), stiffness 1 at rest.
+    Where h/t exceeds sqrt(2) the washer snaps through in compression.
+    """
+    text = "r*((height + r)*(height + r/2) + thickness**2)/(height**2 + thickness**2)"
+    return formula(text, **positive(height=height, thickness=thickness))
+
+
+def rubber(*, length: float = 10.0) -> Law:
+    """Neo-Hookean strip of rest length `length` in uniaxial tension (Treloar 1975).
+
+    (length/3) (s - s**-2) with stretch s = 1 + r/length; stiffness 1 at rest, singular where the strip has no length.
+    """
+    return formula("length/3*((1 + r/length) - (1 + r/length)**(-2))", **positive(length=length))
+
+
+def table(
+    source: str | Path | tuple[ArrayLike, ArrayLike],
+    *,
+    in_si: bool = False,
+    branch: str | None = None,
+    noise: float | None = None,
+) -> Law:
+    """A spring from measured pairs: a file of text columns with a header, or (extensions, forces) as two sequences.
+
+    in_si : whether the law is in m and N, to which the units in the header are then converted; without, units there are
+        an error, since a dimensionless machine takes the numbers as they stand
+    branch : of a loop, whose rows are in the order of the measurement: "loading", on which the measured travel grows
+        (away from rest, where the table has one side alone), "unloading", or "mean", half way between both, where both
+        have been measured
+    noise : standard deviation of a row's force, in the law's unit; 0 where the rows are exact, None to estimate it
+
+    The header names one column of `tables.EXTENSION_NAMES` and one of `tables.FORCE_NAMES`, tension and extension
+    positive; both are counted the other way where one says compression, unless the other says tension. Units follow the
+    names, as in `Weg [mm]`, `force_kN`, or stand in the row below. Tabs, semicolons, commas or blanks separate the
+    columns; with commas a decimal comma has to be in quotes. Lines before the header and comments (#, ;, %, //) are
+    left aside. Rows that are no loop may stand in any order; forces at repeated extensions are averaged, and how they
+    differ is noise.
+
+    The law is the C2 cubic spline, as a quintic Hermite interpolant whose slopes and curvatures are cut back where the
+    spline would overshoot: between rows the force is monotone, and the whole is twice differentiable. Noisy rows are
+    smoothed first, see `smoothing.curve_of`; the law's text says so, and orbits say how far it can move alpha. Outside
+    the table there is no force: an orbit that needs one is refused with the range. Raises `InputError` for a table that
+    cannot be read or interpolated, and for a loop of which no branch is named.
+
+    >>> law = table(([-2.0, -1.0, 0.0, 1.0, 2.0], [-3.0, -1.2, 0.0, 1.2, 3.0]), noise=0)
+    >>> float(law(1.0)), law.range()
+    (1.2, (-2.0, 2.0))
+    """
+    if noise is not None and number("noise", noise, high=1e100) < 0:
+        raise InputError(f"noise = {noise:g} is below 0; it is the standard deviation of a row's force")
+    label, pairs, sense = "table", source, 1.0
+    if isinstance(source, str | Path):
+        label = short(Path(source).name)
+        pairs, sense = read_table(Path(source), in_si)
+    r, force = _columns_of(pairs, label)
+    curve = curve_of(branch_of(r, force, sense, branch, label), noise)
+    note = ", ".join(filter(None, (branch, curve.note)))
+    return Law(f"table:{label}" + (f" ({note})" if note else ""), "r", _piece_expression, *_table_pieces(curve))
+
+
+NAMED = {
+    law.__name__: law
+    for law in (linear, cubic, quintic, tanh, sinh, toda, morse, bilinear, end_stops, air, belleville, rubber)
+}
+
+
+def as_spring(law: Any, given: Mapping[str, float] | None = None, in_si: bool = False, shared: bool = False) -> Law:
+    """A spring from a law, a formula, a law's name, "table:FILE", "table:FILE?branch=loading&noise=0.5",
+    "potential:FORMULA" or a Python function, with the given parameters.
+
+    shared : whether the given parameters are another law's too; this one then takes those that it has, while otherwise
+        one that it has not is an `InputError`
+    """
+    kind, colon, rest = law.partition(":") if isinstance(law, str) else ("", "", "")
+    if colon and kind == "table":
+        path, options = table_options(rest)
+        if not path.strip():
+            raise InputError(f"spring '{law}' names no file after the colon")
+        law = table(path, in_si=in_si, **options)
+    return laws.from_any(law, "r", given, NAMED, "a spring", shared)
+
+
+def _line_expression(x, p, q):
+    start, force, stiffness = q
+    return force + stiffness * (x - start)
+
+
+def _bilinear_pieces(p):
+    return [-math.inf, p["gap"], math.inf], [[0.0, 0.0, 1.0], [p["gap"], p["gap"], p["ratio"]]]
+
+
+def _end_stop_pieces(p):
+    gap, stop = p["gap"], p["stop"]
+    return [-math.inf, -gap, gap, math.inf], [[-gap, -gap, stop], [0.0, 0.0, 1.0], [gap, gap, stop]]
+
+
+def _piece_expression(x, p, q):
+    value = 0
+    for coefficient in reversed(q[1:]):
+        value = value * (x - q[0]) + coefficient
+    return value
+
+
+def _table_pieces(curve: SmoothCurve) -> tuple[dict[str, float], tuple[int, Callable]]:
+    """The parameters of a table's law, one for each change that noise makes, and its pieces."""
+    x, y = curve.extensions, curve.forces
+    rows = _quintic_pieces(x, y)
+    # The same curve has the same names in all springs of a machine, another one has others.
+    names = tuple(f"{NOISE}_{crc32(rows.tobytes()):08x}_{k}" for k in range(len(curve.changes)))
+    # The curve is cut back where it would overshoot: differences follow that, one standard deviation to both sides.
+    sides = [[_quintic_pieces(x, y + sign * change) for sign in (1, -1)] for change in curve.changes]
+    changes = np.array([(up - down) / 2 for up, down in sides])
+    return dict.fromkeys(names, 0.0), (7, _quintic_table(x.tobytes(), rows.tobytes(), changes.tobytes(), names))
+
+
+@lru_cache(maxsize=64)
+def _quintic_table(breaks: bytes, rows: bytes, changes: bytes, names: tuple[str, ...]) -> Expression:
+    """The pieces of a measured law from its extensions, the rows of its pieces and what each of the named parameters
+    changes in these; in bytes, so that equal ones compare equal."""
+    places, data = np.frombuffer(breaks).tolist(), np.frombuffer(rows).reshape(-1, 7)
+    moves = dict(zip(names, np.frombuffer(changes).reshape(len(names), *data.shape), strict=True))
+
+    def pieces(p):
+        if not names or not isinstance(p[names[0]], ca.SX):
+            return places, (data + sum(p[name] * move for name, move in moves.items())).tolist()
+        moved = ca.DM(data) + sum(p[name] * ca.DM(move) for name, move in moves.items())
+        return places, [ca.horzsplit(row) for row in ca.vertsplit(moved)]
+
+    return Expression(pieces, _quintic_table, breaks, rows, changes, names)
+
+
+def table_options(text: str) -> tuple[str, dict[str, Any]]:
+    """The path and the options of "FILE?branch=loading&noise=0.5"; a ? without = after it belongs to the path."""
+    path, mark, query = text.rpartition("?")
+    if not mark or "=" not in query:
+        return text, {}
+    options: dict[str, Any] = dict(pair.partition("=")[::2] for pair in query.split("&"))
+    if unknown := [name for name in options if name not in TABLE_OPTIONS]:
+        raise InputError(f"a table has no option '{unknown[0][:40]}'{suggest(unknown[0], TABLE_OPTIONS)}")
+    if "noise" in options:
+        try:
+            options["noise"] = float(options["noise"])
+        except ValueError:
+            raise InputError(f"noise = {options['noise'][:40]!r} is not a number") from None
+    return path, options
+
+
+def _columns_of(source: Any, label: str) -> tuple[np.ndarray, np.ndarray]:
+    """Extensions and forces (n,) of two sequences; raises `InputError` for what are none."""
+    try:
+        r, force = (np.asarray(column, dtype=float) for column in source)
+    except (TypeError, ValueError):
+        raise InputError(f"{label}: a table is two sequences of numbers, extensions and forces") from None
+    if r.ndim != 1 or not r.size or r.shape != force.shape or not (np.isfinite(r).all() and np.isfinite(force).all()):
+        raise InputError(f"{label}: extensions and forces must be two finite lists of one length, with rows")
+    if max(np.abs(r).max(initial=0), np.abs(force).max(initial=0)) > 1e100:
+        raise InputError(f"{label}: extensions or forces too large to compute with; they lie below 1e100")
+    return r, force
+
+
+def _quintic_pieces(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Rows (start, c0 .. c5), one per interval, of the interpolant that `table` describes, of y (n,) at x (n,)."""
+    from scipy.interpolate import CubicSpline  # only a table needs it, and it takes half a second to import
+
+    spline = CubicSpline(x, y)
+    h, rise = np.diff(x), np.diff(y)
+    slope = _limited_slopes(spline(x, 1), rise / h)
+    curvature = _limited_curvatures(spline(x, 2), slope, h, rise)
+    # The coefficients are written out, since through Bernstein form, as in SciPy, the highest lose three digits.
+    d0, d1, s0, s1 = slope[:-1], slope[1:], curvature[:-1], curvature[1:]
+    c3 = 10 * rise / h**3 - (6 * d0 + 4 * d1) / h**2 - (1.5 * s0 - 0.5 * s1) / h
+    c4 = -15 * rise / h**4 + (8 * d0 + 7 * d1) / h**3 + (1.5 * s0 - s1) / h**2
+    c5 = 6 * rise / h**5 - 3 * (d0 + d1) / h**4 - (0.5 * s0 - 0.5 * s1) / h**3
+    return np.column_stack([x[:-1], y[:-1], d0, s0 / 2, c3, c4, c5])
+
+
+def _limited_slopes(slope: np.ndarray, secant: np.ndarray) -> np.ndarray:
+    """Slopes (n,) that let the interpolant be monotone beside secants (n - 1,): 0 at an extremum of the rows."""
+    sides = np.column_stack([np.r_[secant[0], secant], np.r_[secant, secant[-1]]])
+    sign = np.where((sides > 0).all(1), 1.0, np.where((sides < 0).all(1), -1.0, 0.0))
+    # 1.25 times the smaller secant keeps the middle control points of a quintic without curvature in order.
+    return sign * np.clip(sign * slope, 0, 1.25 * np.abs(sides).min(1))
+
+
+def _limited_curvatures(curvature: np.ndarray, slope: np.ndarray, h: np.ndarray, rise: np.ndarray) -> np.ndarray:
+    """Curvatures (n,) that leave each quintic's control points in order, b1 <= b2 <= b3 <= b4 times its rise's sign."""
+    direction = np.sign(rise)
+    room = np.maximum(direction * (rise - 0.4 * h * (slope[:-1] + slope[1:])), 0) * 10 / h**2
+    low, high = np.full(len(slope), -np.inf), np.full(len(slope), np.inf)
+    for ends, side in ((slice(None, -1), 1.0), (slice(1, None), -1.0)):
+        edge = 4 * np.abs(slope[ends]) / h
+        bounds = side * direction * np.stack([-edge, room])
+        low[ends] = np.maximum(low[ends], bounds.min(0))
+        high[ends] = np.minimum(high[ends], bounds.max(0))
+    return np.clip(curvature, low, high)

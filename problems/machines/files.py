@@ -1,0 +1,151 @@
+"""TOML files that state a machine, dimensionless or in SI.
+
+machine = "hopper"              machine = "hopper"
+mass_ratio = 0.5                spring = "8000*r + 2e6*r**3"      # N of m
+rest_length = 10                [si]
+spring = "r + beta*r**3"        body_mass = 60.0
+gravity = "constant"            foot_mass = 3.0
+[parameters]                    rest_length = 0.8
+beta = 0.3                      surface_gravity = 9.81
+
+and what to design of it, in the machine's units or in SI:
+
+[design]
+minimise = "loss_coefficient"   # or maximise; minimise = ["a", "b"] is a front of `points` designs
+subject_to = ["stroke <= 0.25", "centre_of_mass_rise == 0.2"]
+family = 2
+starts = 4                      # or 'global'; and seed = 0
+[design.over]
+k = [1e3, 1e5]
+"""
+
+import tomllib
+from collections.abc import Callable, Collection
+from pathlib import Path
+from typing import Any, TypedDict
+
+from orbits.errors import InputError
+from orbits.io import conform, read_file
+from orbits.symbolic.formula import suggest
+
+from .hopper import Hopper
+from .in_si import AnyMachine, MachineInSI, hopper_in_si, juggler_in_si
+from .juggler import Juggler
+from .two_masses import DAMPERS, TwoMassMachine
+
+KINDS: dict[str, type[TwoMassMachine]] = {"hopper": Hopper, "juggler": Juggler}
+IN_SI: dict[str, Callable[..., MachineInSI]] = {"hopper": hopper_in_si, "juggler": juggler_in_si}
+MASSES = {"hopper": ("body_mass", "foot_mass"), "juggler": ("ball_mass", "hand_mass")}
+OWN_KEYS = ("spring", "mass_ratio", "rest_length")
+COMMON_KEYS = ("gravity", "restitution", "damping", "drag", "parameters")
+KEYS = ("machine", *OWN_KEYS, *COMMON_KEYS, "si", "design")
+SI_KEYS = ("surface_gravity", "stiffness", "rest_length", "body_radius")
+# The parameters of a machine in SI that its file states in [si].
+SI_PARAMETERS = {*SI_KEYS, *(name for names in MASSES.values() for name in names)}
+LARGEST_MACHINE_FILE = 1 << 14  # of a machine file: reading a longer one may take its length squared
+
+
+class DesignTable(TypedDict, total=False):
+    """The table [design] of a file; `over` is looked at apart, since an error in it shows how it is written."""
+
+    minimise: str | list[str]
+    maximise: str
+    over: Any
+    subject_to: list[str]
+    family: int
+    starts: int | str
+    seed: int
+    points: int
+
+
+def read(path: str | Path) -> dict[str, Any]:
+    """The statement in a TOML file, its keys checked; raises `InputError` that names the file and the key."""
+    path = Path(path)
+    data = read_file(path, f"the machine file {str(path)!r} cannot be read", tomllib.load, LARGEST_MACHINE_FILE)
+    _check_keys(path, data, KEYS)
+    for table in ("parameters", "si", "design"):
+        if not isinstance(data.get(table, {}), dict):
+            raise InputError(f"{path}: '{table}' is a table: write [{table}]")
+    spring = data.get("spring")
+    if isinstance(spring, str) and spring.startswith("table:"):  # a table's path counts from the file that names it
+        data["spring"] = "table:" + str(path.parent / spring.removeprefix("table:"))
+    return data
+
+
+def design(statement: dict[str, Any], where: str) -> dict[str, Any]:
+    """What a statement asks to be designed, as arguments of `orbits.optimize`, or of `orbits.pareto` with two
+    objectives; raises `InputError` for unknown or missing keys."""
+    if "design" not in statement:
+        raise InputError(f"{where} has no [design]: state what to minimise or maximise, over which parameters")
+    _check_keys(f"{where}, [design]", statement["design"], DesignTable.__annotations__)
+    asked = conform(statement["design"], DesignTable, f"{where}: [design]")
+    if not isinstance(asked.get("over"), dict):
+        raise InputError(f"{where}: [design.over] names the parameters with their bounds, as k = [1e3, 1e5]")
+    if not isinstance(asked.get("minimise"), list):
+        if "points" in asked:
+            raise InputError(f"{where}: points belong to a front of two objectives, minimise = [..., ...]")
+        return asked
+    if "maximise" in asked:
+        raise InputError(f"{where}: both objectives of a front are minimised; write '-alpha' for one to be large")
+    return asked | {"minimise": tuple(asked["minimise"])}
+
+
+def build(statement: dict[str, Any], where: str = "the options") -> AnyMachine:
+    """The machine of a statement, as `read` gives it; raises `InputError`, whose message begins with `where` it is."""
+    try:
+        return _build(statement)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+
+
+def _build(statement: dict[str, Any]) -> AnyMachine:
+    kind = statement.get("machine", "hopper")
+    if not isinstance(kind, str) or kind not in KINDS:
+        raise InputError(f"unknown machine {kind!r}{suggest(str(kind), KINDS)}")
+    common = {name: statement[name] for name in COMMON_KEYS if name in statement}
+    if "si" not in statement:
+        return KINDS[kind](**{name: statement[name] for name in OWN_KEYS if name in statement}, **common)
+    si = statement["si"]
+    _check_keys("[si]", si, (*MASSES[kind], *SI_KEYS))
+    for name in ("mass_ratio", "rest_length"):
+        if name in statement:
+            raise InputError(f"'{name}' beside [si]; state lengths and masses in [si], or not at all in SI")
+    for name in MASSES[kind]:
+        if name not in si:
+            raise InputError(f"[si] needs {name} (kg)")
+    return IN_SI[kind](**si, force=statement.get("spring"), **common)
+
+
+def statement_for_file(machine: AnyMachine) -> dict[str, Any] | None:
+    """What a file states of a machine, from which `build` makes it again to the last bit; None for a machine that no
+    file states by itself, such as one with a Python function or a table as its spring."""
+    law = machine.spring
+    own = {name: getattr(machine, name) for name in ("restitution", *DAMPERS)}
+    statement: dict[str, Any] = {"machine": machine.kind, "gravity": machine.gravity.text, **own}
+    statement |= {} if law is None else {"spring": law.text}
+    laws = [each.parameters for each in (law, machine.gravity) if each is not None]
+    statement["parameters"] = {name: value for each in laws for name, value in each.items()}
+    length = {} if machine.rest_length is None else {"rest_length": machine.rest_length}
+    if isinstance(machine, MachineInSI):
+        stiffness = {"stiffness": machine.stiffness, "surface_gravity": machine.surface_gravity}
+        statement["si"] = {**machine.masses, **stiffness, **length}
+    else:
+        statement |= {"mass_ratio": machine.mass_ratio, **length}
+    try:
+        return statement if machine == machine_stated(statement) else None
+    except InputError:
+        return None
+
+
+def machine_stated(statement: dict[str, Any]) -> AnyMachine:
+    """The machine of what `statement_for_file` gave; raises `InputError`, also where it refers to another file."""
+    _check_keys("the machine", statement, KEYS)
+    if str(statement.get("spring", "")).startswith("table:"):
+        raise InputError("the machine's spring is in another file, which is not read")
+    return build(statement, "the machine")
+
+
+def _check_keys(where: object, data: dict[str, Any], known: Collection[str]) -> None:
+    for name in data:
+        if name not in known:
+            raise InputError(f"{where}: unknown key '{name}'{suggest(name, known)}")

@@ -1,0 +1,183 @@
+"""What a machine of two masses is stated by: a spring, a gravity, a ratio of masses, and what damps it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Self
+
+from orbits.errors import InputError
+from orbits.io import one_line
+from orbits.laws.features import with_reach
+from orbits.laws.law import Key, Law, coefficient_of_restitution, number, stated
+from orbits.mechanics.mechanism import Mechanism
+from orbits.mechanics.refusals import joined_values
+from orbits.model.machine import Stated
+from orbits.model.model import Model
+from orbits.running.exclusive import exclusive, exclusive_property
+from orbits.symbolic.formula import suggest
+
+from ..laws.gravity import as_gravity
+from ..laws.springs import as_spring
+from .parameters import given_numbers, refuse_taken
+
+# Beyond these bounds one of the two masses is lost in rounding.
+MASS_RATIOS = (1e-12, 1e12)
+DAMPERS = ("damping", "drag")
+OWN_PARAMETERS = ("mass_ratio", "rest_length", *DAMPERS)
+# The displacement of a spring's end that an actuator moves, and its rate.
+END, RATE = "u", "w"
+
+
+class TwoMasses(Stated):
+    """What machines of two masses have in common, dimensionless or in SI."""
+
+    rest_length: float | None
+    restitution: float
+    damping: float
+    drag: float
+
+    @property
+    def damped(self) -> bool:
+        """Whether the machine loses energy otherwise than by impacts."""
+        return self.damping > 0 or self.drag > 0
+
+    def _keep_common(self) -> None:
+        """Keep length and losses as numbers; raises `InputError` that names what they cannot be."""
+        length = self.rest_length if self.rest_length is None else number("rest_length", self.rest_length, low=0)
+        self._keep(rest_length=length, restitution=coefficient_of_restitution(self.restitution))
+        for name in DAMPERS:
+            self._keep(**{name: number(name, getattr(self, name))})
+            if getattr(self, name) < 0:
+                raise InputError(f"{name} = {getattr(self, name):g} is below 0: it would drive the machine")
+
+    def _described(self: Any, spring: str, laws_in: str) -> dict[str, Any]:
+        """The machine as JSON-ready data, with its spring in words."""
+        return {
+            "machine": self.kind,
+            "spring": spring,
+            "gravity": self.gravity.text,
+            "mass_ratio": self.mass_ratio,
+            "rest_length": self.rest_length,
+            "restitution": self.restitution,
+            **({name: getattr(self, name) for name in DAMPERS} if self.damped else {}),
+            "parameters": {name: self.parameters[name] for name in stated(self.parameters)},
+            "laws_in": laws_in,
+        }
+
+
+@dataclass(frozen=True, repr=False)
+class TwoMassMachine(TwoMasses):
+    """Two masses, a spring and gravity, in the units of the machine's module.
+
+    spring : a law of `problems.springs`, a formula of the extension r, a law's name, "table:FILE",
+        "potential:FORMULA", or a Python function
+    gravity : likewise a law of the height z, as a ratio to gravity at the ground; both are kept as a `Law`
+    mass_ratio : M = m2/m1, above 0
+    rest_length : of the spring; None for long enough that the masses never meet, which constant gravity allows
+    restitution : of the impacts, 0 <= e <= 1; a lossless orbit is the same for every value
+    damping : of the damper beside the spring, force over speed, from 0
+    drag : force over speed on each mass, against its motion, from 0
+    parameters : values of the formulas' other names
+    """
+
+    spring: Any = "r"
+    gravity: Any = "1"
+    mass_ratio: float = 1.0
+    rest_length: float | None = None
+    restitution: float = 0.0
+    damping: float = 0.0
+    drag: float = 0.0
+    parameters: Mapping[str, float] = field(default_factory=dict)
+
+    kind = ""
+    # A machine with units is a `units.MachineInSI`.
+    units = None
+
+    @exclusive
+    def __post_init__(self) -> None:
+        self._keep(mass_ratio=number("mass_ratio", self.mass_ratio, *MASS_RATIOS))
+        self._keep_common()
+        spring, gravity = self._laws()
+        parameters = joined_values(((law.text, law.parameters) for law in (spring, gravity)), {})
+        self._keep(spring=spring, gravity=gravity, parameters=parameters)
+        if self.rest_length is None and self.varying_gravity:
+            high = "the upper mass is as high as its coordinate and the rest length together"
+            raise InputError(f"gravity '{gravity.text}' varies with height, and {high}: give the rest length")
+
+    def _laws(self) -> tuple[Law, Law]:
+        """The two laws, each with its own parameters; raises `InputError` for unknown and reserved names."""
+        given = given_numbers(self.parameters)
+        spring, gravity = as_spring(self.spring, given, shared=True), as_gravity(self.gravity, given, shared=True)
+        known = {**spring.parameters, **gravity.parameters}
+        refuse_taken((*OWN_PARAMETERS, "gravity_share"), [*known, *given], "the machine's own name")
+        if unknown := [name for name in given if name not in known]:
+            raise InputError(f"neither formula has a parameter '{unknown[0]}'{suggest(unknown[0], stated(known))}")
+        return spring, gravity
+
+    @exclusive_property
+    def model(self) -> Model:
+        """The phases and orbits of the machine; machines that differ only in numbers share it."""
+        return self.build(*self.keys, self.rest_length is not None, self.damped)
+
+    @classmethod
+    def build(cls, *laws: Any) -> Model:
+        """The model of what `mechanism` is told."""
+        return cls.mechanism(*laws).model
+
+    @property
+    def varying_gravity(self) -> Key | None:
+        """The key of the gravity law, None where gravity is constant."""
+        key = self.gravity.key
+        return key if key.degree() > 0 else None
+
+    @property
+    def keys(self) -> tuple[Key, Key | None]:
+        """The keys of the spring and of `varying_gravity`, each with how far an integration step may go along it."""
+        spring, gravity = self.spring.key, self.varying_gravity
+        p = {**self.parameters, "rest_length": self.rest_length or 0.0}
+        return with_reach(spring, spring, p), gravity and with_reach(gravity, spring, p)
+
+    @staticmethod
+    def mechanism(spring: Key, gravity: Key | None, has_length: bool, damped: bool, moved: bool = False) -> Mechanism:
+        """The mechanism from the keys of the laws (None: constant gravity), and whether there is a rest length, a
+        damping, and an actuator that moves the spring's end; its parameters have no values yet."""
+        raise NotImplementedError
+
+    def stated(self) -> Mechanism:
+        """The machine as a mechanism, with the values of its parameters."""
+        has_length = self.rest_length is not None
+        values = {name: value for name, value in self.values.items() if name != self.model.homotopy}
+        mechanism = self.mechanism(self.spring.key, self.gravity.key, has_length, self.damped)
+        return replace(mechanism, parameters=values)
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Every parameter of the model by name."""
+        values = {"mass_ratio": self.mass_ratio}
+        if self.rest_length is not None:
+            values["rest_length"] = self.rest_length
+        values |= self.parameters
+        if self.damped:
+            values |= {name: getattr(self, name) for name in DAMPERS}
+        if self.model.homotopy:
+            values[self.model.homotopy] = 1.0
+        return values
+
+    def with_values(self, **values: float) -> Self:
+        """The same machine with other values of mass_ratio, rest_length, damping, drag or the formulas' parameters.
+
+        Raises `InputError` for an unknown name.
+        """
+        own: dict[str, Any] = {name: values.pop(name) for name in OWN_PARAMETERS if name in values}
+        return replace(self, parameters={**self.parameters, **values}, **own)
+
+    def __repr__(self) -> str:
+        laws = {"spring": self.spring.text, "gravity": self.gravity.text}
+        own = {name: self.parameters[name] for name in stated(self.parameters)}
+        told = {**laws, **own, **self.__getstate__(), **laws}
+        plain = {each.name: each.default for each in fields(self)} | {"spring": None, "parameters": self.parameters}
+        shown = {name: value for name, value in told.items() if name not in plain or value != plain[name]}
+        return one_line(self, shown)
+
+    def describe(self) -> dict[str, Any]:
+        """The machine as JSON-ready data."""
+        return self._described(self.spring.text, "units of the machine")

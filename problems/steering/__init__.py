@@ -1,0 +1,5 @@
+"""Steering an actuated machine: keep it hopping though damped, bring it to its lossless orbit, start it from rest."""
+
+from .goals import keep_hopping, missed, recover, rerun, start_up, work
+
+__all__ = ["keep_hopping", "missed", "recover", "rerun", "start_up", "work"]

@@ -1,0 +1,165 @@
+"""An actuated machine driven open loop by the inputs of a motion, from a disturbed start or with other parameters."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from orbits import InputError, Simulation, simulate
+from orbits.errors import finite_number, whole_number
+from orbits.io import one_line
+from orbits.result import Axes, cell
+from orbits.simulation.schedule import Inputs
+from orbits.units import LIFTOFF_SPEED
+
+from .actuated import Actuated
+
+if TYPE_CHECKING:
+    from .driven import Driven
+
+# A push comes so much later, as a share of its time, that it follows a landing at that time: the first of these is
+# enough but for a landing at no speed, whose time is known less well.
+JUST_AFTER = (1e-13, 1e-10, 1e-8, 1e-6)
+
+
+@dataclass(frozen=True)
+class Disturbed:
+    """A motion driven open loop under a disturbance, beside the same without it; in SI where the machine is.
+
+    nominal : the simulation without the disturbance
+    run : the simulation with it; its `status` says why it ended, and `run(t)` its states
+    """
+
+    nominal: Simulation
+    run: Simulation
+
+    @property
+    def compared(self) -> int:
+        """How many launches are compared: those that both have, that of the start among them if it was one."""
+        return min(len(self.nominal.launches), len(self.run.launches))
+
+    @property
+    def launch_errors(self) -> np.ndarray:
+        """By how much the disturbed launch speeds (k,) are above the nominal ones, launch by launch."""
+        return self.run.launches[: self.compared] - self.nominal.launches[: self.compared]
+
+    @property
+    def delays(self) -> np.ndarray:
+        """By how much the disturbed launches (k,) come later than the nominal ones."""
+        return launch_times(self.run)[: self.compared] - launch_times(self.nominal)[: self.compared]
+
+    def __repr__(self) -> str:
+        return one_line(self, {"launch_errors": self.launch_errors.tolist(), "status": self.run.status})
+
+    def _table(self) -> list[tuple[str, ...]]:
+        """A table of the launches, its headings first."""
+        units = self.run.machine.units
+        second, speed = (" (s)", f" ({units.text(LIFTOFF_SPEED)})") if units else ("", "")
+        columns = self.run.launches, self.launch_errors, launch_times(self.run), self.delays
+        rows = enumerate(zip(*columns, strict=False), start=1 - len(self._start))
+        return [
+            ("hop", f"launch speed{speed}", f"off by{speed}", f"time{second}", f"late by{second}"),
+            *((f"{i}", f"{a:.10g}", f"{off:.6g}", f"{t:.10g}", f"{late:.6g}") for i, (a, off, t, late) in rows),
+        ]
+
+    def _ended(self) -> str:
+        return f"{self.run.status}{f': {self.run.reason}' if self.run.reason else ''}"
+
+    def __str__(self) -> str:
+        lines = [f"{hop:>5}" + "".join(f"{text:>22}" for text in row) for hop, *row in self._table()]
+        return "\n".join([*lines, f"  {self._ended()}"])
+
+    def _repr_html_(self) -> str:
+        heads, *rows = self._table()
+        return cell("driven open loop under a disturbance", rows, self.plot, heads, [self._ended()])
+
+    @property
+    def _start(self) -> np.ndarray:
+        """The launch with which the nominal motion begins, (1,) or (0,)."""
+        return self.nominal.launches[: len(self.nominal.launches) - len(_liftoffs(self.nominal))]
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Plot both motions against time, and below by how much each launch speed is off; returns the axes of the
+        motions. See `problems.steering.steering_figures.plot_disturbed`."""
+        from .steering_figures import plot_disturbed
+
+        return plot_disturbed(self, axes)
+
+
+def _liftoffs(run: Simulation) -> list[float]:
+    """The times of the lift-offs."""
+    return [event.time for event in run.events if event.kind == "lift-off"]
+
+
+def launch_times(run: Simulation) -> np.ndarray:
+    """The times (k,) of a simulation's `launches`, 0 for that of its start."""
+    found = _liftoffs(run)
+    return np.array([0.0] * (len(run.launches) - len(found)) + found)
+
+
+def disturbed(
+    driven: "Driven", hops: int, launch_error: float, state: ArrayLike | None,
+    push: tuple[float, Mapping[str, float]] | None, values: Mapping[str, float],
+) -> Disturbed:  # fmt: skip
+    """The simulations of `Driven.simulate`, see there."""
+    hops, error = whole_number("hops", hops, "lift-offs"), finite_number("launch_error", launch_error)
+    schedule = driven.schedule_of(hops + 1)  # a disturbed motion may take longer
+    launch = driven.launch
+    if launch is None and error != 0:
+        raise InputError("launch_error: this motion begins in contact; disturb its state instead")
+    if state is not None and error != 0:
+        raise InputError("a disturbed start is a launch_error or a state: give one of them")
+    nominal: dict[str, Any] = {"state": driven(0.0)} if launch is None else {"alpha": launch}
+    start = {"state": state} if state is not None else nominal if launch is None else {"alpha": launch + error}
+    machine = Actuated(driven.machine.with_values(**values))  # type: ignore[arg-type]
+    undisturbed = simulate(driven.actuated, hops=hops, schedule=schedule, **nominal)
+    run = (
+        _pushed(machine, start, hops, schedule, push)
+        if push
+        else simulate(machine, hops=hops, schedule=schedule, **start)
+    )
+    return Disturbed(undisturbed, run)
+
+
+def _pushed(machine: Actuated, start: Mapping[str, Any], hops: int, schedule: Inputs, push: Any) -> Simulation:
+    """A simulation whose flight state jumps at the time of the push."""
+    names = machine.model.flight.states
+    try:
+        time, changes = finite_number("the time of the push", push[0]), dict(push[1])
+    except (TypeError, ValueError, IndexError, KeyError):
+        raise InputError(f"push = {push!r}; it is a time, and changes of flight states by name") from None
+    if unknown := [name for name in changes if name not in names]:
+        raise InputError(f"push: the machine has no flight state '{unknown[0]}'; it has {', '.join(names)}")
+    if time <= 0:
+        raise InputError(f"push: time = {time:g}; it comes after the start, which is disturbed by state= instead")
+    jump = np.array([finite_number(f"the push of {name}", changes.get(name, 0.0)) for name in names])
+    for later in JUST_AFTER:
+        first = simulate(machine, hops=hops, time=time * (1 + later), schedule=schedule, **start)
+        left, now = hops - len(_liftoffs(first)), first.end
+        if now < time or left == 0:
+            raise InputError(f"push at {time:g}: the motion ends at {now:.6g}")
+        rest = simulate(machine, state=first(now) + jump, hops=left, schedule=_later(schedule, now))
+        if [leg.phase for leg in (*first.legs[-1:], *rest.legs[:1])] != ["flight", "contact"]:
+            return _one_after_other(first, rest)
+    raise InputError(f"push at {time:g}: it falls into a landing; push a little earlier or later")
+
+
+def _later(schedule: Inputs, time: float) -> Inputs:
+    """A schedule with its clock started at this time; where it is over, its inputs are 0 from there on."""
+    times, inputs = schedule
+    if time >= times[-1]:
+        return np.array([0.0, times[-1]]), {name: np.zeros(1) for name in inputs}
+    now = int(np.searchsorted(times, time, side="right")) - 1
+    return np.append(0.0, times[now + 1 :] - time), {name: values[now:] for name, values in inputs.items()}
+
+
+def _one_after_other(first: Simulation, rest: Simulation) -> Simulation:
+    """One simulation of two, of which the second begins when the first one ends."""
+    legs = tuple(replace(leg, start=first.end + leg.start) for leg in rest.legs)
+    events = tuple(replace(event, time=first.end + event.time) for event in rest.events)
+    launches = np.concatenate([first.launches, rest.launches])
+    return replace(
+        rest, legs=first.legs + legs, events=first.events + events, launches=launches, end=first.end + rest.end
+    )

@@ -1,0 +1,54 @@
+"""Figures of driven machines: heights of the masses, what the actuator does, and what a disturbance changes."""
+
+from typing import Any
+
+import numpy as np
+
+from orbits.result import Axes
+from orbits.show.control_figures import finished_panels, mark_stages, panels_below
+from orbits.show.plot import COLOURS, legend_below, new_axes, plot_simulation, unit_labels
+from orbits.units import LIFTOFF_SPEED
+
+from .actuated import RATE
+from .disturbed import launch_times
+
+LONGEST = 1.1  # of a disturbed motion that comes to rest is drawn, as a multiple of the undisturbed one
+
+
+def plot_driven(driven: Any, axes: Axes | None = None) -> Axes:
+    """Plot heights of the masses of a `Driven` against time, contact shaded, and in panels below the displacement of
+    the spring's end and its rate; return the axes of the heights."""
+    axes = plot_simulation(driven.motion, axes or new_axes(5.6, 5.6))
+    axes.get_legend().remove()
+    panels, (metres, _, speeds) = [axes, *panels_below(axes, 2, 0.4)], unit_labels(driven.machine.units)
+    t, (times, rates) = np.linspace(0, driven.end, 2001), driven.schedule(RATE)
+    panels[1].plot(t, driven(t)[:, -1], color=COLOURS[3], lw=1.8)
+    panels[1].set_ylabel("spring's\nend" + metres)
+    panels[2].stairs(rates[RATE], times, color=COLOURS[5], lw=1.8, baseline=None)
+    panels[2].set_ylabel("its\nrate" + speeds)
+    axes.figure.align_ylabels(panels)
+    mark_stages(driven, panels)
+    legend_below(panels[-1], axes)
+    return finished_panels(driven, panels)
+
+
+def plot_disturbed(disturbed: Any, axes: Axes | None = None) -> Axes:
+    """Plot heights of a `Disturbed` machine against time, its contact shaded, dashed without the disturbance; below by
+    how much each launch speed is off. Return the axes of the heights."""
+    nominal, run = disturbed.nominal, disturbed.run
+    axes = plot_simulation(run, axes or new_axes(5.6, 4.8))
+    axes.get_legend().remove()
+    t = np.linspace(0, nominal.end, 4001)
+    masses = [height for name, height in nominal.heights.items() if name != "centre of mass"]
+    for height, label in zip(masses, ("undisturbed", None), strict=False):
+        axes.plot(t, height(nominal(t)), color="0.1", lw=0.9, ls=(0, (4, 2)), label=label)
+    (below,) = panels_below(axes, 1)
+    times = launch_times(run)[: disturbed.compared]
+    below.plot(times, disturbed.launch_errors, "o-", color=COLOURS[3], ms=5, lw=1.0, clip_on=False)
+    unit = f" ({run.machine.units.text(LIFTOFF_SPEED)})" if run.machine.units else ""
+    below.set_ylabel("launch speed\noff by" + unit)
+    finished_panels(run, [axes, below], "time" + unit_labels(run.machine.units)[1])
+    axes.figure.align_ylabels([axes, below])
+    legend_below(below, axes)
+    axes.set_xlim(0, min(max(run.end, nominal.end), LONGEST * nominal.end))
+    return axes

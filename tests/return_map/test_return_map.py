@@ -1,0 +1,319 @@
+"""The return map against stored values, 45-digit arithmetic, its local law, the simulator and differences."""
+
+import json
+
+import numpy as np
+import pytest
+from conftest import DATA
+
+from orbits import InputError, NoOrbit, ReturnMap, find, find_all, multiplier, simulate
+from orbits.simulation.impacts import Impacts
+from problems import HeavyHand, Hopper, Juggler
+from studies.oracle import landed
+
+STORED = json.loads((DATA / "return_map.json").read_text(encoding="utf-8"))
+ALPHA = 4.493409457909064
+
+
+@pytest.mark.parametrize("stored", STORED, ids=lambda s: f"M={s['mass_ratio']},alpha={s['alpha']}")
+def test_stored_values(stored):
+    hops = ReturnMap(Hopper(mass_ratio=float(stored["mass_ratio"])))(float(stored["alpha"]))
+    assert hops.loss == pytest.approx(float(stored["loss"]), rel=1e-13)
+    assert hops.impacts == stored["impacts"]
+    assert hops.status == stored["status"]
+    if stored["next"]:
+        assert hops.next == pytest.approx(float(stored["next"]), abs=1e-13)
+    else:
+        assert np.isnan(hops.next)
+
+
+@pytest.mark.parametrize("mass_ratio", [1e-3, 0.1, 1.0, 10.0, 1e3])
+def test_the_loss_beside_a_lossless_orbit(mass_ratio):
+    """Relative accuracy falls with the distance only as rounding of the launch speed makes it."""
+    distances = np.array([side * 10.0**-k for side in (1, -1) for k in range(1, 13)])
+    alphas = ALPHA + distances
+    hops = ReturnMap(Hopper(mass_ratio=mass_ratio))(alphas)
+    for alpha, distance, loss, impacts in zip(alphas, distances, hops.loss, hops.impacts, strict=True):
+        expected, count = landed(alpha, mass_ratio)
+        assert loss == pytest.approx(expected, rel=1e-13 + 1e-15 / abs(distance))
+        assert impacts == count
+
+
+@pytest.mark.parametrize(
+    "machine",
+    [
+        Hopper(), Hopper(mass_ratio=0.05), Hopper(mass_ratio=20.0), Juggler(mass_ratio=3.0),
+        Hopper("r + 0.05*r**3"), Hopper("sinh(0.3*r)/0.3"), Hopper("tanh(0.1*r)/0.1"), Hopper("r + 0.02*r**2"),
+        Hopper("bilinear", parameters={"ratio": 2.0}), Juggler("r + 0.05*r**3"),
+        Hopper("r", "1/(1 + z/R)**2", rest_length=12.0, parameters={"R": 200.0}),
+        Hopper("r + 0.05*r**3", "1 - k*z", rest_length=12.0, parameters={"k": 0.002}),
+    ],
+    ids=lambda m: f"{m.kind} {m.spring.text} {m.gravity.text} {m.mass_ratio:g}".replace(" ", "_"),
+)  # fmt: skip
+def test_the_local_law(machine):
+    """alpha* + d goes to alpha* + d - C d**(4/3), ten times as much is lost on the other side, with one bounce more."""
+    orbit = find(machine)
+    c, side = orbit.certificate.loss_coefficient, 1 if orbit.certificate.bounce_side == "below" else -1
+    d = np.array([1e-5, 1e-6])
+    for sign, factor, impacts in ((side, 1.0, 1), (-side, 10.0, 2)):
+        hops = ReturnMap(machine)(orbit.alpha + sign * d)
+        lost = hops.loss / (orbit.alpha + hops.next)  # alpha - next
+        assert hops.impacts.tolist() == [impacts] * 2
+        exponent = np.log(lost[0] / lost[1]) / np.log(10)
+        assert exponent == pytest.approx(4 / 3, abs=0.02)
+        measured = 2 * lost / (factor * c * d ** (4 / 3))  # extrapolated in the next power, d**(1/3)
+        limit = (10 ** (1 / 3) * measured[1] - measured[0]) / (10 ** (1 / 3) - 1) / 2
+        assert limit == pytest.approx(1.0, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("machine", "number", "bounce"),
+    [
+        (Hopper("cubic", mass_ratio=20.0, parameters={"beta": -0.0105}), 0, "below"),
+        (Hopper("cubic", mass_ratio=20.0, parameters={"beta": -0.0105}), 1, "above"),
+        (Hopper("r - 0.0102*r**3", mass_ratio=12.0), 1, "above"),
+        (Juggler("r + 0.1*r**3"), 0, "below"),
+    ],
+)
+def test_it_attracts_from_above_on_both_sides_of_a_fold(machine, number, bounce):
+    """A plastic landing only loses, and the energy rises with the launch speed: the next speed is never above the last.
+    Past the fold the landing bounces above the orbit and not below it, where it loses ten times less all the same."""
+    orbit = find_all(machine, family=1)[number]
+    certificate, step = orbit.certificate, ReturnMap(machine)
+    assert (certificate.stable_side, certificate.bounce_side) == ("above", bounce)
+    d = np.array([1e-7, -1e-7])
+    hops = step(orbit.alpha + d)
+    assert hops.impacts.tolist() == ([2, 1] if bounce == "above" else [1, 2])
+    lost = hops.loss / (orbit.alpha + hops.next)
+    assert lost[int(bounce == "above")] * 5 < lost[int(bounce == "below")]
+    above, below = orbit.alpha + 1e-5, orbit.alpha - 1e-5
+    for _ in range(20):
+        above, below = (float(step(each).next) for each in (above, below))
+        assert orbit.alpha < above < orbit.alpha + 1e-5
+        assert below < orbit.alpha - 1e-5
+
+
+def test_it_comes_to_a_lossless_orbit_like_the_third_power():
+    """d -> d - C d**(4/3) falls like (3/(C n))**3."""
+    machine = Hopper()
+    c = find(machine).certificate.loss_coefficient
+    step, alpha = ReturnMap(machine), ALPHA + 0.01
+    for _ in range(400):
+        alpha = float(step(alpha).next)
+    n = 3 / (c * (alpha - ALPHA) ** (1 / 3))  # hops that the law would have taken from far away
+    for _ in range(400):
+        alpha = float(step(alpha).next)
+    assert 3 / (c * (alpha - ALPHA) ** (1 / 3)) - n == pytest.approx(400, rel=0.01)
+
+
+def test_lossless_hops_do_not_drift_however_many():
+    """Losses below half a unit in the last place vanish, and the root of a rounded square is the number itself.
+
+    So beside a lossless orbit a hop gives back every launch speed to the last bit, and so does a million of them.
+    """
+    alpha = find(Hopper()).alpha + 8.9e-16 * np.arange(-50, 50)
+    assert (ReturnMap(Hopper())(alpha).next == alpha).all()
+
+
+class TestInjection:
+    EPS = 0.071587384137
+
+    def test_the_pair_and_where_its_upper_one_loses_stability(self):
+        low, high = ReturnMap(Hopper(), inject=self.EPS).fixed_points(4, 6)
+        assert low.alpha == pytest.approx(4.481341946645, abs=1e-11)
+        assert high.alpha == pytest.approx(4.541763272853, abs=1e-11)
+        assert multiplier(Hopper(), high.alpha) == high.multiplier == pytest.approx(-1, abs=1e-9)
+        step, d = ReturnMap(Hopper(), inject=self.EPS), 1e-5
+        for point in (low, high):
+            (before, after) = step(point.alpha + np.array([-d, d])).next
+            assert point.multiplier == pytest.approx((after - before) / (2 * d), rel=1e-5)
+
+    def test_small_injections_make_the_pair_of_the_local_law(self):
+        eps, c = 1e-7, find(Hopper()).certificate.loss_coefficient
+        low, high = ReturnMap(Hopper(), inject=eps).fixed_points(4, 6)
+        assert high.alpha - ALPHA == pytest.approx((eps / c) ** 0.75, rel=0.02)
+        assert ALPHA - low.alpha == pytest.approx((eps / (10 * c)) ** 0.75, rel=0.02)
+
+    def test_none_without_a_pair(self):
+        assert ReturnMap(Hopper(), inject=2.0).fixed_points(4.4, 4.6) == ()
+
+
+def test_lossless_fixed_points_are_those_of_find():
+    found = ReturnMap(Hopper()).fixed_points(1, 12)
+    assert [point.alpha for point in found] == [find(Hopper(), n).alpha for n in (1, 2, 3)]
+    assert {(point.kind, point.multiplier) for point in found} == {("lossless", None)}
+
+
+def test_what_is_no_launch_speed_in_an_array_is_said_of_it_alone():
+    wrong = np.array([[4.6, np.nan], [-1.0, 0.0], [np.inf, 2.0]])
+    hops, good = ReturnMap(Hopper())(wrong), ReturnMap(Hopper())([4.6, 2.0])
+    assert hops.status.tolist() == [["lifts_off", "invalid"], ["invalid", "invalid"], ["invalid", "rests"]]
+    assert hops.next[[0, 2], [0, 1]] == pytest.approx(good.next, abs=0, nan_ok=True)
+    assert np.isnan(hops.next[hops.status == "invalid"]).all()
+    assert hops.document()["alpha"][1] is None
+    assert ReturnMap(Hopper())([np.nan]).status == ["invalid"]
+
+
+@pytest.mark.parametrize(
+    ("machine", "alpha"),
+    [
+        (Hopper(), 4.6), (Hopper(), 4.0), (Hopper(restitution=0.3), 4.7), (Hopper(damping=0.05), 5.0),
+        (Juggler(mass_ratio=2.0), 4.8), (Hopper("r + 0.1*r**3"), 4.6), (Juggler(damping=0.05, drag=0.02), 5.0),
+        (Hopper("r", "1 - k*z", rest_length=9.0, parameters={"k": 0.01}), 4.0),
+    ],
+)  # fmt: skip
+def test_multipliers_are_the_slope_of_the_map(machine, alpha):
+    h = 2e-5
+    x = ReturnMap(machine)(alpha + h * np.array([-2.0, -1.0, 1.0, 2.0])).next
+    assert multiplier(machine, alpha) == pytest.approx((x[0] - 8 * x[1] + 8 * x[2] - x[3]) / (12 * h), rel=1e-8)
+
+
+def test_a_lossless_landing_has_no_multiplier():
+    with pytest.raises(NoOrbit, match="tangential"):
+        multiplier(Hopper(), ALPHA)
+    with pytest.raises(NoOrbit, match="rests"):
+        multiplier(Hopper(), 2.0)
+
+
+@pytest.mark.parametrize(
+    "machine",
+    [
+        Hopper(), Hopper(mass_ratio=10.0), Hopper("r + 0.1*r**3", rest_length=20.0), Juggler(), Hopper("bilinear"),
+        Hopper(restitution=0.5), Hopper(damping=0.03, drag=0.02), Juggler("r + 0.1*r**3", damping=0.02),
+        Hopper("r", "1/(1 + z/R)**2", rest_length=20.0, parameters={"R": 80.0}),
+    ],
+)  # fmt: skip
+def test_map_and_simulation_agree(machine):
+    for alpha in (2.0, 4.0, 4.6, 7.0):
+        hops, run = ReturnMap(machine)(alpha), simulate(machine, alpha, hops=1)
+        impacts = [event for event in run.events if event.kind != "lift-off"]
+        assert len(impacts) == hops.impacts
+        assert run.status == ("done" if hops.status == "lifts_off" else hops.status)
+        if run.status == "done":
+            assert run.launches[-1] == pytest.approx(float(hops.next), rel=1e-11)
+
+
+def test_hopper_and_juggler_have_one_map():
+    """Eq. (6), with one clock."""
+    alphas = np.linspace(0.5, 12, 300)
+    hopper, juggler = (ReturnMap(kind(mass_ratio=2.0))(alphas) for kind in (Hopper, Juggler))
+    assert hopper.loss == pytest.approx(juggler.loss, rel=1e-9)
+    assert (hopper.impacts == juggler.impacts).all()
+
+
+def test_heavy_hands_bounce_ever_more():
+    """Between pi and sqrt(pi^2 + 3) throws fall into long bouncing as the mass ratio grows."""
+    counts = [int(ReturnMap(Hopper(mass_ratio=M))(3.4).impacts) for M in (10.0, 100.0, 1000.0)]
+    assert counts[2] == 44
+    assert counts == sorted(counts)
+
+
+def test_bounces_that_accumulate_end_in_contact():
+    """With restitution a rigid pair of masses bounces like a ball; its time and loss are geometric sums."""
+    hops = ReturnMap(Hopper(restitution=0.7))(np.array([2.0, 4.6]))
+    assert hops.status.tolist() == ["rests", "lifts_off"]
+    assert (hops.impacts < 100).all()
+    plastic = ReturnMap(Hopper())(4.6)
+    assert float(ReturnMap(Hopper(restitution=1e-6))(4.6).next) == pytest.approx(float(plastic.next), abs=1e-5)
+
+
+def test_many_bounces_that_rounding_decides_are_undecided():
+    """Launches that differ by some roundings have the same outcome wherever one is said."""
+    machine = Hopper(restitution=0.9)
+    step, alpha = ReturnMap(machine), np.array([6.498522512839427, 7.212117582435826, 6.999681467921776, 2.0, 3.1, 4.6])
+    rows = [step(alpha * (1 + 4e-15 * k)) for k in (-3, 0, 2)]
+    assert (rows[1].status[:3] == "undecided").all()
+    assert not (rows[1].status[3:] == "undecided").any()
+    assert np.isnan(rows[1].next[:3]).all()
+    for one, two in ((rows[0], rows[1]), (rows[1], rows[2])):
+        told = (one.status != "undecided") & (two.status != "undecided")
+        assert (one.status[told] == two.status[told]).all()
+        assert one.next[told] == pytest.approx(two.next[told], abs=1e-3, nan_ok=True)
+
+
+def test_a_simulation_ends_where_the_map_is_undecided():
+    machine = Hopper(restitution=0.9)
+    run = simulate(machine, 6.498522512839427, hops=1)
+    assert run.status == str(ReturnMap(machine)(6.498522512839427).status) == "undecided"
+    assert run.events[-1].kind == "landing"
+    assert simulate(machine, 2.0, hops=1).status == "done"
+    # Of a start in flight the map tells nothing.
+    assert simulate(machine, state=run(1.0), hops=1).status != "undecided"
+
+
+def test_preimages_map_onto_their_interval():
+    step = ReturnMap(Hopper())
+    for low, high in step.preimages([(4.4, 4.45)], 3.0, 12.0):
+        inside = step(np.linspace(low, high, 7)[1:-1]).next
+        assert ((inside >= 4.4) & (inside <= 4.45)).all()
+
+
+def test_what_cannot_be_meant():
+    with pytest.raises(InputError, match="alpha = -1; launch speeds are above 0"):
+        ReturnMap(Hopper())(-1.0)
+    with pytest.raises(InputError, match="no machine"):
+        ReturnMap(3)
+    with pytest.raises(InputError, match="cap = 0"):
+        ReturnMap(Hopper(), cap=0)
+    with pytest.raises(InputError, match="damping = -1 is below 0"):
+        Hopper(damping=-1.0)
+    with pytest.raises(NoOrbit, match="damped machine loses energy"):
+        find(Hopper(damping=0.1))
+    assert ReturnMap(Hopper(mass_ratio=1e3), cap=10)(3.4).status == "cap"
+
+
+class TestHeavyHand:
+    """The infinitely heavy hand: what stays of the map, and bouncing against Schaal and Atkeson's bound."""
+
+    def test_launches_come_back_or_bounce_for_ever(self):
+        alpha = np.array([2.0, 3.1, 3.2, 3.55, 3.8, 4.4, 4.6, 9.0])
+        hops = ReturnMap(HeavyHand(), cap=50)(alpha)
+        assert hops.status.tolist() == ["lifts_off"] * 2 + ["cap"] * 2 + ["lifts_off"] * 4
+        np.testing.assert_array_equal(hops.next, np.where(hops.status == "cap", np.nan, alpha))
+
+    @pytest.mark.parametrize("alpha", [3.2, 3.4, 3.55, 3.65])
+    def test_period_one_bouncing_is_stable_up_to_the_bound(self, alpha):
+        """A deviation is multiplied by 1 + w'' at each bounce, w'' the hand's acceleration when its speed is pi."""
+        run = simulate(HeavyHand(), alpha, hops=1, cap=400)
+        speeds = np.array([event.after[3] for event in run.events])
+        assert run.status == "cap"
+        if alpha < np.sqrt(np.pi**2 + 3):
+            assert speeds[-1] == pytest.approx(np.pi, abs=1e-6)
+            off = np.abs(speeds - np.pi)
+            n = np.flatnonzero(off > 1e-7)[-1]
+            factor = 1 - np.sqrt(1 + alpha**2 - np.pi**2)
+            assert (speeds[n] - np.pi) / (speeds[n - 1] - np.pi) == pytest.approx(factor, rel=1e-3)
+        else:
+            assert speeds[-1] == pytest.approx(speeds[-3], abs=1e-9)
+            assert abs(speeds[-1] - speeds[-2]) > 0.5
+
+    def test_is_the_limit_of_heavy_jugglers(self):
+        alpha = np.array([3.1, 3.9, 5.0, 8.0])
+        limit = ReturnMap(HeavyHand())(alpha)
+        gaps = [np.abs(ReturnMap(Juggler(mass_ratio=M))(alpha).next - limit.next).max() for M in (1e4, 1e5)]
+        assert gaps[0] / gaps[1] == pytest.approx(10, rel=1e-2)
+        assert find(HeavyHand()).alpha == find(Juggler()).alpha
+
+    def test_takes_no_mass_ratio(self):
+        with pytest.raises(InputError, match="no mass ratio"):
+            HeavyHand(mass_ratio=2.0)
+        assert find(HeavyHand()).machine["mass_ratio"] is None
+
+
+@pytest.mark.parametrize("mass_ratio", [0.3, 1.0, 7.0])
+@pytest.mark.parametrize("restitution", [0.0, 0.4])
+def test_the_gap_is_open_while_no_landing_is_searched(mass_ratio, restitution):
+    """On a fine grid in closed form, after lift-offs and after bounces; and most flights are known to be open so."""
+    impacts = Impacts(Hopper(mass_ratio=mass_ratio, restitution=restitution))
+    states, order = impacts.launch(np.linspace(0.2, 15.0, 40)), 3
+    form = impacts.flight.closed_form(impacts.p)
+    for _ in range(3):
+        until = form.positive_until(impacts.gap, states.T, order)
+        assert order < 3 or (until > 0).mean() > 0.8
+        for start, end in zip(states, until, strict=True):
+            assert not end or impacts.gap(form.state(start, np.linspace(0.0, end, 2001)[20:-1]).T).min() > 0
+        _, rows, _ = impacts.landings(states, order)
+        held, after, _, _ = impacts.landing(rows)
+        states, order = after[~held], impacts.bounce_order
+        if not len(states):
+            break

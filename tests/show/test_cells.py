@@ -1,0 +1,203 @@
+"""What a cell of a notebook shows: whole and escaped tables, drawn pictures, and nothing that breaks."""
+
+import base64
+import re
+from html.parser import HTMLParser
+from io import BytesIO
+
+import numpy as np
+import pytest
+
+from orbits import (
+    ReturnMap,
+    existence,
+    find,
+    follow,
+    linear_modes,
+    optimize,
+    pareto,
+    prove,
+    simulate,
+    sweep,
+    uncertainty,
+)
+from orbits.result import ROWS_OF_CELL, cell
+from orbits.return_map.bifurcations import bifurcations
+from orbits.tables import VIOLATED, html_table, number_text, orbit_rows
+from problems import Hopper, hopper_in_si, steering
+
+LARGEST_CELL = 150_000  # bytes
+LINEAR_HOP = 4.493409457909064  # of the linear hopper: the first root of tan(alpha) = alpha above 0
+
+
+class Cells(HTMLParser):
+    """The cells of the tables of a page, by row; and that every tag is closed in its turn."""
+
+    def __init__(self, page: str):
+        super().__init__()
+        self.open, self.rows, self.images, self.words = [], [], [], []
+        self.feed(page)
+        assert not self.open
+
+    def handle_starttag(self, tag, attrs):
+        if tag == "img":
+            self.images.append(dict(attrs))
+            return
+        self.open.append(tag)
+        if tag == "tr":
+            self.rows.append([])
+        if tag in ("td", "th"):
+            self.rows[-1].append("")
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.words.append(data)
+        if self.open and self.open[-1] in ("td", "th"):
+            self.rows[-1][-1] += data
+
+
+def pixels(image: dict) -> np.ndarray:
+    """The pixels (height, width, 3) of a picture within a page."""
+    from PIL import Image
+
+    kind, data = image["src"].split(",", 1)
+    assert kind == "data:image/png;base64"
+    return np.asarray(Image.open(BytesIO(base64.b64decode(data))).convert("RGB"))
+
+
+def test_a_table_says_all_and_escapes_it():
+    page = html_table([("a<b", "1 & 2"), ("c", '"x"')], "<script>", ("name", "value"))
+    assert "<script>" not in page
+    assert Cells(page).rows == [["name", "value"], ["a<b", "1 & 2"], ["c", '"x"']]
+    assert page.count('scope="row"') == 2
+    assert page.count('scope="col"') == 2
+    assert "<caption" in page
+    assert "<caption" not in html_table([("a", "b")], "")
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "text"),
+    [
+        (None, "m", "-"),
+        (1 / 3, "m/s", "0.3333333 m/s"),
+        (1e-20, "", "1e-20"),
+        (np.float64(0.5), "N", "0.5 N"),
+        (3, "", "3"),
+        ("yes", "m", "yes"),
+        (True, "m", "True"),
+    ],
+)
+def test_numbers_have_their_unit(value, unit, text):
+    assert number_text(value, unit) == text
+
+
+def test_an_orbits_table_is_its_certificate():
+    """Closed form: the linear hopper of equal masses lifts off with tan(alpha) = alpha and flies for 2 alpha."""
+    rows = dict(orbit_rows(find(Hopper()), digits=12))
+    assert rows["alpha"].startswith("4.49340945791 ")
+    assert rows["flight time"] == "8.98681891582"
+    assert rows["admissible"] == "yes"
+    assert VIOLATED not in rows
+    short = find(Hopper(rest_length=3.0))
+    rows = orbit_rows(short)
+    assert [text for name, text in rows if name == VIOLATED] == list(short.violations)
+    assert dict(rows)["admissible"] == "NO"
+    leg = find(hopper_in_si(60.0, 3.0, force="k*r", parameters={"k": 5000.0}, rest_length=0.8))
+    rows = dict(orbit_rows(leg))
+    assert rows["largest contact force"] == f"{leg.certificate.largest_contact_force:.7g} N"
+    assert rows["rise of body"].endswith(" m")
+    assert all(text in str(leg) for text in dict(orbit_rows(leg, digits=15)).values())
+
+
+def results():
+    """A maker of a result of each class that shows itself, by name."""
+    cubic = Hopper("r + beta*r**3", parameters={"beta": 0.3}, rest_length=8.0)
+    leg = hopper_in_si(60.0, 3.0, force="k*r", parameters={"k": 5000.0}, rest_length=0.8)
+    over = {"over": {"k": (3e3, 9e3)}, "subject_to": ["stroke <= 0.25"]}
+    objectives = ("-centre_of_mass_rise", "largest_contact_force")
+    return {
+        "Orbit": lambda: find(cubic),
+        "Orbit in SI": lambda: find(leg),
+        "Orbit that is no motion": lambda: find(Hopper(rest_length=3.0)),
+        "Family": lambda: follow(Hopper("cubic", rest_length=30), "beta", stop=-0.02, start=0.0, most=60),
+        "ReturnMap": lambda: ReturnMap(cubic, inject=0.03),
+        "ReturnMap in SI": lambda: ReturnMap(leg),
+        "ReturnMap of a damped machine": lambda: ReturnMap(Hopper(damping=0.01)),
+        "Hops": lambda: ReturnMap(cubic)([2.0, 4.0, 4.5]),
+        "Simulation": lambda: simulate(Hopper(restitution=0.3, damping=0.01), 4.6, hops=3),
+        "Design": lambda: optimize(leg, minimise="loss_coefficient", **over),
+        "Front": lambda: pareto(leg, minimise=objectives, points=3, over=over["over"]),
+        "Control": lambda: steering.keep_hopping(Hopper(damping=0.01)),
+        "Disturbed": lambda: steering.keep_hopping(Hopper(damping=0.01)).simulate(3, launch_error=1e-4),
+        "BifurcationDiagram": lambda: bifurcations(Hopper(), "inject", (0.0, 0.05), (4.2, 4.8), samples=100),
+        "Sweep": lambda: sweep(leg, {"k": [3e3, 5e3], "body_mass": [55.0, 60.0]}, quantities=["stroke"]),
+        "Sweep over three": lambda: sweep(cubic, dict.fromkeys(("beta", "mass_ratio", "rest_length"), (0.5, 0.9)), 16),
+        "Existence": lambda: existence(cubic, "beta", (-0.02, 0.02), "mass_ratio", [0.5, 0.6], samples=5),
+        "Uncertainty": lambda: uncertainty(leg, {"k": (4.9e3, 5.1e3)}, samples=16),
+        "Proof": lambda: prove(find(cubic)),
+    }
+
+
+WITHOUT_PICTURE = ("Hops", "Proof")
+
+
+@pytest.mark.parametrize("kind", results())
+def test_results_show_themselves(kind):
+    """A table and a drawn picture, well formed, below 150 kB; and one line of fewer than 200 characters."""
+    result = results()[kind]()
+    assert "\n" not in repr(result)
+    assert len(repr(result)) < 200
+    page = result._repr_html_()
+    assert len(page) < LARGEST_CELL
+    seen = Cells(page)
+    assert len(seen.rows) >= 2
+    assert "no picture" not in page
+    if kind in WITHOUT_PICTURE:
+        assert not seen.images
+        return
+    (image,) = seen.images
+    assert image["alt"]
+    drawn = pixels(image)
+    assert (drawn != 255).any(axis=2).mean() > 0.01
+    assert len(np.unique(drawn @ np.array([1 << 16, 1 << 8, 1]))) > 10  # colours
+
+
+def test_a_cell_tells_the_numbers():
+    rows = {name: text for name, text, *_ in Cells(find(Hopper())._repr_html_()).rows}
+    assert float(rows["alpha"].split()[0]) == pytest.approx(LINEAR_HOP, abs=1e-6)
+    family = follow(Hopper("cubic", rest_length=30), "beta", stop=-0.02, start=0.0, most=60)
+    rows = {name: text for name, text, *_ in Cells(family._repr_html_()).rows}
+    place = float(re.search(r"beta = (\S+),", rows["fold"])[1])
+    assert place == pytest.approx(-0.0106952149164040, rel=1e-6)
+
+
+def test_what_cannot_be_drawn_does_not_break_the_cell(monkeypatch):
+    def failing(axes):
+        raise RuntimeError("<no> ink")
+
+    seen = Cells(cell("title", [("a", "b")], failing))
+    assert seen.rows == [["a", "b"]]
+    assert "no picture: <no> ink" in seen.words
+    both = sweep(Hopper(), {"mass_ratio": [0.5, 1.0], "rest_length": [20.0, 30.0]}, family=[1, 2])
+    assert "a figure over two parameters or more is of one family" in both._repr_html_()
+    nothing = sweep(Hopper(spring="0*r"), {"mass_ratio": [0.5, 1.0]})
+    assert Cells(nothing._repr_html_()).words
+
+
+def test_long_tables_are_told_without_their_middle():
+    seen = Cells(cell("long", [(str(i), "x", "y") for i in range(1000)], heads=("a", "b", "c")))
+    assert len(seen.rows) == ROWS_OF_CELL + 1
+    assert seen.rows[-1] == ["999", "x", "y"]
+    assert [row[1] for row in seen.rows if row[0] == "..."] == [f"{1000 - ROWS_OF_CELL + 1} more"]
+
+
+def test_long_laws_are_told_in_one_line():
+    text = " + ".join(f"{i}*r**{2 * i + 1}" for i in range(1, 60))
+    machine = Hopper(f"r + 1e-9*({text})")
+    assert len(repr(machine)) < 200
+    assert len(repr(ReturnMap(machine))) < 200
+    modes = linear_modes(np.eye(40), 2 * np.eye(40), np.ones(40), {"gap": (np.ones(80), 0.0)})
+    assert len(repr(modes)) < 200
+    assert "\n" not in repr(modes)
