@@ -487,11 +487,9 @@ class Solution:
 def check(document: Mapping[str, Any]) -> list[str]:
     """Why a saved proof is not verified, in words; empty where all of its theorem is."""
     try:
-        kind = document.get("format"), document.get("kind"), document.get("proved")
-        if kind != ("persistent-orbits proof 2", "orbit", True):
-            return ["this program verifies proofs of orbits, saved by this version, in which all is proved"]
-        if document.get("attraction_radius") is not None:
-            return ["the attraction of launches above alpha is not verified by this program"]
+        kind = document.get("format"), document.get("kind"), document.get("proved"), document.get("attraction_radius")
+        if kind != ("persistent-orbits proof 2", "orbit", True, None):
+            return ["this program verifies proofs of orbits, saved by this version, all proved, without attraction"]
         _check_parts(document)
     except Unverified as error:
         return [str(error)]
