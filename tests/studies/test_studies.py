@@ -21,6 +21,10 @@ from studies import (
     bifurcations,
     chain,
     chain_hand,
+    checked_proofs,
+    checker_mutations,
+    checked_proofs,
+    checker_mutations,
     claims,
     damped_hopper,
     design,
@@ -94,6 +98,18 @@ def test_theorems(tmp_path):
     assert numbers["wrong_proved"] == 0
     assert 1 <= numbers["width_ratio"] < 10
     assert (tmp_path / "theorems.png").stat().st_size > 10_000
+
+
+@pytest.mark.slow
+def test_checked_proofs():
+    """Each proof is verified by the second program; falsified in one place it is refused by both."""
+    assert set(checked_proofs.main(quick=True).values()) == {3}
+
+
+@pytest.mark.slow
+def test_checker_mutations():
+    """Either program sees a fault of the other."""
+    assert set(checker_mutations.main(quick=True).values()) == {1}
 
 
 def test_tolerances(tmp_path, capsys):
