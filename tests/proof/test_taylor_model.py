@@ -5,7 +5,6 @@ import random
 
 import pytest
 
-pytest.importorskip("flint")
 from flint import arb, arb_mat
 
 from orbits.proof.curve_motion import coefficients_through, places
