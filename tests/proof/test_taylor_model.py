@@ -4,7 +4,6 @@ import math
 import random
 
 import pytest
-
 from flint import arb, arb_mat
 
 from orbits.proof.curve_motion import coefficients_through, places
