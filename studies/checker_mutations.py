@@ -4,7 +4,7 @@ In a copy of the sources one place of the first program (`orbits.proof`) or of t
 wrong or unsound: a sign, a dropped term, a remainder or a widening left out, a condition that is not looked at. A fault
 of the first is caught where it proves what the second does not verify. A fault of the second is caught where its
 verdict on a saved theorem is another one than before: it refuses what is proved, or verifies what is false. Where a
-fault is right by luck in usual cases, `settings` makes guesses coarser, under which a sound program stays sound.
+fault is right by luck in usual cases, guesses are made coarser besides, under which a sound program stays sound.
 Run: python studies/checker_mutations.py [--only first|second] [--quick]
 """
 
@@ -17,9 +17,8 @@ import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from decimal import Decimal
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -27,37 +26,47 @@ ROOT = Path(__file__).parent.parent
 FIRST, SECOND = "orbits/proof", "orbits/check_proof.py"
 
 
+# A module, a text in it, and what stands there instead.
+Change = tuple[str, str, str]
+
+
 @dataclass(frozen=True)
 class Fault:
-    """A place that is made wrong: a module, a text in it and what stands there instead.
+    """A place that is made wrong.
 
-    cases : names of `PROOFS` for the first program, and of `THEOREMS` for the second, on which it is looked at
-    settings : values of the constants of a program, by dotted name
+    cases : names of `proof_of` for the first program, and of `theorems` for the second, on which it is looked at
+    coarser : a change that leaves the program sound, made with and without the fault
     """
 
-    module: str
-    text: str
-    wrong: str
+    change: Change
     cases: Sequence[str]
-    settings: Mapping[str, Any] = field(default_factory=dict)
+    coarser: tuple[Change, ...] = ()
 
 
-# So many times the accuracy may a step's defect be: then it is what the enclosures are wide by.
-COARSE = {"orbits.proof.step.MOST_OFF": 2.0**45}
-# Polynomials of low order, whose remainders count.
-LOW = {"orbits.check_proof.ORDER_PER_BIT": 0.1, "orbits.check_proof.DERIVED_ORDER": 8}
 STEP, SET, ROOTS, SIGNS, FORMULAS, EQUATIONS, INTERVALS, CASE = (
     f"{FIRST}/{name}.py"
     for name in ("step", "enclosure", "root", "motion", "formulas", "equations", "intervals", "case")
 )
+# Steps whose defects are what enclosures are wide by: of centres, and of derivatives.
+ROUGH = ((SET, "order_for(bits), 2.0**-bits)", "order_for(bits), 2.0 ** (16 - bits))"),)
+ROUGHER = ((SET, "COARSE, FINE = (12, 2.0**-30, 64)", "COARSE, FINE = (5, 2.0**-12, 64)"),)
+# Polynomials of low order, whose remainders count.
+LOW = ((SECOND, "MOST_SPLITS = 0.3, 14,", "MOST_SPLITS = 0.1, 8,"),)
+LARGE = ((ROOTS, "BOXES = (2.0**-20, ", "BOXES = (0.6, 2.0**-20, "),)
 OF_FIRST = [
-    (STEP, "added = [(start + each).abs_upper()", "added = [start.abs_upper()", ["inerter"], COARSE),
-    (STEP, "scale = h ** (order + 1) / (", "scale = h ** (order + 3) / (", ["inerter"], COARSE),
-    (STEP, "shift = arb_poly([between(arb(0), h), 1])", "shift = arb_poly([arb(0), 1])", ["gravity"], COARSE),
-    (STEP, "return value + arb(0, radius.abs_upper())", "return value", ["inerter"], COARSE),
-    (SET, "error + inverse * fresh", "error", ["inerter"], COARSE),
+    (STEP, "added = [(start + each).abs_upper()", "added = [start.abs_upper()", ["inerter"], ROUGH),
+    (STEP, "scale = h ** (order + 1) / (", "scale = h ** (order + 5) / (", ["inerter"], ROUGH),
+    (
+        STEP,
+        "shift = arb_poly([between(arb(0), h), 1])",
+        "shift = arb_poly([arb(0), 1])",
+        ["gravity", "interval"],
+        ROUGH,
+    ),
+    (STEP, "return value + arb(0, radius.abs_upper())", "return value", ["inerter"], ROUGH),
+    (SET, "error + inverse * fresh", "error", ["inerter"], ROUGH),
     (SET, "_moved(end, whole * radii)", "list(end)", ["interval"]),
-    (ROOTS, "return image if inside else None", "return image", ["inerter"], {"orbits.proof.root.BOXES": (0.6,)}),
+    (ROOTS, "return image if inside else None", "return image", ["inerter"], LARGE),
     (ROOTS, "- value.rad() / 10) * unit)", "- value.rad() / 10) * unit * 2**19)", ["inerter"]),
     (ROOTS, "change -= by_parameters", "change -= 0 * by_parameters", ["interval"]),
     (EQUATIONS, "return [arb(1)] * len(self)", "return [arb(0.5)] * len(self)", ["interval"]),
@@ -99,16 +108,8 @@ OF_SECOND = [
     ),
 ]
 TRUE = ("inerter", "knee", "gravity", "interval")
-FAULTS_OF_FIRST = [Fault(*each) for each in OF_FIRST]
-FAULTS_OF_SECOND = [Fault(SECOND, *each) for each in OF_SECOND]
-
-
-def settled(settings: Mapping[str, Any]) -> None:
-    """Give constants other values."""
-    for name, value in settings.items():
-        module, constant = name.rsplit(".", 1)
-        assert hasattr(import_module(module), constant)
-        setattr(import_module(module), constant, tuple(value) if isinstance(value, list) else value)
+FAULTS_OF_FIRST = [Fault(each[:3], *each[3:]) for each in OF_FIRST]
+FAULTS_OF_SECOND = [Fault((SECOND, *each[:2]), *each[2:]) for each in OF_SECOND]
 
 
 def proof_of(name: str) -> dict[str, Any]:
@@ -176,26 +177,25 @@ class Copies:
                 ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__", "pictures", "docs")
             )
 
-    def answer(self, task: Mapping[str, Any], fault: Fault | None = None) -> Any:
-        """What a fresh interpreter answers to a task, with a fault in the sources; None where it fails."""
-        path = self.root / fault.module if fault else None
-        text = path.read_text(encoding="utf-8") if path else ""
-        if fault and path:
-            assert text.count(fault.text) == 1, f"{fault.module}: {text.count(fault.text)} times '{fault.text}'"
-            path.write_text(text.replace(fault.text, fault.wrong), encoding="utf-8")
+    def answer(self, task: Mapping[str, Any], changes: Sequence[Change]) -> Any:
+        """What a fresh interpreter answers to a task, with changes of the sources; None where it fails."""
+        before = {module: (self.root / module).read_text(encoding="utf-8") for module, *_ in changes}
         own = {"PYTHONPATH": str(self.root), "PYTHONDONTWRITEBYTECODE": "1", "OPENBLAS_NUM_THREADS": "1"}
         command = [sys.executable, "-m", "studies.checker_mutations", "--task", json.dumps(task)]
         try:
+            for module, text, wrong in changes:
+                now = (self.root / module).read_text(encoding="utf-8")
+                assert now.count(text) == 1, f"{module}: {now.count(text)} times '{text}'"
+                (self.root / module).write_text(now.replace(text, wrong), encoding="utf-8")
             run = subprocess.run(command, cwd=self.root, env={**os.environ, **own}, capture_output=True, text=True)
         finally:
-            if path:
-                path.write_text(text, encoding="utf-8")
+            for module, text in before.items():
+                (self.root / module).write_text(text, encoding="utf-8")
         return json.loads(run.stdout.splitlines()[-1]) if run.returncode == 0 else None
 
 
 def answered(task: Mapping[str, Any]) -> Any:
     """The answer to a task: documents of cases, or the reasons why saved theorems are not verified."""
-    settled(task.get("settings", {}))
     if "prove" in task:
         return {name: proof_of(name) for name in task["prove"]}
     from orbits.check_proof import check
@@ -208,7 +208,10 @@ def of_first(copies: Copies, fault: Fault) -> str:
     """How a fault of the first program is caught by the second."""
     from orbits.check_proof import check
 
-    documents = copies.answer({"prove": fault.cases, "settings": fault.settings}, fault)
+    if fault.coarser:
+        sound = copies.answer({"prove": fault.cases}, fault.coarser)
+        assert not any(check(document) for document in sound.values()), f"not proved and verified before {fault.change}"
+    documents = copies.answer({"prove": fault.cases}, [*fault.coarser, fault.change])
     if documents is None:
         return "not caught: the first program fails by itself"
     for name, document in documents.items():
@@ -221,8 +224,8 @@ def of_first(copies: Copies, fault: Fault) -> str:
 
 def of_second(copies: Copies, fault: Fault, file: Path) -> str:
     """How a fault of the second program is caught by theorems of which the first one knows whether they are true."""
-    task = {"check": fault.cases, "file": str(file), "settings": fault.settings}
-    before, after = copies.answer(task), copies.answer(task, fault)
+    task = {"check": fault.cases, "file": str(file)}
+    before, after = copies.answer(task, fault.coarser), copies.answer(task, [*fault.coarser, fault.change])
     if after is None:
         return "caught: the second program fails by itself"
     assert before is not None
@@ -248,7 +251,8 @@ def main(quick: bool = False, only: str | None = None) -> dict[str, int]:
                 for fault in faults:
                     words = of_first(copies, fault) if program == "first" else of_second(copies, fault, file)
                     found.append(words.startswith("caught"))
-                    print(f"{fault.module}: {fault.text!r} -> {fault.wrong!r}\n    {words}", flush=True)
+                    module, text, wrong = fault.change
+                    print(f"{module}: {text!r} -> {wrong!r}\n    {words}", flush=True)
                 numbers |= {f"{program}_tried": len(found), f"{program}_caught": sum(found)}
     print(numbers)
     return numbers

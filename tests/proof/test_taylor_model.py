@@ -4,8 +4,6 @@ import math
 import random
 
 import pytest
-
-pytest.importorskip("flint")
 from flint import arb, arb_mat
 
 from orbits.proof.curve_motion import coefficients_through, places

@@ -22,6 +22,8 @@ from studies import (
     bifurcations,
     chain,
     chain_hand,
+    checked_proofs,
+    checker_mutations,
     claims,
     damaged_files,
     damped_hopper,
@@ -105,6 +107,18 @@ def test_damaged_files(capsys):
     assert found["faults"] == 0
     assert sum(found["files"].values(), Counter())["refused"] > 60
     assert "faults: 0" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_checked_proofs():
+    """Each proof is verified by the second program; falsified in one place it is refused by both."""
+    assert set(checked_proofs.main(quick=True).values()) == {3}
+
+
+@pytest.mark.slow
+def test_checker_mutations():
+    """Either program sees a fault of the other."""
+    assert set(checker_mutations.main(quick=True).values()) == {1}
 
 
 def test_tolerances(tmp_path, capsys):
