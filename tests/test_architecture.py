@@ -255,3 +255,18 @@ def test_no_trace_of_the_workshop():
             text = path.read_text(encoding="utf-8")
             assert "../" + "shared" not in text, path
             assert "/wo" + "rk/" not in text, path
+
+
+def test_no_file_name_occurs_twice():
+    """Neither in the engine nor in the machines."""
+    names = [path.name for path in SOURCES if not path.is_relative_to(ROOT / "studies")]
+    assert not {name for name in names if names.count(name) > 1} - {"__init__.py"}
+
+
+def test_the_rooms_of_the_machines_have_no_circle():
+    paths = [path for path in SOURCES if path.is_relative_to(ROOT / "problems")]
+    rooms: dict[str, set[str]] = defaultdict(set)
+    for module, others in needs(paths).items():
+        if room_of(module):
+            rooms[room_of(module)] |= {room_of(other) for other in others} - {room_of(module), ""}
+    heights(rooms)

@@ -69,7 +69,7 @@ at landing through the monodromy of the half flight, and the energies.
 Attraction (`attraction`): within a distance that is found, launches above a lossless hop come to it, as is proved from
 enclosures of their flights and contacts (`launches`) and of what their landings take (`landings`, `bounces`).
 
-Fixed points of the return map with an injection (`return_map`), which is another statement (`hop`): a hop that comes
+Fixed points of the return map with an injection (`proved_map`), which is another statement (`hop`): a hop that comes
 back, its events, and the multiplier, which is enclosed through the derivatives of the events; and where a fixed point
 loses its stability by period doubling.
 

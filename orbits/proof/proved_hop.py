@@ -100,7 +100,7 @@ def proved_hop(
 
 
 def conditions_of_hop(found: ProvedHop, launched: arb, reasons: list[str]) -> dict[str, str]:
-    """The verdict of each condition of theorem 1 of `return_map`, for the speed of the lift-off before the injection;
+    """The verdict of each condition of theorem 1 of `proved_map`, for the speed of the lift-off before the injection;
     reasons are added for those that are not proved."""
     checks: dict[str, Callable[[], None]] = {"clearance": lambda: _check_flights_of_hop(found)}
     if len(found.base.flights) > 1:

@@ -18,7 +18,7 @@ from orbits import (
     prove_doubling,
     prove_fixed_point,
 )
-from orbits.proof.return_map import proof_of_fixed_point
+from orbits.proof.proved_map import proof_of_fixed_point
 from orbits.return_map.proofs import guessed_hop
 from problems import Chain, Hopper, Juggler, hopper_in_si, inerter_hopper, knee_hopper
 
