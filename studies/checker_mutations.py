@@ -47,27 +47,25 @@ STEP, SET, ROOTS, SIGNS, FORMULAS, EQUATIONS, INTERVALS, CASE = (
     f"{FIRST}/{name}.py"
     for name in ("step", "enclosure", "root", "motion", "formulas", "equations", "intervals", "case")
 )
-# Steps whose defects are what enclosures are wide by: of centres, and of derivatives.
-ROUGH = ((SET, "order_for(bits), 2.0**-bits)", "order_for(bits), 2.0 ** (16 - bits))"),)
-ROUGHER = ((SET, "COARSE, FINE = (12, 2.0**-30, 64)", "COARSE, FINE = (5, 2.0**-12, 64)"),)
+# Longer steps, whose defects are what the enclosures are wide by.
+LESS_EXACT = (SET, "order_for(bits), 2.0**-bits)", "order_for(bits), 2.0 ** (16 - bits))")
+LONG = (
+    (SET, "order_for(bits), 2.0**-bits)", "order_for(bits), 2.0 ** (30 - bits))"),
+    (SET, "ORDER_PER_BIT = 0.36", "ORDER_PER_BIT = 0.2"),
+    (STEP, "STIFFEST = 0.6", "STIFFEST = 2.0"),
+)
+# Boxes that are too small for the solutions of an interval are tried first.
+SMALL = ((ROOTS, "ROOM = (1.5, ", "ROOM = (0.3, 1.5, "),)
 # Polynomials of low order, whose remainders count.
 LOW = ((SECOND, "MOST_SPLITS = 0.3, 14,", "MOST_SPLITS = 0.1, 8,"),)
-LARGE = ((ROOTS, "BOXES = (2.0**-20, ", "BOXES = (0.6, 2.0**-20, "),)
 OF_FIRST = [
-    (STEP, "added = [(start + each).abs_upper()", "added = [start.abs_upper()", ["inerter"], ROUGH),
-    (STEP, "scale = h ** (order + 1) / (", "scale = h ** (order + 5) / (", ["inerter"], ROUGH),
-    (
-        STEP,
-        "shift = arb_poly([between(arb(0), h), 1])",
-        "shift = arb_poly([arb(0), 1])",
-        ["gravity", "interval"],
-        ROUGH,
-    ),
-    (STEP, "return value + arb(0, radius.abs_upper())", "return value", ["inerter"], ROUGH),
-    (SET, "error + inverse * fresh", "error", ["inerter"], ROUGH),
+    (STEP, "added = [(start + each).abs_upper()", "added = [start.abs_upper()", ["existence"], LONG),
+    (STEP, "scale = h ** (order + 1) / (", "scale = h ** (order + 5) / (", ["existence"], LONG),
+    (STEP, "return value + arb(0, radius.abs_upper())", "return value", ["existence"], LONG),
+    (SET, "error + inverse * fresh", "error", ["inerter"], (LESS_EXACT,)),
     (SET, "_moved(end, whole * radii)", "list(end)", ["interval"]),
-    (ROOTS, "return image if inside else None", "return image", ["inerter"], LARGE),
-    (ROOTS, "- value.rad() / 10) * unit)", "- value.rad() / 10) * unit * 2**19)", ["inerter"]),
+    (ROOTS, "return image if inside else None", "return image", ["interval"], SMALL),
+    (ROOTS, "- rest) * unit)", "- rest) * unit * 2**19)", ["inerter"]),
     (ROOTS, "change -= by_parameters", "change -= 0 * by_parameters", ["interval"]),
     (EQUATIONS, "return [arb(1)] * len(self)", "return [arb(0.5)] * len(self)", ["interval"]),
     (SIGNS, "laws[-1:], self.passage.finish)", "laws[-1:], self.passage.end)", ["interval"]),
@@ -79,6 +77,7 @@ OF_FIRST = [
     (FORMULAS, 'exact_fraction("a numeral", node[2])', "Fraction(float(node[2]))", ["decimal"]),
     (INTERVALS, "low = min((each.low", "low = max((each.low", ["parts"]),
     (INTERVALS, "found += deeper\n    return found", "found += deeper\n    return found[:1]", ["parts"]),
+    (CASE, "contact.check_positive(force, zero_at_start=1)", "pass", ["pulling"]),
     (CASE, "balls.pop(CONTACT_DURATION, None)", "balls.pop(CONTACT_DURATION, None) * (1 + arb(2) ** -60)", ["inerter"]),
 ]
 OF_SECOND = [
@@ -129,6 +128,7 @@ def proof_of(name: str) -> dict[str, Any]:
         "decimal": lambda: told(Hopper("r + 0.3*r**3", rest_length=8.0)),
         "interval": lambda: told(inerter_hopper(), parameters={"inertance": ("0.1999", "0.2001")}),
         "parts": lambda: told(inerter_hopper(), parameters={"inertance": ("0.198", "0.202")}),
+        "existence": lambda: told(inerter_hopper(), motion=False),
         "digging": lambda: told(Hopper("r + 1.8*sin(5.7*r)", mass_ratio=2.0, rest_length=40.0)),
         "pulling": lambda: told(Hopper("r + 4.5*sin(2.2*r)", rest_length=40.0), 2),
         "fold": lambda: told(Hopper("r - 0.0106951*r**3", rest_length=30.0), motion=False),

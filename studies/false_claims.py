@@ -16,7 +16,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from orbits import InputError, Mass, Mechanism, NoOrbit, Orbit, Spring, find, prove
+from orbits import InputError, Mass, Mechanism, NoOrbit, Orbit, Proof, Spring, find, prove
 from orbits.io import write_json
 from orbits.laws.law import Law, Written
 from orbits.proof.claim import Claim
@@ -26,8 +26,10 @@ from problems import Hopper, hopper_in_si
 Force = Callable[[np.ndarray], np.ndarray]
 # A hop is lossless where the last rate is below this share of the first one, by the integration here.
 LOSSLESS = 1e-8
-# Digits of proofs that are to tell numerals apart.
-DIGITS = 30
+# Digits of proofs that are to tell numerals apart, and the seconds of each proof: so many that none of them runs out.
+DIGITS, SECONDS = 30, 600.0
+# What becomes of a claim. One whose proof runs out of time is not refused.
+PROVED, REFUSED, OUT_OF_TIME = "proved", "refused", "out of time"
 KINDS = (
     "hostile numerals", "cancelling sums", "exponents near whole numbers", "dropped terms", "domains", "pieces", "SI",
     "moved", "edited files",
@@ -36,11 +38,11 @@ KINDS = (
 
 @dataclass(frozen=True)
 class FalseClaim:
-    """Something that is not so, and the attempt to prove it: `proved` is what must not be."""
+    """Something that is not so, and the attempt to prove it, whose verdict is `REFUSED`."""
 
     kind: str
     what: str
-    proved: Callable[[], bool]
+    verdict: Callable[[], str]
 
 
 @dataclass(frozen=True)
@@ -102,12 +104,18 @@ def bare(orbit: Orbit, machine: object) -> Claim:
     return Claim(machine, orbit.alpha, orbit.error, orbit.family, orbit.violations, unknowns)
 
 
-def _is_proved(orbit: Orbit, machine: object) -> bool:
-    """Whether what an orbit says is proved of another machine."""
+def verdict_of(proof: Proof) -> str:
+    """What a proof makes of its claim."""
+    late = any("allow it more by its limit" in reason for reason in proof.reasons)
+    return PROVED if proof.proved else OUT_OF_TIME if late else REFUSED
+
+
+def _of_machine(orbit: Orbit, machine: object) -> str:
+    """The verdict of what an orbit says, as said of another machine."""
     try:
-        return prove_claims([bare(orbit, machine)], motion=False)[0].proved
+        return verdict_of(prove_claims([bare(orbit, machine)], motion=False, limit=SECONDS)[0])
     except InputError:
-        return False
+        return REFUSED
 
 
 def _of_other(kind: str, rng: np.random.Generator, own: object, other: object, truth: TwoMasses) -> FalseClaim | None:
@@ -118,7 +126,7 @@ def _of_other(kind: str, rng: np.random.Generator, own: object, other: object, t
         return None
     if truth.loss(orbit.alpha, orbit.liftoff_extension) < LOSSLESS:
         return None
-    return FalseClaim(kind, f"{own!r} said of {other!r}", partial(_is_proved, orbit, other))
+    return FalseClaim(kind, f"{own!r} said of {other!r}", partial(_of_machine, orbit, other))
 
 
 def _two_masses(body: str, foot: str, force: str, gravity: str = "1", **parameters: float) -> Mechanism:
@@ -133,7 +141,7 @@ def _cubic(b: float, k: float = 1.0) -> Force:
 @lru_cache(maxsize=256)
 def _enclosed(machine: str, text: str) -> tuple:
     """The proved digits of the machine of a text."""
-    return prove(find(_LONG[machine](text)), DIGITS, motion=False).alpha
+    return prove(find(_LONG[machine](text)), DIGITS, motion=False, limit=SECONDS).alpha
 
 
 @lru_cache(maxsize=256)
@@ -150,14 +158,14 @@ def _slope(machine: str, text: str) -> float:
     return by_number / (last(value, orbit.alpha - h) - last(value, orbit.alpha + h))
 
 
-def _has_digits_of(machine: str, text: str, rounded: str) -> bool:
-    """Whether what is proved of a numeral could be the truth about the number that it rounds to."""
-    proof = prove(find(_LONG[machine](text)), DIGITS, motion=False)
+def _as_rounded(machine: str, text: str, rounded: str) -> str:
+    """The verdict of the claim that what is proved of a numeral is the truth about the number that it rounds to."""
+    proof = prove(find(_LONG[machine](text)), DIGITS, motion=False, limit=SECONDS)
+    if proof.alpha is None or not proof.proved:
+        return verdict_of(proof)
     other = _enclosed(machine, rounded)
-    apart = proof.alpha is None or any(
-        Decimal(a.high) < Decimal(b.low) for a, b in ((proof.alpha, other), (other, proof.alpha))
-    )
-    return proof.proved and not apart
+    ways = (proof.alpha, other), (other, proof.alpha)
+    return REFUSED if any(Decimal(a.high) < Decimal(b.low) for a, b in ways) else PROVED
 
 
 # Machines of one numeral, and their equations.
@@ -190,7 +198,7 @@ def _long_numeral(kind: str, rng: np.random.Generator, machine: str, rounded: st
     width = Decimal(_enclosed(machine, rounded).width)
     if abs(Decimal(_slope(machine, rounded))) * off < 100 * width:
         return None
-    return FalseClaim(kind, f"{machine} {text} as {rounded}", partial(_has_digits_of, machine, text, rounded))
+    return FalseClaim(kind, f"{machine} {text} as {rounded}", partial(_as_rounded, machine, text, rounded))
 
 
 def _numerals(rng: np.random.Generator) -> FalseClaim | None:
@@ -228,7 +236,7 @@ def _exponents(rng: np.random.Generator) -> FalseClaim | None:
     flown = TwoMasses.hopper(lambda r: r + b * r**whole).flight(orbit.alpha, orbit.liftoff_extension)
     assert flown[0].min() < -0.1
     other = Hopper(f"r + {b}*r**{off}")
-    return FalseClaim(KINDS[2], f"a hop with r**{off} below r = 0", partial(_is_proved, orbit, other))
+    return FalseClaim(KINDS[2], f"a hop with r**{off} below r = 0", partial(_of_machine, orbit, other))
 
 
 def _dropped(rng: np.random.Generator) -> FalseClaim | None:
@@ -271,14 +279,14 @@ def _domains(rng: np.random.Generator) -> FalseClaim | None:
     if not missing(r, place).any():
         return None
     law = f"{text.format(a=f'({place})')} + {b}*r**3"
-    return FalseClaim(KINDS[4], f"a hop of {law}", partial(_hole_is_proved, orbit, law))
+    return FalseClaim(KINDS[4], f"a hop of {law}", partial(_with_hole, orbit, law))
 
 
-def _hole_is_proved(orbit: Orbit, law: str) -> bool:
+def _with_hole(orbit: Orbit, law: str) -> str:
     try:
-        return _is_proved(orbit, Hopper(law))
+        return _of_machine(orbit, Hopper(law))
     except InputError:
-        return False
+        return REFUSED
 
 
 def _written(pieces: tuple[str, ...], gap: float) -> Law:
@@ -344,11 +352,11 @@ def _hop(rng: np.random.Generator) -> Orbit:
     return find(Hopper("r + beta*r**3", mass_ratio=ratio, rest_length=9.0, parameters={"beta": b}))
 
 
-def _proves(orbit: Orbit, machine: object) -> bool:
+def _of_orbit(orbit: Orbit, machine: object) -> str:
     try:
-        return prove(orbit, machine=machine).proved
+        return verdict_of(prove(orbit, machine=machine, limit=SECONDS))
     except InputError:
-        return False
+        return REFUSED
 
 
 def _moved(rng: np.random.Generator) -> FalseClaim:
@@ -361,7 +369,7 @@ def _moved(rng: np.random.Generator) -> FalseClaim:
         other = replace(orbit, certificate=certificate)
     else:
         other = replace(orbit, **{name: getattr(orbit, name) * share})
-    return FalseClaim(KINDS[7], f"{name} moved by {share - 1:.1e}", partial(_proves, other, orbit.source))
+    return FalseClaim(KINDS[7], f"{name} moved by {share - 1:.1e}", partial(_of_orbit, other, orbit.source))
 
 
 def _scaled_number(value: float | None, rng: np.random.Generator) -> float | None:
@@ -394,16 +402,16 @@ def _edited(rng: np.random.Generator) -> FalseClaim | None:
     new = _EDITED[name](document[name], rng) if name in document else None
     if new is None or new == document[name]:
         return None
-    return FalseClaim(KINDS[8], f"a file with {name} = {new}", partial(_file_is_proved, document | {name: new}, orbit))
+    return FalseClaim(KINDS[8], f"a file with {name} = {new}", partial(_of_file, document | {name: new}, orbit))
 
 
-def _file_is_proved(document: dict, orbit: Orbit) -> bool:
+def _of_file(document: dict, orbit: Orbit) -> str:
     with TemporaryDirectory() as folder:
         path = write_json(document, Path(folder) / "orbit.json", "orbit")
         try:
-            return _proves(Orbit.load(path), orbit.source)
+            return _of_orbit(Orbit.load(path), orbit.source)
         except InputError:
-            return False
+            return REFUSED
 
 
 _MAKERS: dict[str, Callable[[np.random.Generator], FalseClaim | None]] = dict(

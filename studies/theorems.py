@@ -21,7 +21,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds t
 from orbits import NoOrbit, Orbit, Proof, find, prove
 from orbits.show.plot import COLOURS, legend_below, new_row, save_figure
 from problems import Hopper
-from studies.false_claims import KINDS, false_claims
+from studies.false_claims import KINDS, OUT_OF_TIME, PROVED, REFUSED, false_claims
 from studies.stress import random_laws
 
 REST_LENGTH = 30.0
@@ -89,9 +89,11 @@ def main(folder: Path, quick: bool = False) -> dict[str, object]:
     proofs = [prove(orbit) for orbit in orbits]
     right = [is_right(orbit, proof) for orbit, proof in zip(orbits, proofs, strict=True)]
     numbers |= {"hops": len(orbits), "admissible": sum(orbit.admissible for orbit in orbits), "proved": sum(right)}
-    false = [(claim, claim.proved()) for claim in false_claims(wrong)]
-    made, believed = Counter(claim.kind for claim, _ in false), [claim for claim, proved in false if proved]
-    numbers |= {"wrong": len(false), "wrong_proved": len(believed)}
+    false = [(claim, claim.verdict()) for claim in false_claims(wrong)]
+    made = Counter((claim.kind, verdict) for claim, verdict in false)
+    believed = [claim for claim, verdict in false if verdict == PROVED]
+    late = sum(verdict == OUT_OF_TIME for _, verdict in false)
+    numbers |= {"wrong": len(false), "wrong_proved": len(believed), "out_of_time": late}
     enclosed, true = np.array(widths(half_widths)).T
     numbers["width_ratio"] = float(np.divide(enclosed, true)[half_widths == HALF_WIDTHS[NARROW]][0])
     print(f"cubic spring: existence {numbers['existence_ms']:.0f} ms, a motion {numbers['motion_ms']:.0f} ms,", end=" ")
@@ -99,7 +101,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, object]:
     print(f"random springs: {sum(right)} of {len(orbits)} proved or refuted, of {len(false)} wrong claims", end=" ")
     print(f"{len(believed)}; enclosure over true range {numbers['width_ratio']:.2f}")
     for kind in KINDS:
-        print(f"  {kind}: {sum(claim.kind == kind for claim in believed)} of {made[kind]} wrong claims proved")
+        print(f"  {kind}: " + ", ".join(f"{made[kind, each]} {each}" for each in (PROVED, REFUSED, OUT_OF_TIME)))
     for claim in believed:
         print(f"  proved, and false: {claim.kind}, {claim.what}")
     for orbit, proof, fine in zip(orbits, proofs, right, strict=True):
