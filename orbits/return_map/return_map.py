@@ -21,6 +21,7 @@ from ..result import cell, shown
 from ..running.exclusive import exclusive
 from ..simulation.impacts import CAP, FASTEST_LAUNCH, STATUS, Impacts, decided_impacts, injected
 from ..simulation.multiplier import multiplier
+from ..simulation.simulation import simulate
 from ..tables import number_text
 from ..units import DIMENSIONS_OF_HOPS, LIFTOFF_SPEED, Units, without_units
 from .resolved_map import JUMP, SLOWEST_LOSSLESS, Intervals, ResolvedMap, lossless_speeds
@@ -73,12 +74,18 @@ class Hops:
 
 @dataclass(frozen=True)
 class FixedPoint:
-    """A launch speed that comes back; kind "lossless" or "crossing", where the map crosses the identity line, and the
-    map's slope there, None where it has none: at a lossless hop, and where the hop lands tangentially."""
+    """A launch speed that comes back.
+
+    kind : "lossless", or "crossing" where the map crosses the identity line
+    multiplier : the map's slope there, None where it has none: at a lossless hop, and where the hop lands tangentially
+    smallest_separation : of the masses during the hop, None without a rest length; where it is not above 0 they pass
+        through each other, and the hop is no motion of a real machine
+    """
 
     alpha: float
     kind: str
     multiplier: float | None = None
+    smallest_separation: float | None = None
 
 
 class ReturnMap:
@@ -90,7 +97,7 @@ class ReturnMap:
     cap : impacts of one hop after which it is given up, with the status "cap"
 
     Called with launch speeds (...), it gives `Hops`; in an array, one that is not a number above 0 has the status
-    "invalid". It does not check whether the masses pass through each other: see `Simulation.smallest_separation`.
+    "invalid". Whether the masses pass through each other during the hops is what `smallest_separation` says.
     Raises `InputError` where a launch is more than a speed, and for a single speed that is not above 0.
 
     >>> from orbits import ReturnMap
@@ -171,9 +178,22 @@ class ReturnMap:
             return tuple(self._units.convert(point) for point in found)
         lossless = lossless_speeds(self.impacts, low, high)
         if self.inject == 0 and self.impacts.model.conservative:
-            return tuple(FixedPoint(alpha, "lossless") for alpha in lossless)
-        crossings = ResolvedMap(self, lossless, low, high, samples, True).crossings()
-        return tuple(FixedPoint(alpha, "crossing", self._slope(alpha)) for alpha in crossings.tolist())
+            return tuple(FixedPoint(alpha, "lossless", None, self._separation(alpha)) for alpha in lossless)
+        crossings = ResolvedMap(self, lossless, low, high, samples, True).crossings().tolist()
+        return tuple(FixedPoint(a, "crossing", self._slope(a), self._separation(a)) for a in crossings)
+
+    @exclusive
+    def smallest_separation(self, alpha: ArrayLike) -> np.ndarray | None:
+        """The smallest separations (...) of the masses during the hops from launch speeds (...), None without a rest
+        length. Where one is not above 0 the masses pass through each other, which the map ignores. Each hop is
+        simulated, which takes some milliseconds; a speed that is not above 0 has NaN."""
+        speeds = np.array(alpha, dtype=float)
+        found = [self._separation(each) if 0 < each < np.inf else np.nan for each in speeds.ravel().tolist()]
+        return None if None in found else np.reshape(found, speeds.shape)
+
+    def _separation(self, alpha: float) -> float | None:
+        """The smallest separation of the masses during the hop from a launch speed."""
+        return simulate(self.machine, alpha, hops=1, cap=self.cap).smallest_separation
 
     def _slope(self, alpha: float) -> float | None:
         """The slope of the map at a launch speed, None where it has none."""
