@@ -15,6 +15,7 @@ from .design.optimize import optimize
 from .design.pareto import Front, pareto
 from .design.sensitivities import quantities, sensitivities
 from .errors import FlowError, InconsistentModel, InputError, NoOrbit, OrbitsError, OutOfRange
+from .exact.bounds import Enclosure
 from .io import version
 from .mechanics.elements import Damper, Force, Inerter, Mass, Potential, Spring, Weight
 from .mechanics.mechanism import Mechanism
@@ -28,7 +29,7 @@ from .periodic.find import METHODS, find, find_all
 from .periodic.fold_statement import fold_statement
 from .periodic.orbit import Orbit
 from .proof.prove import prove, prove_absence, prove_fold
-from .proof.theorem import Enclosure, Proof
+from .proof.theorem import Proof
 from .return_map.bifurcations import bifurcations
 from .return_map.diagram import Bifurcation, BifurcationDiagram, Branch, BranchEnd
 from .return_map.proofs import prove_doubling, prove_fixed_point

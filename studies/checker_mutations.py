@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parent.parent
-FIRST, SECOND = "orbits/proof", "orbits/check_proof.py"
+SECOND = "orbits/check_proof.py"
 
 
 # A module, a text in it, and what stands there instead.
@@ -43,9 +43,10 @@ class Fault:
     coarser: tuple[Change, ...] = ()
 
 
-STEP, SET, ROOTS, SIGNS, FORMULAS, EQUATIONS, INTERVALS, CASE = (
-    f"{FIRST}/{name}.py"
-    for name in ("step", "enclosure", "root", "motion", "formulas", "equations", "intervals", "case")
+STEP, SET, ROOTS, SIGNS, EQUATIONS, FORMULAS, INTERVALS, CASE = (
+    *(f"orbits/balls/{name}.py" for name in ("step", "enclosure", "root", "motion", "equations")),
+    "orbits/exact/formulas.py",
+    *(f"orbits/proof/{name}.py" for name in ("intervals", "case")),
 )
 # Longer steps, whose defects are what the enclosures are wide by.
 LESS_EXACT = (SET, "order_for(bits), 2.0**-bits)", "order_for(bits), 2.0 ** (16 - bits))")

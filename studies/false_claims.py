@@ -17,9 +17,9 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from orbits import InputError, Mass, Mechanism, NoOrbit, Orbit, Proof, Spring, find, prove
+from orbits.exact.claim import Claim
 from orbits.io import write_json
 from orbits.laws.law import Law, Written
-from orbits.proof.claim import Claim
 from orbits.proof.prove import prove_claims
 from problems import Hopper, hopper_in_si
 

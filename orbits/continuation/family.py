@@ -10,6 +10,7 @@ import numpy as np
 
 from ..consistency.accepted import check_parameters
 from ..errors import InputError
+from ..exact.claim import CONTACT_DURATION, Claim
 from ..io import (
     DIGEST,
     MEGABYTE,
@@ -28,7 +29,6 @@ from ..io import (
 from ..model.machine import Machine
 from ..periodic.orbit import Orbit, SavedLaws, with_note
 from ..proof.branch_claim import BranchClaim
-from ..proof.claim import CONTACT_DURATION, Claim
 from ..proof.prove import prove_branch, prove_claims
 from ..proof.theorem import Proof
 from ..result import cell, shown

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..errors import InputError
+from ..exact.claim import Claim
 from ..model.machine import Machine
 from ..proof.branch_claim import BranchClaim
-from ..proof.claim import Claim
 from .corrector import correct_all
 from .curve import Curve
 from .point import Point

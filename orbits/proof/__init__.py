@@ -1,6 +1,7 @@
 """Theorems about lossless orbits, proved by interval arithmetic: the method, its lemmas, and what is trusted.
 
-A name in brackets, as (`step`), is the module of this package that does what is said there.
+A name in brackets, as (`step`), is the module that does what is said there: of the room `exact` for what is stated, of
+`balls` for numbers and motions, of `return_map` for hops of the map, and of this one for theorems.
 
 The claim. Let a machine be stated in formulas, with exact decimals or intervals for its parameters (`stated`). A
 lossless orbit is a zero of a boundary value statement F(w) = 0, whose unknowns w are the place and the speed of the
@@ -10,8 +11,8 @@ other one nearby, and that its motion is one. With interval parameters all of it
 From the text to the equations. A formula becomes an exact expression (`formulas`, `expressions`), in which a numeral is
 the decimal that is written, and only what is exactly so is simplified. What its operations need to have a value, also
 where they cancel, is collected and looked at along the whole motion. Lagrange's equations follow from the kinetic
-energy and the forces (`mechanics`), the contact's from the closed gap. A float of the machine stands for the shortest
-decimal that rounds to it, and a Python function for the formula that it computes, which the statement shows.
+energy and the forces (`exact_mechanics`), the contact's from the closed gap. A float of the machine stands for the
+shortest decimal that rounds to it, and a Python function for the formula that it computes, which the statement shows.
 
 Numbers. Expressions become programs (`programs`) of Arb's balls, midpoint and radius, rounded outward. Floats only give
 guesses: of roots, units, steps, tubes and frames. Each guess is then tested in balls.
@@ -73,7 +74,7 @@ Fixed points of the return map with an injection (`proved_map`), which is anothe
 back, its events, and the multiplier, which is enclosed through the derivatives of the events; and where a fixed point
 loses its stability by period doubling.
 
-What is trusted: Arb and python-flint; CPython; Python's own parser of arithmetic; and this package, which a second
+What is trusted: Arb and python-flint; CPython; Python's own parser of arithmetic; and these rooms, which a second
 program may check (`orbits.check_proof`, of proofs of orbits). Tables, abs and sign are refused, and so are machines
 that state no mechanics, as models by hand.
 

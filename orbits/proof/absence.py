@@ -30,17 +30,17 @@ from typing import TypeAlias
 
 from flint import arb, ctx
 
+from ..balls.equations import IntervalParameters
+from ..balls.programs import BallProgram
+from ..balls.step import between
 from ..errors import InputError
+from ..exact.decimals import bounds_of_fractions, upper_fraction
+from ..exact.exact_mechanics import Column, ExactMechanics, LoneExtension, Scale
+from ..exact.expressions import ExactExpression, depends_on, derivative_by, expression, in_order
+from ..exact.refusal import Unproved
+from ..exact.stated import Bounds, Decimals, stated_machine
 from ..model.machine import Machine, machine_in_words
 from .case import check_mirrored, not_stated
-from .decimals import bounds_of_fractions, upper_fraction
-from .equations import IntervalParameters
-from .expressions import ExactExpression, depends_on, derivative_by, expression, in_order
-from .mechanics import Column, ExactMechanics, LoneExtension, Scale
-from .programs import BallProgram
-from .refusal import Unproved
-from .stated import Bounds, Decimals, stated_machine
-from .step import between
 from .theorem import Proof
 
 BITS = 80

@@ -35,18 +35,18 @@ from fractions import Fraction
 
 from flint import arb
 
+from ..balls.motion import Motion, Refuted
+from ..balls.programs import ball_of_fraction
+from ..exact.bounds import Enclosure
+from ..exact.decimals import enclosure_of
+from ..exact.exact_mechanics import ExactMechanics
+from ..exact.expressions import substitute
+from ..exact.refusal import TooLong, Unproved
+from ..exact.statement import ExactArc, HalfOrbit
 from .bounces import Bounces, losses_with_bounce
-from .decimals import enclosure_of
-from .expressions import substitute
 from .landings import losses_at_landing
 from .launches import Flight, LaunchEquations, comes_below, launches_beyond
 from .loss import Loss
-from .mechanics import ExactMechanics
-from .motion import Motion, Refuted
-from .programs import ball_of_fraction
-from .refusal import TooLong, Unproved
-from .statement import ExactArc, HalfOrbit
-from .theorem import Enclosure
 
 # The decades of the distances that are tried.
 DECADES_OF_DISTANCES = 6

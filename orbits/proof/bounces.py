@@ -17,16 +17,16 @@ from functools import reduce
 
 from flint import arb
 
-from .equations import Equations, IntervalParameters
-from .expressions import along, derivative_by, expression, substitute, symbol, total
+from ..balls.equations import Equations, IntervalParameters
+from ..balls.motion import Motion
+from ..balls.programs import BallProgram
+from ..balls.step import between
+from ..exact.exact_mechanics import inner_product, solved
+from ..exact.expressions import along, derivative_by, expression, substitute, symbol, total
+from ..exact.refusal import Unproved
+from ..exact.statement import ExactStatement, HalfOrbit, unknown
 from .landings import CELLS_OF_WINDOW, JerkIntegrals
 from .launches import Flight, Launches, motions_of, states_between
-from .mechanics import inner_product, solved
-from .motion import Motion
-from .programs import BallProgram
-from .refusal import Unproved
-from .statement import ExactStatement, HalfOrbit, unknown
-from .step import between
 
 # How many times as late as the first landing is early the second one is at most; in leading order it is 3.
 LATEST_BOUNCE = 4.5

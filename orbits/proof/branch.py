@@ -50,6 +50,13 @@ from fractions import Fraction
 
 from flint import arb, ctx
 
+from ..balls.programs import ball_of_fraction
+from ..balls.root import FIRST_BITS
+from ..balls.taylor_model import model_arithmetic
+from ..exact.claim import Claim
+from ..exact.exact_mechanics import Scale
+from ..exact.refusal import Unproved
+from ..exact.stated import StatedMachine, stated_machine
 from ..running.time_limit import time_limit
 from .branch_claim import BranchClaim
 from .branch_motion import MotionChecks, MotionStretch
@@ -57,13 +64,6 @@ from .branch_piece import CurveEquations
 from .branch_way import Way
 from .branch_words import ProvedCurve, branch_proof
 from .case import ProvedExistence, check_mirrored, existence_of, not_stated, wrong_numbers
-from .claim import Claim
-from .mechanics import Scale
-from .programs import ball_of_fraction
-from .refusal import Unproved
-from .root import FIRST_BITS
-from .stated import StatedMachine, stated_machine
-from .taylor_model import model_arithmetic
 from .theorem import Proof
 
 

@@ -11,19 +11,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from flint import arb, arb_mat, arb_poly
 
+from ..balls.curve_motion import CurveStep, coefficients_through, follow_curve, passage_on, places
+from ..balls.equations import BallLeg
+from ..balls.motion import Motion
+from ..balls.taylor_model import TaylorModel, as_model
+from ..balls.tube import prove_tube
 from ..errors import OrbitsError
+from ..exact.claim import CONTACT_DURATION
+from ..exact.expressions import symbol
+from ..exact.refusal import TooLong, Unproved
+from ..exact.statement import unknown
 from .branch_claim import Solver
 from .branch_piece import CurveEquations, CurvePiece, parts_between
 from .case import CONDITIONS, NO_CONTACT, PROVED, UNDECIDED, counted_family, motion_conditions
-from .claim import CONTACT_DURATION
-from .curve_motion import CurveStep, coefficients_through, follow_curve, passage_on, places
-from .equations import BallLeg
-from .expressions import symbol
-from .motion import Motion
-from .refusal import TooLong, Unproved
-from .statement import unknown
-from .taylor_model import TaylorModel, as_model
-from .tube import prove_tube
 
 # How often a part of a piece is halved where no contact is proved, and where a sign is undecided.
 HALVINGS_OF_CONTACT, HALVINGS_OF_SIGNS = 4, 7

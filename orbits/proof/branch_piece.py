@@ -10,18 +10,18 @@ from typing import TypeAlias
 import numpy as np
 from flint import arb, arb_mat, arb_poly
 
+from ..balls.curve_motion import coefficients_through, passage_on, places
+from ..balls.equations import BallLeg
+from ..balls.programs import BallProgram, ball_of_fraction
+from ..balls.taylor_model import TaylorModel
+from ..balls.tube import Tube, prove_tube
+from ..exact.claim import CONTACT_DURATION, FLIGHT_DURATION
+from ..exact.exact_mechanics import ExactMechanics, Scale
+from ..exact.expressions import symbol
+from ..exact.refusal import Unproved
+from ..exact.stated import StatedMachine
+from ..exact.statement import HalfOrbit
 from .branch_claim import Solver
-from .claim import CONTACT_DURATION, FLIGHT_DURATION
-from .curve_motion import coefficients_through, passage_on, places
-from .equations import BallLeg
-from .expressions import symbol
-from .mechanics import ExactMechanics, Scale
-from .programs import BallProgram, ball_of_fraction
-from .refusal import Unproved
-from .stated import StatedMachine
-from .statement import HalfOrbit
-from .taylor_model import TaylorModel
-from .tube import Tube, prove_tube
 
 # The last coefficients of the polynomials of a piece are at most this, relative to the first: else it is too long.
 LAST_COEFFICIENTS = 1e-9

@@ -10,14 +10,14 @@ from functools import partial
 import numpy as np
 from flint import arb, ctx
 
+from ..balls.programs import ball_of_fraction
+from ..balls.root import FIRST_BITS
+from ..balls.tube import narrowed
 from ..errors import OrbitsError
+from ..exact.refusal import TooLong, Unproved
 from .branch_claim import BranchClaim
 from .branch_piece import CurveEquations, CurvePiece, inside, prove_piece, signs_along
-from .programs import ball_of_fraction
 from .proved_fold import proved_fold
-from .refusal import TooLong, Unproved
-from .root import FIRST_BITS
-from .tube import narrowed
 
 # A parameter is followed itself where it has this share of the way at least, else the launch speed; where it is
 # followed already, until it has less than the second.

@@ -5,17 +5,18 @@ from dataclasses import dataclass
 
 from flint import arb, ctx
 
+from ..balls.programs import ball_of_fraction
+from ..balls.root import FIRST_BITS
+from ..exact.bounds import Enclosure
+from ..exact.decimals import bounds_of_fractions, decimal_text, enclosure_of, lower_decimal, upper_decimal
+from ..exact.stated import StatedMachine
 from ..model.machine import machine_in_words
 from .branch_claim import BranchClaim
 from .branch_motion import MotionStretch
 from .branch_piece import CurvePiece, parts_between
 from .branch_way import Link
 from .case import PROVED, REFUTED, UNDECIDED, ProvedExistence
-from .decimals import bounds_of_fractions, decimal_text, enclosure_of, lower_decimal, upper_decimal
-from .programs import ball_of_fraction
-from .root import FIRST_BITS
-from .stated import StatedMachine
-from .theorem import CurvePart, Enclosure, Proof
+from .theorem import CurvePart, Proof
 from .wording import CONDITIONS_IN_WORDS, enclosed_words
 
 # What each condition is called where it is violated or not decided.

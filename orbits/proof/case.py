@@ -8,22 +8,23 @@ from typing import Any
 
 from flint import arb, ctx
 
+from ..balls.equations import Equations, IntervalParameters
+from ..balls.motion import Motion, Refuted
+from ..balls.programs import BallProgram, ball_of_fraction
+from ..balls.root import FIRST_BITS, ProvedRoot, evaluated_on, prove_root
 from ..errors import InputError
+from ..exact.bounds import Enclosure
+from ..exact.claim import CONTACT_DURATION, FLIGHT_DURATION, Claim
+from ..exact.decimals import bounds_of_fractions, decimal_text, enclosure_of, lower_decimal, upper_decimal
+from ..exact.exact_mechanics import ExactMechanics, Scale
+from ..exact.expressions import ExactExpression, substitute
+from ..exact.refusal import Unproved
+from ..exact.stated import StatedMachine
+from ..exact.statement import ExactStatement, HalfOrbit
 from ..model.machine import Machine, machine_in_words
 from .attraction import Attraction, Hop, attraction_of
-from .claim import CONTACT_DURATION, FLIGHT_DURATION, Claim
-from .decimals import bounds_of_fractions, decimal_text, enclosure_of, lower_decimal, upper_decimal
-from .equations import Equations, IntervalParameters
-from .expressions import ExactExpression, substitute
 from .loss import Loss, enclosed_loss
-from .mechanics import ExactMechanics, Scale
-from .motion import Motion, Refuted
-from .programs import BallProgram, ball_of_fraction
-from .refusal import Unproved
-from .root import FIRST_BITS, ProvedRoot, evaluated_on, prove_root
-from .stated import StatedMachine
-from .statement import ExactStatement, HalfOrbit
-from .theorem import Enclosure, Part, Proof
+from .theorem import Part, Proof
 from .wording import attraction_sentence, loss_sentence, motion_sentence, root_sentence
 
 BITS_PER_DIGIT = 3.33

@@ -5,13 +5,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from decimal import Decimal
 
+from ..exact.bounds import Enclosure
+from ..exact.claim import Claim
+from ..exact.decimals import bounds_of_fractions
+from ..exact.refusal import Unproved
+from ..exact.stated import Bounds, Decimals, StatedMachine, stated_machine
 from ..running.time_limit import time_limit
 from .case import CONDITIONS, REFUTED, UNDECIDED, check_mirrored, not_stated, whole_proof
-from .claim import Claim
-from .decimals import bounds_of_fractions
-from .refusal import Unproved
-from .stated import Bounds, Decimals, StatedMachine, stated_machine
-from .theorem import Enclosure, Proof
+from .theorem import Proof
 from .wording import enclosed_words, equations_words, motion_sentence
 
 # IntervalParameters are halved so often where they are too wide for one proof.

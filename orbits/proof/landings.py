@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 from flint import arb
 
+from ..balls.step import between
+from ..exact.refusal import Unproved
 from .launches import PARTS_OF_PIECE, Flight, Launches
-from .refusal import Unproved
-from .step import between
 
 # Parts of the window on which landings are enclosed one by one, and passes over the means on each.
 CELLS_OF_WINDOW, PASSES_OVER_MEANS = 24, 3

@@ -13,17 +13,17 @@ from typing import NamedTuple
 
 from flint import arb, ctx
 
-from .claim import FLIGHT_DURATION
-from .equations import Equations, IntervalParameters
-from .expressions import ExactExpression, along, derivative_by, expression, symbol, symbols
+from ..balls.equations import Equations, IntervalParameters
+from ..balls.motion import Motion
+from ..balls.programs import BallProgram
+from ..balls.root import evaluated_on
+from ..balls.step import between
+from ..exact.claim import FLIGHT_DURATION
+from ..exact.exact_mechanics import inner_product, solved
+from ..exact.expressions import ExactExpression, along, derivative_by, expression, symbol, symbols
+from ..exact.refusal import Unproved
+from ..exact.statement import ExactArc, ExactStatement, HalfOrbit, unknown
 from .loss import launch_expressions
-from .mechanics import inner_product, solved
-from .motion import Motion
-from .programs import BallProgram
-from .refusal import Unproved
-from .root import evaluated_on
-from .statement import ExactArc, ExactStatement, HalfOrbit, unknown
-from .step import between
 
 # Bits that motions are followed in; sets of launches are wider by far than what these round.
 BITS_OF_LAUNCHES = 64

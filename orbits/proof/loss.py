@@ -11,14 +11,14 @@ from dataclasses import dataclass
 
 from flint import arb, arb_mat, ctx
 
-from .enclosure import FINE, follow_set, unit_matrix
-from .equations import BallLeg
-from .expressions import ExactExpression, derivative_by, expression, substitute
-from .mechanics import inner_product, solved
-from .motion import Motion
-from .programs import UNDEFINED, BallProgram, ball_of_fraction
-from .refusal import Unproved
-from .statement import HalfOrbit
+from ..balls.enclosure import FINE, follow_set, unit_matrix
+from ..balls.equations import BallLeg
+from ..balls.motion import Motion
+from ..balls.programs import UNDEFINED, BallProgram, ball_of_fraction
+from ..exact.exact_mechanics import inner_product, solved
+from ..exact.expressions import ExactExpression, derivative_by, expression, substitute
+from ..exact.refusal import Unproved
+from ..exact.statement import HalfOrbit
 
 
 @dataclass(frozen=True)

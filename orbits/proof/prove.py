@@ -13,12 +13,12 @@ from typing import Protocol, TypeAlias
 
 from ..consistency.accepted import check_machine, check_parameters
 from ..errors import InputError
+from ..exact.claim import Claim, claim_of
 from ..model.machine import Machine
 from ..periodic.orbit import Orbit
 from ..running.exclusive import exclusive
 from ..running.time_limit import LIMIT, time_limit
 from .branch_claim import BranchClaim
-from .claim import Claim, claim_of
 from .theorem import Proof
 
 # An exact decimal, as text or a `Decimal`, or as the shortest decimal of a float; two of them are an interval.

@@ -8,19 +8,19 @@ from fractions import Fraction
 
 from flint import arb, ctx
 
+from ..balls.equations import Equations, IntervalParameters
+from ..balls.programs import ball_of_fraction
+from ..balls.root import FIRST_BITS, ProvedRoot, prove_root
 from ..errors import InputError
+from ..exact.claim import FLIGHT_DURATION
+from ..exact.decimals import bounds_of_fractions, enclosure_of, lower_decimal, upper_decimal
+from ..exact.exact_mechanics import ExactMechanics, Scale
+from ..exact.expressions import substitute, symbol
+from ..exact.refusal import Unproved
+from ..exact.stated import Decimals, StatedMachine, stated_machine
+from ..exact.statement import HalfOrbit, statement_of_folds
 from ..model.machine import Machine, machine_in_words
 from .case import ball_of, bits_of_digits, check_mirrored, not_stated
-from .claim import FLIGHT_DURATION
-from .decimals import bounds_of_fractions, enclosure_of, lower_decimal, upper_decimal
-from .equations import Equations, IntervalParameters
-from .expressions import substitute, symbol
-from .mechanics import ExactMechanics, Scale
-from .programs import ball_of_fraction
-from .refusal import Unproved
-from .root import FIRST_BITS, ProvedRoot, prove_root
-from .stated import Decimals, StatedMachine, stated_machine
-from .statement import HalfOrbit, statement_of_folds
 from .theorem import Part, Proof
 from .wording import enclosed_words
 

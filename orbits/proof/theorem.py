@@ -3,40 +3,16 @@
 import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
+from ..exact.bounds import Enclosure
 from ..io import one_line, write_json
 from ..result import cell
 
 # The width of the lines of a statement.
 LINE_WIDTH = 110
 PROOF_FORMAT = "persistent-orbits proof 2"
-
-
-@dataclass(frozen=True)
-class Enclosure:
-    """An interval that is proved to hold a number, by two decimals that are rounded outward."""
-
-    low: str
-    high: str
-
-    def __contains__(self, value: float | str | Decimal) -> bool:
-        """Whether a number, or one that is given as a decimal, lies in the interval."""
-        return Decimal(self.low) <= Decimal(value) <= Decimal(self.high)
-
-    @property
-    def width(self) -> float:
-        """The difference of the bounds."""
-        return float(Decimal(self.high) - Decimal(self.low))
-
-    def document(self) -> dict[str, str]:
-        """The bounds for JSON."""
-        return {"low": self.low, "high": self.high}
-
-    def __str__(self) -> str:
-        return f"[{self.low}, {self.high}]"
 
 
 @dataclass(frozen=True)
@@ -93,7 +69,7 @@ class Proof:
     statement : the theorem in words; where not all is proved, what is. Whoever has it alone can rebuild the machine.
     machine : the machine in words and numbers
     kind : what the theorem is about: "orbit", "fold", "absence", "branch", "fixed point", "period doubling"
-    stated : the machine as the theorem states it, in formulas and decimals, see `orbits.proof.stated`
+    stated : the machine as the theorem states it, in formulas and decimals, see `orbits.exact.stated`
     parameters : the exact decimals between which each parameter lies, equal for a number
     family : the number of the family, counted from enclosures; None where that is not proved
     enclosures : of alpha, flight_time, contact_time and other quantities by name, in the machine's units

@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping
 
+from ..exact.bounds import Enclosure
 from .attraction import Attraction
-from .theorem import Enclosure
 
 # What each condition of a motion says, where it is proved.
 CONDITIONS_IN_WORDS = {

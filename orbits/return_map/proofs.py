@@ -1,6 +1,6 @@
 """What can be proved of return maps: a fixed point with its multiplier, and where one loses stability by doubling.
 
-The theorems are in `orbits.proof.proved_map`. Here the numbers that the proofs start from are computed in floats.
+The theorems are in `orbits.return_map.proved_map`. Here the numbers that the proofs start from are computed in floats.
 """
 
 from itertools import pairwise
@@ -19,7 +19,7 @@ from .diagram import Bifurcation
 from .return_map import FixedPoint, ReturnMap
 
 if TYPE_CHECKING:
-    from ..proof.proved_map import HopGuess
+    from .proved_map import HopGuess
 
 # Newton's steps toward a fixed point from a guess of it, until one is this small relative to the launch speed.
 MOST_STEPS_TO_FIXED_POINT, FIXED_TO = 20, 1e-13
@@ -38,7 +38,7 @@ def prove_fixed_point(
     digits, parameters, limit : as in `prove`
 
     The result encloses alpha, the times and the multiplier. What is proved, and how, is said in
-    `orbits.proof.proved_map`; where something is not, the result says what and why. Raises `InputError` without
+    `orbits.return_map.proved_map`; where something is not, the result says what and why. Raises `InputError` without
     python-flint, for a machine with restitution or friction, or of which a launch is more than a speed, and for a
     lossless hop, which `prove` proves; and `NoOrbit` where a guess leads to no fixed point.
 
@@ -50,9 +50,9 @@ def prove_fixed_point(
     (True, '-0.5976197', True)
     """
     _check_plastic(machine)
+    from ..exact.stated import exact_bounds
     from ..proof.case import checked_digits
-    from ..proof.proved_map import proof_of_fixed_point
-    from ..proof.stated import exact_bounds
+    from .proved_map import proof_of_fixed_point
 
     digits, given = checked_digits(digits), dict(parameters or {})
     low, high = exact_bounds("inject", inject)
@@ -94,7 +94,7 @@ def prove_doubling(
     if not (isinstance(flip, Bifurcation) and flip.kind == "flip" and len(flip.alphas) == 1):
         raise InputError('a doubling is a "flip" event of fixed points along "inject", see `bifurcations`')
     from ..proof.case import checked_digits
-    from ..proof.proved_map import proof_of_doubling
+    from .proved_map import proof_of_doubling
 
     digits, given = checked_digits(digits), dict(parameters or {})
     with time_limit(limit):
@@ -116,7 +116,7 @@ def _check_plastic(machine: Machine) -> None:
 
 def guessed_hop(machine: Machine, alpha: float, inject: float) -> "HopGuess":
     """The hop of the fixed point near a launch speed, in floats; raises `NoOrbit` where none is found."""
-    from ..proof.proved_map import HopGuess
+    from .proved_map import HopGuess
 
     step = ReturnMap(machine, inject)
     for _ in range(MOST_STEPS_TO_FIXED_POINT):

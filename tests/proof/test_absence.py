@@ -3,11 +3,11 @@
 from fractions import Fraction
 
 import pytest
-from balls import fn
+from ball_systems import fn
 
 from orbits import InputError, NoOrbit, find, prove_absence
+from orbits.exact.expressions import symbol
 from orbits.proof.absence import trend_of
-from orbits.proof.expressions import symbol
 from problems import Chain, Hopper, Juggler
 
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from orbits import InputError, Mass, Mechanism, Orbit, Spring, find, prove, prove_fold
+from orbits.exact.claim import claim_of
+from orbits.exact.stated import stated_machine
 from orbits.io import write_json
 from orbits.proof import intervals
 from orbits.proof.case import whole_proof
-from orbits.proof.claim import claim_of
-from orbits.proof.stated import stated_machine
 from orbits.proof.wording import equations_words
 from problems import Hopper, hopper_in_si
 

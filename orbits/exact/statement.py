@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from .claim import CONTACT_DURATION, FLIGHT_DURATION
+from .exact_mechanics import Column, ExactMechanics, LoneExtension, inner_product
 from .expressions import ONE, ZERO, ExactExpression, along, depends_on, expression, substitute, symbol, symbols
 from .formulas import Domain, Domains
-from .mechanics import Column, ExactMechanics, LoneExtension, inner_product
 
 
 @dataclass(frozen=True)

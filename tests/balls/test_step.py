@@ -4,13 +4,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from balls import THREE_HALVES, fn, power, system_of
+from ball_systems import THREE_HALVES, fn, power, system_of
 from flint import arb, ctx
 
-from orbits.proof.crossing import NO_BREAKPOINTS
-from orbits.proof.enclosure import follow_centre
-from orbits.proof.refusal import Unproved
-from orbits.proof.step import between, take_step
+from orbits.balls.crossing import NO_BREAKPOINTS
+from orbits.balls.enclosure import follow_centre
+from orbits.balls.step import between, take_step
+from orbits.exact.refusal import Unproved
 
 GROWTH = system_of(1, lambda x: [x[0]])
 OSCILLATOR = system_of(2, lambda x: [x[1], -x[0]])

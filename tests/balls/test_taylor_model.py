@@ -6,13 +6,13 @@ import random
 import pytest
 from flint import arb, arb_mat
 
-from orbits.proof.curve_motion import coefficients_through, places
-from orbits.proof.equations import BallLeg
-from orbits.proof.expressions import ONE, ZERO, symbol
-from orbits.proof.refusal import Unproved
-from orbits.proof.statement import ExactArc
-from orbits.proof.taylor_model import TaylorModel, model_arithmetic
-from orbits.proof.tube import prove_tube
+from orbits.balls.curve_motion import coefficients_through, places
+from orbits.balls.equations import BallLeg
+from orbits.balls.taylor_model import TaylorModel, model_arithmetic
+from orbits.balls.tube import prove_tube
+from orbits.exact.expressions import ONE, ZERO, symbol
+from orbits.exact.refusal import Unproved
+from orbits.exact.statement import ExactArc
 
 PLACES = [-1.0, -0.7, -0.2, 0.0, 0.35, 0.9, 1.0]
 

@@ -11,14 +11,14 @@ from dataclasses import dataclass
 
 from flint import arb, arb_mat
 
+from ..exact.exact_mechanics import place_of
+from ..exact.expressions import ZERO, ExactExpression, exact_number, jacobian, substitute, symbol, total
+from ..exact.refusal import Unproved
+from ..exact.stated import Bounds
+from ..exact.statement import ExactArc, ExactStatement
 from .crossing import Breakpoints
 from .enclosure import COARSE, Fineness, Passage, Variation, follow_set
-from .expressions import ZERO, ExactExpression, exact_number, jacobian, substitute, symbol, total
-from .mechanics import place_of
 from .programs import BallProgram, ball_of_fraction
-from .refusal import Unproved
-from .stated import Bounds
-from .statement import ExactArc, ExactStatement
 from .step import System, between, widened
 
 # Halvings of a step's time after which it is left open whether a law has a value there.

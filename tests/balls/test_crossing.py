@@ -7,9 +7,9 @@ import pytest
 from flint import arb
 
 from orbits import NoOrbit, find, prove
+from orbits.balls.crossing import Breakpoints
+from orbits.exact.refusal import Unproved
 from orbits.laws.law import Written
-from orbits.proof.crossing import Breakpoints
-from orbits.proof.refusal import Unproved
 from problems import Hopper, Juggler
 from problems.laws import springs
 

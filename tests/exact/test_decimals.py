@@ -9,7 +9,7 @@ import pytest
 from flint import arb, ctx
 
 from orbits import Enclosure
-from orbits.proof.decimals import enclosure_of, lower_decimal, upper_decimal
+from orbits.exact.decimals import enclosure_of, lower_decimal, upper_decimal
 
 
 @pytest.fixture(autouse=True)

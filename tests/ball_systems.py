@@ -7,13 +7,13 @@ from types import SimpleNamespace
 import mpmath as mp
 from flint import arb
 
-from orbits.proof import equations
-from orbits.proof.equations import Equations, IntervalParameters
-from orbits.proof.expressions import SMOOTH_FUNCTIONS, call, expression, symbol
-from orbits.proof.expressions import power as power_of
-from orbits.proof.mechanics import parameter_of
-from orbits.proof.stated import exact_bounds
-from orbits.proof.statement import ExactArc, ExactStatement
+from orbits.balls import equations
+from orbits.balls.equations import Equations, IntervalParameters
+from orbits.exact.exact_mechanics import parameter_of
+from orbits.exact.expressions import SMOOTH_FUNCTIONS, call, expression, symbol
+from orbits.exact.expressions import power as power_of
+from orbits.exact.stated import exact_bounds
+from orbits.exact.statement import ExactArc, ExactStatement
 
 # Functions of expressions by name.
 fn = SimpleNamespace(**{name: partial(call, name) for name in SMOOTH_FUNCTIONS})

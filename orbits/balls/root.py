@@ -15,11 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from flint import arb, arb_mat, ctx
 
-from .claim import CONTACT_DURATION, FLIGHT_DURATION
+from ..exact.claim import CONTACT_DURATION, FLIGHT_DURATION
+from ..exact.refusal import TooLong, Unproved
 from .enclosure import COARSE, Fineness, unit_matrix
 from .equations import Equations, Evaluated, columns_of
 from .programs import UNDEFINED
-from .refusal import TooLong, Unproved
 
 # Bits of the first proof, and relative radii of the boxes that are tried, the largest first.
 FIRST_BITS = 80

@@ -3,7 +3,7 @@
 Nothing is rounded and nothing is dropped here but what is exactly so: a sum or a product of rational numbers is one,
 and 0 + x, 1 x, x - x and 0 x are what they are. The last two may lose a place where x has no value. So whatever
 restricts the domain of a stated formula (a quotient, a root, a logarithm, a power) is collected beside it, see
-`orbits.proof.formulas.Domain`, and is looked at along the whole motion, whether or not it is left in the expression.
+`orbits.exact.formulas.Domain`, and is looked at along the whole motion, whether or not it is left in the expression.
 
 Equal expressions are one object, so that common parts are computed once.
 """

@@ -19,8 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 from flint import arb, arb_poly, arb_series, ctx
 
+from ..exact.refusal import Unproved
 from .programs import UNDEFINED, BallProgram, coefficient
-from .refusal import Unproved
 
 # The step is chosen so that the tube grows at most by about this share of itself.
 STIFFEST = 0.6

@@ -27,11 +27,11 @@ from math import ceil, log2
 
 from flint import arb, arb_mat
 
-from .expressions import ZERO, ExactExpression, along, exact_number, substitute, symbol, symbols, total
-from .mechanics import Column, ExactMechanics, inner_product, solved
-from .programs import ball_of_fraction
-from .refusal import Unproved
-from .statement import ExactArc, ExactStatement, HalfOrbit, unknown
+from ..balls.programs import ball_of_fraction
+from ..exact.exact_mechanics import Column, ExactMechanics, inner_product, solved
+from ..exact.expressions import ZERO, ExactExpression, along, exact_number, substitute, symbol, symbols, total
+from ..exact.refusal import Unproved
+from ..exact.statement import ExactArc, ExactStatement, HalfOrbit, unknown
 
 INJECTION = "inject"
 # What the map's derivative in the last equation is where the multiplier is -1.

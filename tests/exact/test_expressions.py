@@ -4,10 +4,11 @@ from fractions import Fraction
 
 import mpmath as mp
 import pytest
-from balls import fn, holds, power
+from ball_systems import fn, holds, power
 from flint import arb, ctx
 
-from orbits.proof.expressions import (
+from orbits.balls.programs import BallProgram
+from orbits.exact.expressions import (
     ONE,
     PI,
     ZERO,
@@ -19,10 +20,9 @@ from orbits.proof.expressions import (
     symbol,
     vanishes,
 )
-from orbits.proof.expressions import (
+from orbits.exact.expressions import (
     exact_number as number,
 )
-from orbits.proof.programs import BallProgram
 
 X, Y = symbol("x"), symbol("y")
 

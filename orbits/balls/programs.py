@@ -11,8 +11,8 @@ from typing import Any, TypeAlias
 
 from flint import arb, arb_series, ctx, fmpq
 
-from .expressions import ExactExpression, in_order
-from .refusal import Unproved
+from ..exact.expressions import ExactExpression, in_order
+from ..exact.refusal import Unproved
 
 # A ball, or a power series of balls that is cut off at the context's order.
 Value: TypeAlias = Any

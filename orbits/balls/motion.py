@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from flint import arb
 
 from ..errors import OrbitsError
+from ..exact.expressions import ExactExpression, along
+from ..exact.refusal import Unproved
 from .enclosure import Passage, Piece
 from .equations import BallLeg
-from .expressions import ExactExpression, along
 from .programs import BallProgram
-from .refusal import Unproved
 from .step import between
 
 # Halvings of a step's time after which a sign is left undecided.

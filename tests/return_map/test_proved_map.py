@@ -18,8 +18,8 @@ from orbits import (
     prove_doubling,
     prove_fixed_point,
 )
-from orbits.proof.proved_map import proof_of_fixed_point
 from orbits.return_map.proofs import guessed_hop
+from orbits.return_map.proved_map import proof_of_fixed_point
 from problems import Chain, Hopper, Juggler, hopper_in_si, inerter_hopper, knee_hopper
 
 # Of the linear hopper with equal masses: launch speeds of fixed points, and the times of their flights.

@@ -4,12 +4,12 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
-from balls import clock_of, fn
+from ball_systems import clock_of, fn
 from flint import arb, ctx
 
-from orbits.proof.expressions import expression, symbol
-from orbits.proof.motion import Motion, Refuted
-from orbits.proof.refusal import Unproved
+from orbits.balls.motion import Motion, Refuted
+from orbits.exact.expressions import expression, symbol
+from orbits.exact.refusal import Unproved
 
 END = 3.0
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from flint import arb, arb_poly, ctx
 
-from .refusal import Unproved
+from ..exact.refusal import Unproved
 from .step import Step, System, between, take_step
 
 # Attempts at a window about a breakpoint, each wider than the last.

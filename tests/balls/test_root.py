@@ -1,11 +1,11 @@
 """Roots: existence, uniqueness, refusals and interval parameters, of equations with known roots."""
 
 import pytest
-from balls import algebraic, equations_of, oscillator
+from ball_systems import algebraic, equations_of, oscillator
 from flint import arb, ctx
 
-from orbits.proof.refusal import Unproved
-from orbits.proof.root import FIRST_BITS, prove_root
+from orbits.balls.root import FIRST_BITS, prove_root
+from orbits.exact.refusal import Unproved
 
 
 @pytest.fixture(autouse=True)

@@ -15,8 +15,8 @@ from typing import TypeAlias
 import numpy as np
 from flint import arb, arb_mat, ctx
 
+from ..exact.refusal import Unproved, check_proof_time
 from .crossing import NO_BREAKPOINTS, Breakpoints, advance_step
-from .refusal import Unproved, check_proof_time
 from .step import Step, System
 
 # How derivatives are enclosed: the order of polynomials, their accuracy, and the bits of balls. Coarse ones stand

@@ -43,22 +43,23 @@ from fractions import Fraction
 
 from flint import arb, ctx
 
+from ..balls.equations import Equations, IntervalParameters
+from ..balls.programs import ball_of_fraction
+from ..balls.root import FIRST_BITS, evaluated_on
+from ..balls.step import between
 from ..errors import InputError
+from ..exact.bounds import Enclosure
+from ..exact.decimals import bounds_of_fractions, decimal_text, enclosure_of, upper_decimal
+from ..exact.exact_mechanics import ExactMechanics, Scale, parameter_of
+from ..exact.refusal import Unproved
+from ..exact.stated import Bounds, Decimals, StatedMachine, exact_bounds, range_text, stated_machine
+from ..exact.statement import unknown
 from ..model.machine import Machine, machine_in_words
-from .case import PROVED, not_stated
-from .decimals import bounds_of_fractions, decimal_text, enclosure_of, upper_decimal
-from .equations import Equations, IntervalParameters
+from ..proof.case import PROVED, not_stated
+from ..proof.theorem import Part, Proof
+from ..proof.wording import enclosed_words
 from .hop import INJECTION, HopStatement, Jet, doubling_statement, hop_statement, next_jet, pace_of
-from .mechanics import ExactMechanics, Scale, parameter_of
-from .programs import ball_of_fraction
 from .proved_hop import ProvedHop, conditions_of_hop, proved_hop
-from .refusal import Unproved
-from .root import FIRST_BITS, evaluated_on
-from .stated import Bounds, Decimals, StatedMachine, exact_bounds, range_text, stated_machine
-from .statement import unknown
-from .step import between
-from .theorem import Enclosure, Part, Proof
-from .wording import enclosed_words
 
 # What a map's own fixed point says is right to within so many roundings of the map, and its multiplier to this share.
 FOUND_TO, SLOPE_FOUND_TO = 512 * 2.0**-52, 1e-6

@@ -18,9 +18,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from flint import arb, arb_mat
 
+from ..exact.refusal import Unproved
 from .curve_motion import CurveStep, SpreadTooFar, coefficients_through, follow_curve, places
 from .equations import BallLeg
-from .refusal import Unproved
 from .taylor_model import TaylorModel, as_model
 
 # The half width of the first tube that is tried, relative to the unknowns, and how many are.

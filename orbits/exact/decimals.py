@@ -6,7 +6,7 @@ from fractions import Fraction
 
 from flint import arb, ctx
 
-from .theorem import Enclosure
+from .bounds import Enclosure
 
 # Digits of a radius that are told beyond its first.
 DIGITS_OF_RADIUS = 2

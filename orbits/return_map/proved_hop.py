@@ -5,18 +5,19 @@ from dataclasses import dataclass
 
 from flint import arb, ctx
 
-from .case import bits_of_digits, verdict_of
-from .decimals import enclosure_of, lower_decimal
-from .enclosure import COARSE, FINE
-from .equations import Equations
-from .expressions import ExactExpression, depends_on, substitute
+from ..balls.enclosure import COARSE, FINE
+from ..balls.equations import Equations
+from ..balls.motion import Motion
+from ..balls.programs import ball_of_fraction
+from ..balls.root import FIRST_BITS, ProvedRoot, evaluated_on, polished, prove_root
+from ..exact.bounds import Enclosure
+from ..exact.decimals import enclosure_of, lower_decimal
+from ..exact.expressions import ExactExpression, depends_on, substitute
+from ..exact.refusal import Unproved
+from ..exact.statement import ExactStatement
+from ..proof.case import bits_of_digits, verdict_of
+from ..proof.theorem import Part
 from .hop import HopStatement, Jet, levels_of, next_jet, pace_of, statement_of_jets
-from .motion import Motion
-from .programs import ball_of_fraction
-from .refusal import Unproved
-from .root import FIRST_BITS, ProvedRoot, evaluated_on, polished, prove_root
-from .statement import ExactStatement
-from .theorem import Enclosure, Part
 
 
 @dataclass(frozen=True)

@@ -4,12 +4,12 @@ from fractions import Fraction
 
 import mpmath as mp
 import pytest
-from balls import fn, holds, power
+from ball_systems import fn, holds, power
 from flint import arb, arb_series, ctx
 
-from orbits.proof.expressions import PI, ZERO, derivative_by, exact_number, symbol
-from orbits.proof.programs import BallProgram, coefficient
-from orbits.proof.refusal import Unproved
+from orbits.balls.programs import BallProgram, coefficient
+from orbits.exact.expressions import PI, ZERO, derivative_by, exact_number, symbol
+from orbits.exact.refusal import Unproved
 
 ORDER = 10
 # In CasADi, in mpmath, and a place.

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from balls import oscillator
+from ball_systems import oscillator
 from flint import arb, ctx
 
 # Speed and duration.

@@ -27,8 +27,8 @@ from functools import lru_cache
 import numpy as np
 from flint import arb, arb_mat, arb_poly, arb_series
 
+from ..exact.refusal import Unproved, check_proof_time
 from .enclosure import TOO_LONG, Passage, Piece, Variation, orthogonal_frame
-from .refusal import Unproved, check_proof_time
 from .step import Step, picard_coefficients, widened
 from .taylor_model import ALL_PLACES, ALL_TIMES, CURVE_DEGREE, TIME_DEGREE, TaylorModel, as_model
 
