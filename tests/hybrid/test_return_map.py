@@ -326,7 +326,8 @@ def test_the_smallest_separation_of_a_hop():
     step = ReturnMap(machine)
     lowest = -1 - np.sqrt(4 + 2 * step(speeds).next ** 2)
     assert step.smallest_separation(speeds) == pytest.approx(5.0 + lowest, rel=1e-12)
-    assert step.smallest_separation(3.0) > 0 and np.isnan(step.smallest_separation(0.0))
+    assert step.smallest_separation(3.0) > 0
+    assert np.isnan(step.smallest_separation(0.0))
     assert ReturnMap(Hopper()).smallest_separation(4.6) is None
     metre = hopper_in_si(1.0, 1.0, stiffness=9.81, surface_gravity=9.81, rest_length=5.0)
     speed = 1.01 * find(metre).alpha
