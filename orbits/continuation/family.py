@@ -26,6 +26,7 @@ from ..io import (
     writing,
 )
 from ..model.machine import Machine
+from ..periodic.certified import orbit_from
 from ..periodic.orbit import Orbit, SavedLaws, with_note
 from ..proof.branch_claim import BranchClaim
 from ..proof.claim import CONTACT_DURATION, Claim
@@ -35,7 +36,6 @@ from ..result import cell, shown
 from ..running.time_limit import LIMIT
 from ..tables import DIGITS
 from ..units import UNIT_TEXTS, saved_units
-from .hops import orbit_from
 from .point import COLUMNS, KNOWN, NUMBERS, SIDES, End, Event, Point, check_points, json_line, point_in_units
 from .proved_curve import branch_claim
 from .table import names_of_motions, numbers_of_motions

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from ...io import check_path, writing
-from ...tables import html_table, machine_rows, orbit_rows
+from ...periodic.quantities import orbit_rows
+from ...tables import html_table, machine_rows
 from .bokeh_figures import Change, apply, bokeh
 from .family_view import FamilyFigure, ending, family_data
 from .hop_view import HopFigures, hop_data
