@@ -25,8 +25,9 @@ from .model.modes import Modes, linear_modes
 from .model.phase import Affine, Arc, Phase, Pieces, Statement
 from .model.state_formula import StateFormula
 from .periodic.certificate import Certificate
-from .periodic.find import METHODS, find, find_all
+from .periodic.find import find, find_all
 from .periodic.fold_statement import fold_statement
+from .periodic.formulations import METHODS
 from .periodic.orbit import Orbit
 from .proof.prove import prove, prove_absence, prove_fold
 from .proof.theorem import Proof

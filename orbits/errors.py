@@ -1,7 +1,6 @@
 """The toolkit's exceptions, all derived from `OrbitsError`, and the checks of numbers that a user gives."""
 
 from numbers import Real
-from typing import Self
 
 import numpy as np
 
@@ -26,20 +25,10 @@ def cut_in_the_middle(text: str, longest_head: int, longest_tail: int) -> str:
 
 
 class OrbitsError(Exception):
-    """Base of all errors raised on purpose; the message says what is wrong, where, and what to do.
-
-    index : the position of the member of a batch that the error is about; None where it is about the whole batch
-    """
-
-    index: int | None = None
+    """Base of all errors raised on purpose; the message says what is wrong, where, and what to do."""
 
     def __str__(self) -> str:
         return shortened(super().__str__())
-
-    def about(self, index: int) -> Self:
-        """This error, with the position of the member of a batch that it is about."""
-        self.index = int(index)
-        return self
 
 
 class InputError(OrbitsError, ValueError):

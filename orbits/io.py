@@ -29,7 +29,17 @@ MEGABYTE = 1 << 20
 # Characters of a value in the one line that tells a result, and of that line.
 LONGEST_TOLD, LONGEST_TOLD_LINE = 100, 195
 DIGEST = "digest"  # the key of a document that has its own
-DOCUMENTS = (".json",)  # endings of JSON documents
+# The endings of the files that results are written to, by what they are; of all others it is .json.
+ENDINGS: dict[str, tuple[str, ...]] = {
+    "family": (".jsonl", ".json", ".csv", ".nc"),
+    "lines": (".jsonl", ".json"),
+    **dict.fromkeys(("front", "control", "bifurcation diagram"), (".json", ".csv")),
+    "diagram": (".json", ".csv", ".nc"),
+    "sweep": (".csv", ".nc", ".parquet", ".json"),
+    "figure": (".png", ".pdf", ".svg", ".jpg", ".jpeg", ".eps"),
+    "animation": (".gif", ".mp4"),
+    "page": (".html",),
+}
 # What a document says where one of these is expected, and how a message calls it.
 WORDS = {float: "a finite number", int: "a whole number", str: "a text", bool: "true or false"}
 
@@ -95,10 +105,11 @@ def _plain(value: Any) -> Any:
     raise TypeError(f"{value!r} cannot be written as JSON")
 
 
-def write_json(document: Mapping, path: str | Path, what: str, endings: tuple[str, ...] = DOCUMENTS) -> Path:
-    """Write a document to a JSON file and return its path; `what` it is and the `endings` that its files may have go
-    into the `InputError` when that fails."""
-    path, text = check_ending(path, endings), to_json(sealed(document)) + "\n"
+def write_json(document: Mapping, path: str | Path, what: str) -> Path:
+    """Write a document to a JSON file and return its path; `what` it is says which `ENDINGS` the file may have, and
+    goes into the `InputError` when that fails."""
+    check_ending(path, what)
+    path, text = Path(path), to_json(sealed(document)) + "\n"
     with writing(what, path) as target:
         target.write_text(text, encoding="utf-8")
     return path
@@ -223,18 +234,20 @@ def _is_open_already(path: Path) -> bool:
     return False
 
 
-def check_ending(path: str | Path, endings: tuple[str, ...]) -> Path:
-    """The path of a file to write; raises `InputError` when its ending is none of those given."""
-    path = Path(path)
-    if endings and path.suffix.lower() not in endings:
+def check_ending(path: str | Path, what: str) -> str:
+    """The ending, in small letters, of a file to write; raises `InputError` when it is none of the `ENDINGS` of `what`
+    the file is to be."""
+    path, endings = Path(path), ENDINGS.get(what, (".json",))
+    if path.suffix.lower() not in endings:
         raise InputError(f"'{path}' cannot be written: its name needs an ending, {' or '.join(endings)}")
-    return path
+    return path.suffix.lower()
 
 
-def check_path(path: str | Path, endings: tuple[str, ...]) -> Path:
-    """The path of a file to write, with one of the endings if any are given; raises `InputError` where its ending, its
-    folder or its permissions rule that out."""
-    path = check_ending(path, endings)
+def check_path(path: str | Path, what: str) -> Path:
+    """The path of a file to write; raises `InputError` where its ending, its folder or its permissions rule that
+    out."""
+    check_ending(path, what)
+    path = Path(path)
     if not path.parent.is_dir():
         raise InputError(f"'{path}' cannot be written: there is no folder '{path.parent}'")
     if path.is_dir():

@@ -4,7 +4,6 @@ The curve is F(u, value) = 0, the equations that `find` solves, with their exact
 X = (u, value), measured in units of its own size.
 """
 
-import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from itertools import groupby
@@ -13,14 +12,13 @@ from typing import NamedTuple
 import numpy as np
 
 from ..consistency.accepted import check_parameters
-from ..errors import InputError, NoOrbit, OrbitsError
+from ..errors import InputError, OrbitsError
 from ..flow.flow import OUT_OF_LAW
 from ..model.machine import Machine
-from ..periodic.certificate import certify
-from ..periodic.error_bound import error_bounds
-from ..periodic.find import certified_orbit
-from ..periodic.formulations import equations_of, interpret, or_none
-from ..periodic.orbit import Orbit, orbit_of
+from ..periodic.certificate import Certificate, records
+from ..periodic.certified import Solved, certified, orbit_from
+from ..periodic.formulations import Cycles, equations_of, iterative, method_of, or_none
+from ..periodic.orbit import Orbit
 from ..periodic.single_shooting import Evaluation, joined
 from ..units import Units, without_units
 from .point import RESERVED_NAMES, Point, point_in_units
@@ -117,7 +115,7 @@ class Curve:
     def __init__(self, machine: Machine, along: str, method: str, span: float):
         self.machine, self.along, self.method, self.span = machine, along, method, span
         self.names, self.parameters = tuple(machine.values), np.array(list(machine.values.values()))
-        self.equations = self.orbits = equations_of(machine.model, method, self.names)
+        self.equations = self.equations_of_orbits = equations_of(machine.model, method, self.names)
         self.place = self.names.index(along)
 
     def size(self, x: np.ndarray) -> np.ndarray:
@@ -154,27 +152,17 @@ class Curve:
         """The points, certified, up to the first that cannot be, and its error."""
         if not points:
             return [], None
-        us, ps, evaluation, closing = self.solutions(points)
-        errors, doubtful = error_bounds(self.orbits, us, ps, evaluation, closing, quickly=True)
-        refused = doubtful | self._refused(ps)
+        solved, closing = self.solutions(points)
+        found, refused = certified(solved, closing, quickly=True, refused=self._refused(solved.ps))
         end = min(refused, default=len(points))
-        if end == 0:
+        if found is None or end == 0:
             return [], refused[0]
-        if refused:
-            us, ps, evaluation, errors = us[:end], ps[:end], evaluation[np.arange(end)], errors[:end]
-        try:
-            orbits = self._certificates(points[:end], us, ps, evaluation, errors)
-        except NoOrbit as error:
-            if error.index is None:
-                raise
-            first, error.index = error.index, None
-            certified, earlier = self.certify_all(points[:first])
-            return certified, earlier or error
-        return [CurvePoint(*point[:-1], orbit) for point, orbit in zip(points, orbits, strict=False)], refused.get(end)
+        orbits = self._points(points[:end], found.cycles, found.certificates)
+        return [point._replace(certified=orbit) for point, orbit in zip(points, orbits, strict=False)], refused.get(end)
 
-    def solutions(self, points: Sequence[CurvePoint]) -> tuple[np.ndarray, np.ndarray, Evaluation, np.ndarray]:
-        """The unknowns (m, n) and parameters (m, np) of the machine's own equations `orbits`, these equations there,
-        and the rows (m, n + 1) that close them when errors are measured."""
+    def solutions(self, points: Sequence[CurvePoint]) -> tuple[Solved, np.ndarray]:
+        """The solutions (m, n) of the machine's own equations at points, and the rows (m, n + 1) that close these
+        equations when errors are measured."""
         xs = np.array([point.x for point in points])
         across, ps = np.array([point.tangent for point in points]) / self.size(xs) ** 2, self.parameters_at(xs)
         folds = np.abs(across[:, -1]) * self.span < AT_A_FOLD
@@ -185,21 +173,29 @@ class Curve:
             whole = np.array_equal(indices, np.arange(len(evaluation.jacobian)))
             evaluations.append(evaluation if whole else evaluation[indices])
         closing = np.where(folds[:, None], across, np.eye(xs.shape[1])[-1])
-        return xs[:, :-1], ps, joined(evaluations), closing
+        return self._solved(xs[:, :-1], ps, joined(evaluations)), closing
 
-    def _certificates(self, points: Sequence[CurvePoint], us, ps, evaluation: Evaluation, errors) -> list[Point]:
-        """The orbits at `solutions`, certified; raises `NoOrbit` about the first that cannot be."""
-        model = self.machine.model
-        cycles = interpret(model, self.method, self.orbits, us, ps, evaluation, errors)
+    def _solved(self, us: np.ndarray, ps: np.ndarray, evaluation: Evaluation) -> Solved:
+        return Solved(self.machine.model, self.method, self.equations_of_orbits, us, ps, evaluation)
+
+    def _points(self, points: Sequence[CurvePoint], cycles: Cycles, certificates: Sequence[Certificate]) -> list[Point]:
+        """What is certified of the first of some points."""
+        xs, tangents = (np.array([getattr(point, name) for point in points]) for name in ("x", "tangent"))
         also = {name: cycles.p[name].tolist() for name in self.varied(self.parameters) if name != self.along}
         others = [dict(zip(also, row, strict=True)) for row in zip(*also.values(), strict=True)] or [{}] * len(points)
-        extensions = model.liftoff_extension(cycles.u, cycles.p)
-        figures = cycles.u["alpha"].tolist(), extensions.tolist(), cycles.flight_times.tolist()
-        columns = *figures, or_none(cycles.contact_times), certify(model, cycles), others
-        *us, values = np.array([point.x for point in points]).T.tolist()
-        tangents = np.array([point.tangent for point in points]).tolist()
-        places = values, zip(*us, strict=True), map(tuple, tangents)
-        return [Point(*row) for row in zip(*places, *columns, strict=True)]
+        count = slice(len(points))
+        return records(
+            Point,
+            value=xs[:, -1].tolist(),
+            u=map(tuple, xs[:, :-1].tolist()),
+            tangent=map(tuple, tangents.tolist()),
+            alpha=cycles.u["alpha"][count].tolist(),
+            liftoff_extension=self.machine.model.liftoff_extension(cycles.u, cycles.p)[count].tolist(),
+            flight_time=cycles.flight_times[count].tolist(),
+            contact_time=or_none(cycles.contact_times[count]),
+            certificate=certificates[count],
+            also=others[count],
+        )
 
     def _refused(self, ps: np.ndarray) -> dict[int, OrbitsError]:
         """By index why the machine cannot have some of the parameters (m, np)."""
@@ -216,10 +212,8 @@ class Curve:
 
     def orbit(self, point: CurvePoint) -> Orbit:
         """The whole orbit at a certified point."""
-        began, us, ps = time.perf_counter(), point.x[None, :-1], self.parameters_at(point.x[None])
-        machine, evaluation = self.machine.with_values(**self.varied(ps[0])), self.orbits.evaluate_all(us, ps)
-        orbit = certified_orbit(machine, self.method, us[0], evaluation, point.point.error, began=began)
-        return orbit_of(machine, orbit)
+        machine = self.machine.with_values(**self.varied(self.parameters_at(point.x[None])[0]))
+        return orbit_from(machine, self.method, point.x[:-1], point.point.error)
 
     def units_at(self, point: Point) -> Units | None:
         """The units at a point of the curve; None for a dimensionless machine."""
@@ -266,7 +260,7 @@ def machine_at(machine: Machine, point: Point, along: str, method: str | None) -
     if not isinstance(point, Point):
         raise InputError("where to begin is the `point` of a family's event")
     machine = machine.with_values(**{along: point.value})
-    method = method or ("relative" if machine.model.reduction else "half orbit")
+    method = method or iterative(method_of(machine.model))
     if len(point.u) != equations_of(machine.model, method, tuple(machine.values)).size:
         raise InputError("this point was found by another method; give that method")
     return machine, method

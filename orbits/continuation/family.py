@@ -27,6 +27,7 @@ from ..io import (
     writing,
 )
 from ..model.machine import Machine
+from ..periodic.certified import orbit_from
 from ..periodic.orbit import Orbit, SavedLaws, with_note
 from ..proof.branch_claim import BranchClaim
 from ..proof.prove import prove_branch, prove_claims
@@ -35,7 +36,6 @@ from ..result import cell, shown
 from ..running.time_limit import LIMIT
 from ..tables import DIGITS
 from ..units import UNIT_TEXTS, saved_units
-from .hops import orbit_from
 from .point import COLUMNS, KNOWN, NUMBERS, SIDES, End, Event, Point, check_points, json_line, point_in_units
 from .proved_curve import branch_claim
 from .table import names_of_motions, numbers_of_motions
@@ -45,8 +45,6 @@ FAMILY_FORMAT = "persistent-orbits family 1"
 UNFINISHED = "its file ends before it does: resume it to go on"
 # Seconds that the proof of a curve may take unless more are allowed.
 LIMIT_OF_BRANCH = 600.0
-# Endings of the files that a family is saved to; the first two are lines of JSON.
-ENDINGS = (".jsonl", ".json", ".csv", ".nc")
 # What is read of a saved family at most: some 100,000 points, and lines far longer than any that is written.
 LARGEST_FILE, LONGEST_LINE = 128 * MEGABYTE, 4 * MEGABYTE
 
@@ -361,13 +359,13 @@ class Family:
 
     def save(self, path: str | Path) -> Path:
         """Write the family to .json (to load and resume), .csv (a table) or .nc (NetCDF, by the extra `data`)."""
-        path = check_ending(path, ENDINGS)
-        if path.suffix.lower() == ".csv":
+        path, ending = Path(path), check_ending(path, "family")
+        if ending == ".csv":
             columns = [self.name, *(self.points[0].also if self.points else ()), *COLUMNS]
             rows = ((p.value, *p.also.values(), *(getattr(p, name) for name in COLUMNS)) for p in self.points)
             return write_table([self.heading(name) for name in columns], rows, path, "family")
         with writing("family", path) as target:
-            if path.suffix.lower() == ".nc":
+            if ending == ".nc":
                 self._dataset().to_netcdf(target)
             else:
                 target.write_text("".join(map(Sealing().line, self.records())), encoding="utf-8")

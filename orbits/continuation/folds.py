@@ -7,9 +7,10 @@ import numpy as np
 
 from ..errors import InputError, NoOrbit, finite_number
 from ..model.machine import Machine
+from ..periodic.certified import Solved
 from ..periodic.fold_statement import fold_statement
 from ..periodic.formulations import columns
-from ..periodic.single_shooting import Evaluation, shooting_equations
+from ..periodic.single_shooting import shooting_equations
 from ..running.exclusive import exclusive
 from .checkpoint import collect_family
 from .curve import Curve, CurvePoint, check_followed, machine_at
@@ -30,7 +31,7 @@ class _FoldCurve(Curve):
         self.folded = self.names.index(along)
         # A parameter that passes zero is measured by its first value, or by 1 when that is zero itself.
         self.least = 0.1 * abs(self.parameters[self.folded]) or 1.0
-        self.equations = shooting_equations(fold_statement(self.orbits.statement, along), self.names)
+        self.equations = shooting_equations(fold_statement(self.equations_of_orbits.statement, along), self.names)
 
     def parameters_at(self, xs: np.ndarray) -> np.ndarray:
         values = super().parameters_at(xs)
@@ -39,7 +40,7 @@ class _FoldCurve(Curve):
 
     def size(self, x: np.ndarray) -> np.ndarray:
         """The unknowns as on any curve, their directions for a change of alpha by its size, the folding parameter."""
-        n, index = len(names := self.orbits.statement.unknowns), names.index("alpha")
+        n, index = len(names := self.equations_of_orbits.statement.unknowns), names.index("alpha")
         size = super().size(np.concatenate([x[..., :n], x[..., -1:]], axis=-1))
         directions = np.delete(size[..., :-1], index, axis=-1) / size[..., [index]]
         folded = np.maximum(np.abs(x[..., -2:-1]), self.least)
@@ -48,14 +49,14 @@ class _FoldCurve(Curve):
     def varied(self, p: np.ndarray) -> dict[str, float]:
         return {**super().varied(p), self.names[self.folded]: float(p[self.folded])}
 
-    def solutions(self, points: Sequence[CurvePoint]) -> tuple[np.ndarray, np.ndarray, Evaluation, np.ndarray]:
+    def solutions(self, points: Sequence[CurvePoint]) -> tuple[Solved, np.ndarray]:
         """As of any curve, with the errors measured across the family that folds: along it only the orbit changes."""
-        names, xs = self.orbits.statement.unknowns, np.array([point.x for point in points])
+        names, xs = self.equations_of_orbits.statement.unknowns, np.array([point.x for point in points])
         us, ps = xs[:, : len(names)], self.parameters_at(xs)
-        evaluation = self.orbits.evaluate_all(us, ps, (self.names[self.folded],))
+        evaluation = self.equations_of_orbits.evaluate_all(us, ps, (self.names[self.folded],))
         by_name = dict(zip(self.equations.statement.unknowns, xs.T, strict=False))
         closing = columns([*(1.0 if name == "alpha" else by_name[f"d{name}"] for name in names), 0.0])
-        return us, ps, evaluation, closing
+        return self._solved(us, ps, evaluation), closing
 
 
 @exclusive
@@ -97,7 +98,7 @@ def follow_fold(
     start, stop = machine.values[across], finite_number("stop", stop)
     bounds_of(across, start, stop)
     curve = _FoldCurve(machine, along, across, method, abs(stop - start))
-    names, tangent = curve.orbits.statement.unknowns, np.array(fold.tangent[:-1])
+    names, tangent = curve.equations_of_orbits.statement.unknowns, np.array(fold.tangent[:-1])
     alpha = tangent[names.index("alpha")]
     if not abs(fold.tangent[-1]) * fold.u[names.index("alpha")] < STEEPEST * abs(alpha) * max(abs(fold.value), 1e-3):
         raise NoOrbit(f"this point is no fold: {along} changes along its family")

@@ -9,7 +9,9 @@ import numpy as np
 
 from ..errors import InputError, NoOrbit, finite_number
 from ..model.machine import Machine, machine_in_words
-from ..periodic.find import Progress, Root, another_family, lowest_of_family, solve_family, solve_near
+from ..periodic.certified import Solved
+from ..periodic.find import Progress, another_family, lowest_of_family, solve_family, solve_near
+from ..periodic.formulations import iterative
 from ..periodic.orbit import Orbit
 from ..running import interrupts
 from ..running.exclusive import LOCK, exclusive
@@ -233,16 +235,16 @@ def _begin(machine, along, start, stop, family, orbit, method, options: Options,
         return _resumed(machine, along, behind, stop, resume, options)
     with interrupts.deferred(), without_units(machine.units):
         family = 1 if family is None else family
-        method, root = _of_family(machine, family, method) if orbit is None else solve_near(machine, orbit, method)
-        curve = Curve(machine, along, "relative" if method == "closed form" else method, abs(stop - behind))
-    tracer = start_tracer(curve, np.append(root.u, start), start, behind, stop, options)
+        solved = _of_family(machine, family, method) if orbit is None else solve_near(machine, orbit, method)
+        curve = Curve(machine, along, iterative(solved.method), abs(stop - behind))
+    tracer = start_tracer(curve, np.append(solved.us[0], start), start, behind, stop, options)
     if orbit is None and tracer.first.point.family != family:
         raise NoOrbit(another_family(family, tracer.first.point.family))
     return tracer
 
 
-def _of_family(machine: Machine, family: int, method: str | None) -> tuple[str, Root]:
-    """The method, and the solution of the orbit that `find` gives for a family. Where the first that is solved for is
+def _of_family(machine: Machine, family: int, method: str | None) -> Solved:
+    """The solution of the orbit that `find` gives for a family. Where the first that is solved for is
     taken for the lowest, it is certified with the points that follow."""
     search = machine.model.search and machine.model.search(machine.values)
     if search is None or search.single:

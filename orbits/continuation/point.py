@@ -1,24 +1,15 @@
 """What a family is made of: its points, the events between them, and the end; and their lines in a file."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 from ..io import fields_in_line, to_json
 from ..periodic.certificate import Certificate
 from ..periodic.orbit import certificate_in_units
+from ..periodic.quantities import CERTIFIED, QUANTITIES
 from ..units import Units
 
-# Columns of a table of points, after the parameter's own.
-MOTION_COLUMNS = ("alpha", "liftoff_extension", "flight_time", "contact_time", "admissible")
-CHECK_COLUMNS = ("error", "residual", "energy_drift", "family", "clearance", "smallest_separation")
-CONTACT_COLUMNS = ("smallest_contact_force", "largest_contact_force", "landing_jerk", "loss_coefficient")
-NUMBERS = (*MOTION_COLUMNS, *CHECK_COLUMNS, *CONTACT_COLUMNS)
-SIDES = ("stable_side", "bounce_side")
-COLUMNS = (*NUMBERS, *SIDES)
-KNOWN = (*NUMBERS, "period")  # at every point; what its motion tells besides is in `table`
-# Names that no parameter can have, since it stands beside these in a table or a document.
-RESERVED_NAMES = (*COLUMNS, "value", "kind", "after", "violations", "point", "event")
 # Unknowns and tangents whose largest component is smaller, or larger than its inverse, are none.
 SMALLEST_SIZE = 1e-100
 
@@ -65,6 +56,16 @@ class Point:
     def row(self) -> dict[str, Any]:
         """The columns of a table at this point, ready for JSON."""
         return {**self.also, **{name: getattr(self, name) for name in COLUMNS}, "violations": list(self.violations)}
+
+
+# Columns of a table of points, after the parameter's own: numbers of the motion, of the certificate, and words.
+MOTION_COLUMNS = (*(each.name for each in fields(Point) if each.name in QUANTITIES), "admissible")
+NUMBERS = (*MOTION_COLUMNS, *(name for name in CERTIFIED if name not in ("loss_error", "alpha_noise")))
+SIDES = ("stable_side", "bounce_side")
+COLUMNS = (*NUMBERS, *SIDES)
+KNOWN = (*NUMBERS, "period")  # at every point; what its motion tells besides is in `table`
+# Names that no parameter can have, since it stands beside these in a table or a document.
+RESERVED_NAMES = (*COLUMNS, "value", "kind", "after", "violations", "point", "event")
 
 
 def point_in_units(point: Point, units: Units | None) -> Point:

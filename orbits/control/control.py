@@ -215,7 +215,7 @@ class Control:
     def save(self, path: str | Path) -> Path:
         """Write the motion to .json, from which `load` brings it back to the last bit, or its `table` to .csv; returns
         the path. Raises `InputError` when the file cannot be written."""
-        if check_ending(path, (".json", ".csv")).suffix.lower() == ".json":
+        if check_ending(path, "control") == ".json":
             return write_json(self.document(), path, "control")
         table = self.table()
         rows = zip(*(column.tolist() for column in table.values()), strict=True)

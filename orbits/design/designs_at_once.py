@@ -8,8 +8,10 @@ import numpy as np
 from ..errors import InputError, OrbitsError, shortened
 from ..model.machine import Machine
 from ..model.model import Model
+from ..periodic.certified import Certified
 from ..periodic.find import find
-from ..periodic.orbits_at_once import NUMBERS_OF_MANY, Orbits, lowest_orbits, numbers_of
+from ..periodic.orbits_at_once import lowest_orbits
+from ..periodic.quantities import OF_MANY, numbers_of
 from ..running import interrupts
 from ..symbolic.formula import Formula
 from ..units import Units, in_units
@@ -63,7 +65,7 @@ def _solved_in_lanes(machine: Machine, designs: Designs, family: int, formulas: 
         if i not in left:
             continue
         base = designs.machine(machine, i)
-        known = {*NUMBERS_OF_MANY, *base.model.rises(base.values), *base.values}
+        known = {*OF_MANY, *base.model.rises(base.values), *base.values}
         if base.model in tried or not {*designs.names, *used} <= known:
             continue
         tried.add(base.model)
@@ -84,16 +86,17 @@ def _solved_in_lanes(machine: Machine, designs: Designs, family: int, formulas: 
 
 
 def _fill_in(
-    designs: Designs, which: np.ndarray, model: Model, orbits: Orbits, formulas: Mapping[str, Formula]
+    designs: Designs, which: np.ndarray, model: Model, orbits: Certified, formulas: Mapping[str, Formula]
 ) -> None:
     """Write orbits that were found together to their designs."""
     p, places = orbits.cycles.p, orbits.places
-    wanted = {"error"}.union(*(formula.names for formula in formulas.values()))
-    known = {**p, **numbers_of(model, orbits, model.units and model.units(p), wanted)}
-    for name in ("alpha", "flight_time", "error"):
+    columns = [name for name in designs.numbers if name not in formulas]
+    wanted = set(columns).union(*(formula.names for formula in formulas.values()))
+    units = model.units and model.units(p)
+    known = {**p, **numbers_of(model, orbits.cycles, orbits.certificates, units, wanted)}
+    for name in columns:
         designs.numbers[name][which] = known[name][places]
     certificates = [orbits.certificates[place] for place in places.tolist()]
-    designs.numbers["family"][which] = [certificate.family for certificate in certificates]
     for text, formula in formulas.items():
         with np.errstate(all="ignore"):
             designs.numbers[text][which] = _finite(formula(**{name: known[name][places] for name in formula.names}))

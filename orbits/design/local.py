@@ -13,16 +13,16 @@ import numpy as np
 
 from ..errors import NoOrbit
 from ..model.machine import Machine
-from ..periodic.find import certified_orbit
-from ..periodic.formulations import equations_of, vector
+from ..periodic.certified import certified_orbit, solve_from
+from ..periodic.formulations import iterative, method_of
 from ..periodic.orbit import Orbit
 from ..running import interrupts
 from ..symbolic.ipopt import Minimum
 from ..units import without_units
+from .design_statement import base_statement, without_contact
 from .nlp import DEMAND_MARGIN, DesignPoint, Ties, Weights, design_point
 from .optimality import Design, optimum_at
 from .problem import DesignProblem, Outputs
-from .quantities import base_statement, without_contact
 
 # The cost of a nonlinear program is the objective, with the constraints held; or the violations and a little of the
 # objective, until the constraints are met; or the violations alone, to see whether they can be met at all.
@@ -191,11 +191,9 @@ def _correct(search: LocalSearch, x: np.ndarray) -> tuple[Machine, Orbit, bool]:
 
 def corrected_orbit(machine: Machine, u: np.ndarray) -> tuple[Orbit, np.ndarray]:
     """The certified orbit of a machine near unknowns `u` of its simplest statement, and the corrected unknowns."""
-    began, model, p = time.perf_counter(), machine.model, dict(machine.values)
-    method = "relative" if model.reduction else "half orbit"
-    equations = equations_of(model, method, tuple(p))
-    u, evaluation = equations.newton(u, vector(p))
-    return certified_orbit(machine, method, u, evaluation, began=began), u
+    began = time.perf_counter()
+    solved = solve_from(machine, iterative(method_of(machine.model)), u)
+    return certified_orbit(machine, solved, began=began), solved.us[0]
 
 
 def _toward_feasibility(moved: LocalSearch, settled: bool, before: DesignPoint) -> LocalSearch:

@@ -22,8 +22,8 @@ from ..periodic.orbit import Orbit
 from ..symbolic.ipopt import Minimiser, Minimum
 from ..symbolic.kept import kept
 from ..units import DIMENSIONS, LENGTH, Units
+from .design_statement import ABSENT, Place, expressions, extreme_values, extremes_of, locate, without_contact
 from .problem import Outputs
-from .quantities import ABSENT, Place, expressions, extreme_values, extremes_of, locate, without_contact
 
 # What is demanded of a motion stays this far above zero, in the machine's units: a motion that just touches is refused.
 DEMAND_MARGIN = 1e-9

@@ -16,8 +16,9 @@ from ..errors import InputError
 from ..io import conform, one_line, read_file, read_sealed, to_json, write_json
 from ..model.machine import Machine, machine_in_words
 from ..periodic.orbit import Orbit, orbit_of
+from ..periodic.quantities import orbit_rows
 from ..result import cell
-from ..tables import DIGITS, number_text, orbit_rows
+from ..tables import DIGITS, number_text
 from .nlp import DesignPoint
 from .problem import DesignProblem
 

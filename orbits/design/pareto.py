@@ -10,7 +10,7 @@ from typing import Any, BinaryIO, TypedDict
 import numpy as np
 
 from ..errors import InputError, OrbitsError, whole_number
-from ..io import DOCUMENTS, conform, one_line, read_file, read_sealed, write_json, write_table
+from ..io import check_ending, conform, one_line, read_file, read_sealed, write_json, write_table
 from ..model.machine import Machine
 from ..periodic.find import Progress, find
 from ..result import Axes, cell, shown
@@ -72,9 +72,9 @@ class Front:
     def save(self, path: str | Path) -> Path:
         """Write the document with the whole orbits (.json) or a table of objectives and parameters (.csv); returns the
         path."""
-        if Path(path).suffix.lower() != ".csv":
+        if check_ending(path, "front") == ".json":
             points = [{"values": list(_objectives(design)), **design.saved()} for design in self.designs]
-            return write_json({**self.document(), "points": points}, path, "front", (*DOCUMENTS, ".csv"))
+            return write_json({**self.document(), "points": points}, path, "front")
         names = list(self.designs[0].parameters)
         rows = [(*_objectives(design), *(design.parameters[name] for name in names)) for design in self.designs]
         return write_table(self._headings(), rows, path, "front")

@@ -12,7 +12,7 @@ from ..model.machine import Machine, free_parameters
 from ..model.model import Model
 from ..model.phase import Statement
 from ..symbolic.formula import Formula, parse, suggest
-from .quantities import VARIATIONAL, Place, design_statement, quantity_names
+from .design_statement import VARIATIONAL, Place, design_statement, quantity_names
 
 # Bounds nearer together than this share of their size are refused: rounding of the parameter changes an orbit as much.
 NARROWEST = 1e-9

@@ -10,9 +10,9 @@ from ..periodic.find import find
 from ..periodic.orbit import Orbit
 from ..running import interrupts
 from ..running.exclusive import exclusive
+from .design_statement import extremes_of, locate, quantity_names
 from .nlp import DesignPoint, design_point
 from .problem import Outputs, formula_names, known_formula
-from .quantities import extremes_of, locate, quantity_names
 
 # Names that are asked for, None for all.
 Names: TypeAlias = Sequence[str] | None

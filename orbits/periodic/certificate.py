@@ -1,8 +1,8 @@
 """The certificate of an orbit: what its motions alone say of it after it was solved, and what makes it no motion."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -17,7 +17,7 @@ from ..numerics.bernstein import PiecewisePolynomials, derivative, evaluate
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
 from ..symbolic.calls import ElementwiseFunction
 from ..symbolic.kept import kept
-from ..units import JERK, LENGTH, TIME, Message, Quantity
+from ..units import JERK, LENGTH, TIME, Message, Quantity, Record
 from .error_bound import DOUBTFUL_RATIO, EPS, NARROW
 from .formulations import CONTACT_FORCE, NONE, Cycles, or_none, vectors
 from .local_law import by_launch_speed, launch_power, loss_coefficient
@@ -91,8 +91,8 @@ class Certificate:
         return fields_in_line(self, "family", "error", "clearance", "loss_coefficient", "violations")
 
 
-def certify(model: Model, cycles: Cycles) -> list[Certificate]:
-    """The certificates of solved orbits of one model; raises `NoOrbit` about the first that can have none."""
+def certify(model: Model, cycles: Cycles) -> tuple[list[Certificate], dict[int, NoOrbit]]:
+    """The certificates of solved orbits (m,) of one model, and by index why some can have none."""
     curves = _curves(model, cycles)
     jerk, clearance, collisions = _gaps(model, cycles, curves["gap"])
     separation, meetings = _separations(model, cycles, curves)
@@ -111,13 +111,12 @@ def certify(model: Model, cycles: Cycles) -> list[Certificate]:
     finite = np.all(np.isfinite([cycles.error, cycles.residual, drift, jerk]), axis=0)
     finite &= np.all([np.isfinite(each) | (each == NONE) for each in (loss, separation, smallest_force)], axis=0)
     leaps = (changes > np.maximum(WORST_DRIFT * launch[:, None], DOUBTFUL_RATIO * floors)).any(1)
+    refused = dict[int, NoOrbit]()
     for i in (~finite | leaps).nonzero()[0].tolist():
         overflow = "its numbers overflow; state the machine in units nearer to 1"
         reason = f"its energy drifts by {drift[i]:.1e}{NARROW}" if finite[i] else overflow
-        raise NoOrbit(f"the orbit cannot be certified: {reason}").about(i)
+        refused[i] = NoOrbit(f"the orbit cannot be certified: {reason}")
     families = _families(curves["extension"], cycles.halves_per_flight)
-    figures = (cycles.residual, cycles.error, drift, clearance, separation, smallest_force, largest_force, -jerk, loss)
-    unfolding = cycles.u["unfolding"].tolist() if "unfolding" in cycles.u else [None] * len(cycles)
     with np.errstate(all="ignore"):
         share = 4 / 3 * cycles.slope_error / np.abs(cycles.gap_slope) + LOSS_ROUNDING * EPS
         losses_off = np.where((loss == NONE) | ~np.isfinite(share), NONE, loss * share)
@@ -125,10 +124,30 @@ def certify(model: Model, cycles: Cycles) -> list[Certificate]:
     known = (loss != NONE) & (losses_off != NONE) & (losses_off < loss)
     sides = zip(known.tolist(), (cycles.gap_slope > 0).tolist(), strict=True)
     bounce = [("below" if rises else "above") if one else None for one, rises in sides]
-    stable, noise = ["above" if side else None for side in bounce], [None] * len(cycles)
-    others = stable, violations, unfolding, or_none(losses_off), noise, bounce
-    rows = zip(families, *map(or_none, figures), *others, strict=True)
-    return [Certificate(*row) for row in rows]
+    certificates = records(
+        Certificate,
+        family=families,
+        residual=cycles.residual.tolist(),
+        error=cycles.error.tolist(),
+        energy_drift=drift.tolist(),
+        clearance=or_none(clearance),
+        smallest_separation=or_none(separation),
+        smallest_contact_force=or_none(smallest_force),
+        largest_contact_force=or_none(largest_force),
+        landing_jerk=(-jerk).tolist(),
+        loss_coefficient=or_none(loss),
+        stable_side=["above" if side else None for side in bounce],
+        violations=violations,
+        unfolding=cycles.u["unfolding"].tolist() if "unfolding" in cycles.u else [None] * len(cycles),
+        loss_error=or_none(losses_off),
+        bounce_side=bounce,
+    )
+    return certificates, refused
+
+
+def records(kind: Callable[..., Record], **columns: Iterable[Any]) -> list[Record]:
+    """The records (m,) of a kind, whose fields by name are columns (m,)."""
+    return [kind(**dict(zip(columns, row, strict=True))) for row in zip(*columns.values(), strict=True)]
 
 
 def _losses(model: Model, cycles: Cycles, jerk: np.ndarray, power: np.ndarray) -> np.ndarray:

@@ -4,42 +4,30 @@ import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from ..consistency.accepted import check_machine
 from ..errors import FlowError, InputError, NoOrbit, finite_number
-from ..laws.law import NOISE
 from ..model.machine import Machine, dimensionless
 from ..model.model import Model
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..running.time_limit import time_limit
 from ..units import LIFTOFF_SPEED, TIME, Message, Quantity, in_units, without_units
-from .certificate import certify
-from .error_bound import error_bounds, noise_of_alpha
+from .certified import Solved, certified_orbit, corrector, known_solutions, solve_from
 from .family_search import Cells, Lateness
-from .formulations import contact_reversor, equations_of, interpret, or_none, vector
+from .formulations import equations_of, iterative, method_of, vector
 from .homotopy import solve_by_homotopy
-from .orbit import Orbit, Shape, orbit_of, start_in_file
-from .single_shooting import Evaluation, Shooting
+from .orbit import Orbit, orbit_of, start_in_file
 
 Progress: TypeAlias = Callable[[float], None] | None  # called with the share that is done
-METHODS = ("closed form", "relative", "half orbit", "shooting")
 LARGEST_FAMILY = 10_000
 # Orbits whose launch speeds, times and states agree to this share are the same.
 SAME_ORBIT = 1e-9
 # A start with a longer time than this describes no machine in its own units, and would take long to integrate.
 LONGEST_START = 1e4
-
-
-class Root(NamedTuple):
-    """A solution (n,) of a method's equations, these there, and a bound on the error of alpha where it is known."""
-
-    u: np.ndarray
-    evaluation: Evaluation
-    error: float | None = None
 
 
 @exclusive
@@ -60,7 +48,8 @@ def find(
     start : an orbit nearby, the file of one, which may have been changed since it was written, or the unknowns of a
         half orbit by name, to start from instead of the model's guess; an orbit of any family is then returned, unless
         `family` is given too
-    method : one of `METHODS`, None for the simplest that the machine allows; "shooting" is multiple shooting by Ipopt
+    method : "closed form", "relative", "half orbit" or "shooting", which is multiple shooting by Ipopt; None for the
+        simplest that the machine allows
     progress : called with the share of the homotopy that is done, where there is one
     limit : how many seconds it may take; None for 30, or as many as a `time_limit` around it allows
 
@@ -77,11 +66,11 @@ def find(
     (2.936459188, True)
     """
     check_machine(machine)
-    number = None if family is None else _family_number(family)
+    number = None if family is None else family_number(family)
     if isinstance(start, str | Path):
         start = start_in_file(start)
     if machine.units is not None:
-        _possible_method(machine.model, method)
+        method_of(machine.model, method)
         start = dimensionless_start(start, machine)
         with without_units(machine.units):
             bare = dimensionless(machine)
@@ -91,8 +80,7 @@ def find(
         if start is None:
             return lowest_of_family(machine, number or 1, method, progress)
         began = time.perf_counter()
-        method, root = solve_near(machine, start, method)
-        orbit = certified_orbit(machine, method, *root, began=began)
+        orbit = certified_orbit(machine, solve_near(machine, start, method), began=began)
         if number not in (None, orbit.family):
             raise NoOrbit(f"the start leads to an orbit of family {orbit.family}, not {family}")
         return orbit
@@ -133,7 +121,7 @@ def find_all(
         check_machine(machine)
         if fastest is not None and not finite_number("fastest", fastest) > 0:
             raise InputError(f"fastest = {fastest:g} is no launch speed; it lies above 0")
-        family, method = _family_number(1 if family is None else family), _possible_method(machine.model, method)
+        family, method = family_number(1 if family is None else family), method_of(machine.model, method)
         if (units := machine.units) is not None:
             speed = None if fastest is None else fastest / units.of(LIFTOFF_SPEED)
             with without_units(units):
@@ -169,8 +157,7 @@ def lowest_of_family(machine: Machine, family: int, method: str | None, progress
         orbits = _all_of_family(machine, family, method, progress=progress)
         return replace(orbits[0], seconds=time.perf_counter() - began)
     try:
-        solved_by, root = solve_family(machine, family, method, progress)
-        orbit = certified_orbit(machine, solved_by, *root, began=began)
+        orbit = certified_orbit(machine, solve_family(machine, family, method, progress), began=began)
         if orbit.family != family:
             raise NoOrbit(another_family(family, orbit.family))
     except NoOrbit as error:
@@ -181,7 +168,7 @@ def lowest_of_family(machine: Machine, family: int, method: str | None, progress
             return replace(orbits[0], seconds=time.perf_counter() - began)
         except NoOrbit as none:
             raise with_search(error, none) from None
-    if search is None or search.single or solved_by == "closed form":
+    if search is None or search.single or orbit.method == "closed form":
         return orbit
     try:
         orbits = _all_of_family(machine, family, method)
@@ -200,10 +187,9 @@ def _all_of_family(
     model, p, began = machine.model, machine.values, time.perf_counter()
     if not (model.search and model.reversor):
         raise InputError(f"the families of a {model.name} are not searched: give find_all starts")
-    method = _possible_method(model, method)
+    method = method_of(model, method)
     if method == "closed form":
-        _, root = solve_family(machine, family, method)
-        only = certified_orbit(machine, method, *root, began=began)
+        only = certified_orbit(machine, solve_family(machine, family, method), began=began)
         if only.family != family:
             raise NoOrbit(another_family(family, only.family))
         if fastest is not None and only.alpha > fastest:
@@ -211,8 +197,8 @@ def _all_of_family(
             speeds = {"alpha": Quantity(only.alpha, LIFTOFF_SPEED), "fastest": Quantity(fastest, LIFTOFF_SPEED)}
             raise NoOrbit(Message(text, family=family, **speeds))
         return (replace(only, known_in_family=1),)
-    solved_by = "relative" if method == "relative" else "half orbit"
-    lateness = Lateness(model, solved_by, tuple(p), vector(p)[None], family, [model.search(p)])
+    searched_by = "half orbit" if method == "shooting" else method
+    lateness = Lateness(model, searched_by, tuple(p), vector(p)[None], family, [model.search(p)])
     found, refused = list[Orbit](), Message("")
     (cells,) = lateness.cells(fastest)
     for i, (cell, about) in enumerate(zip(cells.cells, cells.abouts, strict=True)):
@@ -250,12 +236,11 @@ def _orbit_in_cell(machine: Machine, lateness: Lateness, cell: np.ndarray, about
 
     Raises `NoOrbit` where the orbit cannot be certified, and where Newton's method does not come to one.
     """
-    equations, p = equations_of(machine.model, lateness.method, tuple(machine.values)), vector(machine.values)
     for alpha in (about, None):
         began = time.perf_counter()
         try:
             (start,) = lateness.start(np.array([lateness.enclosed(cell) if alpha is None else alpha]))
-            orbit = certified_orbit(machine, lateness.method, *equations.newton(start, p), began=began)
+            orbit = certified_orbit(machine, solve_from(machine, lateness.method, start), began=began)
         except NoOrbit:
             if alpha is None:
                 raise
@@ -265,74 +250,29 @@ def _orbit_in_cell(machine: Machine, lateness: Lateness, cell: np.ndarray, about
     return None
 
 
-def solve_family(machine: Machine, family: int, method: str | None, progress: Progress = None) -> tuple[str, Root]:
-    """The method, and the solution that it finds for a family, as in `find`; not certified to be of that family."""
-    family, model, p = _family_number(family), machine.model, dict(machine.values)
-    method, equations, correct = _opening(machine, method)
+def solve_family(machine: Machine, family: int, method: str | None, progress: Progress = None) -> Solved:
+    """The solution that a method finds for a family, as in `find`; not certified to be of that family."""
+    family, model, p = family_number(family), machine.model, dict(machine.values)
+    method = method_of(model, method)
     if method == "closed form" and model.reduction and model.reduction.exact:
         unknowns, error = model.reduction.exact(family, p)
-        u = vector(unknowns)
-        return method, Root(u, equations.evaluate_all(u[None], vector(p)[None]), error)
-    return method, Root(*solve_by_homotopy(model, equations, correct, family, p, progress))
+        return known_solutions(model, method, tuple(p), vector(unknowns)[None], vector(p)[None], np.array([error]))
+    equations = equations_of(model, method, tuple(p))
+    u, evaluation = solve_by_homotopy(model, equations, corrector(method, equations), family, p, progress)
+    return Solved(model, method, equations, u[None], vector(p)[None], evaluation)
 
 
-def solve_near(machine: Machine, start: Orbit | Mapping[str, float], method: str | None) -> tuple[str, Root]:
-    """The method, and the solution that it finds from a start, as in `find`."""
-    method, equations, correct = _opening(machine, method, closed_form="relative")
+def solve_near(machine: Machine, start: Orbit | Mapping[str, float], method: str | None) -> Solved:
+    """The solution that a method finds from a start, as in `find`."""
+    method = iterative(method_of(machine.model, method))
     stated = _stated_unknowns(machine.model, dimensionless_start(start, machine))
-    names = equations.statement.unknowns
+    names = equations_of(machine.model, method, tuple(machine.values)).statement.unknowns
     if missing := [name for name in names if name not in stated]:
         raise InputError(f"start has no '{missing[0]}'; the unknowns are {', '.join(names)}")
     try:
-        return method, Root(*correct(np.array([stated[name] for name in names]), vector(machine.values)))
+        return solve_from(machine, method, np.array([stated[name] for name in names]))
     except FlowError as error:
         raise NoOrbit(Message("the start cannot be followed: {error}", error=error)) from None
-
-
-def _opening(machine: Machine, method: str | None, closed_form: str = "closed form") -> tuple[str, Shooting, Callable]:
-    """The method to take, with another name for the closed form, its equations, and what solves them."""
-    method = _possible_method(machine.model, method)
-    method = closed_form if method == "closed form" else method
-    equations = equations_of(machine.model, method, tuple(machine.values))
-    return method, equations, equations.multiple_shooting if method == "shooting" else equations.newton
-
-
-def certified_orbit(
-    machine: Machine, method: str, u: np.ndarray, evaluation: Evaluation, error: float | None = None, *, began: float
-) -> Orbit:
-    """The certified orbit of a solution `u` (n,) of a method's equations, whose evaluation there has one point.
-
-    An `error` of alpha that is not known is measured; the search `began` at that `time.perf_counter`. Raises `NoOrbit`
-    when the orbit cannot be certified.
-    """
-    model, p = machine.model, machine.values
-    equations = equations_of(model, method, tuple(p))
-    us, ps, errors = np.reshape(u, (1, -1)), vector(p)[None], np.array([error])
-    if error is None:
-        errors, refused = error_bounds(equations, us, ps, evaluation)
-        if refused:
-            raise refused[0]
-    cycles = interpret(model, method, equations, us, ps, evaluation, errors)
-    (certificate,) = certify(model, cycles)
-    if noise := [name for name in p if name.startswith(NOISE)]:
-        certificate = replace(certificate, alpha_noise=noise_of_alpha(equations, us[0], ps[0], evaluation, noise))
-    reversor = contact_reversor(model.reversor, model.embed) if model.reversor else None
-    knees = tuple(model.knees(p)) if model.knees else ()
-    return Orbit(
-        machine=machine.describe(),
-        alpha=float(cycles.u["alpha"][0]),
-        liftoff_extension=float(model.liftoff_extension(cycles.u, cycles.p)[0]),
-        flight_time=float(cycles.flight_times[0]),
-        contact_time=or_none(cycles.contact_times)[0],
-        flight=cycles.flight[0],
-        contact=cycles.contacts[0] if cycles.contacts else None,
-        shape=Shape(model.reversor, reversor, model.embed, model.heights(p), model.springs, knees),
-        certificate=certificate,
-        method=method,
-        skipped=_skipped(model, p, method, any(flow.compiled for flow in equations.flows)),
-        seconds=time.perf_counter() - began,
-        source=machine,
-    )
 
 
 def another_family(wanted: int, found: int) -> str:
@@ -377,42 +317,8 @@ def dimensionless_start(start: Any, machine: Machine) -> Any:
     return machine.units.without("start", start)
 
 
-def _family_number(family: int) -> int:
+def family_number(family: int) -> int:
+    """The number of a family; raises `InputError` for what is none."""
     if isinstance(family, bool) or not isinstance(family, int | np.integer) or not 1 <= family <= LARGEST_FAMILY:
         raise InputError(f"family = {family!r}; a family is a whole number from 1 to {LARGEST_FAMILY}")
     return int(family)
-
-
-def _possible_method(model: Model, method: str | None) -> str:
-    """The method asked for, or the simplest that the model allows; raises `InputError` for one that it does not."""
-    reduction = model.reduction
-    needs = {
-        "closed form": ("a straight-line spring and constant gravity", reduction and reduction.exact),
-        "relative": ("two masses and constant gravity", reduction),
-        "half orbit": ("a reversor", model.reversor),
-        "shooting": ("", True),
-    }
-    if method is None:
-        return next(name for name in METHODS if needs[name][1])
-    if method not in METHODS:
-        raise InputError(f"unknown method '{method}'; known: {', '.join(METHODS)}")
-    if not needs[method][1]:
-        raise InputError(f"method '{method}' needs {needs[method][0]}; leave it out for the simplest way")
-    return method
-
-
-def _skipped(model: Model, p: Mapping, method: str, compiled: bool) -> tuple[str, ...]:
-    """What the method did without, in words."""
-    few, share = method in ("relative", "half orbit"), "only its first half" if model.reversor else "once"
-    integrated = f"{share}, for its duration and the checks, not for the search"
-    skipped = {
-        "flight: closed form, nothing integrated": method == "closed form",
-        "search: one scalar equation, no solver": method == "closed form",
-        "flight: the extension alone is integrated, 2 states of 4": method == "relative",
-        "flight: half of it, by time reversal": few or (method == "shooting" and bool(model.reversor)),
-        "search: Newton on a few unknowns from a measured guess, no Ipopt": few,
-        f"contact: {'closed form' if model.contact.closed_form else integrated}": True,
-        "separation of the masses: no rest length given": model.separation(p) is None,
-        "compilation: nothing that repays it": not compiled,
-    }
-    return tuple(words for words, applies in skipped.items() if applies)

@@ -20,6 +20,7 @@ from .single_shooting import Evaluation, Shooting, shooting_equations
 
 # Marks a minimum, a peak or a time that does not exist.
 NONE = np.inf
+METHODS = ("closed form", "relative", "half orbit", "shooting")  # the simplest first
 # The quantity that every contact phase watches: the force that the contact exerts, which ends it where it vanishes.
 CONTACT_FORCE = "contact force"
 # When the unfolding changes the energy over a flight by more than this share, the unfolded equations have no orbit but
@@ -35,6 +36,30 @@ SLOPE_CHANGE = 240.0
 def reduction_of(model: Model, method: str) -> Reduction | None:
     """The reduction in whose coordinates a method solves, None where it solves in the flight states."""
     return model.reduction if method in ("closed form", "relative") else None
+
+
+def method_of(model: Model, method: str | None = None) -> str:
+    """The method that is asked for, or for None the simplest that the model allows; raises `InputError` for one that it
+    does not allow."""
+    reduction = model.reduction
+    needs = {
+        "closed form": ("a straight-line spring and constant gravity", reduction and reduction.exact),
+        "relative": ("two masses and constant gravity", reduction),
+        "half orbit": ("a reversor", model.reversor),
+        "shooting": ("", True),
+    }
+    if method is None:
+        return next(name for name in METHODS if needs[name][1])
+    if method not in METHODS:
+        raise InputError(f"unknown method '{method}'; known: {', '.join(METHODS)}")
+    if not needs[method][1]:
+        raise InputError(f"method '{method}' needs {needs[method][0]}; leave it out for the simplest way")
+    return method
+
+
+def iterative(method: str) -> str:
+    """The method that solves a method's equations by iteration, from a start."""
+    return "relative" if method == "closed form" else method
 
 
 def equations_of(model: Model, method: str, parameters: tuple[str, ...]) -> Shooting:
@@ -172,7 +197,7 @@ def interpret(
     model: Model, method: str, equations: Shooting, us: ndarray, ps: ndarray, evaluation: Evaluation, errors: ndarray
 ) -> Cycles:
     """What solutions (m, n) of a method's equations with parameters (m, np), their `evaluation` and the bounds on their
-    errors of alpha (m,) mean, with the contacts; raises `NoOrbit` about the first solution that is no orbit."""
+    errors of alpha (m,) mean, with the contacts."""
     u = dict(zip(equations.statement.unknowns, us.T, strict=True))
     p = dict(zip(equations.parameters, ps.T, strict=True))
     flight, halves, gap_slope, growth = _flights(model, method, u, p, evaluation)
@@ -181,6 +206,16 @@ def interpret(
     contacts = _contacts(model, u, p, u.get("contact_duration", LONGEST_CONTACT * (1 + flight.ends)))
     residual = np.abs(evaluation.residual).max(1)
     return Cycles(u, p, flight, halves, gap_slope, slope_error, residual, errors, *contacts)
+
+
+def refused_by_unfolding(equations: Shooting, us: ndarray) -> dict[int, NoOrbit]:
+    """By index why solutions (m, n) of unfolded equations are no orbits: the unfolding pumps energy."""
+    u = dict(zip(equations.statement.unknowns, us.T, strict=True))
+    pumped, refused = np.abs(u.get("unfolding", np.zeros(1))) * u.get("duration", 0.0), dict[int, NoOrbit]()
+    for i in np.flatnonzero(pumped > LARGEST_UNFOLDING).tolist():
+        reason = f"with energy pumped at {pumped[i]:.1e} of it a flight: this model has no lossless orbit here"
+        refused[i] = NoOrbit(f"the landing conditions hold only {reason}")
+    return refused
 
 
 def _flights(model: Model, method: str, u: Mapping, p: Mapping, evaluation: Evaluation):
@@ -197,10 +232,6 @@ def _flights(model: Model, method: str, u: Mapping, p: Mapping, evaluation: Eval
         slope = model.liftoff_slope(u, p) if model.liftoff_slope else None
         landing = _landing_by(alpha, evaluation, model.reversor, list(u).index("liftoff"), slope)
         return flight, flight, landing_gap_slope(model, landing.T, p), np.abs(landing).max(1)
-    pumped = np.abs(u["unfolding"]) * u["duration"]
-    for i in np.flatnonzero(pumped > LARGEST_UNFOLDING).tolist():
-        reason = f"with energy pumped at {pumped[i]:.1e} of it a flight: this model has no lossless orbit here"
-        raise NoOrbit(f"the landing conditions hold only {reason}").about(i)
     landing = (evaluation.transitions[0] @ evaluation.starts[0])[:, :, alpha]
     return flight, halved(flight), landing_gap_slope(model, landing.T, p), np.abs(landing).max(1)
 

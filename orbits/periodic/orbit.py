@@ -18,10 +18,11 @@ from ..model.phase import Affine
 from ..model.state_formula import SavedHeight, StateFormula, height_of
 from ..numerics.bernstein import lowest
 from ..result import Report, cell, shown
-from ..tables import VIOLATED, machine_rows, orbit_rows
-from ..units import EXTENSION, UNIT_TEXTS, SavedUnits, Units, in_units, saved_units
+from ..tables import VIOLATED, machine_rows
+from ..units import DIMENSIONS, UNIT_TEXTS, SavedUnits, Units, in_units, saved_units
 from .certificate import Certificate
 from .formulations import CONTACT_FORCE
+from .quantities import CERTIFIED, QUANTITIES, orbit_rows
 
 ALL_DIGITS = 15  # of a printed number
 ORBIT_FORMAT = "persistent-orbits orbit 1"
@@ -31,11 +32,10 @@ TOLD_TWICE = 1e-9
 MACHINE_FIELDS = ("machine", "spring", "gravity", "mass_ratio", "rest_length", "restitution", "parameters", "laws_in")
 # What follows in the document of an orbit.
 DOCUMENT_FIELDS = (
-    *("family", "known_in_family", "alpha", "flight_time", "contact_time", "admissible", "violations"),
-    *("residual", "error", "energy_drift", "clearance", "smallest_separation", "smallest_contact_force"),
-    *("largest_contact_force", "rises", "landing_jerk", "loss_coefficient", "loss_error"),
-    *("stable_side", "bounce_side", "unfolding", "alpha_noise"),
-    *("liftoff_extension", "state_mid_flight", "method", "skipped", "seconds"),
+    *("family", "known_in_family", "alpha", "flight_time", "contact_time", "admissible", "violations", "rises"),
+    *(name for name in CERTIFIED if name != "family"),
+    *("stable_side", "bounce_side", "unfolding", "liftoff_extension", "state_mid_flight", "method", "skipped"),
+    "seconds",
 )
 # What is in the file of an orbit beside the machine.
 OTHER_FIELDS = {*DOCUMENT_FIELDS, "format", "motion", "units", "si", "bare"}
@@ -238,15 +238,13 @@ class Orbit:
         stated without."""
         if self.units is None:
             raise InputError("this machine was stated in dimensionless units; state it in SI for results in SI")
-        c, extension = self.certificate, self.units.text(EXTENSION)
+        figures, main = vars(self.certificate) | vars(self), dict[str, float | None]()
+        for name, quantity in QUANTITIES.items():
+            if quantity.in_si:
+                unit = self.units.text(DIMENSIONS[name]).replace("/", "_per_")
+                main[f"{quantity.in_si}_{unit}"] = figures[name]
         return {
-            f"launch_speed_{extension}_per_s": self.alpha,
-            "flight_time_s": self.flight_time,
-            "contact_time_s": self.contact_time,
-            f"liftoff_extension_{extension}": self.liftoff_extension,
-            "clearance_m": c.clearance,
-            "smallest_separation_m": c.smallest_separation,
-            "largest_contact_force_N": c.largest_contact_force,
+            **main,
             **{f"{name.replace(' ', '_')}_rise_m": rise for name, rise in self.rises.items()},
             "unit_length_m": self.units.length,
             "unit_time_s": self.units.time,

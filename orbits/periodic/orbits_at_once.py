@@ -1,10 +1,9 @@
 """The orbits of many machines that differ in numbers alone: guessed, solved, measured and certified together.
 
-Each is found as `find` finds it, from its own guess, so that no answer depends on what else is asked. Where that does
+Each is found as `find` finds it, from its own guess, so that no result depends on the other members. Where that does
 not lead to a certified orbit of the family at once, `find` is left to decide.
 """
 
-from collections.abc import Collection
 from contextlib import suppress
 from typing import NamedTuple
 
@@ -12,35 +11,14 @@ import numpy as np
 
 from ..errors import NoOrbit, OrbitsError
 from ..model.model import Model
-from ..units import DIMENSIONS, LENGTH, Units
-from .certificate import Certificate, certify, extremes
-from .error_bound import error_bounds
+from .certified import Certified, Solved, certified
 from .family_search import Lateness
 from .find import none_found, with_search
-from .formulations import Cycles, equations_of, interpret
+from .formulations import equations_of, iterative, method_of
 from .guess import Guesses, guesses
 from .homotopy import MAX_CORRECTION
 from .newton_kernel import NewtonKernel, Solutions, newton_kernel
 from .single_shooting import SMALLEST_UNIT, Evaluation, Shooting
-
-
-class Orbits(NamedTuple):
-    """Certified orbits of one family, without units: the machines (k,) that have them, and their places (k,) among
-    orbits (n,) as arrays and their certificates."""
-
-    which: np.ndarray
-    places: np.ndarray
-    cycles: Cycles
-    certificates: list[Certificate]
-
-    def only(self, kept: np.ndarray) -> "Orbits":
-        """Those of a mask (k,)."""
-        return self._replace(which=self.which[kept], places=self.places[kept])
-
-    @property
-    def alphas(self) -> np.ndarray:
-        """The launch speeds (k,)."""
-        return self.cycles.u["alpha"][self.places]
 
 
 class _Family(NamedTuple):
@@ -56,25 +34,25 @@ class _Family(NamedTuple):
 
 def lowest_orbits(
     model: Model, names: tuple[str, ...], ps: np.ndarray, family: int
-) -> tuple[list[Orbits], dict[int, NoOrbit]]:
+) -> tuple[list[Certified], dict[int, NoOrbit]]:
     """The orbits of a family of least launch speed for machines with parameters (m, np), and by index of a machine why
     it has none; machines that are in neither are for `find` to decide, by which the others are the same."""
-    method = "relative" if model.reduction else "half orbit"
+    method = iterative(method_of(model))
     equations = equations_of(model, method, names)
     searched_at_once = not model.is_guessed and model.search is not None and model.reversor is not None
     if not (model.relative or searched_at_once) or len(equations.flows) > 1 or not equations.smooth:
         return [], {}
-    asked = _Family(model, names, ps, family, method, equations)
+    sought = _Family(model, names, ps, family, method, equations)
     p = dict(zip(names, ps.T, strict=True))
     guess = guesses(model.relative, family, p) if model.relative else _no_guesses(model, names, ps)
-    guessed = _from_guesses(asked, guess)
+    guessed = _from_guesses(sought, guess)
     single, found = guess.single, np.full(len(ps), np.inf)
     if guessed:
         found[guessed.which] = guessed.alphas
     left = np.flatnonzero(guess.own & ~(single & np.isfinite(found)))
     if not len(left) or model.search is None or equations.flows[0].phase.closed_form:
         return [guessed.only(single[guessed.which])] if guessed else [], {}
-    searched, lowest, absent = _from_search(asked, left, found, guess)
+    searched, lowest, absent = _from_search(sought, left, found, guess)
     settled = single & np.isfinite(found)
     settled[[i for i, alpha in lowest.items() if alpha == found[i]]] = True
     parts = [guessed.only(settled[guessed.which])] if guessed else []
@@ -95,37 +73,37 @@ def _no_guesses(model: Model, names: tuple[str, ...], ps: np.ndarray) -> Guesses
     return Guesses(found, np.isfinite(liftoff), np.zeros(len(ps), bool), {})
 
 
-def _from_guesses(asked: _Family, guess: Guesses) -> Orbits | None:
+def _from_guesses(sought: _Family, guess: Guesses) -> Certified | None:
     """The orbits that the guesses lead to."""
     which = np.flatnonzero(np.isfinite(guess.unknowns["alpha"]) & guess.own)
     if not len(which):
         return None
-    us = np.column_stack([guess.unknowns[name][which] for name in asked.equations.statement.unknowns])
-    solved, us, evaluation = _solved_together(asked.model, asked.equations, us, asked.ps[which])
-    return _certified(asked, which[solved], us, evaluation)
+    us = np.column_stack([guess.unknowns[name][which] for name in sought.equations.statement.unknowns])
+    solved, us, evaluation = _solved_together(sought.model, sought.equations, us, sought.ps[which])
+    return _certified(sought, which[solved], us, evaluation)
 
 
 def _from_search(
-    asked: _Family, left: np.ndarray, found: np.ndarray, guess: Guesses
-) -> tuple[Orbits | None, dict[int, float], dict[int, NoOrbit]]:
+    sought: _Family, left: np.ndarray, found: np.ndarray, guess: Guesses
+) -> tuple[Certified | None, dict[int, float], dict[int, NoOrbit]]:
     """The orbits that a search of some machines (k,) finds; by machine the lowest launch speed, of these and of those
     `found` (m,), where all below it is known; and why machines have no orbit, of those whose guess was refused.
 
     A machine is left out where the search was stopped, or where a cell that may hold a lower orbit led to none.
     """
-    assert asked.model.search is not None
-    searches = [asked.model.search(dict(zip(asked.names, p, strict=True))) for p in asked.ps[left].tolist()]
+    assert sought.model.search is not None
+    searches = [sought.model.search(dict(zip(sought.names, p, strict=True))) for p in sought.ps[left].tolist()]
     liftoffs = guess.unknowns["liftoff"][left]
-    lateness = Lateness(asked.model, asked.method, asked.names, asked.ps[left], asked.family, searches, liftoffs)
+    lateness = Lateness(sought.model, sought.method, sought.names, sought.ps[left], sought.family, searches, liftoffs)
     cells = lateness.cells(below=found[left])
     owners = np.repeat(np.arange(len(left)), [len(each.cells) for each in cells])
     bounds, abouts = (np.concatenate([each[i] for each in cells]) for i in (0, 1))
-    # A cell about the orbit that is found holds that one, and those beyond are not asked for.
+    # A cell about the orbit that is found holds that one, and those beyond are not sought for.
     own, (low, high) = found[left[owners]], bounds.T
     resolved = np.where((low <= own) & (own <= high), own, np.inf)
     lowest, absent = dict[int, float](), dict[int, NoOrbit]()
     below = np.flatnonzero((low < own) & np.isinf(resolved))
-    orbits = _in_cells(asked, lateness, left, owners[below], bounds[below], abouts[below])
+    orbits = _in_cells(sought, lateness, left, owners[below], bounds[below], abouts[below])
     if orbits:
         resolved[below[orbits.which]] = orbits.alphas
         orbits = orbits._replace(which=left[owners[below[orbits.which]]])
@@ -142,20 +120,20 @@ def _from_search(
 
 
 def _in_cells(
-    asked: _Family, lateness: Lateness, left: np.ndarray, owners: np.ndarray, bounds: np.ndarray, abouts: np.ndarray
-) -> Orbits | None:
+    sought: _Family, lateness: Lateness, left: np.ndarray, owners: np.ndarray, bounds: np.ndarray, abouts: np.ndarray
+) -> Certified | None:
     """The orbits in cells (k, 2) of launch speeds, each about a speed (k,) of the machine left[owner]; their `which`
     are the cells."""
     if not len(abouts):
         return None
-    starts, ps = lateness.start(abouts, owners), asked.ps[left[owners]]
+    starts, ps = lateness.start(abouts, owners), sought.ps[left[owners]]
     known = np.flatnonzero(np.isfinite(starts).all(axis=1))
     if not len(known):
         return None
-    kernel, place = _kernel_of(asked.model, asked.equations)
+    kernel, place = _kernel_of(sought.model, sought.equations)
     solved = _at_value(kernel, starts[known], ps[known], place, with_motions=True)
     which, us = known[solved.which], solved.xs[:, :-1]
-    orbits = _certified(asked._replace(ps=ps), which, us, solved.evaluation)
+    orbits = _certified(sought._replace(ps=ps), which, us, solved.evaluation)
     if orbits is None:
         return None
     low, high = bounds[orbits.which].T
@@ -200,63 +178,14 @@ def _at_value(kernel: NewtonKernel, us: np.ndarray, ps: np.ndarray, place: int, 
     return kernel(xs, rows, ps[:, place], units, ps, 1, with_motions)
 
 
-def _certified(asked: _Family, which: np.ndarray, us: np.ndarray, evaluation: Evaluation | None) -> Orbits | None:
+def _certified(sought: _Family, which: np.ndarray, us: np.ndarray, evaluation: Evaluation | None) -> Certified | None:
     """The solutions (k, n) for machines (k,) that are of the family and can be certified."""
     if not len(which):
         return None
     assert evaluation is not None
-    ps, closing = asked.ps[which], np.tile(np.eye(us.shape[1] + 1)[-1], (len(us), 1))
-    errors, refused = error_bounds(asked.equations, us, ps, evaluation, closing, quickly=True)
-    kept = np.delete(np.arange(len(us)), list(refused))
-    while len(kept):
-        parts = us[kept], ps[kept], evaluation[kept], errors[kept]
-        try:
-            cycles = interpret(asked.model, asked.method, asked.equations, *parts)
-            certificates = certify(asked.model, cycles)
-        except NoOrbit as error:
-            if error.index is None:
-                raise
-            kept = np.delete(kept, error.index)
-            continue
-        of_family = np.array([certificate.family == asked.family for certificate in certificates])
-        return Orbits(which[kept], np.arange(len(kept)), cycles, certificates).only(of_family)
-    return None
-
-
-# Quantities of orbits that are found together, besides the rises of the heights; they are those of `orbits.quantities`.
-NUMBERS_OF_MANY = (
-    *("alpha", "flight_time", "contact_time", "period", "liftoff_extension", "error", "clearance", "stroke"),
-    *("smallest_separation", "smallest_contact_force", "largest_contact_force", "landing_jerk", "loss_coefficient"),
-)
-
-
-def numbers_of(model: Model, orbits: Orbits, units: Units | None, wanted: Collection[str]) -> dict[str, np.ndarray]:
-    """Some of `NUMBERS_OF_MANY` and the rises (n,) of the orbits as arrays, NaN for one that has none; in SI by units
-    (n,)."""
-    cycles, certificates = orbits.cycles, orbits.certificates
-    contact = np.where(np.isfinite(cycles.contact_times), cycles.contact_times, np.nan)
-    found = {"alpha": cycles.u["alpha"], "liftoff_extension": model.liftoff_extension(cycles.u, cycles.p)}
-    found |= {"flight_time": cycles.flight_times, "contact_time": contact, "period": cycles.flight_times + contact}
-    if "stroke" in wanted:
-        found["stroke"] = _stroke(model, cycles)
-    heights = model.rises(cycles.p_of_halves)
-    for name in heights.keys() & set(wanted):
-        series = cycles.halves.series(heights[name])
-        rise = extremes(cycles.halves, series)[1] - series[cycles.halves.first, 0]
-        found[name] = rise.reshape(len(cycles), -1).max(axis=1)
-    for name in set(NUMBERS_OF_MANY) & set(wanted) - found.keys():
-        found[name] = np.array([getattr(certificate, name) for certificate in certificates], dtype=float)  # None is NaN
-    if units:
-        found = {name: values * units.of(DIMENSIONS.get(name, LENGTH)) for name, values in found.items()}
-    return found
-
-
-def _stroke(model: Model, cycles: Cycles) -> np.ndarray:
-    """The range (k,) of the extension over the cycles, NaN where the contact does not end."""
-    low, high = extremes(cycles.halves, cycles.halves.series(model.extension))
-    stroke, these = np.full(len(cycles), np.nan), cycles.with_contact
-    if cycles.contacts:
-        low, high = low.reshape(len(cycles), -1).min(axis=1), high.reshape(len(cycles), -1).max(axis=1)
-        least, most = extremes(cycles.contacts, cycles.contacts.series(model.extension, model.embed))
-        stroke[these] = np.maximum(high[these], most) - np.minimum(low[these], least)
-    return stroke
+    solved = Solved(sought.model, sought.method, sought.equations, us, sought.ps[which], evaluation)
+    found, _ = certified(solved, np.tile(np.eye(us.shape[1] + 1)[-1], (len(us), 1)), quickly=True)
+    if found is None:
+        return None
+    families = np.array([found.certificates[place].family for place in found.places.tolist()])
+    return found._replace(which=which[found.which]).only(families == sought.family)

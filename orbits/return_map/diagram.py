@@ -11,7 +11,6 @@ import numpy as np
 from ..io import check_ending, one_line, write_json, write_table
 from ..result import cell, shown
 
-DIAGRAM_ENDINGS = (".json", ".csv")
 HOPS_OF = {1: "fixed points", 2: "hops of period two"}
 COLUMNS_OF_BRANCHES = ("branch", "period", "value", "alpha", "other", "multiplier", "stable")
 # Names that the parameter of a diagram cannot have, since it stands beside these in a table or a document.
@@ -226,8 +225,7 @@ class BifurcationDiagram:
 
     def save(self, path: str | Path) -> Path:
         """Write the diagram to .json (everything) or .csv (the points of its branches)."""
-        path = check_ending(path, DIAGRAM_ENDINGS)
-        if path.suffix.lower() == ".json":
+        if check_ending(path, "bifurcation diagram") == ".json":
             return write_json(self.document(), path, "diagram")
         names = {"value": self.along, "alpha": "alpha", "other": "alpha"}
         heads = [self.heading(names.get(name, name)) for name in COLUMNS_OF_BRANCHES]

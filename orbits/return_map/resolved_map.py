@@ -15,8 +15,8 @@ from ..errors import FlowError, NoOrbit
 from ..flow.flow import flow_of
 from ..numerics.bernstein import piecewise_roots
 from ..numerics.roots import enclosed_sign_changes, resolved
-from ..periodic.find import Progress, certified_orbit, find
-from ..periodic.formulations import equations_of
+from ..periodic.certified import certified_orbit, solve_from
+from ..periodic.find import Progress, find
 from ..periodic.orbit import Orbit
 from ..simulation.impacts import Impacts
 
@@ -157,12 +157,11 @@ def _all_orbits(impacts, low, high):
     ]
     shortest = max(np.concatenate([[high - low], *half_oscillations]).min(), (high - low) / MOST_SAMPLES)
     grid, values = resolved(end_speed, np.linspace(low, high, 2 + int(PER_TURN * (high - low) / shortest)), True)
-    equations = equations_of(model, "relative", names)
     for alpha in _sign_changes(end_speed, grid, values)[0]:
         began = time.perf_counter()
         try:
-            u, evaluation = equations.newton([liftoff, alpha], p)
-            yield certified_orbit(impacts.machine, "relative", u, evaluation, began=began)
+            solved = solve_from(impacts.machine, "relative", np.array([liftoff, alpha]))
+            yield certified_orbit(impacts.machine, solved, began=began)
         except NoOrbit:
             continue
 

@@ -13,7 +13,6 @@ from ..result import Axes, Report
 from ..units import Units
 from .plot import COLOURS, SHADE, new_axes, off_screen, unit_labels
 
-ANIMATIONS = (".gif", ".mp4")
 SPRING_END = "spring's end"  # the height of an end that an actuator moves; it is drawn as a thin bar
 
 
@@ -44,7 +43,7 @@ def _frames(frames) -> int:
 def check_animation(path: str | Path) -> Path:
     """The path of an animation to write; raises `InputError` where its ending or folder, or a lack of ffmpeg, rules
     that out."""
-    path = check_path(path, ANIMATIONS)
+    path = check_path(path, "animation")
     if path.suffix.lower() == ".mp4":
         from matplotlib.animation import FFMpegWriter
 

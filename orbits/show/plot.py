@@ -20,7 +20,6 @@ from ..io import check_path, writing
 from ..result import Axes
 from ..units import LIFTOFF_SPEED, Units
 
-FIGURES = (".png", ".pdf", ".svg", ".jpg", ".jpeg", ".eps")
 RESOLUTION = 160  # of figures that are written, in pixels an inch
 # One colour for each role; colour-blind readers can tell them apart too (Okabe and Ito 2008).
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
@@ -363,7 +362,7 @@ def vertical(rest_length: float | None) -> str:
 
 def save_figure(axes: Axes, path: str | Path) -> Path:
     """Write the figure of some axes to a file, its kind from the ending; raises `InputError` when it cannot."""
-    path = check_path(path, FIGURES)
+    path = check_path(path, "figure")
     drawn = BytesIO()  # Matplotlib's writers do not all end well where a disk is full
     axes.figure.savefig(drawn, format=path.suffix[1:].lower(), dpi=RESOLUTION)
     with writing("figure", path) as target:

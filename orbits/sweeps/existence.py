@@ -16,10 +16,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..design.designs_at_once import DESIGN_STATUSES, solved_designs
-from ..errors import InputError, whole_number
+from ..errors import InputError
 from ..io import check_ending, fields_in_line, write_json, write_table, writing
 from ..model.machine import Machine
-from ..periodic.find import LARGEST_FAMILY
+from ..periodic.find import family_number
 from ..result import cell, shown
 from ..running import interrupts
 from .designs import Axis, axis_of
@@ -32,7 +32,6 @@ LOCATED_TO = 1e-6
 # Statuses of members that have an orbit, the first of them a motion.
 WITH_ORBIT = ("certified", "inadmissible")
 # Endings of the files that a diagram is saved to.
-DIAGRAMS = (".json", ".csv", ".nc")
 
 
 class Boundaries(NamedTuple):
@@ -168,8 +167,7 @@ class Existence:
     def save(self, path: str | Path) -> Path:
         """Write the whole diagram to .json or, with the extra `data`, to .nc (NetCDF); or to .csv the stretches of its
         rows."""
-        path = check_ending(path, DIAGRAMS)
-        ending = path.suffix.lower()
+        path, ending = Path(path), check_ending(path, "diagram")
         if ending == ".csv":
             names = [self.heading(self.across), *(f"{side} {self.heading(self.along)}" for side in ("from", "to"))]
             stretches = ([value, *part] for row, value in enumerate(self.values) for part in self.row(row))
@@ -219,7 +217,7 @@ def existence(
     >>> [(round(low, 4), high) for low, high in diagram.motions(1)]
     [(-0.0067, 0.01)]
     """
-    whole_number("family", family, most=LARGEST_FAMILY)
+    family_number(family)
     if along == across:
         raise InputError(f"a diagram in '{along}' needs another parameter besides")
     row, column = axis_of(along, between), axis_of(across, values)

@@ -10,9 +10,9 @@ import numpy as np
 from ..consistency.accepted import check_machine
 from ..continuation.checkpoint import versions
 from ..design.problem import formula_names, known_formula
-from ..errors import InputError, finite_number, whole_number
+from ..errors import InputError, finite_number
 from ..model.machine import Machine, machine_in_words
-from ..periodic.find import LARGEST_FAMILY
+from ..periodic.find import family_number
 from ..running.exclusive import exclusive
 from .designs import Axis, Members
 
@@ -134,7 +134,7 @@ def question_of(
     families = tuple(family) if isinstance(family, list | tuple | range) else (family,)
     if not families or len(set(families)) < len(families):
         raise InputError(f"family = {family!r}; it is a number, or a list of different ones")
-    families = tuple(whole_number("family", one, most=LARGEST_FAMILY) for one in families)
+    families = tuple(map(family_number, families))
     if isinstance(quantities, str):
         raise InputError(f"quantities are a list: ['{quantities}']")
     if outcome != "find" and (quantities or families != (1,)):

@@ -19,10 +19,8 @@ from ..result import cell, shown
 from ..units import DIMENSIONS_OF_HOPS, UNIT_TEXTS, unit_text
 from .question import COLUMNS_OF, Question, Table, question_again
 
-# Endings of the files that a sweep is saved to, with the packages of the extra `data` that write them.
-TABLES: dict[str, tuple[str, ...]] = {
-    ".csv": (), ".nc": ("xarray", "netCDF4"), ".parquet": ("pandas", "pyarrow"), ".json": (),
-}  # fmt: skip
+# The packages of the extra `data` that write files with these endings.
+WRITERS = {".nc": ("xarray", "netCDF4"), ".parquet": ("pandas", "pyarrow")}
 # Members that are written at a time.
 AT_ONCE = 10_000
 # Shares of the members below the quantiles that a summary tells.
@@ -311,8 +309,8 @@ def solves_again(function: Callable[..., Sweep]) -> Callable[..., Sweep]:
 def check_table(path: str | Path) -> Path:
     """The path of a file that a sweep is to be saved to; raises `InputError` where it cannot be, or where a package is
     missing that writes it."""
-    path = check_path(path, tuple(TABLES))
-    for package in TABLES[path.suffix.lower()]:
+    path = check_path(path, "sweep")
+    for package in WRITERS.get(path.suffix.lower(), ()):
         extra_package(package, f"to write {path}")
     return path
 

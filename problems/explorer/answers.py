@@ -11,12 +11,12 @@ from orbits.continuation.follow import follow
 from orbits.errors import InputError
 from orbits.periodic.find import find
 from orbits.periodic.orbit import Orbit
+from orbits.periodic.quantities import orbit_rows
 from orbits.return_map.return_map import ReturnMap
 from orbits.show.pages.family_view import FamilyData, family_data
 from orbits.show.pages.hop_view import HopData, hop_data
 from orbits.show.pages.law_view import LawData, law_data
 from orbits.show.pages.map_view import MapData, map_data
-from orbits.tables import orbit_rows
 
 from .dials import Dial, dials_of
 from .scene import Scene

@@ -21,7 +21,7 @@ from orbits import (
     quantities,
     simulate,
 )
-from orbits.units import LENGTH, SPEED, Message, Quantity, without_units
+from orbits.units import LENGTH, SPEED, Message, Quantity
 from problems import hopper_in_si, steering
 from problems.laws import springs
 
@@ -185,12 +185,6 @@ def test_a_message_within_a_message_is_told_in_si_once():
     assert once.in_units(PLAIN.units) == once == pickle.loads(pickle.dumps(once))
     joined = Message.joined("; ", [inner.args[0], "plain {text}"])
     assert joined.in_units(PLAIN.units) == f"at {2 * LENGTH_IN_M:.3g} m; plain {{text}}"
-
-
-def test_an_error_about_a_member_keeps_its_index():
-    with pytest.raises(NoOrbit, match=r"alpha = 2\.9 m/s") as raised, without_units(PLAIN.units):
-        raise NoOrbit(Message("alpha = {alpha:.2g}", alpha=Quantity(2.9 / SPEED_IN_SI, SPEED))).about(4)
-    assert raised.value.index == 4
 
 
 def test_a_contact_that_leaves_its_table_says_so_to_a_design():

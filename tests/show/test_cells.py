@@ -21,9 +21,10 @@ from orbits import (
     sweep,
     uncertainty,
 )
+from orbits.periodic.quantities import orbit_rows
 from orbits.result import ROWS_OF_CELL, cell
 from orbits.return_map.bifurcations import bifurcations
-from orbits.tables import VIOLATED, html_table, number_text, orbit_rows
+from orbits.tables import VIOLATED, html_table, number_text
 from problems import Hopper, hopper_in_si, steering
 
 LARGEST_CELL = 150_000  # bytes

@@ -21,11 +21,10 @@ from ..numerics.roots import bracketed_root
 from ..periodic.formulations import half_orbit
 from ..periodic.local_law import by_launch_speed, launch_power, loss_coefficient
 from ..periodic.orbit import Orbit
+from ..periodic.quantities import DESIGNED
 from ..symbolic.kept import kept
-from ..units import DIMENSIONS, Message, in_units
+from ..units import Message, in_units
 
-# Quantities of every orbit.
-QUANTITIES = tuple(name for name in DIMENSIONS if name not in ("error", "alpha_noise", "loss_error"))
 VARIATIONAL = ("landing_sensitivity", "loss_coefficient")  # these need the variation of the flight with alpha
 # The extremes that a quantity is the sum of, each with its sign; a rise has one of its own name.
 COMPOSITION = {
@@ -61,7 +60,7 @@ def quantity_names(model: Model, p: Mapping) -> list[str]:
     """The quantities of a model's orbits."""
     missing = [] if model.tension else ["largest_spring_force"]
     missing += [] if model.separation(p) is not None else ["smallest_separation"]
-    return [name for name in QUANTITIES if name not in missing] + list(model.rises(p))
+    return [name for name in DESIGNED if name not in missing] + list(model.rises(p))
 
 
 def extremes_of(name: str) -> tuple[str, ...]:

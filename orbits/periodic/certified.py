@@ -1,0 +1,194 @@
+"""The way from solved unknowns to certified orbits: error bounds, cycles and certificates of m solutions together."""
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy import ndarray
+
+from ..errors import InputError, OrbitsError
+from ..laws.law import NOISE
+from ..model.machine import Machine
+from ..model.model import Model
+from ..running.exclusive import exclusive
+from .certificate import Certificate, certify
+from .error_bound import error_bounds, noise_of_alpha
+from .formulations import (
+    Cycles,
+    contact_reversor,
+    equations_of,
+    interpret,
+    or_none,
+    refused_by_unfolding,
+    vector,
+)
+from .orbit import Orbit, Shape, orbit_of
+from .single_shooting import Evaluation, Shooting
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """Solutions (m, n) of the equations of a model's method, with parameters (m, np).
+
+    evaluation : the equations at the solutions
+    errors : bounds (m,) on the errors of the launch speeds; None where they have to be measured
+    """
+
+    model: Model
+    method: str
+    equations: Shooting
+    us: ndarray
+    ps: ndarray
+    evaluation: Evaluation
+    errors: ndarray | None = None
+
+    def only(self, which: ndarray) -> "Solved":
+        """Some of the solutions, in an order (k,)."""
+        errors = None if self.errors is None else self.errors[which]
+        return replace(self, us=self.us[which], ps=self.ps[which], evaluation=self.evaluation[which], errors=errors)
+
+    @property
+    def cycles(self) -> Cycles:
+        """The motions of the solutions, whose errors are known."""
+        assert self.errors is not None
+        return interpret(self.model, self.method, self.equations, self.us, self.ps, self.evaluation, self.errors)
+
+
+def solve_from(machine: Machine, method: str, u: ndarray) -> Solved:
+    """The solution that a method's corrector comes to from unknowns (n,); raises `NoOrbit` where it comes to none."""
+    equations, p = equations_of(machine.model, method, tuple(machine.values)), vector(machine.values)
+    u, evaluation = corrector(method, equations)(u, p)
+    return Solved(machine.model, method, equations, u[None], p[None], evaluation)
+
+
+def corrector(method: str, equations: Shooting) -> Callable:
+    """The function (u, p) -> solution near u with the equations there, of a method."""
+    return equations.multiple_shooting if method == "shooting" else equations.newton
+
+
+def known_solutions(
+    model: Model, method: str, names: tuple[str, ...], us: ndarray, ps: ndarray, errors: ndarray
+) -> Solved:
+    """Solutions that are known, with the bounds (m,) on their errors.
+
+    us : unknowns (m, n), with any further ones after those of an orbit
+    ps : parameters (m, np) of these names
+
+    Raises `InputError` for unknowns of another method.
+    """
+    equations = equations_of(model, method, names)
+    if us.shape[1] < equations.size:
+        raise InputError("this family was followed by another method than its settings say")
+    us = us[:, : equations.size]
+    return Solved(model, method, equations, us, ps, equations.evaluate_all(us, ps), errors)
+
+
+class Certified(NamedTuple):
+    """Certified orbits: which (k,) of the solutions they are, and their places (k,) among the cycles (n,) and the
+    certificates of these."""
+
+    which: ndarray
+    places: ndarray
+    cycles: Cycles
+    certificates: list[Certificate]
+
+    def only(self, chosen: ndarray) -> "Certified":
+        """Those of a mask (k,), or in an order."""
+        return self._replace(which=self.which[chosen], places=self.places[chosen])
+
+    @property
+    def alphas(self) -> ndarray:
+        """The launch speeds (k,)."""
+        return self.cycles.u["alpha"][self.places]
+
+
+def certified(
+    solved: Solved,
+    closing: ndarray | None = None,
+    quickly: bool = False,
+    refused: Mapping[int, OrbitsError] | None = None,
+) -> tuple[Certified | None, dict[int, OrbitsError]]:
+    """The solutions that can be certified, None where none can, and by index why the others cannot.
+
+    closing, quickly : as in `error_bounds`
+    refused : by index the solutions that are out of the question already, and why
+    """
+    why, errors = dict(refused or {}), solved.errors
+    if errors is None:
+        errors, doubtful = error_bounds(solved.equations, solved.us, solved.ps, solved.evaluation, closing, quickly)
+        why = {**refused_by_unfolding(solved.equations, solved.us), **doubtful, **why}
+    solved, kept = replace(solved, errors=errors), np.arange(len(errors))
+    if why:
+        kept = np.delete(kept, list(why))
+        if not len(kept):
+            return None, why
+        solved = solved.only(kept)
+    cycles = solved.cycles
+    certificates, wrong = certify(solved.model, cycles)
+    why |= {int(kept[i]): error for i, error in wrong.items()}
+    places = np.delete(np.arange(len(kept)), list(wrong))
+    return (Certified(kept[places], places, cycles, certificates) if len(places) else None), why
+
+
+def certified_orbit(machine: Machine, solved: Solved, *, began: float) -> Orbit:
+    """The certified orbit of one solution, whose search `began` at that `time.perf_counter`; dimensionless.
+
+    Raises `NoOrbit` when the orbit cannot be certified.
+    """
+    found, refused = certified(solved)
+    if found is None:
+        raise refused[0]
+    model, p, cycles, (certificate,) = machine.model, machine.values, found.cycles, found.certificates
+    if noise := [name for name in p if name.startswith(NOISE)]:
+        deviation = noise_of_alpha(solved.equations, solved.us[0], solved.ps[0], solved.evaluation, noise)
+        certificate = replace(certificate, alpha_noise=deviation)
+    reversor = contact_reversor(model.reversor, model.embed) if model.reversor else None
+    knees = tuple(model.knees(p)) if model.knees else ()
+    return Orbit(
+        machine=machine.describe(),
+        alpha=float(cycles.u["alpha"][0]),
+        liftoff_extension=float(model.liftoff_extension(cycles.u, cycles.p)[0]),
+        flight_time=float(cycles.flight_times[0]),
+        contact_time=or_none(cycles.contact_times)[0],
+        flight=cycles.flight[0],
+        contact=cycles.contacts[0] if cycles.contacts else None,
+        shape=Shape(model.reversor, reversor, model.embed, model.heights(p), model.springs, knees),
+        certificate=certificate,
+        method=solved.method,
+        skipped=_skipped(model, p, solved.method, any(flow.compiled for flow in solved.equations.flows)),
+        seconds=time.perf_counter() - began,
+        source=machine,
+    )
+
+
+@exclusive
+def orbit_from(machine: Machine, method: str, u: tuple[float, ...] | ndarray, error: float) -> Orbit:
+    """The whole orbit of a machine whose unknowns by this method are known, in the machine's units.
+
+    u : without dimensions; further ones after those of an orbit are left out
+    error : of its launch speed, without dimensions
+
+    Raises `InputError` for unknowns of another method.
+    """
+    began, us, ps = time.perf_counter(), np.array([u]), vector(machine.values)[None]
+    solved = known_solutions(machine.model, method, tuple(machine.values), us, ps, np.array([error]))
+    return orbit_of(machine, certified_orbit(machine, solved, began=began))
+
+
+def _skipped(model: Model, p: Mapping, method: str, compiled: bool) -> tuple[str, ...]:
+    """What the method did without, in words."""
+    few, share = method in ("relative", "half orbit"), "only its first half" if model.reversor else "once"
+    integrated = f"{share}, for its duration and the checks, not for the search"
+    skipped = {
+        "flight: closed form, nothing integrated": method == "closed form",
+        "search: one scalar equation, no solver": method == "closed form",
+        "flight: the extension alone is integrated, 2 states of 4": method == "relative",
+        "flight: half of it, by time reversal": few or (method == "shooting" and bool(model.reversor)),
+        "search: Newton on a few unknowns from a measured guess, no Ipopt": few,
+        f"contact: {'closed form' if model.contact.closed_form else integrated}": True,
+        "separation of the masses: no rest length given": model.separation(p) is None,
+        "compilation: nothing that repays it": not compiled,
+    }
+    return tuple(words for words, applies in skipped.items() if applies)

@@ -1,0 +1,122 @@
+"""The quantities of an orbit: what tables call each of them, and how m orbits have it; dimensions are in `units`."""
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..model.model import Model
+from ..tables import DIGITS, VIOLATED, number_text
+from ..units import DIMENSIONS, LENGTH, Units
+from .certificate import Certificate, extremes
+from .formulations import Cycles
+
+
+@dataclass(frozen=True)
+class OrbitQuantity:
+    """One quantity of an orbit.
+
+    of : (model, cycles) -> the values (m,) of cycles; None where the certificate has it, or a design alone computes it
+    words : what the table of an orbit calls it; "" where it has no row there
+    in_si : what its key among the main results in SI begins with; "" where it is none of them
+    bound : whether it only says how far another one can be off
+    """
+
+    of: Callable[[Model, Cycles], np.ndarray] | None = None
+    words: str = ""
+    in_si: str = ""
+    bound: bool = False
+
+
+def _stroke(model: Model, cycles: Cycles) -> np.ndarray:
+    """The range (m,) of the extension over the cycles, NaN where the contact does not end."""
+    low, high = extremes(cycles.halves, cycles.halves.series(model.extension))
+    stroke, these = np.full(len(cycles), np.nan), cycles.with_contact
+    if cycles.contacts:
+        low, high = low.reshape(len(cycles), -1).min(axis=1), high.reshape(len(cycles), -1).max(axis=1)
+        least, most = extremes(cycles.contacts, cycles.contacts.series(model.extension, model.embed))
+        stroke[these] = np.maximum(high[these], most) - np.minimum(low[these], least)
+    return stroke
+
+
+def _liftoff_extensions(model: Model, cycles: Cycles) -> np.ndarray:
+    return model.liftoff_extension(cycles.u, cycles.p)
+
+
+def _contact_times(model: Model, cycles: Cycles) -> np.ndarray:
+    return np.where(np.isfinite(cycles.contact_times), cycles.contact_times, np.nan)
+
+
+# In the order of every table; "rises" are as many as the machine has heights.
+QUANTITIES: dict[str, OrbitQuantity] = {
+    "alpha": OrbitQuantity(lambda model, cycles: cycles.u["alpha"], "alpha", "launch_speed"),
+    "flight_time": OrbitQuantity(lambda model, cycles: cycles.flight_times, "flight time", "flight_time"),
+    "contact_time": OrbitQuantity(_contact_times, "contact time", "contact_time"),
+    "period": OrbitQuantity(lambda model, cycles: cycles.flight_times + _contact_times(model, cycles)),
+    "liftoff_extension": OrbitQuantity(_liftoff_extensions, "lift-off extension", "liftoff_extension"),
+    "stroke": OrbitQuantity(_stroke),
+    "admissible": OrbitQuantity(),
+    "error": OrbitQuantity(bound=True),
+    "residual": OrbitQuantity(),
+    "energy_drift": OrbitQuantity(),
+    "family": OrbitQuantity(),
+    "clearance": OrbitQuantity(words="clearance", in_si="clearance"),
+    "smallest_separation": OrbitQuantity(words="smallest separation", in_si="smallest_separation"),
+    "rises": OrbitQuantity(words="rise of"),
+    "smallest_contact_force": OrbitQuantity(words="smallest contact force"),
+    "largest_contact_force": OrbitQuantity(words="largest contact force", in_si="largest_contact_force"),
+    "largest_spring_force": OrbitQuantity(),
+    "landing_jerk": OrbitQuantity(words="landing jerk"),
+    "landing_sensitivity": OrbitQuantity(),
+    "loss_coefficient": OrbitQuantity(words="loss coefficient C"),
+    "loss_error": OrbitQuantity(bound=True),
+    "alpha_noise": OrbitQuantity(bound=True),
+}
+CERTIFIED = tuple(name for name in QUANTITIES if name in Certificate.__dataclass_fields__)
+# Those that a design may ask for, besides the rise of each height, and those of them that m orbits have at once.
+DESIGNED = tuple(name for name, each in QUANTITIES.items() if name in DIMENSIONS and not each.bound)
+OF_MANY = tuple(name for name in DESIGNED if QUANTITIES[name].of or name in CERTIFIED)
+
+
+def numbers_of(
+    model: Model, cycles: Cycles, certificates: Sequence[Certificate], units: Units | None, names: Collection[str]
+) -> dict[str, np.ndarray]:
+    """The numbers (m,) of orbits by name, of those names that are quantities or rises: NaN where an orbit has none, and
+    in SI by units (m,)."""
+    heights, found = model.rises(cycles.p_of_halves), dict[str, np.ndarray]()
+    for name in names:
+        if name in heights:
+            series = cycles.halves.series(heights[name])
+            rise = extremes(cycles.halves, series)[1] - series[cycles.halves.first, 0]
+            found[name] = rise.reshape(len(cycles), -1).max(axis=1)
+        elif name in CERTIFIED:
+            found[name] = np.array([getattr(each, name) for each in certificates], dtype=float)  # None is NaN
+        elif name in QUANTITIES and (of := QUANTITIES[name].of):
+            found[name] = of(model, cycles)
+    if units:
+        found = {name: values * units.of(DIMENSIONS.get(name, LENGTH)) for name, values in found.items()}
+    return found
+
+
+def orbit_rows(orbit: Any, digits: int = DIGITS) -> list[tuple[str, str]]:
+    """The certificate of an orbit as rows of a table, (name, text with its unit): speed, times, distances, forces,
+    what a hop beside it loses, errors, whether it is a motion, and in rows named `VIOLATED` why not."""
+    c, units, rows = orbit.certificate, orbit.units.texts() if orbit.units else {}, list[tuple[str, str]]()
+    within = f"   +- {c.loss_error:.1e}" if c.loss_error else ""
+    sides = {"below": "   (attracts from above; 10 C below)", "above": "   (attracts from above, with 10 C; C below)"}
+    after = {"alpha": f"   +- {c.error:.1e}", "loss_coefficient": within + sides.get(c.bounce_side or "", "")}
+    figures = {**vars(c), **vars(orbit), "rises": orbit.rises}
+    for name, quantity in QUANTITIES.items():
+        if words := quantity.words:
+            value, unit = figures[name], units.get(name, "m") if units else ""
+            each = {f"{words} {of}": rise for of, rise in value.items()} if name == "rises" else {words: value}
+            rows += [(head, number_text(number, unit, digits) + after.get(name, "")) for head, number in each.items()]
+    if c.alpha_noise is not None:
+        rows.insert(1, ("  by the table's noise", f"+- {c.alpha_noise:.1e} {units.get('alpha', '')}".rstrip()))
+    if orbit.known_in_family is not None:
+        rows.append(("known in its family", str(orbit.known_in_family)))
+    rows += [("residual", f"{c.residual:.1e}"), ("energy drift", f"{c.energy_drift:.1e}")]
+    rows.append(("found by", f"{orbit.method}, {1e3 * orbit.seconds:.1f} ms"))
+    rows.append(("admissible", "yes" if orbit.admissible else "NO"))
+    return rows + [(VIOLATED, violation) for violation in c.violations]
