@@ -78,9 +78,8 @@ def follow_fold(
     machine, method : as the family was followed with; method None for the simplest
     fold : the point of a "fold" event of that family
     along, across : names of the parameter that folds, and of the second one
-    at, longest, most, step_control, output : as in `follow`
-
     stop : last value of the parameter `across`
+    at, longest, most, step_control, output : as in `follow`
 
     Returns a `Family` along `across`, whose points have the value of `along` too (`column`); its "fold" events are
     cusps. Raises `InputError` for a piecewise law and for invalid arguments, and `NoOrbit` where `fold` is not a fold.
