@@ -303,6 +303,9 @@ def return_map(
     for row in zip(*columns, strict=True):
         following = "-" if row[1] is None else f"{row[1]:.12g}"
         click.echo(f"{row[0]:16.12g}{following:>20}{row[2]:16.9g}{row[3]:9d}  {row[4]}")
+    if len(speeds) <= LONGEST_TABLE and (separations := step.smallest_separation(speeds)) is not None:
+        for alpha in speeds[separations <= 0]:
+            click.echo(f"the masses pass through each other in the hop from {alpha:.12g}")
 
 
 @orbits.command("simulate", epilog="\b\nExit code: 0 done, also when it comes to rest; 2 bad input.")

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from orbits import Orbit, OrbitsError, find, find_all, prove
+from orbits import NoOrbit, Orbit, OrbitsError, find, find_all, prove
 from orbits.check_proof import check
 from problems import Chain, Hopper, Juggler, hopper_in_si, inerter_hopper, knee_hopper, springs
 
@@ -93,8 +93,13 @@ def special(number: int, rng: np.random.Generator) -> Any:
 
 
 def orbit_of(machine: Any, family: int) -> Orbit:
-    """An orbit of a machine."""
-    return find_all(machine, machine.starts(5, 5))[0] if isinstance(machine, Chain) else find(machine, family)
+    """An orbit of a machine; of the orbits of a chain the slowest that is a motion."""
+    if not isinstance(machine, Chain):
+        return find(machine, family)
+    motions = [orbit for orbit in find_all(machine, machine.starts(5, 5)) if orbit.admissible]
+    if not motions:
+        raise NoOrbit("none of its orbits is a motion")
+    return motions[0]
 
 
 def changed(document: dict[str, Any], path: tuple, change: Callable[[Any], Any]) -> None:
@@ -123,8 +128,9 @@ def falsehoods(orbit: Orbit, document: dict[str, Any]) -> list[tuple[str, Orbit,
     longer = replace(orbit, contact_time=orbit.contact_time * (1 + 1e-2))
     times = [("parts", 0, "unknowns", "contact_time"), ("enclosures", "contact_time")]
     found.append(("contact time", longer, tuple(times), shifted("5e-3")))
-    said = replace(orbit, liftoff_extension=orbit.liftoff_extension * (1 + 1e-2))
-    found.append(("extension", said, (("enclosures", "liftoff_extension"),), shifted("5e-3")))
+    if orbit.liftoff_extension:  # a juggler's is 0
+        said = replace(orbit, liftoff_extension=orbit.liftoff_extension * (1 + 1e-2))
+        found.append(("extension", said, (("enclosures", "liftoff_extension"),), shifted("5e-3")))
     return found
 
 

@@ -24,6 +24,7 @@ from ..symbolic.exclusive import exclusive
 from .impacts import CAP, FASTEST_LAUNCH, STATUS, Impacts, decided_impacts, injected
 from .multiplier import multiplier
 from .resolved_map import JUMP, SLOWEST_LOSSLESS, Intervals, ResolvedMap, lossless_speeds
+from .simulation import simulate
 
 BATCH_SIZE = 5000  # launch speeds in one batch: enough to pay for the calls, few enough for the memory
 # The launches in the picture of a map, and the fastest of them where there is no lossless one, in units of the machine.
@@ -73,16 +74,26 @@ class Hops:
 
 @dataclass(frozen=True)
 class FixedPoint:
+<<<<<<< HEAD
     """A fixed point of the return map.
 
     alpha : launch speed
     kind : "lossless", or "crossing" where the map crosses the identity line
     multiplier : slope of the map there; None at a lossless hop, and where the hop lands tangentially
+=======
+    """A launch speed that comes back.
+
+    kind : "lossless", or "crossing" where the map crosses the identity line
+    multiplier : the map's slope there, None where it has none: at a lossless hop, and where the hop lands tangentially
+    smallest_separation : of the masses during the hop, None without a rest length; where it is not above 0 they pass
+        through each other, and the hop is no motion of a real machine
+>>>>>>> main
     """
 
     alpha: float
     kind: str
     multiplier: float | None = None
+    smallest_separation: float | None = None
 
 
 class ReturnMap:
@@ -93,10 +104,16 @@ class ReturnMap:
         and the injection moves the machine to the extension of the new speed
     cap : number of impacts in one hop after which its computation ends, with the status "cap"
 
+<<<<<<< HEAD
     Called with launch speeds (...) in the machine's units, it returns `Hops`; in an array, a speed that is not a number
     above 0 has the status "invalid". It does not check whether the masses pass through each other: see
     `Simulation.smallest_separation`. Raises `InputError` for a machine whose launch is more than a speed, and for a
     single speed that is not above 0.
+=======
+    Called with launch speeds (...), it gives `Hops`; in an array, one that is not a number above 0 has the status
+    "invalid". Whether the masses pass through each other during the hops is what `smallest_separation` says.
+    Raises `InputError` where a launch is more than a speed, and for a single speed that is not above 0.
+>>>>>>> main
 
     >>> from orbits import ReturnMap
     >>> from problems import Hopper
@@ -176,9 +193,22 @@ class ReturnMap:
             return tuple(self._units.convert(point) for point in found)
         lossless = lossless_speeds(self.impacts, low, high)
         if self.inject == 0 and self.impacts.model.conservative:
-            return tuple(FixedPoint(alpha, "lossless") for alpha in lossless)
-        crossings = ResolvedMap(self, lossless, low, high, samples, True).crossings()
-        return tuple(FixedPoint(alpha, "crossing", self._slope(alpha)) for alpha in crossings.tolist())
+            return tuple(FixedPoint(alpha, "lossless", None, self._separation(alpha)) for alpha in lossless)
+        crossings = ResolvedMap(self, lossless, low, high, samples, True).crossings().tolist()
+        return tuple(FixedPoint(a, "crossing", self._slope(a), self._separation(a)) for a in crossings)
+
+    @exclusive
+    def smallest_separation(self, alpha: ArrayLike) -> np.ndarray | None:
+        """The smallest separations (...) of the masses during the hops from launch speeds (...), None without a rest
+        length. Where one is not above 0 the masses pass through each other, which the map ignores. Each hop is
+        simulated, which takes some milliseconds; a speed that is not above 0 has NaN."""
+        speeds = np.array(alpha, dtype=float)
+        found = [self._separation(each) if 0 < each < np.inf else np.nan for each in speeds.ravel().tolist()]
+        return None if None in found else np.array(found, dtype=float).reshape(speeds.shape)
+
+    def _separation(self, alpha: float) -> float | None:
+        """The smallest separation of the masses during the hop from a launch speed."""
+        return simulate(self.machine, alpha, hops=1, cap=self.cap).smallest_separation
 
     def _slope(self, alpha: float) -> float | None:
         """The slope of the map at a launch speed, None where it has none."""

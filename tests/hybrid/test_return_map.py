@@ -8,7 +8,7 @@ from conftest import DATA
 
 from orbits import InputError, NoOrbit, ReturnMap, find, find_all, multiplier, simulate
 from orbits.hybrid.impacts import Impacts
-from problems import HeavyHand, Hopper, Juggler
+from problems import HeavyHand, Hopper, Juggler, hopper_in_si
 from studies.oracle import landed
 
 STORED = json.loads((DATA / "return_map.json").read_text(encoding="utf-8"))
@@ -317,3 +317,21 @@ def test_the_gap_is_open_while_no_landing_is_searched(mass_ratio, restitution):
         states, order = after[~held], impacts.bounce_order
         if not len(states):
             break
+
+
+def test_the_smallest_separation_of_a_hop():
+    """The contact of the linear hopper with equal masses swings about r = -1, from the launch at r = 1 of speed `next`:
+    its lowest extension is -1 - sqrt(4 + 2 next**2)."""
+    machine, speeds = Hopper(rest_length=5.0), np.array([4.25, 4.6, 8.0])
+    step = ReturnMap(machine)
+    lowest = -1 - np.sqrt(4 + 2 * step(speeds).next ** 2)
+    assert step.smallest_separation(speeds) == pytest.approx(5.0 + lowest, rel=1e-12)
+    assert step.smallest_separation(3.0) > 0
+    assert np.isnan(step.smallest_separation(0.0))
+    assert ReturnMap(Hopper()).smallest_separation(4.6) is None
+    metre = hopper_in_si(1.0, 1.0, stiffness=9.81, surface_gravity=9.81, rest_length=5.0)
+    speed = 1.01 * find(metre).alpha
+    lowest = -1 - np.sqrt(4 + ReturnMap(metre)(speed).next ** 2 / 9.81)
+    assert ReturnMap(metre).smallest_separation(speed) == pytest.approx(5.0 + lowest, rel=1e-9)
+    for point in ReturnMap(machine, inject=0.03).fixed_points(4, 5):
+        assert point.smallest_separation == pytest.approx(4 - np.sqrt(4 + 2 * (point.alpha - 0.03) ** 2), rel=1e-9)
