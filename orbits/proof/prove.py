@@ -37,8 +37,8 @@ def prove(
     attraction: bool = False,
     limit: float = LIMIT,
 ) -> Proof:
-    """Prove an orbit by interval arithmetic: that it exists, that no other is nearby, that alpha lies within twice the
-    bound on its error, that the number of its family is correct, and that it is a motion.
+    """Prove an orbit by interval arithmetic: that it exists, that no other is nearby, that the error of its alpha is at
+    most twice its bound, that the number of its family is correct, and that it is a motion.
 
     orbit : as `find` returns it
     digits : number of decimal digits of the unknowns to enclose; None for about 18
