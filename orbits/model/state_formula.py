@@ -25,7 +25,8 @@ class StateFormula:
         "h + 2*l*sin(theta/2)"
     states : names of the n states
     values : of the parameters in it, numbers or expressions; for m trajectories at once a value may be an array (m,)
-    sizes, unit : the units of the states (n,) and of the value, where these differ from those of the formula
+    sizes, unit : the formula's units of the states (n,) and of the value, in the units of `x` and of the results; by
+        default they are the same
 
     Raises `InputError` for a formula with other names, or one that is not smooth.
     """
@@ -81,13 +82,13 @@ class StateFormula:
         return self.unit * composed(inside.reshape(count, -1), values)[0]
 
     def in_units(self, sizes: Sequence[float], unit: float) -> "StateFormula":
-        """The same function of states in other units: `sizes` (n,) of the states, and `unit` of the value."""
+        """The same function in units in which one old unit is `sizes` (n,) of the states and `unit` of the value."""
         own = self.sizes or (1.0,) * len(self.states)
         sizes = tuple(size * mine for size, mine in zip(sizes, own, strict=True))
         return replace(self, sizes=sizes, unit=self.unit * unit)
 
     def saved(self) -> "SavedFormula":
-        """The function for a file, of states and a value that have its own units."""
+        """The function for a file, in the units of the formula."""
         return SavedFormula(formula=self.text, values=self.values)
 
 
