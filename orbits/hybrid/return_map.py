@@ -74,20 +74,13 @@ class Hops:
 
 @dataclass(frozen=True)
 class FixedPoint:
-<<<<<<< HEAD
     """A fixed point of the return map.
 
     alpha : launch speed
     kind : "lossless", or "crossing" where the map crosses the identity line
     multiplier : slope of the map there; None at a lossless hop, and where the hop lands tangentially
-=======
-    """A launch speed that comes back.
-
-    kind : "lossless", or "crossing" where the map crosses the identity line
-    multiplier : the map's slope there, None where it has none: at a lossless hop, and where the hop lands tangentially
     smallest_separation : of the masses during the hop, None without a rest length; where it is not above 0 they pass
         through each other, and the hop is no motion of a real machine
->>>>>>> main
     """
 
     alpha: float
@@ -104,16 +97,9 @@ class ReturnMap:
         and the injection moves the machine to the extension of the new speed
     cap : number of impacts in one hop after which its computation ends, with the status "cap"
 
-<<<<<<< HEAD
     Called with launch speeds (...) in the machine's units, it returns `Hops`; in an array, a speed that is not a number
-    above 0 has the status "invalid". It does not check whether the masses pass through each other: see
-    `Simulation.smallest_separation`. Raises `InputError` for a machine whose launch is more than a speed, and for a
-    single speed that is not above 0.
-=======
-    Called with launch speeds (...), it gives `Hops`; in an array, one that is not a number above 0 has the status
-    "invalid". Whether the masses pass through each other during the hops is what `smallest_separation` says.
-    Raises `InputError` where a launch is more than a speed, and for a single speed that is not above 0.
->>>>>>> main
+    above 0 has the status "invalid". `smallest_separation` shows whether the masses pass through each other. Raises
+    `InputError` for a machine whose launch is more than a speed, and for a single speed that is not above 0.
 
     >>> from orbits import ReturnMap
     >>> from problems import Hopper
