@@ -42,11 +42,11 @@ INTEGRATED = "integrated by DOP853"
 
 @dataclass(frozen=True)
 class Checked:
-    """What holds of a machine: printed, a table of the relations with their largest deviations.
+    """The relations that `check` found to hold for a machine; printed, a table of them with their largest deviations.
 
     machine : in words
-    relations : each with its fields and deviation, all of which hold
-    left_out : what could not be looked at, with the reason
+    relations : each with its fields and its deviation
+    left_out : relations that could not be checked, with the reason
     """
 
     machine: str
@@ -55,7 +55,7 @@ class Checked:
 
     @property
     def largest(self) -> float:
-        """The largest deviation as a share of what is allowed."""
+        """The largest deviation as a share of its tolerance."""
         return max(each.deviation / each.bound for each in self.relations)
 
     def __repr__(self) -> str:
@@ -71,13 +71,15 @@ class Checked:
 
 @exclusive
 def check(machine: Machine, *, start: Orbit | Mapping[str, float] | None = None) -> Checked:
-    """Hold what a machine declares against what follows from the rest of it.
+    """Check that the parts of a machine are consistent with each other and with mechanics.
 
-    start : as in `find`, for a machine whose model guesses no orbit
+    machine : any `Machine`
+    start : an initial guess as in `find`, for a machine whose model has no guess
 
-    First the parts of the machine and the fields of its model, at random states and parameters; then its orbit and two
-    hops beside it, whose flights, impacts and contacts are integrated again by another method. Raises `InputError`
-    where a part of the machine is missing or malformed, and `InconsistentModel` with all that does not hold.
+    First the parts of the machine and the fields of its model are compared, at random states and parameters. Then its
+    orbit and two hops near it are integrated again by another method, SciPy's DOP853, with their impacts and contacts.
+    Raises `InputError` where a part of the machine is missing or malformed, and `InconsistentModel` with all relations
+    that do not hold.
 
     >>> from orbits import check
     >>> from problems import Hopper

@@ -25,20 +25,20 @@ def cut_in_the_middle(text: str, longest_head: int, longest_tail: int) -> str:
 
 
 class OrbitsError(Exception):
-    """Base of all errors raised on purpose; the message says what is wrong, where, and what to do."""
+    """Base class of all errors that the toolkit raises; the message says what is wrong, where, and what to do."""
 
     def __str__(self) -> str:
         return shortened(super().__str__())
 
 
 class InputError(OrbitsError, ValueError):
-    """A number, formula, file or option that the user gave has no meaning."""
+    """A number, formula, file or option from the user is invalid. It is a `ValueError` too."""
 
 
 class InconsistentModel(InputError):
-    """A model whose fields contradict each other, or have not the form that they should.
+    """The fields of a model contradict each other, or do not have the required form.
 
-    fields : names of those that are wrong
+    fields : names of the wrong fields
     """
 
     def __init__(self, message: str, fields: tuple[str, ...] = ()):
@@ -54,11 +54,11 @@ class NoOrbit(OrbitsError):
 
 
 class FlowError(NoOrbit):
-    """A trajectory cannot be continued: it blows up, or its state is no longer a number."""
+    """A trajectory cannot be integrated further: it grows without bound, or its state is no longer a number."""
 
 
 class OutOfRange(FlowError):
-    """A trajectory needs a law where it is not defined, as outside a measured table."""
+    """A trajectory needs a law where it is not defined, for example outside a measured table."""
 
 
 class RunsAway(FlowError):

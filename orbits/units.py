@@ -58,12 +58,14 @@ _NAMES: dict[Dimension, str] = {(0, 0, 0, 0, 0): "", (*MASS, 0, 0): "kg", (*ENER
 
 @dataclass(frozen=True)
 class Units:
-    """What one unit of length (m), time (s), force (N) and energy (J) of a dimensionless machine stands for.
+    """The units of length, time, force and energy of a dimensionless machine, in SI.
 
-    Its unit of energy need not be the force's times the length's; None where it is not known. In `Model.units` the
-    units are expressions of the machine's parameters. `angles` are the names of those coordinates that are angles (rad)
-    instead of lengths, with "liftoff" among them where the extension at lift-off is one: the launch speed is then in
-    rad/s.
+    length, time, force, energy : in m, s, N and J. The unit of energy need not be that of force times that of length;
+        None where it is not known
+    angles : names of the coordinates that are angles (rad) instead of lengths, with "liftoff" among them where the
+        extension at lift-off is an angle: the launch speed is then in rad/s
+
+    In `Model.units` the units are expressions of the machine's parameters.
     """
 
     length: Any
@@ -91,12 +93,12 @@ class Units:
         return unit
 
     def text(self, dimension: Dimension | str) -> str:
-        """The unit of SI of a dimension, or of the state or unknown of this name, in words: "m/s"."""
+        """The SI unit of a dimension, or of the state or unknown of this name, as text: "m/s"."""
         length, time, force, energy, angle = self.resolved(dimension)
         return unit_text((length, time, force, energy, 0, angle))
 
     def texts(self, dimensions: Mapping[str, Dimension] = DIMENSIONS) -> dict[str, str]:
-        """The units of SI of results by name, in words."""
+        """The SI units of results by name, as text."""
         return {name: self.text(dimension) for name, dimension in dimensions.items()}
 
     def unusual_texts(self) -> dict[str, str]:
@@ -110,12 +112,13 @@ class Units:
         return np.array([self.of(own.get(name) or name) for name in names])
 
     def without(self, what: str, unknowns: Mapping[str, Any]) -> dict[str, float]:
-        """Unknowns of a launch or half an orbit, by name, without these units; raises `InputError` for what is no
-        number."""
+        """Unknowns of a launch or half an orbit, by name, converted from these units to dimensionless ones; raises
+        `InputError` for what is not a number."""
         return {name: finite_number(f"{what} '{name}'", unknowns[name]) / self.of(str(name)) for name in unknowns}
 
     def convert(self, record: Record, **own: Dimension) -> Record:
-        """A frozen record of dimensionless numbers with those of known names in SI; `own` are further dimensions."""
+        """A frozen record of dimensionless numbers, converted to SI where the name is known; `own` has further
+        dimensions by name."""
         known: dict[str, Any] = {}
         for field in fields(record):  # type: ignore[arg-type]
             dimension = own.get(field.name) or DIMENSIONS.get(field.name)

@@ -106,8 +106,11 @@ class Family:
     """A curve of orbits, traced by `follow`; `len`, indexing and iteration go over its points.
 
     name : of the parameter
+    points : the orbits, in order along the curve
+    events : the events, in order along the curve
+    end : how the curve ends
     machine : the machine in words and numbers, at the first point
-    settings : what `follow` was asked for
+    settings : the arguments of `follow`
     versions : of the packages that computed the family
     source : the machine that was followed; None for a family from a file or another process
 
@@ -169,8 +172,8 @@ class Family:
     def values_at(self, points: Sequence[Point], name: str) -> np.ndarray:
         """A quantity (m,) at points of the curve, NaN where an orbit does not have it.
 
-        Those that its motion tells, as "stroke", are computed anew, of the family that `follow` has returned. Raises
-        `InputError` for an unknown name.
+        Quantities of the motion, such as "stroke", are computed when they are needed; this works for a family that
+        `follow` has returned. Raises `InputError` for an unknown name.
         """
         numbers = [self.name, *(points[0].also if points else ()), *KNOWN]
         if name in (*numbers, "value"):
@@ -195,11 +198,11 @@ class Family:
     def dataframe(self, machine: Machine | None = None) -> Any:
         """The family as a `pandas.DataFrame`: every quantity at the points and events in order along the curve.
 
-        machine : that the family was followed with; a family from a file does not know it, and has without it no
-            columns for what its motions tell: the stroke and the rises of the heights
+        machine : that the family was followed with; a family from a file does not have it, and without it there are no
+            columns for the quantities of the motions: the stroke and the rises of the heights
 
-        The column "event" has the kind of an event, "" at other points, "violations" what makes an orbit no motion;
-        `dataframe.attrs["units"]` has the units by column. Raises `InputError` without pandas.
+        The column "event" has the kind of an event, "" at other points, and "violations" the violated conditions of a
+        motion; `dataframe.attrs["units"]` has the units by column. Raises `InputError` without pandas.
         """
         pandas = extra_package("pandas", "for a data frame")
         rows = list[tuple[Point, str]]()
@@ -251,12 +254,14 @@ class Family:
         prove that the family is one continuous curve of orbits from its first point to its last, with its folds.
 
         machine : that the family was followed with
-        digits, motion : as in `orbits.prove`; of a curve, digits are those of its ends and folds
-        continuous : the theorem is in `orbits.proof.branch`; the machine is dimensionless, and its springs are smooth
-        limit : seconds for each point, or for the whole curve; None for 30 and 600
+        digits, motion : as in `orbits.prove`; for a curve, `digits` are those of its ends and folds
+        workers : number of processes, for points only
+        continuous : whether to prove the curve; the theorem is in `orbits.proof.branch`. The machine must be
+            dimensionless, with smooth springs
+        limit : time limit in seconds for each point, or for the whole curve; None for 30 and 600
 
-        Raises `InputError` without python-flint, for another machine, for a family of another method than the simplest,
-        and for one that cannot be a curve.
+        Returns one `Proof` for each point, or that of the curve. Raises `InputError` without python-flint, for another
+        machine, for a family of another method than the simplest, and for one that cannot be a curve.
         """
         check_parameters(machine, self.name)
         if continuous:
@@ -301,7 +306,7 @@ class Family:
         return one_line(self, {"along": self.name, "orbits": len(self), **ends, "end": self.end.kind})
 
     def summary(self) -> str:
-        """What the family is in one line."""
+        """The family in one line."""
         if not self.points:
             return f"a family along {self.name} without orbits: {self.end.kind}, {self.end.reason}"
         m = self.machine
@@ -309,7 +314,7 @@ class Family:
         return f"{head}, along {self.name}: {len(self)} orbits"
 
     def rows(self, digits: int) -> list[tuple[str, str]]:
-        """The family as rows of a table, (name, text): the way, the errors, each event, the end."""
+        """The family as rows of a table, (name, text): the range of the curve, the errors, each event, the end."""
         if not self.points:
             return []
         unit, speed = (f" {self.unit_of(name)}".rstrip() for name in (self.name, "alpha"))
@@ -339,8 +344,8 @@ class Family:
         """Write a page of the family in one file (.html) that needs no network; returns its path.
 
         quantity : that is shown along the family
-        machine : that the family was followed with; a family from a file does not know it, and has without it no hops
-            to choose from
+        machine : that the family was followed with; a family from a file does not have it, and without it the page
+            has no hops to choose from
 
         Raises `InputError` for a bad path, an unknown quantity, and without Bokeh.
         """
@@ -358,7 +363,8 @@ class Family:
         return orbit_from(here, self.settings["method"], point.u, bare.error)
 
     def save(self, path: str | Path) -> Path:
-        """Write the family to .json (to load and resume), .csv (a table) or .nc (NetCDF, by the extra `data`)."""
+        """Write the family to .json (to load and resume), .csv (a table) or .nc (NetCDF, with the extra `data`); returns
+        the path. Raises `InputError` for another ending, and when the file cannot be written."""
         path, ending = Path(path), check_ending(path, "family")
         if ending == ".csv":
             columns = [self.name, *(self.points[0].also if self.points else ()), *COLUMNS]
@@ -372,7 +378,7 @@ class Family:
         return path
 
     def records(self) -> Iterator[str]:
-        """The lines of a saved family: its heading, its points and events in order, its end."""
+        """The lines of a saved family: its header, its points and events in order, its end."""
         head = {"format": FAMILY_FORMAT, "along": self.name, "machine": self.machine}
         head |= {"units": self.units} if self.units else {}
         yield to_json({**head, "settings": self.settings, "versions": self.versions})
@@ -381,7 +387,10 @@ class Family:
 
     @classmethod
     def load(cls, path: str | Path) -> "Family":
-        """Read a family that `save` or an interrupted `follow` wrote; a last line that was cut short is left out."""
+        """Read a family that `save` or an interrupted `follow` wrote; an incomplete last line is left out.
+
+        Raises `InputError` when the file does not have a family, or was changed since.
+        """
         return read_file(path, f"{path} is not a saved family", cls._parsed, LARGEST_FILE)
 
     @classmethod

@@ -74,14 +74,17 @@ def follow_fold(
     method: str | None = None,
     output: str | Path | None = None,
 ) -> Family:
-    """Follow the fold of a family in `along` as a second parameter goes on to `stop`: a curve in two parameters.
+    """Follow the fold of a family in `along` as a second parameter goes to `stop`: a curve in two parameters.
 
     machine, method : as the family was followed with; method None for the simplest
     fold : the point of a "fold" event of that family
     along, across : names of the parameter that folds, and of the second one
+    stop : last value of the parameter `across`
     at, longest, most, step_control, output : as in `follow`
 
-    Returns a `Family` along `across`, whose points have the value of `along` too (`column`); its "fold"s are cusps.
+    Returns a `Family` along `across`, whose points have the value of `along` too (`column`); its "fold" events are
+    cusps. Raises `InputError` for a piecewise law and for invalid arguments, and `NoOrbit` where `fold` is not a fold.
+    Source: the extended system of `fold_statement`.
 
     >>> from orbits import follow, follow_fold
     >>> from problems import Hopper

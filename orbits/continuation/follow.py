@@ -56,23 +56,26 @@ def follow(
 
     machine : as in `find`
     along : name of the parameter: "mass_ratio", "rest_length", or one of the spring's or gravity's
-    stop : its last value; of a pair the second, and the first is another bound, behind the start
-    start : its first value, by default the machine's own; where the curve comes back to it, it ends, unless there is
-        another bound
-    orbit : the first one, or one near it, instead of the lowest of `family`
+    stop : its last value, in the machine's units; or a pair of bounds, the second of which is the last value and the
+        first a bound on the other side of the start
+    start : its first value, by default the machine's own; the curve ends where it returns to this value, unless there
+        is another bound
+    family : number of the family, from 1
+    orbit : the first orbit, or one near it, instead of the lowest of `family`
     at : values to hit exactly, each time the curve passes them
     watch : functions of the orbit whose zeros are events, by name
-    longest : largest distance of two points, as a share of the parameter's whole way and of the unknowns' size
+    longest : largest distance of two points, as a share of the parameter's whole range and of the unknowns' size
     most : largest number of points
-    stop_inadmissible : end where the orbits are no motions any more, instead of going on
-    step_control : the constants of step-size control, of acceptance and of giving up
-    method : the method of `find`; "shooting" uses Ipopt for the first orbit alone
-    output : a file that every point is written to as it is found, for `Family.load` and `resume`
-    resume : a family to go on with from its last point, the other arguments being the same
-    progress : called with the share of the parameter's way that is done
+    stop_inadmissible : end where the orbits are not motions any more, instead of following them
+    step_control : the constants of step-size control, of acceptance, and of the end of a run
+    method : the method of `find`; "shooting" uses Ipopt for the first orbit only
+    output : a file to which every point is written as it is found, for `Family.load` and `resume`
+    resume : a family to continue from its last point; the other arguments must be the same
+    progress : called with the completed share of the parameter's range
 
-    Returns the `Family`, whose `end` says how it ended: a curve that is lost on the way is "stuck", with the reason.
-    Raises `NoOrbit` without a first orbit, and `InputError` for what cannot be meant.
+    Returns the `Family`, whose `end` says how it ended: a curve that is lost is "stuck", with the reason. Raises
+    `NoOrbit` if there is no first orbit, and `InputError` for invalid arguments. Source: pseudo-arclength
+    continuation, Keller 1977.
 
     >>> from orbits import follow
     >>> from problems import Hopper
@@ -91,8 +94,8 @@ def follow(
 def trace(
     machine: Machine, along: str, stop: Stop, start: float | None = None, family: int = 1, **options: Any
 ) -> Iterator[Orbit | Event | End]:
-    """The orbits of a family one by one, as `follow` finds them: each `Orbit`, an `Event` before the orbit that comes
-    after it, and the `End` last. The options are those of `follow`, from `orbit` to `method`.
+    """The orbits of a family one by one, as `follow` finds them: each `Orbit`, each `Event` before the orbit that
+    follows it, and last the `End`. The options are those of `follow`, from `orbit` to `method`, and so are the errors.
 
     >>> from orbits import trace
     >>> from problems import Hopper
@@ -145,12 +148,12 @@ def follow_branch(
 
     machine, along, method : as the family was followed with; method None for the simplest
     branch : the point of a "branch point" event
-    stop : value of the parameter to go on to; the curve also ends where it comes back to the branch point's
-    upper : whether to set out towards higher launch speeds or towards lower ones
+    stop : last value of the parameter; the curve also ends where it returns to the branch point's value
+    upper : whether to start towards higher launch speeds, or else towards lower ones
     at, watch, longest, most, step_control, output : as in `follow`
 
     The direction is the one across the curve in which the equations do not change to first order (Keller 1977). Raises
-    `NoOrbit` when no other curve goes through the point, and `InputError` when it goes away from `stop`.
+    `NoOrbit` when no other curve goes through the point, and `InputError` when it leads away from `stop`.
     """
     machine, method = machine_at(machine, branch, along, method)
     options, stop = checked_options(at, watch, longest, most, False, step_control), finite_number("stop", stop)
@@ -187,8 +190,12 @@ def _first_point(curve: Curve, x, direction, row, first_step: float) -> CurvePoi
 
 @exclusive
 def orbit_at(machine: Machine, point: Point, along: str, method: str | None = None) -> Orbit:
-    """The whole orbit at a point of a family, with its motion; machine, parameter and method are those that the family
-    was followed with, the simplest method where None is given.
+    """The whole orbit at a point of a family, with its motion.
+
+    machine, along, method : as the family was followed with; method None for the simplest
+    point : of the family, or of one of its events
+
+    Raises `NoOrbit` where the orbit cannot be certified, and `InputError` for an unknown parameter or method.
 
     >>> from orbits import follow, orbit_at
     >>> from problems import Hopper

@@ -16,13 +16,13 @@ SMALLEST_SIZE = 1e-100
 
 @dataclass(frozen=True)
 class Point:
-    """One orbit of a family, without its motion; in SI for a machine in SI, but for `u` and `tangent`.
+    """One orbit of a family, without its motion; in SI for a machine in SI, except `u` and `tangent`.
 
     value : of the parameter
-    u : the unknowns of the equations, without dimensions
-    tangent : direction of the curve, in (u, value)
+    u : (n,), the unknowns of the equations, dimensionless
+    tangent : (n + 1,), direction of the curve in (u, value)
     flight_time, contact_time : durations; contact_time None when the contact never ends
-    also : values of further parameters that vary along the curve
+    also : values of further parameters that vary along the curve, by name
     """
 
     value: float
@@ -77,11 +77,12 @@ def point_in_units(point: Point, units: Units | None) -> Point:
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happens on the curve, located to the corrector's tolerance.
+    """An event on the curve, located to the corrector's tolerance.
 
     kind : "fold", "branch point", "grazing", "masses touch", "contact pulls", "landing jerk", "collapse", "law ends",
-        "family", "asked", or a name given by the user
-    after : index of the last point before the event; of the point itself where it was "asked"
+        "family", "asked" (a value of the parameter in `at`), or the name of a function of `watch`
+    point : the orbit at the event
+    after : index of the last point before the event; for "asked", of the point itself
     """
 
     kind: str
@@ -93,7 +94,9 @@ class Event:
 class End:
     """How the curve ends.
 
-    kind : "reached", "escaped", "closed", "degenerate", "stopped", "stuck"; "interrupted" for an unfinished file
+    kind : "reached", "escaped", "closed", "degenerate", "stopped", "stuck", or "interrupted" by a time limit or in an
+        unfinished file
+    reason : in words
     limit, limit_error : the extrapolated value that the parameter tends to as the orbit escapes or shrinks to nothing,
         and an estimate of its error; None otherwise
     """

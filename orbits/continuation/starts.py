@@ -43,16 +43,17 @@ class _StraightLine(NamedTuple):
 
 
 def starts(machine: Mechanism, half_contact: float, half_flight: float, seed: int = 0) -> list[dict[str, float]]:
-    """Starts for `find_all`: the lossless hops of a mechanism with half phase times up to these.
+    """Starts for `find_all`: the lossless hops of a mechanism with half durations of contact and flight up to these.
 
-    half_contact, half_flight : the longest half times of contact and of flight
-    seed : of the quasi-random pairs of times from which they are searched; another one may find some more
+    half_contact, half_flight : the longest half durations of contact and of flight, in the machine's units
+    seed : of the quasi-random pairs of times from which the search starts; another seed may find some more hops
 
-    For linear springs they are those of `linear_hops`. From these the hops of other springs are solved for, first at
-    once. Where that leads elsewhere the laws are brought in step by step, from straight lines through the zero of each
-    force that is nearest to its rest, and the hop is followed. Hops that end on the way are left out, as are hops that
-    no linear one leads to. Raises `InputError` for laws in pieces, dampers and other forces, gravity that varies, and
-    extensions that are no sums of coordinates.
+    Returns the unknowns of each hop, by name. For linear springs the hops are those of `linear_hops`. They are initial
+    guesses for the hops of other springs. Where Newton's method does not reach these directly, the hop is followed in
+    steps of a homotopy to the laws, from straight lines through the zero of each force that is nearest to its rest.
+    Hops that end before the last step are left out, as are hops that no linear one leads to. Raises `InputError` for
+    laws in pieces, dampers and other forces, gravity that varies, and extensions that are not linear in the
+    coordinates. Source: for linear springs, after Pankov 2024, arXiv 2402.16010.
     """
     springs = _springs_of(machine)
     laws = [from_key(spring.force, machine.values) for spring in springs]
@@ -115,11 +116,12 @@ def _straight_line(law: Law) -> _StraightLine:
 def start_from_rest(
     machine: Machine, positions: Sequence[float], half_contact: float, half_flight: float
 ) -> dict[str, float]:
-    """What `find` starts from: unknowns by name, from a guess of the rest in mid-contact and of the two half times.
+    """A start for `find`, the unknowns by name, from a guess of the state of rest in mid-contact and of the durations.
 
     positions : (n - 1,), of the coordinates of the contact
+    half_contact, half_flight : half durations of contact and of flight
 
-    Raises `NoOrbit` when the motion from there cannot be followed.
+    All numbers are in the machine's units. Raises `NoOrbit` when the motion from there cannot be integrated.
     """
     contact, values, count = machine.model.contact, machine.values, len(machine.model.contact.states) // 2
     if np.shape(positions) != (count,):

@@ -30,31 +30,34 @@ def _between(low: float, high: float, default: float) -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class StepControl:
-    """How a curve of orbits is stepped along: step sizes, acceptance of steps, and when a run gives up.
+    """The constants of a continuation run: step sizes, acceptance of steps, and the conditions that end a run.
 
-    Lengths are measured along the curve, the parameter in shares of its whole way, each unknown in shares of its value.
-    `InputError` names a value that is out of its bounds.
+    Lengths are measured along the curve, with the parameter as a share of its whole range and each unknown as a share
+    of its value. Raises `InputError`, which names a value that is out of its bounds.
 
-    first_step : length of the first step, and of a step that Ipopt has rescued
+    first_step : length of the first step, and of the first step after a point that Ipopt had to solve
     shortest_step : a run ends as "stuck" when a step of this length is still rejected
-    longest_step : largest length of a step, unless `longest` of `follow` is larger; the points between are interpolated
+    longest_step : largest length of a step, unless `longest` of `follow` is larger; points in between are interpolated
     largest_shortening, largest_lengthening : bounds on the ratio of the next step to this one
     safety : factor by which the next step stays below the estimate of the step-size control
-    target_correction : correction that step-size control aims at, divided by the root of the orbit's amplification;
-        the second Newton step is then mostly the last
-    largest_correction : distance from prediction to point, in shares of the step; a larger one may lead elsewhere
+    target_correction : correction that step-size control aims at, divided by the square root of the orbit's
+        amplification; the second Newton step is then usually the last
+    largest_correction : distance from prediction to point, as a share of the step; a larger one may lead to another
+        curve
     largest_turn : angle between two neighbouring tangents, in radians
-    steepest_rate : share of the parameter in the tangent above which Ipopt may solve at a fixed value of the parameter
+    steepest_rate : component of the tangent along the parameter above which Ipopt may solve at a fixed value of the
+        parameter
     largest_batch : points in one batch; it is reduced to one after a rejection
     batch_growth : factor by which a batch grows after each one without a rejection
-    neighbours : ends of steps on either side that the points between two of them are interpolated from
-    separation : least distance of a regular point from a value asked for, as a share of the points' distance
-    most_rejections, recovery : a run ends after so many rejections, each of which is offset by so many accepted points
-    largest_amplification : growth of a small change over the motion beyond which rounding decides about the orbit
-    escape_ratio : an orbit this many times faster, longer or smaller than the first goes to infinity or to nothing
+    neighbours : number of step ends on either side from which the points between two of them are interpolated
+    separation : least distance of a regular point from a value in `at`, as a share of the points' distance
+    most_rejections, recovery : a run ends after `most_rejections` rejections; `recovery` accepted points offset one
+    largest_amplification : growth of a small change over the motion beyond which rounding errors dominate the orbit
+    escape_ratio : an orbit this many times faster, longer or smaller than the first is taken to tend to infinity or to
+        shrink to nothing
     running_ratio : a curve is taken to escape if it is lost after the launch speed has grown by this factor
-    least_progress : share of the parameter's way within which a lost curve has not really begun
-    same_point : relative distance below which two points are the same, so that the curve has closed
+    least_progress : share of the parameter's range within which a lost curve counts as not begun
+    same_point : relative distance below which two points are the same, so that the curve is closed
 
     >>> from orbits import StepControl, follow
     >>> from problems import Hopper

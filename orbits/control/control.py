@@ -58,22 +58,22 @@ class WarmStart:
 
 @dataclass(frozen=True)
 class Control:
-    """A motion of locally least cost. Another guess may lead to one that costs less.
+    """A motion of locally least cost. Another guess may lead to a motion that costs less.
 
-    Called with times (...) it gives states (..., n).
+    Called with times (...) it returns states (..., n).
 
-    legs : the stages in order
+    legs : the motions of the stages, in order
     cost : cost of the accurate motion
-    parameters : all parameters by name, those left free with the values found
-    violation : the most by which the accurate motion misses a condition, leaves a bound, or falls below zero in a path
+    parameters : all parameters by name, the free ones with the values found
+    violation : largest amount by which the accurate motion violates a condition, a bound, or the sign of a path
         expression
-    error : the most by which the states of the accurate motion, relative to their size, or its cost differ from those
-        of the nonlinear program
-    coarseness : the share of the cost by which the last halving of the intervals changed it, NaN if they were kept.
-        Violation and error are those of this motion and do not say what finer inputs would save
-    iterations, rounds : Ipopt's iterations, and the solves in which they were taken
-    seconds : time taken in all
-    status : "optimal"; anything else is raised as an error
+    error : largest difference of the states (relative to their size) or of the cost between the accurate motion and the
+        solution of the nonlinear program
+    coarseness : relative change of the cost at the last halving of the intervals, NaN if they were not halved.
+        Violation and error are those of this motion; they do not show how much finer inputs would save
+    iterations, rounds : number of Ipopt's iterations, and of the solves in which they were taken
+    seconds : total time
+    status : "optimal"; any other outcome is raised as an error
     units : of "cost", "time" and the inputs, by name, where the numbers are in SI; violation and error have none
     bare : the same motion without units, None where there are none
     """
@@ -93,7 +93,7 @@ class Control:
     bare: Self | None = field(default=None, repr=False)
 
     def dimensionless(self) -> Self:
-        """The motion in its machine's own dimensionless units; itself where it has no others."""
+        """The motion in its machine's dimensionless units; the motion itself if it has no other units."""
         return self.bare or self
 
     def __getstate__(self) -> dict[str, Any]:
@@ -126,7 +126,7 @@ class Control:
     def __call__(self, t: ArrayLike) -> np.ndarray:
         """The `states` (..., n) at times (...), from 0 to `end`; where two stages meet, those of the later one.
 
-        Raises `InputError` for other times and for what is no number.
+        Raises `InputError` for other times, and for what is not a number.
         """
         return self._rows(t, lambda leg, since: leg.path(since)[..., [leg.states.index(name) for name in self.states]])
 
@@ -166,8 +166,8 @@ class Control:
         return times, {name: np.concatenate([c[:, 0] for c in columns]) for name, columns in rows.items()}
 
     def table(self, t: ArrayLike | None = None) -> dict[str, np.ndarray]:
-        """Columns (k,) by name at times (k,), evenly spaced if they are not given: "time", "stage", the states, the
-        inputs, and the "running cost", what the stages have cost so far without what their ends cost."""
+        """Columns (k,) by name at times (k,), by default evenly spaced: "time", "stage", the states, the inputs, and
+        the "running cost", the cost of the stages up to that time without the costs at their ends."""
         asked = np.linspace(0.0, self.end, TABLE_ROWS) if t is None else t
         t = times_within(asked, self.end, self._second).ravel()
         states, inputs = self(t), self.inputs_at(t)
@@ -198,7 +198,7 @@ class Control:
         return shown("control_figures").plot_control(self, axes)
 
     def document(self) -> dict[str, Any]:
-        """The motion as JSON-ready data, with all that a file of it has."""
+        """The motion as JSON-ready data, with everything that its file has."""
         legs = [
             {"phase": leg.phase, "start": leg.start, "states": leg.states}
             | {"path": leg.path.saved(), "inputs": leg.inputs.saved()}
@@ -223,8 +223,8 @@ class Control:
 
     @classmethod
     def load(cls, path: str | Path) -> "Control":
-        """Read a motion that `save` wrote; as a guess it starts a solve from its motion. Raises `InputError` when the
-        file is not one."""
+        """Read a motion that `save` wrote, for example as a guess for another solve. Raises `InputError` when the file
+        does not have one."""
         return read_file(path, f"{path} is not a saved control", control_in_file)
 
     def rows(self) -> list[tuple[str, str]]:

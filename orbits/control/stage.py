@@ -22,10 +22,11 @@ COLUMNS_OF_CONTROL = ("time", "stage", RUNNING_COST)  # of its table, beside sta
 
 @dataclass(frozen=True)
 class Input:
-    """A control input: a polynomial of this degree on each interval of a stage, which may jump between intervals.
+    """A control input: a polynomial on each interval of a stage, which may jump between intervals.
 
-    low, high : bounds of its Bernstein coefficients, numbers or p -> expression. The input keeps them everywhere, and
-        for degrees 0 and 1 they restrict it no further
+    degree : of the polynomial, from 0
+    low, high : bounds of its Bernstein coefficients, numbers or p -> expression. The input lies within them everywhere,
+        and for degrees 0 and 1 these bounds are not more restrictive than bounds of its values
     """
 
     low: float | Callable[[Mapping[str, Any]], Any] = -np.inf
@@ -40,20 +41,22 @@ class Input:
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """A phase passed once. Its functions are as in `Phase`, with the inputs by name in `p`, and q empty.
+    """A phase passed through once. Its functions are as in `Phase`, with the inputs by name in `p`, and q empty.
 
+    phase : the `Phase`, smooth
     intervals : number of intervals, all of the same length
-    duration : bounds of the duration, the lower one above 0
+    duration : bounds (low, high) of the duration, the lower one above 0
     inputs : inputs by name
-    start : (x, before, p) -> zeros at the start; `before` is the end of the previous stage, for the first stage that of
-        the last
-    end : (x, p) -> zeros at the end
-    path : named (x, p, q) -> expressions that stay at or above zero
+    start : (x, before, p) -> expressions that vanish at the start; `before` is the final state of the previous stage,
+        for the first stage that of the last
+    end : (x, p) -> expressions that vanish at the end
+    path : functions (x, p, q) -> expression by name, which are not negative along the stage
     running : (x, p, q) -> the rate of the cost
     final : (x, p) -> the cost at the end
-    above : (x, p) -> expressions that are at or above zero at the end
+    above : (x, p) -> expressions that are not negative at the end
 
-    Stages compare by identity: what is built from them is kept for the next call.
+    Stages compare by identity: what is compiled for them is stored for the next call. `steer` raises `InputError` for
+    a stage with invalid numbers, bounds or functions, and for a piecewise law.
 
     >>> from orbits import Input, Phase, Stage
     >>> cart = Phase("cart", ("x", "v"), lambda x, p, q: [x[1], p["f"]])

@@ -50,8 +50,12 @@ STEER_OPTIONS = SteerOptions()
 
 @dataclass(frozen=True)
 class Guess:
-    """A start for a stage: its duration, its states as a function of the time in it, and its inputs by name, each a
-    number or a function of that time."""
+    """An initial guess for a stage.
+
+    duration : of the stage
+    states : time since the start of the stage -> states (n,)
+    inputs : inputs by name, each a number or a function of that time
+    """
 
     duration: float
     states: Callable[[float], ArrayLike]
@@ -63,18 +67,20 @@ def steer(
     stages: Sequence[Stage], parameters: Mapping[str, float] | None = None, *, guess: Sequence[Guess] | Control,
     free: Mapping[str, tuple[float, float]] | None = None, tolerance: float = 1e-9, refine: float | None = None,
 ) -> Control:  # fmt: skip
-    """Find a motion through `stages`, one after the other, of locally least cost: none near it costs less.
+    """Find a motion through `stages`, one after the other, of locally least cost: no motion near it costs less.
 
+    stages : the `Stage`s, in order
     parameters : values of the names in `p`
-    guess : a `Guess` for each stage, or a `Control` nearby, whose multipliers are kept if the stages are the same
-    free : bounds of further parameters, which are found too. They start in the middle, or at the bound if the other is
-        infinite, or at the values in the guess's own `parameters`
-    tolerance : the largest violation and error
-    refine : all intervals are halved until the cost changes by no more than this share of it. None keeps them as they
-        are, and it is not known how much finer ones would save
+    guess : a `Guess` for each stage, or a `Control` nearby; its multipliers are used too if the stages are the same
+    free : bounds (low, high) of further parameters, which are optimised too. They start in the middle, or at the bound
+        if the other bound is infinite, or at the values in the guess's `parameters`
+    tolerance : the largest violation and error allowed
+    refine : all intervals are halved until the relative change of the cost is at most this. With None they are not
+        halved, and it is not known how much finer intervals would save
 
-    Raises `InputError` for bounds that conflict. Raises `NoOrbit`, saying what is in the way, where there is no such
-    motion, a stage collapses or runs away, the cost has no lower bound, or nothing is found from the guess.
+    The nonlinear program, by direct multiple shooting, is solved by Ipopt, and its solution is integrated again. Raises
+    `InputError` for invalid arguments and for bounds that conflict, and `NoOrbit`, with the reason, where there is no
+    such motion, a stage collapses or runs away, the cost has no lower bound, or none is found from the guess.
 
     >>> from orbits import Guess, Input, Phase, Stage, steer
     >>> cart = Phase("cart", ("x", "v"), lambda x, p, q: [x[1], p["f"]])

@@ -27,11 +27,11 @@ ACTIVE = 1e-7  # a bound or a constraint is active within this share of its size
 
 @dataclass(frozen=True)
 class Active:
-    """Something that keeps the optimum from being better.
+    """A constraint, bound or condition of a motion that is active at the optimum.
 
-    text : the constraint, bound or demand
-    multiplier : by how much the objective would get better per unit by which the constraint is relaxed, to first order;
-        for an equation, per unit by which its value is raised
+    text : the constraint, bound or condition
+    multiplier : improvement of the objective per unit by which the constraint is relaxed, to first order; for an
+        equality constraint, per unit by which its value is raised
     """
 
     text: str
@@ -56,15 +56,16 @@ class Design:
     machine : with the best parameters
     orbit : its certified lossless orbit
     parameters : their values
-    verb, text, objective : "minimise" or "maximise", what, and its value
+    verb, text, objective : "minimise" or "maximise", the formula of the objective, and its value
     quantities : values of the quantities that the problem names
-    active : constraints, bounds and demands that keep the optimum from being better
-    idle : parameters that neither objective nor constraints depend on; they keep their values at the start
-    kkt : largest violation of the optimality conditions: the slope of the Lagrangian as a share of the objective over
-        each parameter's range, by the implicit function theorem at the certified orbit, and the constraints' violations
+    active : active constraints, bounds and conditions of a motion
+    idle : parameters on which neither objective nor constraints depend; they have the values of the start
+    kkt : largest violation of the optimality conditions: the gradient of the Lagrangian as a share of the objective
+        over each parameter's range, by the implicit function theorem at the certified orbit, and the constraints'
+        violations
     starts : all that were tried
     seconds : wall time
-    pair : both objectives, of a design on a Pareto front
+    pair : both objectives, for a design on a Pareto front; None otherwise
     share : of the designs of a global search that led to this optimum; None for any other search
     """
 
@@ -105,11 +106,11 @@ class Design:
         }
 
     def summary(self) -> str:
-        """What the design is best in, in one line."""
+        """The design in one line: its objective, with its value."""
         return f"{self.verb} {self.text}: {self.objective:.12g}" + (" (SI)" if self.orbit.units else "")
 
     def rows(self, digits: int) -> list[tuple[str, str]]:
-        """The design as rows of a table, (name, text): parameters, quantities, what holds it, how it was found."""
+        """The design as rows of a table, (name, text): parameters, quantities, active constraints, how it was found."""
         figures = {**self.quantities, **self.parameters}
         named = dict.fromkeys([*self.parameters, *self.quantities])
         rows = [(name, number_text(float(figures[name]), self.unit_of(name), digits)) for name in named]
@@ -141,7 +142,7 @@ class Design:
         return write_json(self.saved(), path, "design")
 
     def saved(self) -> dict[str, Any]:
-        """The document of a file of the design, with the whole orbit, from which `of_saved` makes it again."""
+        """The content of a file of the design, with the whole orbit, from which `of_saved` restores it."""
         return {**self.document(), "pair": self.pair, "share": self.share, "orbit": self.orbit.saved()}
 
     @classmethod
@@ -150,13 +151,13 @@ class Design:
 
         machine : the one that was designed, with any values of the parameters that were free
 
-        Raises `InputError` when the file is not one, or is of another machine.
+        Raises `InputError` when the file does not have a design, or is of another machine.
         """
         return read_file(path, f"{path} is not a saved design", lambda file: cls.of_saved(read_sealed(file), machine))
 
     @classmethod
     def of_saved(cls, document: Any, machine: Machine) -> "Design":
-        """The design of what `saved` made; raises `ValueError` where parts of it do not fit each other."""
+        """The design from what `saved` returned; raises `ValueError` where its parts contradict each other."""
         data = conform(document, SavedDesign)
         orbit, best = Orbit.of_saved(data["orbit"]), machine.with_values(**data["parameters"])
         if json.loads(to_json(machine_in_words(best))) != json.loads(to_json(orbit.machine)):

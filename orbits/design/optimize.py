@@ -41,22 +41,22 @@ def optimize(
     seed: int = 0,
     progress: Progress = None,
 ) -> Design:
-    """The parameters of a machine whose lossless orbit is best.
+    """The parameters of a machine for which an objective of its lossless orbit is best.
 
     machine : as in `find`; its own parameters are the first start, where they lie within the bounds
     minimise, maximise : one of them, a formula of the orbit's quantities and the machine's parameters
-    over : bounds of the parameters to choose
+    over : bounds (low, high) of the parameters to be optimised, by name
     subject_to : constraints, as "stroke <= 0.25", "loss_coefficient <= 2*alpha", "0.1 <= centre_of_mass_rise <= 0.2"
+    family : number of the family, from 1
     starts, seed : number of starts, those after the first from Sobol's sequence; None for one, with further ones only
-        where that leads to no optimum; "global" for the lowest places among 256 designs of that sequence, with the
-        share of them that leads to the optimum as its `share`
-    progress : called with the share of the starts that are done
+        where that leads to no optimum; "global" for the local minima of the objective among 256 designs of that
+        sequence; the result's `share` is then the share of these designs that leads to its optimum
+    progress : called with the completed share of the starts
 
-    All numbers are in the machine's units, or in SI where the machine was stated in SI; there the parameters of a
-    formula in SI are designed in SI. The orbit is always kept admissible. The optimum is the best of the local optima
-    that the starts lead to.
-    Raises `InputError` for an ill-posed problem, and `NoOrbit` with the reason when no start leads to an optimum: by
-    how much the constraints are missed, an orbit that escapes, or a contact that collapses.
+    All numbers are in the machine's units, or in SI for a machine in SI. That the orbit is admissible is always a
+    constraint. The optimum is the best of the local optima that the starts lead to. Raises `InputError` for an
+    ill-posed problem, and `NoOrbit` with the reason when no start leads to an optimum: the amount by which constraints
+    are violated, an orbit that escapes, or a contact that collapses.
 
     >>> from orbits import optimize
     >>> from problems import hopper_in_si

@@ -32,7 +32,7 @@ FLAT_CHANGE = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Front:
-    """Designs of which none is better than another in both objectives, in ascending order of the first objective.
+    """A Pareto front: designs none of which is better than another in both objectives, by the first objective.
 
     texts : the two objectives, both minimised
     designs : each certified
@@ -85,7 +85,7 @@ class Front:
 
         machine : the one that was designed, with any values of the parameters that were free
 
-        Raises `InputError` when the file is not one, or is of another machine.
+        Raises `InputError` when the file does not have a front, or is of another machine.
         """
         return read_file(path, f"{path} is not a saved front", partial(_front_in_file, machine))
 
@@ -152,10 +152,14 @@ def pareto(
 ) -> Front:
     """The Pareto front of two objectives.
 
-    Both ends are designed first. Then the first objective is minimised with the second bounded at levels spread evenly
-    between the ends, starting from the design before, from both ends, and from as many `starts` as are given. Dominated
-    designs are left out. The other arguments are those of `optimize`; an objective to be large is written "-alpha".
-    Raises as `optimize` does where an end has no optimum.
+    minimise : the two objectives, formulas as in `optimize`; one to be maximised has a minus sign, as "-alpha"
+    points : number of designs, at most
+    machine, over, subject_to, family, starts, seed, progress : as in `optimize`
+
+    Both ends of the front are designed first. Then the first objective is minimised with the second bounded at levels
+    that are evenly spaced between the ends (the epsilon-constraint method), from the previous design, from both ends,
+    and from `starts` further starts. Dominated designs are left out. Raises the errors of `optimize` where an end has
+    no optimum.
 
     >>> from orbits import pareto
     >>> from problems import hopper_in_si

@@ -20,9 +20,13 @@ Names: TypeAlias = Sequence[str] | None
 
 @exclusive
 def quantities(machine: Machine, orbit: Orbit, names: Names = None) -> dict[str, float]:
-    """Quantities of a machine's orbit, or formulas of them, by their text; None for all that the orbit has.
+    """Quantities of a machine's orbit, by name.
 
-    In the machine's units, or in SI for a machine stated so. Raises `InputError` for an unknown name.
+    machine, orbit : a machine, and an orbit of it
+    names : of quantities, or formulas of them; None for all quantities that the orbit has
+
+    The values are in the machine's units, or in SI for a machine in SI. Raises `InputError` for an unknown name, and
+    for the orbit of another machine.
 
     >>> from orbits import find, quantities
     >>> from problems import Hopper
@@ -39,14 +43,16 @@ def quantities(machine: Machine, orbit: Orbit, names: Names = None) -> dict[str,
 def sensitivities(
     machine: Machine, orbit: Orbit | int = 1, names: Names = None, quantities: Names = None
 ) -> dict[str, dict[str, float]]:
-    """Exact derivatives d(quantity)/d(parameter), as the parameter changes and the orbit stays lossless.
+    """Exact derivatives d(quantity)/d(parameter) for an orbit that stays lossless as the parameter changes.
 
-    orbit : one of the machine's own, or the number of its family
-    names : of the parameters, None for all; as in `optimize`
+    machine : as in `find`
+    orbit : an orbit of the machine, or the number of its family
+    names : of the parameters, as in `optimize`; None for all
     quantities : of the orbit, or formulas of these; None for all that it has
 
-    By the implicit function theorem on the equations of the orbit, with derivatives from their graph. At a fold of the
-    family in a parameter they are infinite. Raises `InputError` for an unknown name or another machine's orbit.
+    Returns the derivatives by quantity and parameter, in the machine's units. They follow from the implicit function
+    theorem for the equations of the orbit, by automatic differentiation. At a fold of the family in a parameter they
+    are infinite. Raises `InputError` for an unknown name, and for the orbit of another machine.
 
     >>> from orbits import sensitivities
     >>> from problems import Hopper

@@ -12,7 +12,7 @@ class Enclosure:
     high: str
 
     def __contains__(self, value: float | str | Decimal) -> bool:
-        """Whether a number, or a decimal as a text, lies in the interval."""
+        """Whether a number, or a decimal as text, lies in the interval."""
         return Decimal(self.low) <= Decimal(value) <= Decimal(self.high)
 
     @property

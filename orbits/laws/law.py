@@ -111,14 +111,14 @@ class Key(NamedTuple):
 
 @dataclass(frozen=True)
 class Law:
-    """A function of one variable with named parameters; calling it gives its values.
+    """A function of one variable with named parameters; a call returns its values.
 
     text : the law as its user wrote it
     variable : "r", an extension, or "z", a height
     expression : (x, p, q) -> value, on CasADi scalars; `p` maps names to parameters, `q` is the data of a smooth piece
     parameters : values of the parameters
     pieces : (size of q, parameters -> (breaks, data)) for a piecewise law, None for a smooth one
-    written : the law in formulas; None where they cannot say it
+    written : the law in formulas; None where it cannot be written in formulas
     """
 
     text: str
@@ -141,7 +141,7 @@ class Law:
         return Key(self.text, self.variable, self.expression, tuple(self.parameters), self.pieces, written=self.written)
 
     def __call__(self, x: ArrayLike) -> np.ndarray:
-        """Values at `x` (any shape), NaN where the law has none; a table raises `OutOfRange` outside its range."""
+        """Values at `x` (any shape), NaN where the law is not defined; a table raises `OutOfRange` outside its range."""
         return self.with_slope(x)[0]
 
     def with_slope(self, x: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
@@ -164,14 +164,15 @@ class Law:
         return value.reshape(x.shape), slope.reshape(x.shape)
 
     def range(self) -> tuple[float, float]:
-        """The bounds of the variable that the law states; infinite for a formula, which may still fail inside them."""
+        """The bounds of the variable for which the law is stated; infinite for a formula, even if it is not defined
+        everywhere."""
         if self.pieces is None:
             return -np.inf, np.inf
         breaks = self.pieces[1](self.parameters)[0]
         return float(breaks[0]), float(breaks[-1])
 
     def rest(self) -> float:
-        """The place of the range nearest to 0, where a spring is unloaded."""
+        """The value of the variable nearest to 0 in the range, where a spring is unloaded."""
         low, high = self.range()
         return min(max(0.0, low), high)
 
@@ -183,7 +184,7 @@ class Law:
         return replace(self, parameters={**self.parameters, **values}) if values else self
 
     def scaled(self, length: float, force: float | None = None) -> "Law":
-        """The law in units of `length` and `force`, which become its parameters; None keeps the values as they are."""
+        """The law in units of `length` and `force`, which become its parameters; with None the values are not scaled."""
         expression = _scaled(self.expression, force is not None)
         pieces = self.pieces and (self.pieces[0], _scaled_table(self.pieces[1]))
         units = {UNIT_LENGTH: length} | ({} if force is None else {UNIT_FORCE: force})

@@ -1,9 +1,9 @@
 """The elements of a mechanism: what has inertia, and what exerts a force along an extension or a height.
 
 Extensions and heights are formulas of the coordinates and the parameters, numbers, or Python functions (y, p) of both
-by name, written with operators and NumPy or CasADi functions. Masses, inertances and coefficients are the same of the
-parameters alone: a formula of them that names a coordinate is refused, whereas a Python function that uses one goes
-unnoticed and gives a wrong machine. An inertia that varies is stated by `Mechanism(inertia=...)`.
+by name, written with operators and NumPy or CasADi functions. Masses, inertances and coefficients are formulas, numbers
+or functions of the parameters alone: a formula that names a coordinate is refused, whereas a Python function that uses
+one is not detected, and the machine is then wrong. An inertia that varies is stated by `Mechanism(inertia=...)`.
 """
 
 from collections.abc import Callable, Mapping
@@ -18,7 +18,11 @@ Scalar: TypeAlias = str | float | Callable[[Mapping[str, Any], Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Mass:
-    """A point mass that moves vertically at a height: it has inertia and weight."""
+    """A point mass that moves vertically at a height: it has inertia and weight.
+
+    height : its height, a formula of the coordinates and parameters, a number, or a Python function (y, p)
+    mass : its mass, the same of the parameters alone; in kg for a mechanism in SI
+    """
 
     height: Scalar
     mass: Scalar
@@ -26,7 +30,10 @@ class Mass:
 
 @dataclass(frozen=True)
 class Weight:
-    """The weight of a mass at a height, without its inertia."""
+    """The weight of a mass at a height, without its inertia.
+
+    height, mass : as in `Mass`
+    """
 
     height: Scalar
     mass: Scalar
@@ -34,7 +41,11 @@ class Weight:
 
 @dataclass(frozen=True)
 class Inerter:
-    """A force against the second derivative of an extension, as if a mass moved along it (Smith 2002)."""
+    """A force against the second derivative of an extension, as of a mass that moved along it (Smith 2002).
+
+    extension : a formula of the coordinates and parameters, a number, or a Python function (y, p)
+    inertance : force over the second derivative, the same of the parameters alone; in kg for a length in SI
+    """
 
     extension: Scalar
     inertance: Scalar
@@ -44,7 +55,9 @@ class Inerter:
 class Spring:
     """A force against an extension.
 
-    force : a law as of `problems.springs`, or a formula of the extension r; tension is positive
+    extension : a formula of the coordinates and parameters, a number, or a Python function (y, p)
+    force : a law, for example of `problems.springs`, or a formula of the extension r; tension is positive; in N of m
+        for a length in SI
     """
 
     extension: Scalar
@@ -53,9 +66,12 @@ class Spring:
 
 @dataclass(frozen=True)
 class Damper:
-    """A force against the rate of an extension, coefficient times rate, with a coefficient from 0.
+    """A force against the rate of an extension: coefficient times rate.
 
-    A machine that has one loses energy on every hop, so that `find` refuses it; `simulate` and `ReturnMap` take it.
+    A machine with a damper loses energy in every hop, so that `find` refuses it; `simulate` and `ReturnMap` accept it.
+
+    extension : a formula of the coordinates and parameters, a number, or a Python function (y, p)
+    coefficient : at least 0, the same of the parameters alone; in N s/m for a length in SI
     """
 
     extension: Scalar
@@ -66,7 +82,9 @@ class Damper:
 class Potential:
     """Any other conservative forces, by their potential energy as a function of the coordinates.
 
-    `find` takes a machine that has one as it takes springs; the energy counts with that of the machine.
+    `find` accepts a machine with a potential as it does one with springs; its energy is part of the machine's energy.
+
+    energy : a formula of the coordinates and parameters, or a Python function (y, p); in J for a mechanism in SI
     """
 
     energy: Scalar
@@ -74,11 +92,13 @@ class Potential:
 
 @dataclass(frozen=True)
 class Force:
-    """A force along the rate of a function of the coordinates, which neither conserves energy nor comes from a law.
+    """A generalised force along a function of the coordinates, which may depend on speeds and need not conserve energy.
 
-    As with a `Damper`, `find` refuses a machine that has one, even where the force does no work; `simulate` and
-    `ReturnMap` take it. A force that conserves energy is stated by its `Potential`.
+    As with a `Damper`, `find` refuses a machine with such a force, even where the force does no work; `simulate` and
+    `ReturnMap` accept it. A force that conserves energy is stated by its `Potential`.
 
+    along : the function, a formula of the coordinates and parameters, or a Python function (y, p); its rate times the
+        force is the power
     force : a Python function (y, v, p) of coordinates, their rates and parameters by name
     """
 

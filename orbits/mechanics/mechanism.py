@@ -53,32 +53,34 @@ class Mechanism(Stated):
     coordinates : names (n,), from the top
     elements : `Mass`, `Spring`, `Damper`, `Weight`, `Inerter`, `Potential` and `Force`, whose extensions and heights
         are formulas of the coordinates and parameters
-    gap : the distance that opens in flight and lands plastically, a sum of coordinates with numbers before them
-    parameters : values of the names in all formulas and laws; those that laws bring with them are added to these
-    gravity : the acceleration as a number, or as a formula or law of the height z. Where it varies, `find` solves for
-        constant gravity first, as it is at z = 0, and goes from there to the law in steps
-    surface_gravity : what the law of gravity is multiplied by
-    inertia : of the coordinates, beside that of masses and inerters: a mapping of coordinates to masses, or rows of a
-        symmetric matrix
-    counts : the extension whose turning points count the family; that of the first spring if left out
-    launch : the coordinate whose place and speed at lift-off are "liftoff" and "alpha"; the last one of the contact if
-        left out
-    heights : for plots, the upper before the lower; the coordinates that are lengths if left out
-    separation : a distance that must stay positive
+    gap : the distance that opens in flight and lands plastically, a linear combination of coordinates with constant
+        coefficients
+    parameters : values of the names in all formulas and laws; the parameters of the laws are added to these
+    gravity : the acceleration as a number, or as a formula or law of the height z. Where it varies, `find` first solves
+        for constant gravity with the value at z = 0, and continues from there to the law in steps
+    surface_gravity : the factor of the law of gravity
+    inertia : of the coordinates, in addition to that of masses and inerters: a mapping of coordinates to masses, or
+        rows of a symmetric matrix
+    counts : the extension whose stationary points count the family; by default that of the first spring
+    launch : the coordinate whose value and speed at lift-off are "liftoff" and "alpha"; by default the last one of the
+        contact
+    heights : for plots, formulas by name, the upper before the lower; by default the coordinates that are lengths
+    separation : a distance that must stay positive; None where none is checked
     restitution : of the impacts, 0 <= e <= 1
-    in_si : whether all numbers are in SI, and results then have units
+    in_si : whether all numbers are in SI; the results then have units
     name : of the kind of machine
-    energy_unit : in units of force and length
-    rest : of coordinates that are not 0 where the machine rests with its springs unloaded
-    angles : coordinates that are angles, in rad
-    knees : for pictures, tuples (lower, upper, length): from the height of the name `lower`, None for the ground, to
-        that of the name `upper` a leg is drawn, which is two links of this length with a knee between them
-    actuators : displacements that may stand in extensions, each with the name of its rate, which is a parameter and 0
-        unless `parameters` has it
-    words : what messages call the "liftoff" force, and say of a violated "gap", "pull", "separation" and "end"
+    energy_unit : the unit of energy in units of force times length
+    rest : values of the coordinates that are not 0 where the machine rests with its springs unloaded
+    angles : names of the coordinates that are angles, in rad
+    knees : for figures, tuples (lower, upper, length): a leg of two links of this length with a knee between them is
+        drawn from the height of the name `lower`, None for the ground, to that of the name `upper`
+    actuators : names of displacements that may occur in extensions, each with the name of its rate, a parameter that
+        is 0 unless `parameters` has it
+    words : the name of the "liftoff" force in messages, and what they say of a violated "gap", "pull", "separation" and
+        "end"
 
-    Raises `InputError` for an unknown name, for what is no mechanism, and for masses, inertias, dampers and gravity of
-    a wrong sign as soon as all parameters have values.
+    Raises `InputError` for an unknown name, for statements that do not describe a mechanism, and for masses, inertias,
+    dampers and gravity of a wrong sign as soon as all parameters have values.
 
     >>> from orbits import Mass, Mechanism, Spring, find
     >>> masses = [Mass("body", "m1"), Mass("foot", "m2")]
@@ -173,7 +175,7 @@ class Mechanism(Stated):
 
     @property
     def expressions(self) -> list[Any]:
-        """The expressions that may ask for parameters, without the laws."""
+        """The expressions that may depend on parameters, without the laws."""
         return expressions_of(self)
 
     @property
@@ -190,7 +192,7 @@ class Mechanism(Stated):
 
     @property
     def has_functions(self) -> bool:
-        """Whether a Python function may ask for any parameter."""
+        """Whether there is a Python function, which may use any parameter."""
         return any(map(callable, self.expressions))
 
     @property
@@ -205,7 +207,7 @@ class Mechanism(Stated):
 
     @exclusive_property
     def structure(self) -> Structure:
-        """The mechanism without its numbers; what is built from it serves all that differ in these alone."""
+        """The mechanism without its numbers; what is built from it is shared by all that differ in numbers only."""
         elements, gravity = self.elements, self.gravity
         springs = [element for element in elements if isinstance(element, Spring)]
         if springs and self.parameters.keys() >= set(self.names):
@@ -245,8 +247,8 @@ class Mechanism(Stated):
         return np.array(self.model.gap(self.values).weights[: 2 * len(self.coordinates) : 2])
 
     def linear_equations(self) -> LinearEquations:
-        """The matrices M, K and f of M y'' = -K y + f in flight; raises `InputError` where a spring is no straight
-        line."""
+        """The matrices M, K (n, n) and the vector f (n,) of M y'' = -K y + f in flight; raises `InputError` where a
+        spring is not linear."""
         return linear_equations(self.structure, self.values)
 
     @property
@@ -265,7 +267,7 @@ class Mechanism(Stated):
         return replace(self, parameters={**self.parameters, **values})
 
     def with_springs(self, forces: Sequence[Any]) -> Self:
-        """The same mechanism with other laws of its springs, without the parameters that these no longer ask for."""
+        """The same mechanism with other laws of its springs, without the parameters that these no longer need."""
         new = iter(forces)
         elements = [replace(each, force=next(new)) if isinstance(each, Spring) else each for each in self.elements]
         beside = {name: self.parameters[name] for name in self._names_beside_springs if name in self.parameters}
@@ -279,7 +281,7 @@ class Mechanism(Stated):
         return self._si if self.in_si else None
 
     def stated(self) -> Self:
-        """The mechanism itself: what a theorem is about."""
+        """The mechanism itself, which is what a theorem states."""
         return self
 
     def dimensionless(self) -> Self:
@@ -316,7 +318,7 @@ class Mechanism(Stated):
         }
 
     def units_of_parameters(self) -> dict[str, str]:
-        """The units of SI of those parameters whose dimension the elements tell."""
+        """The SI units of those parameters whose dimensions follow from the elements, by name."""
         return {name: unit_text(dimension) for name, dimension in dimensions_of_parameters(self).items()}
 
     def __repr__(self) -> str:

@@ -12,17 +12,17 @@ from .model import Model
 
 @runtime_checkable
 class Machine(Protocol):
-    """A machine of a certain kind with certain numbers, as `problems.Hopper` makes them.
+    """A machine of some kind with the values of its parameters, for example a `problems.Hopper`.
 
-    Nothing of it changes once it is made. `find` and `find_all` need its model, values, units and description; those
-    that vary parameters (`follow`, `existence`, `sensitivities`, `optimize`, `pareto`) need `with_values` too; and
-    `ReturnMap`, `simulate` and `multiplier` its restitution. `steer` takes no machine but the phases of one. `check`
-    looks at all of it.
+    A machine does not change after its construction. `find` and `find_all` need its model, values, units and
+    description; functions that vary parameters (`follow`, `existence`, `sensitivities`, `optimize`, `pareto`) need
+    `with_values` too; and `ReturnMap`, `simulate` and `multiplier` its restitution. `steer` takes phases instead of a
+    machine. `check` checks all of these attributes.
     """
 
     @property
     def model(self) -> Model:
-        """The kind of machine, one object for all that differ only in numbers: what is built from it serves them."""
+        """The kind of machine: one object for all machines that differ only in numbers, which share what is built."""
 
     @property
     def values(self) -> dict[str, float]:
@@ -30,14 +30,16 @@ class Machine(Protocol):
 
     @property
     def units(self) -> Units | None:
-        """What the engine's dimensionless numbers stand for, for a machine that is stated in SI; else None.
+        """The units of the engine's dimensionless numbers, for a machine that is stated in SI; else None.
 
-        The parameters of a machine with units are in SI, its model has `units`, its results are converted to SI, and
-        its method `dimensionless` gives the same machine without them; its `scheduled` are the units of the parameters
-        that a `simulate` may vary in time, by name."""
+        The parameters of a machine with units are in SI, its model has `units`, and its results are converted to SI.
+        Its method `dimensionless` returns the same machine without units, and its `scheduled` are the units of the
+        parameters that `simulate` may vary in time, by name.
+        """
 
     def with_values(self, **values: float) -> Self:
-        """The same machine with other values of some parameters; raises `InputError` for what it cannot have."""
+        """The same machine with other values of some parameters; raises `InputError` for unknown names and invalid
+        values."""
 
     def describe(self) -> dict[str, Any]:
         """The machine in words and numbers for JSON, with the keys of `orbits.periodic.orbit.MACHINE_FIELDS`."""

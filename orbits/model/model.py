@@ -36,12 +36,13 @@ class Search(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Reduction:
-    """A smaller statement of the same orbit, in coordinates in which fewer states are integrated.
+    """A reduced statement of the same orbit, in coordinates in which fewer states are integrated.
 
-    statement : of unknowns "liftoff" and "alpha", also its two states at lift-off, with one arc, the first half flight
+    statement : with the unknowns "liftoff" and "alpha", which are also its two states at lift-off, and with one arc,
+        the first half flight
     reversor : sign of each of its states under time reversal
     complete : (times (N,), coefficients (N, n, K + 1), u, p) -> Taylor coefficients of all flight states; `u` and `p`
-        hold one value for each of the N steps
+        have one value for each of the N steps
     gap_slope : (times (m,), dz (n, m), p) -> derivatives (m,) of the gap by alpha, from those of the reduced states, dz
     exact : (family, p) -> (u, error of alpha) where the solution is known in closed form, else None
     """
@@ -55,14 +56,14 @@ class Reduction:
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """A kind of machine whose plastic contact can cost nothing; its numbers come in the mapping `p` of parameters.
+    """A kind of machine whose plastic contact can be lossless; its functions take the parameters as a mapping `p`.
 
     A lossless cycle is a flight from the launch set to its image under the reversor, then a contact back to the launch
-    set. Energy is conserved in each phase; only its gradient is asked for, so that no potential is needed in closed
-    form. Unknowns come as a mapping `u` too: "liftoff" and "alpha" are the place and the speed of what is launched,
-    what else a launch needs has the names of flight states. What is asked of m orbits at once (launch, touchdown, gap,
-    separation, impact_mass, impact) is called with arrays (m,) in `u`, `x` and `p`, and with CasADi's expressions:
-    arithmetic that does not branch on them.
+    set. Energy is conserved in each phase; only its gradient is needed, so that the potential need not be known in
+    closed form. The unknowns are a mapping `u`: "liftoff" and "alpha" are the value and the speed of the coordinate
+    that is launched, and further unknowns of a launch have the names of flight states. The functions launch, touchdown,
+    gap, separation, impact_mass and impact are called for m orbits at once, with arrays (m,) in `u`, `x` and `p`, and
+    with CasADi's expressions; so they must not branch on these values.
 
     flight, contact : the two phases; the contact watches a quantity named "contact force"
     launch_unknowns, launch : names of the unknowns of a launch; (u, p) -> flight state at lift-off
@@ -80,10 +81,10 @@ class Model:
     separation : p -> smallest distance within the machine, which must stay positive, a function of the flight state,
         `Affine` or a `StateFormula`; None where it is not stated
     heights : p -> such functions by name, for plots and rises; first the masses, the upper before the lower. Gap and
-        separation lie between two of them, or between one and the ground, with any constant beside; the separation may
-        be less by what is solid
-    violations : messages for the four ways in which a root is no motion: the "gap" closes in flight, the contact would
-        have to "pull", the "separation" vanishes, the contact does not "end"
+        separation are the difference of two of them, or of one and the ground, up to a constant, which may be the size
+        of solid parts for the separation
+    violations : messages for the four conditions of a motion: the "gap" closes in flight, the contact would have to
+        "pull", the "separation" vanishes, the contact does not "end"
     springs : pairs of names of the heights, lower and upper, between which springs are drawn; None is the ground
     knees : p -> (lower, upper, length) of pairs of such names between which a knee joins two links of this length, in
         the unit of the heights; None where there is none
@@ -92,22 +93,23 @@ class Model:
     impact : (x, p) -> direction, a list of n, in which an impact changes the flight state x: M^-1 dg on the speeds,
         scaled so that along it the gap's speed changes by 1
     contact_speed : the contact coordinate that becomes the launch speed
-    guess : (family, p) -> a launch and the "duration" of the half flight, in the scene with `homotopy` at 0; None where
-        that follows from `relative`, or where the families are searched at once, for which `search` and `release` are
-        enough
+    guess : (family, p) -> a launch and the "duration" of the half flight, with the parameter `homotopy` at 0; None
+        where it follows from `relative`, or where the families are searched at once, for which `search` and `release`
+        suffice
     relative : the `Relative` motion under constant gravity, from which a guess follows; None where there is none
     conservative : whether flight and contact conserve the energy
     driven : whether a force may add energy to a machine that is not conservative
-    homotopy : name of the parameter that leads from the scene of the guess (0) to this one (1); None where they are one
-    reduction : the smaller statement that this scene allows; None where there is none
+    homotopy : name of the parameter that leads from the machine of the guess (0) to this one (1); None where they are
+        the same
+    reduction : the reduced statement that the machine allows; None where there is none
     tension : (x, p, q) -> force of the spring in a flight state; None where it is not stated
     units : p -> `Units` of a machine that is stated in SI, whose parameters are in SI; None for a dimensionless one
     gauge : name of a parameter that only sets the units and changes no motion; None where there is none
     search : p -> `Search`; None for a model whose families are not searched for all of their orbits
     rest : p -> flight state at rest in contact, with the springs unloaded, from which a simulation counts the energy;
         None where all of its coordinates are 0
-    derived : whether nothing in it was written by hand that could contradict the rest, see `as_derived`; others are
-        looked at once before they are used (`orbits.check` says more)
+    derived : whether the model was derived, so that its parts cannot contradict each other, see `as_derived`; other
+        models are checked once before they are used (`orbits.check` checks more)
     """
 
     name: str

@@ -30,11 +30,11 @@ SHORTEST_RISE = 0.5
 class Modes:
     """The flow of a linear mechanism as modes q, with y = shapes @ q and q'' = loads - squares * q.
 
-    squares : (n,) squared frequencies, ascending, those of thrown modes exactly 0
-    shapes : (n, n)
-    apart : (n, n), the inverse of `shapes`, stated since a numerical inverse would carry rounding errors
+    squares : (n,) squared angular frequencies, ascending, exactly 0 for modes without a restoring force ("thrown")
+    shapes : (n, n), the modes as columns
+    apart : (n, n), the inverse of `shapes`, stated because a numerical inverse would have rounding errors
     loads : (n,) the accelerations of the modes at q = 0
-    watch : of each watched quantity, an affine one, the weights (2n,) of the states and the value where these are 0
+    watch : for each watched quantity, which is affine, the weights (2n,) of the states and the value where these are 0
     """
 
     squares: np.ndarray
@@ -53,17 +53,17 @@ class Modes:
 
     @cached_property
     def thrown(self) -> int:
-        """How many modes are thrown."""
+        """The number of thrown modes."""
         return int(np.count_nonzero(self.squares == 0.0))
 
     @cached_property
     def rates(self) -> np.ndarray:
-        """Angular frequencies of the modes that swing."""
+        """Angular frequencies of the oscillating modes."""
         return np.sqrt(self.squares[self.thrown :])
 
     @cached_property
     def centres(self) -> np.ndarray:
-        """Coordinates about which modes swing."""
+        """Mode coordinates about which the modes oscillate."""
         return self.loads[self.thrown :] / self.squares[self.thrown :]
 
     def state(self, start: Any, t: Any) -> np.ndarray:
@@ -248,7 +248,7 @@ def linear_modes(
     load : f (n,)
     watch : as in `Modes`
 
-    Raises `InputError` for matrices that are not so, and where no mode swings.
+    Raises `InputError` for matrices without these properties, and where no mode oscillates.
 
     >>> from orbits import linear_modes
     >>> modes = linear_modes([[1.0]], [[4.0]], [0.0])

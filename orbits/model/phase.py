@@ -17,8 +17,11 @@ from .modes import Modes
 
 @dataclass(frozen=True)
 class Affine:
-    """The function weights . x + offset of a state x (n,), with one weight for each state; for m trajectories at once a
-    weight or the offset may be an array (m,), as `Trajectories.series` takes them."""
+    """The affine function weights . x + offset of a state x (n,).
+
+    weights : one for each state
+    offset : a number; for m trajectories at once a weight or the offset may be an array (m,), as `Trajectories.series`
+        takes them"""
 
     weights: tuple[Any, ...]
     offset: Any = 0.0
@@ -32,7 +35,7 @@ class Affine:
         return sum((weight * part for weight, part in zip(self.weights, x, strict=False)), self.offset)
 
     def in_units(self, sizes: Sequence[float], unit: float) -> "Affine":
-        """The same function of states of which one unit is `sizes` (n,), its value in a unit."""
+        """The same function in units in which one old unit is `sizes` (n,) of the states and `unit` of the value."""
         weights = (weight * (unit / size) for weight, size in zip(self.weights, sizes, strict=True))
         return Affine(tuple(weights), self.offset * unit)
 
@@ -52,9 +55,9 @@ class Pieces:
     """Where a piecewise vector field is smooth: between neighbouring breakpoints of one coordinate of the state.
 
     coordinate : weights w (n,) of the coordinate w . x
-    size : number of data values that a piece has, the `q` of the vector field
+    size : number of data values of a piece, the `q` of the vector field
     table : parameters -> (breakpoints (m + 1,), data (m, size)); a motion may not leave the interval that they span
-    label : what a message calls the coordinate
+    label : name of the coordinate in messages
     """
 
     coordinate: tuple[float, ...]
@@ -65,17 +68,19 @@ class Pieces:
 
 @dataclass(frozen=True, eq=False)
 class Phase:
-    """A way of moving with one vector field, which is smooth or smooth in pieces.
+    """A part of the motion with one vector field, which is smooth or smooth in pieces.
 
+    name : of the phase
     states : names of the n states
-    field : (x, p, q) -> x', a list of expressions
-    watch : quantities to be carried along as Taylor series, by name, each (x, p, q) -> expression
+    field : (x, p, q) -> x', a list of n expressions of the states x, the parameters p by name, and the data q of a
+        smooth piece
+    watch : quantities whose Taylor series are computed with those of the states, by name, each (x, p, q) -> expression
     pieces : where the vector field is smooth; None where it is smooth everywhere
     closed_form : parameters -> the exact flow of the phase, which is then used instead of integration
-    reaches : coordinates, each by its weights of the first states, with how far an integration step may go along them:
-        no Taylor series sees a narrow bump of a law ahead of it
+    reaches : coordinates, each by its weights of the first states, with the largest distance that an integration step
+        may go along it, since a Taylor series does not detect a narrow bump of a law ahead of it
 
-    Phases and statements compare by identity, since what is built from them is kept as long as they live.
+    Phases and statements compare by identity, since what is built from them is stored as long as they exist.
     """
 
     name: str
@@ -92,10 +97,12 @@ class Phase:
 
 @dataclass(frozen=True, eq=False)
 class Arc:
-    """A phase travelled once, with its boundary conditions.
+    """A phase that is passed through once, with its boundary conditions.
 
-    start : (u, x_before, p) -> the first state; `x_before` is the last state of the arc before, empty for the first arc
-    duration : (u, p) -> the time it takes
+    phase : the `Phase`
+    start : (u, x_before, p) -> the first state; `x_before` is the last state of the previous arc, empty for the first
+        arc
+    duration : (u, p) -> its duration
     conditions : (u, x_end, p) -> expressions that vanish at its end
     guard : (u, x_start, p, q) -> expressions that vanish at its start
 
@@ -111,10 +118,11 @@ class Arc:
 
 @dataclass(frozen=True, eq=False)
 class Statement:
-    """A square boundary value problem on a sequence of phases: it says what makes a motion an orbit.
+    """A square boundary value problem on a sequence of phases, whose solutions are orbits.
 
+    name : of the statement
     unknowns : names of the unknowns u
-    arcs : in the order in which they are travelled
+    arcs : in the order in which they are passed through
     durations : names of those unknowns that are times, which stay positive
     """
 

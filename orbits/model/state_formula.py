@@ -19,13 +19,14 @@ from .phase import Affine
 
 @dataclass(frozen=True)
 class StateFormula:
-    """A smooth function of the state, stated as a formula, so that files and pickles of orbits can take it.
+    """A smooth function of the state, stated as a formula, so that it can be stored in files and pickles of orbits.
 
     text : in the grammar of `orbits.symbolic.formula`, of the names of coordinates and of parameters, as
         "h + 2*l*sin(theta/2)"
     states : names of the n states
     values : of the parameters in it, numbers or expressions; for m trajectories at once a value may be an array (m,)
-    sizes, unit : what one unit of each state (n,) and of the value is, where these are not those of the formula
+    sizes, unit : the formula's units of the states (n,) and of the value, in the units of `x` and of the results; by
+        default they are the same
 
     Raises `InputError` for a formula with other names, or one that is not smooth.
     """
@@ -47,7 +48,7 @@ class StateFormula:
 
     @property
     def coordinates(self) -> tuple[str, ...]:
-        """Those states that the formula depends on."""
+        """The names of the states on which the formula depends."""
         names = _parsed(self.text).names
         return tuple(name for name in self.states if name in names)
 
@@ -81,13 +82,13 @@ class StateFormula:
         return self.unit * composed(inside.reshape(count, -1), values)[0]
 
     def in_units(self, sizes: Sequence[float], unit: float) -> "StateFormula":
-        """The same function of states of which one unit is `sizes` (n,), its value in a unit."""
+        """The same function in units in which one old unit is `sizes` (n,) of the states and `unit` of the value."""
         own = self.sizes or (1.0,) * len(self.states)
         sizes = tuple(size * mine for size, mine in zip(sizes, own, strict=True))
         return replace(self, sizes=sizes, unit=self.unit * unit)
 
     def saved(self) -> "SavedFormula":
-        """The function for a file, of states and a value that have its own units."""
+        """The function for a file, in the units of the formula."""
         return SavedFormula(formula=self.text, values=self.values)
 
 

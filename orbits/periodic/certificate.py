@@ -43,7 +43,7 @@ Violation = tuple[int, str]  # the index of the orbit, and what is wrong in word
 class Certificate:
     """What was checked of an orbit after it was found; lengths, times and forces are in the machine's units.
 
-    family : measured: the stationary points of the extension from lift-off to mid-flight, less one
+    family : counted on the orbit: the stationary points of the extension after lift-off up to mid-flight, less one
     residual : largest of the equations that were solved
     error : bound on |alpha - true alpha|, from an independent integration; at a fold of a family it is measured across
         the curve, and alpha itself is known to the square root of rounding only
@@ -51,17 +51,17 @@ class Certificate:
     clearance : lowest interior minimum of the contact point's height in flight, None where it has none
     smallest_separation : least distance within the machine over the cycle, None where no length is stated
     smallest_contact_force : lowest interior minimum of the force in contact, None where it has none (at both ends the
-        force is 0, and normally it rises to one peak in between)
-    largest_contact_force : its peak, None where the contact does not end
+        force is 0, and normally it has one maximum in between)
+    largest_contact_force : its maximum, None where the contact does not end
     landing_jerk : third derivative of the contact point's height at landing; negative on a motion
     loss_coefficient : C of the one-step map alpha + d -> alpha + d - C |d|**(4/3) on the side of alpha where hops land
         once; on the other, where they bounce once, it is 10 C
     stable_side : "above", the side from which it attracts; None where the loss is not known to differ from 0
-    violations : what makes it no motion, in words; empty for an admissible orbit
+    violations : the conditions of a motion that it violates, in words; empty for an admissible orbit
     loss_error : estimate of the error of `loss_coefficient`, None where there is none
-    unfolding : multiple of the energy gradient that the equations needed, None where they had no such unknown
-    alpha_noise : standard deviation of alpha from the noise of measured laws; None without, and along a family
-    bounce_side : "above" or "below" alpha, where hops land with a bounce; None where `stable_side` is
+    unfolding : multiple of the energy gradient added to the equations of motion; None where this is not an unknown
+    alpha_noise : standard deviation of alpha from the noise of measured laws; None without noise, and along a family
+    bounce_side : "above" or "below", the side of alpha on which hops land with a bounce; None if `stable_side` is None
     """
 
     family: int

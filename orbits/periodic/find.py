@@ -42,22 +42,24 @@ def find(
 ) -> Orbit:
     """Find the lossless orbit of a family, with its certificate.
 
-    machine : a `problems.Hopper`, a `problems.Juggler`, or anything with their `model`, `values`, `describe`, `units`
-    family : from 1, which is what None means; family n has n + 1 stationary points of the extension from lift-off to
+    machine : a `problems.Hopper`, a `problems.Juggler`, a `Mechanism`, or another `Machine` with `model`, `values`,
+        `describe` and `units`
+    family : its number, from 1; None is 1. Family n has n + 1 stationary points of the extension from lift-off to
         mid-flight
     start : an orbit nearby, the file of one, which may have been changed since it was written, or the unknowns of a
-        half orbit by name, to start from instead of the model's guess; an orbit of any family is then returned, unless
-        `family` is given too
-    method : "closed form", "relative", "half orbit" or "shooting", which is multiple shooting by Ipopt; None for the
-        simplest that the machine allows
-    progress : called with the share of the homotopy that is done, where there is one
-    limit : how many seconds it may take; None for 30, or as many as a `time_limit` around it allows
+        half orbit by name, as the initial guess instead of the model's own; an orbit of any family is then returned,
+        unless `family` is stated too
+    method : "closed form", "relative", "half orbit" or "shooting"; None for the simplest that the machine allows; the last one is multiple
+        shooting by Ipopt
+    progress : called with the completed share of the homotopy, where there is one
+    limit : time limit in seconds; None for 30, or for the limit of a `time_limit` around it
 
-    Where a family has several orbits, this is the one of least launch speed. A machine whose laws bend often, or there
-    and back at once, is searched for all of them as by `find_all`, and so is one where none is found otherwise. For
-    others it is the first under constant gravity, or what that becomes as gravity's variation is brought in, and its
-    `known_in_family` is None. It may be inadmissible: see its `violations`. Raises `NoOrbit` when there is none or a
-    solve ends on another family or takes longer, and `InputError` for a family, method or limit that cannot be.
+    Where a family has several orbits, this is the one of least launch speed. A machine whose laws have many or narrow
+    bends is searched for all of them as by `find_all`, and so is one where none is found otherwise. For others it is
+    the first one under constant gravity, or the orbit that is continued from it to the varying gravity, and its
+    `known_in_family` is None. The orbit may be inadmissible: see its `violations`. Raises `NoOrbit` when there is no
+    orbit, when a solution belongs to another family, or when the limit is reached, and `InputError` for an invalid
+    family, method or limit. Source: eqs. (9) to (12) of the paper, and its section 9 for the symmetry.
 
     >>> from orbits import find
     >>> from problems import Hopper
@@ -97,19 +99,22 @@ def find_all(
     progress: Progress = None,
     limit: float | None = None,
 ) -> tuple[Orbit, ...]:
-    """All orbits of a family, or the different ones that `find` comes to from several starts, by launch speed.
+    """All orbits of a family, or the different orbits that `find` reaches from several starts, by launch speed.
 
-    family : as in `find`, where no starts are given
-    fastest : the largest launch speed that is searched for a family; None for 1e4 times the family in multiples of the
-        inverse root of the spring's slope at rest, and 30 times where gravity varies and where the spring has a narrow
-        feature or bends often. The slowest is 1e-3 in these multiples.
-    progress : called with the share that is done of the launches that lie near an orbit, or of the starts
-    limit : how many seconds the search may take, or each start, as in `find`
+    machine, method : as in `find`
+    starts : initial guesses as in `find`, instead of a family
+    family : as in `find`, where there are no starts
+    fastest : the largest launch speed that is searched for a family, in the machine's units. None is 1e4 times the
+        number of the family, in multiples of the inverse root of the spring's slope at rest, or 30 times where gravity
+        varies and where the spring has narrow features or many bends. The slowest launch is 1e-3 of these multiples.
+    progress : called with the completed share of the launches near an orbit, or of the starts
+    limit : time limit in seconds of the search, or of each start, as in `find`
 
-    The orbits of a family are the zeros of one function of the launch speed (see `family_search`), whose bends between
-    sampled speeds are taken to be at most four times those that its second differences show: no proof, but the samples
-    go where that matters. A search that is stopped after 20,000 launches may miss some. Starts that lead to no orbit
-    are left out. Raises `NoOrbit` where there is none, with what was searched or the last reason.
+    The orbits of a family are the zeros of one function of the launch speed (see `family_search`). Between sampled
+    speeds its curvature is assumed to be at most four times what its second differences show. This is not a proof, but
+    the samples are refined where it matters. A search is stopped after 20,000 launches and may then miss some. Starts
+    that lead to no orbit are left out. Raises `NoOrbit` where there is none, with the range that was searched or the
+    last reason, and `InputError` for invalid arguments, and for a family of a model that has no such search.
 
     >>> from orbits import find_all
     >>> from problems import Hopper

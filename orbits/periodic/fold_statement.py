@@ -15,11 +15,14 @@ from ..model.phase import Arc, Phase, Statement
 
 @lru_cache(maxsize=64)
 def fold_statement(statement: Statement, along: str) -> Statement:
-    """The statement of the folds of another one in a parameter, with the unknowns u, v without its entry for "alpha",
-    and the parameter.
+    """The boundary value statement of the folds of another statement F(u, parameter) = 0 in a parameter.
 
-    v is scaled so that its entry for the launch speed, which is never zero at a fold, is 1. Raises `InputError` for a
-    piecewise law, which has no second derivatives at its breakpoints.
+    statement : of n unknowns u, one of them "alpha", on smooth phases
+    along : name of the parameter
+
+    The unknowns are u, the parameter, and the null vector v of dF/du without its entry for "alpha", which is never zero
+    at a fold and is scaled to 1. The equations are F = 0 and dF/du v = 0 (Moore and Spence 1980). Raises `InputError`
+    for a piecewise law, which has no second derivatives at its breakpoints.
     """
     if any(arc.phase.pieces for arc in statement.arcs):
         raise InputError("a fold of a piecewise law cannot be followed: it has no second derivatives everywhere")

@@ -80,14 +80,14 @@ class Orbit:
     flight, contact : the first halves, as piecewise polynomials, whose mirror images in time are the second ones; whole
         motions where the model has no reversor
     machine : the machine in words and numbers
-    shape : how the halves make a whole cycle
-    method, skipped : the method that found it, and what this machine did not need
+    shape : how the whole cycle is built from the halves
+    method, skipped : the method that found it, and the steps that were not needed for this machine
     seconds : wall time of the search and the certificate
     units : of the dimensionless numbers; None for a machine that is stated without units. The numbers of an orbit with
-        units are in SI, but for `residual`, `energy_drift` and `unfolding`, which are shares
+        units are in SI, except `residual`, `energy_drift` and `unfolding`, which are dimensionless
     bare : the same orbit without units, None where there are none
-    known_in_family : how many orbits of its family a search over launch speeds has found, this one among them; None
-        where none was made. A search of many sign changes ends after 20,000 launches and may leave some out.
+    known_in_family : the number of orbits of its family that a search over launch speeds has found, this one included;
+        None where there was no search. A search is stopped after 20,000 launches, and may then miss some.
     source : the machine that it was found for; None for an orbit from a file or another process, and for a copy
 
     >>> from orbits import find
@@ -137,7 +137,7 @@ class Orbit:
         return to_json(document)
 
     def dimensionless(self) -> "Orbit":
-        """The orbit in its machine's own dimensionless units; itself where it has no others."""
+        """The orbit in its machine's dimensionless units; the orbit itself if it has no other units."""
         return self.bare or self
 
     @property
@@ -147,12 +147,12 @@ class Orbit:
 
     @property
     def violations(self) -> tuple[str, ...]:
-        """What makes it no motion, in words."""
+        """The conditions of a motion that it violates, in words; empty for an admissible orbit."""
         return self.certificate.violations
 
     @property
     def family(self) -> int:
-        """The measured family; see `Certificate`."""
+        """The number of its family, counted on the orbit; see `Certificate`."""
         return self.certificate.family
 
     @property
@@ -181,7 +181,7 @@ class Orbit:
     def __call__(self, t: ArrayLike) -> np.ndarray:
         """Flight states (..., n) at times `t` (...): any time, or 0 <= t <= flight_time where there is no period.
 
-        Raises `InputError` for other times and for what is no number.
+        Raises `InputError` for other times, and for what is not a number.
         """
         try:
             times = np.asarray(t, dtype=float)
@@ -203,9 +203,10 @@ class Orbit:
         return np.where((times <= self.flight_time)[..., None], flying, standing)
 
     def contact_force(self, t: ArrayLike) -> np.ndarray:
-        """The force (...) of what is landed on at times `t` (...), as for states; 0 in flight.
+        """The contact force (...) at times `t` (...), positive where it presses; 0 in flight.
 
-        Raises `InputError` for times that states are not told at, and where the motion was saved without its force.
+        Raises `InputError` for times at which the orbit has no states, and for a motion that was saved without its
+        force.
         """
         self(t)  # refuses times
         if self.contact is None or self.contact_time is None:
@@ -234,8 +235,8 @@ class Orbit:
         return document | {"units": {**self.machine.get("units", {}), **units}, "si": self.si()}
 
     def si(self) -> dict[str, float | None]:
-        """The main results in SI units, by names that end in their units; raises `InputError` for a machine that was
-        stated without."""
+        """The main results in SI units, by names that end in their units; raises `InputError` for a machine that is
+        not in SI."""
         if self.units is None:
             raise InputError("this machine was stated in dimensionless units; state it in SI for results in SI")
         figures, main = vars(self.certificate) | vars(self), dict[str, float | None]()
@@ -257,7 +258,7 @@ class Orbit:
         return one_line(self, {"machine": self.machine["machine"], **told})
 
     def summary(self) -> str:
-        """What the orbit is in one line: its family, machine and laws."""
+        """The orbit in one line: its family, machine and laws."""
         machine = self.machine
         laws = f"spring {machine['spring']}, gravity {machine['gravity']}"
         return f"lossless orbit of family {self.family}: {machine['machine']}, {laws}"
@@ -292,14 +293,14 @@ class Orbit:
         return shown("pages.still").orbit_page(self, path)
 
     def save(self, path: str | Path) -> Path:
-        """Write the orbit to a JSON file, every float with the digits that bring it back; returns the path.
+        """Write the orbit to a JSON file, with all digits that restore each float to the last bit; returns the path.
 
         Raises `InputError` when the file cannot be written.
         """
         return write_json(self.saved(), path, "orbit")
 
     def saved(self) -> dict[str, Any]:
-        """The document of a file of the orbit, from which `of_saved` makes it again."""
+        """The content of a file of the orbit, from which `of_saved` restores it."""
         bare = self.dimensionless()
         flight, contact = (path and path.saved() for path in (bare.flight, bare.contact))
         heights = {name: height.saved() for name, height in bare.shape.heights.items()}
@@ -310,8 +311,8 @@ class Orbit:
 
     @classmethod
     def load(cls, path: str | Path) -> "Orbit":
-        """Read an orbit that `save` wrote; raises `InputError` when the file is not one, or was changed since. What a
-        changed file says is a start for `find`, which measures it anew: find(machine, start=path).
+        """Read an orbit that `save` wrote; raises `InputError` when the file does not have one, or was changed since. A
+        changed file can still be a start for `find`, which computes a new certificate: find(machine, start=path).
         """
         return read_file(path, f"{path} is not a saved orbit", cls._parsed)
 
@@ -327,7 +328,7 @@ class Orbit:
 
     @classmethod
     def of_saved(cls, document: Any) -> "Orbit":
-        """The orbit of what `saved` made; raises `ValueError` where parts of it do not fit each other."""
+        """The orbit from what `saved` returned; raises `ValueError` where its parts contradict each other."""
         data = conform(document, SavedOrbit)
         if data["format"] != ORBIT_FORMAT:
             raise ValueError(f"format {data['format']!r}, expected {ORBIT_FORMAT!r}")

@@ -1,21 +1,23 @@
 """Theorems about lossless orbits, proved by interval arithmetic: the method, its lemmas, and what is trusted.
 
-A name in brackets, as (`step`), is the module that does what is said there: of the room `exact` for what is stated, of
-`balls` for numbers and motions, of `return_map` for hops of the map, and of this one for theorems.
+A name in brackets, as (`step`), is the module with the corresponding code: in the room `exact` for what is stated, in
+`balls` for numbers and motions, in `return_map` for hops of the map, and in this one for theorems.
 
 The claim. Let a machine be stated in formulas, with exact decimals or intervals for its parameters (`stated`). A
-lossless orbit is a zero of a boundary value statement F(w) = 0, whose unknowns w are the place and the speed of the
-launch, half the durations, and what else a launch has (`statement`). `prove` encloses a zero, shows that there is no
-other one nearby, and that its motion is one. With interval parameters all of it is proved for each value in them.
+lossless orbit is a zero of a boundary value statement F(w) = 0, whose unknowns w are the position and the speed of the
+launch, half the durations, and the further unknowns of a launch (`statement`). `prove` encloses a zero, and shows that
+no other zero is nearby, and that the solution is a motion. With interval parameters all of this is proved for each
+value in them.
 
 From the text to the equations. A formula becomes an exact expression (`formulas`, `expressions`), in which a numeral is
-the decimal that is written, and only what is exactly so is simplified. What its operations need to have a value, also
-where they cancel, is collected and looked at along the whole motion. Lagrange's equations follow from the kinetic
-energy and the forces (`exact_mechanics`), the contact's from the closed gap. A float of the machine stands for the
-shortest decimal that rounds to it, and a Python function for the formula that it computes, which the statement shows.
+the decimal that is written, and only exact simplifications are made. The conditions for its operations to be defined,
+even where they cancel, are collected and checked along the whole motion. Lagrange's equations follow from the kinetic
+energy and the forces (`exact_mechanics`), and the equations of the contact from the closed gap. A float of the machine
+stands for the shortest decimal that rounds to it, and a Python function for the formula that it computes, which is part
+of the statement.
 
-Numbers. Expressions become programs (`programs`) of Arb's balls, midpoint and radius, rounded outward. Floats only give
-guesses: of roots, units, steps, tubes and frames. Each guess is then tested in balls.
+Numbers. Expressions become programs (`programs`) of Arb's balls, midpoint and radius, rounded outward. Floats are used
+for guesses only: of roots, units, steps, tubes and frames. Each guess is then tested in balls.
 
 Lemma 1, a step (`step`). Let p be the Taylor polynomial of order K of the solution of x' = f(x) from c, and E a vector
 of radii. If the solution from a point within E0 of c is compared with p, its distance obeys an integral inequality with
@@ -26,28 +28,30 @@ the Jacobian over the tube p([0, h]) +- E and with the defect f(p) - p' = R t**K
 then each such solution exists on [0, h] and stays in the tube. The Jacobian between a point and p is taken over the
 segment between them, which lies in the tube, as the tube is convex at each time.
 
-Lemma 2, a set of motions (`enclosure`). The derivatives D of the flow by its start obey the variational equations;
-Lemma 1 encloses them for all starts of the set. By the mean value theorem the state from c + d is that from c, plus D d
-with D in the enclosure, componentwise. Products of enclosures are kept in orthogonal frames against wrapping.
+Lemma 2, a set of motions (`enclosure`). The derivatives D of the flow with respect to its start obey the variational
+equations; Lemma 1 encloses them for all starts of the set. By the mean value theorem the state from c + d is that from
+c, plus D d with D in the enclosure, componentwise. Products of enclosures are represented in orthogonal frames, to
+reduce wrapping.
 
-A law that is smooth in pieces (`crossing`) is followed by Lemma 1 within a piece, while the tube stays off the
-breakpoints. Its force is continuous, so that the rates are. Where a set crosses a breakpoint, x' and the variational
-equations lie in the hull of both laws over a tube that is proved by x0 + [0, h] F(tube) in tube; the set goes on until
-all of it is in the next piece. The speed of the coordinate has a sign at the crossing, so that the flow is continuously
-differentiable there as elsewhere, and the mean value theorem holds on.
+A motion under a law that is smooth in pieces (`crossing`) is enclosed by Lemma 1 within a piece, while the tube stays
+off the breakpoints. The force of the law is continuous, so that the rates are. Where a set crosses a breakpoint, x' and
+the variational equations lie in the hull of both laws over a tube that is proved by x0 + [0, h] F(tube) in tube; this
+is continued until the whole set is in the next piece. The speed of the coordinate has a sign at the crossing, so that
+the flow is continuously differentiable there as elsewhere, and the mean value theorem still holds.
 
 Lemma 3, existence and uniqueness (`root`). Krawczyk's operator K(U) = u - Y F(u) + (1 - Y F'(U)) (U - u): if K(U) lies
 in the interior of U, then F has exactly one zero in U, and it lies in K(U). For an interval parameter q, F(u) holds the
 values for all q, since F(u, q) is in F(u, q0) + F_q(U, Q) (q - q0) by the mean value theorem, so that the statement is
-Krawczyk's for each q with the same U. An interval that is too wide is halved, and each part is proved by itself. The
-radius of uniqueness is how far U reaches beyond the enclosure. Later enclosures are intersections of Krawczyk images of
-boxes that hold the zero, hence hold it too.
+Krawczyk's for each q with the same U. An interval that is too wide is halved, and each part is proved separately. The
+radius of uniqueness is the distance by which U extends beyond the enclosure. Later enclosures are intersections of
+Krawczyk images of boxes that contain the zero, hence contain it too.
 
-Lemma 4, the whole orbit. The equations have only forces of the coordinates and what is quadratic in the rates, so that
-they hold with time and all rates reversed. A motion that reaches a state with all rates 0 is its own mirror image about
-that time. So half a flight from the launch to such a state is half of a flight that lands as it was launched; likewise
-for the contact. Where under constant gravity one extension moves alone, a sum of the coordinates is thrown up with it;
-F then demands that the extension rests when that sum is at the top of its parabola, which gives the half time.
+Lemma 4, the whole orbit. The equations have only forces that depend on the coordinates, and terms that are quadratic in
+the rates, so that they hold with time and all rates reversed. A motion that reaches a state with all rates 0 is its own
+mirror image about that time. So half a flight from the launch to such a state is half of a flight that lands as it was
+launched; likewise for the contact. Where under constant gravity one extension moves independently, another linear
+combination of the coordinates moves on a parabola; F then requires that the rate of the extension vanishes when that
+combination is at the top of its parabola, which determines the half time.
 
 Lemma 5, signs (`motion`). A function g of the states is positive where its enclosure is, also by g(m) + g'(T)(T - m).
 At lift-off the gap, its speed and its acceleration are 0: the first two as the launch is a state of the contact, the
@@ -55,28 +59,29 @@ third by the equation of lift-off. If its third derivative is positive on [0, a]
 above t**3 min g'''/6 > 0 on (0, a]. Likewise the contact force, which is 0 at landing by the same equation, with its
 first derivative; and the contact speed, which is 0 in mid-contact, read backwards from there.
 
-Lemma 6, the family. Times where the rate of the extension has a sign alternate with times where its derivative has one.
-On the latter the rate is monotone: it has one zero where the signs before and after differ, and none where they agree.
-The last of them hold mid-flight, where the rate is 0, and no other zero. The zeros before are counted.
+Lemma 6, the family. Intervals of time on which the rate of the extension has a sign alternate with intervals on which
+its derivative has one. On the latter the rate is monotone: it has one zero where the signs before and after differ, and
+none where they agree. The last of these intervals contains mid-flight, where the rate is 0, and no other zero. The
+zeros before it are counted.
 
 A family as one continuous curve (`branch`) is proved piece by piece: on each a coordinate runs through an interval, and
 Krawczyk's operator is evaluated for all of its values at once, along motions that are polynomials in time and in the
-place on the piece, with bounds on what these leave out (`taylor_model`, `curve_motion`, `tube`). The end of each piece
-is proved to be the beginning of the next one (`branch_way`), and folds are counted.
+position on the piece, with bounds on the remainders (`taylor_model`, `curve_motion`, `tube`). The end of each piece is
+proved to be the beginning of the next one (`branch_way`), and folds are counted.
 
-The loss coefficient (`loss`) is enclosed from the enclosures of its parts: the jerk of the gap, its derivative by alpha
-at landing through the monodromy of the half flight, and the energies.
+The loss coefficient (`loss`) is enclosed from the enclosures of its factors: the jerk of the gap, the derivative of the
+gap by alpha at landing, through the monodromy of the half flight, and the energies.
 
-Attraction (`attraction`): within a distance that is found, launches above a lossless hop come to it, as is proved from
-enclosures of their flights and contacts (`launches`) and of what their landings take (`landings`, `bounces`).
+Attraction (`attraction`): up to a distance that is determined, launches above a lossless hop come to it. This is proved
+from enclosures of their flights and contacts (`launches`) and of the losses at their landings (`landings`, `bounces`).
 
-Fixed points of the return map with an injection (`proved_map`), which is another statement (`hop`): a hop that comes
-back, its events, and the multiplier, which is enclosed through the derivatives of the events; and where a fixed point
-loses its stability by period doubling.
+Fixed points of the return map with an injection (`proved_map`) are solutions of another statement (`hop`): a hop that
+returns to its launch speed, its events, and the multiplier, which is enclosed through the derivatives of the events;
+and the point at which a fixed point loses its stability by period doubling.
 
 What is trusted: Arb and python-flint; CPython; Python's own parser of arithmetic; and these rooms, which a second
-program may check (`orbits.check_proof`, of proofs of orbits). Tables, abs and sign are refused, and so are machines
-that state no mechanics, as models by hand.
+program can check for proofs of orbits (`orbits.check_proof`). Tables, abs and sign are refused, and so are machines
+that state no mechanics, such as models written by hand.
 
 Sources: R. Krawczyk, Computing 4 (1969) 187-201; R. E. Moore, R. B. Kearfott, M. J. Cloud, Introduction to Interval
 Analysis, SIAM 2009; T. Kapela, M. Mrozek, D. Wilczak, P. Zgliczynski, CAPD::DynSys, Communications in Nonlinear Science

@@ -38,24 +38,25 @@ def prove(
     attraction: bool = False,
     limit: float = LIMIT,
 ) -> Proof:
-    """Prove what an orbit says, by interval arithmetic: that it exists and is alone nearby, that alpha lies within
-    twice the bound on its error, that its family is counted rightly, and that it is a motion.
+    """Prove an orbit by interval arithmetic: that it exists, that no other is nearby, that the error of its alpha is at
+    most twice its bound, that the number of its family is correct, and that it is a motion.
 
-    digits : how many decimal digits of the unknowns to enclose; None for about 18
+    orbit : as `find` returns it
+    digits : number of decimal digits of the unknowns to enclose; None for about 18
     machine : that the orbit belongs to; None for the one that it was found for
-    parameters : exact decimals, as {"beta": "0.3"}, or intervals, as {"beta": ("0.299", "0.301")}, in place of the
-        machine's floats, each of which otherwise stands for the shortest decimal that rounds to it. What is proved with
+    parameters : exact decimals, as {"beta": "0.3"}, or intervals, as {"beta": ("0.299", "0.301")}, instead of the
+        machine's floats; by default a float stands for the shortest decimal that rounds to it. What is proved with
         intervals is true for each value in them.
     motion : whether to prove the conditions of a motion too
     loss : whether to enclose the loss coefficient too
-    attraction : whether to prove too that each launch above alpha comes to it by hopping, within a distance that is
-        found; it encloses the loss coefficient, and what those launches lose
-    limit : how many seconds it may take; what is not proved by then is not
+    attraction : whether to prove too that each launch above alpha, up to a distance that is determined, comes to it by
+        hopping; this encloses the loss coefficient, and the losses of those launches
+    limit : time limit in seconds; what is not proved by then is reported as not proved
 
-    What is proved, with which lemmas, and what is trusted, is said in `orbits.proof`. Where something is not proved,
-    the result says what and why; that is no error. A machine in SI has its theorem in SI.
-    Raises `InputError` without python-flint, for parameters and digits that cannot be, and for an orbit whose machine
-    is not known.
+    The theorems, their lemmas, and what is trusted are described in `orbits.proof`. Where something is not proved, the
+    result says what and why; no error is raised. The theorem about a machine in SI is in SI. Raises `InputError`
+    without python-flint, for invalid parameters and digits, and for an orbit whose machine is not known. Source: R.
+    Krawczyk, Computing 4 (1969), and the references of `orbits.proof`.
 
     >>> from orbits import find, prove
     >>> from problems import Hopper
@@ -133,7 +134,7 @@ def prove_fold(
     along : the name of the parameter that folds
     digits, parameters, limit : as in `prove`
 
-    Raises `InputError` as `prove` does, and for a machine without this parameter.
+    Raises the errors of `prove`, and `InputError` for a machine without this parameter.
 
     >>> from orbits import follow, prove_fold
     >>> from problems import Hopper
@@ -167,11 +168,15 @@ def prove_fold(
 
 @exclusive
 def prove_absence(machine: Machine, family: int | None = None, *, parameters: Exact = None) -> Proof:
-    """Prove that a machine has no lossless orbit of a family, or for None that it has none at all.
+    """Prove that a machine has no lossless orbit of a family, or for None that it has no lossless orbit at all.
 
-    Of a family it is proved for springs whose force is odd, rises everywhere and is bounded, as tanh; of all families
-    for springs that are too weak: see `orbits.proof.absence` for the theorems. The machine's extension has to move
-    alone, as a hopper's does under constant gravity. `parameters` as in `prove`; raises `InputError` as it does.
+    machine : whose extension moves independently of the other coordinates, as that of a hopper under constant gravity
+    family : number of the family, from 1, or None
+    parameters : as in `prove`
+
+    For a family it can be proved for springs whose force is odd, increases everywhere and is bounded, such as tanh; for
+    all families for springs that are too weak. The theorems are in `orbits.proof.absence`. Raises the errors of
+    `prove`.
 
     >>> from orbits import prove_absence
     >>> from problems import Hopper

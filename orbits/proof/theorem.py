@@ -63,27 +63,27 @@ class CurvePart(Part):
 
 @dataclass(frozen=True)
 class Proof:
-    """A theorem about a machine, or why there is none.
+    """A theorem about a machine, or the reasons why there is none.
 
-    proved : whether all that was asked is proved
-    statement : the theorem in words; where not all is proved, what is. Whoever has it alone can rebuild the machine.
+    proved : whether all claims that were to be proved are proved
+    statement : the theorem in words; where not all is proved, the part that is. It suffices to rebuild the machine.
     machine : the machine in words and numbers
     kind : what the theorem is about: "orbit", "fold", "absence", "branch", "fixed point", "period doubling"
     stated : the machine as the theorem states it, in formulas and decimals, see `orbits.exact.stated`
-    parameters : the exact decimals between which each parameter lies, equal for a number
+    parameters : exact decimals, the bounds of each parameter by name; equal for a single value
     family : the number of the family, counted from enclosures; None where that is not proved
     enclosures : of alpha, flight_time, contact_time and other quantities by name, in the machine's units
     radius : of the enclosure of alpha
-    uniqueness_radius : no other solution of the equations has all unknowns within it of their enclosures; None where
-        intervals were proved in parts
+    uniqueness_radius : no other solution of the equations has all unknowns within this distance of their enclosures;
+        None where intervals were proved in parts
     parts : the boxes of parameters that were proved one by one, usually one
     conditions : of a motion, by name: "proved", "refuted" or "undecided"
     bounce_side : "above" or "below", the side of alpha on which hops land with a bounce; None where that is not proved
     attraction_radius : each launch that is faster than alpha by at most this decimal comes to alpha by hopping; None
         where that is not proved
     reasons : what is not proved, and why, in words
-    digits : that were asked for
-    seconds : that it took
+    digits : number of digits requested; None for the default
+    seconds : wall time
     """
 
     proved: bool
@@ -116,11 +116,11 @@ class Proof:
 
     @property
     def contact_time(self) -> Enclosure | None:
-        """The enclosure of the time of a whole contact; None where that was not asked for or not proved."""
+        """The enclosure of the time of a whole contact; None where that was not requested or not proved."""
         return self.enclosures.get("contact_time")
 
     def document(self) -> dict[str, Any]:
-        """The proof as a JSON document; numbers that are proved are decimals, as text."""
+        """The proof as a JSON document; proved bounds are decimals, as text."""
         missing = dict.fromkeys(("alpha", "flight_time", "contact_time"))
         return {
             "format": PROOF_FORMAT,

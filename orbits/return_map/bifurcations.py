@@ -39,16 +39,17 @@ def bifurcations(
     span : the range of the parameter
     between : the range of launch speeds
     inject : the injection, where that is not the parameter
-    samples : launches in the grid that is searched for fixed points, as in `ReturnMap.fixed_points`
-    sections : values of the parameter at which they are searched; a closed curve of fixed points between two of these
-        values is not found
-    attractor : values of the parameter at which the launches visited in the long run are found; by default 400 along
-        the injection, where all are mapped at once, and none along others, where this takes longer
-    cap : impacts of one hop after which it is given up
+    samples : number of launches in the grid that is searched for fixed points, as in `ReturnMap.fixed_points`
+    sections : number of values of the parameter at which they are searched; a closed curve of fixed points between two
+        of these values is not found
+    attractor : number of values of the parameter at which the attractor is computed; by default 400 along the
+        injection, where all are mapped at once, and none along other parameters, where this takes longer
+    cap : number of impacts in one hop after which its computation is ended
+    progress : called with the completed share
 
-    Folds and flips are located to some 1e-11 of the range, beside the error of the map. A branch ends where the map is
-    not continuous, and says so. Raises `InputError` for a range or a name that has no meaning, and where every fixed
-    point is a lossless hop, which `follow` follows.
+    Launch speeds and the injection are in the machine's units. Folds and flips are located to some 1e-11 of the range,
+    in addition to the error of the map. A branch ends where the map is not continuous, as its `BranchEnd` says. Raises
+    `InputError` for an invalid range or name, and where every fixed point is a lossless hop, which `follow` follows.
     """
     low, high = _range("span", span)
     slow, fast = _range("between", between)

@@ -21,16 +21,16 @@ WORDS_OF_STABILITY = {True: "stable", False: "unstable", None: "stability unknow
 
 @dataclass(frozen=True)
 class Bifurcation:
-    """What happens on a branch of periodic launches, located.
+    """A bifurcation on a branch of periodic launches, located.
 
     kind : "flip" (multiplier -1: hops of twice the period begin), "fold" (multiplier 1: the branch turns round in the
         parameter), "branch point" (multiplier 1, and the branch does not turn), or "border collision" (the slope of the
         map jumps there, and the multiplier with it past 1 or -1)
     value : of the parameter
-    alphas : the launch speeds of the periodic hops
-    multiplier : of these hops; NaN at a border collision, which has two
+    alphas : the launch speeds (period,) of the periodic hops
+    multiplier : of these hops; NaN at a border collision, where there are two
     branch : index of the branch
-    note : in words what begins there, or what the hop is
+    note : in words, for example which branch begins or ends there, or that the hop is lossless; may be ""
     """
 
     kind: str
@@ -48,8 +48,12 @@ class Bifurcation:
 
 @dataclass(frozen=True)
 class BranchEnd:
-    """How a branch ends: "reached" an end of the parameter's range, "left" the range of launch speeds, "flip",
-    "closed", "jump" (the map is not continuous there), "no launch" (beyond, a hop has no next launch) or "stuck"."""
+    """How a branch ends.
+
+    kind : "reached" (an end of the parameter's range), "left" (the range of launch speeds), "flip", "closed", "jump"
+        (the map is not continuous there), "no launch" (beyond it a hop has no next launch) or "stuck"
+    reason : in words
+    """
 
     kind: str
     reason: str
@@ -81,8 +85,8 @@ class Branch:
 
     @property
     def stable(self) -> list[bool | None]:
-        """Whether the hops (n,) attract their neighbours: the multiplier is smaller than 1 in size. None where they
-        have none, and it is not known."""
+        """Whether the hops (n,) attract their neighbours: the absolute value of the multiplier is below 1. None where
+        there is no multiplier, and stability is not known."""
         return [_settles(each) for each in self.multipliers.tolist()]
 
     def stretches(self) -> list[tuple[float, float, bool | None]]:
@@ -109,8 +113,8 @@ class BifurcationDiagram:
     span : the range of the parameter
     between : the range of launch speeds
     machine : in words and numbers
-    branches, events : the curves, and what happens on them, ascending in the parameter
-    visits : (k, 2) values of the parameter, and launch speeds that are visited there in the long run
+    branches, events : the curves, and the bifurcations on them, ascending in the parameter
+    visits : (k, 2), values of the parameter and launch speeds of the attractor there
     units : of launch speeds and parameters, by name; empty for a dimensionless machine
     """
 
@@ -128,7 +132,7 @@ class BifurcationDiagram:
         return one_line(self, {"along": self.along, "span": self.span, "between": self.between, **counts})
 
     def summary(self) -> str:
-        """What the diagram is of, in one line."""
+        """The diagram in one line."""
         m = self.machine
         return f"return map of {m['machine']}, spring {m['spring']}, gravity {m['gravity']}"
 
@@ -164,8 +168,8 @@ class BifurcationDiagram:
         return f"{name} ({self.units[name]})" if self.units.get(name) else name
 
     def periodic(self, value: float) -> list[tuple[int, float, float]]:
-        """The periodic launches at a value of the parameter, read off the branches by straight lines between their
-        points: (period, launch speed, multiplier) of each, ascending in the launch speed."""
+        """The periodic launches at a value of the parameter, by linear interpolation between the points of the
+        branches: (period, launch speed, multiplier) of each, ascending in the launch speed."""
         found = []
         for branch in self.branches:
             ahead = branch.values - value
@@ -224,7 +228,8 @@ class BifurcationDiagram:
                 yield i, branch.period, float(value), float(alphas[0]), other, *known
 
     def save(self, path: str | Path) -> Path:
-        """Write the diagram to .json (everything) or .csv (the points of its branches)."""
+        """Write the diagram to .json (everything) or .csv (the points of its branches); returns the path. Raises
+        `InputError` for another ending, and when the file cannot be written."""
         if check_ending(path, "bifurcation diagram") == ".json":
             return write_json(self.document(), path, "diagram")
         names = {"value": self.along, "alpha": "alpha", "other": "alpha"}

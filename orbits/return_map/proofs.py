@@ -30,16 +30,16 @@ def prove_fixed_point(
     machine: Machine, point: FixedPoint | float, inject: Decimal | tuple[Decimal, Decimal], *,
     digits: int | None = None, parameters: Exact = None, limit: float = LIMIT,
 ) -> Proof:  # fmt: skip
-    """Prove that the return map with an injection has a fixed point, that it is alone nearby, and whether it is stable.
+    """Prove that the return map with an injection has a fixed point, that no other is nearby, and whether it is stable.
 
-    machine : of two coordinates, whose landings are plastic; what it is stated as is as in `prove`
-    point : a fixed point of the `ReturnMap`, whose numbers are held against the theorem; or a launch speed near one
-    inject : added to the launch speed at every lift-off, as an exact decimal, or as an interval of two
+    machine : of two coordinates, whose landings are plastic; its statement is as in `prove`
+    point : a fixed point of the `ReturnMap`, whose numbers are compared with the theorem; or a launch speed near one
+    inject : added to the launch speed at every lift-off: an exact decimal, or a pair of them for an interval
     digits, parameters, limit : as in `prove`
 
-    The result encloses alpha, the times and the multiplier. What is proved, and how, is said in
-    `orbits.return_map.proved_map`; where something is not, the result says what and why. Raises `InputError` without
-    python-flint, for a machine with restitution or friction, or of which a launch is more than a speed, and for a
+    The result encloses alpha, the times and the multiplier. The theorem and its proof are described in
+    `orbits.return_map.proved_map`; where something is not proved, the result says what and why. Raises `InputError` without
+    python-flint, for a machine with restitution or friction, for one whose launch is more than a speed, and for a
     lossless hop, which `prove` proves; and `NoOrbit` where a guess leads to no fixed point.
 
     >>> from orbits import ReturnMap, prove_fixed_point
@@ -77,11 +77,11 @@ def prove_doubling(
     enclosure of the injection where that happens.
 
     machine : as in `prove_fixed_point`, with a smooth law
-    flip : an event of that kind of `bifurcations(machine, "inject", ...)`, of a fixed point
+    flip : a "flip" event of a fixed point, from `bifurcations(machine, "inject", ...)`
     digits, parameters, limit : as in `prove`
 
-    The result encloses inject, alpha, how fast the multiplier passes through -1, and the coefficient whose sign tells
-    whether the hops of period two are stable. Raises `InputError` as `prove_fixed_point` does.
+    The result encloses inject, alpha, the rate at which the multiplier passes through -1, and the coefficient whose
+    sign decides whether the hops of period two are stable. Raises the errors of `prove_fixed_point`.
 
     >>> from orbits import bifurcations, prove_doubling
     >>> from problems import Hopper

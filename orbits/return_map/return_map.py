@@ -34,12 +34,12 @@ NO_BASIN = "with injection or damping no hop is lossless, and none comes to one"
 
 @dataclass(frozen=True)
 class Hops:
-    """The outcome of launches, each array of the launch speeds' shape.
+    """The hops that begin with launches; each array has the shape of the launch speeds.
 
     alpha : launch speeds
-    next : launch speed at the next lift-off, with the injection, NaN where there is none
-    loss : loss of alpha**2 in the hop before the injection, or in its impacts where there is no next launch
-    impacts : number of impacts in between
+    next : launch speeds at the next lift-off, with the injection; NaN where there is none
+    loss : loss of alpha**2 in the hop, without the injection, or in its impacts where there is no next launch
+    impacts : number of impacts in the hop
     status : "lifts_off", or why there is no next launch: a name of `orbits.simulation.impacts.STATUSES`
     units : of the numbers, by name; empty for a dimensionless machine
     """
@@ -74,10 +74,11 @@ class Hops:
 
 @dataclass(frozen=True)
 class FixedPoint:
-    """A launch speed that comes back.
+    """A fixed point of the return map.
 
+    alpha : launch speed
     kind : "lossless", or "crossing" where the map crosses the identity line
-    multiplier : the map's slope there, None where it has none: at a lossless hop, and where the hop lands tangentially
+    multiplier : slope of the map there; None at a lossless hop, and where the hop lands tangentially
     smallest_separation : of the masses during the hop, None without a rest length; where it is not above 0 they pass
         through each other, and the hop is no motion of a real machine
     """
@@ -92,13 +93,13 @@ class ReturnMap:
     """The return map of a machine, with its restitution and damping.
 
     machine : as in `find`, with its restitution
-    inject : added to the launch speed at every lift-off; with a damper the extension there depends on the speed, and
-        the injection moves the machine to that of the new speed
-    cap : impacts of one hop after which it is given up, with the status "cap"
+    inject : added to the launch speed at every lift-off; with a damper the extension at lift-off depends on the speed,
+        and the injection moves the machine to the extension of the new speed
+    cap : number of impacts in one hop after which its computation ends, with the status "cap"
 
-    Called with launch speeds (...), it gives `Hops`; in an array, one that is not a number above 0 has the status
-    "invalid". Whether the masses pass through each other during the hops is what `smallest_separation` says.
-    Raises `InputError` where a launch is more than a speed, and for a single speed that is not above 0.
+    Called with launch speeds (...) in the machine's units, it returns `Hops`; in an array, a speed that is not a number
+    above 0 has the status "invalid". `smallest_separation` shows whether the masses pass through each other. Raises
+    `InputError` for a machine whose launch is more than a speed, and for a single speed that is not above 0.
 
     >>> from orbits import ReturnMap
     >>> from problems import Hopper
@@ -168,8 +169,8 @@ class ReturnMap:
         """The fixed points of the map between two launch speeds, ascending.
 
         Without injection or damping they are the lossless orbits that are motions: all of them under constant gravity,
-        otherwise those of `find`. Else the map crosses the identity line there: next - alpha changes its sign between
-        neighbours of a grid of `samples` launches, refined toward lossless ones and toward extrema.
+        otherwise those of `find`. With either, they are where the map crosses the identity line: next - alpha changes
+        its sign between neighbours of a grid of `samples` launches, refined near lossless ones and near extrema.
         """
         low, high, samples = _checked_grid(low, high, samples)
         if self._bare:
@@ -205,7 +206,7 @@ class ReturnMap:
     @exclusive
     def jumps(self, hops: Hops) -> np.ndarray:
         """Indices of the launches of hops (m,), ascending, after which the map jumps: the number of impacts changes,
-        and the next launch speed is not continuous."""
+        and the next launch speed is discontinuous."""
         if self._bare:
             with without_units(self._units):
                 return self._bare.jumps(hops.in_units(self._units.inverse()))
@@ -219,8 +220,8 @@ class ReturnMap:
 
     @exclusive
     def preimages(self, edges: Intervals, low: float, high: float, samples: int = 2000) -> Intervals:
-        """The intervals of launch speeds between `low` and `high`, ascending, whose next one lies in one of the
-        intervals `edges`. They end where the map passes an edge, or jumps; the grid is as in `fixed_points`."""
+        """The intervals of launch speeds between `low` and `high`, ascending, whose next launch speed lies in one of
+        the intervals `edges`. They end where the map passes an edge, or jumps; `samples` is as in `fixed_points`."""
         low, high, samples = _checked_grid(low, high, samples)
         edges = [(finite_number("edges", a), finite_number("edges", b)) for a, b in edges]
         if wrong := [pair for pair in edges if not 0 < pair[0] <= pair[1]]:
@@ -244,7 +245,7 @@ class ReturnMap:
         return shown("map_figures").plot_map(self, low, high, axes, samples, start, hops, fixed_points)
 
     def plot_basin(self, low: float, high: float, axes: Any = None, hops: int = 1000, samples: int = 2000) -> Any:
-        """Plot which launches between two speeds come to which lossless hop, and what share of the range they are;
+        """Plot which launches between two speeds come to which lossless hop, with their share of the range;
         returns the axes. The basin is that of `basin`."""
         return shown("map_figures").plot_basin(self, low, high, axes, hops, samples)
 
@@ -253,8 +254,8 @@ class ReturnMap:
 
     @exclusive
     def basins(self, low: float, high: float, hops: int = 1000, samples: int = 2000) -> dict[float, Intervals]:
-        """The basin of each lossless launch speed below `high`, where `basin` gives all of them together; those without
-        launches between `low` and `high` are left out."""
+        """The basin of each lossless launch speed below `high`, by launch speed, while `basin` returns their union;
+        those without launches between `low` and `high` are left out."""
         low, high, samples = _checked_grid(low, high, samples)
         hops = whole_number("hops", hops, "hops", 0)
         if self._bare:
@@ -278,10 +279,10 @@ class ReturnMap:
     ) -> Intervals:  # fmt: skip
         """The intervals of launch speeds between `low` and `high` that come to a lossless hop, ascending.
 
-        All launches just above a lossless one come down to it, up to where the map falls below it; all others enter
-        one of these intervals before, within at most `hops` hops. Intervals that would add only some 1e-5 of the range
-        are left out. Called after every hop, `progress` is given the share of the range that is found, and 0 while the
-        grid is refined. Raises `InputError` with injection or damping.
+        All launches above a lossless one come down to it, up to the speed where the map falls below it; all others
+        in the basin enter one of these intervals, within at most `hops` hops. Intervals that would add only some 1e-5
+        of the range are left out. `progress` is called after every hop with the share of the range that is found, and
+        with 0 while the grid is refined. Raises `InputError` with injection or damping.
         """
         low, high, samples = _checked_grid(low, high, samples)
         if self.inject != 0 or not self.impacts.model.conservative:

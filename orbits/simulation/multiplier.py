@@ -23,9 +23,13 @@ TANGENTIAL = 1e-7  # an impact slower than this, relative to the launch speed, i
 
 @exclusive
 def multiplier(machine: Machine, alpha: float) -> float:
-    """d(next launch speed)/d(launch speed) over the hop that starts with `alpha`.
+    """The multiplier d(next launch speed)/d(launch speed) of the hop that starts with `alpha`.
 
-    Raises `NoOrbit` where there is none: the machine does not lift off again, or lands tangentially.
+    machine : as for `ReturnMap`
+    alpha : launch speed, in the machine's units
+
+    It follows from the variational equations with saltation at impacts. Raises `NoOrbit` where there is none: the
+    machine does not lift off again, or lands tangentially, and `InputError` for an invalid launch speed.
 
     >>> from orbits import multiplier
     >>> from problems import Hopper

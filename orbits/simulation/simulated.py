@@ -63,14 +63,15 @@ class Leg:
 
 @dataclass(frozen=True)
 class Simulation:
-    """A motion from a state; called with times (...), it gives flight states (..., n).
+    """A simulated motion; called with times (...), it returns flight states (..., n).
 
-    legs, events : in order
+    legs, events : the motions of the phases, and the impacts, landings and lift-offs, in order
     status : "done", or why it ended early: a name of `orbits.simulation.impacts.STATUSES`
-    launches : launch speeds, that of the start if it was a launch, then one for each lift-off, NaN if it is no launch
+    launches : launch speeds: that of the start if it was a launch, then one for each lift-off, NaN for a lift-off that
+        is not a launch
     end : time of the end
-    machine : the machine simulated
-    reason : why the motion could not be followed further, in words; "" where it could
+    machine : the machine that is simulated
+    reason : why the motion could not be integrated further, in words; "" where it could
     """
 
     legs: tuple[Leg, ...]
@@ -83,8 +84,8 @@ class Simulation:
 
     @cached_property
     def smallest_separation(self) -> float | None:
-        """The smallest separation of the masses, None without a rest length; where it is not above 0 they pass through
-        each other, which no real machine does and the simulation ignores."""
+        """The smallest separation of the masses, None without a rest length. Where it is not above 0 the masses pass
+        through each other: the simulation ignores this, but no real machine can do it."""
         embed, smallest = self.machine.model.embed, []
         if (separation := self._length(self.machine.model.separation(self.machine.values))) is None:
             return None
@@ -101,7 +102,7 @@ class Simulation:
 
     @property
     def springs(self) -> tuple[tuple[str | None, str], ...]:
-        """Names of the heights, lower and upper, that springs join, None for the ground."""
+        """Pairs of names of heights, lower and upper, between which the springs are, None for the ground."""
         return self.machine.model.springs
 
     @property

@@ -41,22 +41,22 @@ def simulate(
     hops: int | None = None, time: float = np.inf, inject: float = 0.0, cap: int = CAP,
     schedule: tuple[ArrayLike, Mapping[str, ArrayLike]] | None = None,
 ) -> Simulation:  # fmt: skip
-    """Follow a machine's motion from a launch or from a state.
+    """Simulate a machine from a launch or from a state, with every impact, landing and lift-off located.
 
     machine : as in `find`, with its restitution
     alpha : launch speed at a lift-off after sustained contact, or the unknowns of a launch by name; or
-    state : (n,), a flight state with open gap, or with a gap that is closed and at rest; then the machine stays in
+    state : (n,), a flight state with an open gap, or with a gap that is closed and at rest; then the machine stays in
         contact if the contact force presses, and lifts off if it does not
-    hops, time : it ends after this many lift-offs or after this time, whichever is first; one of them is needed
-    inject : added to the launch speed at every lift-off that is a launch; with a damper its extension depends on the
-        speed, and the injection moves the machine to that of the new speed
-    cap : impacts in one hop after which it is given up
-    schedule : (times (k + 1,), values (k,) of parameters by name): an actuator's inputs from one time to the next, at
-        which legs are cut; the machine's own values hold before and after
+    hops, time : the simulation ends after this many lift-offs or after this time, whichever is first; one is needed
+    inject : added to the launch speed at every lift-off that is a launch; with a damper the extension at lift-off
+        depends on the speed, and the injection moves the machine to the extension of the new speed
+    cap : number of impacts in one hop after which the simulation ends
+    schedule : (times (k + 1,), values (k,) of parameters by name): the piecewise constant inputs of an actuator; before
+        and after these times the machine's own values hold
 
-    A hop from a launch whose end is "undecided" in the `ReturnMap` ends the simulation with that status, at the landing
-    after its many bounces. Raises `InputError` for arguments without a meaning, such as a launch at which the contact
-    would not open.
+    All numbers are in the machine's units. A hop from a launch that is "undecided" in the `ReturnMap` ends the
+    simulation with that status, at the landing after its many bounces. Raises `InputError` for invalid arguments, such
+    as a launch at which the contact would not open.
 
     >>> from orbits import simulate
     >>> from problems import Hopper

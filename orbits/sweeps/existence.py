@@ -47,7 +47,7 @@ class Boundaries(NamedTuple):
 
 
 class Stretch(NamedTuple):
-    """Part of a row: from one value to another, with the status of its orbits."""
+    """An interval of a row, from one value to another, with the status of its orbits."""
 
     low: float
     high: float
@@ -60,8 +60,8 @@ class Existence:
 
     along, across : names of the two parameters
     values : of `across`, one for each row, ascending
-    grid : the members on the grid, `along` first
-    boundaries : the points between neighbours that differ
+    grid : the sweep of the members on the grid, `along` first
+    boundaries : the points between neighbours of different statuses
     """
 
     along: str
@@ -93,7 +93,7 @@ class Existence:
         return float(places.min()), float(places.max())
 
     def row(self, row: int) -> list[Stretch]:
-        """A row in stretches of one status each, ascending; neighbours on the grid that agree count as one."""
+        """A row as intervals of one status each, ascending; neighbours on the grid with the same status are joined."""
         found, (low, high) = self.boundaries, self.between
         these = np.flatnonzero(found.in_row & (found.nodes[:, 1] == row))
         these = these[np.argsort(found.points[these, 0], kind="stable")]
@@ -108,7 +108,7 @@ class Existence:
         return self.grid["status"].reshape(shape).T
 
     def stretches(self, row: int) -> list[tuple[float, float, bool]]:
-        """Where a row has orbits: (from, to, whether they are motions)."""
+        """The intervals on which a row has orbits: (from, to, whether they are motions)."""
         return [(low, high, status == WITH_ORBIT[0]) for low, high, status in self.row(row) if status in WITH_ORBIT]
 
     def motions(self, row: int) -> list[tuple[float, float]]:
@@ -116,7 +116,7 @@ class Existence:
         return [(low, high) for low, high, motion in self.stretches(row) if motion]
 
     def unknown(self, row: int) -> bool:
-        """Whether a row may be incomplete, since a member of it has failed."""
+        """Whether a row may be incomplete because one of its members has failed."""
         return any(status == "failed" for _, _, status in self.row(row))
 
     def heading(self, name: str) -> str:
@@ -144,7 +144,7 @@ class Existence:
         return shown("sweep_figures").plot_existence(self, quantity, axes)
 
     def document(self) -> dict[str, Any]:
-        """The diagram as JSON-ready data: the rows in stretches, the boundaries, and the members on the grid."""
+        """The diagram as JSON-ready data: the intervals of the rows, the boundaries, and the members on the grid."""
         swept, found = self.grid.document(), self.boundaries
         rows = [
             {"value": value, "stretches": [part._asdict() for part in self.row(row)]}
@@ -158,15 +158,15 @@ class Existence:
 
     @property
     def dataset(self) -> Any:
-        """The diagram as an `xarray.Dataset`: the grid's, and the boundaries along "boundary"."""
+        """The diagram as an `xarray.Dataset`: that of the grid, with the boundaries along "boundary"."""
         found = self.boundaries
         columns = {"boundary_" + name: found.points[:, k] for k, name in enumerate((self.along, self.across))}
         columns |= {"boundary_" + name: found.statuses[:, k].astype(str) for k, name in enumerate(("before", "behind"))}
         return self.grid.dataset.assign({name: ("boundary", values) for name, values in columns.items()})
 
     def save(self, path: str | Path) -> Path:
-        """Write the whole diagram to .json or, with the extra `data`, to .nc (NetCDF); or to .csv the stretches of its
-        rows."""
+        """Write the whole diagram to .json or, with the extra `data`, to .nc (NetCDF); or the intervals of its rows to
+        .csv; returns the path."""
         path, ending = Path(path), check_ending(path, "diagram")
         if ending == ".csv":
             names = [self.heading(self.across), *(f"{side} {self.heading(self.along)}" for side in ("from", "to"))]
@@ -198,18 +198,20 @@ def existence(
 ) -> Existence:
     """Where the orbits of a family exist in two parameters, and where they are motions.
 
-    machine : as in `find`, with `with_values`; of its own values only the others count
+    machine : as in `find`, with `with_values`; its values of the two parameters are not used
     along, between : the parameter of the rows, and their ends, (low, high) or (low, high, "log")
     across, values : the parameter that differs from row to row, and a list of its values, or a range as `between`
-    samples : the number of values of a range, or a pair of them, along and across
-    both_ways : locate also the boundaries between the rows, for edges that run along them
+    family : number of the family, from 1
+    samples : the number of values of a range, or a pair of numbers, along and across
+    both_ways : locate the boundaries between the rows too, for boundaries that are nearly parallel to them
     quantities : as in `sweep`
     executor, workers, client, store : as in `sweep`, for the grid
-    progress : called with a `SweepProgress`; True shows a line, and None does so on a terminal
+    progress : called with a `SweepProgress`; True prints a line, and None does so on a terminal
 
-    A machine has the orbit of least launch speed or none. The boundaries are located to 1e-6 of a parameter's range
-    wherever neighbours on the grid differ; what lies between two neighbours that agree is not seen. An edge from where
-    on motions are too sensitive for an orbit to be certified is the edge of what `find` finds.
+    The orbit of a machine is the one of least launch speed. The boundaries are located to 1e-6 of a parameter's range
+    wherever neighbours on the grid have different statuses; what lies between two neighbours of the same status is not
+    detected. Where the motions become too sensitive for an orbit to be certified, the boundary is that of the orbits
+    that `find` finds. Raises `InputError` for invalid arguments.
 
     >>> from orbits import existence
     >>> from problems import Hopper

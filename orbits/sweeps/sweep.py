@@ -28,12 +28,12 @@ DAMPING = ("damping", "drag", "rest_length")
 
 
 class SweepProgress(NamedTuple):
-    """How far a sweep has come.
+    """The progress of a sweep.
 
-    done, whole : members that are done, and all of them
-    statuses : how many members have each status
-    seconds, left : since it began, and an estimate of those that are left
-    before : members that were done before it began
+    done, whole : number of members that are done, and of all members
+    statuses : number of members of each status
+    seconds, left : time in seconds since the sweep began, and an estimate of the remaining time
+    before : number of members that were done before it began
     """
 
     done: int
@@ -67,24 +67,26 @@ def sweep(
     machine : as in `find`, with `with_values`
     over : names of parameters, mapped to a range (low, high) or (low, high, "log"), a list of values, or a frozen
         distribution of `scipy.stats`; with a table of samples the names of its columns, None for all
-    samples : the number of members (1000), with "grid" that of the values of each range or a tuple of one for each
-        parameter (10); or a table with a column for each parameter: a DataFrame, a mapping of arrays or the name of a
-        CSV file
+    samples : the number of members, 1000 by default; with "grid" the number of values of each range, 10 by default, or
+        a tuple of one number for each parameter; or a table with a column for each parameter: a DataFrame, a mapping
+        of arrays or the name of a CSV file
     sampling : "grid", "sobol", "lhs" (Latin hypercube) or "random"; None is a grid for lists and for a tuple of
         samples, else "sobol"
     seed : of the sampling
-    family : one or several; every design is then asked for each
-    quantities : further columns: names as in `quantities`, or formulas of them and of the parameters
-    outcome : "find", the orbits; "map", the next launch, with a launch speed "alpha" among the parameters;
-        "fixed_points", those of the return map `between` two launch speeds
+    family : number of the family, or several numbers; each design then has a member for each of them
+    quantities : further columns: names as in `orbits.quantities`, or formulas of them and of the parameters
+    outcome : "find" for the orbits; "map" for the next launch speeds, with a launch speed "alpha" among the parameters;
+        "fixed_points" for those of the return map `between` two launch speeds
+    between : (low, high), launch speeds, for "fixed_points"
     executor : None for this process, "processes" for `workers` processes (None: one for each core), or an executor of
-        `concurrent.futures`; `client` is one of Dask
-    store : an SQLite file that has every chunk of members as soon as it is done; a sweep that names it again goes on
-        where it ended, or, without `resume`, is refused
-    progress : called with a `SweepProgress` after every chunk; True shows a line, and None does so on a terminal
+        `concurrent.futures`
+    client : of a Dask cluster, instead of an executor
+    store : an SQLite file to which every chunk of members is written as soon as it is done; a sweep with the same store
+        continues where it ended or, without `resume`, is refused
+    progress : called with a `SweepProgress` after every chunk; True prints a line, and None does so on a terminal
 
-    A member does not depend on the others, nor on where it is computed: the answer is the same to the last bit.
-    Raises `InputError` that names what cannot be meant, before anything is computed.
+    The result of a member depends neither on the other members nor on where it is computed, to the last bit. Raises
+    `InputError`, which names the invalid argument, before anything is computed.
 
     >>> from orbits import sweep
     >>> from problems import Hopper

@@ -29,16 +29,17 @@ QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """The members of a sweep and what they answer; a column goes by its name, `sweep["alpha"]`.
+    """The members of a sweep and their results; a column is accessed by its name, `sweep["alpha"]`.
 
     parameters : names of the parameters that differ
-    index : the members (k,) that are here, of `count` in all; fewer where a store is read before its sweep has ended
-    columns : (k,) by name: the parameters, what was asked for, the status and the reason; NaN where there is none
-    about : the question in words and numbers
+    index : the numbers (k,) of the members that are finished, of `count` in all; fewer than `count` where a store is
+        read before its sweep has ended
+    columns : (k,) by name: the parameters, the results, the status and the reason; NaN where there is no result
+    about : the sweep in words and numbers
     machine : the machine whose parameters the members replace; None where a store is read without it
-    question : what was asked; None where a store is read without its machine
-    again : (question, table of parameters, quantities, **options) -> the sweep of these members; set by
-        the module `sweep`, which imports this one
+    question : what the sweep computes; None where a store is read without its machine
+    again : (question, table of parameters, quantities, **options) -> the sweep of these members; set by the module
+        `sweep`, which imports this one
     """
 
     parameters: tuple[str, ...]
@@ -51,16 +52,18 @@ class Sweep:
 
     @classmethod
     def of(cls, question: Question, table: Table) -> "Sweep":
-        """The answer of a question."""
+        """The sweep with the results of a question in a table."""
         names, about = question.members.names, question.document()
         return cls(names, table.members, table.columns, about, question.machine, question)
 
     @classmethod
     def load(cls, path: str | Path, machine: Machine | None = None) -> "Sweep":
-        """The members that a store has, also while a sweep goes on.
+        """The members that a store has, while its sweep runs or after it.
 
-        machine : the one that was swept, with which `orbit` finds members and `sensitivity` solves further ones; a
-            file does not hold it
+        machine : the one that was swept, with which `orbit` finds members and `sensitivity` solves further ones; the
+            store does not have it
+
+        Raises `InputError` when the file is not a store, was changed, or is of another machine.
         """
         from .store import question_in, read_store  # imports the database
 
@@ -91,7 +94,7 @@ class Sweep:
 
     @property
     def count(self) -> int:
-        """The number of members that were asked for."""
+        """The number of members of the sweep, finished or not."""
         return self.about["members"] * len(self.about["families"])
 
     @property
@@ -108,7 +111,7 @@ class Sweep:
 
     @property
     def numbers(self) -> tuple[str, ...]:
-        """The names of the columns with answers that are numbers."""
+        """The names of the columns with numerical results."""
         return tuple(name for name in self.columns if name not in (*self.parameters, "status", "reason"))
 
     def of_family(self, family: int) -> "Sweep":
@@ -128,7 +131,7 @@ class Sweep:
         return dict(sorted(Counter(self.columns["status"].tolist()).items()))
 
     def summary(self) -> dict[str, Any]:
-        """How many members have each status, and the quantiles of the numbers of those that have any, by name."""
+        """The number of members of each status, and the quantiles of the numerical results, by name."""
         quantiles: dict[str, dict[str, float]] = {}
         for name in self.numbers:
             known = self.columns[name][np.isfinite(self.columns[name])]
@@ -141,7 +144,7 @@ class Sweep:
         return one_line(self, {"parameters": self.parameters, "count": self.count, **self.statuses()})
 
     def title(self) -> str:
-        """What was swept and what became of the members, in one line."""
+        """The sweep and the statuses of its members, in one line."""
         machine, status = self.about["machine"], ", ".join(f"{n} {name}" for name, n in self.statuses().items())
         return f"{len(self)} of {self.count} members of {machine['machine']}, spring {machine['spring']}: {status}"
 
@@ -165,7 +168,7 @@ class Sweep:
         return cell(self.title(), rows, self.plot, [over, *(f"{share:.0%}" for share in QUANTILES)] if rows else ())
 
     def rows(self) -> Iterator[dict[str, Any]]:
-        """The members as JSON-ready data, None for what one does not have."""
+        """The members as JSON-ready data, None for results that a member does not have."""
         whole = {name for name, kind in COLUMNS_OF[self.about["outcome"]].items() if kind is int}
         texts = ("status", "reason")
         for i, member in enumerate(self.index.tolist()):
@@ -192,16 +195,22 @@ class Sweep:
 
     @property
     def found(self) -> int:
-        """The number of members that have what was asked for."""
+        """The number of members that have a result."""
         first = self.columns[self.numbers[0]]
         return int(np.isfinite(first).sum())
 
     def known_statuses(self) -> tuple[str, ...]:
-        """The statuses that are told also where no member has them."""
+        """The statuses that are reported even where no member has them."""
         return DESIGN_STATUSES if self.about["outcome"] == "find" else ()
 
     def orbit(self, member: int) -> Orbit:
-        """A member as a whole orbit, with its motion."""
+        """A member as a whole orbit, with its motion.
+
+        member : its number, from 0
+
+        Raises `InputError` without a machine, for a sweep of another outcome than orbits and for an unknown member, and
+        `NoOrbit` for a member without an orbit.
+        """
         if self.machine is None:
             raise InputError("a store does not tell its machine: give it, Sweep.load(path, machine=...)")
         if self.about["outcome"] != "find":
@@ -251,7 +260,10 @@ class Sweep:
         return frame
 
     def save(self, path: str | Path) -> Path:
-        """Write the sweep to .csv or .json, or, with the extra `data`, to .nc (NetCDF) or .parquet."""
+        """Write the sweep to .csv or .json, or, with the extra `data`, to .nc (NetCDF) or .parquet; returns the path.
+
+        Raises `InputError` for another ending, and when the file cannot be written.
+        """
         path = check_table(path)
         ending = path.suffix.lower()
         if ending == ".csv":
@@ -285,9 +297,12 @@ class Sweep:
     def sensitivity(
         self, quantities: Sequence[str] | None = None, samples: int = 1024, seed: int = 0, **options: Any
     ) -> dict[str, dict[str, dict[str, float]]]:
-        """Sobol's indices of the quantities by the parameters, as independent variables over what was asked of them.
+        """Sobol's indices of the quantities: the shares of their variance that are due to each parameter, for
+        parameters that vary independently over the ranges or distributions of the sweep.
 
-        samples : a power of 2; the sweep that gives them has as many members times the number of parameters and two
+        quantities : numerical results of the sweep; None for all
+        samples : a power of 2; the sweep for the indices has `samples` times (the number of parameters plus 2) members
+        seed : of the sampling
         options : `executor`, `workers`, `client`, `progress` of that sweep
 
         Returns, by quantity and parameter, "first" and "total", each with the bounds "first_low", ... of its 95 %

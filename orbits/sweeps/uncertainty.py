@@ -23,11 +23,11 @@ COLUMNS_OF_UNCERTAINTY = ("mean", "deviation", "linear", *OUTER_QUANTILES)
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """How a machine's uncertain parameters spread the quantities of its orbit.
+    """The spread of the quantities of a machine's orbit that results from its uncertain parameters.
 
-    mean, deviation, quantiles : by quantity, of the members that are motions, the quantiles by share, as "5%"
-    linear : the deviation by quantity from exact sensitivities, as if everything were a straight line
-    share : of the members that have an orbit that is a motion
+    mean, deviation, quantiles : by quantity, over the members whose orbit is a motion; the quantiles by share, as "5%"
+    linear : the standard deviation by quantity to first order, from exact sensitivities
+    share : of the members whose orbit is a motion
     sweep : the members
     """
 
@@ -42,7 +42,7 @@ class Uncertainty:
         return one_line(self, {"share": self.share, "mean": dict(self.mean)})
 
     def summary(self) -> str:
-        """How many members are motions, in one line."""
+        """The number of members whose orbits are motions, in one line."""
         return f"{self.share:.1%} of {len(self.sweep)} members are motions"
 
     def rows(self) -> list[tuple[str, ...]]:
@@ -67,15 +67,17 @@ def uncertainty(
     machine: Machine, over: Mapping[str, Any], quantities: Sequence[str] = (), *, family: int = 1,
     samples: int = 1024, seed: int = 0, **options: Any,
 ) -> Uncertainty:  # fmt: skip
-    """How sure the quantities of an orbit are when parameters are known with these distributions.
+    """The spread of the quantities of an orbit when parameters are known only by their distributions.
 
+    machine : as in `sweep`
     over : frozen distributions of `scipy.stats` (or ranges) by name; the parameters vary independently
     quantities : besides alpha and flight_time, as in `sweep`
-    samples : members of the sample, drawn by Sobol's sequence
+    family, seed : as in `sweep`
+    samples : number of members, sampled by Sobol's sequence
     options : `executor`, `workers`, `client`, `store`, `progress` of `sweep`
 
-    The linear answer is taken at the machine itself, with the standard deviations of the distributions. Raises
-    `NoOrbit` where the machine itself has no such orbit.
+    The linear result is computed at the machine itself, with the standard deviations of the distributions. Raises
+    `NoOrbit` where the machine itself has no such orbit, and `InputError` as `sweep` does.
 
     >>> from scipy.stats import norm
     >>> from orbits import uncertainty

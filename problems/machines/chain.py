@@ -151,16 +151,19 @@ class Chain(Stated):
         }
 
     def start(self, positions: Sequence[float], half_contact: float, half_flight: float) -> dict[str, float]:
-        """What `find` starts from: unknowns by name, from a guess of the rest in mid-contact and of the two times.
+        """A start for `find`, the unknowns by name, from a guess of the state of rest in mid-contact and of the
+        durations.
 
         positions : (N - 1,), of all masses but the lowest, at rest in mid-contact
+        half_contact, half_flight : half durations of contact and of flight
 
-        Raises `NoOrbit` when the motion from there cannot be followed.
+        Raises `NoOrbit` when the motion from there cannot be integrated.
         """
         return start_from_rest(self, positions, half_contact, half_flight)
 
     def starts(self, half_contact: float, half_flight: float, seed: int = 0) -> list[dict[str, float]]:
-        """Starts for `find_all`: the hops with phase times up to these, see `orbits.starts`."""
+        """Starts for `find_all`: the hops with half durations of contact and of flight up to these; see
+        `orbits.starts`."""
         return starts(self.mechanism, half_contact, half_flight, seed)
 
 
