@@ -12,7 +12,7 @@ from flint import arb, ctx
 
 from ..errors import OrbitsError
 from .branch_claim import BranchClaim
-from .branch_piece import CurveEquations, CurvePiece, inside, prove_piece, signs_along
+from .branch_piece import CurveEquations, CurvePiece, floats_about, inside, prove_piece, signs_along
 from .fold import proved_fold
 from .programs import ball_of_fraction
 from .refusal import TooLong, Unproved
@@ -193,8 +193,7 @@ class Way:
     def _folds(self, piece: CurvePiece, begin: arb, end: arb) -> tuple[Fold, ...]:
         """The folds between two places of a piece along the launch speed; raises `Unproved` where not all zeros of the
         parameter's derivative there are proved to be folds."""
-        low, high = max(float(begin.lower()), -1.0), min(float(end.upper()), 1.0)
-        runs, found = signs_along(piece, low, high), list[Fold]()
+        runs, found = signs_along(piece, *floats_about(begin, end)), list[Fold]()
         if len(runs) == 1 and runs[0][2]:
             return ()
         for i, (first, last, sign) in enumerate(runs):

@@ -46,7 +46,7 @@ from flint import arb, ctx
 from ..errors import InputError
 from ..model.machine import Machine, machine_in_words
 from .case import PROVED, not_stated
-from .decimals import bounds_of_fractions, decimal_text, enclosure_of, upper_decimal
+from .decimals import bounds_of_fractions, decimal_text, enclosure_of, radius_of
 from .equations import Equations, IntervalParameters
 from .hop import INJECTION, HopStatement, Jet, doubling_statement, hop_statement, next_jet, pace_of
 from .mechanics import ExactMechanics, Scale, parameter_of
@@ -197,7 +197,7 @@ def _proof(
         parameters=bounds,
         enclosures=enclosures,
         parts=(part,) if part else (),
-        radius=upper_decimal(result.found.ball("alpha").rad()) if result else None,
+        radius=radius_of(part.unknowns["alpha"]) if part else None,
         uniqueness_radius=part.uniqueness_radius if part else None,
         conditions=result.conditions if result else {},
         reasons=tuple(reasons),
