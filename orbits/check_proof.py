@@ -8,7 +8,7 @@ small E (`Passage`), so that the errors of the steps add and do not multiply. By
 set are those of its centre and the derivatives times the deviations. Existence and uniqueness follow from Krawczyk's
 test (`Solution`), on the stated enclosures and on these with the radius of uniqueness around them. Signs along the
 motion are those of functions, and of their derivatives by time, on stretches of it (`signs`). Nothing of `orbits.proof`
-and nothing of CasADi is used. What is verified is what the file says in its fields: sentences in words are not read.
+and of CasADi is used. What is verified is what the file says in its fields, but for `about`: no sentence is read.
 """
 
 import ast
@@ -29,17 +29,21 @@ FIRST, SHORTEST, MOST_POWER = Fraction(1, 8), Fraction(1, 2**14), 2**16
 # Bits beside those of the enclosures, those for uniqueness, and what a step's remainder may be in a derivative.
 GUARD_BITS, BITS_OF_UNIQUENESS, COARSE = 64, 90, 2.0**-36
 # The derivatives of functions of x, and functions that these define.
-SLOPES = {
-    "exp": "exp(x)", "log": "1/x", "sqrt": "1/(2*sqrt(x))", "sin": "cos(x)", "cos": "-sin(x)", "atan": "1/(1 + x**2)",
-    "asin": "1/sqrt(1 - x**2)", "asinh": "1/sqrt(1 + x**2)",
-}  # fmt: skip
+SLOPES = {"exp": "exp(x)", "log": "1/x", "sqrt": ".5/sqrt(x)", "sin": "cos(x)", "cos": "-sin(x)", "atan": "1/(1 + x*x)"}
 DEFINED = {
-    "expm1": "exp(x) - 1", "log1p": "log(1 + x)", "tan": "sin(x)/cos(x)", "acos": "2*atan(1) - asin(x)",
+    "asin": "atan(x/sqrt(1 - x**2))", "acos": "2*atan(1) - asin(x)", "asinh": "2*atanh(x/(1 + sqrt(1 + x**2)))",
+    "expm1": "exp(x) - 1", "log1p": "log(1 + x)", "tan": "sin(x)/cos(x)",
     "sinh": "(exp(x) - exp(-x))/2", "cosh": "(exp(x) + exp(-x))/2", "tanh": "1 - 2/(exp(2*x) + 1)",
     "acosh": "log(x + sqrt(x - 1)*sqrt(x + 1))", "atanh": "log((1 + x)/(1 - x))/2",
 }  # fmt: skip
 Bounds = Mapping[str, tuple[Fraction, Fraction]]
 PHASES, ENDS = ("flight_time", "contact_time"), ("liftoff_extension", "mid_flight_extension")
+# What the file says of the machine, of a spring, of a part, and of itself; beside that it repeats what is verified.
+FIELDS = [{*names.split()} for names in (
+    "name units coordinates parameters masses weights inerters inertia springs potentials surface_gravity gravity gap "
+    "launch counts separation eliminated", "extension force breaks potential", "parameters unknowns uniqueness_radius",
+    "format kind proved statement machine about motion parts enclosures family conditions radius digits seconds",
+)]  # fmt: skip
 
 
 class Unverified(Exception):
@@ -51,9 +55,8 @@ OPERATIONS |= {ast.Add: add, ast.Sub: sub, ast.Mult: mul, ast.Div: truediv, ast.
 
 
 class Tree:
-    """A formula: `kind` is "number", with a Fraction as its value, "name", with a text, an operation on its parts, or
-    the name of a function. Equal ones are one object, see `tree`. Sums and products leave out 0 and 1, so that `parse`
-    tells beside a formula what has to have a value."""
+    """A formula: a "number", with a Fraction as its value, a "name", with a text, an operation on its parts, or a
+    function. Equal ones are one object, see `tree`. Sums and products leave out 0 and 1."""
 
     def __init__(self, kind: str, parts: tuple["Tree", ...], value: Any):
         self.kind, self.parts, self.value = kind, parts, value
@@ -96,7 +99,7 @@ def number(value: Fraction | int) -> Tree:
     return tree("number", value=Fraction(value))
 
 
-ZERO, ONE, LESS, X = *map(number, (0, 1, -1)), tree("name", value="x")
+ZERO, ONE, LESS = map(number, (0, 1, -1))
 
 
 def parse(text: str, names: Mapping[str, Tree], needed: list[Tree]) -> Tree:
@@ -120,8 +123,7 @@ def parse(text: str, names: Mapping[str, Tree], needed: list[Tree]) -> Tree:
                 return needed[-1]
             case ast.BinOp(left=left, op=op, right=right):
                 a, b = tree_of(left), tree_of(right)
-                needed.append(tree("/", ONE, b) if isinstance(op, ast.Div) else a)
-                needed.append(OPERATIONS[type(op)](a, b))
+                needed.extend([tree("/", ONE, b) if isinstance(op, ast.Div) else a, OPERATIONS[type(op)](a, b)])
                 return needed[-1]
         raise KeyError
 
@@ -142,9 +144,7 @@ def slope(of: Tree, by: str) -> Tree:
     if not rest:
         return parse(SLOPES[of.kind], {"x": a}, []) * da
     b, db = rest[0]
-    if of.kind == "+":
-        return da + db
-    return da * b + a * db if of.kind == "*" else (da - of * db) / b
+    return da + db if of.kind == "+" else da * b + a * db if of.kind == "*" else (da - of * db) / b
 
 
 def dot(a: Sequence[Any], b: Sequence[Any], start: Any = ZERO) -> Any:
@@ -170,17 +170,10 @@ class Values(dict[Tree, Any]):
 
     def __missing__(self, of: Tree) -> Any:
         x, *rest = [self[part] for part in of.parts] or [None]
-        if of.kind == "number":
-            found = ball(of.value)
-        elif of.kind in OPERATIONS:
-            found = OPERATIONS[of.kind](x, *rest)
-        elif of.kind == "asinh" and isinstance(x, arb_series):  # which Arb has of balls alone
-            by_x = Values({X: x})[parse(SLOPES["asinh"], {"x": X}, [])]
-            found = (by_x * x.derivative()).integral() + x[0].asinh()
-        else:
-            found = getattr(x, of.kind)()
+        function = OPERATIONS.get(of.kind, lambda x: getattr(x, of.kind)())
+        found = ball(of.value) if of.kind == "number" else function(x, *rest)
         if not coefficient(found, 0).is_finite():
-            raise Unverified(f"the motion comes to where a formula has no value ({of.kind})")
+            raise Unverified(f"a formula ({of.kind}) has no value on the motion, or no motion is in the enclosures")
         self[of] = found
         return found
 
@@ -200,13 +193,12 @@ def coefficient(value: Any, order: int) -> arb:
 class Machine:
     """Lagrange's equations of a stated machine, with exact bounds of its parameters.
 
-    names, states : of the n coordinates; these, their rates, half a phase's time, and parameters' places in intervals
+    states : the n coordinates, their rates, half a phase's time, and parameters' places in their intervals
     inertia, forces, needed : M (n, n), what M y'' is without contact, and what has to have a value
-    gap, weights, counts, separation : the stated ones, and the weights of the coordinates in the gap
+    weights : of the coordinates in the gap
     unknowns : the names of the places and the rates at the launch of the contact's coordinates, by their numbers
     out, embedded : the coordinate that the closed gap determines, and the matrix (n, n - 1) from the others to all
     launch : of all coordinates and of their rates at the launch, the weights of the unknowns
-    rates, places : the states that are rates, and those of the parameters
     """
 
     def __init__(self, stated: Mapping[str, Any], bounds: Bounds):
@@ -215,6 +207,8 @@ class Machine:
         states = [*names, *(f"{name}'" for name in names), "half time", *(f"place of {name}" for name in wide)]
         self.names, self.needed, self.states = names, needed, [tree("name", value=each) for each in states]
         self.rates, self.places = self.states[n : 2 * n], self.states[2 * n + 1 :]
+        if len({*names, *bounds, "pi"}) <= n + len(bounds) or not all(map(str.isidentifier, names)):
+            raise Unverified("a name stands for two things, or is none")
         known = {name: number((low + high) / 2) for name, (low, high) in bounds.items()}
         for name, place in zip(wide, self.places, strict=True):
             known[name] += number((bounds[name][1] - bounds[name][0]) / 2) * place
@@ -243,7 +237,7 @@ class Machine:
             if spring["breaks"]:
                 raise Unverified("a law in pieces is not verified by this program")
             extension = parse(spring["extension"], both, needed)
-            law = parse(spring["force"][0], {**known, "r": extension}, needed)
+            law = parse(*spring["force"], {**known, "r": extension}, needed)
             along.append((ONE, law) if spring["potential"] else (law, extension))
         loads = [sum((LESS * size * slope(at, y) for size, at in along), ZERO) for y in names]
         self.forces = [load - each for load, each in zip(loads, turning, strict=True)]
@@ -266,11 +260,8 @@ class Machine:
 
 
 class Field:
-    """The motion of the states in half a phase of a machine, with time scaled such that it lasts from 0 to 1. The first
-    2 n states move; the time that it takes and the parameters' places stay.
-
-    force : the contact force that keeps the gap's acceleration 0
-    rates, slopes : of the moving states, and their derivatives by all states
+    """The motion of the states in half a phase, with time scaled such that it lasts from 0 to 1; the first 2 n move.
+    `force` is the contact force that keeps the gap's acceleration 0, `slopes` the derivatives of `rates` by all states.
     """
 
     def __init__(self, machine: Machine, contact: bool):
@@ -354,10 +345,8 @@ class Part:
     def __init__(self, field: Field, rows: list[list[Any]], h: arb, order: int):
         self.field, self.h, self.still = field, h, rows[len(field.rates) :]
         rests = field.taylor(field.inclusion(rows, h), order)
-        self.polynomials = [
-            [arb_poly([*each, rest[order]]) for each, rest in zip(*both, strict=True)]
-            for both in zip(field.taylor(rows, order - 1), rests, strict=True)
-        ]
+        self.polynomials = [[arb_poly([*each, rest[order]]) for each, rest in zip(*both, strict=True)]
+                            for both in zip(field.taylor(rows, order - 1), rests, strict=True)]  # fmt: skip
 
     def states(self, t: arb) -> list[arb]:
         """Enclosures of the states at a time, or at all times of a ball, within the step."""
@@ -370,11 +359,8 @@ def moved(values: Sequence[arb], matrix: arb_mat, deviations: Sequence[arb]) -> 
 
 
 class Passage:
-    """The motions of a field over the scaled times from 0 to 1, from the starts c + S w with deviations w in a box.
-
-    parts : its steps
-    start, end : at either end, enclosures of the motion from c, of all motions, and of the derivatives by w of all
-    """
+    """The motions of a field over the scaled times from 0 to 1, from the starts c + S w with deviations w in a box:
+    steps, and at either end enclosures of the motion from c, of all motions, and of the derivatives by w of all."""
 
     def __init__(self, field: Field, centre: Sequence[arb], seeds: arb_mat, reach: Sequence[arb]):
         n, small = len(centre), arb(2) ** (12 - ctx.prec)
@@ -409,9 +395,8 @@ class Passage:
 
 
 def signs(parts: Sequence[Part], of: Tree | None, orders: Callable[..., Sequence[int]]) -> list[list[int]]:
-    """On stretches of a motion, one after the other, the first of some derivatives of a function, the contact force for
-    None, that has a sign there, and that sign: pairs (order, 1 or -1). The stretches are halved where none has. Which
-    orders are tried depends on whether a stretch holds the beginning, and the end, of the motion."""
+    """On stretches of a motion, in order, the first of some derivatives of a function, the contact force for None, that
+    has a sign there, and that sign. Which orders are tried depends on whether a stretch holds either end."""
     found, last = list[list[int]](), len(parts) - 1
     waiting = [(each, arb(0), each.h, i == 0, i == last, MOST_HALVINGS) for i, each in enumerate(parts)][::-1]
     while waiting:
@@ -487,9 +472,7 @@ class Solution:
 def check(document: Mapping[str, Any]) -> list[str]:
     """Why a saved proof is not verified, in words; empty where all of its theorem is."""
     try:
-        kind = document.get("format"), document.get("kind"), document.get("proved"), document.get("attraction_radius")
-        if kind != ("persistent-orbits proof 2", "orbit", True, None):
-            return ["this program verifies proofs of orbits, saved by this version, all proved, without attraction"]
+        _check_said(document)
         _check_parts(document)
     except Unverified as error:
         return [str(error)]
@@ -511,6 +494,23 @@ def within(inner: Bounds, outer: Bounds) -> bool:
     return all(outer[name][0] <= low and high <= outer[name][1] for name, (low, high) in inner.items())
 
 
+def _check_said(document: Mapping[str, Any]) -> None:
+    """See that the file holds what is verified and no more, and says the same where it repeats it."""
+    kind = [document.get(name) for name in ("format", "kind", "proved", "attraction_radius")]
+    if kind != ["persistent-orbits proof 2", "orbit", True, None]:
+        raise Unverified("this program verifies proofs of orbits, by this version, all proved, without attraction")
+    machine, parts, again = document["machine"], document["parts"], dict.fromkeys(("alpha", *PHASES, "bounce_side"))
+    said, parameters = ({name: {"low": low, "high": high} for name, (low, high) in pairs.items()}
+                        for pairs in (document["enclosures"], machine["parameters"]))  # fmt: skip
+    radius = parts[0]["uniqueness_radius"] if len(parts) == 1 else None
+    again |= {**said, "parameters": parameters, "units": machine["units"], "uniqueness_radius": radius, "reasons": []}
+    if false := [name for name, value in again.items() if document.get(name) != value]:
+        raise Unverified(f"'{false[0]}' is not what the file says elsewhere, or this program does not verify it")
+    groups = [machine], machine["springs"], parts, [document.keys() - again.keys() - {"attraction_radius", "digest"}]
+    if any({*each} != names for group, names in zip(groups, FIELDS, strict=True) for each in group):
+        raise Unverified("the file says more than this program verifies, or less")
+
+
 def _check_parts(document: Mapping[str, Any]) -> None:
     """See that the theorem holds in each part of the parameters' intervals, and that the parts cover these."""
     whole, said = bounds_of(document["machine"]["parameters"]), bounds_of(document["enclosures"])
@@ -523,6 +523,8 @@ def _check_parts(document: Mapping[str, Any]) -> None:
         same = {name: unknowns[name] for name in ("alpha", *PHASES) if name in unknowns}
         if said.keys() != {*same, *(ENDS if motion else ())}:
             raise Unverified(f"other quantities are enclosed than this program verifies: {', '.join(said)}")
+        if 2 * Fraction(document["radius"]) < said["alpha"][1] - said["alpha"][0]:
+            raise Unverified("the radius is less than half the width of the enclosure of alpha")
         if box.keys() != whole.keys() or not (within(box, whole) and within(same, said)):
             raise Unverified("a part has other parameters than the machine, or unknowns outside those of the whole")
     cuts = [sorted({edge for box in (whole, *(box for box, *_ in parts)) for edge in box[name]}) for name in whole]
@@ -561,11 +563,8 @@ def _solution(document: Mapping[str, Any], claims: Bounds, radius: Fraction, cel
     other = claims.keys() != {*names} or ((len(machine.names) > 2 or document["motion"]) and len(phases) < 2)
     if other or any(claims[name][0] <= 0 for name in ("alpha", *phases)):
         raise Unverified("other unknowns are enclosed than the equations have, or the speed or a time is not positive")
-    stated, around = (
-        {name: ball(claims[name][0] - more).union(ball(claims[name][1] + more)) for name in names}
-        | {place.value: arb(0, 1) for place in machine.places}
-        for more in (Fraction(0), radius)
-    )
+    stated, around = ({name: ball(claims[name][0] - more).union(ball(claims[name][1] + more)) for name in names}
+                      | {place.value: arb(0, 1) for place in machine.places} for more in (0, radius))  # fmt: skip
     with ctx.workprec(BITS_OF_UNIQUENESS):
         known = Solution(machine, around)
         for _ in range(3):
@@ -585,7 +584,7 @@ def _check_motion(document: Mapping[str, Any], solution: Solution) -> None:
     """See that what is said of the motion holds."""
     machine, passages, said = solution.machine, solution.passages, bounds_of(document["enclosures"])
     flight, contact = (each.parts for each in passages)
-    if document["family"] != turns(flight, machine.counts):
+    if str(document["family"]) != str(turns(flight, machine.counts)):
         raise Unverified("the family is another one")
     check_positive("that the gap stays open in flight", flight, machine.gap, at_start=3)
     check_positive("that the contact pushes", contact, None, at_start=1)

@@ -141,6 +141,14 @@ def proof_of(name: str) -> dict[str, Any]:
     return json.loads(json.dumps(proofs[name]().document()))
 
 
+def repeated(document: dict[str, Any]) -> dict[str, Any]:
+    """A changed document that says the same where it repeats itself."""
+    parameters, parts = document["machine"]["parameters"], document["parts"]
+    ranges = {name: {"low": low, "high": high} for name, (low, high) in document["enclosures"].items()}
+    document |= {**ranges, "parameters": {name: {"low": low, "high": high} for name, (low, high) in parameters.items()}}
+    return document | {"uniqueness_radius": parts[0]["uniqueness_radius"] if len(parts) == 1 else None, "reasons": []}
+
+
 def theorems() -> dict[str, dict[str, Any]]:
     """Saved theorems by name; but for those in `TRUE` they are false. The unique one has another solution beside it."""
     found = {name: proof_of(name) for name in (*TRUE, "overlap", "digging", "pulling", "fold")}
@@ -165,7 +173,7 @@ def theorems() -> dict[str, dict[str, Any]]:
         falsified(name, lambda document, law=law: document["machine"]["springs"][0].update(force=[law]))
     found["uncovered"] = deepcopy(found["interval"])
     found["uncovered"]["machine"]["parameters"]["inertance"] = ["0.1998", "0.2001"]
-    return found
+    return {name: repeated(document) for name, document in found.items()}
 
 
 class Copies:

@@ -363,8 +363,8 @@ class Family:
         return orbit_from(here, self.settings["method"], point.u, bare.error)
 
     def save(self, path: str | Path) -> Path:
-        """Write the family to .json (to load and resume), .csv (a table) or .nc (NetCDF, with the extra `data`); returns
-        the path. Raises `InputError` for another ending, and when the file cannot be written."""
+        """Write the family to .json (to load and resume), .csv (a table) or .nc (NetCDF, by the extra `data`), and
+        return the path. Raises `InputError` for another ending, and when the file cannot be written."""
         path, ending = Path(path), check_ending(path, "family")
         if ending == ".csv":
             columns = [self.name, *(self.points[0].also if self.points else ()), *COLUMNS]

@@ -55,6 +55,12 @@ def upper_fraction(value: Fraction) -> str:
     return _decimal(math.ceil(scaled), PLACES_OF_BOUNDS).rstrip("0").rstrip(".")
 
 
+def radius_of(enclosure: Enclosure) -> str:
+    """A decimal with few digits that is no less than half the width of an enclosure."""
+    half = (Fraction(enclosure.high) - Fraction(enclosure.low)) / 2
+    return _scientific(half, math.ceil) if half else "0"
+
+
 def upper_decimal(radius: arb) -> str:
     """A decimal with few digits that is no less than a radius."""
     value = _fraction(radius.abs_upper())

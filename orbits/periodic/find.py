@@ -49,8 +49,8 @@ def find(
     start : an orbit nearby, the file of one, which may have been changed since it was written, or the unknowns of a
         half orbit by name, as the initial guess instead of the model's own; an orbit of any family is then returned,
         unless `family` is stated too
-    method : "closed form", "relative", "half orbit" or "shooting"; None for the simplest that the machine allows; the last one is multiple
-        shooting by Ipopt
+    method : "closed form", "relative", "half orbit", or "shooting", which is multiple shooting by Ipopt; None for the
+        simplest that the machine allows
     progress : called with the completed share of the homotopy, where there is one
     limit : time limit in seconds; None for 30, or for the limit of a `time_limit` around it
 

@@ -60,7 +60,7 @@ from ..exact.stated import StatedMachine, stated_machine
 from ..running.time_limit import time_limit
 from .branch_claim import BranchClaim
 from .branch_motion import MotionChecks, MotionStretch
-from .branch_piece import CurveEquations
+from .branch_piece import CurveEquations, floats_about
 from .branch_way import Way
 from .branch_words import ProvedCurve, branch_proof
 from .case import ProvedExistence, check_mirrored, existence_of, not_stated, wrong_numbers
@@ -103,8 +103,7 @@ def _proved_curve(
     if motion:
         checks = MotionChecks(equations, way.solve)
         for link in links:
-            low, high = max(float(link.begin.lower()), -1.0), min(float(link.end.upper()), 1.0)
-            stretches += checks.along(link.piece, low, high)
+            stretches += checks.along(link.piece, *floats_about(link.begin, link.end))
     return ProvedCurve(ends, links, stretches)
 
 

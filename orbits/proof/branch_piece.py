@@ -190,6 +190,12 @@ def parts_between(low: float, high: float) -> list[tuple[float, float]]:
     return [*itertools.pairwise(ends)]
 
 
+def floats_about(begin: arb, end: arb) -> tuple[float, float]:
+    """Floats from -1 to 1 between which all places from one enclosed place to another lie."""
+    low, high = np.nextafter([float(begin.lower()), float(end.upper())], [-np.inf, np.inf]).tolist()
+    return max(low, -1.0), min(high, 1.0)
+
+
 def signs_along(piece: CurvePiece, low: float, high: float) -> list[tuple[float, float, int]]:
     """The signs of the parameter's derivative between two places, in order: runs (low, high, sign) of parts with the
     same one, 0 where it is undecided also on short parts."""

@@ -16,7 +16,7 @@ from ..balls.tube import narrowed
 from ..errors import OrbitsError
 from ..exact.refusal import TooLong, Unproved
 from .branch_claim import BranchClaim
-from .branch_piece import CurveEquations, CurvePiece, inside, prove_piece, signs_along
+from .branch_piece import CurveEquations, CurvePiece, floats_about, inside, prove_piece, signs_along
 from .proved_fold import proved_fold
 
 # A parameter is followed itself where it has this share of the way at least, else the launch speed; where it is
@@ -193,8 +193,7 @@ class Way:
     def _folds(self, piece: CurvePiece, begin: arb, end: arb) -> tuple[Fold, ...]:
         """The folds between two places of a piece along the launch speed; raises `Unproved` where not all zeros of the
         parameter's derivative there are proved to be folds."""
-        low, high = max(float(begin.lower()), -1.0), min(float(end.upper()), 1.0)
-        runs, found = signs_along(piece, low, high), list[Fold]()
+        runs, found = signs_along(piece, *floats_about(begin, end)), list[Fold]()
         if len(runs) == 1 and runs[0][2]:
             return ()
         for i, (first, last, sign) in enumerate(runs):

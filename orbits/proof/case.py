@@ -15,7 +15,7 @@ from ..balls.root import FIRST_BITS, ProvedRoot, evaluated_on, prove_root
 from ..errors import InputError
 from ..exact.bounds import Enclosure
 from ..exact.claim import CONTACT_DURATION, FLIGHT_DURATION, Claim
-from ..exact.decimals import bounds_of_fractions, decimal_text, enclosure_of, lower_decimal, upper_decimal
+from ..exact.decimals import bounds_of_fractions, decimal_text, enclosure_of, lower_decimal, radius_of
 from ..exact.exact_mechanics import ExactMechanics, Scale
 from ..exact.expressions import ExactExpression, substitute
 from ..exact.refusal import Unproved
@@ -125,7 +125,8 @@ def whole_proof(
         except Unproved as error:
             verdicts = Verdicts(conditions=undecided, reasons=(f"existence: {error}",))
         if found is not None:
-            verdicts = _verdicts(found, claim, names if motion else [], loss or attraction, digits, about_claim)
+            wanted = loss or (attraction and not claim.machine.restitution)
+            verdicts = _verdicts(found, claim, names if motion else [], wanted, digits, about_claim)
             if attraction:
                 verdicts = _with_attraction(found, claim, verdicts)
     parameters = {name: bounds_of_fractions(bounds) for name, bounds in stated.parameters.items()}
@@ -163,7 +164,7 @@ def whole_proof(
         family=verdicts.family,
         parameters=parameters,
         enclosures=enclosures,
-        radius=upper_decimal(found.balls["alpha"].rad()),
+        radius=radius_of(found.unknowns["alpha"]),
         uniqueness_radius=radius,
         parts=(Part(parameters, found.unknowns, radius),),
         conditions=verdicts.conditions,
@@ -232,6 +233,7 @@ def _verdicts(
         conditions = motion_conditions(found.half, flight, contact, names, reasons)
     if loss:
         try:
+            _check_plastic(claim.machine)
             unknowns = flight_statement(found).unknowns
             lost = enclosed_loss(
                 found.half, flight, {name: found.ball(each) for name, each in unknowns.items()}, ctx.prec
@@ -245,8 +247,7 @@ def _verdicts(
 def _with_attraction(found: ProvedExistence, claim: Claim, verdicts: Verdicts) -> Verdicts:
     """The verdicts with that of the attraction of launches above alpha."""
     try:
-        if claim.machine.restitution:
-            raise Unproved(f"impacts are not plastic, with restitution = {claim.machine.restitution!r}")
+        _check_plastic(claim.machine)
         if verdicts.loss is None or {*verdicts.conditions.values()} != {PROVED}:
             raise Unproved("it needs the conditions of a motion and the loss coefficient, which are not all proved")
         half, half_contact = found.half, found.ball(found.statement.unknowns[CONTACT_DURATION])
@@ -260,6 +261,12 @@ def _with_attraction(found: ProvedExistence, claim: Claim, verdicts: Verdicts) -
     return replace(
         verdicts, attraction=attraction, enclosures={**verdicts.enclosures, "attraction_loss": attraction.losses}
     )
+
+
+def _check_plastic(machine: Machine) -> None:
+    """Raise `Unproved` for a machine whose landings are others than the theorem's."""
+    if machine.restitution:
+        raise Unproved(f"impacts are not plastic, with restitution = {machine.restitution!r}")
 
 
 def wrong_numbers(found: ProvedExistence, claim: Claim) -> list[str]:

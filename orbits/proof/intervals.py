@@ -7,7 +7,7 @@ from decimal import Decimal
 
 from ..exact.bounds import Enclosure
 from ..exact.claim import Claim
-from ..exact.decimals import bounds_of_fractions
+from ..exact.decimals import bounds_of_fractions, radius_of
 from ..exact.refusal import Unproved
 from ..exact.stated import Bounds, Decimals, StatedMachine, stated_machine
 from ..running.time_limit import time_limit
@@ -105,13 +105,12 @@ def _joined(parts: Sequence[Proof], stated: StatedMachine) -> Proof:
     conditions = first.conditions if family is not None else {}
     motion = motion_sentence(family, conditions, enclosures)
     statement = " ".join(filter(None, (stated.words(), f"{solved}. {unique}.", motion)))
-    half = (Decimal(enclosures["alpha"].high) - Decimal(enclosures["alpha"].low)) * Decimal("0.501")
     reasons = () if family is not None or not first.conditions else ("family: the parts are of several families",)
     side = first.bounce_side if len({part.bounce_side for part in parts}) == 1 else None
     return replace(
         first, proved=not reasons, statement=statement, stated={**first.stated, **stated.document()}, family=family,
         bounce_side=side,
-        enclosures=enclosures, conditions=conditions, radius=f"{half:.3E}", uniqueness_radius=None,
+        enclosures=enclosures, conditions=conditions, radius=radius_of(enclosures["alpha"]), uniqueness_radius=None,
         parts=tuple(each for part in parts for each in part.parts), reasons=reasons,
     )  # fmt: skip
 

@@ -13,7 +13,7 @@ from ..balls.programs import ball_of_fraction
 from ..balls.root import FIRST_BITS, ProvedRoot, prove_root
 from ..errors import InputError
 from ..exact.claim import FLIGHT_DURATION
-from ..exact.decimals import bounds_of_fractions, enclosure_of, lower_decimal, upper_decimal
+from ..exact.decimals import bounds_of_fractions, enclosure_of, lower_decimal, radius_of
 from ..exact.exact_mechanics import ExactMechanics, Scale
 from ..exact.expressions import substitute, symbol
 from ..exact.refusal import Unproved
@@ -34,7 +34,7 @@ def proof_of_fold(
 ) -> Proof:  # fmt: skip
     """The proof of a fold near a guess: unknowns of half an orbit and their directions by name, that of "alpha" being
     1, and the value of the parameter; see `prove_fold`."""
-    began, reasons, found = time.perf_counter(), list[str](), None
+    began, reasons, part = time.perf_counter(), list[str](), None
     check_mirrored(machine.model)
     try:
         stated = stated_machine(machine, parameters)
@@ -43,24 +43,24 @@ def proof_of_fold(
     others = {name: bounds for name, bounds in stated.parameters.items() if name != along}
     try:
         with ctx.workprec(FIRST_BITS):
-            found = _fold(stated, unknowns, directions, along, value, digits)
+            part = _fold(stated, unknowns, directions, along, value, digits)
     except Unproved as error:
         reasons.append(f"the fold: {error}")
-    enclosures = {name: each for name, each in found[0].unknowns.items() if name in (along, "alpha")} if found else {}
+    enclosures = {name: part.unknowns[name] for name in part.unknowns if name in (along, "alpha")} if part else {}
     bounds = {name: bounds_of_fractions(each) for name, each in others.items()}
     each = "For each value of the parameters in their intervals, " if stated.wide else ""
-    words = each + (_fold_words(found[0], along) if found else f"Nothing is proved of a fold in {along}.")
+    words = each + (_fold_words(part, along) if part else f"Nothing is proved of a fold in {along}.")
     return Proof(
-        proved=found is not None,
+        proved=part is not None,
         statement=f"{stated.words(free=along)} {words}",
         machine=machine_in_words(machine),
         kind="fold",
         stated=stated.document() | {"parameters": stated.document()["parameters"] | {along: None}},
         parameters=bounds,
         enclosures=enclosures,
-        radius=found[1] if found else None,
-        uniqueness_radius=found[0].uniqueness_radius if found else None,
-        parts=(found[0],) if found else (),
+        radius=radius_of(part.unknowns["alpha"]) if part else None,
+        uniqueness_radius=part.uniqueness_radius if part else None,
+        parts=(part,) if part else (),
         reasons=tuple(reasons),
         digits=digits,
         seconds=time.perf_counter() - began,
@@ -132,14 +132,14 @@ def proved_fold(
 def _fold(
     stated: StatedMachine, unknowns: Mapping[str, float], directions: Mapping[str, float], along: str, value: float,
     digits: int | None,
-) -> tuple[Part, str]:  # fmt: skip
-    """The enclosures of a fold, and the radius of that of alpha."""
+) -> Part:  # fmt: skip
+    """The enclosures of a fold."""
     found = proved_fold(stated, unknowns, directions, along, value, digits)
     with ctx.workprec(bits_of_digits(digits) + FIRST_BITS):
         enclosures = {name: enclosure_of(ball, digits) for name, ball in found.balls.items()}
         alone = lower_decimal(found.root.unique_within(found.sizes))
     bounds = {name: bounds_of_fractions(each) for name, each in stated.parameters.items() if name != along}
-    return Part(bounds, enclosures, alone), upper_decimal(found.balls["alpha"].rad())
+    return Part(bounds, enclosures, alone)
 
 
 def _fold_words(part: Part, along: str) -> str:

@@ -73,7 +73,7 @@ class Proof:
     parameters : exact decimals, the bounds of each parameter by name; equal for a single value
     family : the number of the family, counted from enclosures; None where that is not proved
     enclosures : of alpha, flight_time, contact_time and other quantities by name, in the machine's units
-    radius : of the enclosure of alpha
+    radius : no less than half the width of the enclosure of alpha
     uniqueness_radius : no other solution of the equations has all unknowns within this distance of their enclosures;
         None where intervals were proved in parts
     parts : the boxes of parameters that were proved one by one, usually one

@@ -38,9 +38,9 @@ def prove_fixed_point(
     digits, parameters, limit : as in `prove`
 
     The result encloses alpha, the times and the multiplier. The theorem and its proof are described in
-    `orbits.return_map.proved_map`; where something is not proved, the result says what and why. Raises `InputError` without
-    python-flint, for a machine with restitution or friction, for one whose launch is more than a speed, and for a
-    lossless hop, which `prove` proves; and `NoOrbit` where a guess leads to no fixed point.
+    `orbits.return_map.proved_map`; where something is not proved, the result says what and why. Raises `InputError`
+    without python-flint, for a machine with restitution or friction, for one whose launch is more than a speed, and for
+    a lossless hop, which `prove` proves; and `NoOrbit` where a guess leads to no fixed point.
 
     >>> from orbits import ReturnMap, prove_fixed_point
     >>> from problems import Hopper

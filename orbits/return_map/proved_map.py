@@ -49,7 +49,7 @@ from ..balls.root import FIRST_BITS, evaluated_on
 from ..balls.step import between
 from ..errors import InputError
 from ..exact.bounds import Enclosure
-from ..exact.decimals import bounds_of_fractions, decimal_text, enclosure_of, upper_decimal
+from ..exact.decimals import bounds_of_fractions, decimal_text, enclosure_of, radius_of
 from ..exact.exact_mechanics import ExactMechanics, Scale, parameter_of
 from ..exact.refusal import Unproved
 from ..exact.stated import Bounds, Decimals, StatedMachine, exact_bounds, range_text, stated_machine
@@ -198,7 +198,7 @@ def _proof(
         parameters=bounds,
         enclosures=enclosures,
         parts=(part,) if part else (),
-        radius=upper_decimal(result.found.ball("alpha").rad()) if result else None,
+        radius=radius_of(part.unknowns["alpha"]) if part else None,
         uniqueness_radius=part.uniqueness_radius if part else None,
         conditions=result.conditions if result else {},
         reasons=tuple(reasons),

@@ -177,6 +177,9 @@ class TestRefusals:
         proof = prove(find(Hopper("r", rest_length=20, restitution=0.3)), attraction=True)
         assert proof.reasons == ("attraction: impacts are not plastic, with restitution = 0.3",)
         assert "attracts" not in proof.statement
+        proof = prove(find(Hopper("r", rest_length=20, restitution=0.3)), loss=True)
+        assert proof.reasons == ("the loss coefficient: impacts are not plastic, with restitution = 0.3",)
+        assert "loses" not in proof.statement
 
     @pytest.mark.parametrize(
         ("machine", "parameters", "reason"),

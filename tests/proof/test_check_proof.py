@@ -68,6 +68,16 @@ def change(document, path, value):
     document[last] = value(document[last]) if callable(value) else value
 
 
+def repeated(document):
+    """The same again where the file repeats what it says."""
+    shown = [
+        {name: {"low": low, "high": high} for name, (low, high) in pairs.items()}
+        for pairs in (document["enclosures"], document["machine"]["parameters"])
+    ]
+    radius = document["parts"][0]["uniqueness_radius"] if len(document["parts"]) == 1 else None
+    return document | shown[0] | {"parameters": shown[1], "uniqueness_radius": radius}
+
+
 UNKNOWNS = ("parts", 0, "unknowns")
 FALSE = {
     "alpha": (*UNKNOWNS, "alpha", lambda pair: moved(pair, "1e-17")),
@@ -116,7 +126,40 @@ LONG = ("spring", "domain", "gravity", "exponent", "a cancelled mass", "gap")
 def test_false_theorems_are_not_verified(inerter, name):
     document, (*path, value) = copy.deepcopy(inerter), FALSE[name]
     change(document, path, value)
+    assert check(repeated(document))
+
+
+# What the file says a second time, or says of which nothing is verified.
+SAID = {
+    "alpha": ("alpha", "low", "1"),
+    "flight time": ("flight_time", {"low": "9", "high": "9.1"}),
+    "no contact time": ("contact_time", None),
+    "uniqueness": ("uniqueness_radius", "1e9"),
+    "radius": ("radius", "1e-30"),
+    "parameters": ("parameters", "inertance", "low", "0.1"),
+    "units": ("units", "SI"),
+    "reasons": ("reasons", ["one"]),
+    "bounce": ("bounce_side", "above"),
+    "attraction": ("attraction_radius", "0.1"),
+    "loss": ("loss_coefficient", {"low": "1", "high": "2"}),
+    "injection": ("machine", "injection", ["0.1", "0.1"]),
+    "restitution": ("machine", "restitution", "0.5"),
+    "a damper": ("machine", "springs", 0, "damping", "1"),
+    "a second piece": ("machine", "springs", 0, "force", ["r", "r**3"]),
+    "a name twice": ("machine", "coordinates", ["body", "foot", "inertance"]),
+}
+
+
+@pytest.mark.parametrize("name", SAID)
+def test_what_the_file_says_again_or_beside_is_held_against_the_rest(inerter, name):
+    document, (*path, value) = copy.deepcopy(inerter), SAID[name]
+    change(document, path, value)
     assert check(document)
+
+
+def test_the_radius_is_no_less_than_that_of_the_enclosure(inerter):
+    low, high = map(Fraction, inerter["enclosures"]["alpha"])
+    assert (high - low) / 2 <= Fraction(inerter["radius"]) <= (high - low) * Fraction(51, 100)
 
 
 def test_what_cannot_be_read_is_not_verified(inerter):
