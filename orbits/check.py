@@ -14,13 +14,13 @@ from .errors import InconsistentModel, InputError, NoOrbit
 from .flow.flow import flow_of
 from .flow.trajectory import Trajectory
 from .io import one_line
-from .model.machine import Machine, dimensionless
+from .model.machine import MACHINE_FIELDS, Machine, dimensionless
 from .model.model import Search
 from .model.phase import Phase
 from .periodic.find import dimensionless_start, find
 from .periodic.formulations import vector
 from .periodic.guess import guess, guesses
-from .periodic.orbit import MACHINE_FIELDS, Orbit
+from .periodic.orbit import Orbit
 from .return_map.return_map import ReturnMap
 from .running.exclusive import exclusive
 from .simulation.simulated import Simulation

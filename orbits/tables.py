@@ -30,7 +30,9 @@ def machine_rows(words: Mapping[str, Any]) -> list[tuple[str, str]]:
     """The numbers of a machine in words and numbers, as it describes itself, as rows of a table."""
     own = words.get("units", {})
     numbers = {name: words[name] for name in own if name in words}
-    numbers = numbers or {"mass ratio": words["mass_ratio"], "rest length": words["rest_length"]}
+    if not numbers:
+        stated = {name: value for name, value in words.items() if isinstance(value, int | float)}
+        numbers = {name.replace("_", " "): value for name, value in stated.items() if name != "restitution"}
     numbers |= words["parameters"]
     return [(name, f"{value:g} {own.get(name, '')}".rstrip()) for name, value in numbers.items() if value is not None]
 

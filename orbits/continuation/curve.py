@@ -17,8 +17,9 @@ from ..flow.flow import OUT_OF_LAW
 from ..model.machine import Machine
 from ..periodic.certificate import Certificate, records
 from ..periodic.certified import Solved, certified, orbit_from
-from ..periodic.formulations import Cycles, equations_of, iterative, method_of, or_none
+from ..periodic.formulations import Cycles, equations_of, iterative, method_of
 from ..periodic.orbit import Orbit
+from ..periodic.quantities import motion_numbers
 from ..periodic.single_shooting import Evaluation, joined
 from ..units import Units, without_units
 from .point import RESERVED_NAMES, Point, point_in_units
@@ -183,18 +184,13 @@ class Curve:
         xs, tangents = (np.array([getattr(point, name) for point in points]) for name in ("x", "tangent"))
         also = {name: cycles.p[name].tolist() for name in self.varied(self.parameters) if name != self.along}
         others = [dict(zip(also, row, strict=True)) for row in zip(*also.values(), strict=True)] or [{}] * len(points)
-        count = slice(len(points))
+        columns = {**motion_numbers(self.machine.model, cycles), "certificate": certificates, "also": others}
         return records(
             Point,
             value=xs[:, -1].tolist(),
             u=map(tuple, xs[:, :-1].tolist()),
             tangent=map(tuple, tangents.tolist()),
-            alpha=cycles.u["alpha"][count].tolist(),
-            liftoff_extension=self.machine.model.liftoff_extension(cycles.u, cycles.p)[count].tolist(),
-            flight_time=cycles.flight_times[count].tolist(),
-            contact_time=or_none(cycles.contact_times[count]),
-            certificate=certificates[count],
-            also=others[count],
+            **{name: values[: len(points)] for name, values in columns.items()},
         )
 
     def _refused(self, ps: np.ndarray) -> dict[int, OrbitsError]:

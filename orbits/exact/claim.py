@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, NoOrbit
-from ..model.machine import Machine
+from ..model.machine import MACHINE_FIELDS, Machine
 from ..periodic.find import find
-from ..periodic.orbit import MACHINE_FIELDS, Orbit
+from ..periodic.orbit import Orbit
 
 # The unknowns that are half the times of the two phases.
 FLIGHT_DURATION, CONTACT_DURATION = "duration", "contact_duration"

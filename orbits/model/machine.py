@@ -9,6 +9,9 @@ from ..laws.law import NOISE
 from ..units import Units
 from .model import Model
 
+# What describes a machine in a document.
+MACHINE_FIELDS = ("machine", "spring", "gravity", "mass_ratio", "rest_length", "restitution", "parameters", "laws_in")
+
 
 @runtime_checkable
 class Machine(Protocol):
@@ -42,7 +45,7 @@ class Machine(Protocol):
         values."""
 
     def describe(self) -> dict[str, Any]:
-        """The machine in words and numbers for JSON, with the keys of `orbits.periodic.orbit.MACHINE_FIELDS`."""
+        """The machine in words and numbers for JSON, with the keys `MACHINE_FIELDS`."""
 
     @property
     def restitution(self) -> float:

@@ -20,11 +20,11 @@ from .formulations import (
     contact_reversor,
     equations_of,
     interpret,
-    or_none,
     refused_by_unfolding,
     vector,
 )
 from .orbit import Orbit, Shape, orbit_of
+from .quantities import motion_numbers
 from .single_shooting import Evaluation, Shooting
 
 
@@ -148,10 +148,7 @@ def certified_orbit(machine: Machine, solved: Solved, *, began: float) -> Orbit:
     knees = tuple(model.knees(p)) if model.knees else ()
     return Orbit(
         machine=machine.describe(),
-        alpha=float(cycles.u["alpha"][0]),
-        liftoff_extension=float(model.liftoff_extension(cycles.u, cycles.p)[0]),
-        flight_time=float(cycles.flight_times[0]),
-        contact_time=or_none(cycles.contact_times)[0],
+        **{name: number for name, (number,) in motion_numbers(model, cycles).items()},
         flight=cycles.flight[0],
         contact=cycles.contacts[0] if cycles.contacts else None,
         shape=Shape(model.reversor, reversor, model.embed, model.heights(p), model.springs, knees),

@@ -14,19 +14,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..flow.flow import flow_of
-from ..flow.zero_crossing import first_zeros
 from ..model.model import Model, Search
 from ..model.phase import Affine
 from ..numerics.roots import enclosed_sign_changes
 from .formulations import columns, equations_of, reduction_of
+from .guess import BEND_SAFETY, SLOWEST_LAUNCH, times_of_turns
 
-# The slowest launch that is searched, in multiples of the scale of speed.
-SLOWEST_LAUNCH = 1e-3
 # The grid is uniform up to so many times the launch speed of a linear spring, with at most so many launches; beyond,
 # neighbours have this ratio, since the lateness then goes with the speed. So many launches lead up to its first speed.
 UNIFORM_TO, MOST_UNIFORM, SPEED_RATIO, SLOW_LAUNCHES = 2.5, 2000, 1.05, 20
-# The lateness may bend this many times as much as the second differences beside a cell say.
-BEND_SAFETY = 4.0
 # A cell that is narrower than this share of its speed is not halved: there the lateness jumps, or it touches zero, and
 # then it is below this share of scale and speed.
 NARROWEST_CELL, TOUCHING_ZERO = 1e-6, 1e-9
@@ -86,19 +82,10 @@ class Lateness:
         u, p = self._unknowns(alphas, which), self._parameters(which)
         limit = LATEST_TURN * self.paces[which] * (self.scales[which] + alphas)
         states = columns(self.arc.start(u, np.zeros(0), p))
-        times, going, broken = np.zeros(len(alphas)), np.arange(len(alphas)), np.zeros(len(alphas), bool)
-        for turn in range(2 if self.reduction else self.family + 1):
-            if not len(going):
-                break
-            last, ps = np.full(len(alphas), np.nan), self.ps[which[going]] if len(self.ps) > 1 else self.ps[0]
-            last[going], rows, failed = first_zeros(
-                self.flow, states[going], ps, self._rate, limit[going], int(turn > 0), told=False
-            )
-            broken[going[[*failed]]] = True
-            # In reduced coordinates the extension oscillates: all half periods after the first turn are equal.
-            times += last * (self.family if self.reduction and turn else 1)
-            states[going] = rows[:, : states.shape[1]]
-            going = np.flatnonzero(np.isfinite(times))
+        ps, count = self.ps[which] if len(self.ps) > 1 else self.ps, 2 if self.reduction else self.family + 1
+        spans, states, broken = times_of_turns(self.flow, ps, states, self._rate, limit, count)
+        # In reduced coordinates the extension oscillates: all half periods after the first turn are equal.
+        times = spans[0] + self.family * spans[1] if self.reduction else spans.sum(axis=0)
         if self.reduction:
             late = (times - self.arc.duration(u, p)) / self.paces[which]
         else:

@@ -156,32 +156,36 @@ def find_all(
 
 def lowest_of_family(machine: Machine, family: int, method: str | None, progress: Progress = None) -> Orbit:
     """The orbit of a family of least launch speed, as in `find`."""
-    model, began = machine.model, time.perf_counter()
+    model, began, orbits, refusal = machine.model, time.perf_counter(), tuple[Orbit, ...](), None
     search = model.search(machine.values) if model.search and model.reversor else None
-    if search and not model.is_guessed:
-        orbits = _all_of_family(machine, family, method, progress=progress)
-        return replace(orbits[0], seconds=time.perf_counter() - began)
-    try:
-        orbit = certified_orbit(machine, solve_family(machine, family, method, progress), began=began)
-        if orbit.family != family:
-            raise NoOrbit(another_family(family, orbit.family))
-    except NoOrbit as error:
-        if search is None:
-            raise
+    if search is None or model.is_guessed:
         try:
-            orbits = _all_of_family(machine, family, method, refusal=str(in_units(error, None)))
-            return replace(orbits[0], seconds=time.perf_counter() - began)
-        except NoOrbit as none:
-            raise with_search(error, none) from None
-    if search is None or search.single or orbit.method == "closed form":
-        return orbit
+            orbits = (_solved_for(machine, family, method, progress),)
+        except NoOrbit as error:
+            if search is None:
+                raise
+            refusal = error
+        if orbits and (search is None or search.single or orbits[0].method == "closed form"):
+            return orbits[0]
+        progress = None  # the search comes after what was reported
     try:
-        orbits = _all_of_family(machine, family, method)
-    except NoOrbit:
-        orbits = ()
-    orbits = (orbit, *(other for other in orbits if not _same(orbit, other)))
+        said = "" if refusal is None else str(in_units(refusal, None))
+        others = _all_of_family(machine, family, method, None, progress, said)
+        orbits += tuple(other for other in others if not any(_same(orbit, other) for orbit in orbits))
+    except NoOrbit as none:
+        if not orbits:
+            raise (with_search(refusal, none) if refusal else none) from None
     lowest = min(orbits, key=lambda one: one.alpha)
     return replace(lowest, known_in_family=len(orbits), seconds=time.perf_counter() - began)
+
+
+def _solved_for(machine: Machine, family: int, method: str | None, progress: Progress = None) -> Orbit:
+    """The certified orbit that a family's guess leads to; raises `NoOrbit` where that is of another family."""
+    began = time.perf_counter()
+    orbit = certified_orbit(machine, solve_family(machine, family, method, progress), began=began)
+    if orbit.family != family:
+        raise NoOrbit(another_family(family, orbit.family))
+    return orbit
 
 
 def _all_of_family(
@@ -189,14 +193,12 @@ def _all_of_family(
     refusal: str = "",
 ) -> tuple[Orbit, ...]:  # fmt: skip
     """All orbits of a family, as in `find_all`; what is said with a `refusal` already is not said again."""
-    model, p, began = machine.model, machine.values, time.perf_counter()
+    model, p = machine.model, machine.values
     if not (model.search and model.reversor):
         raise InputError(f"the families of a {model.name} are not searched: give find_all starts")
     method = method_of(model, method)
     if method == "closed form":
-        only = certified_orbit(machine, solve_family(machine, family, method), began=began)
-        if only.family != family:
-            raise NoOrbit(another_family(family, only.family))
+        only = _solved_for(machine, family, method)
         if fastest is not None and only.alpha > fastest:
             text = "the only orbit of family {family} has the launch speed {alpha:.6g}, above {fastest:g}"
             speeds = {"alpha": Quantity(only.alpha, LIFTOFF_SPEED), "fastest": Quantity(fastest, LIFTOFF_SPEED)}

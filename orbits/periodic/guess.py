@@ -1,6 +1,7 @@
 """Guesses of orbits: the lowest launch speed of a family under constant gravity, from which the search starts."""
 
 from collections.abc import Generator, Mapping
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,12 +14,12 @@ from ..model.model import Model
 from ..model.phase import Affine
 from ..model.relative import FASTEST, Relative, half_angle
 from ..numerics.bernstein import Crossings
-from ..numerics.roots import answered, root_search
+from ..numerics.roots import root_search
 from ..units import SPEED, Message, Quantity
 
 # The slowest launch speed of a search, in multiples of the machine's own scale of speed, from which it starts again
 # when its first speed is too fast.
-SLOWEST = 1e-3
+SLOWEST_LAUNCH = 1e-3
 # Accuracy of the estimate, as a share of half an oscillation; Newton's method does the rest.
 ACCURACY = 1e-3
 # The estimate is as accurate as this share of how far the equation goes beyond zero, as another root may be close.
@@ -31,7 +32,7 @@ LONGEST_AT_BARRIERS = 0.1
 # Extensions outward on either side, in units of length and multiples of the family, at which a barrier shows.
 BARRIER_EXTENSIONS = np.outer([1.0, -1.0], np.geomspace(0.3, 300.0, 100)).ravel()
 # Between samples the lateness may bend this many times as much as their second differences say.
-FOLD_SAFETY = 4.0
+BEND_SAFETY = 4.0
 # Time followed in search of two turns, per 1 + launch speed; a spring that takes longer does not return.
 LONGEST_FLIGHT = 1e3
 SPEED_OF_EXTENSION = Affine((0.0, 1.0))  # of the relative motion
@@ -41,7 +42,7 @@ class Guesses(NamedTuple):
     """The guesses of many machines with parameters (m,).
 
     unknowns : by name (m,), NaN where there is none
-    own : which of them (m,) can be looked at together, by the model that was asked
+    own : which of them (m,) can be looked at together, by this model
     single : whose family (m,) has one orbit as far as `Model.search` tells
     refused : by index why a machine has no guess
     """
@@ -68,9 +69,12 @@ def guess(model: Model, family: int, p: Mapping[str, float]) -> dict[str, float]
     slopes = law.with_slope([extension, law.rest()])[1]
     slope = slopes[np.isfinite(slopes)].max()  # a law has a slope at lift-off, if not at rest
     _, outward = law.with_slope(np.clip(family / slope * BARRIER_EXTENSIONS, *law.range()))
-    scale, (barrier,) = float(relative.scale(slope, p)), crossable_barriers(outward[None]).tolist()
-    alpha = lowest_launch_speed(relative, dict(p), extension, family, scale, barrier)
-    return {"liftoff": extension, "alpha": alpha, "duration": alpha * float(relative.time(p))}
+    ps, places = {name: np.array([value]) for name, value in p.items()}, np.array([extension])
+    scales = np.array([relative.scale(slope, p)])
+    (alpha,), refused = lowest_launch_speeds(relative, ps, places, family, scales, crossable_barriers(outward[None]))
+    if refused:
+        raise refused[0]
+    return {"liftoff": extension, "alpha": float(alpha), "duration": float(alpha) * float(relative.time(p))}
 
 
 def guesses(relative: Relative, family: int, p: Mapping[str, np.ndarray]) -> Guesses:
@@ -122,59 +126,37 @@ class _End(NamedTuple):
     lost: float = np.nan
 
 
-def lowest_launch_speed(
-    relative: Relative, p: dict[str, float], liftoff: float, family: int, scale: float, barrier: bool
-) -> float:
-    """The lowest launch speed whose half flight ends on the family's turn: time alpha = first turn + family half
-    periods.
-
-    The time of that turn depends on alpha alone, so this is one scalar equation for any spring, and the family is right
-    by construction.
-
-    scale : the speed in whose multiples the search goes
-    barrier : whether the spring is among `crossable_barriers`
-
-    Raises `NoOrbit` when there is no such speed.
-    """
-    time = float(relative.time(p))
-
-    def sample(alpha: float) -> _Sample:
-        try:
-            first, half_period = half_oscillations(relative, p, liftoff, alpha)
-        except FlowError:
-            return _Sample(alpha, np.inf)
-        late = (first + family * half_period) / time - alpha if np.isfinite(first) else np.inf
-        return _Sample(alpha, late, half_period / time)
-
-    end = answered(_search(family, scale, barrier), sample)
-    if np.isnan(end.alpha):
-        ps = {name: np.array([value]) for name, value in p.items()}
-        raise _refusals(relative, ps, family, np.array([liftoff]), [end], np.array([scale]))[0]
-    return end.alpha
-
-
 def lowest_launch_speeds(
     relative: Relative, p: Mapping[str, np.ndarray], liftoffs: np.ndarray, family: int, scales: np.ndarray,
     barriers: np.ndarray,
 ) -> tuple[np.ndarray, dict[int, NoOrbit]]:  # fmt: skip
-    """`lowest_launch_speed` for many springs with parameters (m,) by name, extensions (m,) at lift-off, scales (m,) and
-    barriers (m,) or none: the speeds (m,), NaN where there is none, and by index why not. Each search asks for the same
-    launches as alone."""
+    """The lowest launch speeds (m,) whose half flight ends on the family's turn: time alpha = first turn + family half
+    periods; NaN where there is none, and by index why not.
+
+    The time of that turn depends on alpha alone, so this is one scalar equation for any spring, and the family is right
+    by construction. Each search takes the same launches as alone.
+
+    p : parameters (m,) by name
+    liftoffs : the extensions (m,) at lift-off
+    scales : the speeds (m,) in whose multiples the searches go
+    barriers : which springs (m,) are among `crossable_barriers`
+    """
     flow, ps = flow_of(relative.phase, tuple(p)), np.column_stack(list(p.values()))
     times = np.broadcast_to(relative.time(p), len(ps))
+    followed = half_oscillations if len(ps) > 1 else half_oscillation
     each, ends = zip(scales.tolist(), barriers.tolist(), strict=True), dict[int, _End]()
     searches = [_search(family, scale, barrier) for scale, barrier in each]
-    asked = {i: next(search) for i, search in enumerate(searches)}
-    while asked:
-        which, alphas = np.array(list(asked)), np.array(list(asked.values()))
+    wanted = {i: next(search) for i, search in enumerate(searches)}
+    while wanted:
+        which, alphas = np.array(list(wanted)), np.array(list(wanted.values()))
         starts = np.column_stack([liftoffs[which], alphas])
-        firsts, halves = _half_oscillations(flow, ps[which], starts, LONGEST_FLIGHT * times[which] * (1 + alphas))
+        firsts, halves = followed(flow, ps[which], starts, LONGEST_FLIGHT * times[which] * (1 + alphas))
         firsts, halves = firsts / times[which], halves / times[which]
         lateness = np.where(np.isfinite(halves), firsts + family * halves - alphas, np.inf)
-        rows, asked = zip(which.tolist(), alphas.tolist(), lateness.tolist(), halves.tolist(), strict=True), {}
+        rows, wanted = zip(which.tolist(), alphas.tolist(), lateness.tolist(), halves.tolist(), strict=True), {}
         for i, *values in rows:
             try:
-                asked[i] = searches[i].send(_Sample(*values))
+                wanted[i] = searches[i].send(_Sample(*values))
             except StopIteration as end:
                 ends[i] = end.value
     found = np.array([ends[i].alpha for i in range(len(scales))])
@@ -184,20 +166,39 @@ def lowest_launch_speeds(
     return found, dict(zip(none.tolist(), refused, strict=True))
 
 
-def _half_oscillations(
+def half_oscillations(
     flow: Flow, ps: np.ndarray, starts: np.ndarray, longest: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """`half_oscillations` of many springs with parameters (m, np) from states (m, 2) within times (m,); infinite too
-    where the motion ends before."""
-    going, times = np.arange(len(starts)), np.full((2, len(starts)), np.inf)
-    for turn in range(2):
+    """Times (m,) from lift-off to the first turn of the extension, and half its periods, of springs with parameters
+    (m, np) from states (m, 2).
+
+    The half periods are NaN when the extension does not return within times `longest` (m,), or the motion ends before.
+    """
+    (firsts, halves), *_ = times_of_turns(flow, ps, starts, SPEED_OF_EXTENSION, longest, 2)
+    return firsts, halves
+
+
+def times_of_turns(
+    flow: Flow, ps: np.ndarray, starts: np.ndarray, rate: Affine, longest: np.ndarray, count: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The times (count, m) of the first zero of a rate on motions from states (m, n), and from each zero to the next.
+
+    longest : times (m,) within which each of them has to come; those that do not are NaN
+
+    Returns also the states (m, n) at the last zero that comes, and which motions (m,) break off, as they run away or
+    come to a singularity.
+    """
+    times, states, going = np.full((count, len(starts)), np.nan), np.array(starts), np.arange(len(starts))
+    broken = np.zeros(len(starts), bool)
+    for turn in range(count):
         if not len(going):
             break
-        found, rows, _ = first_zeros(flow, starts, ps[going], SPEED_OF_EXTENSION, longest[going], turn, told=False)
-        back = np.isfinite(found)
-        going, starts = going[back], rows[back, :2]
-        times[turn, going] = found[back]
-    return times[0], times[1]
+        some = ps[going] if len(ps) > 1 else ps[0]
+        found, rows, failed = first_zeros(flow, states[going], some, rate, longest[going], int(turn > 0), told=False)
+        broken[going[[*failed]]], times[turn, going] = True, found
+        states[going] = rows[:, : states.shape[1]]
+        going = going[np.isfinite(found)]
+    return times, states, broken
 
 
 def _refusals(
@@ -229,9 +230,9 @@ def _refusals(
 
 
 def _search(family: int, scale: float, barrier: bool) -> Generator[float, _Sample, _End]:
-    """The search of `lowest_launch_speed`, which yields launch speeds and is sent samples there."""
+    """A search of `lowest_launch_speeds`, which yields launch speeds and is sent samples there."""
     samples = [_Sample(0.0, 1.0)]
-    fastest, slowest = FASTEST * family * scale, SLOWEST * scale
+    fastest, slowest = FASTEST * family * scale, SLOWEST_LAUNCH * scale
     no_return = np.inf  # the lowest speed from which the extension does not come back
     alpha, lost = 2 * family * scale, np.nan  # rather low for most springs; where it is too fast, from the slowest
     while alpha < fastest and samples[-1].alpha < (1 - 1e-4) * no_return:
@@ -268,11 +269,10 @@ def crossable_barriers(slopes: np.ndarray) -> np.ndarray:
     return np.any((outward[..., :-1] < 0) & (outward[..., 1:] > 0), axis=(1, 2))
 
 
-def half_oscillations(relative: Relative, p: dict[str, float], liftoff: float, alpha: float) -> tuple[float, float]:
-    """Time from lift-off to the first turn of the extension, and half its period.
-
-    Both are infinite when it does not return within `LONGEST_FLIGHT`. Raises `FlowError` when the motion ends before.
-    """
+def half_oscillation(
+    flow: Flow, ps: np.ndarray, starts: np.ndarray, longest: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """`half_oscillations` of one spring, whose motion is followed in fewer calls by itself than among others."""
     turns, clock, crossings = [], [0.0], Crossings()
 
     def second_turn(coefficients, steps):
@@ -283,9 +283,11 @@ def half_oscillations(relative: Relative, p: dict[str, float], liftoff: float, a
         clock[0] += steps.sum()
         return None
 
-    longest = LONGEST_FLIGHT * float(relative.time(p)) * (1 + alpha)
-    flow_of(relative.phase, tuple(p)).run([liftoff, alpha], list(p.values()), longest, stop=second_turn)
-    return (turns[0], turns[1] - turns[0]) if len(turns) == 2 else (np.inf, np.inf)
+    with suppress(FlowError):
+        flow.run(starts[0], ps[0], longest[0], stop=second_turn)
+        if len(turns) == 2:
+            return np.array(turns[:1]), np.diff(turns)
+    return np.full(1, np.nan), np.full(1, np.nan)
 
 
 def _estimated_root(early: _Sample, late: _Sample) -> Generator[float, _Sample, float]:
@@ -340,10 +342,10 @@ def _golden_section(a: _Sample, b: _Sample) -> Generator[float, _Sample, _Sample
 
 
 def _may_come_to_zero(*samples: _Sample) -> bool:
-    """Whether lateness that is above zero at samples may vanish between them, where it bends at most `FOLD_SAFETY`
+    """Whether lateness that is above zero at samples may vanish between them, where it bends at most `BEND_SAFETY`
     times as much as their second differences say."""
     alphas, lateness = np.array([[each.alpha, each.lateness] for each in samples]).T
     widths, least = np.diff(alphas), lateness.min()
     with np.errstate(invalid="ignore"):  # some lateness may be infinite
         bends = np.abs(np.diff(np.diff(lateness) / widths)) / (0.5 * (widths[1:] + widths[:-1]))
-    return least > 0 and not least > FOLD_SAFETY * bends.max() * widths.max() ** 2 / 8
+    return least > 0 and not least > BEND_SAFETY * bends.max() * widths.max() ** 2 / 8

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ..errors import InputError
 from ..flow.trajectory import SavedTrajectory, Trajectory, trajectory_of
 from ..io import DIGEST, Changed, conform, one_line, read_file, read_sealed, to_json, write_json
-from ..model.machine import Machine, machine_in_words
+from ..model.machine import MACHINE_FIELDS, Machine, machine_in_words
 from ..model.model import Knee
 from ..model.phase import Affine
 from ..model.state_formula import SavedHeight, StateFormula, height_of
@@ -28,8 +28,6 @@ ALL_DIGITS = 15  # of a printed number
 ORBIT_FORMAT = "persistent-orbits orbit 1"
 # A number that a file tells twice is the same to this share.
 TOLD_TWICE = 1e-9
-# What describes a machine in a document.
-MACHINE_FIELDS = ("machine", "spring", "gravity", "mass_ratio", "rest_length", "restitution", "parameters", "laws_in")
 # What follows in the document of an orbit.
 DOCUMENT_FIELDS = (
     *("family", "known_in_family", "alpha", "flight_time", "contact_time", "admissible", "violations", "rises"),
@@ -409,8 +407,6 @@ class SavedOrbit(SavedLaws):
 
     format: str
     machine: str
-    mass_ratio: float | None
-    rest_length: float | None
     restitution: float | None
     parameters: Mapping[str, float]
     laws_in: str

@@ -10,14 +10,15 @@ from ..model.model import Model
 from ..tables import DIGITS, VIOLATED, number_text
 from ..units import DIMENSIONS, LENGTH, Units
 from .certificate import Certificate, extremes
-from .formulations import Cycles
+from .formulations import NONE, Cycles, or_none
 
 
 @dataclass(frozen=True)
 class OrbitQuantity:
     """One quantity of an orbit.
 
-    of : (model, cycles) -> the values (m,) of cycles; None where the certificate has it, or a design alone computes it
+    of : (model, cycles) -> the values (m,) of cycles, `NONE` where there is none; None where the certificate has it, or
+        a design alone computes it
     words : what the table of an orbit calls it; "" where it has no row there
     in_si : what its key among the main results in SI begins with; "" where it is none of them
     bound : whether it only says how far another one can be off
@@ -30,9 +31,9 @@ class OrbitQuantity:
 
 
 def _stroke(model: Model, cycles: Cycles) -> np.ndarray:
-    """The range (m,) of the extension over the cycles, NaN where the contact does not end."""
+    """The range (m,) of the extension over the cycles, `NONE` where the contact does not end."""
     low, high = extremes(cycles.halves, cycles.halves.series(model.extension))
-    stroke, these = np.full(len(cycles), np.nan), cycles.with_contact
+    stroke, these = np.full(len(cycles), NONE), cycles.with_contact
     if cycles.contacts:
         low, high = low.reshape(len(cycles), -1).min(axis=1), high.reshape(len(cycles), -1).max(axis=1)
         least, most = extremes(cycles.contacts, cycles.contacts.series(model.extension, model.embed))
@@ -40,21 +41,15 @@ def _stroke(model: Model, cycles: Cycles) -> np.ndarray:
     return stroke
 
 
-def _liftoff_extensions(model: Model, cycles: Cycles) -> np.ndarray:
-    return model.liftoff_extension(cycles.u, cycles.p)
-
-
-def _contact_times(model: Model, cycles: Cycles) -> np.ndarray:
-    return np.where(np.isfinite(cycles.contact_times), cycles.contact_times, np.nan)
-
-
 # In the order of every table; "rises" are as many as the machine has heights.
 QUANTITIES: dict[str, OrbitQuantity] = {
     "alpha": OrbitQuantity(lambda model, cycles: cycles.u["alpha"], "alpha", "launch_speed"),
     "flight_time": OrbitQuantity(lambda model, cycles: cycles.flight_times, "flight time", "flight_time"),
-    "contact_time": OrbitQuantity(_contact_times, "contact time", "contact_time"),
-    "period": OrbitQuantity(lambda model, cycles: cycles.flight_times + _contact_times(model, cycles)),
-    "liftoff_extension": OrbitQuantity(_liftoff_extensions, "lift-off extension", "liftoff_extension"),
+    "contact_time": OrbitQuantity(lambda model, cycles: cycles.contact_times, "contact time", "contact_time"),
+    "period": OrbitQuantity(lambda model, cycles: cycles.flight_times + cycles.contact_times),
+    "liftoff_extension": OrbitQuantity(
+        lambda model, cycles: model.liftoff_extension(cycles.u, cycles.p), "lift-off extension", "liftoff_extension"
+    ),
     "stroke": OrbitQuantity(_stroke),
     "admissible": OrbitQuantity(),
     "error": OrbitQuantity(bound=True),
@@ -74,9 +69,16 @@ QUANTITIES: dict[str, OrbitQuantity] = {
     "alpha_noise": OrbitQuantity(bound=True),
 }
 CERTIFIED = tuple(name for name in QUANTITIES if name in Certificate.__dataclass_fields__)
+# Those of the motion that every result has.
+OF_MOTION = tuple(name for name, each in QUANTITIES.items() if each.of and each.in_si)
 # Those that a design may ask for, besides the rise of each height, and those of them that m orbits have at once.
 DESIGNED = tuple(name for name, each in QUANTITIES.items() if name in DIMENSIONS and not each.bound)
 OF_MANY = tuple(name for name in DESIGNED if QUANTITIES[name].of or name in CERTIFIED)
+
+
+def motion_numbers(model: Model, cycles: Cycles) -> dict[str, list[Any]]:
+    """The quantities `OF_MOTION` of m cycles by name, None where there is none."""
+    return {name: or_none(of(model, cycles)) for name in OF_MOTION if (of := QUANTITIES[name].of)}
 
 
 def numbers_of(
@@ -93,7 +95,8 @@ def numbers_of(
         elif name in CERTIFIED:
             found[name] = np.array([getattr(each, name) for each in certificates], dtype=float)  # None is NaN
         elif name in QUANTITIES and (of := QUANTITIES[name].of):
-            found[name] = of(model, cycles)
+            values = of(model, cycles)
+            found[name] = np.where(values == NONE, np.nan, values)
     if units:
         found = {name: values * units.of(DIMENSIONS.get(name, LENGTH)) for name, values in found.items()}
     return found
