@@ -237,7 +237,8 @@ class Machine:
             if spring["breaks"]:
                 raise Unverified("a law in pieces is not verified by this program")
             extension = parse(spring["extension"], both, needed)
-            law = parse(*spring["force"], {**known, "r": extension}, needed)
+            (force,) = spring["force"]
+            law = parse(force, {**known, "r": extension}, needed)
             along.append((ONE, law) if spring["potential"] else (law, extension))
         loads = [sum((LESS * size * slope(at, y) for size, at in along), ZERO) for y in names]
         self.forces = [load - each for load, each in zip(loads, turning, strict=True)]

@@ -233,7 +233,7 @@ def _verdicts(
         conditions = motion_conditions(found.half, flight, contact, names, reasons)
     if loss:
         try:
-            _check_plastic(claim.machine)
+            _check_landings(claim.machine)
             unknowns = flight_statement(found).unknowns
             lost = enclosed_loss(
                 found.half, flight, {name: found.ball(each) for name, each in unknowns.items()}, ctx.prec
@@ -247,7 +247,7 @@ def _verdicts(
 def _with_attraction(found: ProvedExistence, claim: Claim, verdicts: Verdicts) -> Verdicts:
     """The verdicts with that of the attraction of launches above alpha."""
     try:
-        _check_plastic(claim.machine)
+        _check_landings(claim.machine)
         if verdicts.loss is None or {*verdicts.conditions.values()} != {PROVED}:
             raise Unproved("it needs the conditions of a motion and the loss coefficient, which are not all proved")
         half, half_contact = found.half, found.ball(found.statement.unknowns[CONTACT_DURATION])
@@ -263,7 +263,7 @@ def _with_attraction(found: ProvedExistence, claim: Claim, verdicts: Verdicts) -
     )
 
 
-def _check_plastic(machine: Machine) -> None:
+def _check_landings(machine: Machine) -> None:
     """Raise `Unproved` for a machine whose landings are others than the theorem's."""
     if machine.restitution:
         raise Unproved(f"impacts are not plastic, with restitution = {machine.restitution!r}")
