@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass, replace
 from fractions import Fraction
-from functools import partial, wraps
+from functools import wraps
 from inspect import signature
 from numbers import Real
 from typing import Any, NamedTuple, NotRequired, ParamSpec, Self, TypedDict, TypeVar
@@ -284,8 +284,9 @@ def in_own_units(
                 return function(*positional, **named)
             bound = parameters.bind(machine.dimensionless(), *positional[1:], **named)
             for name in arguments.keys() & bound.arguments.keys():
-                convert = arguments[name] if callable(arguments[name]) else partial(_without, name, arguments[name])
-                bound.arguments[name] = convert(bound.arguments[name], machine)
+                own, argument = arguments[name], bound.arguments[name]
+                bare = own(argument, machine) if callable(own) else _without(units, name, own, argument)
+                bound.arguments[name] = bare
             with without_units(units):
                 found: Any = function(*bound.args, **bound.kwargs)
             return result(found, machine) if callable(result) else units.converted(found, result)
@@ -295,10 +296,8 @@ def in_own_units(
     return of_the_machine
 
 
-def _without(name: str, dimension: Dimension, argument: Any, machine: Any) -> Any:
-    """An argument of this name and dimension without the machine's units; what has no numbers stays, for the function
-    to refuse."""
-    units: Units = machine.units
+def _without(units: Units, name: str, dimension: Dimension, argument: Any) -> Any:
+    """An argument of this name and dimension without units; what has no numbers stays, for the function to refuse."""
     if hasattr(argument, "dimensionless"):
         return argument.dimensionless()
     if hasattr(argument, "in_units"):
@@ -306,7 +305,7 @@ def _without(name: str, dimension: Dimension, argument: Any, machine: Any) -> An
     if isinstance(argument, Mapping):
         return units.without(name, argument)
     if isinstance(argument, tuple | list):
-        return type(argument)(_without(name, dimension, each, machine) for each in argument)
+        return type(argument)(_without(units, name, dimension, each) for each in argument)
     known = isinstance(argument, Real | np.ndarray) and not isinstance(argument, bool)
     return argument / units.of(dimension) if known else argument
 
