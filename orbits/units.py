@@ -5,11 +5,14 @@ apostrophe at the end of a speed's name. Where a machine has `Units`, its public
 and where some of its coordinates are angles, the units say so: an angle is the same number in every system of units.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from fractions import Fraction
-from typing import Any, NamedTuple, NotRequired, Self, TypedDict, TypeVar
+from functools import wraps
+from inspect import signature
+from numbers import Real
+from typing import Any, NamedTuple, NotRequired, ParamSpec, Self, TypedDict, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,6 +24,8 @@ from .io import conform
 # and of angles; those left out at the end are 0.
 Dimension = tuple[float, ...]
 Record = TypeVar("Record")
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
 
 LENGTH, TIME, FORCE, ENERGY = (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, 0, 1)
 SPEED, SPEED_SQUARED, ACCELERATION, JERK = (1, -1, 0), (2, -2, 0), (1, -2, 0), (1, -3, 0)
@@ -137,6 +142,16 @@ class Units:
         """A function of the state whose value is a length, for states of these names in SI; None for None."""
         return height and height.in_units(self.of_states(states).tolist(), self.length)
 
+    def converted(self, found: Any, dimension: Dimension) -> Any:
+        """Dimensionless numbers of this dimension in SI, in tuples, lists and mappings too; records as by `convert`."""
+        if is_dataclass(found):
+            return self.convert(found)
+        if isinstance(found, Mapping):
+            return {self.converted(key, dimension): self.converted(found[key], dimension) for key in found}
+        if isinstance(found, tuple | list):
+            return type(found)(self.converted(each, dimension) for each in found)
+        return found * self.of(dimension) if dimension else found
+
     def inverse(self) -> "Units":
         """The units that convert back."""
         return Units(1 / self.length, 1 / self.time, 1 / self.force, self.energy and 1 / self.energy, self.angles)
@@ -250,6 +265,52 @@ def without_units(units: Units | None) -> Iterator[None]:
         if units and error.args:
             error.args = (in_units(error, units),)
         raise
+
+
+def in_own_units(
+    result: Dimension | Callable[[Any, Any], Any], **arguments: Dimension | Callable[[Any, Any], Any]
+) -> Callable[[Callable[_P, _R]], Callable[_P, _R]]:
+    """A function that computes without dimensions as one whose first argument, a machine say, may have units: then
+    arguments are converted to the units of the machine's dimensionless self, and results and errors back.
+
+    result : the dimension of the numbers in the result, or (result, machine) -> the result in the machine's units
+    arguments : by name the dimension of each that has one, or (argument, machine) -> the argument without units
+    """
+
+    def of_the_machine(function: Callable[_P, _R]) -> Callable[_P, _R]:
+        parameters = signature(function)
+
+        @wraps(function)
+        def converted(*positional: _P.args, **named: _P.kwargs) -> _R:
+            machine: Any = positional[0]
+            if (units := getattr(machine, "units", None)) is None:
+                return function(*positional, **named)
+            bound = parameters.bind(machine.dimensionless(), *positional[1:], **named)
+            for name in arguments.keys() & bound.arguments.keys():
+                own, argument = arguments[name], bound.arguments[name]
+                bare = own(argument, machine) if callable(own) else _without(units, name, own, argument)
+                bound.arguments[name] = bare
+            with without_units(units):
+                found: Any = function(*bound.args, **bound.kwargs)
+            return result(found, machine) if callable(result) else units.converted(found, result)
+
+        return converted
+
+    return of_the_machine
+
+
+def _without(units: Units, name: str, dimension: Dimension, argument: Any) -> Any:
+    """An argument of this name and dimension without units; what has no numbers stays, for the function to refuse."""
+    if hasattr(argument, "dimensionless"):
+        return argument.dimensionless()
+    if hasattr(argument, "in_units"):
+        return argument.in_units(units.inverse())
+    if isinstance(argument, Mapping):
+        return units.without(name, argument)
+    if isinstance(argument, tuple | list):
+        return type(argument)(_without(units, name, dimension, each) for each in argument)
+    known = isinstance(argument, Real | np.ndarray) and not isinstance(argument, bool)
+    return argument / units.of(dimension) if known else argument
 
 
 def _all_powers(dimension: Dimension) -> tuple[float, ...]:

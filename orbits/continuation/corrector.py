@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import NoOrbit
 from ..numerics.roots import Array, solve
-from ..periodic.newton_kernel import MOST_NEWTON_STEPS, Solutions, newton_kernel
+from ..periodic.newton_kernel import MOST_NEWTON_STEPS, Solutions
 from ..periodic.single_shooting import STALLED_RATIO, Evaluation, settles
 from .curve import Curve, CurvePoint, StepEnd
 from .predictor import around
@@ -48,9 +48,7 @@ def _solutions(
     # Where the level is a value of the parameter, the point has exactly that value.
     xs, at_value = guesses.copy(), (rows[:, -1] == 1.0) & ~rows[:, :-1].any(axis=1)
     xs[at_value, -1] = levels[at_value]
-    equations = curve.equations
-    if len(equations.flows) == 1 and equations.smooth:
-        kernel = newton_kernel(equations, curve.along)
+    if kernel := curve.kernel:
         found = kernel(xs, rows, levels, curve.size(xs), curve.parameters_at(xs), least, with_motions)
         if len(found.which) == len(xs):
             return found

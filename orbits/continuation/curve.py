@@ -18,6 +18,7 @@ from ..model.machine import Machine
 from ..periodic.certificate import Certificate, records
 from ..periodic.certified import Solved, certified, orbit_from
 from ..periodic.formulations import Cycles, equations_of, iterative, method_of
+from ..periodic.newton_kernel import NewtonKernel, newton_kernel
 from ..periodic.orbit import Orbit
 from ..periodic.quantities import motion_numbers
 from ..periodic.single_shooting import Evaluation, joined
@@ -139,6 +140,19 @@ class Curve:
     def evaluate(self, xs: np.ndarray) -> Evaluation:
         """The equations at points (m, n + 1)."""
         return self.equations.evaluate_all(xs[:, :-1], self.parameters_at(xs), (self.along,))
+
+    @property
+    def kernel(self) -> NewtonKernel | None:
+        """Newton's method for points in one call; None where the motion has several arcs, or a law bends."""
+        return (
+            newton_kernel(self.equations, self.along)
+            if len(self.equations.flows) == 1 and self.equations.smooth
+            else None
+        )
+
+    def rescued(self, x: np.ndarray) -> np.ndarray:
+        """A point (n + 1,) near another, with its value of the parameter, by Ipopt's multiple shooting."""
+        return np.append(self.equations.multiple_shooting(x[:-1], self.parameters_at(x[None])[0])[0], x[-1])
 
     def certify(self, point: CurvePoint) -> CurvePoint:
         """The point, certified; raises the error when it cannot be."""

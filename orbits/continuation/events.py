@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from itertools import pairwise
+from typing import Self
 
 import numpy as np
 
@@ -32,6 +33,18 @@ class Segment:
     def __init__(self, curve: Curve, a: CurvePoint, b: CurvePoint):
         self.curve, self.a, self.b = curve, a, b
 
+    @staticmethod
+    def may_happen(points: Sequence[CurvePoint], asked: tuple[float, ...], watch: Watch) -> np.ndarray:
+        """Whether an event may lie between each certified point but the first and the one before, (m - 1,)."""
+        if watch:
+            return np.ones(len(points) - 1, bool)
+        orbits, values = [point.point for point in points], np.array([point.x for point in points])[:, -1:]
+        tests = [[(x := test(orbit)) is not None and x >= 0 for orbit in orbits] for test in TEST_FUNCTIONS.values()]
+        tests += [[point.tangent[-1] >= 0 for point in points], [point.branch_test >= 0 for point in points]]
+        signs = np.array([*tests, [orbit.certificate.family for orbit in orbits]])
+        low, high = np.minimum(values[:-1], values[1:]), np.maximum(values[:-1], values[1:])
+        return (signs[:, :-1] != signs[:, 1:]).any(0) | ((low <= asked) & (asked <= high)).any(1)
+
     @cached_property
     def row(self) -> np.ndarray:
         """Measures the share of the chord, (n + 1,)."""
@@ -50,10 +63,10 @@ class Segment:
     def _correct(self, guess, row, level: float) -> CurvePoint:
         return correct(self.curve, guess, row, level, self.a.tangent)
 
-    def sheets(self) -> list["Segment"]:
+    def sheets(self) -> list[Self]:
         """The segments between the ends and a fold between them."""
         points = [self.a, *([] if self.fold is None else [self(self.fold)]), self.b]
-        return [Segment(self.curve, *ends) for ends in pairwise(points)]
+        return [type(self)(self.curve, *ends) for ends in pairwise(points)]
 
     @cached_property
     def fold(self) -> float | None:
@@ -87,7 +100,7 @@ class Segment:
 
     def events(self, asked: tuple[float, ...], watch: Watch) -> list[tuple[str, CurvePoint]]:
         """The events by kind and point, in order along the curve; `asked` are values of the parameter to stop at."""
-        if not may_happen((self.a, self.b), asked, watch).any():
+        if not self.may_happen((self.a, self.b), asked, watch).any():
             return []
         located = [(kind, share, self.curve.certify(point)) for kind, share, point in self._sign_changes(watch)]
         turns = [0.0, *([] if self.fold is None else [self.fold]), 1.0]
@@ -134,18 +147,6 @@ class Segment:
         if kind in TEST_FUNCTIONS:
             return TEST_FUNCTIONS[kind](point.point)
         return watched(kind, watch[kind], self.curve.orbit(point))
-
-
-def may_happen(points: Sequence[CurvePoint], asked: tuple[float, ...], watch: Watch) -> np.ndarray:
-    """Whether there may be an event between each of the certified points but the first and the one before, (m - 1,)."""
-    if watch:
-        return np.ones(len(points) - 1, bool)
-    orbits, values = [point.point for point in points], np.array([point.x for point in points])[:, -1:]
-    tests = [[(x := test(orbit)) is not None and x >= 0 for orbit in orbits] for test in TEST_FUNCTIONS.values()]
-    tests += [[point.tangent[-1] >= 0 for point in points], [point.branch_test >= 0 for point in points]]
-    signs = np.array([*tests, [orbit.certificate.family for orbit in orbits]])
-    low, high = np.minimum(values[:-1], values[1:]), np.maximum(values[:-1], values[1:])
-    return (signs[:, :-1] != signs[:, 1:]).any(0) | ((low <= asked) & (asked <= high)).any(1)
 
 
 def watched(name: str, function: Callable[[Orbit], float | bool | None], orbit: Orbit) -> float | None:

@@ -94,7 +94,7 @@ class Endings:
         """The segment up to where the curve ends on it, and that end; all of it and None where the curve goes on."""
         curve, a, b = self.curve, segment.a, segment.b
         if again := self._closing(segment):
-            return Segment(curve, a, again), End("closed", "the curve comes back to its first orbit")
+            return type(segment)(curve, a, again), End("closed", "the curve comes back to its first orbit")
         if self._within(b) and segment.fold is not None:  # the fold in between may lie beyond a bound
             fold = segment(segment.fold)
             b = b if self._within(fold) else fold
@@ -103,7 +103,7 @@ class Endings:
             back = " again, on another sheet" if bound == self.start else ""
             sheets = segment.sheets()[-1 if a.value == bound else 0 :]  # a sheet that starts at the bound leaves it
             sheet = next((part for part in sheets if (part.a.value - bound) * (part.b.value - bound) <= 0), sheets[-1])
-            return Segment(curve, a, sheet.point_at(bound)), End("reached", f"{curve.along} = {bound:g}{back}")
+            return type(segment)(curve, a, sheet.point_at(bound)), End("reached", f"{curve.along} = {bound:g}{back}")
         if self.stop_inadmissible and not b.point.admissible:
             return segment, End("stopped", f"no motion from here: {self.curve.in_units(b.point).violations[0]}")
         return segment, None

@@ -194,14 +194,13 @@ class Stepper:
         return end, min(max(planned, length) * ratio, max(control.longest_step, self.longest))
 
     def _rescued(self, last: CurvePoint | StepEnd) -> StepEnd:
-        """The point a first step away, by Ipopt's multiple shooting at a fixed value of the parameter."""
+        """The point a first step away, by the curve's own last resort at a fixed value of the parameter."""
         curve, length, row = self.curve, self.control.first_step, last.tangent / self.curve.size(last.x) ** 2
         if abs(last.tangent[-1]) < self.control.steepest_rate * curve.span:
             raise NoOrbit("the parameter's value does not fix the orbit here")
         # Earlier points are left out of the prediction, since they may lie too close.
         guess = interpolated([last], row, np.array([row @ last.x + length]))
-        u, _ = curve.equations.multiple_shooting(guess[0, :-1], curve.parameters_at(guess)[0])
-        x, along_parameter = np.append(u, guess[0, -1]), np.eye(len(last.x))[-1]
+        x, along_parameter = curve.rescued(guess[0]), np.eye(len(last.x))[-1]
         point = correct(curve, x, along_parameter, x[-1], last.tangent)
         self._correction(last, [point], guess, np.array([length]))
         return StepEnd(point.x, point.tangent, point.amplification, along_parameter, length)

@@ -11,7 +11,7 @@ from ..errors import NoOrbit, OrbitsError
 from ..units import Message
 from .corrector import MEMORY
 from .curve import Curve, CurvePoint, StepEnd
-from .events import Segment, may_happen
+from .events import Segment
 from .limits import Endings
 from .point import End, Event
 from .step_control import Options, Stepper
@@ -54,6 +54,9 @@ class Tracer:
     one at a time. `earlier` are the points before the first, in a family that is resumed.
     """
 
+    segments: type[Segment] = Segment
+    tests_for_the_end: type[Endings] = Endings
+
     def __init__(self, curve: Curve, first: CurvePoint, behind, stop, options: Options, earlier: Sequence = ()):
         self.curve, self.options, self.control, self.earlier = curve, options, options.step_control, earlier
         self.behind, self.stop, bounds = behind, stop, (min(behind, stop), max(behind, stop))
@@ -70,7 +73,9 @@ class Tracer:
             self._batch = batch._replace(certified=certified)
             self._state = self._state._replace(last=first, ends=(first,))
         self.first = first
-        self.endings = Endings(curve, earlier[0] if earlier else first.point, self.start, bounds, options)
+        self.endings = self.tests_for_the_end(
+            curve, earlier[0] if earlier else first.point, self.start, bounds, options
+        )
 
     def __iter__(self) -> Iterator[CurvePoint | Event | End]:
         """The points of the curve, first to last, each event before the point that follows it, and the end."""
@@ -113,7 +118,7 @@ class Tracer:
     def _quiet(self, last: CurvePoint, points: Sequence[CurvePoint]) -> list[bool]:
         """Of each of the points whether nothing can happen from the one before up to it, as is mostly so."""
         points = [last, *points]
-        busy = self.endings.may_end(points) | may_happen(points, self.options.at, self.options.watch)
+        busy = self.endings.may_end(points) | self.segments.may_happen(points, self.options.at, self.options.watch)
         return (~busy).tolist()
 
     def _next_batch(self, state: TracerState) -> Batch:
@@ -152,7 +157,7 @@ class Tracer:
         """The items from the point `last`, number `before`, on to the next one or to the end of the curve, events
         included; the last point among them; how many are points; and the end, if any."""
         asked, items, index = self.options.at, list[CurvePoint | Event](), before
-        segment, end = self.endings.cut(Segment(self.curve, last, point))
+        segment, end = self.endings.cut(self.segments(self.curve, last, point))
         for kind, event in segment.events(asked, self.options.watch):
             if kind == "asked":
                 index += 1

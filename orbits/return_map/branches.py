@@ -1,19 +1,26 @@
-"""Branches of periodic launches, followed in the plane of a parameter and the launch speed.
+"""Branches of periodic launches: curves in the launch speed and a parameter of the return map.
 
-Both are scaled by their ranges. A step along the tangent is corrected across it by Newton's method; slopes of the map
-are differences of lanes, since beside lossless hops they change with the cube root of the distance. The map is smooth
-only in pieces: where the number of impacts changes, a step must not pass a jump, and round a corner, where the slope
-jumps, the curve is found again on a small circle.
+`LaunchCurve` states their equation to the tracer of `orbits.continuation`, in shares of the two ranges. The map is
+smooth only in pieces. Where the number of impacts changes, the map may jump, which ends a branch. Where the slope
+jumps, the curve has a corner: the tracer loses it there, and starts again where a small circle round its last point cuts it.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from functools import cached_property, partial
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
+from ..continuation.corrector import correct
+from ..continuation.curve import CurvePoint, Watch
+from ..continuation.events import Segment
+from ..continuation.limits import CLOSING, Endings
+from ..continuation.point import End, Event
+from ..continuation.step_control import Options, StepControl
+from ..continuation.tracer import Tracer, TracerState
 from ..errors import NoOrbit
-from ..numerics.roots import bracketed_root, solve
+from ..numerics.roots import bracketed_root
 from ..running import interrupts
 from ..simulation.impacts import STATUSES
 from .cycles import INJECT, MapsAlong
@@ -22,28 +29,27 @@ from .diagram import BranchEnd
 Vector = np.ndarray
 # Fixed points beside a lossless hop are looked for at this distance, as a share of the range.
 BESIDE_LOSSLESS = 1e-8
-# Steps are shares of the ranges. Beside lossless hops unstable fixed points hardly move with the parameter and stable
-# ones do: seen from further away the curve has a corner there, which small steps turn round.
-SMALLEST, FIRST = 1e-9, 1e-3
+SAME_PLACE = 1e-6  # launches that differ by a smaller share of the range are the same
 LONGEST_BRANCH = 20_000
-MOST_CORRECTIONS = 8
-CORRECTED, ROUNDING_OF_PLACES = 1e-7, 4e-16  # a correction is the last one below this share of the step, or rounding
-# Corrections of at most this share of the step that hardly become smaller any more are the noise of the map.
-STAGNANT, SLOWER = 1e-5, 0.3
-STRAIGHT, EASY = 0.9, 0.98  # cosines of the turn in a step: a step that turns more is repeated, one less lengthens
-LENGTHENED, SHORTENED = 1.7, 0.25
+# Beside lossless hops the curvature has no bound, so that the first steps there are as short as the distance to them.
+STEPS = StepControl(
+    first_step=1e-3, shortest_step=1e-10, largest_correction=0.03, largest_turn=0.45, target_correction=1e-4,
+    largest_batch=32, most_rejections=100, same_point=SAME_PLACE,
+)  # fmt: skip
 FIRST_OF_TWO = (1e-3, 1e-4, 1e-2)  # from a flip to the first hops of twice the period, as shares of the range
-LOCATED = 1e-13  # events are located to this share of a step
+FARTHEST_OF_TWO = 20  # the first hops of twice the period have a parameter at most this many such shares away
 HALVINGS = 12  # of a step in which the number of impacts changes and the map may jump
 # The circle round a corner, and the angle at which both sides of the curve are looked at.
 AROUND, ANGLES, BESIDE = 1e-6, np.radians(np.linspace(-150, 150, 21)), 1e-5
-SAME_PLACE = 1e-6  # launches that differ by a smaller share of the range are the same
+# Multipliers at events; the multiplier passes one of these smoothly where it comes this close to it, as a share of its
+# change.
+LEVELS, SMOOTH = {"fold": 1.0, "flip": -1.0}, 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class PeriodicLaunch:
     """A point of a branch: the parameter's value, the launch speeds and the multiplier of the hops, the numbers of
-    impacts, and the scaled place and unit tangent (2,) in (launch speed, parameter)."""
+    impacts, and the place and tangent (2,) in (launch speed, parameter), as shares of the ranges."""
 
     value: float
     alphas: tuple[float, ...]
@@ -51,6 +57,16 @@ class PeriodicLaunch:
     impacts: tuple[int, ...]
     place: Vector
     tangent: Vector
+
+    @property
+    def alpha(self) -> float:
+        """The first of the launch speeds."""
+        return self.alphas[0]
+
+    @property
+    def u(self) -> tuple[float]:
+        """The unknown of the curve's equation."""
+        return (self.alpha,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,301 +77,323 @@ class FoundEvent:
     point: PeriodicLaunch
 
 
-class BranchTracer:
-    """Follows the branches of one period.
+class MapEquations(NamedTuple):
+    """The equation at points of the curve: residual (m, 1) and Jacobian (m, 1, 2)."""
+
+    residual: np.ndarray
+    jacobian: np.ndarray
+
+    @property
+    def amplification(self) -> np.ndarray:
+        """The growth of small changes over the motion (m,), which a map does not show."""
+        return np.ones(len(self.residual))
+
+
+class LaunchCurve:
+    """The curve of periodic launches as the tracer follows it; its points X are (launch speed, parameter).
 
     maps : the maps along the parameter
     between : range of launch speeds
-    asked : values of the parameter that are hit exactly on the way
-    longest : the longest step
+    """
+
+    kernel = None
+
+    def __init__(self, maps: MapsAlong, between: tuple[float, float], period: int):
+        self.maps, self.between, self.period = maps, between, period
+        self.along, self.span = maps.name, maps.high - maps.low
+        self.scale = np.array([between[1] - between[0], self.span])
+
+    def size(self, x: np.ndarray) -> np.ndarray:
+        """The ranges, for points (..., 2)."""
+        return np.broadcast_to(self.scale, np.shape(x))
+
+    def possible(self, values: Any) -> Any:
+        """Values of the parameter inside of its range, beyond which there may be no machine; any injection is one."""
+        return values if self.along == INJECT else np.clip(values, self.maps.low, self.maps.high)
+
+    def evaluate(self, xs: np.ndarray) -> MapEquations:
+        """The equation at points (m, 2)."""
+        residual, across, along = self.maps.slopes(xs[:, 0], self.possible(xs[:, 1]), self.period)
+        return MapEquations(residual[:, None], np.stack([across, along], axis=-1)[:, None])
+
+    def rescued(self, x: np.ndarray) -> np.ndarray:
+        """Raise `NoOrbit`: no other method finds what Newton's does not."""
+        raise NoOrbit(f"the map is not smooth near {self.along} = {x[-1]:g}")
+
+    def at(self, x: np.ndarray, before: np.ndarray) -> CurvePoint:
+        """The certified point at a place (2,) on the curve, with the tangent that points onward from `before` (2,)."""
+        evaluation = self.evaluate(x[None])
+        across, along = evaluation.jacobian[0, 0]
+        tangent = np.array([-along, across])
+        size = float(np.linalg.norm(tangent / self.scale))
+        tangent = tangent / size if size > 0 and np.isfinite(size) else before / np.linalg.norm(before / self.scale)
+        tangent *= 1.0 if (tangent / self.scale**2) @ before >= 0 else -1.0
+        return self.certify(CurvePoint(x, tangent, 0.0, cast(Any, evaluation), 0))
+
+    def certify(self, point: CurvePoint) -> CurvePoint:
+        """The point with its `PeriodicLaunch`."""
+        if point.certified:
+            return point
+        alpha, value = float(point.x[0]), float(self.possible(point.x[1]))
+        launches, impacts = self.maps.cycle(alpha, value, self.period)
+        slope, shares = self.maps.multiplier(launches, value), (point.x / self.scale, point.tangent / self.scale)
+        return point._replace(certified=cast(Any, PeriodicLaunch(point.value, launches, slope, impacts, *shares)))
+
+    def certify_all(self, points: Sequence[CurvePoint]) -> tuple[list[CurvePoint], None]:
+        """The points with their launches, and no error."""
+        return [self.certify(point) for point in points], None
+
+    def certify_at(self, point: CurvePoint, value: float) -> CurvePoint:
+        """A point whose parameter is `value` but for rounding, with exactly that value."""
+        return self.certify(point._replace(x=np.append(point.x[:-1], value), certified=None))
+
+
+class LaunchSegment(Segment):
+    """The branch between two neighbouring points."""
+
+    @staticmethod
+    def may_happen(points: Sequence[CurvePoint], asked: tuple[float, ...], watch: Watch) -> np.ndarray:
+        slopes = np.array([point.point.multiplier for point in points])
+        values = np.array([point.value for point in points])[:, None]
+        happens = [(slopes[1:] >= level) != (slopes[:-1] >= level) for level in LEVELS.values()]
+        low, high = np.minimum(values[:-1], values[1:]), np.maximum(values[:-1], values[1:])
+        return np.any(happens, axis=0) | ((low <= asked) & (asked <= high)).any(1)
+
+    @cached_property
+    def _points(self) -> dict[float, CurvePoint]:
+        return {}
+
+    def __call__(self, share: float) -> CurvePoint:
+        """The branch at a share of the chord, certified."""
+        if share not in self._points:
+            self._points[share] = self.curve.certify(super().__call__(share))
+        return self._points[share]
+
+    def _excess(self, level: float, point: CurvePoint) -> float | None:
+        """The multiplier above a level, None where there is none."""
+        excess = self.curve.certify(point).point.multiplier - level
+        return float(excess) if np.isfinite(excess) else None
+
+    def _crossing(self, level: float) -> float | None:
+        """The share of the chord at which the multiplier passes a level, which it does not have at the ends."""
+        if 0.0 in (self._excess(level, self.a), self._excess(level, self.b)):
+            return None
+        return self.zero(partial(self._excess, level))
+
+    @cached_property
+    def fold(self) -> float | None:
+        return self._crossing(LEVELS["fold"])
+
+    def _sign_changes(self, watch: Watch) -> Iterator[tuple[str, float, CurvePoint]]:
+        for kind, level in LEVELS.items():
+            if (share := self.fold if kind == "fold" else self._crossing(level)) is None:
+                continue
+            point = self(share)
+            left, change = self._excess(level, point), self.a.point.multiplier - self.b.point.multiplier
+            if left is None or abs(left) > SMOOTH * abs(change):
+                kind = "border collision"
+            elif kind == "fold" and (self.a.value - point.value) * (self.b.value - point.value) < 0:
+                kind = "branch point"
+            yield kind, share, point
+
+
+class LaunchEndings(Endings):
+    """The tests for the end of a branch."""
+
+    curve: Any
+
+    def may_end(self, points: Sequence[CurvePoint]) -> np.ndarray:
+        values, lengths = np.array([point.x for point in points])[:, -1], np.array([point.length for point in points])
+        launches = np.array([point.point.alphas for point in points])
+        impacts = np.array([point.point.impacts for point in points])
+        ends = (values[1:] <= self.bounds[0]) | (values[1:] >= self.bounds[1])
+        ends |= np.abs(self.start - values[:-1]) <= CLOSING * lengths[1:] * self.curve.span
+        ends |= (launches[1:, 0] < self.curve.between[0]) | (launches[1:, 0] > self.curve.between[1])
+        ends |= (launches[1:, -1] < launches[1:, 0]) != (launches[:-1, -1] < launches[:-1, 0])
+        return ends | (impacts[1:] != impacts[:-1]).any(1)
+
+    def cut(self, segment: Segment) -> tuple[Segment, End | None]:
+        if jump := self._jump(segment):
+            return jump
+        segment, end = super().cut(segment)
+        (first, *_, second), (before, *_, last) = segment.a.point.alphas * 2, segment.b.point.alphas * 2
+        if (second - first) * (last - before) < 0:
+            reason = "its two launches become one, at another flip of the fixed points"
+            return LaunchSegment(self.curve, segment.a, segment.a), End("flip", reason)
+        bound = min(max(before, self.curve.between[0]), self.curve.between[1])
+        if bound != before:
+            row, share = np.array([1.0, 0.0]), (bound - first) / (before - first)
+            guess = segment.a.x + share * (segment.b.x - segment.a.x)
+            last = self.curve.certify(correct(self.curve, guess, row, bound, segment.a.tangent))
+            reason = f"it leaves the launch speeds asked for at {self.curve.maps.told('alpha', bound)}"
+            return LaunchSegment(self.curve, segment.a, last), End("left", reason)
+        return segment, end
+
+    def _jump(self, segment: Segment) -> tuple[Segment, End] | None:
+        """The branch up to where the map jumps between two points, of which it joins two curves, and that end."""
+        before, behind, maps = segment.a, segment.b, self.curve.maps
+        chord = (behind.x - before.x) / self.curve.scale
+        size, impacts = float(np.linalg.norm(chord)), before.point.impacts
+        if impacts == behind.point.impacts:
+            return None
+        pairs, reach = zip(before.point.alphas, behind.point.alphas, strict=True), size * float(self.curve.scale[0])
+        spans = [(min(pair) - reach, max(pair) + reach) for pair in pairs]
+        spans = [(max(low, 1e-3 * high), high) for low, high in spans]
+        values = [float(self.curve.possible(point.value)) for point in (before, behind)]
+        if not any(maps.jumps_between(span, value) for span in spans for value in values):
+            return None
+        low, high = 0.0, 1.0
+        for _ in range(HALVINGS):
+            middle = 0.5 * (low + high)
+            try:
+                point = segment(middle)
+            except NoOrbit:
+                break
+            if point.point.impacts == impacts:
+                low, before = middle, point
+            else:
+                high, behind = middle, point
+        else:
+            apart = float(np.linalg.norm((behind.x - before.x) / self.curve.scale))
+            if apart <= 4 * (high - low) * size:
+                return None
+        counts = " and ".join(map(str, impacts)), " and ".join(map(str, behind.point.impacts))
+        place = in_words(maps, before.point)
+        reason = f"the map jumps near {place}: {counts[0]} impacts in a hop, {counts[1]} behind"
+        return LaunchSegment(self.curve, segment.a, before), End("jump", reason)
+
+    def far(self, last: CurvePoint, history: Any) -> None:
+        """Nothing: a branch ends at the bounds of its ranges."""
+
+    def lost(self, error: Any, last: CurvePoint, history: Any) -> End:
+        return End("stuck", str(error))
+
+
+def in_words(maps: MapsAlong, point: Any) -> str:
+    """Where a point of a branch is, in words."""
+    return f"{maps.told(maps.name, point.value, 9)}, {maps.told('alpha', point.alpha, 9)}"
+
+
+class LaunchTracer(Tracer):
+    """A run along a smooth piece of a branch."""
+
+    segments, tests_for_the_end = LaunchSegment, LaunchEndings
+
+    def _certified(self, state: TracerState, points: list[CurvePoint]) -> tuple[list[CurvePoint], None]:
+        interrupts.heed()
+        return self.curve.certify_all(points)[0], None
+
+    def _largest_batch(self, point: CurvePoint) -> int:
+        return self.control.largest_batch
+
+
+class BranchTracer:
+    """Follows the branches of one period.
+
+    maps, between, period : as of a `LaunchCurve`
+    values : of the parameter, that are hit exactly on the way
+    longest : the longest distance of two points, as a share of the ranges
     """
 
     def __init__(
-        self, maps: MapsAlong, between: tuple[float, float], period: int, asked: tuple[float, ...], longest: float
+        self, maps: MapsAlong, between: tuple[float, float], period: int, values: tuple[float, ...], longest: float
     ):
-        self.maps, self.between, self.period, self.asked, self.longest = maps, between, period, asked, longest
-        self.scale = np.array([between[1] - between[0], maps.high - maps.low])
-        # Injections may have any value. Others are not asked for outside of their range, where there may be no machine.
-        self.free = maps.name == INJECT
-
-    def point(self, place: Vector, ahead: Vector, value: float | None = None) -> PeriodicLaunch:
-        """The point at a corrected place, with the tangent that points `ahead`."""
-        alpha = float(place[0] * self.scale[0])
-        value = self._value(place) if value is None else value
-        launches, impacts = self.maps.cycle(alpha, value, self.period)
-        slope = self.maps.multiplier(launches, value)
-        step = float(np.linalg.norm(ahead)) * 0.01
-        here, across = 0.0, slope - 1.0
-        if self.period == 2 or not np.isfinite(across):
-            here, across = self.maps.slopes(alpha, value, self.period, step * self.scale[0])
-        along = self.maps.slope_along(alpha, value, self.period, here)
-        tangent = np.array([-along * self.scale[1], across * self.scale[0]])
-        size = float(np.linalg.norm(tangent))
-        tangent = tangent / size if size > 0 and np.isfinite(size) else ahead / np.linalg.norm(ahead)
-        return PeriodicLaunch(value, launches, slope, impacts, place, tangent * (1 if tangent @ ahead >= 0 else -1))
-
-    def _value(self, place: Vector) -> float:
-        value = float(place[1] * self.scale[1])
-        return value if self.free else float(np.clip(value, self.maps.low, self.maps.high))
-
-    def correct(self, place: Vector, row: Vector, level: float, step: float, value: float | None = None) -> Vector:
-        """The place on the curve near another where a row (2,) has a level; with `value` the parameter has exactly
-        that. Raises `NoOrbit` where Newton's method does not converge."""
-        place, first = place.copy(), place
-        along, last = None, np.inf
-        for _ in range(MOST_CORRECTIONS):
-            alpha, at = float(place[0] * self.scale[0]), self._value(place) if value is None else value
-            if alpha <= 0:
-                break
-            excess, across = self.maps.slopes(alpha, at, self.period, 0.01 * step * self.scale[0])
-            along = self.maps.slope_along(alpha, at, self.period, excess) if along is None else along
-            matrix = np.array([[across * self.scale[0], along * self.scale[1]], row])
-            change = solve(matrix, np.array([excess, row @ place - level]))
-            if not np.isfinite(change).all():
-                break
-            place -= change
-            if np.abs(place - first).max() > 2 * step:
-                break
-            size = float(np.abs(change).max())
-            if size <= max(CORRECTED * step, ROUNDING_OF_PLACES * float(np.abs(place).max())):
-                return place
-            if SLOWER * last <= size <= STAGNANT * step:
-                return place
-            last = size
-        raise NoOrbit("the corrector does not converge")
-
-    def between_points(self, a: PeriodicLaunch, b: PeriodicLaunch, share: float) -> PeriodicLaunch:
-        """The point at a share of the chord between two."""
-        if share in (0.0, 1.0):
-            return (a, b)[int(share)]
-        chord = b.place - a.place
-        row = chord / (chord @ chord)
-        place = self.correct(a.place + share * chord, row, float(row @ a.place) + share, float(np.linalg.norm(chord)))
-        return self.point(place, chord)
-
-    def at_value(self, a: PeriodicLaunch, b: PeriodicLaunch, value: float) -> PeriodicLaunch:
-        """The point between two others, between which the curve does not turn round, with a value of the parameter."""
-        chord = b.place - a.place
-        share = (value - a.value) / (b.value - a.value)
-        level, row = value / float(self.scale[1]), np.array([0.0, 1.0])
-        guess = a.place + share * chord
-        place = self.correct(np.array([guess[0], level]), row, level, float(np.linalg.norm(chord)), value)
-        return self.point(place, chord, value)
+        self.maps, self.curve = maps, LaunchCurve(maps, between, period)
+        self.scale = self.curve.scale
+        self.options = Options(at=values, longest=longest, most=LONGEST_BRANCH, step_control=STEPS)
 
     def start(self, alpha: float, value: float) -> PeriodicLaunch:
         """A periodic launch that has been found at a value of the parameter."""
-        return self.point(np.array([alpha, value]) / self.scale, np.array([0.0, SMALLEST]), value)
+        return self._launch(self.curve.at(np.array([alpha, value]), np.array([0.0, 1.0])))
+
+    @staticmethod
+    def _launch(point: CurvePoint) -> PeriodicLaunch:
+        return cast(PeriodicLaunch, point.point)
+
+    def _at_speed(self, x: np.ndarray, before: np.ndarray) -> PeriodicLaunch:
+        """The launch of the branch at the launch speed of a place (2,) near it; raises `NoOrbit`."""
+        row = np.array([1.0, 0.0])
+        point = correct(cast(Any, self.curve), x, row, float(x[0]), before)
+        return self._launch(self.curve.certify(point))
 
     def start_lossless(self, alpha: float) -> tuple[PeriodicLaunch, list[PeriodicLaunch]]:
         """A lossless hop, which is a fixed point without injection, and the fixed points just below and above it, each
         with the tangent that leads away. Two branches of fixed points begin there, both tangent to the launch speed's
         axis and with unbounded curvature."""
-        place, beside = np.array([alpha / self.scale[0], 0.0]), []
-        for side in (-1.0, 1.0):
-            row = np.array([1.0, 0.0])
-            guess = place + side * BESIDE_LOSSLESS * row
-            beside.append(self.point(self.correct(guess, row, float(guess[0]), FIRST), side * BESIDE_LOSSLESS * row))
-        hop, impacts = (alpha,), beside[1].impacts
-        return PeriodicLaunch(0.0, hop, 1.0, impacts, place, np.array([1.0, 0.0])), beside
+        hop, away = np.array([alpha, 0.0]), np.array([BESIDE_LOSSLESS, 0.0]) * self.scale
+        beside = [self._at_speed(hop + side * away, side * away) for side in (-1.0, 1.0)]
+        return PeriodicLaunch(0.0, (alpha,), 1.0, beside[1].impacts, hop / self.scale, np.array([1.0, 0.0])), beside
 
     def start_beside_flip(self, flip: PeriodicLaunch) -> PeriodicLaunch:
         """Hops of twice the period beside those whose multiplier is -1; raises `NoOrbit` where none are found."""
-        row = np.array([1.0, 0.0])
         # The fixed point moves with the parameter too, and may do so faster, so that there are hops on one side only.
         for step in (side * length for length in FIRST_OF_TWO for side in (1, -1)):
-            guess = flip.place + step * row
+            away = np.array([step, 0.0])
             try:
-                place = self.correct(guess, row, float(guess[0]), 10 * abs(step))
-                return self.point(place, place - flip.place)
+                first = self._at_speed((flip.place + away) * self.scale, away * self.scale)
             except NoOrbit:
                 continue
+            if abs(first.place[1] - flip.place[1]) <= FARTHEST_OF_TWO * abs(step):
+                onward = first.tangent @ (first.place - flip.place)
+                return (
+                    first
+                    if onward >= 0
+                    else self._launch(self.curve.at(first.place * self.scale, (first.place - flip.place) * self.scale))
+                )
         raise NoOrbit("no hops of twice the period are found beside the flip")
 
     def trace(self, start: PeriodicLaunch, side: int) -> Iterator[PeriodicLaunch | FoundEvent | BranchEnd]:
         """The points and events from one, in order along its tangent (`side` 1) or against it (-1); an end is last."""
-        here, ahead, step = start, side * start.tangent, FIRST
-        for _ in range(LONGEST_BRANCH):
-            interrupts.heed()
-            there, step, stopped = self._step(here, ahead, step)
-            if there is None:
-                yield stopped or self._why_stuck(here, ahead)
+        tangent = side * start.tangent * self.scale
+        low, high, count = self.maps.low, self.maps.high, 0
+        here = CurvePoint(start.place * self.scale, tangent, 0.0, cast(Any, None), 0, certified=cast(Any, start))
+        here = here._replace(x=np.array([start.alpha, start.value]))
+        if start.value == (high if tangent[1] > 0 else low):
+            yield BranchEnd("reached", f"{self.maps.told(self.maps.name, start.value)} is reached")
+            return
+        earlier: list = []
+        while count < LONGEST_BRANCH:
+            last = here
+            for item in LaunchTracer(cast(Any, self.curve), here, low, high, self.options, earlier):
+                if isinstance(item, CurvePoint) and item.point is not last.point:
+                    last, count = item, count + 1
+                    yield self._launch(last)
+                elif isinstance(item, Event) and item.kind != "asked":
+                    yield FoundEvent(item.kind, cast(Any, item.point))
+                elif isinstance(item, End) and item.kind not in ("stuck", "stopped"):
+                    yield self._end(item, last)
+                    return
+            if (behind := self._round_corner(last)) is None:
+                yield self._why_stuck(last)
                 return
-            if end := self._jump(here, there):
-                yield end
-                return
-            yield from (inside := list(self._inside(here, there)))
-            if closed := self._closed(start, side, [here, *(x for x in inside if isinstance(x, PeriodicLaunch))]):
-                yield closed
-                return
-            if stopped is None or stopped.kind != "flip":
-                yield there
-            if stopped:
-                yield stopped
-                return
-            here, ahead = there, there.tangent
+            slopes = last.point.multiplier, behind.point.multiplier
+            if any((slopes[0] - level) * (slopes[1] - level) < 0 for level in LEVELS.values()):
+                yield FoundEvent("border collision", self._launch(last))
+            yield self._launch(behind)
+            here, earlier = behind, [start]
         yield BranchEnd("stuck", f"it has {LONGEST_BRANCH} points")
 
-    def _step(
-        self, here: PeriodicLaunch, ahead: Vector, step: float
-    ) -> tuple[PeriodicLaunch | None, float, BranchEnd | None]:
-        """The next point, the length for the step after it, and the end where the point is the last one; no point
-        where none is found."""
-        step = min(step, self.longest)
-        while step >= SMALLEST:
-            try:
-                there, stopped = self._stepped(here, ahead, step)
-            except NoOrbit:
-                step *= SHORTENED
-                continue
-            turn = float(there.tangent @ ahead)
-            straight = turn >= STRAIGHT or stopped is not None
-            if straight:
-                return there, step * (LENGTHENED if turn >= EASY else 1.0), stopped
-            step *= SHORTENED
-        return self._round_corner(here, ahead), FIRST, None
+    def _end(self, end: End, last: CurvePoint) -> BranchEnd:
+        """The end of a run as that of the branch."""
+        if end.kind == "reached":
+            return BranchEnd("reached", f"{self.maps.told(self.maps.name, last.value)} is reached")
+        return BranchEnd(end.kind, "it comes back to where it began" if end.kind == "closed" else end.reason)
 
-    def _stepped(self, here: PeriodicLaunch, ahead: Vector, step: float) -> tuple[PeriodicLaunch, BranchEnd | None]:
-        """One step of a certain length, shorter where it comes to an end of a range."""
-        low, high = self.maps.low, self.maps.high
-        guess = here.place + step * ahead
-        value = float(guess[1] * self.scale[1])
-        if not self.free and not low <= value <= high:
-            bound = low if value < low else high
-            return self._last(here, ahead, (bound - here.value) / float(ahead[1] * self.scale[1]), bound)
-        there = self.point(self.correct(guess, ahead, float(ahead @ guess), step), step * ahead)
-        slack = SMALLEST * self.scale[1]
-        if there.value < low - slack or there.value > high + slack:
-            bound = low if there.value < low else high
-            if here.value == bound:
-                raise NoOrbit("the curve turns back at the end of the range")
-            return self._last(here, there.place - here.place, (bound - here.value) / (there.value - here.value), bound)
-        slow, fast = self.between
-        if not slow <= there.alphas[0] <= fast:
-            bound = slow if there.alphas[0] < slow else fast
-            row, level = np.array([1.0, 0.0]), bound / float(self.scale[0])
-            last = self.point(self.correct(there.place, row, level, 2 * step), ahead * step)
-            return last, BranchEnd("left", f"it leaves the launch speeds asked for at {self.maps.told('alpha', bound)}")
-        if self.period == 2 and (there.alphas[1] - there.alphas[0]) * (here.alphas[1] - here.alphas[0]) < 0:
-            return there, BranchEnd("flip", "its two launches become one, at another flip of the fixed points")
-        return there, None
-
-    def _last(
-        self, here: PeriodicLaunch, ahead: Vector, share: float, bound: float
-    ) -> tuple[PeriodicLaunch, BranchEnd]:
-        """The point where the curve comes to an end of the parameter's range."""
-        level, row = bound / float(self.scale[1]), np.array([0.0, 1.0])
-        guess = np.array([here.place[0] + share * ahead[0], level])
-        step = max(float(np.linalg.norm(guess - here.place)), SMALLEST)
-        last = self.point(self.correct(guess, row, level, step, bound), guess - here.place + SMALLEST * ahead, bound)
-        return last, BranchEnd("reached", f"{self.maps.told(self.maps.name, bound)} is reached")
-
-    def _jump(self, a: PeriodicLaunch, b: PeriodicLaunch) -> BranchEnd | None:
-        """The end of the branch where the map jumps between two points, of which it joins two curves."""
-        if a.impacts == b.impacts:
-            return None
-        reach = float(np.linalg.norm(b.place - a.place)) * float(self.scale[0])
-        spans = [(min(pair) - reach, max(pair) + reach) for pair in zip(a.alphas, b.alphas, strict=True)]
-        spans = [(max(low, 1e-3 * high), high) for low, high in spans]
-        if not any(self.maps.jumps_between(span, point.value) for span in spans for point in (a, b)):
-            return None
-        low, high, width = 0.0, 1.0, 1.0
-        before, behind = a, b
-        for _ in range(HALVINGS):
-            middle = 0.5 * (low + high)
-            try:
-                point = self.between_points(a, b, middle)
-            except NoOrbit:
-                return self._jumped(before, behind)
-            if point.impacts == a.impacts:
-                low, before = middle, point
-            else:
-                high, behind = middle, point
-            width *= 0.5
-        apart = float(np.linalg.norm(behind.place - before.place))
-        return self._jumped(before, behind) if apart > 4 * width * float(np.linalg.norm(b.place - a.place)) else None
-
-    def _jumped(self, before: PeriodicLaunch, behind: PeriodicLaunch) -> BranchEnd:
-        counts = " and ".join(map(str, before.impacts)), " and ".join(map(str, behind.impacts))
-        return BranchEnd(
-            "jump", f"the map jumps near {self._place(before)}: {counts[0]} impacts in a hop, {counts[1]} behind"
-        )
-
-    def _inside(self, a: PeriodicLaunch, b: PeriodicLaunch) -> Iterator[PeriodicLaunch | FoundEvent]:
-        """The events and asked values between two points, in order along the curve."""
-        found: list[tuple[float, PeriodicLaunch | FoundEvent]] = []
-        for kind, level in (("fold", 1.0), ("flip", -1.0)):
-            if located := self._crossing(a, b, level):
-                share, point, smooth = located
-                if smooth and kind == "fold" and (a.value - point.value) * (b.value - point.value) < 0:
-                    kind = "branch point"
-                found.append((share, FoundEvent(kind if smooth else "border collision", point)))
-        folds = [(share, item.point) for share, item in found if isinstance(item, FoundEvent) and item.kind != "flip"]
-        joints = [(0.0, a), *sorted(folds, key=lambda fold: fold[0]), (1.0, b)]
-        for (low, first), (high, second) in pairwise(joints):
-            for value in self.asked:
-                if min(first.value, second.value) < value < max(first.value, second.value):
-                    try:
-                        share = low + (high - low) * (value - first.value) / (second.value - first.value)
-                        found.append((share, self.at_value(first, second, value)))
-                    except NoOrbit:  # beside a fold the value hardly tells the place; another section finds the branch
-                        continue
-        yield from (item for _, item in sorted(found, key=lambda pair: pair[0]))
-
-    def _crossing(
-        self, a: PeriodicLaunch, b: PeriodicLaunch, level: float
-    ) -> tuple[float, PeriodicLaunch, bool] | None:
-        """Where between two points the multiplier passes a level: the share of the chord, the point, and whether the
-        multiplier passes it smoothly and does not jump over it."""
-        first, last = a.multiplier - level, b.multiplier - level
-        if not (np.isfinite(first) and np.isfinite(last)) or (first >= 0) == (last >= 0):
-            return None
-        if 0.0 in (first, last):  # begins or ends the branch, or is seen when all its points are known
-            return None
-        points = {0.0: a, 1.0: b}
-
-        def excess(share: float) -> float:
-            points[share] = self.between_points(a, b, share)
-            value = points[share].multiplier - level
-            return value if np.isfinite(value) else 0.0
-
-        try:
-            share = bracketed_root(excess, 0.0, 1.0, first, last, width=LOCATED)
-            point = points.get(share) or self.between_points(a, b, share)
-        except NoOrbit:
-            share = min(points, key=lambda each: abs(points[each].multiplier - level))
-            return share, points[share], False
-        beside = sorted(abs(points[each].multiplier - level) for each in points if abs(each - share) < 1e-9)
-        size = abs(first) + abs(last)
-        return share, point, abs(point.multiplier - level) <= 1e-3 * size and (not beside or beside[0] <= 1e-3 * size)
-
-    def _place(self, point: PeriodicLaunch) -> str:
-        """Where a point is, in words."""
-        return f"{self.maps.told(self.maps.name, point.value, 9)}, {self.maps.told('alpha', point.alphas[0], 9)}"
-
-    def _closed(self, start: PeriodicLaunch, side: int, passed: list[PeriodicLaunch]) -> BranchEnd | None:
-        """The end of a curve that has come back to its start, at one of the asked values."""
-        again = [p for p in passed[1:] if p.value == start.value]
-        close = [p for p in again if abs(p.place[0] - start.place[0]) <= SAME_PLACE]
-        if not close:
-            return None
-        if side * float(close[0].tangent @ start.tangent) > 0:
-            return BranchEnd("closed", "it comes back to where it began")
-        return BranchEnd("stuck", "two branches are too close to be told apart")
-
-    def _round_corner(self, here: PeriodicLaunch, ahead: Vector) -> PeriodicLaunch | None:
+    def _round_corner(self, last: CurvePoint) -> CurvePoint | None:
         """The curve behind a corner of the map, where a small circle round the last point cuts it; None where it does
         not, or where the map jumps there."""
+        ahead = last.tangent / self.scale
         sideways = np.array([-ahead[1], ahead[0]])
 
-        def on_circle(angle: float) -> Vector:
-            return here.place + AROUND * (np.cos(angle) * ahead + np.sin(angle) * sideways)
+        def away(angle: float) -> Vector:
+            return AROUND * (np.cos(angle) * ahead + np.sin(angle) * sideways) * self.scale
 
         def excess(angle: float) -> float:
-            place = on_circle(angle)
-            alpha, value = np.array([place[0] * self.scale[0]]), self._value(place)
-            return float(self.maps.excess(alpha, value, self.period)[0])
+            alpha, value = last.x + away(angle)
+            return float(self.maps.excess(np.array([alpha]), self.curve.possible(value), self.curve.period)[0])
 
-        if not self.free and not self.maps.low < here.value - AROUND * self.scale[1] < here.value < self.maps.high:
+        reach = AROUND * self.curve.span
+        if self.curve.along != INJECT and not self.maps.low < last.value - reach < last.value < self.maps.high:
             return None
         values = np.array([excess(angle) for angle in ANGLES])
         for i in np.flatnonzero((values[1:] >= 0) != (values[:-1] >= 0)):
@@ -365,19 +403,18 @@ class BranchTracer:
             angle = bracketed_root(excess, ANGLES[i], ANGLES[i + 1], fa, fb)
             # At a jump the excess is small on one side only.
             if max(abs(excess(angle + side * BESIDE)) for side in (-1, 1)) <= 1e-2 * (abs(fa) + abs(fb)):
-                place = on_circle(angle)
-                return self.point(place, place - here.place)
+                return self.curve.at(last.x + away(angle), away(angle))
         return None
 
-    def _why_stuck(self, here: PeriodicLaunch, ahead: Vector) -> BranchEnd:
+    def _why_stuck(self, last: CurvePoint) -> BranchEnd:
         """Why the curve cannot be followed further."""
-        place = f"near {self._place(here)}"
-        beyond = here.place + AROUND * ahead
-        value, reach = self._value(beyond), AROUND * float(self.scale[0])
-        for alpha in (float(beyond[0] * self.scale[0]), *here.alphas[1:]):
+        place, launch = f"near {in_words(self.maps, last.point)}", self._launch(last)
+        speed, beyond = last.x + AROUND * last.tangent
+        value, reach = float(self.curve.possible(beyond)), AROUND * float(self.scale[0])
+        for alpha in (float(speed), *launch.alphas[1:]):
             if (status := self.maps.status(alpha, value)) != "lifts_off":
                 return BranchEnd("no launch", f"{place} a hop has no next launch any more: {STATUSES[status]}")
-        for alpha in here.alphas:
+        for alpha in launch.alphas:
             if self.maps.jumps_between((alpha - reach, alpha + reach), value):
                 return BranchEnd("jump", f"the map jumps {place}")
         return BranchEnd("stuck", f"{place} the map is not smooth, and the curve is lost")

@@ -20,9 +20,10 @@ from .return_map import Hops, ReturnMap
 INJECT, RESTITUTION = "inject", "restitution"
 DAMPERS_OF_HOPS = ("damping", "drag")  # a machine may have these at 0 without its model having such a parameter
 KEPT_MAPS = 8  # the maps that were asked for last are kept: a step along a branch comes back to its values
-# Differences for slopes: along the parameter as a share of its range, and of the launch speed as shares of it. The
-# smaller one is needed beside lossless hops, where the slope changes with the cube root of the distance.
-STEP_ALONG, SMALLEST_STEP, LARGEST_STEP = 1e-6, 1e-9, 1e-6
+# Differences for slopes: along the parameter as a share of its range, and of the launch speed as a share of it. This is
+# as small as rounding allows, for beside lossless hops the slope changes with the cube root of the distance.
+STEP_ALONG, STEP_ACROSS = 1e-6, 1e-8
+STEEPEST = 1e4  # slopes on both sides of a launch that differ by more are those across a jump
 
 
 class MapsAlong:
@@ -81,8 +82,14 @@ class MapsAlong:
         return replace(plain, next=np.where(following > 0, following, np.nan))
 
     def next(self, alpha: np.ndarray, value: float | np.ndarray) -> np.ndarray:
-        """The next launch speeds (m,) after launch speeds (m,), NaN where there are none."""
-        return self.hops(alpha, value).next
+        """The next launch speeds (m,) after launch speeds (m,) at a value, or at values (m,), of the parameter, NaN
+        where there are none."""
+        if self.name == INJECT or np.ndim(value) == 0:
+            return self.hops(alpha, value).next
+        following = np.empty(len(alpha))
+        for each in np.unique(value):
+            following[value == each] = self.hops(alpha[value == each], each).next
+        return following
 
     def cycle(self, alpha: float, value: float, period: int) -> tuple[tuple[float, ...], tuple[int, ...]]:
         """The launch speeds of the hops from a periodic launch until it comes back, and their numbers of impacts."""
@@ -105,8 +112,9 @@ class MapsAlong:
                     return float("nan")
         return product
 
-    def excess(self, alpha: np.ndarray, value: float, period: int) -> np.ndarray:
-        """What vanishes at launches (m,) of a period, NaN where a hop has no next launch.
+    def excess(self, alpha: np.ndarray, value: float | np.ndarray, period: int) -> np.ndarray:
+        """What vanishes at launches (m,) of a period at values (m,) of the parameter, NaN where a hop has no next
+        launch.
 
         Period one: f(a) - a. Period two: 1 + (f(f(a)) - f(a))/(f(a) - a), which has no zeros at fixed points but those
         with the multiplier -1, so that the hops of period two go through a flip as a smooth curve.
@@ -116,24 +124,25 @@ class MapsAlong:
             return once - alpha
         twice = np.full(len(once), np.nan)
         known = np.isfinite(once)
-        twice[known] = self.next(once[known], value)
+        twice[known] = self.next(once[known], np.broadcast_to(value, len(once))[known])
         with np.errstate(divide="ignore", invalid="ignore"):
             return 1.0 + (twice - once) / (once - alpha)
 
-    def slopes(self, alpha: float, value: float, period: int, step: float) -> tuple[float, float]:
-        """The excess at a launch, and its derivative with respect to the launch speed by a central difference over
-        about `step`."""
-        step = float(np.clip(step, SMALLEST_STEP * alpha, LARGEST_STEP * alpha))
-        before, here, behind = self.excess(np.array([alpha - step, alpha, alpha + step]), value, period)
-        return float(here), float(behind - before) / (2 * step)
-
-    def slope_along(self, alpha: float, value: float, period: int, here: float) -> float:
-        """The derivative of the excess, which is `here`, with respect to the parameter, by a difference within its
-        range."""
-        if self.name == INJECT and period == 1:
-            return 1.0
-        step = STEP_ALONG * (self.high - self.low) * (-1 if value > self.low + 0.5 * (self.high - self.low) else 1)
-        return float(self.excess(np.array([alpha]), value + step, period)[0] - here) / step
+    def slopes(self, alpha: np.ndarray, value: np.ndarray, period: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The excess (m,) at launches (m,) at values (m,) of the parameter, and its derivatives with respect to the
+        launch speed, by central differences, NaN where the map jumps between, and to the parameter, by differences
+        within its range."""
+        step, m = STEP_ACROSS * np.abs(alpha), len(alpha)
+        exact = self.name == INJECT and period == 1
+        along = STEP_ALONG * (self.high - self.low) * np.where(value > 0.5 * (self.low + self.high), -1, 1)
+        alphas, values = [alpha - step, alpha, alpha + step], [value, value, value]
+        if not exact:
+            alphas, values = [*alphas, alpha], [*values, value + along]
+        rows = self.excess(np.concatenate(alphas), np.concatenate(values), period).reshape(-1, m)
+        before, here, behind = rows[:3]
+        jumps = np.abs(before + behind - 2 * here) > STEEPEST * step
+        across = np.where(jumps, np.nan, (behind - before) / (2 * step))
+        return here, across, np.ones(m) if exact else (rows[3] - here) / along
 
     def jumps_between(self, alphas: tuple[float, float], value: float, samples: int = 33) -> bool:
         """Whether the map jumps somewhere between two launch speeds, or a hop there has no next launch."""

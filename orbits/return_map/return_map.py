@@ -23,7 +23,7 @@ from ..simulation.impacts import CAP, FASTEST_LAUNCH, STATUS, Impacts, decided_i
 from ..simulation.multiplier import multiplier
 from ..simulation.simulation import simulate
 from ..tables import number_text
-from ..units import DIMENSIONS_OF_HOPS, LIFTOFF_SPEED, Units, without_units
+from ..units import DIMENSIONS_OF_HOPS, LIFTOFF_SPEED, Message, Quantity, Units, in_own_units
 from .resolved_map import JUMP, SLOWEST_LOSSLESS, Intervals, ResolvedMap, lossless_speeds
 
 BATCH_SIZE = 5000  # launch speeds in one batch: enough to pay for the calls, few enough for the memory
@@ -113,21 +113,23 @@ class ReturnMap:
 
     @exclusive
     def __init__(self, machine: Machine, inject: float = 0.0, cap: int = CAP):
-        self.machine, self._units = machine, getattr(machine, "units", None) or Units(1.0, 1.0, 1.0)
-        self._bare: ReturnMap | None = None  # of the dimensionless machine, where this one has units
-        self._speed: float = self._units.of(LIFTOFF_SPEED)
+        self.machine, self.units = machine, getattr(machine, "units", None)
+        self._speed: float = self.units.of(LIFTOFF_SPEED) if self.units else 1.0
         self.inject, self.cap = injected(inject, self._speed), whole_number("cap", cap, "impacts")
-        if getattr(machine, "units", None):
-            self._bare = ReturnMap(dimensionless(machine), self.inject / self._speed, self.cap)
-        self.impacts: Impacts = self._bare.impacts if self._bare else Impacts(machine)
+        self._own = ReturnMap(dimensionless(machine), self.inject / self._speed, self.cap) if self.units else None
+        self.impacts: Impacts = self._own.impacts if self._own else Impacts(machine)
         if not self.impacts.model.one_speed:
             raise InputError(f"a launch of a {self.impacts.model.name} is more than a speed: it has no map of speeds")
+
+    def dimensionless(self) -> "ReturnMap":
+        """The map of the dimensionless machine; itself where the machine has no units."""
+        return self._own or self
 
     def __repr__(self) -> str:
         return fields_in_line(self, "machine", "inject", "cap")
 
     def _repr_html_(self) -> str:
-        speed = self._units.text(LIFTOFF_SPEED) if self._bare else ""
+        speed = self.units.text(LIFTOFF_SPEED) if self.units else ""
         rows = [("injection", number_text(self.inject, speed)), ("impacts of a hop", f"{self.cap} at most")]
         return cell(f"return map of {self.machine!r}", rows, self._draw)
 
@@ -152,9 +154,11 @@ class ReturnMap:
         launches = np.isfinite(alpha) & (alpha > 0)
         if not (alpha.ndim or launches):
             raise InputError(f"alpha = {alpha:g}; launch speeds are above 0")
-        if self._bare:
-            with without_units(self._units):
-                return replace(self._bare(alpha / self._speed).in_units(self._units), alpha=alpha)
+        return replace(self._hops(alpha, launches), alpha=alpha)
+
+    @in_own_units(lambda hops, step: hops.in_units(step.units), alpha=LIFTOFF_SPEED)
+    def _hops(self, alpha: np.ndarray, launches: np.ndarray) -> Hops:
+        """The hops from those launch speeds (...) that are `launches` (...)."""
         nothing = np.full(alpha.shape, np.nan)
         hops = Hops(alpha, nothing, nothing.copy(), np.zeros(alpha.shape, int), np.full(alpha.shape, "invalid", STATUS))
         places = np.flatnonzero(launches)
@@ -165,6 +169,7 @@ class ReturnMap:
         return hops
 
     @exclusive
+    @in_own_units(LIFTOFF_SPEED, low=LIFTOFF_SPEED, high=LIFTOFF_SPEED)
     def fixed_points(self, low: float, high: float, samples: int = 2000) -> tuple[FixedPoint, ...]:
         """The fixed points of the map between two launch speeds, ascending.
 
@@ -173,10 +178,6 @@ class ReturnMap:
         its sign between neighbours of a grid of `samples` launches, refined near lossless ones and near extrema.
         """
         low, high, samples = _checked_grid(low, high, samples)
-        if self._bare:
-            with without_units(self._units):
-                found = self._bare.fixed_points(low / self._speed, high / self._speed, samples)
-            return tuple(self._units.convert(point) for point in found)
         lossless = lossless_speeds(self.impacts, low, high)
         if self.inject == 0 and self.impacts.model.conservative:
             return tuple(FixedPoint(alpha, "lossless", None, self._separation(alpha)) for alpha in lossless)
@@ -204,12 +205,10 @@ class ReturnMap:
             return None
 
     @exclusive
+    @in_own_units((), hops=())
     def jumps(self, hops: Hops) -> np.ndarray:
         """Indices of the launches of hops (m,), ascending, after which the map jumps: the number of impacts changes,
         and the next launch speed is discontinuous."""
-        if self._bare:
-            with without_units(self._units):
-                return self._bare.jumps(hops.in_units(self._units.inverse()))
         change = np.abs(np.diff(np.nan_to_num(hops.next)))
         beside = np.maximum(np.append(0.0, change[:-1]), np.append(change[1:], 0.0))
         # A jump that is smaller than the changes beside it would not be seen in a plot.
@@ -219,6 +218,7 @@ class ReturnMap:
         return i[np.abs(np.nan_to_num(self(a).next) - np.nan_to_num(self(b).next)) > JUMP * a]
 
     @exclusive
+    @in_own_units(LIFTOFF_SPEED, edges=LIFTOFF_SPEED, low=LIFTOFF_SPEED, high=LIFTOFF_SPEED)
     def preimages(self, edges: Intervals, low: float, high: float, samples: int = 2000) -> Intervals:
         """The intervals of launch speeds between `low` and `high`, ascending, whose next launch speed lies in one of
         the intervals `edges`. They end where the map passes an edge, or jumps; `samples` is as in `fixed_points`."""
@@ -226,11 +226,6 @@ class ReturnMap:
         edges = [(finite_number("edges", a), finite_number("edges", b)) for a, b in edges]
         if wrong := [pair for pair in edges if not 0 < pair[0] <= pair[1]]:
             raise InputError(f"edges = {wrong[0]}; the launch speeds of an interval are above 0 and ascend")
-        if self._bare:
-            speeds = [(a / self._speed, b / self._speed) for a, b in edges]
-            with without_units(self._units):
-                found = self._bare.preimages(speeds, low / self._speed, high / self._speed, samples)
-            return self._in_units(found)
         lossless = lossless_speeds(self.impacts, low, high)
         return ResolvedMap(self, lossless, low, high, samples, False).preimages(edges)
 
@@ -249,19 +244,13 @@ class ReturnMap:
         returns the axes. The basin is that of `basin`."""
         return shown("map_figures").plot_basin(self, low, high, axes, hops, samples)
 
-    def _in_units(self, intervals: Intervals) -> Intervals:
-        return [(a * self._speed, b * self._speed) for a, b in intervals]
-
     @exclusive
+    @in_own_units(LIFTOFF_SPEED, low=LIFTOFF_SPEED, high=LIFTOFF_SPEED)
     def basins(self, low: float, high: float, hops: int = 1000, samples: int = 2000) -> dict[float, Intervals]:
         """The basin of each lossless launch speed below `high`, by launch speed, while `basin` returns their union;
         those without launches between `low` and `high` are left out."""
         low, high, samples = _checked_grid(low, high, samples)
         hops = whole_number("hops", hops, "hops", 0)
-        if self._bare:
-            with without_units(self._units):
-                bare = self._bare.basins(low / self._speed, high / self._speed, hops, samples)
-            return {star * self._speed: self._in_units(own) for star, own in bare.items()}
         if self.inject != 0 or not self.impacts.model.conservative:
             raise InputError(NO_BASIN)
         lossless = [star for star in lossless_speeds(self.impacts, SLOWEST_LOSSLESS, high) if star < high]
@@ -273,6 +262,7 @@ class ReturnMap:
         return {star: own for star, own in inside.items() if own}
 
     @exclusive
+    @in_own_units(LIFTOFF_SPEED, low=LIFTOFF_SPEED, high=LIFTOFF_SPEED)
     def basin(
         self, low: float, high: float, hops: int = 1000, samples: int = 2000,
         progress: Progress = None,
@@ -288,10 +278,6 @@ class ReturnMap:
         if self.inject != 0 or not self.impacts.model.conservative:
             raise InputError(NO_BASIN)
         hops = whole_number("hops", hops, "hops", 0)
-        if self._bare:
-            with without_units(self._units):
-                found = self._bare.basin(low / self._speed, high / self._speed, hops, samples, progress)
-            return self._in_units(found)
         lossless = lossless_speeds(self.impacts, SLOWEST_LOSSLESS, high)
         if not lossless or lossless[0] >= high:
             return []
@@ -304,7 +290,8 @@ def _checked_grid(low: float, high: float, samples: int) -> tuple[float, float, 
     """Two launch speeds and the number of launches of a grid between them, checked."""
     low, high = finite_number("low", low), finite_number("high", high)
     if not 0 < low < high:
-        raise InputError(f"low = {low:g}, high = {high:g}: 0 < low < high is needed")
+        speeds = {name: Quantity(speed, LIFTOFF_SPEED) for name, speed in (("low", low), ("high", high))}
+        raise InputError(Message("low = {low:g}, high = {high:g}: 0 < low < high is needed", **speeds))
     return low, high, whole_number("samples", samples, "launches", 2)
 
 

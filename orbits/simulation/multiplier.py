@@ -12,10 +12,10 @@ import numpy as np
 from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..flow.flow import Flow
 from ..flow.zero_crossing import first_zero
-from ..model.machine import Machine, dimensionless
+from ..model.machine import Machine
 from ..periodic.local_law import loss_coefficient
 from ..running.exclusive import exclusive
-from ..units import DIMENSIONS, LIFTOFF_SPEED, SPEED, Message, Quantity, without_units
+from ..units import DIMENSIONS, LIFTOFF_SPEED, SPEED, Message, Quantity, in_own_units
 from .impacts import CAP, LIFTOFF_ORDER, ContactEnd, Impacts, no_launch
 
 TANGENTIAL = 1e-7  # an impact slower than this, relative to the launch speed, is tangential
@@ -39,9 +39,12 @@ def multiplier(machine: Machine, alpha: float) -> float:
     alpha = finite_number("alpha", alpha)
     if alpha <= 0:
         raise InputError(f"alpha = {alpha:g}; a launch speed is above 0")
-    if units := getattr(machine, "units", None):
-        with without_units(units):
-            return multiplier(dimensionless(machine), alpha / units.of(LIFTOFF_SPEED))
+    return _slope_of_hop(machine, alpha)
+
+
+@in_own_units((), alpha=LIFTOFF_SPEED)
+def _slope_of_hop(machine: Machine, alpha: float) -> float:
+    """The `multiplier` of the hop that starts with a speed above 0."""
     impacts = Impacts(machine)
     x, order = impacts.launch(np.array([alpha]))[0], LIFTOFF_ORDER
     step = 1e-5 * alpha  # The extension of the launch state depends on the launch speed too where there is damping.

@@ -218,8 +218,9 @@ def rows_of_legs(
     return found.reshape(*t.shape, found.shape[1])
 
 
-def run_in_units(run: Simulation, units: Units, machine: Machine) -> Simulation:
-    """A dimensionless simulation in these units, of the machine that has them."""
+def run_in_units(run: Simulation, machine: Any) -> Simulation:
+    """A dimensionless simulation in the units of the machine."""
+    units: Units = machine.units
     size = units.of_states(machine.model.flight.states)
     legs = tuple(replace(leg, start=leg.start * units.time, path=units.convert_motion(leg.path)) for leg in run.legs)
     energies = {"time": TIME, "energy": ENERGY, "loss": ENERGY}

@@ -6,6 +6,7 @@ Events are zeros of the motion's Taylor polynomials, found by Bernstein exclusio
 from collections.abc import Mapping
 from contextlib import suppress
 from numbers import Real
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,10 +15,10 @@ from ..consistency.accepted import check_machine
 from ..errors import FlowError, InputError, finite_number, whole_number
 from ..flow.trajectory import Trajectory
 from ..flow.zero_crossing import first_zero
-from ..model.machine import Machine, dimensionless
+from ..model.machine import Machine
 from ..running import interrupts
 from ..running.exclusive import exclusive
-from ..units import LENGTH, LIFTOFF_SPEED, Message, Quantity, Units, described, without_units
+from ..units import LENGTH, LIFTOFF_SPEED, TIME, Message, Quantity, described, in_own_units
 from .impacts import (
     CAP,
     FASTEST_LAUNCH,
@@ -78,16 +79,7 @@ def simulate(
         raise InputError(f"alpha = {alpha:g}; a launch speed is above 0")
     inputs = None if schedule is None else parsed_schedule(schedule)
     state = None if state is None else _checked_state(machine, state)
-    if units:
-        return _simulate_in(units, machine, alpha, state, hops, time, inject, cap, inputs)
-    impacts = Impacts(machine)
-    if inject != 0 and not impacts.model.one_speed:
-        name = impacts.model.name
-        raise InputError(f"inject = {inject:g}: a launch of a {name} is more than the speed that it adds to")
-    known = Schedule(machine, inputs)
-    x, launch_speed, order = _initial_state(impacts, known(0.0)[0], alpha, state)
-    with interrupts.deferred():
-        return _Run(impacts, inject, hops, float(time), cap, known).simulate(x, order, launch_speed)
+    return _simulated(machine, alpha, state, hops, float(time), inject, cap, inputs)
 
 
 def _checked_state(machine: Machine, state: ArrayLike) -> np.ndarray:
@@ -100,23 +92,35 @@ def _checked_state(machine: Machine, state: ArrayLike) -> np.ndarray:
     raise InputError(f"state = {state!r}; it is {len(names)} numbers, {', '.join(names)}")
 
 
-def _simulate_in(units: Units, machine, alpha, state, hops, time, inject, cap, inputs: Inputs | None) -> Simulation:
-    """The simulation of a machine with units: that of its dimensionless self, its arguments and results converted."""
-    speed = units.of(LIFTOFF_SPEED)
-    if isinstance(alpha, Mapping):
-        alpha = units.without("alpha", alpha)
-    elif alpha is not None:
-        alpha = alpha / speed
-    if state is not None:
-        state = state / units.of_states(machine.model.flight.states)
-    if inputs is not None:
-        sizes = machine.scheduled
-        check_scheduled(inputs, [*sizes])
-        inputs = inputs[0] / units.time, {name: values / sizes[name] for name, values in inputs[1].items()}
-    options = {"hops": hops, "time": time / units.time, "inject": inject / speed, "cap": cap, "schedule": inputs}
-    with without_units(units):
-        run = simulate(dimensionless(machine), alpha, state=state, **options)
-    return run_in_units(run, units, machine)
+def _state_without(state: np.ndarray | None, machine: Any) -> np.ndarray | None:
+    """A flight state (n,) of a machine with units without them."""
+    return None if state is None else state / machine.units.of_states(machine.model.flight.states)
+
+
+def _inputs_without(inputs: Inputs | None, machine: Any) -> Inputs | None:
+    """A schedule's inputs for a machine with units without them."""
+    if inputs is None:
+        return None
+    check_scheduled(inputs, [*machine.scheduled])
+    return inputs[0] / machine.units.time, {name: x / machine.scheduled[name] for name, x in inputs[1].items()}
+
+
+@in_own_units(
+    run_in_units, alpha=LIFTOFF_SPEED, state=_state_without, time=TIME, inject=LIFTOFF_SPEED, inputs=_inputs_without
+)
+def _simulated(
+    machine: Machine, alpha: Any, state: np.ndarray | None, hops: int | None, time: float, inject: float, cap: int,
+    inputs: Inputs | None,
+) -> Simulation:  # fmt: skip
+    """The simulation of a machine, by checked arguments."""
+    impacts = Impacts(machine)
+    if inject != 0 and not impacts.model.one_speed:
+        name = impacts.model.name
+        raise InputError(f"inject = {inject:g}: a launch of a {name} is more than the speed that it adds to")
+    known = Schedule(machine, inputs)
+    x, launch_speed, order = _initial_state(impacts, known(0.0)[0], alpha, state)
+    with interrupts.deferred():
+        return _Run(impacts, inject, hops, time, cap, known).simulate(x, order, launch_speed)
 
 
 def _initial_state(impacts: Impacts, p, alpha, state) -> tuple[np.ndarray, float | None, int | None]:

@@ -16,13 +16,14 @@ from orbits.model.phase import Affine
 from orbits.result import Axes, Report
 from orbits.show.animation import SPRING_END, animate_simulation
 from orbits.simulation.simulated import times_within
-from orbits.units import LIFTOFF_SPEED, without_units
+from orbits.units import LIFTOFF_SPEED, TIME, in_own_units
 
 from ..machines.files import machine_stated, statement_for_file
 from ..machines.in_si import AnyMachine
 from .actuated import RATE, Actuated
 from .disturbed import Disturbed, disturbed
 
+POWER = (0, -1, 0, 1)
 PERIODIC = 1e-6  # states that differ by less, relative to their size, are the same: the tolerance of a solve is finer
 
 
@@ -110,13 +111,7 @@ class Driven(Control):
 
     def power(self, t: ArrayLike) -> np.ndarray:
         """The actuator's power (...) on the machine at times (...); raises as a call does."""
-        bare, units = self.dimensionless(), self.machine.units
-        if units is not None:
-            with without_units(units):
-                return bare.power(times_within(t, self.end, " s") / units.time) * units.energy / units.time
-        states = self(t)
-        tension = self.machine.spring(self.actuated.model.extension(states) - states[..., -1])  # type: ignore[misc]
-        return -self.machine.mass_ratio * tension * self.inputs_at(t)[..., self.inputs.index(RATE)]
+        return _power(self.machine, self, times_within(t, self.end, "" if self.machine.units is None else " s"))
 
     def table(self, t: ArrayLike | None = None) -> dict[str, np.ndarray]:
         """The columns of `Control.table`, with flight states, and the actuator's "power"."""
@@ -155,6 +150,14 @@ class Driven(Control):
         Raises `InputError` when the file is not one, or is of another machine.
         """
         return read_file(path, f"{path} is not a saved motion of a driven machine", partial(_driven_of, machine))
+
+
+@in_own_units(POWER, control=(), t=TIME)
+def _power(machine: Any, control: Driven, t: np.ndarray) -> np.ndarray:
+    """The actuator's power (...) on the machine at times (...)."""
+    states = control(t)
+    tension = machine.spring(control.actuated.model.extension(states) - states[..., -1])
+    return -machine.mass_ratio * tension * control.inputs_at(t)[..., control.inputs.index(RATE)]
 
 
 class DrivenMotion(Simulation):

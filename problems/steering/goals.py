@@ -9,8 +9,6 @@ refused unless the landing is lossless.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial, wraps
-from inspect import signature
-from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -25,7 +23,7 @@ from orbits.numerics.bernstein import derivative, piecewise_roots
 from orbits.numerics.roots import bracketed_root
 from orbits.running.exclusive import exclusive
 from orbits.simulation.simulated import run_in_units
-from orbits.units import ENERGY, LENGTH, SPEED, Dimension, Message, Quantity, without_units
+from orbits.units import ENERGY, LENGTH, SPEED, Dimension, Message, Quantity, in_own_units
 
 from ..machines.two_masses import DAMPERS, TwoMassMachine
 from .actuated import RATE, Actuated, Limits, actuator_limits, product
@@ -59,19 +57,14 @@ def in_units_of_the_machine(function: Callable[..., Control]) -> Callable[..., D
 
     @exclusive
     @wraps(function)
-    def steered(machine: Any, *given: Any, **options: Any) -> Driven:
-        if (units := getattr(machine, "units", None)) is None:
-            return Driven.of(machine, function(machine, *given, **options))
-        stated = signature(function).bind(machine.dimensionless(), *given, **options).arguments
-        for name, dimension in (("rate", SPEED), ("short", SPEED), ("stroke", LENGTH)):
-            if isinstance(stated.get(name), Real):
-                stated[name] = stated[name] / units.of(dimension)
-        stated |= {name: stated[name].dimensionless() for name in ("orbit", "guess") if stated.get(name) is not None}
-        with without_units(units):
-            control = function(**stated)
-        parameters = {name: x * units.of(ADDED[name]) for name, x in control.parameters.items() if name in ADDED}
-        cost = COSTS[stated.get("cost", "effort")]
-        return Driven.of(machine, control_in_units(control, units, cost, {**machine.values, **parameters}, ROWS))
+    def steered(machine: Any, *arguments: Any, **options: Any) -> Driven:
+        def in_si(control: Control, machine: Any) -> Control:
+            units, cost = machine.units, COSTS[options.get("cost", "effort")]
+            added = {name: x * units.of(ADDED[name]) for name, x in control.parameters.items() if name in ADDED}
+            return control_in_units(control, units, cost, {**machine.values, **added}, ROWS)
+
+        with_units = in_own_units(in_si, rate=SPEED, short=SPEED, stroke=LENGTH, orbit=(), guess=())(function)
+        return Driven.of(machine, with_units(machine, *arguments, **options))
 
     return steered
 
@@ -166,15 +159,12 @@ def start_up(
     return steer(stages, values, guess=_growing_swings(orbit, values["rest"], pumps))
 
 
+@in_own_units(lambda run, machine: run_in_units(run, Actuated(machine)), control=())
 def rerun(machine: TwoMassMachine, control: Control, hops: int = 0) -> Simulation:
     """The machine driven open loop by the schedule of an answer, every event found as in any simulation.
 
     hops : how many more follow, with the spring's end at rest
     """
-    if machine.units is not None:
-        with without_units(machine.units):
-            run = rerun(machine.dimensionless(), control.dimensionless(), hops)
-        return run_in_units(run, machine.units, Actuated(machine))
     driven, schedule = Actuated(machine), control.schedule(RATE)
     until: dict[str, Any] = {"hops": 1 + hops} if hops else {"time": schedule[0][-1]}
     return simulate(driven, state=_flight_states(driven, control.legs[0], 0.0), schedule=schedule, **until)
@@ -187,11 +177,9 @@ def missed(machine: TwoMassMachine, control: Control) -> float:
     return float(np.abs(run(run.end) - aim).max()) if run.end >= control.end * (1 - 1e-9) else np.inf
 
 
+@in_own_units(ENERGY, control=())
 def work(machine: TwoMassMachine, control: Control) -> tuple[float, float]:
     """The actuator's work on the machine, in the units of its energy: all of it, and its positive part alone."""
-    if machine.units is not None:
-        done, done_positive = work(machine.dimensionless(), control.dimensionless())
-        return done * machine.units.energy, done_positive * machine.units.energy
     driven, all_work, positive = Actuated(machine), 0.0, 0.0
     places, weights = np.polynomial.legendre.leggauss(POWER_SAMPLES)
     for leg in control.legs:
