@@ -2,7 +2,8 @@
 
 `LaunchCurve` states their equation to the tracer of `orbits.continuation`, in shares of the two ranges. The map is
 smooth only in pieces. Where the number of impacts changes, the map may jump, which ends a branch. Where the slope
-jumps, the curve has a corner: the tracer loses it there, and starts again where a small circle round its last point cuts it.
+jumps, the curve has a corner: the tracer loses it there, and starts again where a small circle round its last point
+cuts it.
 """
 
 from collections.abc import Iterator, Sequence
