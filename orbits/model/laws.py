@@ -141,7 +141,7 @@ class Law:
         return Key(self.text, self.variable, self.expression, tuple(self.parameters), self.pieces, written=self.written)
 
     def __call__(self, x: ArrayLike) -> np.ndarray:
-        """Values at `x` (any shape), NaN where the law is not defined; a table raises `OutOfRange` outside its range."""
+        """Values at `x` (any shape), NaN where there is none; a table raises `OutOfRange` outside its range."""
         return self.with_slope(x)[0]
 
     def with_slope(self, x: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
@@ -184,7 +184,7 @@ class Law:
         return replace(self, parameters={**self.parameters, **values}) if values else self
 
     def scaled(self, length: float, force: float | None = None) -> "Law":
-        """The law in units of `length` and `force`, which become its parameters; with None the values are not scaled."""
+        """The law in units of `length` and `force`, which become its parameters; None does not scale the values."""
         expression = _scaled(self.expression, force is not None)
         pieces = self.pieces and (self.pieces[0], _scaled_table(self.pieces[1]))
         units = {UNIT_LENGTH: length} | ({} if force is None else {UNIT_FORCE: force})
