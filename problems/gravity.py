@@ -48,7 +48,7 @@ def linear(*, kappa: float = 0.001) -> Law:
 
 
 def exponential(*, H: float = 1000.0) -> Law:
-    """Gravity that decays as exp(-z/H), as a screened (Yukawa) force does over distances small beside the body."""
+    """Gravity that decays as exp(-z/H), as a screened (Yukawa) force does at distances much smaller than the body."""
     return formula("exp(-z/H)", **positive(H=H))
 
 

@@ -56,7 +56,7 @@ def hopper_in_si(
     body_mass, foot_mass : kg
     force : a spring law in N of the extension in m, stated in any of the ways of `springs.as_spring`; a table's header
         may name other units of length and force
-    stiffness : of a linear spring, N/m; beside `force` only where that has no slope at rest to set the units
+    stiffness : of a linear spring, N/m; together with `force` only where that has no slope at rest to define the units
     rest_length : of the spring, m
     surface_gravity : m/s^2, where gravity's ratio is 1
     body_radius : m, radius of the sphere whose gravity decreases with height
