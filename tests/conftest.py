@@ -72,6 +72,16 @@ def no_figures_left():
         sys.modules["matplotlib.pyplot"].close("all")
 
 
+@pytest.fixture(scope="session")
+def figures_of_studies(tmp_path_factory) -> Path:
+    """Where the tests of studies leave their figures for the site, in a folder of its own for each; all workers share
+    it."""
+    own = tmp_path_factory.getbasetemp()
+    folder = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "figures_of_studies"
+    folder.mkdir(exist_ok=True)
+    return folder
+
+
 def slow_after(count: int, cases) -> list:
     """The parameters of a test, with the mark `slow` on all but so many of the first."""
     rows = [case if isinstance(case, tuple) else (case,) for case in cases]

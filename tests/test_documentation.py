@@ -289,11 +289,19 @@ class Page(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory) -> Path:
-    """The built site; the build ends with an error on any warning."""
+def site(tmp_path_factory, figures_of_studies) -> Path:
+    """The built site, with the figures that the tests of studies have drawn; the build ends with an error on any
+    warning."""
     pytest.importorskip("furo")
     pytest.importorskip("myst_parser")
+    from studies.docs.parts.drawings import place_of
+
     folder = tmp_path_factory.mktemp("site")
+    for drawn in figures_of_studies.iterdir():
+        if " " not in drawn.name:
+            place = place_of(folder / ".cache" / "figures", "study", drawn.name, "")
+            shutil.copytree(drawn, place)
+            (place / "done").touch()
     command = [sys.executable, DOCS / "build.py", "--output", folder]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
     assert done.returncode == 0, done.stdout + done.stderr
