@@ -3,6 +3,7 @@
 import json
 import os
 import shlex
+import shutil
 import signal
 import sys
 from dataclasses import dataclass
@@ -41,9 +42,9 @@ def pytest_collection_modifyitems(config, items):
 
 def turn(item) -> int:
     """When a test runs: a long one that began as the last would leave the other workers idle. The site is built after
-    the studies, whose figures it shows."""
+    the studies and the pages, whose figures it shows."""
     if item.get_closest_marker("slow"):
-        return 0 if item.path.parent.name == "studies" else 2
+        return 0 if item.path.parent.name == "studies" or item.path.name == "test_documentation.py" else 2
     return 1 if item.get_closest_marker("docs") else 3
 
 
@@ -73,13 +74,18 @@ def no_figures_left():
 
 
 @pytest.fixture(scope="session")
-def figures_of_studies(tmp_path_factory) -> Path:
-    """Where the tests of studies leave their figures for the site, in a folder of its own for each; all workers share
-    it."""
+def figures_of_site(tmp_path_factory) -> Path:
+    """Where tests leave what they have drawn for the site, which need not be drawn once more: for a study in a folder
+    of its name, for a block of a page in one with its code. All workers share it."""
     own = tmp_path_factory.getbasetemp()
-    folder = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "figures_of_studies"
+    folder = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "figures_of_site"
     folder.mkdir(exist_ok=True)
     return folder
+
+
+def leave(drawn: Path, place: Path, name: str) -> None:
+    """Leave what has been drawn in a folder at another place, all at once."""
+    shutil.copytree(drawn, place.with_name(f"{place.name} {name}")).rename(place / name)
 
 
 def slow_after(count: int, cases) -> list:

@@ -2,7 +2,6 @@
 
 import ast
 import re
-import shutil
 import sys
 from collections import Counter
 from dataclasses import replace
@@ -11,6 +10,7 @@ from pathlib import Path
 import mpmath as mp
 import numpy as np
 import pytest
+from conftest import leave
 from legibility import faults, smallest_text
 from matplotlib.figure import Figure
 from scipy.integrate import solve_ivp
@@ -70,14 +70,13 @@ WIDTH, SMALLEST = 900, 9  # pixels: of the figures in the README, and of their t
 
 
 @pytest.fixture(autouse=True)
-def left_for_the_site(request, figures_of_studies):
-    """The figures that a study has drawn are those that the site shows of it, which need not be drawn once more."""
+def left_for_the_site(request, figures_of_site):
+    """The figures that a study has drawn are those that the site shows of it."""
     name = request.node.name.removeprefix("test_")
     drawn = request.getfixturevalue("tmp_path") if name in STUDIES else None
     yield
     if drawn:
-        made = shutil.copytree(drawn, figures_of_studies / f"{name} as it is copied")
-        made.rename(figures_of_studies / name)
+        leave(drawn, figures_of_site, name)
 
 
 @pytest.fixture(autouse=True)
