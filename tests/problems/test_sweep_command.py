@@ -246,9 +246,13 @@ def interrupted(options: list[str], begun: Callable[[], bool]) -> str:
     command = [sys.executable, "-m", "orbits", *shlex.split(CUBIC), "--over", "beta=0:1", "--samples", "1000000"]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen([*command, *options], process_group=0, **pipes) as running:
-        wait_for(begun, 60, "the sweep has begun")
-        os.killpg(running.pid, signal.SIGINT)
-        out, err = running.communicate(timeout=20)  # ends when no process has the pipes any more
+        try:
+            wait_for(begun, 300, "the sweep has begun")
+            os.killpg(running.pid, signal.SIGINT)
+            out, err = running.communicate(timeout=20)  # ends when no process has the pipes any more
+        except BaseException:
+            os.killpg(running.pid, signal.SIGKILL)
+            raise
     assert (running.returncode, out) == (130, "")
     assert len(err.strip().splitlines()) == 1, err
     assert err.strip().startswith("orbits: interrupted: ")
