@@ -1,4 +1,4 @@
-"""The machines, their springs and their gravity: each is imported when it is first asked for."""
+"""The machines, their springs and their gravity: each module is imported when a name in it is first used."""
 
 from importlib import import_module
 from typing import Any

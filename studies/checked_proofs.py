@@ -1,9 +1,9 @@
-"""Do the two programs agree? 200 proofs of different machines are verified; falsified in one place, both refuse them.
+"""Do the two programs that prove orbits agree? The second verifies 200 proofs of the first, of different machines.
+Each theorem is then falsified in one place, and both have to refuse it.
 
 The machines are hoppers with springs of all laws, in SI and under gravity that varies, jugglers, hoppers with an
-inerter or with a knee, and chains; some proofs are of higher families, of intervals of parameters, of
-many digits, or of existence alone. A falsehood is told to the first program by the orbit or by its machine, and to the
-second by the saved file.
+inerter or with a knee, and chains; some proofs are of higher families, of intervals of parameters, of many digits, or
+of existence alone. The first program meets the falsehood in the numbers of the orbit, the second in the saved file.
 Run: python studies/checked_proofs.py [--count N] [--first N] [--quick]
 """
 
@@ -42,7 +42,7 @@ GRAVITIES = {"1/(1 + z/q)**2": (40.0, 200.0), "exp(-z/q)": (80.0, 300.0), "1 - z
 
 
 def machines(rng: np.random.Generator) -> Iterator[tuple[Any, int, dict[str, Any]]]:
-    """Machines without end, each with the number of a family and how it is proved."""
+    """Machines without end, each with the number of a family and the options of its proof."""
     between = rng.uniform
     number = 0
     while True:
@@ -58,8 +58,8 @@ def machines(rng: np.random.Generator) -> Iterator[tuple[Any, int, dict[str, Any
                 yield plain, 1, {"motion": number % 4 != 1}
             case 3:
                 gravity = list(GRAVITIES)[number // 10 % len(GRAVITIES)]
-                given = {"p": p, "q": round(between(*GRAVITIES[gravity]), 1)}
-                yield Hopper(law, gravity, mass, 20.0, parameters=given), 1, {}
+                parameters = {"p": p, "q": round(between(*GRAVITIES[gravity]), 1)}
+                yield Hopper(law, gravity, mass, 20.0, parameters=parameters), 1, {}
             case 4:
                 yield Juggler(law, mass_ratio=mass, parameters={"p": p}), 1, {}
             case 5:
@@ -78,7 +78,7 @@ def machines(rng: np.random.Generator) -> Iterator[tuple[Any, int, dict[str, Any
 
 
 def special(number: int, rng: np.random.Generator) -> Any:
-    """A machine of more, or of curved, coordinates."""
+    """A machine of three masses, of curved coordinates, with a potential, or with an inerter."""
     a, b = (round(rng.uniform(0.9, 1.1), 3) for _ in range(2))
     match number % 4:
         case 0:
@@ -111,32 +111,31 @@ def changed(document: dict[str, Any], path: tuple, change: Callable[[Any], Any])
 
 
 def shifted(by: str) -> Callable[[list[str]], list[str]]:
-    """The change that moves an interval by some of its middle."""
+    """The change that moves an interval by a multiple of the sum of its bounds' sizes."""
     return lambda pair: [
         str(Decimal(each) + Decimal(by) * (abs(Decimal(pair[0])) + abs(Decimal(pair[1])))) for each in pair
     ]
 
 
 def falsehoods(orbit: Orbit, document: dict[str, Any]) -> list[tuple[str, Orbit, tuple[tuple, ...], Callable]]:
-    """What can be said falsely: its name, the orbit that says so, and what is changed in the file."""
-    all_alphas = [(("parts", i, "unknowns", "alpha"), ("enclosures", "alpha")) for i in range(len(document["parts"]))]
-    certificate = orbit.certificate
-    found = [("alpha", replace(orbit, alpha=orbit.alpha * (1 + 1e-3)), all_alphas[0], shifted("5e-4"))]
+    """False theorems: the quantity, an orbit with a false one, the entries of the file to change, and their change."""
+    alphas, certificate = (("parts", 0, "unknowns", "alpha"), ("enclosures", "alpha")), orbit.certificate
+    found = [("alpha", replace(orbit, alpha=orbit.alpha * (1 + 1e-3)), alphas, shifted("5e-4"))]
     if not document["motion"]:
         return found
     family = replace(orbit, certificate=replace(certificate, family=certificate.family + 1))
     found.append(("family", family, (("family",),), lambda family: family + 1))
     longer = replace(orbit, contact_time=orbit.contact_time * (1 + 1e-2))
-    times = [("parts", 0, "unknowns", "contact_time"), ("enclosures", "contact_time")]
-    found.append(("contact time", longer, tuple(times), shifted("5e-3")))
+    times = ("parts", 0, "unknowns", "contact_time"), ("enclosures", "contact_time")
+    found.append(("contact time", longer, times, shifted("5e-3")))
     if orbit.liftoff_extension:  # a juggler's is 0
-        said = replace(orbit, liftoff_extension=orbit.liftoff_extension * (1 + 1e-2))
-        found.append(("extension", said, (("enclosures", "liftoff_extension"),), shifted("5e-3")))
+        extended = replace(orbit, liftoff_extension=orbit.liftoff_extension * (1 + 1e-2))
+        found.append(("extension", extended, (("enclosures", "liftoff_extension"),), shifted("5e-3")))
     return found
 
 
 def verdicts(machine: Any, family: int, how: dict[str, Any], number: int) -> dict[str, Any]:
-    """Whether the proof of a machine's orbit is verified, and whether both programs refuse it when it is falsified."""
+    """Whether the proof of a machine's orbit is verified, and whether each program refuses a false theorem of it."""
     orbit = orbit_of(machine, family)
     began = time.process_time()
     proof = prove(orbit, **how)
@@ -144,8 +143,8 @@ def verdicts(machine: Any, family: int, how: dict[str, Any], number: int) -> dic
     document = json.loads(json.dumps(proof.document()))
     reasons = [*proof.reasons, *(check(document) if proof.proved else [])]
     done = time.process_time()
-    told = falsehoods(orbit, document)
-    what, liar, paths, change = told[(number + number // 10) % len(told)]
+    choices = falsehoods(orbit, document)
+    what, liar, paths, change = choices[(number + number // 10) % len(choices)]
     false = deepcopy(document)
     for path in paths:
         changed(false, path, change)
@@ -161,7 +160,7 @@ def verdicts(machine: Any, family: int, how: dict[str, Any], number: int) -> dic
 
 
 def main(quick: bool = False, count: int = 200, first: int = 0) -> dict[str, int]:
-    """How many of the proofs are verified, and refused by the first and the second program when they are falsified."""
+    """How many proofs are verified, and how many false theorems the first and the second program refuse."""
     drawn, found, number = machines(np.random.default_rng(0)), list[dict[str, Any]](), 0
     while len(found) < (3 if quick else count):
         machine, family, how = next(drawn)
@@ -186,6 +185,6 @@ def main(quick: bool = False, count: int = 200, first: int = 0) -> dict[str, int
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=200)
-    parser.add_argument("--first", type=int, default=0, help="machines that are left out")
+    parser.add_argument("--first", type=int, default=0, help="number of machines to skip")
     parser.add_argument("--quick", action="store_true")
     main(**vars(parser.parse_args()))

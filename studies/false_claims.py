@@ -1,5 +1,5 @@
-"""False claims of nine kinds, each known to be false without the prover: by how it is made, or by an integration with
-scipy of the one equation that a hop of two masses has under constant gravity. `theorems` hands them to the prover.
+"""False claims of nine kinds for the prover, which `theorems` runs. Each is known to be false without the prover: by
+its construction, or by integrating with SciPy the one equation of a hop of two masses under constant gravity.
 
 With the force F of the extension r, masses m1 and m2 and gravity g, the foot leaves where F(r) = m2 g, while the body
 rises with the launch speed alpha. Then r'' = -F(r) (1/m1 + 1/m2), r' = alpha at first, and the masses' centre comes to
@@ -24,11 +24,11 @@ from orbits.proof.prove import prove_claims
 from problems import Hopper, hopper_in_si
 
 Force = Callable[[np.ndarray], np.ndarray]
-# A hop is lossless where the last rate is below this share of the first one, by the integration here.
+# By the integration here a hop counts as lossless where the last rate is below this share of the first one.
 LOSSLESS = 1e-8
-# Digits of proofs that are to tell numerals apart, and the seconds of each proof: so many that none of them runs out.
+# The digits of proofs that distinguish two numerals, and a limit in seconds that is meant to suffice for each proof.
 DIGITS, SECONDS = 30, 600.0
-# What becomes of a claim. One whose proof runs out of time is not refused.
+# The verdicts. A claim whose proof runs out of time counts neither as proved nor as refused.
 PROVED, REFUSED, OUT_OF_TIME = "proved", "refused", "out of time"
 KINDS = (
     "hostile numerals", "cancelling sums", "exponents near whole numbers", "dropped terms", "domains", "pieces", "SI",
@@ -38,7 +38,7 @@ KINDS = (
 
 @dataclass(frozen=True)
 class FalseClaim:
-    """Something that is not so, and the attempt to prove it, whose verdict is `REFUSED`."""
+    """A false claim in words, and the attempt to prove it, whose verdict should be `REFUSED`."""
 
     kind: str
     what: str
@@ -47,7 +47,7 @@ class FalseClaim:
 
 @dataclass(frozen=True)
 class TwoMasses:
-    """The two masses, gravity and force of the equation above."""
+    """The force, the two masses and the gravity of the equation above."""
 
     force: Force
     upper: float = 1.0
@@ -71,7 +71,7 @@ class TwoMasses:
             return solve_ivp(rates, (0, end), [liftoff, alpha], "DOP853", rtol=1e-12, atol=1e-13 * alpha).y
 
     def liftoff(self, near: float) -> float:
-        """Where the force is the lower mass's weight, near a place."""
+        """The extension at which the force is the lower mass's weight, near a positive one."""
         off = lambda r: float(self.force(r)) - self.lower * self.gravity  # noqa: E731
         return brentq(off, near / 8, 8 * near, xtol=1e-15, rtol=1e-14)
 
@@ -95,7 +95,7 @@ def false_claims(count: int, seed: int = 20) -> Iterator[FalseClaim]:
 
 
 def bare(orbit: Orbit, machine: object) -> Claim:
-    """What an orbit says, as said of another machine: without its description, by which that would be noticed."""
+    """The numbers of an orbit as a claim about another machine, without the description that would give it away."""
     model = orbit.source.model
     unknowns = model.launch_at(orbit.flight(0.0)[: len(model.flight.states)].tolist())
     unknowns |= {"alpha": orbit.alpha, "duration": orbit.flight_time / 2}
@@ -105,13 +105,13 @@ def bare(orbit: Orbit, machine: object) -> Claim:
 
 
 def verdict_of(proof: Proof) -> str:
-    """What a proof makes of its claim."""
+    """The verdict of a proof on its claim."""
     late = any("allow it more by its limit" in reason for reason in proof.reasons)
     return PROVED if proof.proved else OUT_OF_TIME if late else REFUSED
 
 
 def _of_machine(orbit: Orbit, machine: object) -> str:
-    """The verdict of what an orbit says, as said of another machine."""
+    """The verdict on the numbers of an orbit as a claim about another machine."""
     try:
         return verdict_of(prove_claims([bare(orbit, machine)], motion=False, limit=SECONDS)[0])
     except InputError:
@@ -119,7 +119,7 @@ def _of_machine(orbit: Orbit, machine: object) -> str:
 
 
 def _of_other(kind: str, rng: np.random.Generator, own: object, other: object, truth: TwoMasses) -> FalseClaim | None:
-    """The claim that the hop of a machine is that of another one, whose equation is given; None where it is."""
+    """The claim that the hop of a machine is one of another, whose equation is `truth`; None where that is so."""
     try:
         orbit = find(own, int(rng.integers(1, 3)))
     except NoOrbit:
@@ -146,8 +146,8 @@ def _enclosed(machine: str, text: str) -> tuple:
 
 @lru_cache(maxsize=256)
 def _slope(machine: str, text: str) -> float:
-    """The derivative of alpha by the number of a text, from the equation: that of its last rate by the number over
-    that by alpha."""
+    """The derivative of alpha by the number of a text, from the equation: minus that of the last rate by the number
+    over that by alpha."""
     value, orbit, h = float(text), find(_LONG[machine](text)), 1e-4
 
     def last(x: float, alpha: float) -> float:
@@ -159,7 +159,7 @@ def _slope(machine: str, text: str) -> float:
 
 
 def _as_rounded(machine: str, text: str, rounded: str) -> str:
-    """The verdict of the claim that what is proved of a numeral is the truth about the number that it rounds to."""
+    """The verdict on the claim that a numeral may be rounded: refused where the enclosures of alpha are disjoint."""
     proof = prove(find(_LONG[machine](text)), DIGITS, motion=False, limit=SECONDS)
     if proof.alpha is None or not proof.proved:
         return verdict_of(proof)
@@ -208,7 +208,7 @@ def _numerals(rng: np.random.Generator) -> FalseClaim | None:
 
 
 def _sums(rng: np.random.Generator) -> FalseClaim | None:
-    """What cancels in doubles leaves another number than it does exactly."""
+    """Sums that cancel to another number in doubles than in exact arithmetic."""
     large, small = 10 ** int(rng.integers(16, 26)), Decimal(int(rng.integers(1, 1000))) / 100
     rounded = float(large) + float(small) - float(large)
     text = f"({float(large):.0e} + {small} - {float(large):.0e})".replace("e+", "e")
@@ -227,7 +227,7 @@ def _sums(rng: np.random.Generator) -> FalseClaim | None:
 
 
 def _exponents(rng: np.random.Generator) -> FalseClaim | None:
-    """Powers that are near a whole one are none, and have no value below 0."""
+    """Powers whose exponent is near a whole number, which have no value below 0."""
     if rng.random() < 0.4:
         return _long_numeral(KINDS[2], rng, "exponent", str(rng.choice(["2", "3"])))
     b, whole = round(rng.uniform(0.05, 0.5), 3), int(rng.choice([3, 5]))
@@ -240,7 +240,7 @@ def _exponents(rng: np.random.Generator) -> FalseClaim | None:
 
 
 def _dropped(rng: np.random.Generator) -> FalseClaim | None:
-    """A term with a parameter whose share is of order 1 for large values of the parameter alone."""
+    """Terms with a tiny factor, which may not be dropped because their parameter is large."""
     share, large = round(rng.uniform(0.01, 2), 3), 10.0 ** int(rng.integers(12, 22))
     term, c, place = f"c/{large:.0e}".replace("e+", "e"), share * large, int(rng.integers(4))
     texts = ["1", "1", "r + 0.1*r**3", "1"]
@@ -253,7 +253,7 @@ def _dropped(rng: np.random.Generator) -> FalseClaim | None:
     return _of_other(KINDS[3], rng, own, _two_masses(*texts, c=c), TwoMasses(force, upper, lower, gravity))
 
 
-# Laws that are r where they have a value, with a place a, and where they have none.
+# Laws with a place a that equal r wherever they have a value, and whether they have none at an extension.
 _HOLES: tuple[tuple[str, Callable[[np.ndarray, float], np.ndarray]], ...] = (
     ("r*((r - {a})/(r - {a}))", lambda r, a: np.diff(np.sign(r - a)) != 0),
     ("r + 0/(r - {a})", lambda r, a: np.diff(np.sign(r - a)) != 0),
@@ -271,7 +271,7 @@ _HOLES: tuple[tuple[str, Callable[[np.ndarray, float], np.ndarray]], ...] = (
 
 
 def _domains(rng: np.random.Generator) -> FalseClaim | None:
-    """Laws that cancel to one with values everywhere, and have none at places of the hop."""
+    """Laws that simplify to one with values everywhere, but have none at some places of the hop."""
     b, (text, missing) = round(rng.uniform(0.0, 0.4), 3), _HOLES[rng.integers(len(_HOLES))]
     orbit = find(Hopper(f"r + {b}*r**3"))
     r = TwoMasses.hopper(_cubic(b)).flight(orbit.alpha, orbit.liftoff_extension)[0]
@@ -290,7 +290,7 @@ def _with_hole(orbit: Orbit, law: str) -> str:
 
 
 def _written(pieces: tuple[str, ...], gap: float) -> Law:
-    """A law in two pieces, of which the engine computes the first alone."""
+    """A law in two pieces, of which the engine computes only the first."""
     table = (1, lambda p: ([-9e9, p["gap"], 9e9], [[0.0], [0.0]]))
     return Law("two pieces", "r", lambda x, p, q: x, {"gap": gap}, table, Written(pieces, ("gap",)))
 
@@ -360,7 +360,7 @@ def _of_orbit(orbit: Orbit, machine: object) -> str:
 
 
 def _moved(rng: np.random.Generator) -> FalseClaim:
-    """Launch speeds, times and families that are moved."""
+    """Launch speeds, times, extensions and families changed by a small share, or by a whole number."""
     orbit = _hop(rng)
     share = 1 + float(rng.choice([-1, 1])) * 10 ** rng.uniform(-9, -2)
     name = str(rng.choice(["alpha", "flight_time", "contact_time", "liftoff_extension", "family"]))
@@ -376,7 +376,7 @@ def _scaled_number(value: float | None, rng: np.random.Generator) -> float | Non
     return None if value is None else value * (1 + float(rng.choice([-1, 1])) * 10 ** rng.uniform(-5, 0))
 
 
-# What is edited in a file, and to what.
+# The entries that are edited in a file, and their new values.
 _EDITED: dict[str, Callable] = {
     **dict.fromkeys(("alpha", "flight_time", "contact_time", "liftoff_extension", "loss_coefficient"), _scaled_number),
     **dict.fromkeys(("largest_contact_force", "landing_jerk", "smallest_separation"), _scaled_number),

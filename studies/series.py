@@ -68,7 +68,7 @@ def draw_map(axes, quick: bool) -> dict[str, float]:
     """Draw the flight times of all motions against the unsprung mass, and the families of those nearest to the plain
     hop from some masses; the heaviest mass to which each was followed as a motion."""
     half_flight, heaviest = plain().half_flight, {}
-    masses = np.geomspace(*((0.2, 5.0, 4) if quick else (0.02, 10.0, 50)))
+    masses = np.geomspace(*((0.2, 5.0, 2) if quick else (0.02, 10.0, 50)))
     marks = [(mass, orbit.flight_time / 2 / half_flight) for mass in masses for orbit in motions(mass)]
     axes.plot(*np.transpose(marks), ".", color="0.6", ms=3, label="motions")
     for mass, colour in zip(FOLLOWED_FROM[1:2] if quick else FOLLOWED_FROM, COLOURS, strict=False):

@@ -1,9 +1,9 @@
-"""Which hops of random springs can be proved, how fast, and can a wrong claim be? And how narrow is what is proved?
+"""How many hops of random springs are proved, how fast and how narrowly, and is a false claim ever proved?
 
-Springs are drawn as in `stress`, families 1 to 3 in turn. A hop that is a motion counts as proved where all of it is:
-it exists, is alone nearby, is of its family, and is a motion. For one that is none, a condition has to be refuted.
-Wrong claims are those of `false_claims`, of nine kinds. Last, the spring's parameter is known to an interval only, and
-the enclosure of alpha is compared with the range that alpha really has.
+Springs are drawn as in `stress`, families 1 to 3 in turn. An admissible hop counts as proved where the whole theorem
+is: it exists, is unique nearby, is of its family, and is a motion. For an inadmissible one a condition has to be
+refuted. False claims are those of `false_claims`, of nine kinds. Last, the spring's parameter is an interval, and the
+width of the enclosure of alpha is compared with that of the range of alpha.
 Run: python studies/theorems.py [--output FOLDER] [--quick]"""
 
 import argparse
@@ -28,12 +28,12 @@ REST_LENGTH = 30.0
 CUBIC = Hopper("r + beta*r**3", rest_length=8.0, parameters={"beta": 0.3})
 FALLING = Hopper("sinh(r)", "1/(1 + z/R)**2", rest_length=8.0, parameters={"R": 50.0})
 HALF_WIDTHS = np.logspace(-9, -2, 8)
-# Which of them the ratio of widths is told of.
+# The index of the half width for which the ratio of widths is printed.
 NARROW = 3
 
 
 def hops(count: int, seed: int = 20) -> Iterator[Orbit]:
-    """Hops of random springs; families that a spring has not are left out."""
+    """Hops of random springs; families that a spring does not have are left out."""
     for index, (text, parameters) in enumerate(random_laws(count, seed)):
         try:
             yield find(Hopper(text, rest_length=REST_LENGTH, parameters=parameters), 1 + index % 3)
@@ -42,12 +42,12 @@ def hops(count: int, seed: int = 20) -> Iterator[Orbit]:
 
 
 def is_right(orbit: Orbit, proof: Proof) -> bool:
-    """Whether a motion is proved, and whether of another orbit a condition is refuted."""
+    """Whether an admissible orbit is proved, or a condition of an inadmissible one refuted."""
     return proof.proved if orbit.admissible else "refuted" in proof.conditions.values()
 
 
 def fastest(orbit: Orbit, repeats: int = 5, **options) -> float:
-    """The least time of several proofs, in ms of the processor, which other processes may take up."""
+    """The least processor time of several proofs, in ms; others are longer where further processes run."""
     times = []
     for _ in range(repeats):
         began = time.process_time()
@@ -57,8 +57,8 @@ def fastest(orbit: Orbit, repeats: int = 5, **options) -> float:
 
 
 def widths(half_widths: np.ndarray) -> list[tuple[float, float]]:
-    """The width of the enclosure of alpha, 0 where it is not proved, and the range that alpha has, for each half width
-    of the interval of beta."""
+    """The width of the enclosure of alpha, 0 where it is not proved, and that of the range of alpha, for each relative
+    half width of the interval of beta."""
     orbit, found = find(CUBIC), []
     for half in half_widths:
         low, high = float(0.3 * (1 - half)), float(0.3 * (1 + half))
@@ -98,7 +98,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, object]:
     numbers["width_ratio"] = float(np.divide(enclosed, true)[half_widths == HALF_WIDTHS[NARROW]][0])
     print(f"cubic spring: existence {numbers['existence_ms']:.0f} ms, a motion {numbers['motion_ms']:.0f} ms,", end=" ")
     print(f"50 digits {numbers['digits_ms']:.0f} ms; sinh under inverse square gravity {numbers['falling_ms']:.0f} ms")
-    print(f"random springs: {sum(right)} of {len(orbits)} proved or refuted, of {len(false)} wrong claims", end=" ")
+    print(f"random springs: {sum(right)} of {len(orbits)} proved or refuted, of {len(false)} false claims", end=" ")
     print(f"{len(believed)}; enclosure over true range {numbers['width_ratio']:.2f}")
     for kind in KINDS:
         print(f"  {kind}: " + ", ".join(f"{made[kind, each]} {each}" for each in (PROVED, REFUSED, OUT_OF_TIME)))
@@ -115,9 +115,9 @@ def main(folder: Path, quick: bool = False) -> dict[str, object]:
     ticks = [tick for tick in (100, 200, 500, 1000, 2000, 5000, 10000) if bins[0] <= tick <= bins[-1]]
     panels[0].set_xticks(ticks, [str(tick) for tick in ticks])
     panels[0].set_xticks([], minor=True)
-    kept = enclosed > 0
+    proved = enclosed > 0
     panels[1].loglog(half_widths, true, color=COLOURS[1], label="range of $\\alpha$")
-    panels[1].loglog(half_widths[kept], enclosed[kept], "o", color=COLOURS[0], label="proved enclosure")
+    panels[1].loglog(half_widths[proved], enclosed[proved], "o", color=COLOURS[0], label="proved enclosure")
     panels[1].set(xlabel="half width of the interval of $\\beta$, relative", ylabel="width")
     panels[0].set_title("what a proof takes")
     panels[0].locator_params(axis="y", integer=True)

@@ -3,6 +3,7 @@
 import json
 import os
 import shlex
+import shutil
 import signal
 import sys
 from dataclasses import dataclass
@@ -33,9 +34,22 @@ def pytest_addoption(parser):
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config, items):
-    """Keep a few of each test, after -m and -k have left out what is not asked for."""
-    if not config.getoption("--few-of-each", default=False):
-        return
+    """After -m and -k have left out what is not asked for, leave out more where that is asked, and order the rest."""
+    if config.getoption("--few-of-each", default=False):
+        keep_few_of_each(config, items)
+    items.sort(key=turn)
+
+
+def turn(item) -> int:
+    """When a test runs: a long one that began as the last would leave the other workers idle. The site is built after
+    the studies and the pages, whose figures it shows."""
+    if item.get_closest_marker("slow"):
+        return 0 if item.path.parent.name == "studies" or item.path.name == "test_documentation.py" else 2
+    return 1 if item.get_closest_marker("docs") else 3
+
+
+def keep_few_of_each(config, items):
+    """Keep each test with the first and the last of its parameters."""
     names = [item.nodeid.partition("[")[0] for item in items]
     last = {name: k for k, name in enumerate(names)}
     first = {name: k for k, name in reversed(list(enumerate(names)))}
@@ -57,6 +71,21 @@ def no_figures_left():
     yield
     if "matplotlib.pyplot" in sys.modules:
         sys.modules["matplotlib.pyplot"].close("all")
+
+
+@pytest.fixture(scope="session")
+def figures_of_site(tmp_path_factory) -> Path:
+    """Where tests leave what they have drawn for the site, which need not be drawn once more: for a study in a folder
+    of its name, for a block of a page in one with its code. All workers share it."""
+    own = tmp_path_factory.getbasetemp()
+    folder = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "figures_of_site"
+    folder.mkdir(exist_ok=True)
+    return folder
+
+
+def leave(drawn: Path, place: Path, name: str) -> None:
+    """Leave what has been drawn in a folder at another place, all at once."""
+    shutil.copytree(drawn, place.with_name(f"{place.name} {name}")).rename(place / name)
 
 
 def slow_after(count: int, cases) -> list:

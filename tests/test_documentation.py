@@ -7,6 +7,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from contextlib import chdir
 from html.parser import HTMLParser
 from importlib import import_module
 from pathlib import Path
@@ -15,6 +16,7 @@ from urllib.parse import unquote, urlsplit
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from conftest import leave
 
 import orbits
 import problems
@@ -29,6 +31,7 @@ LONG = (
     *("chain.md", "command_line.md", "control.md", "design.md", "families.md", "proof.md", "return_map.md"),
     *("start.md", "thousand_orbits.md"),
 )
+PYTHON = ("python", "{drawn}")
 # What waits for a reader at the browser, or for a machine that a page only speaks of.
 NOT_RUN = ("orbits explore",)
 # The package that a block needs beside the required ones and those of the tests.
@@ -41,15 +44,25 @@ def name_of(path: Path) -> str:
 
 
 def blocks_of(page: Path) -> list[tuple[str, str]]:
-    """The kinds and texts of a page's blocks of code that can be run."""
-    found = BLOCK.findall(page.read_text(encoding="utf-8"))
-    return [("python" if kind.startswith("{drawn}") else kind, text) for kind, text in found]
+    """The kinds and texts of a page's blocks of code that can be run; "{drawn}" is Python too, which stands alone."""
+    return [(kind.partition(" ")[0], text) for kind, text in BLOCK.findall(page.read_text(encoding="utf-8"))]
 
 
 def compiled(page: Path, text: str):
     """The code of a block; where it fails, the line is that of the page."""
     before = page.read_text(encoding="utf-8").partition(f"\n{text}```")[0].count("\n") + 1
     return compile("\n" * before + text, str(page), "exec")
+
+
+def drawn_alone(page: Path, text: str, folder: Path) -> dict:
+    """The names that a block has whose figures the site shows, which runs by itself in a folder of its own; the code is
+    left beside the figures."""
+    names: dict = {"__name__": "page"}
+    folder.mkdir()
+    (folder / "code").write_text(text, encoding="utf-8")
+    with chdir(folder):
+        exec(compiled(page, text), names)
+    return names
 
 
 def with_marks(page: Path):
@@ -93,16 +106,20 @@ def test_shown_output_is_compared():
 
 
 @pytest.mark.parametrize("page", [with_marks(page) for page in PAGES if blocks_of(page)])
-def test_page_runs(page, orbits, tmp_path, monkeypatch, capsys):
+def test_page_runs(page, orbits, tmp_path, monkeypatch, capsys, figures_of_site):
     """A page's Python runs from its top to its end and prints what the page shows, its files are machines that hop, and
     its commands exit with 0."""
     monkeypatch.chdir(tmp_path)
     shutil.copy(springs.SAMPLE, tmp_path)
     names: dict = {"__name__": "page"}
     printed = ""
-    for kind, text in blocks_of(page):
-        if kind == "python":
-            exec(compiled(page, text), names)
+    for number, (kind, text) in enumerate(blocks_of(page)):
+        if kind in PYTHON:
+            if kind == "python":
+                exec(compiled(page, text), names)
+            else:
+                names |= drawn_alone(page, text, folder := tmp_path / str(number))
+                leave(folder, figures_of_site, f"{page.stem} {number}")
             plt.close("all")
             printed = capsys.readouterr().out
         elif kind == "output":
@@ -160,7 +177,7 @@ def test_links_in_the_repository():
 
 @pytest.mark.parametrize("what", ["springs.formula", "gravity.function", "leg = Mechanism"])
 def test_extensions_are_short(what):
-    texts = [text for page in PAGES for kind, text in blocks_of(page) if kind == "python" and what in text]
+    texts = [text for page in PAGES for kind, text in blocks_of(page) if kind in PYTHON and what in text]
     frame = ("from ", "import ", "print(")
     lines = [[line for line in text.splitlines() if line.strip() and not line.startswith(frame)] for text in texts]
     assert min(map(len, lines)) < 15
@@ -294,11 +311,18 @@ class Page(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory) -> Path:
-    """The built site; the build ends with an error on any warning."""
+def site(tmp_path_factory, figures_of_site) -> Path:
+    """The built site, with the figures that other tests have drawn; the build ends with an error on any warning."""
     pytest.importorskip("furo")
     pytest.importorskip("myst_parser")
+    from studies.docs.parts.drawings import place_of
+
     folder = tmp_path_factory.mktemp("site")
+    for drawn in figures_of_site.iterdir():
+        code = (drawn / "code").read_text(encoding="utf-8") if (drawn / "code").exists() else ""
+        place = place_of(folder / ".cache" / "figures", "drawn" if code else "study", drawn.name, code)
+        shutil.copytree(drawn, place)
+        (place / "done").touch()
     command = [sys.executable, DOCS / "build.py", "--output", folder]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
     assert done.returncode == 0, done.stdout + done.stderr

@@ -69,7 +69,7 @@ def steer(
 ) -> Control:  # fmt: skip
     """Find a motion through `stages`, one after the other, of locally least cost: no motion near it costs less.
 
-    stages : the `Stage`s, in order
+    stages : in order, each a `Stage`
     parameters : values of the names in `p`
     guess : a `Guess` for each stage, or a `Control` nearby; its multipliers are used too if the stages are the same
     free : bounds (low, high) of further parameters, which are optimised too. They start in the middle, or at the bound

@@ -141,7 +141,7 @@ class Law:
         return Key(self.text, self.variable, self.expression, tuple(self.parameters), self.pieces, written=self.written)
 
     def __call__(self, x: ArrayLike) -> np.ndarray:
-        """Values at `x` (any shape), NaN where the law is undefined; a table raises `OutOfRange` outside its range."""
+        """Values at `x` (any shape), NaN where there is none; a table raises `OutOfRange` outside its range."""
         return self.with_slope(x)[0]
 
     def with_slope(self, x: ArrayLike) -> tuple[np.ndarray, np.ndarray]:

@@ -25,7 +25,7 @@ class Machine(Protocol):
 
     @property
     def model(self) -> Model:
-        """The kind of machine: one object for all machines that differ only in numbers, which share what is built."""
+        """The kind of machine: one object for all machines that differ only in numbers, which share its functions."""
 
     @property
     def values(self) -> dict[str, float]:

@@ -5,7 +5,7 @@ has no acceleration in flight then either. A lossless hop is its own mirror imag
 rest in mid-flight. Both phases are sums of modes, so that everything at lift-off, half the time of contact s later, is
 linear in the n - 1 amplitudes c of the modes of contact. That the n modes of flight come to rest after half its time T,
 and that the gap has no acceleration at lift-off, are n + 1 equations A(s, T) c + r(s, T) = 0. The two of them that no
-amplitudes solve are left for s and T (Pankov 2021, section 1). A and r are made of sines and cosines, so that they have
+amplitudes solve are left for s and T (Pankov, arXiv 2402.16010). A and r are made of sines and cosines, and they have
 no poles, whatever modes turn at the same time.
 """
 

@@ -284,7 +284,7 @@ class Orbit:
 
     def page(self, path: str | Path) -> Path:
         """Write a page in one file (.html) that needs no network: the animated machine, the certificate, heights, phase
-        portrait, contact force and, where the orbit knows its machine, the spring's law; returns its path.
+        portrait, contact force and, where the orbit has its machine, the spring's law; returns its path.
 
         Raises `InputError` for a bad path, and without Bokeh.
         """

@@ -91,8 +91,8 @@ class Branch:
 
     def stretches(self) -> list[tuple[float, float, bool | None]]:
         """The parts of the curve, in order, each from one value of the parameter to another, and whether it is
-        stable, None where that is not known. At bifurcations, which are points of the curve, one part gives way to the
-        next."""
+        stable, None where that is not known. One part ends and the next begins at a bifurcation, which is a point of
+        the curve."""
         return [(float(self.values[a]), float(self.values[b]), stable) for a, b, stable in self.parts()]
 
     def parts(self) -> list[tuple[int, int, bool | None]]:

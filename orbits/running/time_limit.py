@@ -26,11 +26,12 @@ _limit = _Limit()
 
 @contextmanager
 def time_limit(seconds: float | None) -> Iterator[None]:
-    """Limit the time of all that is computed in the block to `seconds`, or to what a block around it allows.
+    """Limit the time of all computations in the block to `seconds`, or to the limit of a block around it.
 
-    seconds : None for 30, but in another such block for as long as that one allows
+    seconds : time limit; None for 30, or in another such block for the limit of that one
 
-    Raises `NoOrbit` where the time is over, and `InputError` for what is no number of seconds.
+    Raises `NoOrbit` when the limit is reached, except that `follow` returns its family as far as it was followed;
+    raises `InputError` for an invalid number of seconds.
 
     >>> from orbits import follow, time_limit
     >>> from problems import Hopper

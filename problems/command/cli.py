@@ -23,15 +23,15 @@ Examples:
   orbits prove --spring cubic --set beta=0.3 --rest-length 8
   orbits prove --spring cubic --between beta=0.299:0.301 --rest-length 8
   orbits prove --spring cubic --along beta --from 0 --to 1 --rest-length 30
-  orbits check-proof proof.json                        a saved proof, verified by a second program
+  orbits check-proof proof.json                        verify a saved proof by a second program
   orbits follow --spring cubic --along beta --from 0 --to 5 --at 0.5,1,2
   orbits follow --spring cubic --along beta --from 0 --to -0.02 --plot fold.png
   orbits follow --spring tanh --along b --from 0.1 --to 1 --family 2 --output tanh.jsonl
-  orbits map --alpha 3:12:10000 --plot map.png         from launch speed to launch speed
+  orbits map --alpha 3:12:10000 --plot map.png         the return map of launch speeds
   orbits map --alpha 4.3:5:400 --along inject --from 0 --to 0.15 --plot flips.png
-  orbits simulate --alpha 4.6 --hops 8 --inject 0.01   with every impact on the way
-  orbits optimize leg.toml --plot best.png             the best design, as [design] in the file asks
-  orbits explore --spring cubic --set beta=0.3 --rest-length 8   the same, to play with
+  orbits simulate --alpha 4.6 --hops 8 --inject 0.01   with every impact located
+  orbits optimize leg.toml --plot best.png             the best design, for the problem in [design] of the file
+  orbits explore --spring cubic --set beta=0.3 --rest-length 8   an interactive page in the browser
   orbits sweep --spring cubic --over beta=0:1 --over mass_ratio=0.1:10:log --samples 1000 --output hops.csv
   orbits existence --spring cubic --along beta=-0.02:0.1 --across rest_length=6:20 --colour alpha --plot where.png
 
@@ -49,25 +49,25 @@ THUMBNAILS = 6
 @click.group(epilog=EXAMPLES, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(package_name="persistent-orbits", prog_name="orbits")
 def orbits() -> None:
-    """Motions of hopping and juggling machines that lose nothing, even with plastic collisions.
+    """Motions of hopping and juggling machines that lose no energy, although their collisions are plastic.
 
     A spring's force is a formula of its extension r, gravity a formula of the height z; every other name in them is a
-    parameter that --set gives a value. Lengths are in units of the foot's weight over the stiffness; a machine whose
-    file has [si] is in SI, and its masses are parameters too.
+    parameter, whose value is set by --set. Lengths are in units of the foot's weight over the stiffness; a machine
+    whose file has [si] is in SI, and its masses are parameters too.
     """
 
 
 @orbits.command("find", epilog="\b\nExit code: 0 found, 1 no such orbit or an inadmissible one, 2 bad input.")
 @options.machine_options
 @options.family_option("Oscillations in flight, from 1.")
-@click.option("--method", metavar="NAME", help="Force a way: 'closed form', 'relative', 'half orbit' or 'shooting'.")
+@click.option("--method", metavar="NAME", help="Use 'closed form', 'relative', 'half orbit' or 'shooting'.")
 @click.option(
-    "--start", type=click.Path(dir_okay=False), metavar="FILE", help="Begin at a saved orbit, and measure it anew."
+    "--start", type=click.Path(dir_okay=False), metavar="FILE", help="Start from a saved orbit, and solve it again."
 )
-@click.option("--allow-inadmissible", is_flag=True, help="Exit 0 also for a root that is no motion.")
+@click.option("--allow-inadmissible", is_flag=True, help="Exit with 0 even if the orbit is not a motion.")
 @options.limit_option
 @options.json_option
-@click.option("--explain", is_flag=True, help="Say which way was taken and what the scene did not need.")
+@click.option("--explain", is_flag=True, help="Print which steps were not needed for this machine.")
 @options.plot_option
 @options.animate_option
 @options.file_option("--save", "document", "Save the orbit (.json), for Orbit.load.")
@@ -98,17 +98,17 @@ def find_command(
     "intervals",
     metavar="NAME=LOW:HIGH",
     multiple=True,
-    help="A parameter between decimals; repeatable.",
+    help="An interval of a parameter, between decimals; repeatable.",
 )
 @click.option("--digits", type=click.IntRange(1, 300), metavar="N", help="Digits to enclose; default: about 18.")
 @click.option("--loss", is_flag=True, help="Enclose the loss coefficient too.")
-@click.option("--attraction", is_flag=True, help="Prove that launches above alpha come to it, and from how far.")
+@click.option("--attraction", is_flag=True, help="Prove that launches above alpha come to it, up to some distance.")
 @click.option(
     "--inject", metavar="EPS", help="Prove a fixed point of the return map with this added to every launch speed."
 )
 @click.option("--near", type=float, metavar="ALPHA", help="With --inject: a launch speed near the fixed point.")
 @click.option("--along", metavar="NAME", help="Prove the family along a parameter as one curve, with its folds.")
-@click.option("--from", "start", type=float, metavar="A", help="The parameter's first value; default: as --set has it.")
+@click.option("--from", "start", type=float, metavar="A", help="The parameter's first value; default: that of --set.")
 @click.option("--to", "stop", type=float, metavar="B", help="The parameter's last value.")
 @options.limit_option
 @options.json_option
@@ -118,13 +118,14 @@ def prove_command(
     near: float | None, along: str | None, start: float | None, stop: float | None, limit: float, as_json: bool,
     save: str | None, **stated: Any,
 ) -> None:  # fmt: skip
-    """Prove that a lossless orbit exists, is alone nearby and is a motion, as a theorem of interval arithmetic.
+    """Prove by interval arithmetic that a lossless orbit exists, that no other is nearby, and that it is a motion.
 
-    With --inject and --near it is a fixed point of the return map that is proved, and whether it is stable.
+    With --inject and --near, a fixed point of the return map is proved instead, and whether it is stable.
 
-    The numbers of --set and --between are the exact decimals that are written, others the shortest decimals of floats.
-    With --between it is proved for each value of a parameter between two decimals; with --along that its orbits from
-    one value to another are one curve. Needs python-flint: pip install 'persistent-orbits[proof]'.
+    The numbers of --set and --between are the exact decimals that are written; other numbers are the shortest decimals
+    of floats. With --between the theorem holds for each value of a parameter between two decimals; with --along the
+    orbits between two values of a parameter are proved to be one curve. Needs python-flint:
+    pip install 'persistent-orbits[proof]'.
     """
     from orbits.errors import InputError
     from orbits.periodic.find import find
@@ -158,7 +159,7 @@ def prove_command(
 @click.argument("file", type=click.Path(exists=True, dir_okay=False))
 @options.json_option
 def check_proof_command(file: str, as_json: bool) -> None:
-    """Verify a proof of an orbit that was saved with prove --save, by a second program and from the file alone."""
+    """Verify a proof of an orbit that was saved with prove --save, by a second program that reads only this file."""
     from orbits.io import read_file, read_sealed
     from orbits.proof.prove import need_flint
 
@@ -191,18 +192,18 @@ COLUMNS_OF_HOPS = {"alpha": "launch speed", "next": "next", "loss": "loss"}
     metavar="NAME",
     help="The parameter: a law's, mass_ratio or rest_length; in SI also a mass, stiffness or surface_gravity.",
 )
-@click.option("--from", "start", type=float, metavar="A", help="Its first value; default: as --set has it.")
+@click.option("--from", "start", type=float, metavar="A", help="Its first value; default: that of --set.")
 @click.option("--to", "stop", type=float, required=True, metavar="B", help="Its last value.")
 @click.option("--at", metavar="V1,V2,...", help="Values to hit exactly.")
-@click.option("--longest", type=float, default=0.02, show_default=True, help="Longest step, as a share of the way.")
+@click.option("--longest", type=float, default=0.02, show_default=True, help="Longest step, as a share of the range.")
 @click.option("--method", metavar="NAME", help="As in find.")
-@click.option("--stop-inadmissible", is_flag=True, help="End where the orbits are no motions any more.")
+@click.option("--stop-inadmissible", is_flag=True, help="End where the orbits are not motions any more.")
 @options.free_limit_option
 @options.json_option
 @options.plot_option
-@options.file_option("--output", "lines", "Write each point as it is found: .jsonl, to resume from or to load.")
+@options.file_option("--output", "lines", "Write each point as it is found (.jsonl), to load or to resume from.")
 @options.file_option("--save", "family", "Save the whole family: .csv, .nc or .jsonl.")
-@click.option("--resume", metavar="FILE", help="Go on from the end of a family written by --output or --save.")
+@click.option("--resume", metavar="FILE", help="Continue from the end of a family written by --output or --save.")
 def follow_command(
     family: int, along: str, start: float | None, stop: float, at: str | None, longest: float, method: str | None,
     stop_inadmissible: bool, as_json: bool, plot: str | None, output: str | None, save: str | None,
@@ -244,8 +245,8 @@ def follow_command(
 @options.json_option
 @options.file_option("--plot", "figure", "Write a figure of the map from A to B (.png, .pdf, .svg).")
 @click.option("--cobweb", type=float, metavar="A0", help="Draw the hops from this launch speed into the figure.")
-@click.option("--all", "whole", is_flag=True, help=f"Print every launch, also of more than {LONGEST_TABLE}.")
-@click.option("--cap", type=click.IntRange(1), default=2000, show_default=True, help="Most impacts of one hop.")
+@click.option("--all", "whole", is_flag=True, help=f"Print every launch, even more than {LONGEST_TABLE}.")
+@click.option("--cap", type=click.IntRange(1), default=2000, show_default=True, help="Most impacts in one hop.")
 @click.option(
     "--along",
     metavar="NAME",
@@ -253,15 +254,15 @@ def follow_command(
 )
 @click.option("--from", "start", type=float, metavar="V", help="The parameter's first value.")
 @click.option("--to", "stop", type=float, metavar="W", help="Its last value.")
-@click.option("--attractor", type=click.IntRange(0), metavar="N", help="Values at which the attractor is found.")
-@options.file_option("--save", "front", "Save what is followed: .json, or its points as .csv.")
+@click.option("--attractor", type=click.IntRange(0), metavar="N", help="Number of values with the attractor computed.")
+@options.file_option("--save", "front", "Save the diagram: .json, or its points as .csv.")
 def return_map(
     alpha: str, inject: float, as_json: bool, plot: str | None, cobweb: float | None, whole: bool, cap: int,
     along: str | None, start: float | None, stop: float | None, attractor: int | None, save: str | None,
     **stated: Any,
 ) -> None:  # fmt: skip
-    """Map launch speeds to the next ones, with the losses and impacts in between; or, with --along, follow the fixed
-    points of the map and its hops of period two along a parameter, with their folds and flips."""
+    """Map launch speeds to the next ones, with the losses and impacts in between. With --along, follow the fixed points
+    of the map and its hops of period two along a parameter instead, with their folds and flips."""
     from orbits.errors import InputError
     from orbits.io import to_json
     from orbits.return_map.return_map import ReturnMap
@@ -314,8 +315,8 @@ def return_map(
 @click.option(
     "--alpha", type=float, required=True, metavar="A", help=f"Launch speed at the first lift-off{options.IN_UNITS}"
 )
-@click.option("--hops", type=click.IntRange(1), metavar="N", help="End after so many lift-offs.")
-@click.option("--cap", type=click.IntRange(1), default=2000, show_default=True, help="Most impacts of one hop.")
+@click.option("--hops", type=click.IntRange(1), metavar="N", help="End after N lift-offs.")
+@click.option("--cap", type=click.IntRange(1), default=2000, show_default=True, help="Most impacts in one hop.")
 @click.option("--time", "end", type=options.POSITIVE, metavar="T", help=f"End at this time{options.IN_UNITS}")
 @options.free_limit_option
 @options.json_option
@@ -325,7 +326,7 @@ def simulate_command(
     alpha: float, hops: int | None, end: float | None, cap: int, inject: float, as_json: bool, plot: str | None,
     animate: str | None, **stated: Any,
 ) -> None:  # fmt: skip
-    """Follow the machine's motion from a launch, through every impact and contact."""
+    """Simulate the machine from a launch, through every impact and contact."""
     from orbits.simulation.simulation import simulate
 
     machine = options.machine_of(**stated)
@@ -340,7 +341,7 @@ def simulate_command(
 @options.file_option("--plot", "figure", "Write a figure of the best orbit, or of the front (.png, .pdf, .svg).")
 @options.file_option("--save", "front", "Save the design (.json), or the front (.json, .csv).")
 def optimize_command(file: str, as_json: bool, plot: str | None, save: str | None) -> None:
-    """Find the best design of a machine, or a front of two objectives, as its file asks."""
+    """Find the best design of a machine, or a Pareto front of two objectives, for the problem in its file."""
     from orbits.design.optimize import optimize as best_design
     from orbits.design.pareto import Front, pareto
     from orbits.errors import InputError
@@ -372,17 +373,20 @@ def optimize_command(file: str, as_json: bool, plot: str | None, save: str | Non
     metavar="NAME=RANGE",
     help="A parameter: LOW:HIGH, LOW:HIGH:log, V1,V2,... or norm(MEAN,SD); repeatable.",
 )
-@click.option("--from", "designs", metavar="FILE.csv", help="The members instead: a column for each parameter.")
-@click.option("--samples", type=int, metavar="N", help="Members; on a grid, values of each range.")
+@click.option("--from", "designs", metavar="FILE.csv", help="A table of the members, a column for each parameter.")
+@click.option("--samples", type=int, metavar="N", help="Number of members; on a grid, of values of each range.")
 @click.option("--sampling", metavar="WAY", help="grid, sobol, lhs or random; default: grid for values, else sobol.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the sampling.")
 @click.option("--family", "families", default="1", show_default=True, metavar="N1,N2,...", help="As in find.")
 @click.option("--quantities", metavar="A,B,...", help="Further columns: quantities of the orbit, or formulas of them.")
-@click.option("--outcome", default="find", show_default=True, metavar="find|map|fixed_points", help="What is asked.")
-@click.option("--between", metavar="A:B", help="Launch speeds between which fixed points are looked for.")
-@click.option("--store", metavar="FILE", help="An SQLite file that has every chunk of members as soon as it is done.")
-@click.option("--resume", is_flag=True, help="Go on with the store, or begin it.")
-@click.option("--workers", type=click.IntRange(1), metavar="N", help="Processes that compute; 1 by default.")
+@click.option(
+    "--outcome", default="find", show_default=True, metavar="find|map|fixed_points",
+    help="Find orbits, next launch speeds, or fixed points of the return map.",
+)  # fmt: skip
+@click.option("--between", metavar="A:B", help="Launch speeds between which fixed points are searched.")
+@click.option("--store", metavar="FILE", help="An SQLite file to which members are written as soon as they are done.")
+@click.option("--resume", is_flag=True, help="Continue the store, or begin it.")
+@click.option("--workers", type=click.IntRange(1), metavar="N", help="Number of processes; 1 by default.")
 @options.free_limit_option
 @options.json_option
 @options.file_option("--output", "sweep", "Write the members: .csv, .nc, .parquet or .json.")
@@ -423,13 +427,13 @@ def sweep_command(
 )
 @options.machine_options
 @click.option("--along", required=True, metavar="NAME=LOW:HIGH[:log]", help="The parameter of the rows.")
-@click.option("--across", required=True, metavar="NAME=RANGE", help="That from row to row: as --along, or V1,V2,...")
+@click.option("--across", required=True, metavar="NAME=RANGE", help="The one that differs between rows; also V1,V2,...")
 @options.family_option("As in find.")
 @click.option("--samples", default="100", show_default=True, metavar="N[,M]", help="Values along and across.")
 @click.option("--quantities", metavar="A,B,...", help="Further columns: quantities of the orbit, or formulas of them.")
 @click.option("--both-ways", is_flag=True, help="Locate boundaries between the rows too.")
 @click.option("--colour", metavar="QUANTITY", help="Colour the figure by a quantity.")
-@click.option("--workers", type=click.IntRange(1), metavar="N", help="Processes that compute; 1 by default.")
+@click.option("--workers", type=click.IntRange(1), metavar="N", help="Number of processes; 1 by default.")
 @options.free_limit_option
 @options.json_option
 @options.file_option("--output", "diagram", "Write the diagram: .json or .nc; its rows: .csv.")
@@ -465,12 +469,12 @@ def existence_command(
 @orbits.command("explore", epilog="\b\nExit code: 0 ended by Ctrl-C, 2 bad input.")
 @options.machine_options
 @options.family_option("As in find.")
-@click.option("--no-browser", is_flag=True, help="Serve the page, and open no browser.")
-@click.option("--port", type=click.IntRange(0, 65535), default=5007, show_default=True, help="0 for any that is free.")
+@click.option("--no-browser", is_flag=True, help="Serve the page without opening a browser.")
+@click.option("--port", type=click.IntRange(0, 65535), default=5007, show_default=True, help="0 for any free port.")
 def explore_command(family: int, no_browser: bool, port: int, **stated: Any) -> None:
-    """Show a hop on a page with sliders, in the browser: the machine moving, its family and its return map.
+    """Show a hop on a page with sliders in the browser: the moving machine, its family and its return map.
 
-    The page is served to this machine alone, and needs no network.
+    The page is served to this computer only, and needs no network.
     """
     from ..explorer.processes import prepare
 

@@ -37,7 +37,7 @@ POSITIVE = click.FloatRange(0, min_open=True)
 machine_options = combined(
     click.option("--machine", metavar="hopper|juggler|FILE.toml", help="Kind of machine, or a file that states it."),
     click.option("--mass-ratio", type=POSITIVE, metavar="M", help="Foot (hand) over body (ball) mass; default 1."),
-    click.option("--rest-length", type=POSITIVE, metavar="L", help="Of the spring; default: long enough."),
+    click.option("--rest-length", type=POSITIVE, metavar="L", help="Of the spring; default: separation not checked."),
     click.option(
         "--spring",
         metavar="LAW",
@@ -45,17 +45,17 @@ machine_options = combined(
         "table:FILE, also table:FILE?branch=loading and table:FILE?noise=SD; see the documentation.",
     ),
     click.option("--gravity", metavar="LAW", help="Formula of z with value 1 at z = 0, or a law's name."),
-    click.option("--set", "settings", metavar="NAME=VALUE", multiple=True, help="A parameter; repeatable."),
+    click.option("--set", "settings", metavar="NAME=VALUE", multiple=True, help="Value of a parameter; repeatable."),
 )
 loss_options = combined(
     click.option("--restitution", type=click.FloatRange(0, 1), metavar="e", help="Of the impacts; default 0, plastic."),
-    click.option("--damping", type=click.FloatRange(0), metavar="c", help="Of the damper beside the spring."),
-    click.option("--drag", type=click.FloatRange(0), metavar="d", help="On each mass, against its motion."),
+    click.option("--damping", type=click.FloatRange(0), metavar="c", help="Of a damper in parallel with the spring."),
+    click.option("--drag", type=click.FloatRange(0), metavar="d", help="Drag coefficient of each mass."),
     click.option("--inject", type=float, default=0.0, metavar="EPS", help=f"Added to every launch speed{IN_UNITS}"),
 )
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 limit_option = click.option(
-    "--limit", type=float, default=30.0, show_default=True, metavar="SECONDS", help="How long it may take."
+    "--limit", type=float, default=30.0, show_default=True, metavar="SECONDS", help="Time limit."
 )
 
 
@@ -68,13 +68,13 @@ def _limited(context: click.Context, parameter: click.Parameter, seconds: float 
 
 
 free_limit_option = click.option(
-    "--limit", type=float, metavar="SECONDS", help="How long it may take; default: as long as it needs.",
+    "--limit", type=float, metavar="SECONDS", help="Time limit; default: none.",
     callback=_limited, expose_value=False,
 )  # fmt: skip
 
 
 def family_option(text: str) -> Callable:
-    """The option that asks for the orbits of a family."""
+    """The option that selects a family."""
     return click.option("--family", type=click.IntRange(1), default=1, show_default=True, metavar="N", help=text)
 
 
@@ -100,7 +100,7 @@ def file_option(flag: str, kind: str, text: str) -> Callable:
 
 
 plot_option = file_option("--plot", "figure", "Write a figure (.png, .pdf, .svg).")
-animate_option = file_option("--animate", "animation", "Write an animation (.gif, or .mp4 where ffmpeg is).")
+animate_option = file_option("--animate", "animation", "Write an animation (.gif, or .mp4 with ffmpeg).")
 
 
 def write(
@@ -143,7 +143,7 @@ def formulas(text: str | None) -> list[str]:
 
 
 def swept_members(over: Sequence[str], designs: str | None) -> tuple[dict[str, Any], dict[str, "np.ndarray"] | None]:
-    """What --over asks of each parameter, or the table that --from names; raises `InputError` for neither or both."""
+    """The ranges of --over by parameter, or the table that --from names; raises `InputError` for neither or both."""
     from orbits.errors import InputError
     from orbits.sweeps.designs import as_numbers, read_designs
 
@@ -187,7 +187,7 @@ def swept_axis(option: str, text: str) -> tuple[str, Any]:
 
 
 def computed_by(workers: int | None) -> dict[str, Any]:
-    """What a sweep is told of --workers."""
+    """The options of a sweep that follow from --workers."""
     return {"executor": "processes", "workers": workers} if workers and workers > 1 else {}
 
 
@@ -229,7 +229,7 @@ def launch_speeds(text: str) -> "np.ndarray":
 def diagram_of(
     along: str, span: tuple[float, float], speeds: "np.ndarray", stated: dict[str, Any], asked: dict[str, Any]
 ) -> "BifurcationDiagram":
-    """What the return maps of the stated machine do along a parameter, between the ends of its range `span`."""
+    """The bifurcation diagram of the stated machine along a parameter, between the ends of its range `span`."""
     from orbits.return_map.bifurcations import bifurcations
     from orbits.return_map.cycles import DAMPERS_OF_HOPS, INJECT, RESTITUTION
 
@@ -260,7 +260,7 @@ def proved_curve(
 
 
 def summary(hops: "Hops") -> str:
-    """What became of many launches, in some lines: how many of each status, and the ranges of their numbers."""
+    """A summary of many launches: the number of each status, and the ranges of the results."""
     import numpy as np
 
     lines = [f"{len(hops.alpha)} launches (--all prints each, --json all as one document)"]
@@ -288,8 +288,8 @@ def statement_of(
     machine: str | None, settings: Sequence[str] = (), first: tuple[str, float] | None = None,
     **stated: str | float | None,
 ) -> tuple[dict[str, Any], str]:  # fmt: skip
-    """The statement of a machine that the options describe, and where it stands; an option that is not None comes
-    before what the machine's file says.
+    """The statement of a machine that the options describe, and its source; an option that is not None overrides the
+    machine's file.
 
     first : name and first value of a parameter to be followed, which replaces what --set says
     """
@@ -357,7 +357,7 @@ def exact_parameters(settings: Sequence[str], intervals: Sequence[str]) -> dict[
 
 
 def with_middles(stated: dict[str, Any], intervals: Sequence[str]) -> dict[str, Any]:
-    """The options with the middles of --between, of which an orbit is found first."""
+    """The options with the midpoints of --between, for which an orbit is found first."""
     middles = {name: (float(low) + float(high)) / 2 for name, (low, high) in _bounds(intervals)}
     own: dict[str, Any] = {name: middles.pop(name) for name in ("mass_ratio", "rest_length") if name in middles}
     kept = [setting for setting in stated["settings"] if not any(sets(setting, name) for name in middles)]
@@ -380,7 +380,7 @@ def _bounds(intervals: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
 
 
 def sets(setting: str, name: str) -> bool:
-    """Whether a --set gives this name a value, which another option then replaces."""
+    """Whether a --set has a value for this name, which another option then replaces."""
     try:
         float(setting.partition("=")[2])
     except ValueError:

@@ -201,14 +201,14 @@ class Exploration:
 def explore(machine: Any = None, *, height: int = 900) -> Exploration:
     """Show a machine's lossless hop on a page with sliders, in a notebook.
 
-    machine : as in `orbits.find`; by default a hopper with a cubic spring. Where it is stated by formulas, these can be
-        changed on the page; of any other one the parameters
+    machine : as in `orbits.find`; by default a hopper with a cubic spring. Formulas of its statement can be changed on
+        the page; for a machine without formulas, its parameters
     height : of the page in the notebook, in pixels
 
-    The page is that of the command `orbits explore`, served on the loopback interface for as long as Python runs or
-    until `close` is called on what is returned, whose `address` any browser on this machine can open. The kernel has to
-    run on this machine too. In a script the call stands below `if __name__ == "__main__":`. Raises `InputError` without
-    the extra `explore`, and for what is no machine.
+    The page is that of the command `orbits explore`, served on the loopback interface until Python ends or `close` of
+    the result is called; any browser on this computer can open its `address`. The kernel has to run on this computer
+    too. In a script, call it below `if __name__ == "__main__":`. Raises `InputError` without the extra `explore`, and
+    for arguments that are not machines.
     """
     if machine is None:
         from ..machines.hopper import Hopper

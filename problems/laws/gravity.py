@@ -48,7 +48,7 @@ def linear(*, kappa: float = 0.001) -> Law:
 
 
 def exponential(*, H: float = 1000.0) -> Law:
-    """Gravity that decays as exp(-z/H), as a screened (Yukawa) force does over distances small beside the body."""
+    """Gravity that decays as exp(-z/H), as a screened (Yukawa) force does at distances much smaller than the body."""
     return formula("exp(-z/H)", **positive(H=H))
 
 
@@ -56,8 +56,8 @@ NAMED = {law.__name__: law for law in (constant, inverse_square, linear, exponen
 
 
 def as_gravity(law: Any, given: Mapping[str, float] | None = None, shared: bool = False) -> Law:
-    """A gravity law from a law, a formula, a law's name or a Python function, with the given parameters; `shared` as in
-    `springs.as_spring`."""
+    """A gravity law from a law, a formula, a law's name or a Python function, with parameters `given` by name; `shared`
+    is as in `springs.as_spring`. Raises `InputError` for anything else."""
     if isinstance(law, str) and law.startswith(("table:", "potential:")):
         raise InputError(f"gravity '{law}': gravity is a formula of z or a law's name; only springs are tables")
     return _checked(laws.from_any(law, "z", given, NAMED, "gravity", shared))

@@ -51,7 +51,9 @@ def potential(text: str, /, **parameters: float) -> Law:
 def function(force: Callable, /, breakpoints: tuple[float, ...] = (), **parameters: float) -> Law:
     """A spring from a Python function force(r, **parameters), smooth between the breakpoints.
 
-    State where it jumps or bends: integration steps end there, and derivatives are carried across a jump.
+    breakpoints : extensions at which the force jumps or has a kink: integration steps end there, and derivatives are
+        computed correctly across them
+    parameters : values of the function's parameters
 
     >>> float(function(lambda r, b: r + b * r**3, b=0.3)(2.0))
     4.4
@@ -98,7 +100,7 @@ def morse(*, a: float = 0.05) -> Law:
 
 
 def bilinear(*, ratio: float = 3.0, gap: float = 0.5) -> Law:
-    """Stiffness 1 up to the extension `gap`, `ratio` beyond: a second spring picked up (Shaw and Holmes 1983)."""
+    """Stiffness 1 up to the extension `gap`, `ratio` beyond: a second spring engages (Shaw and Holmes 1983)."""
     written = Written(("r", "gap + ratio*(r - gap)"), ("gap",))
     return Law("bilinear", "r", _line_expression, positive(ratio=ratio, gap=gap), (3, _bilinear_pieces), written)
 
@@ -145,25 +147,25 @@ def table(
 ) -> Law:
     """A spring from measured pairs: a file of text columns with a header, or (extensions, forces) as two sequences.
 
-    in_si : whether the law is in m and N, to which the units in the header are then converted; without, units there are
-        an error, since a dimensionless machine takes the numbers as they stand
-    branch : of a loop, whose rows are in the order of the measurement: "loading", on which the measured travel grows
-        (away from rest, where the table has one side alone), "unloading", or "mean", half way between both, where both
-        have been measured
+    in_si : whether the law is in m and N, to which the units in the header are then converted; otherwise units in the
+        header are an error, since a dimensionless machine uses the numbers as they are
+    branch : of a hysteresis loop, whose rows are in the order of the measurement: "loading", on which the measured
+        travel grows (away from rest, if the table has one side only), "unloading", or "mean", the mean of both where
+        both have been measured
     noise : standard deviation of a row's force, in the law's unit; 0 where the rows are exact, None to estimate it
 
     The header names one column of `tables.EXTENSION_NAMES` and one of `tables.FORCE_NAMES`, tension and extension
-    positive; both are counted the other way where one says compression, unless the other says tension. Units follow the
-    names, as in `Weg [mm]`, `force_kN`, or stand in the row below. Tabs, semicolons, commas or blanks separate the
+    positive; the signs of both are reversed where one says compression, unless the other says tension. Units follow the
+    names, as in `Weg [mm]`, `force_kN`, or are in the row below. Tabs, semicolons, commas or blanks separate the
     columns; with commas a decimal comma has to be in quotes. Lines before the header and comments (#, ;, %, //) are
-    left aside. Rows that are no loop may stand in any order; forces at repeated extensions are averaged, and how they
-    differ is noise.
+    ignored. Rows that are not a loop may be in any order; forces at repeated extensions are averaged, and their
+    differences count as noise.
 
-    The law is the C2 cubic spline, as a quintic Hermite interpolant whose slopes and curvatures are cut back where the
-    spline would overshoot: between rows the force is monotone, and the whole is twice differentiable. Noisy rows are
-    smoothed first, see `smoothing.curve_of`; the law's text says so, and orbits say how far it can move alpha. Outside
-    the table there is no force: an orbit that needs one is refused with the range. Raises `InputError` for a table that
-    cannot be read or interpolated, and for a loop of which no branch is named.
+    The law is the C2 cubic spline, as a quintic Hermite interpolant whose slopes and curvatures are reduced where the
+    spline would overshoot: between rows the force is monotone, and the law is twice differentiable. Noisy rows are
+    smoothed first, see `smoothing.curve_of`; the text of the law says so, and orbits state the effect on alpha. Outside
+    the table the force is not defined: an orbit that leaves it is refused, with the range that it needs. Raises
+    `InputError` for a table that cannot be read or interpolated, and for a loop where no branch is named.
 
     >>> law = table(([-2.0, -1.0, 0.0, 1.0, 2.0], [-3.0, -1.2, 0.0, 1.2, 3.0]), noise=0)
     >>> float(law(1.0)), law.range()
@@ -189,10 +191,12 @@ NAMED = {
 
 def as_spring(law: Any, given: Mapping[str, float] | None = None, in_si: bool = False, shared: bool = False) -> Law:
     """A spring from a law, a formula, a law's name, "table:FILE", "table:FILE?branch=loading&noise=0.5",
-    "potential:FORMULA" or a Python function, with the given parameters.
+    "potential:FORMULA" or a Python function.
 
-    shared : whether the given parameters are another law's too; this one then takes those that it has, while otherwise
-        one that it has not is an `InputError`
+    given : values of parameters by name
+    in_si : as in `table`
+    shared : whether the parameters are another law's too; this law then takes those that it has, while otherwise one
+        that it does not have is an `InputError`
     """
     kind, colon, rest = law.partition(":") if isinstance(law, str) else ("", "", "")
     if colon and kind == "table":

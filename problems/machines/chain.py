@@ -44,9 +44,12 @@ class Chain(Stated):
     """N masses in a column joined by N - 1 springs.
 
     masses : (N,), from the top, N from 2 to 12
-    springs : a spring as in `TwoMassMachine`, for all, or (N - 1,) of them, from the top; smooth, parameters in common
+    springs : a smooth spring as in `TwoMassMachine`, for all, or (N - 1,) of them, from the top; parameters of the same
+        name are the same parameter
     restitution : of the impacts of the lowest mass, 0 <= e <= 1
     parameters : values of the formulas' names
+
+    All numbers are dimensionless, with gravity 1. Raises `InputError` for invalid masses, springs and parameters.
 
     >>> from orbits import find_all
     >>> from problems import Chain

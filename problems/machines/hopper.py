@@ -16,7 +16,9 @@ from .two_masses import END, RATE, TwoMassMachine
 
 @dataclass(frozen=True, repr=False)
 class Hopper(TwoMassMachine):
-    """Body and foot joined by a spring; see `TwoMassMachine` for the arguments. `mass_ratio` is foot over body.
+    """Body and foot joined by a spring; see `TwoMassMachine` for the arguments. `mass_ratio` is foot over body mass.
+
+    Source: sections 3 and 4 of the paper; its flight is eqs. (2) for a linear spring and constant gravity.
 
     >>> from orbits import find
     >>> from problems import Hopper

@@ -56,16 +56,16 @@ def hopper_in_si(
     body_mass, foot_mass : kg
     force : a spring law in N of the extension in m, stated in any of the ways of `springs.as_spring`; a table's header
         may name other units of length and force
-    stiffness : of a linear spring, N/m; beside `force` only where that has no slope at rest to set the units
+    stiffness : of a linear spring, N/m; together with `force` only where that has no slope at rest to define the units
     rest_length : of the spring, m
     surface_gravity : m/s^2, where gravity's ratio is 1
-    body_radius : m, of the sphere whose gravity falls off with height
+    body_radius : m, radius of the sphere whose gravity decreases with height
     gravity : instead of body_radius, a ratio as a law of the height in m
     restitution : of the impacts, 0 <= e <= 1
-    damping, drag : of the damper beside the spring and on each mass, N s/m
+    damping, drag : coefficients of the damper in parallel with the spring and of the drag on each mass, N s/m
     parameters : values of the formulas' other names, in SI
 
-    Raises `InputError` that names what cannot be meant.
+    Returns a `MachineInSI`. Raises `InputError`, which names the invalid argument.
 
     >>> from orbits import find
     >>> from problems import hopper_in_si
@@ -85,7 +85,7 @@ def juggler_in_si(
     surface_gravity: float = STANDARD_GRAVITY, body_radius: float | None = None, gravity: Any = None,
     restitution: float = 0.0, damping: float = 0.0, drag: float = 0.0, parameters: Mapping[str, float] | None = None,
 ) -> "MachineInSI":  # fmt: skip
-    """A juggler in SI from the masses of ball and hand (kg); the rest as in `hopper_in_si`.
+    """A juggler in SI from the masses of ball and hand (kg); further arguments and errors are as in `hopper_in_si`.
 
     >>> from orbits import find
     >>> from problems import juggler_in_si
@@ -103,9 +103,9 @@ class MachineInSI(TwoMasses):
     """A machine of two masses stated in SI, made by `hopper_in_si` or `juggler_in_si`; see there for the arguments.
 
     base : the class of the dimensionless machine
-    masses : of the upper and the lower mass, by name
+    masses : of the upper and the lower mass, in kg, by name
     spring : the law in N of m; None for a linear spring
-    stiffness : that of the linear spring, or that which sets the units beside a law
+    stiffness : that of the linear spring, or with a law the one that defines the units, in N/m
     """
 
     base: type[TwoMassMachine]
@@ -178,7 +178,7 @@ class MachineInSI(TwoMasses):
 
     @exclusive_property
     def units(self) -> Units:
-        """The units of its dimensionless self, in SI."""
+        """The units of the dimensionless machine, in SI."""
         scales = {**self.masses, "surface_gravity": self.surface_gravity, self._stiffness_name: self.stiffness}
         return _units_by(*self._names)(scales)
 
@@ -194,7 +194,7 @@ class MachineInSI(TwoMasses):
 
     @property
     def scheduled(self) -> dict[str, float]:
-        """The units of the parameters that a simulation may vary in time: not of those that set the units."""
+        """The units of the parameters that a simulation may vary in time, which are not those that define the units."""
         return {name: 1.0 for name in stated(self.parameters) if name != "stiffness" or self.spring is not None}
 
     @property
@@ -215,7 +215,8 @@ class MachineInSI(TwoMasses):
         )  # fmt: skip
 
     def dimensionless(self) -> TwoMassMachine:
-        """The same machine in units of its own; the coefficients of its laws stay in SI, beside the laws' units."""
+        """The same machine in dimensionless units; the coefficients of its laws stay in SI, with the units of the laws
+        as further parameters."""
         return self._dimensionless
 
     @exclusive_property
@@ -267,7 +268,7 @@ class MachineInSI(TwoMasses):
         }
 
     def units_of_parameters(self) -> dict[str, str]:
-        """The units of the parameters by name; not of a coefficient that a law's formula does not tell the unit of."""
+        """The units of the parameters by name, except coefficients whose unit does not follow from the formula."""
         laws = {} if self.spring is None else coefficient_dimensions(self.spring.key)
         known = {**laws, **DIMENSIONS_OF_PARAMETERS}
         return {name: unit_text(known[name]) for name in self.values if name in known}

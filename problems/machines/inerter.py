@@ -39,8 +39,14 @@ def inerter_hopper(
     """Body and foot joined by a spring and an inerter; the launch speed is that of the body.
 
     spring : a law of `problems.springs`, or a formula of the extension r, whose other names are `parameters`
-    rest_length : of the spring; None for long enough that the masses never meet
-    in_si : whether all numbers are in kg, m and s
+    body_mass, foot_mass, inertance : masses of body and foot, and inertance of the flywheel
+    surface_gravity : acceleration of gravity, which is constant
+    rest_length : of the spring; None where the masses are assumed never to meet
+    restitution : of the foot's impacts, 0 <= e <= 1
+    parameters : values of the spring's names
+    in_si : whether all numbers are in kg, m and s; else they are in any consistent units
+
+    Source: the inerter of Smith 2002.
 
     >>> from orbits import find
     >>> from problems import inerter_hopper

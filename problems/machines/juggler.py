@@ -28,7 +28,8 @@ class Juggler(TwoMassMachine):
     """Ball on a sprung hand; see `TwoMassMachine` for the arguments. `mass_ratio` is hand over ball.
 
     The force is that of the hand's own spring, zero at lift-off. A hopper with spring force phi and lift-off extension
-    rho moves as the juggler with force phi(r + rho) - 1 under constant gravity (eq. 6, with one clock).
+    rho moves as the juggler with force phi(r + rho) - 1 under constant gravity (eq. 6, with the same unit of time).
+    Source: eqs. (4) and (5) of the paper, for a linear spring.
 
     >>> from orbits import find
     >>> from problems import Juggler
@@ -68,12 +69,13 @@ class Juggler(TwoMassMachine):
 
 @dataclass(frozen=True, repr=False)
 class HeavyHand(TwoMassMachine):
-    """Ball on a hand that it cannot slow down; see `TwoMassMachine` for the arguments, of which it takes no mass ratio,
-    damping or drag.
+    """Ball on a hand of infinite mass, which the ball cannot slow down; see `TwoMassMachine` for the arguments, except
+    mass ratio, damping and drag, which it does not take.
 
-    What is conserved is the hand's energy alone, from lift-off to lift-off and through every impact, so every launch
-    that ends in sustained contact comes back as it was; the others bounce for ever. For a linear spring, period-one
-    bouncing is stable for pi < alpha < sqrt(pi^2 + 3) (Schaal and Atkeson 1993, with e = 0).
+    The energy of the hand alone is conserved, from lift-off to lift-off and through every impact. So every launch that
+    ends in sustained contact is followed by a launch at the same speed; the others bounce for ever. For a linear
+    spring, bouncing with one impact in each cycle is stable for pi < alpha < sqrt(pi^2 + 3) (Schaal and Atkeson 1993,
+    with e = 0).
 
     >>> from orbits import ReturnMap
     >>> from problems import HeavyHand

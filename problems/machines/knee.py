@@ -47,7 +47,11 @@ def knee_hopper(
     link : length of each link in m
     stiffness : of the knee in N m/rad, 600 where the torque has it
     rest_angle : of the knee where its spring is unloaded, in rad, between 0 and pi
+    surface_gravity : in m/s^2
     restitution : of the foot's impacts, 0 <= e <= 1
+    parameters : values of the torque's names
+
+    The launch speed is that of the knee, in rad/s.
 
     >>> from orbits import find
     >>> from problems import knee_hopper

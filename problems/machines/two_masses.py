@@ -70,13 +70,15 @@ class TwoMassMachine(TwoMasses):
 
     spring : a law of `problems.springs`, a formula of the extension r, a law's name, "table:FILE",
         "potential:FORMULA", or a Python function
-    gravity : likewise a law of the height z, as a ratio to gravity at the ground; both are kept as a `Law`
+    gravity : likewise a law of the height z, as a ratio to gravity at the ground; spring and gravity become a `Law`
     mass_ratio : M = m2/m1, above 0
-    rest_length : of the spring; None for long enough that the masses never meet, which constant gravity allows
+    rest_length : of the spring; None where the masses are assumed never to meet, which constant gravity allows
     restitution : of the impacts, 0 <= e <= 1; a lossless orbit is the same for every value
-    damping : of the damper beside the spring, force over speed, from 0
-    drag : force over speed on each mass, against its motion, from 0
+    damping : coefficient of the damper in parallel with the spring, force over speed, at least 0
+    drag : coefficient of the drag on each mass, force over speed, at least 0
     parameters : values of the formulas' other names
+
+    Raises `InputError` for invalid laws and numbers, and for names without values.
     """
 
     spring: Any = "r"
@@ -120,7 +122,7 @@ class TwoMassMachine(TwoMasses):
 
     @classmethod
     def build(cls, *laws: Any) -> Model:
-        """The model of what `mechanism` is told."""
+        """The model that follows from `mechanism` with the same arguments."""
         return cls.mechanism(*laws).model
 
     @property

@@ -28,10 +28,10 @@ from ..machines.two_masses import DAMPERS, END, RATE, TwoMassMachine
 
 @dataclass(frozen=True)
 class Actuated(Stated):
-    """A machine whose spring's end is moved, as `simulate` takes it; the last state is u.
+    """A machine whose spring's end is moved, as `simulate` takes it; the last state u is the displacement of this end.
 
-    machine : a `Hopper` or `Juggler` with a smooth spring law, or one in SI; its dimensionless self is kept
-    units : of the machine in SI, None where there are none
+    machine : a `Hopper` or `Juggler` with a smooth spring law, or one in SI, which is stored without units
+    units : of the machine in SI, None for a dimensionless one
     """
 
     machine: TwoMassMachine
@@ -50,7 +50,7 @@ class Actuated(Stated):
 
     @exclusive_property
     def model(self) -> Model:
-        """The machine's own model with u beside each state; machines that differ only in numbers share it."""
+        """The machine's model with u as a further state; machines that differ only in numbers share it."""
         m = self.machine
         return m.mechanism(*m.keys, m.rest_length is not None, damped=True, moved=True).model
 

@@ -26,7 +26,7 @@ JUST_AFTER = (1e-13, 1e-10, 1e-8, 1e-6)
 
 @dataclass(frozen=True)
 class Disturbed:
-    """A motion driven open loop under a disturbance, beside the same without it; in SI where the machine is.
+    """An open-loop simulation with a disturbance, and the same without it; in SI for a machine in SI.
 
     nominal : the simulation without the disturbance
     run : the simulation with it; its `status` says why it ended, and `run(t)` its states
@@ -37,17 +37,17 @@ class Disturbed:
 
     @property
     def compared(self) -> int:
-        """How many launches are compared: those that both have, that of the start among them if it was one."""
+        """The number of launches that both simulations have, that of the start included if it was one."""
         return min(len(self.nominal.launches), len(self.run.launches))
 
     @property
     def launch_errors(self) -> np.ndarray:
-        """By how much the disturbed launch speeds (k,) are above the nominal ones, launch by launch."""
+        """The disturbed launch speeds (k,) minus the nominal ones, launch by launch."""
         return self.run.launches[: self.compared] - self.nominal.launches[: self.compared]
 
     @property
     def delays(self) -> np.ndarray:
-        """By how much the disturbed launches (k,) come later than the nominal ones."""
+        """The times of the disturbed launches (k,) minus those of the nominal ones."""
         return launch_times(self.run)[: self.compared] - launch_times(self.nominal)[: self.compared]
 
     def __repr__(self) -> str:
@@ -81,7 +81,7 @@ class Disturbed:
         return self.nominal.launches[: len(self.nominal.launches) - len(_liftoffs(self.nominal))]
 
     def plot(self, axes: Axes | None = None) -> Axes:
-        """Plot both motions against time, and below by how much each launch speed is off; returns the axes of the
+        """Plot both motions against time, and below the error of each launch speed; returns the axes of the
         motions. See `problems.steering.steering_figures.plot_disturbed`."""
         from .steering_figures import plot_disturbed
 

@@ -31,10 +31,10 @@ PERIODIC = 1e-6  # states that differ by less, relative to their size, are the s
 class Driven(Control):
     """A `Control` of a machine whose spring's end is moved, as `problems.steering` finds it.
 
-    Called with times (...) it gives flight states (..., n), as `Simulation` and `Orbit` do; the last one is the
+    Called with times (...) it returns flight states (..., n), as `Simulation` and `Orbit` do; the last one is the
     displacement of the spring's end.
 
-    machine : the machine without its actuator; in SI the numbers are in SI
+    machine : the machine without its actuator; the numbers are in SI for a machine in SI
     """
 
     machine: AnyMachine = field(kw_only=True)
@@ -53,7 +53,7 @@ class Driven(Control):
 
     @property
     def states(self) -> tuple[str, ...]:
-        """Names of the flight states, which a call gives."""
+        """Names of the flight states, which a call returns."""
         return self.actuated.model.flight.states
 
     def __call__(self, t: ArrayLike) -> np.ndarray:
@@ -62,7 +62,7 @@ class Driven(Control):
 
     @cached_property
     def motion(self) -> Simulation:
-        """The motion as that of a simulation, which shows heights, separation and contact; it has no events."""
+        """The motion as a `Simulation`, which has heights, separation and contact; it has no events."""
         launches = np.array([] if self.launch is None else [self.launch])
         return DrivenMotion(self.legs, (), "done", launches, self.end, self.actuated)
 
@@ -95,17 +95,17 @@ class Driven(Control):
         self, hops: int = 1, *, launch_error: float = 0.0, state: ArrayLike | None = None,
         push: tuple[float, Mapping[str, float]] | None = None, **values: float,
     ) -> Disturbed:  # fmt: skip
-        """The machine driven open loop by these inputs from a disturbed start, or with other parameters, beside the
-        same without the disturbance.
+        """Simulate the machine open loop with these inputs, from a disturbed start or with other parameters, and again
+        without the disturbance.
 
-        hops : lift-offs after which it ends. The inputs of a periodic motion are repeated; after those of any other the
-            spring's end stays at rest
+        hops : number of lift-offs after which the simulation ends. The inputs of a periodic motion are repeated; after
+            those of any other the spring's end stays at rest
         launch_error : added to the launch speed, for a motion that begins with a lift-off
         state : (n,), a flight state to start from instead, as in `simulate`
-        push : (time, changes of flight states by name), as (3.0, {"y1'": 0.1}): a blow at that time
+        push : (time, changes of flight states by name), as (3.0, {"y1'": 0.1}): an impulse at that time
         values : of parameters of the machine, as damping=0.011; a launch is then one of that machine, at the same speed
 
-        Raises `InputError` for a disturbance that cannot be meant.
+        Raises `InputError` for an invalid disturbance.
         """
         return disturbed(self, hops, launch_error, state, push, values)
 
@@ -145,9 +145,10 @@ class Driven(Control):
     def load(cls, path: str | Path, machine: AnyMachine | None = None) -> "Driven":
         """Read a motion that `save` wrote.
 
-        machine : the one that it is of; needed where a file cannot state it, as with a Python function as its spring
+        machine : the machine of the motion; needed where a file cannot state it, as with a Python function as its
+            spring
 
-        Raises `InputError` when the file is not one, or is of another machine.
+        Raises `InputError` when the file does not have such a motion, or is of another machine.
         """
         return read_file(path, f"{path} is not a saved motion of a driven machine", partial(_driven_of, machine))
 

@@ -1,9 +1,10 @@
-"""Steering an actuated machine: keep it hopping though damped, bring it onto its lossless orbit, or start it from rest.
+"""Optimal control of an actuated machine: to keep it hopping although it is damped, to bring it onto its lossless
+orbit, or to start it from rest.
 
 The control is the rate w of the spring's end, constant on each interval; effort is the integral of w**2. A landing is
-lossless, the gap's speed and acceleration vanishing with it, or plastic: then the speed is free, its energy is lost,
-and the contact must press from there on. With a restitution above 0 the machine would bounce instead, so that it is
-refused unless the landing is lossless.
+lossless, where the speed and the acceleration of the gap vanish with it, or plastic: then the speed is free, its energy
+is lost, and the contact force must press from there on. With a restitution above 0 the machine would bounce instead,
+and is refused unless the landing is lossless. Source: direct multiple shooting, see `orbits.steer`.
 """
 
 from collections.abc import Callable, Sequence
@@ -52,8 +53,8 @@ ROWS: dict[str, Dimension] = {RATE: SPEED, "rise": SPEED, "fall": SPEED}
 
 
 def in_units_of_the_machine(function: Callable[..., Control]) -> Callable[..., Driven]:
-    """A function of this module that takes a machine in SI too, and then rate, stroke and speeds in SI as well; what it
-    finds is handed back with the machine."""
+    """Extend a function of this module to machines in SI, with rate, stroke and speeds in SI; the result has its
+    machine."""
 
     @exclusive
     @wraps(function)
@@ -76,19 +77,22 @@ def keep_hopping(
 ) -> Control:  # fmt: skip
     """Keep a damped machine hopping periodically at locally least cost, near its lossless orbit without the damping.
 
+    machine : a `Hopper` or `Juggler` with a smooth spring law, or one in SI
+    family : number of the family, from 1
     cost : "effort"; "work", the actuator's positive work; or "peak", the largest rate. The last two are minimised with
-        a little of the effort added (`EFFORT_WEIGHTS`), and work is rounded (`ROUNDINGS`); the answer's
-        `cost` is without either
+        a small multiple of the effort added (`EFFORT_WEIGHTS`), and work is smoothed (`ROUNDINGS`); the `cost` of the
+        result is without either
     lossless : whether the landing has to be lossless; else it is plastic, see the module
-    intervals : of flight and contact together, on each of which the actuator's rate is held; with few, about 12,
-        the contact force after a lossless landing may be too small for an answer to be found
-    rate, stroke : bounds of the actuator's rate, without which no least work exists, and of its displacement from where
-        it is at lift-off, either way
-    orbit : the lossless orbit, found if it is not given
-    guess : the answer for a machine nearby
+    intervals : of flight and contact together, on each of which the actuator's rate is constant; with few, about 12,
+        the contact force after a lossless landing may be too small for a solution to be found
+    rate, stroke : bounds of the actuator's rate, without which no least work exists, and of its displacement from the
+        one at lift-off, in both directions
+    orbit : the lossless orbit without damping; by default it is found
+    guess : the result for a machine nearby
 
-    The stages are a flight from lift-off and the contact after it. A machine that loses nothing needs nothing: its
-    answer is the lossless orbit, whatever is asked. Raises as `steer` and `find` do.
+    The stages are a flight from lift-off and the contact after it. A machine without losses needs no control: the
+    result is its lossless orbit, whatever the arguments. Numbers are in the machine's units. Raises the errors of
+    `steer` and `find`.
 
     >>> from problems import Hopper, steering
     >>> round(steering.keep_hopping(Hopper(damping=0.01)).cost / 0.01**2, 1)
@@ -114,10 +118,11 @@ def recover(
     machine: TwoMassMachine, short: float, *, family: int = 1, lossless: bool = True, intervals: int = 40,
     rate: float = np.inf, stroke: float = np.inf, orbit: Orbit | None = None, guess: Control | None = None,
 ) -> Control:  # fmt: skip
-    """Bring a machine from a lift-off `short` of the lossless launch speed back to that in one hop, with locally least
-    effort; below 0 the launch is too fast.
+    """Bring a machine back to its lossless launch speed in one hop, with locally least effort.
 
-    The spring's end is at rest at both lift-offs. Arguments and errors as in `keep_hopping`.
+    short : the lossless launch speed minus that of the first lift-off; below 0 the launch is too fast
+
+    The spring's end is at rest at both lift-offs. Further arguments and errors are as in `keep_hopping`.
 
     >>> from problems import Hopper, steering
     >>> back = steering.recover(Hopper(), short=0.1)
@@ -141,12 +146,14 @@ def start_up(
 ) -> Control:  # fmt: skip
     """Bring a machine from rest in contact onto its lossless orbit with locally least effort.
 
-    pumps : how often the upper mass swings down and up again, turning at the ends of each; it lifts off in the last
-    intervals : of each swing
+    pumps : number of swings of the upper mass, each down and up again, with zero speed in between; the machine lifts
+        off in the last one
+    intervals : of each half swing
     rate, stroke : bounds of the actuator's rate and displacement
+    family, orbit : as in `keep_hopping`
 
-    The spring's end is at rest at both ends. Raises `InputError` for a number of pumps that cannot be, else as `steer`
-    and `find` do.
+    The spring's end is at rest at both ends. Raises `InputError` for an invalid number of pumps, and the errors of
+    `steer` and `find`.
 
     >>> from problems import Hopper, steering
     >>> steering.start_up(Hopper(), pumps=2, stroke=2.0).status
@@ -161,9 +168,9 @@ def start_up(
 
 @in_own_units(lambda run, machine: run_in_units(run, Actuated(machine)), control=())
 def rerun(machine: TwoMassMachine, control: Control, hops: int = 0) -> Simulation:
-    """The machine driven open loop by the schedule of an answer, every event found as in any simulation.
+    """Simulate the machine open loop with the inputs of a control, with every event located as in any simulation.
 
-    hops : how many more follow, with the spring's end at rest
+    hops : number of further hops after the control, with the spring's end at rest
     """
     driven, schedule = Actuated(machine), control.schedule(RATE)
     until: dict[str, Any] = {"hops": 1 + hops} if hops else {"time": schedule[0][-1]}
@@ -171,7 +178,8 @@ def rerun(machine: TwoMassMachine, control: Control, hops: int = 0) -> Simulatio
 
 
 def missed(machine: TwoMassMachine, control: Control) -> float:
-    """How far from the answer's end the machine ends its last contact when it is driven open loop by the schedule."""
+    """The largest difference between the final state of a control and that of the open-loop simulation at the end of
+    the last contact; infinity where the simulation ends before."""
     last, run = control.legs[-1], rerun(machine, control)
     aim = _flight_states(Actuated(machine), last, last.duration)
     return float(np.abs(run(run.end) - aim).max()) if run.end >= control.end * (1 - 1e-9) else np.inf
@@ -179,7 +187,7 @@ def missed(machine: TwoMassMachine, control: Control) -> float:
 
 @in_own_units(ENERGY, control=())
 def work(machine: TwoMassMachine, control: Control) -> tuple[float, float]:
-    """The actuator's work on the machine, in the units of its energy: all of it, and its positive part alone."""
+    """The actuator's work on the machine, in the units of its energy: the total, and the positive part only."""
     driven, all_work, positive = Actuated(machine), 0.0, 0.0
     places, weights = np.polynomial.legendre.leggauss(POWER_SAMPLES)
     for leg in control.legs:

@@ -91,7 +91,7 @@ def machine():
 
 @pytest.fixture(scope="module")
 def orbits(machine):
-    return find_all(machine, starts(machine, 3.0, 4.0))
+    return find_all(machine, starts(machine, 3.0, 3.0))
 
 
 @pytest.mark.slow

@@ -9,6 +9,9 @@ import subprocess
 import sys
 import textwrap
 import time
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +19,7 @@ import pytest
 from orbits import Sweep, find
 from orbits.sweeps.question import CHUNK
 from problems import Hopper
+from tests.browser import wait_for
 
 CUBIC = "sweep --spring 'r + beta*r**3'"
 
@@ -206,6 +210,15 @@ def test_a_file_that_cannot_be_written_is_refused_before_the_sweep(orbits, tmp_p
         refused(orbits(command), f"{package} is needed: pip install 'persistent-orbits[data]'")
 
 
+def members_in(store: Path) -> set[int]:
+    """The members that a store has so far, by its tables alone."""
+    if not store.exists():
+        return set()
+    with closing(sqlite3.connect(f"{store.as_uri()}?mode=ro", uri=True)) as connection:
+        tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master")}
+        return {m for (m,) in connection.execute("SELECT member FROM members")} if "members" in tables else set()
+
+
 FULL = """
     import resource, runpy, sys
     resource.setrlimit(resource.RLIMIT_FSIZE, (150_000, 150_000))  # of each file, as on a disk that is full
@@ -227,28 +240,39 @@ def test_a_full_disk_is_one_line_and_keeps_what_was_acknowledged(tmp_path):
     assert len(kept) % CHUNK == 0
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("workers", [1, 2])
-@pytest.mark.parametrize("stored", [True, False])
-def test_an_interrupt_says_what_is_kept(tmp_path, workers, stored):
-    """Ctrl-C reaches all processes of the terminal's group; only the command answers, and none is left."""
-    options = ["--over", "beta=0:1", "--samples", "1000000", "--workers", str(workers)]
-    options += ["--store", str(tmp_path / "study.db")] if stored else []
-    command = [sys.executable, "-m", "orbits", *shlex.split(CUBIC), *options]
+def interrupted(options: list[str], begun: Callable[[], bool]) -> str:
+    """What a long sweep says that is interrupted as soon as it has begun, by a Ctrl-C that reaches all processes of the
+    terminal's group; only the command answers, and none is left."""
+    command = [sys.executable, "-m", "orbits", *shlex.split(CUBIC), "--over", "beta=0:1", "--samples", "1000000"]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    with subprocess.Popen(command, process_group=0, **pipes) as running:
-        time.sleep(10)
-        os.killpg(running.pid, signal.SIGINT)
-        out, err = running.communicate(timeout=20)  # ends when no process has the pipes any more
+    with subprocess.Popen([*command, *options], process_group=0, **pipes) as running:
+        try:
+            wait_for(begun, 300, "the sweep has begun")
+            os.killpg(running.pid, signal.SIGINT)
+            out, err = running.communicate(timeout=20)  # ends when no process has the pipes any more
+        except BaseException:
+            os.killpg(running.pid, signal.SIGKILL)
+            raise
     assert (running.returncode, out) == (130, "")
     assert len(err.strip().splitlines()) == 1, err
     assert err.strip().startswith("orbits: interrupted: ")
-    if stored:
-        kept = len(Sweep.load(tmp_path / "study.db"))
-        assert f"{kept} of 1000000 members are in" in err
-        assert "--resume" in err
-    else:
-        assert "nothing is kept: name a store" in err
+    return err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("workers", ["1", "2"])
+def test_an_interrupt_says_what_is_kept(tmp_path, workers):
+    """A sweep without a store has begun for sure after twice the time after which one with a store had members."""
+    store, start = tmp_path / "study.db", time.monotonic()
+    said = interrupted(["--workers", workers, "--store", str(store)], lambda: bool(members_in(store)))
+    kept = len(Sweep.load(store))
+    assert kept > 0
+    assert f"{kept} of 1000000 members are in" in said
+    assert "--resume" in said
+    now = time.monotonic()
+    end = now + 2 * (now - start) + 1
+    said = interrupted(["--workers", workers], lambda: time.monotonic() > end)
+    assert "nothing is kept: name a store" in said
 
 
 def test_workers_write_the_same_store_and_the_same_file(orbits, tmp_path):
@@ -279,13 +303,9 @@ def test_a_sweep_that_is_killed_again_and_again_ends_with_the_unbroken_answer(tm
         except subprocess.TimeoutExpired:
             os.kill(process.pid, signal.SIGKILL)
             process.communicate()
-        if store.exists():
-            connection = sqlite3.connect(f"{store.as_uri()}?mode=ro", uri=True)
-            tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master")}
-            now = {m for (m,) in connection.execute("SELECT member FROM members")} if "members" in tables else set()
-            connection.close()
-            assert known <= now
-            known = now
+        now = members_in(store)
+        assert known <= now
+        known = now
     done = subprocess.run(command, capture_output=True, check=True)
     fresh = subprocess.run([*command[:-4], "--json"], capture_output=True, check=True)
     assert json.loads(done.stdout) == json.loads(fresh.stdout)

@@ -10,6 +10,7 @@ CUBIC = Hopper("cubic", rest_length=8.0, parameters={"beta": 0.3})
 
 @pytest.mark.slow
 def test_a_spring_known_to_one_percent():
+    """All of it is a motion, and the document has the whole interval."""
     proof = prove(find(CUBIC), parameters={"beta": ("0.297", "0.303")})
     assert proof.proved, proof.reasons
     assert "parts of the intervals" in proof.statement
@@ -18,6 +19,10 @@ def test_a_spring_known_to_one_percent():
     assert all(float(proof.alpha.low) < alpha < float(proof.alpha.high) for alpha in alphas)
     assert proof.alpha.width < 2 * (alphas[0] - alphas[-1])
     assert proof.uniqueness_radius is None  # it is another one in each part
+    document = proof.document()
+    assert document["proved"]
+    assert document["parameters"]["beta"] == {"low": "0.297", "high": "0.303"}
+    assert document["uniqueness_radius"] is None
 
 
 @pytest.mark.slow
@@ -33,11 +38,3 @@ def test_too_wide_an_interval_stays_undecided(bounds):
     proof = prove(find(CUBIC), parameters={"beta": bounds}, motion=False)
     assert not proof.proved
     assert proof.reasons
-
-
-@pytest.mark.slow
-def test_the_document_has_the_whole_interval():
-    document = prove(find(CUBIC), parameters={"beta": ("0.297", "0.303")}, motion=False).document()
-    assert document["proved"]
-    assert document["parameters"]["beta"] == {"low": "0.297", "high": "0.303"}
-    assert document["uniqueness_radius"] is None

@@ -1,12 +1,16 @@
 """Every study runs in its quick mode, draws a figure that can be read, and gives the number it is for."""
 
+import ast
 import re
+import sys
 from collections import Counter
 from dataclasses import replace
+from pathlib import Path
 
 import mpmath as mp
 import numpy as np
 import pytest
+from conftest import leave
 from legibility import faults, smallest_text
 from matplotlib.figure import Figure
 from scipy.integrate import solve_ivp
@@ -53,7 +57,26 @@ from studies import (
 )
 from studies.oracle import by_another_integrator
 
+# The studies whose command says where the figures go, and whether few points are enough.
+STUDIES = {
+    study.__name__.rpartition(".")[2]: study
+    for study in (
+        *(asteroid, attraction, bifurcations, chain, chain_hand, damped_hopper, design, existence, figure_8),
+        *(gravity_families, inerter, knee, plate, robot_leg, series, spring_families, start_up, theorems, tolerances),
+        tutorial,
+    )
+}
 WIDTH, SMALLEST = 900, 9  # pixels: of the figures in the README, and of their type
+
+
+@pytest.fixture(autouse=True)
+def left_for_the_site(request, figures_of_site):
+    """The figures that a study has drawn are those that the site shows of it."""
+    name = request.node.name.removeprefix("test_")
+    drawn = request.getfixturevalue("tmp_path") if name in STUDIES else None
+    yield
+    if drawn:
+        leave(drawn, figures_of_site, name)
 
 
 @pytest.fixture(autouse=True)
@@ -71,6 +94,18 @@ def legible(monkeypatch):
     monkeypatch.setattr(Figure, "savefig", saved)
     yield
     assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_a_command_has_its_options(name, monkeypatch, tmp_path):
+    """What is called as a program calls what the tests call, with the folder and the mode that are asked for."""
+    study, asked = STUDIES[name], []
+    *_, program = ast.parse(Path(study.__file__).read_text(encoding="utf-8")).body
+    assert ast.unparse(program.test) == "__name__ == '__main__'"
+    monkeypatch.setattr(sys, "argv", [study.__file__, "--quick", "--output", str(tmp_path)])
+    names = {**vars(study), "main": lambda folder, quick=False, *_: asked.append((folder, quick))}
+    exec(compile(ast.Module(program.body, []), study.__file__, "exec"), names)
+    assert asked == [(tmp_path, True)]
 
 
 def test_air_track(tmp_path, capsys):

@@ -46,10 +46,16 @@ def command_of(kind: str, argument: str, code: str) -> tuple[list[str], str]:
     return [str(study_path(argument)), *quick, "--output", "."], source
 
 
+def place_of(folder: Path, kind: str, argument: str, code: str) -> Path:
+    """Where the figures of a piece of code are kept; they are all there once there is a file `done` beside them."""
+    _, source = command_of(kind, argument, code)
+    return folder / hashlib.sha256(f"{engine()}{kind}{source}".encode()).hexdigest()[:20]
+
+
 def draw(folder: Path, kind: str, argument: str, code: str) -> list[Path]:
     """The figures that a piece of code saves, from the folder where they are kept if they are there."""
-    command, source = command_of(kind, argument, code)
-    place = folder / hashlib.sha256(f"{engine()}{kind}{source}".encode()).hexdigest()[:20]
+    command, _ = command_of(kind, argument, code)
+    place = place_of(folder, kind, argument, code)
     done = place / "done"
     if not done.exists():
         place.mkdir(parents=True, exist_ok=True)

@@ -145,15 +145,14 @@ def cubic(beta: float) -> float:
 
 @pytest.mark.slow
 def test_tabs_do_not_disturb_each_other(port):
-    betas = np.linspace(0.1, 1.0, 5)
+    betas = np.linspace(0.1, 1.0, 3)
     tabs = [Tab(port, **{"spring": "r + beta*r**3", "p.beta": str(beta), "p.rest_length": "8"}) for beta in betas]
     tabs[0].ask("spring", value="r + ")  # what goes wrong in one is not told in another
-    for tab, beta in zip(tabs[1:3], betas[1:3], strict=True):
-        tab.ask("number", name="beta", value=beta + 0.05)
+    tabs[1].ask("number", name="beta", value=betas[1] + 0.05)
     for k, (tab, beta) in enumerate(zip(tabs, betas, strict=True)):
         told = tab.told()
         assert set(told["problems"]) == ({"spring"} if k == 0 else set())
-        assert alpha_of(told) == pytest.approx(cubic(beta + 0.05 * (1 <= k < 3)), rel=1e-7)
+        assert alpha_of(told) == pytest.approx(cubic(beta + 0.05 * (k == 1)), rel=1e-7)
         tab.session.close()
 
 
