@@ -15,8 +15,8 @@ from .flow.flow import flow_of
 from .flow.trajectory import Trajectory
 from .io import one_line
 from .model.machine import Machine, dimensionless
-from .model.model import Search
 from .model.phase import Phase
+from .model.relative import Search
 from .periodic.find import dimensionless_start, find
 from .periodic.formulations import vector
 from .periodic.guess import guess, guesses

@@ -15,8 +15,9 @@ import numpy as np
 
 from ..flow.flow import flow_of
 from ..flow.zero_crossing import first_zeros
-from ..model.model import Model, Search
+from ..model.model import Model
 from ..model.phase import Affine
+from ..model.relative import Search
 from ..numerics.roots import enclosed_sign_changes
 from .formulations import columns, equations_of, reduction_of
 
