@@ -20,9 +20,10 @@ from .io import version
 from .mechanics.elements import Damper, Force, Inerter, Mass, Potential, Spring, Weight
 from .mechanics.mechanism import Mechanism
 from .model.machine import Machine
-from .model.model import Model, Reduction
+from .model.model import Model
 from .model.modes import Modes, linear_modes
 from .model.phase import Affine, Arc, Phase, Pieces, Statement
+from .model.relative import Reduction
 from .model.state_formula import StateFormula
 from .periodic.certificate import Certificate
 from .periodic.find import find, find_all

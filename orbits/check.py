@@ -7,19 +7,16 @@ from typing import Any
 import numpy as np
 
 from .consistency.accepted import wrong_parts
-from .consistency.draws import Graphs, coordinates
+from .consistency.draws import Graphs
 from .consistency.relations import Relation, share
 from .consistency.verdict import algebraic_relations, inconsistent
 from .errors import InconsistentModel, InputError, NoOrbit
-from .flow.flow import flow_of
-from .flow.trajectory import Trajectory
 from .io import one_line
 from .model.machine import MACHINE_FIELDS, Machine, dimensionless
-from .model.model import Search
 from .model.phase import Phase
+from .model.relative import Search
 from .periodic.find import dimensionless_start, find
-from .periodic.formulations import vector
-from .periodic.guess import guess, guesses
+from .periodic.guess import guess
 from .periodic.orbit import Orbit
 from .return_map.return_map import ReturnMap
 from .running.exclusive import exclusive
@@ -126,47 +123,31 @@ def _check_parts(machine: Any) -> None:
         raise InputError(f"'{type(machine).__name__}' is no machine such as problems.Hopper(): {told}")
 
 
-def _along_motions(machine: Machine, start: Any, left_out: list[str]) -> list[Relation]:
+def _along_motions(machine: Machine, start: Orbit | Mapping[str, float] | None, left_out: list[str]) -> list[Relation]:
     """The relations along an orbit and along hops beside it."""
     model, graphs = machine.model, Graphs(machine.model, tuple(machine.values))
-    pieces = [*_of_pieces(machine, graphs)]
-    if not all(each.holds for each in pieces):
-        return pieces
-    orbit, found = _orbit_of(machine, start, left_out)
-    found += pieces
-    if orbit:
-        found += [*_of_orbit(machine, orbit, graphs), *_of_search(machine, orbit)]
-    if not all(each.holds for each in found):
+    found, orbit = [*_of_pieces(machine, graphs)], None
+    if not model.conservative:
+        left_out.append("no orbit was looked at: the machine is not conservative")
+    elif all(each.holds for each in found):
+        try:
+            guessed = guess(model, 1, _plain_values(machine)) if start is None and model.is_guessed else None
+            found += [] if guessed is None else [_of_guess(machine, guessed)]
+            orbit = find(machine, start=start) if all(each.holds for each in found) else None
+        except NoOrbit as error:
+            left_out.append(f"no orbit was looked at: {error}")
+        if orbit:
+            found += [*_of_orbit(machine, orbit, graphs), *_of_search(machine, orbit, guessed)]
+    if not all(each.holds for each in found) or (orbit is None and not model.one_speed):
         return found
-    launch: Any = BESIDE_ORBIT * orbit.alpha if orbit else WITHOUT_ORBIT
-    if not model.one_speed:
-        if orbit is None:
-            return found
-        launch = model.launch_at(orbit(0.0).tolist())
+    launch = BESIDE_ORBIT * orbit.alpha if orbit else WITHOUT_ORBIT
     try:
-        run = simulate(machine, launch, hops=HOPS)
+        run = simulate(machine, launch if orbit is None or model.one_speed else model.launch_at(orbit(0.0)), hops=HOPS)
     except (InputError, NoOrbit) as error:
         left_out.append(f"no hop was looked at: {error}")
         return found
     found += _of_hops(machine, run, graphs)
     return [*found, *_of_map(machine, run)] if model.one_speed else found
-
-
-def _orbit_of(machine: Machine, start: Any, left_out: list[str]) -> tuple[Orbit | None, list[Relation]]:
-    """An orbit of a machine, with what holds of the guess that led there; None where it has none."""
-    model = machine.model
-    if not model.conservative:
-        left_out.append("no orbit was looked at: the machine is not conservative")
-        return None, []
-    try:
-        guessed = [] if start is not None else _of_guess(machine)
-        if not all(each.holds for each in guessed):
-            return None, guessed
-        orbit = find(machine, start=start)
-    except NoOrbit as error:
-        left_out.append(f"no orbit was looked at: {error}")
-        return None, []
-    return orbit, guessed + ([] if start is not None else _near(machine, orbit))
 
 
 def _plain_values(machine: Machine) -> dict[str, float]:
@@ -175,43 +156,21 @@ def _plain_values(machine: Machine) -> dict[str, float]:
     return {**machine.values, homotopy: 0.0} if homotopy else dict(machine.values)
 
 
-def _of_guess(machine: Machine) -> list[Relation]:
+def _of_guess(machine: Machine, guessed: object) -> Relation:
     """The form of what a model guesses."""
-    if not machine.model.is_guessed:
-        return []
-    found, names = guess(machine.model, 1, _plain_values(machine)), ("duration", *machine.model.launch_unknowns)
-    told = isinstance(found, Mapping) and all(np.isfinite(found.get(name, np.nan)) for name in names)
-    return [Relation("guess tells the launch and the half flight", ("guess",), 0.0 if told else np.inf)]
-
-
-def _near(machine: Machine, orbit: Orbit) -> list[Relation]:
-    """How near a guess and that of many machines are to the orbit, in the scene of the guess."""
-    model, plain, found = machine.model, _plain_values(machine), list[Relation]()
-    if not model.is_guessed:
-        return []
-    one, names = guess(model, 1, dict(plain)), ("duration", *model.launch_unknowns)
-    if not model.homotopy:
-        near = model.launch_at(orbit(0.0)) | {"duration": orbit.flight_time / 2}
-        off = max(abs(near[name] - one[name]) / orbit.alpha for name in near)
-        fields = ("guess",) if model.guess else ("relative",)
-        found.append(Relation("the guess is near the orbit that it leads to", fields, off, LARGEST_MISS))
-    if model.guess and model.relative and all(each.holds for each in found):
-        many = guesses(model.relative, 1, {name: np.array([value, value]) for name, value in plain.items()})
-        rows = np.array([np.asarray(many.unknowns[name], float) - one[name] for name in names])
-        off = share(rows[:, np.asarray(many.own, bool)], orbit.alpha)
-        found.append(Relation("guesses of many machines are those of each", ("relative",), off, LARGEST_MISS))
-    return found
+    names = ("duration", *machine.model.launch_unknowns)
+    fine = isinstance(guessed, Mapping) and all(np.isfinite(guessed.get(name, np.nan)) for name in names)
+    return Relation("guess states the launch and the half flight", ("guess",), 0.0 if fine else np.inf)
 
 
 def _of_pieces(machine: Machine, graphs: Graphs) -> Iterator[Relation]:
     """At the breakpoints of a field, the pieces on both sides agree."""
-    p, rng = vector(machine.values), np.random.default_rng(1)
-    for where, table, graph in zip(("flight", "contact"), graphs.pieces, (graphs.flight, graphs.contact), strict=True):
-        phase = getattr(machine.model, where)
-        if table is None or phase.pieces is None:
+    p, rng = machine.values, np.random.default_rng(1)
+    for where, graph in (("flight", graphs.flight), ("contact", graphs.contact)):
+        if (pieces := getattr(machine.model, where).pieces) is None:
             continue
-        breaks, data = (np.array(each) for each in table(p))
-        along, inner = np.array(phase.pieces.coordinate), breaks.ravel()[1:-1]
+        breaks, data = (np.asarray(each, float) for each in pieces.table(p))
+        along, inner = np.array(pieces.coordinate), breaks[1:-1]
         x = rng.standard_normal((len(inner), len(along)))
         x += np.outer((inner - x @ along) / (along @ along), along)
         below, above = (graph(x, p, rows)["field"] for rows in (data[:-1], data[1:])) if len(inner) else (x, x)
@@ -219,22 +178,25 @@ def _of_pieces(machine: Machine, graphs: Graphs) -> Iterator[Relation]:
         yield Relation(words, (f"{where}.pieces",), share(below - above, below))
 
 
+def _fields_of(where: str) -> tuple[str, ...]:
+    """The fields of a phase that say how it moves."""
+    return f"{where}.field", f"{where}.closed_form", f"{where}.pieces"
+
+
 def _of_orbit(machine: Machine, orbit: Orbit, graphs: Graphs) -> Iterator[Relation]:
     """An orbit's flight from launch to landing and its contact, integrated again; and the other way to find it."""
-    model = machine.model
-    begins, lands = orbit(0.0), orbit(orbit.flight_time)
-    half = orbit.flight_time / 2
+    model, begins, lands, half = machine.model, orbit(0.0), orbit(orbit.flight_time), orbit.flight_time / 2
     middle = _integrated(machine, graphs, model.flight, begins, half)
     words = f"the orbit's flight to its middle is that {INTEGRATED}"
-    fields: tuple[str, ...] = ("flight.field", "flight.closed_form", "flight.pieces")
-    yield Relation(words, fields, share(middle - orbit(half), begins, middle), LARGEST_DIFFERENCE)
+    yield Relation(words, _fields_of("flight"), share(middle - orbit(half), begins, middle), LARGEST_DIFFERENCE)
     if orbit.contact is not None and orbit.contact_time is not None:
         stood = np.linalg.pinv(model.embed) @ lands
         middle = np.asarray(model.embed) @ _integrated(machine, graphs, model.contact, stood, orbit.contact_time / 2)
-        words = f"the orbit's contact to its middle is that {INTEGRATED}"
-        fields = ("contact.field", "contact.closed_form", "contact.pieces")
-        there = orbit(orbit.flight_time + orbit.contact_time / 2)
-        yield Relation(words, fields, share(middle - there, lands, there), LARGEST_DIFFERENCE)
+        words, there = (
+            f"the orbit's contact to its middle is that {INTEGRATED}",
+            orbit(2 * half + orbit.contact_time / 2),
+        )
+        yield Relation(words, _fields_of("contact"), share(middle - there, lands, there), LARGEST_DIFFERENCE)
     if model.reduction and model.reversor:
         other = find(machine, start=orbit, method="half orbit")
         words, off = "the reduction has the orbit of the whole states", abs(other.alpha - orbit.alpha)
@@ -242,9 +204,13 @@ def _of_orbit(machine: Machine, orbit: Orbit, graphs: Graphs) -> Iterator[Relati
         yield Relation(words, ("reduction.statement", "reduction.phase"), off / orbit.alpha, bound)
 
 
-def _of_search(machine: Machine, orbit: Orbit) -> Iterator[Relation]:
-    """The range in which all orbits of a family are searched."""
+def _of_search(machine: Machine, orbit: Orbit, guessed: Mapping[str, float] | None) -> Iterator[Relation]:
+    """How near the guess was to the orbit, where both are of one scene, and the range in which a family is searched."""
     model = machine.model
+    if guessed and not model.homotopy:
+        near = model.launch_at(orbit(0.0)) | {"duration": orbit.flight_time / 2}
+        off = max(abs(near[name] - guessed[name]) / orbit.alpha for name in near)
+        yield Relation("the guess is near the orbit that it leads to", ("guess",), off, LARGEST_MISS)
     if model.search:
         search = model.search(machine.values)
         fine = isinstance(search, Search) and search.scale > 0 and 0 < search.spacing < search.fastest
@@ -253,33 +219,16 @@ def _of_search(machine: Machine, orbit: Orbit) -> Iterator[Relation]:
 
 
 def _of_hops(machine: Machine, run: Simulation, graphs: Graphs) -> Iterator[Relation]:
-    """Each leg of a simulation integrated again, and each impact by the inertia of the energy's gradient."""
-    model, x = machine.model, run(0.0)
-    worst, embed = {"flight": 0.0, "contact": 0.0}, np.asarray(model.embed, float)
-    drift, scale = {"flight": 0.0, "contact": 0.0}, _kinetic(graphs, machine, x)
+    """Each leg of a simulation integrated again."""
+    model, worst = machine.model, {"flight": 0.0, "contact": 0.0}
     for leg, event in zip(run.legs, run.events, strict=False):
         phase = model.flight if leg.phase == "flight" else model.contact
         begin = leg.path(0.0)[: len(phase.states)]
         end = _integrated(machine, graphs, phase, begin, float(leg.path.times[-1]))
-        after = end if phase is model.flight else embed @ end
+        after = end if phase is model.flight else np.asarray(model.embed, float) @ end
         worst[leg.phase] = max(worst[leg.phase], share(after - event.before, begin, after))
-        drift[leg.phase] = max(drift[leg.phase], abs(_energy_between(machine, graphs, phase, leg.path)) / scale)
-    for where in worst:
-        fields: tuple[str, ...] = (f"{where}.field", f"{where}.closed_form", f"{where}.pieces")
-        words = f"the {where} of hops is that {INTEGRATED}"
-        yield Relation(words, fields, worst[where], LARGEST_DIFFERENCE)
-        if model.conservative:
-            words, fields = f"the {where} of hops keeps its energy", (f"{where}.field", f"{where}_gradient")
-            yield Relation(words, fields, drift[where], LARGEST_DIFFERENCE)
-    off = lost = 0.0
-    for event in run.events:
-        if event.kind in ("impact", "landing"):
-            off = max(off, _impact_off(graphs, machine, event.before, event.after, event.kind == "landing"))
-            change = _kinetic(graphs, machine, event.before) - _kinetic(graphs, machine, event.after)
-            lost = max(lost, abs(change - event.loss) / scale)
-    fields = ("impact", "gap", "flight_gradient")
-    yield Relation("impacts change the speeds as their inertia says", fields, off, LARGEST_DIFFERENCE)
-    yield Relation("impacts lose the kinetic energy that they take", ("impact_mass", *fields), lost, LARGEST_DIFFERENCE)
+    for where, off in worst.items():
+        yield Relation(f"the {where} of hops is that {INTEGRATED}", _fields_of(where), off, LARGEST_DIFFERENCE)
 
 
 def _of_map(machine: Machine, run: Simulation) -> Iterator[Relation]:
@@ -287,7 +236,7 @@ def _of_map(machine: Machine, run: Simulation) -> Iterator[Relation]:
     launches = run.launches[np.isfinite(run.launches)]
     hops = ReturnMap(machine)(launches[:-1])
     ended = np.isfinite(hops.next)
-    fields = ("impact_mass", "contact_speed", "release", "launch", "embed", "contact.closed_form")
+    fields = ("impact_mass", "release", "embed", "contact.closed_form")
     words = "the return map has the launches of the simulation"
     yield Relation(words, fields, share((hops.next - launches[1:])[ended], launches), LARGEST_DIFFERENCE)
 
@@ -296,48 +245,7 @@ def _integrated(machine: Machine, graphs: Graphs, phase: Phase, start: np.ndarra
     """The state after a time by SciPy's DOP853, of the field as it is stated."""
     from scipy.integrate import solve_ivp  # takes longer to import than most checks take
 
-    p, at = vector(machine.values), graphs.in_flight if phase is machine.model.flight else graphs.in_contact
+    p, at = machine.values, graphs.in_flight if phase is machine.model.flight else graphs.in_contact
     scale = TOLERANCE * max(float(np.abs(start).max()), np.finfo(float).tiny)
     run = solve_ivp(lambda t, x: at(x[None], p)["field"][0], (0.0, time), start, "DOP853", rtol=TOLERANCE, atol=scale)
     return run.y[:, -1]
-
-
-def _energy_between(machine: Machine, graphs: Graphs, phase: Phase, path: Trajectory) -> float:
-    """The change of energy along a motion: the integral of its gradient along the straight line between its ends, which
-    is another path than the motion's."""
-    at, p = graphs.in_flight if phase is machine.model.flight else graphs.in_contact, vector(machine.values)
-    n, (places, weights) = len(phase.states), np.polynomial.legendre.leggauss(12)
-    begin, end = path(0.0)[:n], path.end[:n]
-    flow, panels = flow_of(phase, tuple(machine.values)), np.linspace(0.0, 1.0, 65)
-    if phase.pieces:
-        first, last = (float(flow.coordinate @ x) for x in (begin, end))
-        breaks = flow.piece_table(p)[0]
-        inner = (breaks - first) / (last - first) if last != first else np.zeros(0)
-        panels = np.unique([*panels, *inner[(inner > 0) & (inner < 1)]])
-    middles, halves = (panels[1:] + panels[:-1]) / 2, np.diff(panels) / 2
-    shares = (middles[:, None] + halves[:, None] * places).ravel()
-    gradient = at(begin + shares[:, None] * (end - begin), p)["gradient"]
-    return float((halves[:, None] * weights).ravel() @ (gradient @ (end - begin)))
-
-
-def _inertia(graphs: Graphs, machine: Machine, x: np.ndarray) -> np.ndarray:
-    """The inertia matrix at a flight state: the derivative of the energy's gradient by the speeds."""
-    _, rates = coordinates(machine.model.flight)
-    return graphs.in_flight(x[None], vector(machine.values))["hessian"][0][np.ix_(rates, rates)]
-
-
-def _kinetic(graphs: Graphs, machine: Machine, x: np.ndarray) -> float:
-    _, rates = coordinates(machine.model.flight)
-    return float(0.5 * x[rates] @ _inertia(graphs, machine, x) @ x[rates])
-
-
-def _impact_off(graphs: Graphs, machine: Machine, before: np.ndarray, after: np.ndarray, held: bool) -> float:
-    """By how much the state after an impact differs from what inertia and restitution make of the one before."""
-    at, rates = coordinates(machine.model.flight)
-    a = np.array(machine.model.gap(machine.values).weights, float)[at]
-    inertia, e = _inertia(graphs, machine, before), 0.0 if held else float(machine.restitution)
-    if np.linalg.matrix_rank(inertia) < len(rates):
-        return 0.0  # a mass without inertia takes the speed of the others
-    along = np.linalg.solve(inertia, a)
-    expected = before[rates] - (1 + e) * (a @ before[rates]) / (a @ along) * along
-    return max(share(after[rates] - expected, before[rates]), share(after[at] - before[at], before[at], 1.0))

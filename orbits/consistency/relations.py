@@ -16,7 +16,7 @@ import numpy as np
 from ..model.model import Model
 from ..model.phase import Affine
 from ..model.state_formula import StateFormula
-from .draws import Draw, Expressions, coordinates, reversor_of, signs_in_contact
+from .draws import Draw, Expressions, coordinates, reversor_of
 
 # What holds in exact arithmetic does so to this share of the terms: rounding is far below, a slip of the pen far above.
 LARGEST_DEVIATION = 1e-8
@@ -83,14 +83,11 @@ def energy(model: Model, draw: Draw) -> Iterator[Relation]:
     steady = model.conservative and not damped
     if model.driven and model.conservative:
         yield Relation("what conserves the energy is not driven", ("driven",), np.inf)
-    for where, gradient in (("flight", "flight_gradient"), ("contact", "contact_gradient")):
+    for where, fields in (("flight", ("flight_gradient",)), ("contact", ("flight_gradient", "embed"))):
         words = f"energy {'is conserved' if steady else 'does not grow'} in {where}"
         if not model.driven:
-            yield Relation(words, (f"{where}.field", gradient), (kept if steady else grows)[where])
-    embed, hessian = np.asarray(model.embed), draw.flown["hessian"]
-    words = "contact_gradient is flight_gradient on the ground"
-    fields = ("flight_gradient", "contact_gradient", "embed")
-    yield Relation(words, fields, share(draw.held["gradient"] @ embed - draw.stood["gradient"], draw.held["gradient"]))
+            yield Relation(words, (f"{where}.field", *fields), (kept if steady else grows)[where])
+    hessian = draw.flown["hessian"]
     asymmetry = share(hessian - hessian.swapaxes(1, 2), hessian)
     yield Relation("flight_gradient is the gradient of a function", ("flight_gradient",), asymmetry)
     _, rates = coordinates(model.flight)
@@ -131,84 +128,15 @@ def _impact(model: Model, draw: Draw) -> Iterator[Relation]:
 
 
 def launches(model: Model, draw: Draw) -> Iterator[Relation]:
-    """The launch set: where the contact force and the gap's acceleration vanish, and its mirror image, where it
-    lands."""
-    yield from _any_launch(model, draw)
-    if not draw.roots:
-        return
-    roots, at, a = draw.roots, draw.launched, _gap_acceleration(model, draw)
-    source = "release" if roots["released"][0] else "liftoff"
-    if source == "release":
-        off = share(roots["liftoff"], roots["slope"] * draw.length)
-        yield Relation("liftoff vanishes at the launches of release", ("liftoff", "release"), off)
-    words = f"the gap has no acceleration at the launches of {source}"
-    yield Relation(words, (source, "launch", "flight.field", "gap"), share(at["field"] @ a, at["field"]))
-    words, forces = f"the contact force vanishes at the launches of {source}", draw.stood["force"]
-    yield Relation(words, (source, "launch", "contact.watch", "embed"), share(at["force"], forces))
-    yield from _landing(model, draw)
-
-
-def _any_launch(model: Model, draw: Draw) -> Iterator[Relation]:
-    """What holds of launches with any unknowns, also where the contact force would not vanish."""
-    u, launch, touchdown = draw.free["u"], draw.free["launch"], draw.free["touchdown"]
-    named = dict(zip(model.launch_unknowns, u.T, strict=True))
-    embed, gap, scale = np.asarray(model.embed, float), model.gap(draw.p), float(np.abs(u).max())
-    down, mirrored = np.linalg.pinv(embed), ("reversor",) if model.reversor else ()
-    yield Relation("a launch has a closed gap", ("launch", "gap"), share(gap(launch), scale))
-    speeds = launch @ _gap_acceleration(model, draw)
-    yield Relation("a launch has no gap speed", ("launch", "gap"), share(speeds, scale))
-    yield Relation(
-        "a launch is a contact state", ("launch", "embed"), share(launch @ (down.T @ embed.T) - launch, scale)
-    )
-    words, fields = "touchdown is the mirror image of launch", ("touchdown", "launch", "embed", *mirrored)
-    yield Relation(words, fields, share(touchdown @ embed.T - launch * reversor_of(model), scale))
-    speed, alpha = model.contact_speed, named["alpha"]
-    words, fields = "contact_speed is alpha at launch", ("contact_speed", "launch", "embed")
-    yield Relation(words, fields, share(speed(launch @ down.T) - alpha, alpha))
-    words, fields = "contact_speed is -alpha at touchdown", ("contact_speed", "touchdown")
-    yield Relation(words, fields, share(speed(touchdown) + alpha, alpha))
+    """The launch set: where the contact force vanishes."""
     if not model.derived:
-        words, fields = "liftoff is the extension at launch", ("extension", "launch")
-        yield Relation(words, fields, share(model.extension(launch) - named["liftoff"], scale))
-    states = {name: model.flight.states.index(name) for name in named if name in model.flight.states}
-    if states:
-        off = np.array([launch[:, place] - named[name] for name, place in states.items()])
-        yield Relation("a launch has the states that it is told", ("launch",), share(off, scale))
-
-
-def _landing(model: Model, draw: Draw) -> Iterator[Relation]:
-    """Where `landing` vanishes near the mirror image of a launch, the gap, its speed and its acceleration do."""
-    gap, at = np.array(model.gap(draw.p).weights, float), draw.launched
-    a, launch, mirrored = _gap_acceleration(model, draw), draw.roots["launch"], ("reversor",) if model.reversor else ()
-    scale = max(float(np.abs(launch).max()), draw.length) * np.abs(at["landing slopes"]).max(initial=0.0)
-    words, fields = "landing vanishes at the mirror image of launch", ("landing", "launch", *mirrored)
-    # Where the landing says that the gap has no acceleration, the launch has to have none.
-    if model.one_speed or share(at["field"] @ a, at["field"]) <= LARGEST_DEVIATION:
-        yield Relation(words, fields, share(at["landing"], scale))
-    independent, gaps, accelerations = 0.0, 0.0, 0.0
-    _, rates = coordinates(model.flight)
-    # A landing is not told which piece of a law holds: other states of the launch are then to be known beside it.
-    names = model.launch_unknowns if model.flight.pieces else ()
-    told = [np.eye(len(gap))[i] for i, name in enumerate(model.flight.states) if name in names]
-    for rows, accelerates, gradient in zip(at["landing slopes"], a @ at["slopes"], at["gradient"], strict=True):
-        if not np.isfinite(rows).all() or np.linalg.matrix_rank(rows) < 3:
-            independent = np.inf
-            continue
-        gaps = max(gaps, _beyond(np.array([gap, a]), rows))
-        # Where the acceleration depends on speeds, these are those of the launch, as the energy is that of the launch.
-        by_speeds = share(accelerates[rates], accelerates) > LARGEST_DEVIATION
-        known = np.vstack([rows, *told, gradient] if by_speeds else [rows, *told])
-        accelerations = max(accelerations, _beyond(accelerates, known))
-    yield Relation("the three expressions of landing are independent", ("landing",), independent)
-    yield Relation("where landing vanishes the gap is closed and at rest", ("landing", "gap"), gaps)
-    if model.conservative and not _loses(draw):
-        words = "where landing vanishes the gap has no acceleration"
-        yield Relation(words, ("landing", "flight.field", "gap", *mirrored), accelerations)
-
-
-def _beyond(slopes: np.ndarray, known: np.ndarray) -> float:
-    """By which share slopes (..., n) do not vanish with those (k, n) of what is known to vanish."""
-    return share(slopes - slopes @ (np.linalg.pinv(known) @ known), slopes)
+        u, launch = draw.free["u"], draw.free["launch"]
+        words, off = "liftoff is the extension at launch", model.extension(launch) - u[:, 0]
+        yield Relation(words, ("extension", "embed"), share(off, u))
+    if draw.released:
+        words, size = "the contact force vanishes at the launches of release", draw.released["slopes"][:, 0]
+        off = share(draw.released["force"], size * draw.length, draw.stood["force"])
+        yield Relation(words, ("release", "contact.watch"), off)
 
 
 def reversal(model: Model, draw: Draw) -> Iterator[Relation]:
@@ -222,14 +150,14 @@ def reversal(model: Model, draw: Draw) -> Iterator[Relation]:
         ("flight", ("reversor", "flight.field"), draw.flown, draw.mirrored),
         ("contact", ("reversor", "contact.field", "embed"), draw.stood, draw.mirrored_contact),
     ):
-        mirror = signs if where == "flight" else signs_in_contact(model, signs)
+        mirror = signs if where == "flight" else np.array(model.mirror)
         residual = back["field"] * mirror + field["field"]
         yield Relation(f"the reversor turns motions in {where} back", names, share(residual, field["field"]))
 
 
 def geometry(model: Model, draw: Draw) -> Iterator[Relation]:
     """What is a position, what is a speed, and where the gap is closed."""
-    (_, rates), (_, rates_in_contact) = coordinates(model.flight), coordinates(model.contact)
+    _, rates = coordinates(model.flight)
     p, embed, gap = draw.p, np.asarray(model.embed, float), model.gap(draw.p)
     positions = {"gap": gap, "extension": model.extension, "separation": model.separation(p)}
     for name, function in positions.items():
@@ -239,11 +167,6 @@ def geometry(model: Model, draw: Draw) -> Iterator[Relation]:
             yield Relation(f"{name} is a position", (name,), off)
     risen = np.array([_values_and_slopes(height, draw)[:, 1:] for height in model.heights(p).values()])
     yield Relation("heights are positions", ("heights",), share(risen[:, :, rates], risen))
-    speed = np.array(model.contact_speed.weights, float)
-    words = "contact_speed is the rate of a position"
-    yield Relation(
-        words, ("contact_speed",), share(np.delete(speed, rates_in_contact), speed) + share(model.contact_speed.offset)
-    )
     closed = np.array(gap.weights, float) @ embed
     yield Relation("embedded states have a closed gap", ("gap", "embed"), share(closed, embed) + share(gap.offset))
     if model.flight.pieces and model.contact.pieces:
@@ -266,7 +189,8 @@ def distances(model: Model, draw: Draw) -> Iterator[Relation]:
     off = min(_apart(gap, each) for each in pairs)
     if model.derived and not {*model.gap(p).weights} <= {0.0, 1.0, -1.0}:  # along a lever, as "2*foot - plate"
         words, slopes = "the gap is a sum of multiples of the heights", gap[:, 1:]
-        off = max(_beyond(own, each[:, 1:]) for own, each in zip(slopes, np.stack(masses, axis=1), strict=True))
+        known = (each[:, 1:] for each in np.stack(masses, axis=1))
+        off = max(share(own - own @ np.linalg.pinv(of) @ of, own) for own, of in zip(slopes, known, strict=True))
     yield Relation(words, ("gap", "heights"), off)
     if apart := model.separation(p):
         words = "the separation is at most that of two of the heights, or of one and the ground"
@@ -294,8 +218,7 @@ def _values_and_slopes(function: Affine | StateFormula, draw: Draw) -> np.ndarra
         return np.column_stack([function(draw.x), slopes])
     x = ca.SX.sym("x", draw.x.shape[1])
     value = function.at(ca.vertsplit(x))
-    seen = Expressions([x, ca.SX(0, 1)], {"seen": ca.horzcat(value, ca.jacobian(value, x)).T})
-    return seen(draw.x, np.zeros(0))["seen"]
+    return Expressions([x, ca.SX(0, 1)], {"seen": ca.horzcat(value, ca.jacobian(value, x)).T})(draw.x, {})["seen"]
 
 
 def _apart(seen: np.ndarray, between: np.ndarray, most: bool = False) -> float:
@@ -340,7 +263,7 @@ def forces(model: Model, draw: Draw) -> Iterator[Relation]:
     if model.tension is None:
         return
     at, rates = coordinates(model.flight)
-    slopes = draw.flown["tension slopes"].reshape(len(draw.x), -1)[:, [*at, *rates]]
+    slopes = draw.flown["tension slopes"][:, [*at, *rates]]
     along = np.array(model.extension.weights, float)[[*at, *rates]]
     own = slopes @ along / max(along @ along, np.finfo(float).tiny)
     words = "the tension is a function of the extension"

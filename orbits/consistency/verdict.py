@@ -24,9 +24,6 @@ from .shortcuts import SHORT_CUTS
 PARAMETER_SPREAD = 0.02
 SHORT_CUT = 0.1  # what a relation that holds speaks for a short cut, compared with what it speaks for other fields
 MOST_SUSPECTS = 3  # where more fields are wrong, all that do not fit are named
-# What is evaluated with the data of a piece.
-IN_FLIGHT = ("flight.field", "flight_gradient", "liftoff", "tension")
-IN_CONTACT = ("contact.field", "contact_gradient", "contact.watch")
 
 
 def suspects(relations: list[Relation]) -> tuple[str, ...]:
@@ -88,11 +85,15 @@ def algebraic_relations(model: Model, values: Mapping[str, float]) -> list[Relat
 
 def _with_pieces(model: Model, relation: Relation) -> Relation:
     """The relation with the pieces of the phases on which its fields are evaluated."""
-    fields = relation.fields
-    for where, phase, own in (("flight", model.flight, IN_FLIGHT), ("contact", model.contact, IN_CONTACT)):
-        name = f"{where}.pieces"
-        fields += (name,) if phase.pieces and {*own} & {*fields} and name not in fields else ()
-    return relation._replace(fields=fields)
+    names, found = {*relation.fields}, relation.fields
+    in_contact = bool({"contact.field", "contact.watch"} & names)
+    in_flight = bool({"flight.field", "tension"} & names or ("flight_gradient" in names and not in_contact))
+    for phase, used, name in (
+        (model.flight, in_flight, "flight.pieces"),
+        (model.contact, in_contact, "contact.pieces"),
+    ):
+        found += (name,) if phase.pieces and used and name not in names else ()
+    return relation._replace(fields=found)
 
 
 def _parameters(model: Model, values: Mapping[str, float]) -> Iterator[dict[str, float]]:

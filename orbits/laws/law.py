@@ -9,7 +9,7 @@ from fractions import Fraction
 from functools import cached_property, lru_cache
 from numbers import Rational
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import casadi as ca
 import numpy as np
@@ -25,9 +25,10 @@ from ..symbolic.taylor_series import has_taylor_series
 from ..symbolic.tracing import traced
 from ..units import LENGTH, Message, Quantity
 
-# What expressions are made of: CasADi scalars or numbers, in sequences and by name.
-Scalars = Sequence[Any]
-Parameters = Mapping[str, Any]
+# What formulas are evaluated with, in sequences and by name: numbers, arrays (m,) of numbers, or CasADi expressions.
+Value: TypeAlias = Any
+Scalars: TypeAlias = Sequence[Value]
+Parameters: TypeAlias = Mapping[str, Value]
 # What users give for the parameters of a law, and laws by name.
 Given = Mapping[str, float] | None
 Named = Mapping[str, Callable]

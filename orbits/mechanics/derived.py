@@ -8,12 +8,14 @@ from ..errors import InputError
 from ..laws.law import Parameters
 from ..model.model import Model, as_derived
 from ..running.exclusive import exclusive
+from .coordinates import Coordinates
 from .elements import Force, Spring, expressions_of, names_in
-from .lagrange import GRAVITY_SHARE, Mechanics
+from .lagrange import mechanics_of
 from .linear import Linear, LinearEquations
 from .lone_extension import launch_of
 from .parts import Parts
 from .structure import Structure
+from .terms import GRAVITY_SHARE, Gravity
 
 
 @exclusive
@@ -21,13 +23,13 @@ from .structure import Structure
 def derived_model(structure: Structure) -> Model:
     """The model of a mechanism; raises `InputError` for what is no mechanism."""
     s, parts = structure, _parts_of(structure)
-    mechanics = parts.mechanics
-    launch = launch_of(mechanics, parts.alone, parts.words["liftoff"], dict(s.rest).get(parts.launched_name, 0.0))
+    mechanics, gap = parts.mechanics, parts.gap
+    launch = launch_of(mechanics, parts.alone, parts.words["liftoff"], dict(s.rest).get(parts.launched, 0.0))
     linear = Linear.of(mechanics)
     # The motion of one extension alone leads to orbits where nothing damps or drives it. Under gravity that varies it
     # is the motion in the scene of the guess only, so that there is a guess and no reduction.
     moves_alone = launch is not None and launch.reduction and mechanics.conservative and not s.actuators
-    still = launch if moves_alone and not mechanics.varying else None
+    still = launch if moves_alone and not mechanics.gravity.varies else None
     exact: tuple[Any, Any] = (linear.flight, linear.contact) if linear else (None, None)
     if linear and still and parts.alone:  # told by the extension in the fewest operations, so with the least rounding
         exact = partial(parts.alone.flight, still.relative), partial(parts.alone.contact, still.relative)
@@ -35,33 +37,27 @@ def derived_model(structure: Structure) -> Model:
         name=s.name,
         flight=parts.flight(exact[0]),
         contact=parts.contact(exact[1]),
-        launch=parts.launch,
         launch_unknowns=parts.launch_unknowns,
-        liftoff=parts.liftoff,
-        landing=parts.landing,
         reversor=(1, -1) * mechanics.size if mechanics.conservative and not s.actuators else None,
         release=launch.relative.release if launch else parts.no_release,
-        touchdown=parts.touchdown,
         embed=parts.embed,
         flight_gradient=parts.flight_gradient,
-        contact_gradient=parts.contact_gradient,
         extension=parts.extension,
-        gap=lambda p: parts.gap,
+        gap=lambda p: gap,
+        guess=launch.relative if launch and moves_alone else None,
         separation=parts.separation,
         heights=parts.heights,
         impact_mass=parts.impact_mass,
         impact=parts.impact,
-        contact_speed=parts.contact_speed,
         violations={name: parts.words[name] for name in ("gap", "pull", "separation", "end")},
         springs=parts.drawn,
-        homotopy=GRAVITY_SHARE if mechanics.varying else None,
+        homotopy=GRAVITY_SHARE if mechanics.gravity.varies else None,
         conservative=mechanics.conservative and not s.actuators,
         driven=any(isinstance(element, Force) for element in s.elements),
         reduction=still.reduction if still else None,
         tension=parts.tension if parts.counted else None,
         liftoff_slope=launch.liftoff_slope if launch else None,
         search=launch.relative.search if launch and mechanics.conservative else None,
-        relative=launch.relative if launch and moves_alone else None,
         rest=parts.rest if s.rest else None,
         knees=parts.knees if s.knees else None,
     )
@@ -72,7 +68,7 @@ def derived_model(structure: Structure) -> Model:
 @lru_cache(maxsize=64)
 def derived_launch(structure: Structure) -> str:
     """The coordinate that is launched."""
-    return _parts_of(structure).launched_name
+    return _parts_of(structure).launched
 
 
 @exclusive
@@ -107,5 +103,5 @@ def _names_beside_laws(s: Structure) -> set[str]:
 
 @lru_cache(maxsize=64)
 def _parts_without_laws(s: Structure) -> "Parts":
-    places, others = (s.coordinates, s.actuators, s.elements, s.inertia), (s.gravity, s.surface_gravity, s.parameters)
-    return Parts(s, Mechanics(*places, s.gap, *others))
+    c, gravity = Coordinates.of(s.coordinates, s.actuators, s.parameters), Gravity(s.gravity, s.surface_gravity)
+    return Parts.of(s, mechanics_of(c, s.elements, s.inertia, s.gap, gravity))

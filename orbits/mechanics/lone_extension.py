@@ -16,13 +16,12 @@ import numpy as np
 from ..errors import InputError
 from ..laws.law import Key, Parameters, Scalars
 from ..model.liftoff import Liftoff
-from ..model.model import Reduction
 from ..model.modes import Modes, single_mode
-from ..model.relative import Relative, straight_line
+from ..model.phase import is_used
+from ..model.relative import Reduction, Relative, straight_line
 from .coefficients import Coefficients
 from .elements import Force, Potential, Scalar, Spring
-from .lagrange import Mechanics, at_zero
-from .terms import is_used
+from .lagrange import Mechanics
 
 # The launch speed, as a parameter of the law by which a machine lifts off whose contact force depends on its speed.
 SPEED_OF_LAUNCH = "_launch_speed"
@@ -62,35 +61,36 @@ class Alone:
 
     def __init__(self, mechanics: Mechanics, springs: Sequence[tuple[Spring, Fraction, ca.SX]], along: ca.SX):
         self.mechanics, self.springs = mechanics, springs
-        m, gap, embed = mechanics, mechanics.exact_gap, mechanics.exact_embed
+        c, gap, embed = mechanics.coordinates, mechanics.gap.exact, mechanics.gap.exact_embed
+        flight, contact = mechanics.in_flight, mechanics.in_contact
         across = across_line(along)
-        weight = ca.SX(sum(term.gradient[:2] for term in m.terms if term.is_weight))
+        weight = ca.SX(sum(term.gradient[:2] for term in flight.terms if term.is_weight))
         # The rows are scaled so that the thrown coordinate falls with acceleration 1.
-        apart = ca.vertcat(along.T, across @ m.inertia / (across @ weight))
+        apart = ca.vertcat(along.T, across @ flight.inertia / (across @ weight))
         determinant = apart[0, 0] * apart[1, 1] - apart[0, 1] * apart[1, 0]
         mix = ca.vertcat(ca.horzcat(apart[1, 1], -apart[0, 1]), ca.horzcat(-apart[1, 0], apart[0, 0])) / determinant
         by_extension, by_throw = ca.vertsplit((gap.T @ mix).T)
         rate = -by_throw / by_extension
         self.rate, self.gap_slope_of = self._numbers(rate), self._numbers(by_extension)
         self.lifted = self._numbers(apart[1, :] @ embed[:2, 0])
-        self.mix, self.apart = m.coefficients(mix), m.coefficients(apart)
-        pulls = -(along.T @ m.accelerations) / rate
-        columns = [[i for i, term in enumerate(m.terms) if term.element is spring] for spring, *_ in springs]
+        self.mix, self.apart = c.coefficients(mix), c.coefficients(apart)
+        pulls = -(along.T @ flight.accelerations) / rate
+        columns = [[i for i, term in enumerate(flight.terms) if term.element is spring] for spring, *_ in springs]
         self.shares = [self._numbers(pulls[column[0]]) for column in columns]
-        weights = [i for i, term in enumerate(m.terms) if term.is_weight]
+        weights = [i for i, term in enumerate(flight.terms) if term.is_weight]
         self.load = self._numbers(sum((pulls[i] for i in weights), ca.SX(0)))
         self.offsets = [self._numbers(offset) for *_, offset in springs]
         # The contact force is this multiple of phi + load - 1, and each damper adds to it.
-        multiple = by_extension * rate / (1 / m.impact_mass)
-        dampers = [i for i, term in enumerate(m.contact_terms) if term.what == "damper"]
-        rates = [m.gradient(m.contact_terms[i].place).T @ embed[:, 0] for i in dampers]
+        multiple = by_extension * rate / (1 / flight.impact_mass)
+        dampers = [i for i, term in enumerate(contact.terms) if term.what == "damper"]
+        rates = [c.gradient(contact.terms[i].place).T @ embed[:, 0] for i in dampers]
         self.damping = self._numbers(
-            sum((m.contact_row[i] * r for i, r in zip(dampers, rates, strict=True)), ca.SX(0)) / multiple
+            sum((contact.row[i] * r for i, r in zip(dampers, rates, strict=True)), ca.SX(0)) / multiple
         )
         # In contact the same phi pulls at the one coordinate s that is left: s'' = fall - pull (phi + load).
-        pull = m.numerals.number(springs[0][1]) / (pulls[columns[0][0]] * m.contact_inertia[0, 0])
-        fall = pull * sum(pulls[i] for i in weights) - weight.T @ embed[:2, 0] / m.contact_inertia[0, 0]
-        self.held = m.coefficients(ca.horzcat(pull, fall, multiple))
+        pull = c.numerals.number(springs[0][1]) / (pulls[columns[0][0]] * contact.inertia[0, 0])
+        fall = pull * sum(pulls[i] for i in weights) - weight.T @ embed[:2, 0] / contact.inertia[0, 0]
+        self.held = c.coefficients(ca.horzcat(pull, fall, multiple))
 
     @classmethod
     def of(cls, mechanics: Mechanics) -> "Alone | None":
@@ -101,34 +101,34 @@ class Alone:
             mechanics.size != 2
             or not springs
             or unusual
-            or mechanics.flight_coefficients.by_coordinates
+            or mechanics.in_flight.coefficients.by_coordinates
             or not _is_level(mechanics)
         ):
             return None
-        found, along = list[tuple[Spring, Fraction, ca.SX]](), list[Fraction]()
+        c, found, along = mechanics.coordinates, list[tuple[Spring, Fraction, ca.SX]](), list[Fraction]()
         for spring in springs:
-            weights = mechanics.weights(spring.extension)
-            if weights is None or not (factor := mechanics.weights_in_contact(weights)[0]):
+            weights = c.weights(spring.extension)
+            if weights is None or not (factor := mechanics.gap.weights_inside(weights)[0]):
                 return None
             direction = [weight / factor for weight in weights[:2]]
             along = along or direction
             if direction != along:
                 return None
-            found.append((spring, factor, at_zero(mechanics.scalar(spring.extension), mechanics.y)))
-        line, weight = ca.vertcat(*map(mechanics.numerals.number, along)), ca.SX(2, 1)
-        for term in mechanics.terms:
+            found.append((spring, factor, c.at_zero(spring.extension)))
+        line, weight = ca.vertcat(*map(c.numerals.number, along)), ca.SX(2, 1)
+        for term in mechanics.in_flight.terms:
             weight += term.gradient[:2] if term.is_weight else 0
-        return None if mechanics.vanishes(across_line(line) @ weight) else cls(mechanics, found, line)
+        return None if c.vanishes(across_line(line) @ weight) else cls(mechanics, found, line)
 
     def _numbers(self, expression: ca.SX) -> "_Number":
         """p -> the value of an expression."""
-        return _Number(self.mechanics.coefficients(ca.SX(expression)))
+        return _Number(self.mechanics.coordinates.coefficients(ca.SX(expression)))
 
     def launch(self, mechanics: Mechanics, level: str) -> Launch:
         """What follows with the laws of the mechanics."""
         law, load = self._law(mechanics)
         rate = None if self.rate.constant == 1.0 else self.rate
-        gravity = self.mechanics.gravity if self.mechanics.varying else None
+        gravity = mechanics.gravity.key if mechanics.gravity.varies else None
 
         def scale(p: Parameters) -> tuple[Any, Any, float]:  # the first spring's force, without the load in the law
             return 1 / self.shares[0](p), self.load(p) - load, 0.0
@@ -166,7 +166,7 @@ class Alone:
             forces = [share(p) * law(factor * r + offset(p), p, q) for law, factor, share, offset in parts]
             return sum(forces, self.load(p))
 
-        texts, names = [law.text for law in laws], tuple(mechanics.p)
+        texts, names = [law.text for law in laws], tuple(mechanics.coordinates.p)
         reach = min(law.reach / abs(float(factor)) for law, (_, factor, _) in zip(laws, self.springs, strict=True))
         return Key(" + ".join(texts), "r", expression, names, law.pieces, reach), 0.0
 
@@ -212,11 +212,10 @@ def _for_steps(value: Any) -> Any:
 
 def _is_level(mechanics: Mechanics) -> bool:
     """Whether the contact force has no part of a gravity that varies, but that on the ground."""
-    coefficients = mechanics.contact_force_coefficients.exact
-    for term, coefficient in zip(mechanics.contact_terms, coefficients, strict=True):
-        if term.what == "gravity" and coefficient != 0 and not mechanics.vanishes_in_contact(term.place):
-            return False
-    return True
+    c, contact = mechanics.coordinates, mechanics.in_contact
+    pulls = zip(contact.terms, contact.force_coefficients.exact, strict=True)
+    heights = (term.place for term, coefficient in pulls if term.what == "gravity" and coefficient != 0)
+    return all(c.vanishes(mechanics.inside(c.scalar(height)), contact.symbols) for height in heights)
 
 
 def _scales_at(mechanics: Mechanics, start: ca.SX) -> tuple[ca.SX, ca.SX]:
@@ -226,10 +225,10 @@ def _scales_at(mechanics: Mechanics, start: ca.SX) -> tuple[ca.SX, ca.SX]:
     r = -lambda/lambda', and there the contact and the flight have one acceleration, the rate = -(F + F' r). In the unit
     lambda' rate/F' the contact force has the slope of the extension's own motion.
     """
-    m, s, ends = mechanics, ca.SX.sym("s"), [0.0] * len(mechanics.actuators)
-    still = {**m.p, **{rate: ca.SX(0) for _, rate in m.actuators}}
-    force, place = ca.SX(m.contact_force([s, ca.SX(0), *ends], still, [])), m.embedded([s, *ends], [s, *ends])[0]
-    launched = m.kept[0]
+    m, c, s = mechanics, mechanics.coordinates, ca.SX.sym("s")
+    ends, still = [0.0] * len(c.actuators), {**c.p, **{rate: ca.SX(0) for _, rate in c.actuators}}
+    force, place = ca.SX(m.contact_force([s, ca.SX(0), *ends], still, [])), m.embedded([s, *ends])
+    launched = m.gap.kept[0]
     state = [part for y in place[: m.size] for part in (y, ca.SX(0))]
     motion = ca.SX(m.flight([*state, *ends], still, [])[2 * launched + 1])
     at_start = [
@@ -244,39 +243,39 @@ def _scales_at(mechanics: Mechanics, start: ca.SX) -> tuple[ca.SX, ca.SX]:
 
 def _has_rates(mechanics: Mechanics) -> bool:
     """Whether the contact force depends on the rate of the coordinate that is launched, the actuators at rest."""
-    m, rate, total = mechanics, ca.SX.sym("v"), ca.SX(0)
-    moving = ca.densify(ca.sparsify(m.exact_embed[:, 0]) * rate)
-    for j, term in enumerate(m.contact_terms):
+    c, contact, rate, total = mechanics.coordinates, mechanics.in_contact, ca.SX.sym("v"), ca.SX(0)
+    moving = ca.densify(ca.sparsify(mechanics.gap.exact_embed[:, 0]) * rate)
+    for j, term in enumerate(contact.terms):
         if term.by_rates is not None:
-            force, still = (ca.substitute(term.by_rates, m.v, v) for v in (moving, ca.SX.zeros(moving.shape)))
-            total += m.contact_row[j] * m.inside(force - still)
-    return not m.vanishes(total, m.symbols(m.s, rate))
+            force, still = (ca.substitute(term.by_rates, c.v, v) for v in (moving, ca.SX.zeros(moving.shape)))
+            total += contact.row[j] * mechanics.inside(force - still)
+    return not c.vanishes(total, c.symbols(mechanics.gap.s, rate))
 
 
 def _held(mechanics: Mechanics, rest: Scalar) -> Launch:
     """The launch of a machine whose contact force is a function of the coordinate that is launched and of its rate."""
-    m, start = mechanics, mechanics.scalar(rest)
-    numbers = m.coefficients(ca.horzcat(*_scales_at(mechanics, start), start))
+    m, c, start = mechanics, mechanics.coordinates, mechanics.coordinates.scalar(rest)
+    numbers = c.coefficients(ca.horzcat(*_scales_at(mechanics, start), start))
     if any(law.pieces for law in m.laws):
         raise InputError("a law in pieces can be taken where all springs act along one sum of two coordinates")
 
     def expression(r: Any, p: Parameters, q: Scalars) -> Any:
         unit, _, start = numbers(p)[0]
-        state = [start + r, p[SPEED_OF_LAUNCH], *(0.0 for _ in m.actuators)]
-        return 1 - m.contact_force(state, {**p, **{rate: 0.0 for _, rate in m.actuators}}, q) / unit
+        state = [start + r, p[SPEED_OF_LAUNCH], *(0.0 for _ in c.actuators)]
+        return 1 - m.contact_force(state, {**p, **{rate: 0.0 for _, rate in c.actuators}}, q) / unit
 
-    law = Key("the contact force", "r", expression, (*m.p, SPEED_OF_LAUNCH), None)
+    law = Key("the contact force", "r", expression, (*c.p, SPEED_OF_LAUNCH), None)
     still = not _has_rates(m)
     if still:  # A speed that makes no difference is no parameter.
-        law = law._replace(expression=lambda r, p, q: expression(r, {**p, SPEED_OF_LAUNCH: 0.0}, q), names=tuple(m.p))
-    gravity, by_speed = m.gravity if m.varying else None, None if still else SPEED_OF_LAUNCH
+        law = law._replace(expression=lambda r, p, q: expression(r, {**p, SPEED_OF_LAUNCH: 0.0}, q), names=tuple(c.p))
+    gravity, by_speed = m.gravity.key if m.gravity.varies else None, None if still else SPEED_OF_LAUNCH
     rate, offset = (lambda p: numbers(p)[0][1]), (lambda p: numbers(p)[0][2])
     liftoff = Liftoff(0.0, "0", lambda p: (-numbers(p)[0][0], 1.0, offset(p)), "{law}")
     relative = Relative(law, gravity, liftoff, rate, by_speed=by_speed, rest=offset)
     if still:
         return Launch(relative)
     symbols = ca.SX.sym("r"), ca.SX.sym("speed")
-    force = ca.SX(expression(symbols[0], {**m.p, SPEED_OF_LAUNCH: symbols[1]}, []))
+    force = ca.SX(expression(symbols[0], {**c.p, SPEED_OF_LAUNCH: symbols[1]}, []))
     by_extension, by_rate = (ca.jacobian(force, symbol) for symbol in symbols)
-    slope = m.coefficients(-by_rate / by_extension, m.symbols(*symbols))
+    slope = c.coefficients(-by_rate / by_extension, c.symbols(*symbols))
     return Launch(relative, None, lambda u, p: slope(p, [u["liftoff"] - offset(p), u["alpha"]])[0][0])

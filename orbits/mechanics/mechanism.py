@@ -33,7 +33,6 @@ from ..units import LENGTH, Units, unit_text
 from .derived import derived_launch, derived_model, linear_equations
 from .dimensions import dimensions_of_parameters
 from .elements import Element, Scalar, Spring, expressions_of, names_in
-from .lagrange import GRAVITY_SHARE
 from .linear import LinearEquations
 from .refusals import (
     hint_of_coordinate,
@@ -44,6 +43,7 @@ from .refusals import (
     refuse_values,
 )
 from .structure import Structure
+from .terms import GRAVITY_SHARE
 
 
 @dataclass(frozen=True, repr=False, eq=False)

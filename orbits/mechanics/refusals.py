@@ -10,8 +10,8 @@ from ..errors import InputError
 from ..laws.law import stated
 from ..symbolic.formula import CONSTANTS, FUNCTIONS, suggest
 from .elements import Damper, Element, Force, Inerter, Mass, Scalar, Weight, fields_of, names_in, value_of
-from .lagrange import GRAVITY_SHARE
 from .structure import USUAL_WORDS
+from .terms import GRAVITY_SHARE
 
 # What names that coordinates cannot have stand for already.
 TAKEN_NAMES = {

@@ -1,81 +1,62 @@
 """What a kind of machine is to the engine: its phases, and what makes a motion of them a lossless orbit."""
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple, TypeAlias
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from ..io import fields_in_line
-from .phase import Affine, Arc, Phase, Statement
+from ..laws.law import Parameters, Scalars
+from .phase import Affine, Phase, weighted_sum
+from .relative import Reduction, Relative
 from .state_formula import StateFormula
 
 # Two links of the same length with a knee between them: the names of the heights that they join, lower (None for the
 # ground) and upper, and the length of each.
 Knee: TypeAlias = tuple[str | None, str, float]
+# The quantity that the contact of every model watches, which opens where it vanishes.
+CONTACT_FORCE = "contact force"
+# Arguments of a model written by hand that follow from the others: they are accepted and not used.
+FOLLOWING = frozenset({"launch", "touchdown", "liftoff", "landing", "contact_gradient", "contact_speed"})
 
 
-class Search(NamedTuple):
-    """How to search for all orbits of a family.
+class _Following(type):
+    """Makes a model without the arguments that follow from the others."""
 
-    scale : of launch speeds: for a hopper the inverse root of the spring's slope at rest
-    spacing, fastest : of the launch speeds where the search begins, and the last of them for family 1, in multiples of
-        the scale
-    single : whether the laws bend so seldom that the orbit to which the guess leads is taken for the lowest
-    pace : the scale of times over that of launch speeds
-    by_speed : whether the extension at lift-off depends on the launch speed
-    """
-
-    scale: float
-    spacing: float
-    fastest: float
-    single: bool
-    pace: float = 1.0
-    by_speed: bool = False
+    def __call__(cls, *stated: Any, **named: Any) -> Any:
+        return super().__call__(*stated, **{name: part for name, part in named.items() if name not in FOLLOWING})
 
 
 @dataclass(frozen=True, eq=False)
-class Reduction:
-    """A reduced statement of the same orbit, in coordinates in which fewer states are integrated.
-
-    statement : with the unknowns "liftoff" and "alpha", which are also its two states at lift-off, and with one arc,
-        the first half flight
-    reversor : sign of each of its states under time reversal
-    complete : (times (N,), coefficients (N, n, K + 1), u, p) -> Taylor coefficients of all flight states; `u` and `p`
-        have one value for each of the N steps
-    gap_slope : (times (m,), dz (n, m), p) -> derivatives (m,) of the gap by alpha, from those of the reduced states, dz
-    exact : (family, p) -> (u, error of alpha) where the solution is known in closed form, else None
-    """
-
-    statement: Statement
-    reversor: tuple[int, ...]
-    complete: Callable
-    gap_slope: Callable
-    exact: Callable | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Model:
+class Model(metaclass=_Following):
     """A kind of machine whose plastic contact can be lossless; its functions take the parameters as a mapping `p`.
 
     A lossless cycle is a flight from the launch set to its image under the reversor, then a contact back to the launch
     set. Energy is conserved in each phase; only its gradient is needed, so that the potential need not be known in
     closed form. The unknowns are a mapping `u`: "liftoff" and "alpha" are the value and the speed of the coordinate
-    that is launched, and further unknowns of a launch have the names of flight states. The functions launch, touchdown,
-    gap, separation, impact_mass and impact are called for m orbits at once, with arrays (m,) in `u`, `x` and `p`, and
-    with CasADi's expressions; so they must not branch on these values.
+    that is launched, and further unknowns of a launch have the names of contact states. The functions gap, separation,
+    impact_mass, impact, and the contact force are called for m orbits at once, with arrays (m,) in `x` and `p`, and
+    with CasADi's expressions; so they must not branch on these values. A speed has the name of its coordinate with an
+    apostrophe. The launch, lift-off, the landing and the energy in contact follow from the fields, see the methods.
 
-    flight, contact : the two phases; the contact watches a quantity named "contact force"
-    launch_unknowns, launch : names of the unknowns of a launch; (u, p) -> flight state at lift-off
-    liftoff : (u, p, q) -> expression that vanishes where sustained contact ends
-    landing : (u, x, p) -> three expressions that vanish at a lossless landing
+    flight, contact : the two phases; the contact watches a quantity named "contact force", which vanishes at lift-off
+    launch_unknowns : names of the unknowns of a launch: "liftoff", "alpha", and the contact states except the value and
+        the speed of the one coordinate that these two are; contact states without speeds are 0 at lift-off
+
+    The launch, lift-off, the landing and the energy in contact follow from the fields, see the methods.
+
+    flight, contact : the two phases; the contact watches a quantity named "contact force", which vanishes at lift-off
+    launch_unknowns : names of the unknowns of a launch: "liftoff", "alpha", and the contact states but for those of the
+        one coordinate whose place and speed these two are; contact states without speeds are 0 at lift-off
     reversor : sign of each flight state under time reversal; None where the model has no reversor
     release : (alpha (m,), p) -> extensions (m,) at lift-off with these launch speeds
     liftoff_slope : (u, p) -> derivative of the extension at lift-off by the launch speed; None where it does not depend
         on that
-    touchdown : (u, p) -> contact state after a lossless landing
     embed : matrix (n, m) that turns contact states (m,) into flight states (n,)
-    flight_gradient, contact_gradient : (x, p, q) -> gradient of the energy in that phase
+    flight_gradient : (x, p, q) -> gradient of the energy in flight
     extension : affine function of the flight state whose stationary points count the family
     gap : p -> height of the contact point above what it lands on, an affine function of the flight state
     separation : p -> smallest distance within the machine, which must stay positive, a function of the flight state,
@@ -92,11 +73,9 @@ class Model:
         gap's speed: 1 / (dg M^-1 dg) for an inertia matrix M and the gap's gradient dg, both of which may vary with x
     impact : (x, p) -> direction, a list of n, in which an impact changes the flight state x: M^-1 dg on the speeds,
         scaled so that along it the gap's speed changes by 1
-    contact_speed : the contact coordinate that becomes the launch speed
-    guess : (family, p) -> a launch and the "duration" of the half flight, with the parameter `homotopy` at 0; None
-        where it follows from `relative`, or where the families are searched at once, for which `search` and `release`
-        suffice
-    relative : the `Relative` motion under constant gravity, from which a guess follows; None where there is none
+    guess : (family, p) -> a launch and the "duration" of the half flight, with the parameter `homotopy` at 0; or the
+        `Relative` motion under constant gravity, from which these follow; None where the families are searched at once,
+        for which `search` and `release` suffice
     conservative : whether flight and contact conserve the energy
     driven : whether a force may add energy to a machine that is not conservative
     homotopy : name of the parameter that leads from the machine of the guess (0) to this one (1); None where they are
@@ -115,25 +94,19 @@ class Model:
     name: str
     flight: Phase
     contact: Phase
-    launch: Callable
-    liftoff: Callable
-    landing: Callable
     reversor: tuple[int, ...] | None
     release: Callable
-    touchdown: Callable
     embed: np.ndarray
     flight_gradient: Callable
-    contact_gradient: Callable
     extension: Affine
-    gap: Callable
+    gap: Callable[[Parameters], Affine]
     separation: Callable
-    heights: Callable
+    heights: Callable[[Parameters], Mapping[str, Affine | StateFormula]]
     impact_mass: Callable
     impact: Callable
-    contact_speed: Affine
     violations: Mapping[str, str]
     springs: tuple[tuple[str | None, str], ...]
-    guess: Callable | None = None
+    guess: Callable | Relative | None = None
     launch_unknowns: tuple[str, ...] = ("liftoff", "alpha")
     homotopy: str | None = None
     conservative: bool = True
@@ -142,7 +115,6 @@ class Model:
     units: Callable | None = None
     gauge: str | None = None
     search: Callable | None = None
-    relative: Any = None
     liftoff_slope: Callable | None = None
     rest: Callable | None = None
     knees: Callable | None = None
@@ -153,16 +125,85 @@ class Model:
     def __repr__(self) -> str:
         return fields_in_line(self, "name")
 
-    def rises(self, p: Mapping[str, Any]) -> dict[str, Affine | StateFormula]:
+    def rises(self, p: Parameters) -> dict[str, Affine | StateFormula]:
         """The heights, by the name of the quantity that says how far each rises above its value at lift-off."""
         return {f"{name.replace(' ', '_')}_rise": height for name, height in self.heights(p).items()}
 
     @property
+    def relative(self) -> Relative | None:
+        """The relative motion from which the guess follows; None where there is none."""
+        return self.guess if isinstance(self.guess, Relative) else None
+
+    @cached_property
+    def _place(self) -> int:
+        """The number of the contact state that is "liftoff" at lift-off; the next one is "alpha"."""
+        names = self.contact.states
+        pairs = enumerate(pairwise(names))
+        return next(i for i, (y, v) in pairs if v == f"{y}'" and y not in self.launch_unknowns)
+
+    @cached_property
+    def contact_speed(self) -> Affine:
+        """The speed of the contact that is the launch speed at lift-off, a function of the contact state."""
+        return Affine(tuple(float(i == self._place + 1) for i in range(len(self.contact.states))))
+
+    @cached_property
     def launched(self) -> tuple[str, str]:
         """Names of the flight states that are "liftoff" and "alpha" at lift-off."""
-        place = int(np.flatnonzero(self.contact_speed.weights)[0])
-        speed = int(np.flatnonzero(self.embed[:, place] == 1.0)[0])
+        speed = int(np.flatnonzero(self.embed[:, self._place + 1] == 1.0)[0])
         return self.flight.states[speed - 1], self.flight.states[speed]
+
+    @cached_property
+    def _unknown_states(self) -> list[str | None]:
+        """The unknown of a launch that each contact state is, None for a state that is 0."""
+        own = {self._place: "liftoff", self._place + 1: "alpha"}
+        each = enumerate(self.contact.states)
+        return [own.get(i, name if name in self.launch_unknowns else None) for i, name in each]
+
+    def _released(self, u: Parameters) -> list[Any]:
+        """The contact state at lift-off."""
+        return [u[name] if name else 0.0 for name in self._unknown_states]
+
+    @cached_property
+    def mirror(self) -> tuple[int, ...]:
+        """The sign of each contact state under time reversal; without a reversor, that of a damped machine."""
+        if self.reversor is None:
+            return tuple(-1 if name.endswith("'") else 1 for name in self.contact.states)
+        return tuple(int(self.reversor[i]) for i in np.abs(self.embed).argmax(0))
+
+    @cached_property
+    def _rows(self) -> list[list[float]]:
+        return self.embed.tolist()
+
+    def launch(self, u: Parameters, p: Parameters) -> list[Any]:
+        """The flight state (n,) at lift-off with unknowns `u`."""
+        released = self._released(u)
+        return [weighted_sum(row, released) for row in self._rows]
+
+    def touchdown(self, u: Parameters, p: Parameters) -> list[Any]:
+        """The contact state (m,) after a lossless landing: the mirror image of the launch."""
+        return [-value if sign < 0 else value for sign, value in zip(self.mirror, self._released(u), strict=True)]
+
+    def liftoff(self, u: Parameters, p: Parameters, q: Scalars) -> Any:
+        """The contact force of a launch, which vanishes where sustained contact ends."""
+        return self.contact.watch[CONTACT_FORCE](self._released(u), p, q)
+
+    def landing(self, u: Parameters, x: Scalars, p: Parameters) -> list[Any]:
+        """What vanishes at a lossless landing in the flight state x: the gap, its speed and its acceleration.
+
+        Where the contact has one coordinate, the last follows from the place of what was launched, which is as at
+        lift-off. This takes its place too where a law is in pieces, since the piece that holds is not known here.
+        """
+        weights, states = self.gap(p).weights, self.flight.states
+        of_speed = [weights[states.index(name[:-1])] if name.endswith("'") else 0.0 for name in states]
+        closed = [weighted_sum(weights, x) + self.gap(p).offset, weighted_sum(of_speed, x)]
+        if self.one_speed or self.flight.pieces:
+            return [*closed, x[states.index(self.launched[0])] - u["liftoff"]]
+        return [*closed, weighted_sum(of_speed, self.flight.field(x, p, []))]
+
+    def contact_gradient(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
+        """The gradient (m,) of the energy in the contact state x, that of the flight on the ground."""
+        gradient = self.flight_gradient([weighted_sum(row, x) for row in self._rows], p, q)
+        return [weighted_sum(column, gradient) for column in zip(*self._rows, strict=True)]
 
     def launch_at(self, x: Iterable[float]) -> dict[str, float]:
         """The unknowns of the launch, by name, whose flight state at lift-off is `x`."""
@@ -170,14 +211,14 @@ class Model:
         own |= dict(zip(("liftoff", "alpha"), [own[name] for name in self.launched], strict=True))
         return {name: own[name] for name in self.launch_unknowns}
 
-    def liftoff_extension(self, u: Mapping[str, Any], p: Mapping[str, Any]) -> Any:
+    def liftoff_extension(self, u: Parameters, p: Parameters) -> Any:
         """The extension at lift-off with unknowns `u`: numbers, arrays (m,) or expressions."""
         return self.extension.at(self.launch(u, p))
 
     @property
     def is_guessed(self) -> bool:
         """Whether a family has a guess, from which its orbit is solved for."""
-        return bool(self.guess or self.relative)
+        return self.guess is not None
 
     @property
     def half_unknowns(self) -> tuple[str, ...]:
@@ -196,42 +237,43 @@ def as_derived(model: Model) -> Model:
     return model
 
 
-def reparametrised(model: Any, own: Callable[[Mapping[str, Any]], Mapping[str, Any]], **changes: Any) -> Any:
-    """A model whose parameters are functions `own`, p -> parameters of the model given, of other parameters."""
+def reparametrised(model: Model, own: Callable[[Parameters], Parameters], **changes: Any) -> Model:
+    """A model whose parameters are functions `own`, p -> parameters of the model, of other parameters."""
 
-    def at(place: int, function: Any) -> Any:
-        """A function whose argument at this place is the parameters."""
-        return function and (lambda *given: function(*given[:place], own(given[place]), *given[place + 1 :]))
+    def of_own(function: Any, data: int = 0) -> Any:
+        """A function whose last argument is the parameters, or the last but for the `data` of a piece."""
+        if not callable(function):
+            return function
+
+        def called(*arguments: Any) -> Any:
+            place = len(arguments) - 1 - data
+            return function(*arguments[:place], own(arguments[place]), *arguments[place + 1 :])
+
+        return called
 
     def moved(phase: Phase) -> Phase:
-        pieces = phase.pieces and replace(phase.pieces, table=at(0, phase.pieces.table))
-        watch = {name: at(1, function) for name, function in phase.watch.items()}
-        return replace(
-            phase, field=at(1, phase.field), watch=watch, pieces=pieces, closed_form=at(0, phase.closed_form)
-        )
+        pieces = phase.pieces and replace(phase.pieces, table=of_own(phase.pieces.table))
+        watch = {name: of_own(function, 1) for name, function in phase.watch.items()}
+        closed_form = of_own(phase.closed_form)
+        return replace(phase, field=of_own(phase.field, 1), watch=watch, pieces=pieces, closed_form=closed_form)
 
-    def travelled(arc: Arc, phase: Phase) -> Arc:
-        places = {"start": 2, "duration": 1, "conditions": 2, "guard": 2}
-        return replace(arc, phase=phase, **{name: at(place, getattr(arc, name)) for name, place in places.items()})
+    def functions(part: Any) -> dict[str, Any]:
+        """The functions of an object, those with the data of a piece among them."""
+        each = {one.name: getattr(part, one.name) for one in fields(part)}
+        own = {name: value for name, value in each.items() if callable(value) and not isinstance(value, Affine)}
+        return {name: of_own(function, int(name in WITH_DATA)) for name, function in own.items()}
 
-    reduction = model.reduction
+    reduction, relative = model.reduction, model.relative
     if reduction:
-        arcs = tuple(travelled(arc, moved(arc.phase)) for arc in reduction.statement.arcs)
-        statement, places = replace(reduction.statement, arcs=arcs), {"complete": 3, "gap_slope": 2, "exact": 1}
-        changed = {name: at(place, getattr(reduction, name)) for name, place in places.items()}
-        reduction = replace(reduction, statement=statement, **changed)
-    functions = {name: at(place, getattr(model, name)) for name, place in PARAMETERS_AT.items()}
-    relative = model.relative and replace(model.relative, own=own)
+        arcs = (replace(arc, phase=moved(arc.phase), **functions(arc)) for arc in reduction.statement.arcs)
+        statement = replace(reduction.statement, arcs=tuple(arcs))
+        changes["reduction"] = replace(reduction, statement=statement, **functions(reduction))
+    if relative:
+        changes["guess"] = replace(relative, own=own)
     phases = {"flight": moved(model.flight), "contact": moved(model.contact)}
-    found = replace(model, **functions, **phases, reduction=reduction, relative=relative, **changes)
+    found = replace(model, **{**functions(model), **phases, **changes})
     return as_derived(found) if model.derived else found
 
 
-# Which argument of a model's functions is the parameters.
-PARAMETERS_AT = {
-    **dict.fromkeys(("gap", "separation", "heights", "search", "rest", "knees"), 0),
-    **dict.fromkeys(("launch", "liftoff", "release", "touchdown", "guess", "impact_mass", "impact"), 1),
-    "liftoff_slope": 1,
-    **dict.fromkeys(("flight_gradient", "contact_gradient", "tension"), 1),
-    "landing": 2,
-}
+# The functions whose last argument is the data of a piece, after the parameters.
+WITH_DATA = ("flight_gradient", "tension", "guard")

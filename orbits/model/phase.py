@@ -12,7 +12,23 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..io import fields_in_line
+from ..laws.law import Scalars
 from .modes import Modes
+
+
+def is_used(coefficient: Any) -> bool:
+    """Whether a coefficient is anything but the number 0."""
+    return not (isinstance(coefficient, float) and coefficient == 0.0)
+
+
+def weighted_sum(weights: Scalars, values: Scalars) -> Any:
+    """The sum of products, without those whose weight is 0."""
+    total: Any = None
+    for weight, value in zip(weights, values, strict=False):
+        if is_used(weight):
+            part = value if isinstance(weight, float) and weight == 1.0 else weight * value
+            total = part if total is None else total + part
+    return 0.0 if total is None else total
 
 
 @dataclass(frozen=True)

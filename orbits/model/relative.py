@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,7 +27,6 @@ from ..laws.features import (
 )
 from ..laws.law import WRONG_SIGN, Key, Parameters, from_key
 from .liftoff import Liftoff
-from .model import Reduction, Search
 from .modes import Modes, single_mode
 from .phase import Arc, Phase, Pieces, Statement
 
@@ -43,6 +42,48 @@ FASTEST, FASTEST_IN_DETAIL = 1e4, 30.0
 # A spring that bends the other way more often may have several orbits in a family; a hardening spring that softens
 # first does it three times. So may one that bends there and back within a length below this share of the unit.
 MOST_BENDS, UNBENT = 3, 0.4
+
+
+# Weights of states, with how far an integration step may go along this sum of them.
+Reach: TypeAlias = tuple[tuple[float, ...], float]
+
+
+class Search(NamedTuple):
+    """How to search for all orbits of a family.
+
+    scale : of launch speeds: for a hopper the inverse root of the spring's slope at rest
+    spacing, fastest : of the launch speeds where the search begins, and the last of them for family 1, in multiples of
+        the scale
+    single : whether the laws bend so seldom that the orbit to which the guess leads is taken for the lowest
+    pace : the scale of times over that of launch speeds
+    by_speed : whether the extension at lift-off depends on the launch speed
+    """
+
+    scale: float
+    spacing: float
+    fastest: float
+    single: bool
+    pace: float = 1.0
+    by_speed: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Reduction:
+    """A smaller statement of the same orbit, in coordinates in which fewer states are integrated.
+
+    statement : of unknowns "liftoff" and "alpha", also its two states at lift-off, with one arc, the first half flight
+    reversor : sign of each of its states under time reversal
+    complete : (times (N,), coefficients (N, n, K + 1), u, p) -> Taylor coefficients of all flight states; `u` and `p`
+        hold one value for each of the N steps
+    gap_slope : (times (m,), dz (n, m), p) -> derivatives (m,) of the gap by alpha, from those of the reduced states, dz
+    exact : (family, p) -> (u, error of alpha) where the solution is known in closed form, else None
+    """
+
+    statement: Statement
+    reversor: tuple[int, ...]
+    complete: Callable
+    gap_slope: Callable
+    exact: Callable | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +209,7 @@ def pieces_along(key: Key, coordinate: tuple[float, ...]) -> Pieces | None:
     return Pieces(coordinate, *key.pieces, "extension") if key.pieces else None
 
 
-def reach_along(key: Key, coordinate: tuple[float, ...]) -> tuple[tuple[tuple[float, ...], float], ...]:
+def reach_along(key: Key, coordinate: tuple[float, ...]) -> tuple[Reach, ...]:
     """How far an integration step may go along a key's variable, given by these weights, as a phase's `reaches`."""
     return ((coordinate, key.reach),) if key.reach < math.inf else ()
 

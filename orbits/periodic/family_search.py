@@ -14,8 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..flow.flow import flow_of
-from ..model.model import Model, Search
+from ..model.model import Model
 from ..model.phase import Affine
+from ..model.relative import Search
 from ..numerics.roots import enclosed_sign_changes
 from .formulations import columns, equations_of, reduction_of
 from .guess import BEND_SAFETY, SLOWEST_LAUNCH, times_of_turns

@@ -12,8 +12,9 @@ from ..errors import FlowError, InputError, NoOrbit, OutOfRange
 from ..flow.flow import flow_of
 from ..flow.trajectory import Trajectories
 from ..flow.zero_crossing import first_zero, first_zeros, until_zero
-from ..model.model import Model, Reduction
+from ..model.model import Model
 from ..model.phase import Affine, Arc, Phase, Statement
+from ..model.relative import Reduction
 from ..numerics.roots import solve
 from ..units import Message
 from .single_shooting import Evaluation, Shooting, shooting_equations

@@ -58,9 +58,9 @@ def guess(model: Model, family: int, p: Mapping[str, float]) -> dict[str, float]
     under constant gravity; raises `NoOrbit` where there is none."""
     if not model.conservative:
         raise NoOrbit("a damped machine loses energy on every hop: it has no lossless orbit, but a return map")
-    if model.guess:
-        return model.guess(family, p)
-    relative = model.relative
+    relative = model.guess
+    if callable(relative):
+        return relative(family, p)
     if relative is None:
         raise NoOrbit(f"the model of a {model.name} has no guess of its families: give `find` a start")
     p = relative.own(p)

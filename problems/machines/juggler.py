@@ -130,9 +130,7 @@ def _heavy_hand(spring: Key, gravity: Key | None, has_length: bool) -> Model:
         finite,
         name="heavy hand",
         contact=contact,
-        liftoff=lambda u, p, q: -force(u["liftoff"], p, q),
         flight_gradient=lambda x, p, q: [0.0, 0.0, *hand(x, p, q)],
-        contact_gradient=lambda x, p, q: hand(in_flight(x), p, q),
         impact_mass=lambda x, p: 0.0,
         impact=lambda x, p: [0.0, 1.0, 0.0, 0.0],
     )

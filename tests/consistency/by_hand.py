@@ -5,6 +5,8 @@ M is the mass ratio, c the damping, d the drag, phi the force of the spring and 
 the ground.
 """
 
+from types import SimpleNamespace
+
 import numpy as np
 
 from orbits.model.liftoff import Liftoff
@@ -36,9 +38,9 @@ class TwoMasses:
     def numbers(p):
         return p["mass_ratio"], p.get("damping", 0.0), p.get("drag", 0.0)
 
-    def model(self, states, extension, **own) -> Model:
+    def fields(self, states, extension, **own) -> dict:
         machine, damped = self.machine, self.machine.damped
-        return Model(
+        return dict(
             flight=Phase("flight", states, self.flight),
             contact=Phase("contact", states[:2], self.contact, {"contact force": self.contact_force}),
             liftoff=lambda u, p, q: self.contact_force([u["liftoff"], u["alpha"]], p, q),
@@ -100,10 +102,10 @@ class ByHandHopper(TwoMasses):
         }
 
 
-def hopper(machine: Hopper) -> Model:
-    """The hopper's model."""
+def hopper(machine: Hopper) -> dict:
+    """The hopper's fields."""
     equations = ByHandHopper(machine)
-    return equations.model(
+    return equations.fields(
         ("y1", "y1'", "y2", "y2'"),
         Affine((1.0, 0.0, -1.0, 0.0)),
         name="hopper",
@@ -155,11 +157,11 @@ class ByHandJuggler(TwoMasses):
         return {"ball": Affine((1.0, 0.0, 0.0, 0.0), length), "hand": Affine((0.0, 0.0, 1.0, 0.0), length)}
 
 
-def juggler(machine: Juggler) -> Model:
-    """The juggler's model."""
+def juggler(machine: Juggler) -> dict:
+    """The juggler's fields."""
     equations = ByHandJuggler(machine)
     share = lambda p: p["mass_ratio"] / (1 + p["mass_ratio"])  # noqa: E731
-    return equations.model(
+    return equations.fields(
         ("w1", "w1'", "w2", "w2'"),
         Affine((0.0, 0.0, 1.0, 0.0)),
         name="juggler",
@@ -175,8 +177,8 @@ def juggler(machine: Juggler) -> Model:
     )
 
 
-def chain(machine: Chain) -> Model:
-    """The model of a chain; mass i has the parameter "mi", from the top, and y_N = 0 in contact."""
+def chain(machine: Chain) -> dict:
+    """The fields of a chain; mass i has the parameter "mi", from the top, and y_N = 0 in contact."""
     count, springs, eye = len(machine.masses), machine.springs, np.eye(2 * len(machine.masses))
     masses, above = [f"m{i}" for i in range(1, count + 1)], 2 * count - 4  # the state of the mass above the lowest
     states = tuple(f"y{i}{dot}" for i in range(1, count + 1) for dot in ("", "'"))
@@ -208,7 +210,7 @@ def chain(machine: Chain) -> Model:
         each = {f"mass {i + 1}": Affine(tuple(eye[2 * i])) for i in range(count)}
         return {**each, "centre of mass": Affine(tuple(centre))}
 
-    return Model(
+    return dict(  # noqa: C408 -- as the arguments of a Model are written
         name=f"chain of {count} masses",
         flight=Phase("flight", states, field),
         contact=Phase("contact", states[:-2], field, {"contact force": contact_force}),
@@ -234,9 +236,15 @@ def chain(machine: Chain) -> Model:
     )
 
 
-MODELS = {Hopper: hopper, Juggler: juggler, Chain: chain}
+FIELDS = {Hopper: hopper, Juggler: juggler, Chain: chain}
 
 
 def by_hand(machine: Hopper | Juggler | Chain) -> Model:
     """The model of a machine, written by hand."""
-    return MODELS[type(machine)](machine)
+    return Model(**FIELDS[type(machine)](machine))
+
+
+def written(machine: Hopper | Juggler | Chain) -> SimpleNamespace:
+    """All that is written by hand of a machine, also what follows from the rest of its model."""
+    model, fields = by_hand(machine), FIELDS[type(machine)](machine)
+    return SimpleNamespace(**{**vars(model), "one_speed": model.one_speed, **fields})

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from by_hand import by_hand
+from by_hand import by_hand, written
 from conftest import slow_after
 
 import orbits.consistency.verdict as consistency
@@ -70,7 +70,7 @@ MACHINES = {
 @pytest.mark.parametrize("name", MACHINES)
 def test_machines_hold(name):
     checked = check(MACHINES[name])
-    assert len(checked.relations) > 40
+    assert len(checked.relations) >= 25
     assert checked.largest < 0.1
     table = str(checked).splitlines()
     assert table[0].endswith(f"{len(checked.relations)} relations hold")
@@ -108,7 +108,7 @@ DERIVED = {
 @pytest.mark.parametrize("name", DERIVED)
 def test_what_follows_from_mechanics_is_what_one_writes_by_hand(name):
     machine, rng = DERIVED[name], np.random.default_rng(3)
-    derived, hand = machine.model, by_hand(machine)
+    derived, hand = machine.model, written(machine)
     plain = (
         "reversor",
         "embed",
@@ -204,16 +204,18 @@ def turned(affine, factor=1.0, add=0.0, shift=0):
 
 def of_phases(model):
     """(field, name of the breakage, the changed parts) of the two phases and what belongs to them."""
-    for which, gradient in (("flight", "flight_gradient"), ("contact", "contact_gradient")):
-        phase, energy = getattr(model, which), getattr(model, gradient)
+    gradient = model.flight_gradient
+    for which in ("flight", "contact"):
+        phase = getattr(model, which)
         for i in range(len(phase.states)):
             for factor in (-1.0, 1.01):
                 yield f"{which}.field", {which: replace(phase, field=at(phase.field, i, factor))}
-                yield gradient, {gradient: at(energy, i, factor)}
         yield f"{which}.field", {which: replace(phase, field=without(phase.field))}
-        yield gradient, {gradient: without(energy)}
-        yield gradient, {gradient: lambda x, p, q, of=energy: [-each for each in of(x, p, q)]}
-    yield "flight_gradient", {"flight_gradient": lambda x, p, q: [1.01 * g for g in model.flight_gradient(x, p, q)]}
+    for i in range(len(model.flight.states)):
+        for factor in (-1.0, 1.01):
+            yield "flight_gradient", {"flight_gradient": at(gradient, i, factor)}
+    yield "flight_gradient", {"flight_gradient": without(gradient)}
+    yield "flight_gradient", {"flight_gradient": lambda x, p, q: [-each for each in gradient(x, p, q)]}
     force = model.contact.watch["contact force"]
     watches = [
         {},
@@ -224,33 +226,21 @@ def of_phases(model):
 
 
 def of_launches(model):
-    """The same of the launch set and its mirror image."""
-    fixed = 2 * model.name.startswith("chain")  # the lowest mass stands
-    for i in range(len(model.flight.states) - fixed):
-        yield "launch", {"launch": at(model.launch, i, add=0.01)}
-    yield "launch", {"launch": at(model.launch, 2 * (len(model.launch_unknowns) // 2 - 1) + 1, 1.01)}
-    yield "launch", {"launch": without(model.launch)}
+    """The same of the launch set."""
     for i in range(len(model.contact.states)):
         for factor in (-1.0, 1.01):
-            yield "touchdown", {"touchdown": at(model.touchdown, i, factor)}
             yield "embed", {"embed": model.embed * np.where(np.arange(len(model.contact.states)) == i, factor, 1.0)}
-    yield "touchdown", {"touchdown": without(model.touchdown)}
     yield from (("embed", {"embed": matrix}) for matrix in (1.01 * model.embed, model.embed.T, model.embed[:-1]))
-    for moved in (lambda r: 1.01 * r + 0.01, lambda r: 0.5 - r):
-        of_moved = lambda u, p, q, moved=moved: model.liftoff({**u, "liftoff": moved(u["liftoff"])}, p, q)  # noqa: E731
-        yield "liftoff", {"liftoff": of_moved}
-        if model.one_speed:
-            yield "release", {"release": lambda alpha, p, moved=moved: moved(model.release(alpha, p))}
-    yield "liftoff", {"liftoff": lambda u, p, q: model.liftoff(u, p, q) + 0.01}
-    yield "liftoff", {"liftoff": lambda u, p, q: [model.liftoff(u, p, q)] * 2}
+    watch = model.contact.watch["contact force"]
+    higher = lambda x, p, q: watch([*x[:-2], 1.01 * x[-2] + 0.01, x[-1]], p, q)  # noqa: E731
+    for wrong in (higher, lambda x, p, q: [watch(x, p, q)] * 2):
+        yield "contact.watch", {"contact": replace(model.contact, watch={"contact force": wrong})}
     if model.one_speed:
-        yield "release", {"release": lambda alpha, p: model.release(alpha, p)[0]}
-    for i in range(3):
-        yield "landing", {"landing": at(model.landing, i, add=0.01)}
-        yield "landing", {"landing": without(model.landing, i)}
-    yield "landing", {"landing": lambda u, x, p: [model.landing(u, x, p)[i] for i in (0, 0, 2)]}
-    yield "landing", {"landing": lambda u, x, p: [*model.landing(u, x, p)[:2], x[1] + u["alpha"]]}
-    yield "launch_unknowns", {"launch_unknowns": ("liftoff", "speed")}
+        for moved in (lambda r: 1.01 * r + 0.01, lambda r: 0.5 - r, lambda r: r[0]):
+            yield "release", {"release": lambda alpha, p, moved=moved: moved(model.release(alpha, p))}
+    for wrong in (("liftoff", "speed"), ("alpha", "liftoff"), (*model.launch_unknowns, "height")):
+        yield "launch_unknowns", {"launch_unknowns": wrong}
+    yield "launch_unknowns", {"launch_unknowns": (*model.launch_unknowns, *model.contact.states)}
 
 
 def of_symmetry(model):
@@ -274,8 +264,6 @@ def of_geometry(model, p):
     for change in (*places.values(), {"factor": -1.0}):
         yield "extension", {"extension": turned(model.extension, **change)}
         yield "gap", {"gap": lambda p, change=change: turned(model.gap(p), **change)}
-        if change != places["other mass"] or len(model.contact.states) > 2:
-            yield "contact_speed", {"contact_speed": turned(model.contact_speed, **change)}
         if model.separation(p) and not (model.name == "juggler" and change == places["other mass"]):
             yield "separation", {"separation": lambda p, change=change: turned(model.separation(p), **change)}
         for name in model.heights(p):
@@ -287,7 +275,6 @@ def of_geometry(model, p):
     yield "extension", {"extension": Affine((1.0,))}
     yield "gap", {"gap": lambda p: turned(model.gap(p), add=0.01)}
     yield "gap", {"gap": lambda p: None}
-    yield "contact_speed", {"contact_speed": turned(model.contact_speed, add=0.01)}
     yield "heights", {"heights": lambda p: {}}
     yield "springs", {"springs": (("nobody", None),)}
     yield "springs", {"springs": ((None, next(iter(model.heights(p)))),)}
@@ -296,7 +283,7 @@ def of_geometry(model, p):
     yield "guess", {"guess": 1.0}
     yield "rest", {"rest": lambda p: [0.0]}
     yield "rest", {"rest": lambda p: np.ones(len(model.flight.states))}
-    yield "relative", {"relative": model.name}
+    yield "guess", {"guess": model.name}
     upper, lower, *_ = model.heights(p)
     for pair, length in (((lower, "nobody"), 1.0), ((lower, upper), -1.0), ((lower, upper), 1e-3)):
         yield "knees", {"knees": lambda p, pair=pair, length=length: [(*pair, length)]}
@@ -358,6 +345,18 @@ def test_a_factor_of_one_force_is_told_where_another_has_its_unit():
         units = lambda p, name=name: replace(si.units(p), **{name: 1.01 * getattr(si.units(p), name)})  # noqa: E731
         relations = algebraic_relations(replace(si, units=units), MACHINES["in SI"].values)
         assert suspects(relations) == ("units",)
+
+
+def test_a_factor_of_the_energy_or_of_all_impacts_is_told():
+    """Which of the two is wrong nothing says: one of them is named."""
+    model = by_hand(BROKEN["hopper"])
+    for field in ("flight_gradient", "impact_mass"):
+        whole = getattr(model, field)
+        scaled = {
+            "flight_gradient": lambda x, p, q, whole=whole: [1.01 * each for each in whole(x, p, q)],
+            "impact_mass": lambda x, p, whole=whole: 1.01 * whole(x, p),
+        }
+        assert named(BROKEN["hopper"], replace(model, **{field: scaled[field]})) == ("impact_mass",)
 
 
 def of_reduction(reduction):
@@ -489,14 +488,13 @@ def test_a_machine_written_by_hand_with_coupled_inertia():
     plain = {
         "impact": lambda x, p: [0.0, 0.0, 0.0, 1.0],
         "impact_mass": lambda x, p: p["m2"],
-        "liftoff": lambda u, p, q: p["k"] * u["liftoff"] - p["m2"],
-        "contact_gradient": lambda x, p, q: [p["k"] * x[0] + p["m1"], p["m1"] * x[1]],
+        "contact": replace(machine.model.contact, watch={"contact force": lambda x, p, q: p["m2"] - p["k"] * x[0]}),
         "release": lambda alpha, p: np.full(np.shape(alpha), p["m2"] / p["k"]),
     }
     for field, wrong in plain.items():
         with pytest.raises(InconsistentModel) as error:
             find(inerter_by_hand(**{field: wrong}))
-        assert error.value.fields == (field,)
+        assert error.value.fields == ("contact.watch" if field == "contact" else field,)
     with pytest.raises(InconsistentModel) as error:
         find(inerter_by_hand(**plain))
     assert len(error.value.fields) > 1
@@ -509,12 +507,12 @@ def test_a_machine_that_is_damped_and_says_it_is_not():
 
 def test_wrong_guesses_are_told():
     machine = Hopper("r + 0.3*r**3", rest_length=20.0)
-    model = replace(by_hand(machine), relative=machine.model.relative)
+    model = by_hand(machine)
     half = lambda family, p: {name: 0.5 * value for name, value in model.guess(family, p).items()}  # noqa: E731
     none = lambda family, p: {"liftoff": 1.0}  # noqa: E731
     faster = replace(machine.model.relative, rate=lambda p: 2.0)
     scale = lambda p: model.search(p)._replace(scale=-1.0)  # noqa: E731
-    for field, wrong in (("guess", half), ("guess", none), ("relative", faster), ("search", scale)):
+    for field, wrong in (("guess", half), ("guess", none), ("guess", faster), ("search", scale)):
         with pytest.raises(InconsistentModel) as error:
             check(with_model(machine, replace(model, **{field: wrong})))
         assert error.value.fields == (field,)

@@ -9,7 +9,7 @@ import studies.search
 from orbits import InputError, NoOrbit, Orbit, find, find_all
 from orbits.errors import LONGEST_MESSAGE
 from orbits.laws.features import features, unit_of_length
-from orbits.model.model import Search
+from orbits.model.relative import Search
 from orbits.periodic.family_search import LATEST_TURN, Lateness
 from orbits.periodic.orbits_at_once import lowest_orbits
 from problems import Chain, Hopper, Juggler, knee_hopper

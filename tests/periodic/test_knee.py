@@ -18,6 +18,7 @@ the derived one is held against, field by field; Lagrange's equations are solved
 import json
 import pickle
 from dataclasses import asdict, dataclass, replace
+from types import SimpleNamespace
 
 import casadi as ca
 import mpmath as mp
@@ -108,43 +109,44 @@ def heights(p):
     return {"body": StateFormula(BODY, STATES, p), "foot": Affine((1.0, 0.0, 0.0, 0.0))}
 
 
-MODEL = Model(
-    name="knee hopper",
-    flight=Phase("flight", STATES, flight_rates),
-    contact=Phase(
+FIELDS = {
+    "name": "knee hopper",
+    "flight": Phase("flight", STATES, flight_rates),
+    "contact": Phase(
         "contact",
         STATES[2:],
         contact_rates,
         {"contact force": lambda x, p, q: p["foot_mass"] * p["surface_gravity"] - tension(x[0], p)},
     ),
-    launch=lambda u, p: [0.0, 0.0, u["liftoff"], u["alpha"]],
-    liftoff=lambda u, p, q: p["foot_mass"] * p["surface_gravity"] - tension(u["liftoff"], p),
-    landing=lambda u, x, p: [x[0], x[1], x[2] - u["liftoff"]],
-    reversor=(1, -1, 1, -1),
-    release=release,
-    touchdown=lambda u, p: [u["liftoff"], -u["alpha"]],
-    embed=np.eye(4)[:, 2:],
-    flight_gradient=flight_gradient,
-    contact_gradient=contact_gradient,
-    extension=Affine((0.0, 0.0, 1.0, 0.0)),
-    gap=lambda p: Affine((1.0, 0.0, 0.0, 0.0)),
-    separation=lambda p: StateFormula(LEG, STATES, p),
-    heights=heights,
-    impact_mass=lambda x, p: p["foot_mass"],
-    impact=lambda x, p: [0.0, 1.0, 0.0, -1.0 / slopes(x[2], p)[0]],
-    contact_speed=Affine((0.0, 1.0)),
-    violations={
+    "launch": lambda u, p: [0.0, 0.0, u["liftoff"], u["alpha"]],
+    "liftoff": lambda u, p, q: p["foot_mass"] * p["surface_gravity"] - tension(u["liftoff"], p),
+    "landing": lambda u, x, p: [x[0], x[1], x[2] - u["liftoff"]],
+    "reversor": (1, -1, 1, -1),
+    "release": release,
+    "touchdown": lambda u, p: [u["liftoff"], -u["alpha"]],
+    "embed": np.eye(4)[:, 2:],
+    "flight_gradient": flight_gradient,
+    "contact_gradient": contact_gradient,
+    "extension": Affine((0.0, 0.0, 1.0, 0.0)),
+    "gap": lambda p: Affine((1.0, 0.0, 0.0, 0.0)),
+    "separation": lambda p: StateFormula(LEG, STATES, p),
+    "heights": heights,
+    "impact_mass": lambda x, p: p["foot_mass"],
+    "impact": lambda x, p: [0.0, 1.0, 0.0, -1.0 / slopes(x[2], p)[0]],
+    "contact_speed": Affine((0.0, 1.0)),
+    "violations": {
         "gap": "foot below ground",
         "pull": "the ground would have to pull",
         "separation": "the knee folds through",
         "end": "contact: the knee folds, the body never lifts off again",
     },
-    springs=(),
-    knees=lambda p: [("foot", "body", p["link"])],
-    guess=None,
-    rest=lambda p: [0.0, 0.0, p["rest_angle"], 0.0],
-    units=lambda p: SI,
-)
+    "springs": (),
+    "knees": lambda p: [("foot", "body", p["link"])],
+    "guess": None,
+    "rest": lambda p: [0.0, 0.0, p["rest_angle"], 0.0],
+    "units": lambda p: SI,
+}
+MODEL, WRITTEN = Model(**FIELDS), SimpleNamespace(**FIELDS)  # the second with what follows from the rest
 
 
 @dataclass(frozen=True)
@@ -287,7 +289,7 @@ def test_what_is_derived_is_what_is_written_by_hand(name):
     for _ in range(20):
         x = random.uniform([-0.5, -3.0, 0.4, -9.0], [2.0, 3.0, 2.9, 9.0])
         p = {each: value * random.uniform(0.7, 1.4) for each, value in MACHINE.values.items()}
-        derived, by_hand = (np.ravel(PLACED[name](model, x, p)) for model in (MACHINE.model, MODEL))
+        derived, by_hand = (np.ravel(PLACED[name](model, x, p)) for model in (MACHINE.model, WRITTEN))
         assert derived == pytest.approx(by_hand, rel=1e-12, abs=1e-12 * (1 + np.abs(by_hand).max()))
     assert MACHINE.model.violations == MODEL.violations
     assert MACHINE.values.keys() == KneeByHand().values.keys()
