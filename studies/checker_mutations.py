@@ -165,6 +165,7 @@ def theorems() -> dict[str, dict[str, Any]]:
         low, high = (Decimal(each) for each in document["parts"][0]["unknowns"]["alpha"])
         pair = [str(low - 2 * (high - low)), str(low)]
         document["parts"][0]["unknowns"]["alpha"] = document["enclosures"]["alpha"] = pair
+        document["radius"] = str(high - low)
 
     falsified("alpha", unknown)
     falsified("family", lambda document: document.update(family=2))
