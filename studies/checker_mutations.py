@@ -144,11 +144,13 @@ def proof_of(name: str) -> dict[str, Any]:
 
 
 def repeated(document: dict[str, Any]) -> dict[str, Any]:
-    """A changed document that says the same where it repeats itself."""
+    """A changed document that is consistent where it repeats itself."""
     parameters, parts = document["machine"]["parameters"], document["parts"]
     ranges = {name: {"low": low, "high": high} for name, (low, high) in document["enclosures"].items()}
     document |= {**ranges, "parameters": {name: {"low": low, "high": high} for name, (low, high) in parameters.items()}}
-    return document | {"uniqueness_radius": parts[0]["uniqueness_radius"] if len(parts) == 1 else None, "reasons": []}
+    low, high = map(Decimal, document["enclosures"]["alpha"])
+    unique = parts[0]["uniqueness_radius"] if len(parts) == 1 else None
+    return document | {"radius": str(high - low), "uniqueness_radius": unique, "reasons": []}
 
 
 def widened(document: Mapping[str, Any], by: Decimal) -> dict[str, Any]:
