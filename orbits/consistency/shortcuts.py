@@ -59,7 +59,8 @@ def _reduced(model: Model, reduction: Reduction, draw: Draw) -> Iterator[Relatio
     p = {name: np.full(count, value) for name, value in draw.p.items()}
     start, signs = at(u, u)["start"], np.array(reduction.reversor, float)
     z = start + np.array([draw.length, 1.0]) * 0.2 * rng.standard_normal(start.shape)
-    times, here, back = rng.uniform(0.0, 1.0, count), at(z, u), at(z * signs, u)
+    times = np.asarray(rng.uniform(0.0, 1.0, count))
+    here, back = at(z, u), at(z * signs, u)
 
     def whole(at_times: np.ndarray, *rows: np.ndarray, alpha: Value = 0.0) -> np.ndarray:
         """The Taylor coefficients (L, n, 3) of flight states from those of reduced ones, (L, k) of each order."""

@@ -35,7 +35,8 @@ def suspects(relations: list[Relation]) -> tuple[str, ...]:
         return ()
     names, speaks = sorted(set[str]().union(*broken)), defaultdict[str, float](float)
     for each in (each for each in relations if each.holds):
-        for name in each.fields:
+        # What joins the fields of one phase holds with the data of any piece, and does not speak for the pieces.
+        for name in each.fields if "release" in each.fields else [n for n in each.fields if ".pieces" not in n]:
             speaks[name] += (SHORT_CUT if "closed_form" in name or "reduction" in name else 1.0) / len(each.fields)
     for count in range(1, MOST_SUSPECTS + 1):
         sets = [each for each in combinations(names, count) if all(fields & {*each} for fields in broken)]

@@ -109,7 +109,7 @@ def heights(p):
     return {"body": StateFormula(BODY, STATES, p), "foot": Affine((1.0, 0.0, 0.0, 0.0))}
 
 
-FIELDS = dict(
+FIELDS = dict(  # noqa: C408 -- as the arguments of a Model are written
     name="knee hopper",
     flight=Phase("flight", STATES, flight_rates),
     contact=Phase(
