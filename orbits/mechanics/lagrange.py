@@ -253,8 +253,8 @@ def mechanics_of(
     whole = _inertia(c, elements, stated)
     terms = terms_of(c, elements, gravity, stated)
     closed = ClosedGap.of(c, gap)
-    flight = _flight(c, elements, terms, stated, whole, closed)
-    return Mechanics(c, tuple(elements), gravity, closed, flight, _contact(c, closed, flight))
+    flight = _flight_equations(c, elements, terms, stated, whole, closed)
+    return Mechanics(c, tuple(elements), gravity, closed, flight, _contact_equations(c, closed, flight))
 
 
 def forces_of(
@@ -290,7 +290,7 @@ def _inertia(c: Coordinates, elements: Sequence[Element], stated: ca.SX) -> ca.S
     return matrix
 
 
-def _flight(
+def _flight_equations(
     c: Coordinates, elements: Sequence[Element], terms: list[Term], stated: ca.SX, inertia: ca.SX, gap: ClosedGap
 ) -> InFlight:
     """The equations of the flight; the inertia is the `stated` one and that of the elements."""
@@ -307,7 +307,7 @@ def _flight(
     )  # fmt: skip
 
 
-def _contact(c: Coordinates, gap: ClosedGap, flight: InFlight) -> InContact:
+def _contact_equations(c: Coordinates, gap: ClosedGap, flight: InFlight) -> InContact:
     """The equations of the contact."""
     n, m, symbols = c.size, c.size - 1, c.symbols(gap.s)
     embed = ca.sparsify(gap.exact_embed[:n, :m])

@@ -20,7 +20,7 @@ from ..units import LIFTOFF_SPEED, TIME, Message, Quantity, in_units, without_un
 from .certificate import certify
 from .error_bound import error_bounds, noise_of_alpha
 from .family_search import Cells, Lateness
-from .formulations import contact_reversor, equations_of, interpret, or_none, vector
+from .formulations import equations_of, interpret, or_none, vector
 from .homotopy import solve_by_homotopy
 from .orbit import Orbit, Shape, orbit_of, start_in_file
 from .single_shooting import Evaluation, Shooting
@@ -316,7 +316,7 @@ def certified_orbit(
     (certificate,) = certify(model, cycles)
     if noise := [name for name in p if name.startswith(NOISE)]:
         certificate = replace(certificate, alpha_noise=noise_of_alpha(equations, us[0], ps[0], evaluation, noise))
-    reversor = contact_reversor(model.reversor, model.embed) if model.reversor else None
+    reversor = model.mirror if model.reversor else None
     knees = tuple(model.knees(p)) if model.knees else ()
     return Orbit(
         machine=machine.describe(),
