@@ -41,7 +41,7 @@ class Checked:
     """What holds of a machine: printed, a table of the relations with their largest deviations.
 
     machine : in words
-    relations : each with its fields and deviation, all of which hold
+    relations : each with its fields and deviation; all hold
     left_out : what could not be looked at, with the reason
     """
 

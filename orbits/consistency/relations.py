@@ -67,9 +67,9 @@ def motion(model: Model, draw: Draw) -> Iterator[Relation]:
     yield Relation(words, fields, share(stood - (held - (held @ a)[:, None] * d), held, stood))
     masses = _shape_of_masses(draw)
     force, closing = draw.stood["force"][:, 0], -(held @ a) * masses
-    unit, told = _force_of_closing(force, closing), ("impact_mass",) if np.ptp(masses) > LARGEST_DEVIATION else ()
+    unit, by_mass = _force_of_closing(force, closing), ("impact_mass",) if np.ptp(masses) > LARGEST_DEVIATION else ()
     words, fields = "the contact force is in proportion to what closes the gap", ("contact.watch", "flight.field")
-    fields += ("embed", "gap", *told)
+    fields += ("embed", "gap", *by_mass)
     deviation = share(force - unit * closing, force) if unit > 0 else np.inf
     yield Relation(words, fields, deviation)
 
@@ -78,16 +78,16 @@ def energy(model: Model, draw: Draw) -> Iterator[Relation]:
     """The gradients of the energy: along the fields, of each other, and of what impacts change."""
     terms = {"flight": draw.flown, "contact": draw.stood}
     works = {where: at["gradient"] * at["field"] for where, at in terms.items()}
-    kept = {where: share(work.sum(1), work) for where, work in works.items()}
+    change = {where: share(work.sum(1), work) for where, work in works.items()}
     grows = {where: share(np.maximum(work.sum(1), 0.0), work) for where, work in works.items()}
-    damped = max(grows.values()) <= LARGEST_DEVIATION < min(kept.values())
+    damped = max(grows.values()) <= LARGEST_DEVIATION < min(change.values())
     if model.conservative:
-        yield Relation("energy is not lost in both phases", ("conservative",), max(kept.values()) if damped else 0.0)
+        yield Relation("energy is not lost in both phases", ("conservative",), max(change.values()) if damped else 0.0)
     steady = model.conservative and not damped
     for where, fields in (("flight", ("flight_gradient",)), ("contact", ("flight_gradient", "embed"))):
         words = f"energy {'is conserved' if steady else 'does not grow'} in {where}"
         if not model.driven:
-            yield Relation(words, (f"{where}.field", *fields), (kept if steady else grows)[where])
+            yield Relation(words, (f"{where}.field", *fields), (change if steady else grows)[where])
     hessian = draw.flown["hessian"]
     asymmetry = share(hessian - hessian.swapaxes(1, 2), hessian)
     yield Relation("flight_gradient is the gradient of a function", ("flight_gradient",), asymmetry)
@@ -221,8 +221,8 @@ def _centre_of_mass(masses: np.ndarray, centre: np.ndarray, inertia: np.ndarray,
     """The mean of the masses' heights by what they weigh in the kinetic energy of a motion of all together."""
     heights, slopes = masses[:, :, 0].T[:, :, None], masses[:, :, 1:][:, :, at].swapaxes(0, 1)
     rank = np.linalg.matrix_rank(slopes).min()
-    told = rank == min(slopes.shape[1:])
-    yield Relation("the heights tell the masses apart", ("heights",), 0.0 if told else np.inf)
+    apart = rank == min(slopes.shape[1:])
+    yield Relation("the heights tell the masses apart", ("heights",), 0.0 if apart else np.inf)
     shift = np.linalg.pinv(slopes) @ np.ones((slopes.shape[1], 1))
     if rank < len(at) or np.abs(slopes @ shift - 1).max() > LARGEST_DEVIATION:
         return
@@ -242,12 +242,12 @@ def forces(model: Model, draw: Draw) -> Iterator[Relation]:
     closing = -(draw.held["field"] @ _gap_acceleration(model, draw))
     unit = _force_of_closing(draw.stood["force"][:, 0], closing * _shape_of_masses(draw))
     mass = float(draw.held["mass"].mean())
-    told = mass / unit if unit > 0 and mass > 0 else None  # the unit of energy over those of force and length
+    scale = mass / unit if unit > 0 and mass > 0 else None  # the unit of energy over those of force and length
     what = ("contact.watch", "impact_mass", "flight.field", "gap", "embed")
-    if model.units and told and (units := model.units(draw.p)).energy:
+    if model.units and scale and (units := model.units(draw.p)).energy:
         stated = units.force * units.length / units.energy
         words = "the contact force is in the unit that units say"
-        yield Relation(words, ("units", *what), share(told / stated - 1.0, 1.0))
+        yield Relation(words, ("units", *what), share(scale / stated - 1.0, 1.0))
     if model.tension is None:
         return
     at, rates = coordinates(model.flight)
@@ -266,9 +266,9 @@ def forces(model: Model, draw: Draw) -> Iterator[Relation]:
     factor = _force_of_closing(size, own)
     words, fields = "the tension is in proportion to the stiffness", ("tension", "flight_gradient", "extension")
     yield Relation(words, fields, share(size - factor * own, size) if factor > 0 else np.inf)
-    if told:
+    if scale:
         words = "tension and contact force have one unit"
-        yield Relation(words, (*fields, *what), share(told - factor, factor))
+        yield Relation(words, (*fields, *what), share(scale - factor, factor))
 
 
 def _inertias(values: Mapping[str, np.ndarray], rates: list[int]) -> np.ndarray:

@@ -53,8 +53,8 @@ class Parts:
     @classmethod
     def of(cls, s: Structure, mechanics: Mechanics) -> "Parts":
         """Those of a structure whose springs have no laws yet."""
-        c, flight, kept = mechanics.coordinates, mechanics.in_flight, mechanics.gap.kept[: mechanics.size - 1]
-        known = [c.names[i] for i in kept]
+        c, flight, left = mechanics.coordinates, mechanics.in_flight, mechanics.gap.left[: mechanics.size - 1]
+        known = [c.names[i] for i in left]
         launched = s.launch or known[-1]
         if launched not in known:
             raise InputError(f"launch '{launched}' is no coordinate of the contact; those are {', '.join(known)}")
@@ -84,7 +84,7 @@ class Parts:
     @property
     def _states_in_contact(self) -> list[str]:
         """The coordinates that are left in contact, and their speeds."""
-        own = self.mechanics.gap.kept[: self.mechanics.size - 1]
+        own = self.mechanics.gap.left[: self.mechanics.size - 1]
         return [state for i in own for state in (self.structure.coordinates[i], f"{self.structure.coordinates[i]}'")]
 
     @property

@@ -35,7 +35,7 @@ class Model(metaclass=_Following):
     """A kind of machine whose plastic contact can cost nothing; its numbers come in the mapping `p` of parameters.
 
     A lossless cycle is a flight from the launch set to its image under the reversor, then a contact back to the launch
-    set. Energy is conserved in each phase; only its gradient is asked for, so that no potential is needed in closed
+    set. Energy is conserved in each phase; only its gradient is needed, so that no potential is needed in closed
     form. Unknowns come as a mapping `u` too: "liftoff" and "alpha" are the place and the speed of what is launched,
     what else a launch needs has the names of contact states. The functions that serve m orbits at once (gap,
     separation, impact_mass, impact, the contact force) are called with arrays (m,) in `x` and `p`, and with CasADi's
