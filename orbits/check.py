@@ -2,11 +2,10 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from .consistency.accepted import wrong_parts
+from .consistency.accepted import refuse, wrong_parts
 from .consistency.draws import Graphs
 from .consistency.relations import Relation, share
 from .consistency.verdict import algebraic_relations, inconsistent
@@ -83,7 +82,7 @@ def check(machine: Machine, *, start: Orbit | Mapping[str, float] | None = None)
     >>> check(Hopper()).largest < 1
     True
     """
-    _check_parts(machine)
+    refuse(machine, wrong_parts(machine, *PARTS) or _wrong_results(machine))
     relations = algebraic_relations(machine.model, machine.values)
     left_out: list[str] = []
     if not relations:
@@ -102,25 +101,18 @@ def check(machine: Machine, *, start: Orbit | Mapping[str, float] | None = None)
     return Checked(str(machine.describe()["machine"]), tuple(relations), tuple(left_out))
 
 
-def _check_parts(machine: Any) -> None:
-    """Raise `InputError` that names each part of a machine that is missing or malformed."""
-    wrong = {name: text or "it is missing" for name, text in wrong_parts(machine, *PARTS).items()}
-    if "describe" not in wrong:
-        told = machine.describe()
-        absent = [name for name in MACHINE_FIELDS if name not in told] if isinstance(told, Mapping) else MACHINE_FIELDS
-        if absent:
-            wrong["describe"] = f"it tells no '{absent[0]}'"
-    if not wrong:
-        values = dict(machine.values)
-        try:
-            again = machine.with_values()
-            if again.values != values or again.model.name != machine.model.name:
-                wrong["with_values"] = "without values it does not give the same machine"
-        except Exception as error:
-            wrong["with_values"] = f"it cannot be called without values ({type(error).__name__}: {error})"
-    if wrong:
-        told = "; ".join(f"{name}: {text}" for name, text in wrong.items())
-        raise InputError(f"'{type(machine).__name__}' is no machine such as problems.Hopper(): {told}")
+def _wrong_results(machine: Machine) -> dict[str, str]:
+    """What is wrong with what the methods of a machine give, in words by name."""
+    found, words = dict[str, str](), machine.describe()
+    if absent := [name for name in MACHINE_FIELDS if not isinstance(words, Mapping) or name not in words]:
+        found["describe"] = f"it says no '{absent[0]}'"
+    try:
+        again = machine.with_values()
+        if again.values != dict(machine.values) or again.model.name != machine.model.name:
+            found["with_values"] = "without values it does not give the same machine"
+    except Exception as error:
+        found["with_values"] = f"it cannot be called without values ({type(error).__name__}: {error})"
+    return found
 
 
 def _along_motions(machine: Machine, start: Orbit | Mapping[str, float] | None, left_out: list[str]) -> list[Relation]:

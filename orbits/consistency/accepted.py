@@ -18,15 +18,20 @@ def check_machine(machine: Any, *also: str) -> None:
     names, model = ("model", "values", "units", "describe", *also), getattr(machine, "model", None)
     if isinstance(model, Model) and model.derived and all(hasattr(machine, name) for name in names):
         return
-    if wrong := wrong_parts(machine, *names):
-        told = "; ".join(f"it has no '{name}'" if text is None else f"{name}: {text}" for name, text in wrong.items())
-        raise InputError(f"'{type(machine).__name__}' is no machine such as problems.Hopper(): {told}")
+    refuse(machine, wrong_parts(machine, *names))
     check_consistency(machine.model, machine.values)
 
 
-def wrong_parts(machine: Any, *names: str) -> dict[str, str | None]:
-    """What is wrong with the parts of a machine, in words by name; None where one is missing."""
-    found: dict[str, str | None] = {name: None for name in names if not hasattr(machine, name)}
+def refuse(machine: Any, wrong: Mapping[str, str]) -> None:
+    """Raise `InputError` where parts of a machine are wrong, in words by name."""
+    if wrong:
+        parts = "; ".join(f"{name}: {text}" if text else f"it has no '{name}'" for name, text in wrong.items())
+        raise InputError(f"'{type(machine).__name__}' is no machine such as problems.Hopper(): {parts}")
+
+
+def wrong_parts(machine: Any, *names: str) -> dict[str, str]:
+    """What is wrong with the parts of a machine, in words by name, which are empty where one is missing."""
+    found = {name: "" for name in names if not hasattr(machine, name)}
     if "model" not in found and not isinstance(machine.model, Model):
         found["model"] = f"it is a {type(machine.model).__name__}, not a Model"
     if not found:

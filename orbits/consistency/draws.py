@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from ..errors import OrbitsError, OutOfRange
-from ..laws.law import Value
+from ..laws.law import Algebraic
 from ..model.model import CONTACT_FORCE, Model
 from ..model.phase import Phase
 from ..symbolic.calls import MappedFunction
@@ -18,7 +18,7 @@ from ..symbolic.calls import MappedFunction
 STATES, LAUNCHES, SPREADS, SEED = 12, 3, (1.0, 0.3, 0.1), 20250101
 # Where the laws are not defined so far from it, positions are drawn nearer.
 SHRINKINGS = (1.0, 0.1, 1e-2, 1e-3, 1e-4)
-Values = Mapping[str, np.ndarray]
+ByName = Mapping[str, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -37,13 +37,13 @@ class Draw:
     p: Mapping[str, float]
     x: np.ndarray
     y: np.ndarray
-    flown: Values
-    held: Values
-    stood: Values
-    mirrored: Values
-    mirrored_contact: Values
-    released: Values
-    free: Values
+    flown: ByName
+    held: ByName
+    stood: ByName
+    mirrored: ByName
+    mirrored_contact: ByName
+    released: ByName
+    free: ByName
     length: float
     graphs: "Graphs"
 
@@ -117,11 +117,11 @@ class Graphs:
         return Draw(p, x[good], y[also], flown, held, stood, mirrored, back, released, unknowns, length, self)
 
     def in_flight(self, x: np.ndarray, p: Mapping[str, float]) -> dict[str, np.ndarray]:
-        """Values in flight at states (N, n), not numbers outside the range of a law in pieces."""
+        """ByName in flight at states (N, n), not numbers outside the range of a law in pieces."""
         return self.flight(x, p, data_of_pieces(self.model.flight, x, p))
 
     def in_contact(self, y: np.ndarray, p: Mapping[str, float]) -> dict[str, np.ndarray]:
-        """Values in contact at states (N, m)."""
+        """ByName in contact at states (N, m)."""
         return self.contact(y, p, data_of_pieces(self.model.contact, y, p))
 
     def _unknowns(self) -> np.ndarray:
@@ -147,7 +147,7 @@ class Graphs:
         return self.launch(u, p, data_of_pieces(self.model.contact, stood, p))
 
 
-def named(names: Sequence[object]) -> tuple[ca.SX, dict[str, Value]]:
+def named(names: Sequence[object]) -> tuple[ca.SX, dict[str, Algebraic]]:
     """A vector of symbols, and these by name."""
     vector = ca.SX.sym("x", len(names))
     return vector, dict(zip(map(str, names), ca.vertsplit(vector) if names else [], strict=True))

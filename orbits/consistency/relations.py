@@ -57,36 +57,37 @@ def motion(model: Model, draw: Draw) -> Iterator[Relation]:
         yield Relation(words, (f"{where}.field",), share(field[:, at] - states[:, rates], states))
     embed, d, a = np.asarray(model.embed), draw.held["impact"], _gap_acceleration(model, draw)
     (at, rates), (stood_at, stood_rates) = coordinates(model.flight), coordinates(model.contact)
-    mixed = np.concatenate([embed[np.ix_(at, stood_rates)].ravel(), embed[np.ix_(rates, stood_at)].ravel()])
-    yield Relation("embed makes no positions of speeds, nor speeds of positions", ("embed",), share(mixed, embed))
     differ = embed[np.ix_(at, stood_at)] - embed[np.ix_(rates, stood_rates)]
-    yield Relation("embed makes speeds of speeds as it makes positions of positions", ("embed",), share(differ, embed))
+    mixed = [embed[np.ix_(at, stood_rates)], embed[np.ix_(rates, stood_at)]]
+    words = "embed makes positions of positions alone, and speeds of speeds in the same way"
+    yield Relation(words, ("embed",), share([*mixed, differ], embed))
     held, stood = draw.held["field"], draw.stood["field"] @ embed.T
     fields: tuple[str, ...] = ("contact.field", "flight.field", "embed", "impact", "gap")
     words = "the ground holds the gap closed: contact.field is flight.field along it"
     yield Relation(words, fields, share(stood - (held - (held @ a)[:, None] * d), held, stood))
     masses = _shape_of_masses(draw)
     force, closing = draw.stood["force"][:, 0], -(held @ a) * masses
-    unit, told = _force_of_closing(force, closing), ("impact_mass",) if np.ptp(masses) > LARGEST_DEVIATION else ()
+    unit, by_mass = _force_of_closing(force, closing), ("impact_mass",) if np.ptp(masses) > LARGEST_DEVIATION else ()
     words, fields = "the contact force is in proportion to what closes the gap", ("contact.watch", "flight.field")
-    fields += ("embed", "gap", *told)
+    fields += ("embed", "gap", *by_mass)
     deviation = share(force - unit * closing, force) if unit > 0 else np.inf
     yield Relation(words, fields, deviation)
 
 
 def energy(model: Model, draw: Draw) -> Iterator[Relation]:
     """The gradients of the energy: along the fields, of each other, and of what impacts change."""
-    kept, grows = _powers(draw)
-    damped = _loses(draw)
+    terms = {"flight": draw.flown, "contact": draw.stood}
+    works = {where: at["gradient"] * at["field"] for where, at in terms.items()}
+    change = {where: share(work.sum(1), work) for where, work in works.items()}
+    grows = {where: share(np.maximum(work.sum(1), 0.0), work) for where, work in works.items()}
+    damped = max(grows.values()) <= LARGEST_DEVIATION < min(change.values())
     if model.conservative:
-        yield Relation("energy is not lost in both phases", ("conservative",), max(kept.values()) if damped else 0.0)
+        yield Relation("energy is not lost in both phases", ("conservative",), max(change.values()) if damped else 0.0)
     steady = model.conservative and not damped
-    if model.driven and model.conservative:
-        yield Relation("what conserves the energy is not driven", ("driven",), np.inf)
     for where, fields in (("flight", ("flight_gradient",)), ("contact", ("flight_gradient", "embed"))):
         words = f"energy {'is conserved' if steady else 'does not grow'} in {where}"
         if not model.driven:
-            yield Relation(words, (f"{where}.field", *fields), (kept if steady else grows)[where])
+            yield Relation(words, (f"{where}.field", *fields), (change if steady else grows)[where])
     hessian = draw.flown["hessian"]
     asymmetry = share(hessian - hessian.swapaxes(1, 2), hessian)
     yield Relation("flight_gradient is the gradient of a function", ("flight_gradient",), asymmetry)
@@ -95,20 +96,6 @@ def energy(model: Model, draw: Draw) -> Iterator[Relation]:
     least = np.linalg.eigvalsh(inertia).min() if inertia.size and np.isfinite(inertia).all() else np.nan
     yield Relation("the kinetic energy is not below 0", ("flight_gradient",), share(min(least, 0.0), inertia))
     yield from _impact(model, draw)
-
-
-def _powers(draw: Draw) -> tuple[dict[str, float], dict[str, float]]:
-    """The largest power by phase, as a share of its terms, and the largest above 0."""
-    terms = {"flight": draw.flown, "contact": draw.stood}
-    works = {where: at["gradient"] * at["field"] for where, at in terms.items()}
-    kept = {where: share(work.sum(1), work) for where, work in works.items()}
-    return kept, {where: share(np.maximum(work.sum(1), 0.0), work) for where, work in works.items()}
-
-
-def _loses(draw: Draw) -> bool:
-    """Whether energy is lost in both phases, and grows in none."""
-    kept, grows = _powers(draw)
-    return max(grows.values()) <= LARGEST_DEVIATION < min(kept.values())
 
 
 def _impact(model: Model, draw: Draw) -> Iterator[Relation]:
@@ -168,7 +155,8 @@ def geometry(model: Model, draw: Draw) -> Iterator[Relation]:
     risen = np.array([_values_and_slopes(height, draw)[:, 1:] for height in model.heights(p).values()])
     yield Relation("heights are positions", ("heights",), share(risen[:, :, rates], risen))
     closed = np.array(gap.weights, float) @ embed
-    yield Relation("embedded states have a closed gap", ("gap", "embed"), share(closed, embed) + share(gap.offset))
+    yield Relation("embedded states have a closed gap", ("gap", "embed"), share(closed, embed))
+    yield Relation("the gap is closed where all coordinates are 0", ("gap",), share(gap.offset))
     if model.flight.pieces and model.contact.pieces:
         own, flown = (np.array(each.coordinate, float) for each in (model.contact.pieces, model.flight.pieces))
         words, fields = "the pieces in contact are those in flight", ("contact.pieces", "flight.pieces", "embed")
@@ -233,8 +221,8 @@ def _centre_of_mass(masses: np.ndarray, centre: np.ndarray, inertia: np.ndarray,
     """The mean of the masses' heights by what they weigh in the kinetic energy of a motion of all together."""
     heights, slopes = masses[:, :, 0].T[:, :, None], masses[:, :, 1:][:, :, at].swapaxes(0, 1)
     rank = np.linalg.matrix_rank(slopes).min()
-    told = rank == min(slopes.shape[1:])
-    yield Relation("the heights tell the masses apart", ("heights",), 0.0 if told else np.inf)
+    apart = rank == min(slopes.shape[1:])
+    yield Relation("the heights tell the masses apart", ("heights",), 0.0 if apart else np.inf)
     shift = np.linalg.pinv(slopes) @ np.ones((slopes.shape[1], 1))
     if rank < len(at) or np.abs(slopes @ shift - 1).max() > LARGEST_DEVIATION:
         return
@@ -254,12 +242,12 @@ def forces(model: Model, draw: Draw) -> Iterator[Relation]:
     closing = -(draw.held["field"] @ _gap_acceleration(model, draw))
     unit = _force_of_closing(draw.stood["force"][:, 0], closing * _shape_of_masses(draw))
     mass = float(draw.held["mass"].mean())
-    told = mass / unit if unit > 0 and mass > 0 else None  # the unit of energy over those of force and length
+    scale = mass / unit if unit > 0 and mass > 0 else None  # the unit of energy over those of force and length
     what = ("contact.watch", "impact_mass", "flight.field", "gap", "embed")
-    if model.units and told and (units := model.units(draw.p)).energy:
+    if model.units and scale and (units := model.units(draw.p)).energy:
         stated = units.force * units.length / units.energy
         words = "the contact force is in the unit that units say"
-        yield Relation(words, ("units", *what), share(told / stated - 1.0, 1.0))
+        yield Relation(words, ("units", *what), share(scale / stated - 1.0, 1.0))
     if model.tension is None:
         return
     at, rates = coordinates(model.flight)
@@ -278,9 +266,9 @@ def forces(model: Model, draw: Draw) -> Iterator[Relation]:
     factor = _force_of_closing(size, own)
     words, fields = "the tension is in proportion to the stiffness", ("tension", "flight_gradient", "extension")
     yield Relation(words, fields, share(size - factor * own, size) if factor > 0 else np.inf)
-    if told:
+    if scale:
         words = "tension and contact force have one unit"
-        yield Relation(words, (*fields, *what), share(told - factor, factor))
+        yield Relation(words, (*fields, *what), share(scale - factor, factor))
 
 
 def _inertias(values: Mapping[str, np.ndarray], rates: list[int]) -> np.ndarray:
@@ -297,12 +285,7 @@ def _shape_of_masses(draw: Draw) -> np.ndarray:
 
 def _gap_acceleration(model: Model, draw: Draw) -> np.ndarray:
     """Weights (n,) of the gap's acceleration in the rates of the flight state."""
-    return _rates_of(model, np.array(model.gap(draw.p).weights, float))
-
-
-def _rates_of(model: Model, weights: np.ndarray) -> np.ndarray:
-    """The weights (n,) of the rate of a position with weights (n,)."""
-    at, rates = coordinates(model.flight)
+    (at, rates), weights = coordinates(model.flight), np.array(model.gap(draw.p).weights, float)
     found = np.zeros(len(weights))
     found[rates] = weights[at]
     return found

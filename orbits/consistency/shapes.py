@@ -8,17 +8,14 @@ import casadi as ca
 import numpy as np
 
 from ..errors import OrbitsError
-from ..laws.law import Parameters, Scalars, Value
+from ..laws.law import Parameters, Scalars
 from ..model.model import CONTACT_FORCE, Model
 from ..model.phase import Affine, Phase
 from ..model.relative import Relative
 from ..model.state_formula import StateFormula
-from ..units import Units
 
 # The four reasons that every model has words for.
-REASONS = ("gap", "pull", "separation", "end")
-# A machine may have no launch by its speed and no closed form, and says so.
-MAY_REFUSE = ("release", "flight.closed_form", "contact.closed_form")
+REASONS_IN_WORDS = ("gap", "pull", "separation", "end")
 
 
 def malformed(model: Model, values: Mapping[str, float]) -> dict[str, str]:
@@ -34,7 +31,7 @@ def malformed(model: Model, values: Mapping[str, float]) -> dict[str, str]:
         try:
             text = look()
         except OrbitsError as error:
-            text = "" if name in MAY_REFUSE else str(error)
+            text = "" if name == "release" else str(error)  # a machine may have no launch at a speed, and says so
         except Exception as error:
             text = f"it cannot be evaluated ({type(error).__name__}: {error})"
         if text:
@@ -45,7 +42,7 @@ def malformed(model: Model, values: Mapping[str, float]) -> dict[str, str]:
 def _looks(model: Model, p: Mapping[str, float]) -> Iterator[tuple[str, Callable[[], str]]]:
     """The name of each field with a function that says what is wrong with its form, "" where nothing is."""
     n, m = len(model.flight.states), len(model.contact.states)
-    known = dict(zip(p, _symbols(len(p)), strict=True))
+    known = dict(zip(p, _scalar_symbols(len(p)), strict=True))
     flown, stood = _arguments(model.flight, known), _arguments(model.contact, known)
     yield from _looks_at_phase("flight", model.flight, flown, p)
     yield from _looks_at_phase("contact", model.contact, stood, p)
@@ -55,20 +52,19 @@ def _looks(model: Model, p: Mapping[str, float]) -> Iterator[tuple[str, Callable
     yield "impact", lambda: _scalars(model.impact(*flown[:2]), n)
     yield "impact_mass", lambda: _scalars([model.impact_mass(*flown[:2])], 1)
     yield "reversor", lambda: _signs(model.reversor, n)
-    yield "embed", lambda: _array(model.embed, (n, m))
+    yield "embed", lambda: _array_of(model.embed, (n, m))
     yield "extension", lambda: _affine(model.extension, n)
     yield "gap", lambda: _affine(model.gap(p), n)
-    yield "separation", lambda: "" if (apart := model.separation(p)) is None else _height(apart, model.flight)
+    yield "separation", lambda: "" if (apart := model.separation(p)) is None else _height_function(apart, model.flight)
     yield "heights", lambda: _heights(model.heights(p), model.flight)
     yield "springs", lambda: _pairs(model.springs, model.heights(p))
     yield "knees", lambda: _knees(model.knees(p), model.heights(p)) if model.knees else ""
-    yield "rest", lambda: _array(model.rest(p), (n,)) if model.rest else ""
-    yield "violations", lambda: "".join(f"it has no words for '{name}'" for name in REASONS
+    yield "rest", lambda: _array_of(model.rest(p), (n,)) if model.rest else ""
+    yield "violations", lambda: "".join(f"it has no words for '{name}'" for name in REASONS_IN_WORDS
                                         if not isinstance(model.violations.get(name), str))  # fmt: skip
-    yield "release", lambda: _array(np.nan_to_num(model.release(np.ones(2), p)), (2,)) if model.one_speed else ""
+    yield "release", lambda: _array_of(np.nan_to_num(model.release(np.ones(2), p)), (2,)) if model.one_speed else ""
     for name, stated in (("homotopy", model.homotopy), ("gauge", model.gauge)):
         yield name, partial(str, "" if stated is None or stated in p else f"'{stated}' is no parameter")
-    yield "units", lambda: _units(model.units(p)) if model.units else ""
     for name, function in (("guess", model.guess), ("search", model.search)):
         fine = callable(function) or isinstance(function, Relative | None)
         yield name, partial(str, "" if fine else "it is no function")
@@ -78,24 +74,18 @@ def _looks_at_phase(
     where: str, phase: Phase, arguments: tuple, p: Mapping[str, float]
 ) -> Iterator[tuple[str, Callable[[], str]]]:
     """The same of a phase; `arguments` are those of its field."""
-    n, form = len(phase.states), phase.closed_form
-    yield f"{where}.field", lambda: _scalars(phase.field(*arguments), n)
+    yield f"{where}.field", lambda: _scalars(phase.field(*arguments), len(phase.states))
     yield f"{where}.watch", lambda: _scalars(values := [each(*arguments) for each in phase.watch.values()], len(values))
     yield f"{where}.pieces", lambda: _pieces(phase, arguments[1])
-    yield f"{where}.closed_form", lambda: "" if form is None else (
-        _array(form(p).state(np.zeros(n), 0.1), (n,)) or _array(form(p).transition(0.1), (n, n))
-    )  # fmt: skip
-    far = [far for weights, far in phase.reaches if len(weights) > n or not far > 0]
-    yield f"{where}.reaches", lambda: f"{far[0]!r} is no distance along a coordinate of the states" if far else ""
 
 
-def _symbols(count: int) -> list[ca.SX]:
+def _scalar_symbols(count: int) -> list[ca.SX]:
     return [ca.SX.sym("x") for _ in range(count)]
 
 
 def _arguments(phase: Phase, known: Parameters) -> tuple[Scalars, Parameters, Scalars]:
     """What the field of a phase is called with."""
-    return _symbols(len(phase.states)), known, _symbols(phase.pieces.size if phase.pieces else 0)
+    return _scalar_symbols(len(phase.states)), known, _scalar_symbols(phase.pieces.size if phase.pieces else 0)
 
 
 def _phase(phase: object) -> str:
@@ -123,7 +113,7 @@ def _scalars(values: object, count: int) -> str:
     return "" if all(ca.SX(value).numel() == 1 for value in values) else "it gives expressions that are no scalars"
 
 
-def _array(value: object, shape: tuple[int, ...]) -> str:
+def _array_of(value: object, shape: tuple[int, ...]) -> str:
     array = np.asarray(value, dtype=float)
     if array.shape != shape:
         return f"it has the shape {array.shape}, not {shape}"
@@ -144,10 +134,7 @@ def _pieces(phase: Phase, p: Parameters) -> str:
     if len(phase.pieces.coordinate) != len(phase.states):
         return f"its coordinate has {len(phase.pieces.coordinate)} weights, not {len(phase.states)}"
     breaks, rows = phase.pieces.table(p)
-    if len(breaks) != len(rows) + 1:
-        return f"its table has {len(breaks)} breakpoints for {len(rows)} pieces"
-    sizes = {len(row) for row in rows} - {phase.pieces.size}
-    return f"its table has {sizes.pop()} data values of a piece, not {phase.pieces.size}" if sizes else ""
+    return "" if len(breaks) == len(rows) + 1 else f"its table has {len(breaks)} breakpoints for {len(rows)} pieces"
 
 
 def _signs(reversor: Sequence[int] | None, count: int) -> str:
@@ -158,7 +145,7 @@ def _signs(reversor: Sequence[int] | None, count: int) -> str:
     return "" if {*reversor} <= {1, -1} else f"{tuple(reversor)} are not signs 1 and -1"
 
 
-def _height(value: object, phase: Phase) -> str:
+def _height_function(value: object, phase: Phase) -> str:
     if not isinstance(value, StateFormula):
         return _affine(value, len(phase.states))
     return "" if value.states == phase.states else f"it is a function of {value.states}, not of the flight states"
@@ -167,26 +154,14 @@ def _height(value: object, phase: Phase) -> str:
 def _heights(heights: object, phase: Phase) -> str:
     if not isinstance(heights, Mapping) or not heights:
         return f"it gives a {type(heights).__name__}, not functions by name"
-    return next((f"'{name}': {text}" for name, each in heights.items() if (text := _height(each, phase))), "")
+    return next((f"'{name}': {text}" for name, each in heights.items() if (text := _height_function(each, phase))), "")
 
 
 def _pairs(pairs: Sequence[Sequence[str | None]], heights: Mapping[str, Affine | StateFormula]) -> str:
-    if other := [end for pair in pairs for end in pair if end is not None and end not in heights]:
-        return f"'{other[0]}' is none of the heights"
-    return "" if all(len(pair) == 2 for pair in pairs) else "they are not pairs of heights"
+    other = [end for pair in pairs for end in pair if end is not None and end not in heights]
+    return f"'{other[0]}' is none of the heights" if other else ""
 
 
 def _knees(knees: Sequence[tuple], heights: Mapping[str, Affine | StateFormula]) -> str:
-    wrong = [length for *_, length in knees if not _positive(length)]
+    wrong = [length for *_, length in knees if not 0 < length < np.inf]
     return _pairs([pair for *pair, _ in knees], heights) or (f"{wrong[0]!r} is no length" if wrong else "")
-
-
-def _units(units: object) -> str:
-    if not isinstance(units, Units):
-        return f"it gives a {type(units).__name__}, not Units"
-    sizes = {name: unit for name, unit in vars(units).items() if unit is not None and name != "angles"}
-    return next((f"its unit of {name} is {unit!r}" for name, unit in sizes.items() if not _positive(unit)), "")
-
-
-def _positive(value: Value) -> bool:
-    return bool(np.ndim(value) == 0 and 0 < value < np.inf)

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 import casadi as ca
 import numpy as np
 
-from ..laws.law import Value
+from ..laws.law import Algebraic
 from ..model.model import Model
 from ..model.relative import Reduction
 from .draws import Draw, Expressions, coordinates, data_count, data_of_pieces, named, reversor_of
@@ -17,7 +17,7 @@ SERIES_ORDER, SERIES_TIME = 16, 0.05
 LARGEST_QUOTIENT, STEP = 1e-6, 1e-4
 FAMILIES = (1, 2)  # whose exact orbits are looked at
 NEWTON_STEPS_TO_MIDDLE = 6
-Evaluated = Callable[[np.ndarray, np.ndarray], dict[str, np.ndarray]]
+AtStates = Callable[[np.ndarray, np.ndarray], dict[str, np.ndarray]]
 
 
 def closed_forms(model: Model, draw: Draw) -> Iterator[Relation]:
@@ -59,9 +59,10 @@ def _reduced(model: Model, reduction: Reduction, draw: Draw) -> Iterator[Relatio
     p = {name: np.full(count, value) for name, value in draw.p.items()}
     start, signs = at(u, u)["start"], np.array(reduction.reversor, float)
     z = start + np.array([draw.length, 1.0]) * 0.2 * rng.standard_normal(start.shape)
-    times, here, back = rng.uniform(size=(count,)), at(z, u), at(z * signs, u)
+    times = np.asarray(rng.uniform(0.0, 1.0, count))
+    here, back = at(z, u), at(z * signs, u)
 
-    def whole(at_times: np.ndarray, *rows: np.ndarray, alpha: Value = 0.0) -> np.ndarray:
+    def whole(at_times: np.ndarray, *rows: np.ndarray, alpha: Algebraic = 0.0) -> np.ndarray:
         """The Taylor coefficients (L, n, 3) of flight states from those of reduced ones, (L, k) of each order."""
         filled = [*rows, *(0.0 * rows[0] for _ in range(3 - len(rows)))]
         moved = {**of_u, "alpha": of_u["alpha"] + alpha}
@@ -106,7 +107,7 @@ def _reduced(model: Model, reduction: Reduction, draw: Draw) -> Iterator[Relatio
             yield Relation(words, fields, off)
 
 
-def _evaluated(reduction: Reduction, draw: Draw) -> Evaluated:
+def _evaluated(reduction: Reduction, draw: Draw) -> AtStates:
     """(reduced states (L, k), unknowns (L, 2)) -> the parts of a reduction's statement there, by name."""
     (arc,), unknowns = reduction.statement.arcs, reduction.statement.unknowns
     phase, (z, zs), (u, us), (p, known) = arc.phase, *map(named, (arc.phase.states, unknowns, tuple(draw.p)))
@@ -122,7 +123,7 @@ def _evaluated(reduction: Reduction, draw: Draw) -> Evaluated:
     return lambda at, of_u: graph(np.hstack([at, of_u]), draw.p, data_of_pieces(phase, at, draw.p))
 
 
-def _exact_off(reduction: Reduction, draw: Draw, at: Evaluated, family: int) -> float:
+def _exact_off(reduction: Reduction, draw: Draw, at: AtStates, family: int) -> float:
     """By how much the exact orbit of a family misses the end of the reduced statement, beyond its stated error."""
     assert reduction.exact is not None
     (arc,), (u, error) = reduction.statement.arcs, reduction.exact(family, dict(draw.p))

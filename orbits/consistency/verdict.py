@@ -35,7 +35,8 @@ def suspects(relations: list[Relation]) -> tuple[str, ...]:
         return ()
     names, speaks = sorted(set[str]().union(*broken)), defaultdict[str, float](float)
     for each in (each for each in relations if each.holds):
-        for name in each.fields:
+        # What joins the fields of one phase holds with the data of any piece, and does not speak for the pieces.
+        for name in each.fields if "release" in each.fields else [n for n in each.fields if ".pieces" not in n]:
             speaks[name] += (SHORT_CUT if "closed_form" in name or "reduction" in name else 1.0) / len(each.fields)
     for count in range(1, MOST_SUSPECTS + 1):
         sets = [each for each in combinations(names, count) if all(fields & {*each} for fields in broken)]
@@ -45,10 +46,10 @@ def suspects(relations: list[Relation]) -> tuple[str, ...]:
 
 
 def inconsistent(name: str, relations: list[Relation]) -> InconsistentModel:
-    """The error about a model of which some relations do not hold."""
+    """The error about a model whose relations do not all hold."""
     fields, broken = suspects(relations), [each for each in relations if not each.holds]
-    told = "; ".join(f"{each.words}: off by {each.deviation:.2g} ({', '.join(each.fields)})" for each in broken)
-    return InconsistentModel(f"the model '{name}' contradicts itself, by its {' and '.join(fields)}: {told}", fields)
+    text = "; ".join(f"{each.words}: off by {each.deviation:.2g} ({', '.join(each.fields)})" for each in broken)
+    return InconsistentModel(f"the model '{name}' contradicts itself, by its {' and '.join(fields)}: {text}", fields)
 
 
 _consistent: WeakSet[Model] = WeakSet()
@@ -71,8 +72,8 @@ def algebraic_relations(model: Model, values: Mapping[str, float]) -> list[Relat
     Raises `InconsistentModel` where a field has not the form that `Model` says.
     """
     if wrong := malformed(model, values):
-        told = "; ".join(f"{name}: {text}" for name, text in wrong.items())
-        raise InconsistentModel(f"the model '{model.name}' is malformed: {told}", tuple(wrong))
+        parts = "; ".join(f"{name}: {text}" for name, text in wrong.items())
+        raise InconsistentModel(f"the model '{model.name}' is malformed: {parts}", tuple(wrong))
     graphs, found = Graphs(model, tuple(values)), dict[str, Relation]()
     draws = [_relations_at(model, graphs, p) for p in _parameters(model, values)]
     if not any(draws):
@@ -97,7 +98,7 @@ def _with_pieces(model: Model, relation: Relation) -> Relation:
 
 
 def _parameters(model: Model, values: Mapping[str, float]) -> Iterator[dict[str, float]]:
-    """Parameters near the machine's own, of which no two are equal by chance; the same in the scene of the guess."""
+    """Parameters near the machine's own, no two of them equal by chance; the same in the scene of the guess."""
     moved = 1 + PARAMETER_SPREAD * np.random.default_rng(SEED).uniform(-1, 1, len(values))
     near = zip(values.items(), moved.tolist(), strict=True)
     p = {name: value if name.startswith(NOISE) else value * factor for (name, value), factor in near}

@@ -26,9 +26,9 @@ from ..symbolic.tracing import traced
 from ..units import LENGTH, Message, Quantity
 
 # What formulas are evaluated with, in sequences and by name: numbers, arrays (m,) of numbers, or CasADi expressions.
-Value: TypeAlias = Any
-Scalars: TypeAlias = Sequence[Value]
-Parameters: TypeAlias = Mapping[str, Value]
+Algebraic: TypeAlias = Any
+Scalars: TypeAlias = Sequence[Algebraic]
+Parameters: TypeAlias = Mapping[str, Algebraic]
 # What users give for the parameters of a law, and laws by name.
 Given = Mapping[str, float] | None
 Named = Mapping[str, Callable]

@@ -31,7 +31,7 @@ def derived_model(structure: Structure) -> Model:
     moves_alone = launch is not None and launch.reduction and mechanics.conservative and not s.actuators
     still = launch if moves_alone and not mechanics.gravity.varies else None
     exact: tuple[Any, Any] = (linear.flight, linear.contact) if linear else (None, None)
-    if linear and still and parts.alone:  # told by the extension in the fewest operations, so with the least rounding
+    if linear and still and parts.alone:  # by the extension in the fewest operations, so with the least rounding
         exact = partial(parts.alone.flight, still.relative), partial(parts.alone.contact, still.relative)
     model = Model(
         name=s.name,

@@ -42,13 +42,13 @@ class ClosedGap:
     """The gap as a sum of coordinates, and the coordinates that are left while it is closed.
 
     weights : (n,), the largest of which is 1: the contact force is that on its coordinate, which is eliminated
-    kept : the places of the others among the coordinates and displacements
+    left : the places of the others among the coordinates and displacements
     s : the symbols of these
     """
 
     weights: list[Fraction]
     exact: ca.SX
-    kept: list[int]
+    left: list[int]
     s: ca.SX
 
     @classmethod
@@ -61,8 +61,8 @@ class ClosedGap:
                 f"gap '{expression}' is no sum of coordinates with numbers before them, as \"foot - plate\""
             )
         weights = [weight / max(weights) for weight in weights[: c.size]]
-        kept = [i for i in range(len(c.moved)) if i != weights.index(Fraction(1))]
-        return cls(weights, ca.vertcat(*map(c.numerals.number, weights)), kept, ca.SX.sym("s", len(kept)))
+        left = [i for i in range(len(c.moved)) if i != weights.index(Fraction(1))]
+        return cls(weights, ca.vertcat(*map(c.numerals.number, weights)), left, ca.SX.sym("s", len(left)))
 
     @cached_property
     def numbers(self) -> np.ndarray:
@@ -73,16 +73,16 @@ class ClosedGap:
     def embed(self) -> np.ndarray:
         """The matrix (n + k, n - 1 + k) that makes all coordinates and displacements of those that are left."""
         place, own = self.weights.index(Fraction(1)), len(self.weights) - 1
-        matrix = np.eye(len(self.kept) + 1)[:, self.kept]
-        matrix[place, :own] = -self.numbers[self.kept[:own]]
+        matrix = np.eye(len(self.left) + 1)[:, self.left]
+        matrix[place, :own] = -self.numbers[self.left[:own]]
         return matrix
 
     @cached_property
     def exact_embed(self) -> ca.SX:
         """The same matrix, with symbols for its numbers."""
         place, own = self.weights.index(Fraction(1)), len(self.weights) - 1
-        matrix = ca.SX.eye(len(self.kept) + 1)[:, self.kept]
-        matrix[place, :own] = -self.exact[self.kept[:own]].T
+        matrix = ca.SX.eye(len(self.left) + 1)[:, self.left]
+        matrix[place, :own] = -self.exact[self.left[:own]].T
         return matrix
 
     def inside(self, expression: ca.SX, c: Coordinates) -> ca.SX:
@@ -93,7 +93,7 @@ class ClosedGap:
         """The weights of what is left in a sum of all coordinates and displacements."""
         lost = weights[self.weights.index(Fraction(1))]
         gap = [*self.weights, *(Fraction(0) for _ in range(len(weights) - len(self.weights)))]
-        return [weights[i] - lost * gap[i] for i in self.kept]
+        return [weights[i] - lost * gap[i] for i in self.left]
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,8 +253,8 @@ def mechanics_of(
     whole = _inertia(c, elements, stated)
     terms = terms_of(c, elements, gravity, stated)
     closed = ClosedGap.of(c, gap)
-    flight = _flight(c, elements, terms, stated, whole, closed)
-    return Mechanics(c, tuple(elements), gravity, closed, flight, _contact(c, closed, flight))
+    flight = _flight_equations(c, elements, terms, stated, whole, closed)
+    return Mechanics(c, tuple(elements), gravity, closed, flight, _contact_equations(c, closed, flight))
 
 
 def forces_of(
@@ -290,7 +290,7 @@ def _inertia(c: Coordinates, elements: Sequence[Element], stated: ca.SX) -> ca.S
     return matrix
 
 
-def _flight(
+def _flight_equations(
     c: Coordinates, elements: Sequence[Element], terms: list[Term], stated: ca.SX, inertia: ca.SX, gap: ClosedGap
 ) -> InFlight:
     """The equations of the flight; the inertia is the `stated` one and that of the elements."""
@@ -307,7 +307,7 @@ def _flight(
     )  # fmt: skip
 
 
-def _contact(c: Coordinates, gap: ClosedGap, flight: InFlight) -> InContact:
+def _contact_equations(c: Coordinates, gap: ClosedGap, flight: InFlight) -> InContact:
     """The equations of the contact."""
     n, m, symbols = c.size, c.size - 1, c.symbols(gap.s)
     embed = ca.sparsify(gap.exact_embed[:n, :m])

@@ -228,7 +228,7 @@ def _scales_at(mechanics: Mechanics, start: ca.SX) -> tuple[ca.SX, ca.SX]:
     m, c, s = mechanics, mechanics.coordinates, ca.SX.sym("s")
     ends, still = [0.0] * len(c.actuators), {**c.p, **{rate: ca.SX(0) for _, rate in c.actuators}}
     force, place = ca.SX(m.contact_force([s, ca.SX(0), *ends], still, [])), m.embedded([s, *ends])
-    launched = m.gap.kept[0]
+    launched = m.gap.left[0]
     state = [part for y in place[: m.size] for part in (y, ca.SX(0))]
     motion = ca.SX(m.flight([*state, *ends], still, [])[2 * launched + 1])
     at_start = [

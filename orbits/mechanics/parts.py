@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..laws.law import Key, Parameters, Scalars, Value
+from ..laws.law import Algebraic, Key, Parameters, Scalars
 from ..model.model import CONTACT_FORCE, Knee
 from ..model.phase import Affine, Phase, Pieces, weighted_sum
 from ..model.relative import Reach, pieces_along, reach_along
@@ -53,8 +53,8 @@ class Parts:
     @classmethod
     def of(cls, s: Structure, mechanics: Mechanics) -> "Parts":
         """Those of a structure whose springs have no laws yet."""
-        c, flight, kept = mechanics.coordinates, mechanics.in_flight, mechanics.gap.kept[: mechanics.size - 1]
-        known = [c.names[i] for i in kept]
+        c, flight, left = mechanics.coordinates, mechanics.in_flight, mechanics.gap.left[: mechanics.size - 1]
+        known = [c.names[i] for i in left]
         launched = s.launch or known[-1]
         if launched not in known:
             raise InputError(f"launch '{launched}' is no coordinate of the contact; those are {', '.join(known)}")
@@ -84,7 +84,7 @@ class Parts:
     @property
     def _states_in_contact(self) -> list[str]:
         """The coordinates that are left in contact, and their speeds."""
-        own = self.mechanics.gap.kept[: self.mechanics.size - 1]
+        own = self.mechanics.gap.left[: self.mechanics.size - 1]
         return [state for i in own for state in (self.structure.coordinates[i], f"{self.structure.coordinates[i]}'")]
 
     @property
@@ -147,15 +147,15 @@ class Parts:
         """Refuses a launch that is more than a speed."""
         raise InputError(f"a launch of a {self.structure.name} is more than a speed: give the flight state")
 
-    def impact_mass(self, x: Scalars, p: Parameters) -> Value:
+    def impact_mass(self, x: Scalars, p: Parameters) -> Algebraic:
         """Twice the energy that a plastic impact loses, over the square of the gap's speed."""
         return self.mass(p, self._place(x))[0][0]
 
-    def impact(self, x: Scalars, p: Parameters) -> list[Value]:
+    def impact(self, x: Scalars, p: Parameters) -> list[Algebraic]:
         """The direction in which an impact changes the flight state."""
         return list(_interleaved(self.mechanics.in_flight.impact(p, self._place(x))[0], self._ends, 1))
 
-    def _place(self, x: Scalars) -> list[Value]:
+    def _place(self, x: Scalars) -> list[Algebraic]:
         """The coordinates, with the actuators' displacements, of a flight state."""
         ends = len(x) - self._ends
         return [*x[:ends:2], *x[ends:]]
@@ -164,7 +164,7 @@ class Parts:
         """The distance that must stay positive."""
         return self.distance and self.distance(p)
 
-    def rest(self, p: Parameters) -> list[Value]:
+    def rest(self, p: Parameters) -> list[Algebraic]:
         """The flight state at rest with the springs unloaded."""
         places = dict(self.structure.rest)
         each = [value_of(places.get(name, 0.0), {}, p) for name in self.mechanics.coordinates.moved]
@@ -178,7 +178,7 @@ class Parts:
         """The heights by name."""
         return {name: height(p) for name, height in self.height_functions.items()}
 
-    def tension(self, x: Scalars, p: Parameters, q: Scalars) -> Value:
+    def tension(self, x: Scalars, p: Parameters, q: Scalars) -> Algebraic:
         """The force of all springs against the extension that is counted, in a flight state."""
         y, _ = self.mechanics.positions_and_rates(x, p)
         place = self.mechanics.coordinates.named(y)
@@ -188,7 +188,7 @@ class Parts:
         ]
         return weighted_sum([ratio(p)[0][0] for _, ratio in self.counted], forces)
 
-    def flight_gradient(self, x: Scalars, p: Parameters, q: Scalars) -> list[Value]:
+    def flight_gradient(self, x: Scalars, p: Parameters, q: Scalars) -> list[Algebraic]:
         """The gradient of the energy in flight."""
         mechanics = self.mechanics
         y, v = mechanics.positions_and_rates(x, p)
@@ -276,7 +276,7 @@ def _drawn(c: Coordinates, s: Structure) -> tuple[tuple[str | None, str], ...]:
     return tuple(dict.fromkeys(pairs))
 
 
-def _interleaved(weights: Scalars, ends: int, first: int = 0) -> tuple[Value, ...]:
+def _interleaved(weights: Scalars, ends: int, first: int = 0) -> tuple[Algebraic, ...]:
     """Weights of coordinates, or where `first` is 1 of their rates, as weights of the states, of which the last `ends`
     have no rates."""
     pairs = weights[: len(weights) - ends] if ends and not first else weights

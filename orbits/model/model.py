@@ -45,12 +45,6 @@ class Model(metaclass=_Following):
     flight, contact : the two phases; the contact watches a quantity named "contact force", which vanishes at lift-off
     launch_unknowns : names of the unknowns of a launch: "liftoff", "alpha", and the contact states except the value and
         the speed of the one coordinate that these two are; contact states without speeds are 0 at lift-off
-
-    The launch, lift-off, the landing and the energy in contact follow from the fields, see the methods.
-
-    flight, contact : the two phases; the contact watches a quantity named "contact force", which vanishes at lift-off
-    launch_unknowns : names of the unknowns of a launch: "liftoff", "alpha", and the contact states but for those of the
-        one coordinate whose place and speed these two are; contact states without speeds are 0 at lift-off
     reversor : sign of each flight state under time reversal; None where the model has no reversor
     release : (alpha (m,), p) -> extensions (m,) at lift-off with these launch speeds
     liftoff_slope : (u, p) -> derivative of the extension at lift-off by the launch speed; None where it does not depend
@@ -58,7 +52,7 @@ class Model(metaclass=_Following):
     embed : matrix (n, m) that turns contact states (m,) into flight states (n,)
     flight_gradient : (x, p, q) -> gradient of the energy in flight
     extension : affine function of the flight state whose stationary points count the family
-    gap : p -> height of the contact point above what it lands on, an affine function of the flight state
+    gap : p -> height of the contact point above what it lands on, a sum of coordinates of the flight state
     separation : p -> smallest distance within the machine, which must stay positive, a function of the flight state,
         `Affine` or a `StateFormula`; None where it is not stated
     heights : p -> such functions by name, for plots and rises; first the masses, the upper before the lower. Gap and
@@ -195,7 +189,7 @@ class Model(metaclass=_Following):
         """
         weights, states = self.gap(p).weights, self.flight.states
         of_speed = [weights[states.index(name[:-1])] if name.endswith("'") else 0.0 for name in states]
-        closed = [weighted_sum(weights, x) + self.gap(p).offset, weighted_sum(of_speed, x)]
+        closed = [weighted_sum(weights, x), weighted_sum(of_speed, x)]
         if self.one_speed or self.flight.pieces:
             return [*closed, x[states.index(self.launched[0])] - u["liftoff"]]
         return [*closed, weighted_sum(of_speed, self.flight.field(x, p, []))]

@@ -97,7 +97,7 @@ class Relative:
     damping : p -> what a launch speed of 1 adds to phi at lift-off
     by_speed : the name of the parameter of the law that is the launch speed; None where it does not depend on that
     rest : p -> the place of what is launched where the extension is 0
-    own : p -> the parameters that all of this is told in, for a model with other parameters
+    own : p -> the parameters of all of these functions, for a model with other parameters
     """
 
     law: Key

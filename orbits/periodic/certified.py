@@ -17,7 +17,6 @@ from .certificate import Certificate, certify
 from .error_bound import error_bounds, noise_of_alpha
 from .formulations import (
     Cycles,
-    contact_reversor,
     equations_of,
     interpret,
     refused_by_unfolding,
@@ -144,7 +143,7 @@ def certified_orbit(machine: Machine, solved: Solved, *, began: float) -> Orbit:
     if noise := [name for name in p if name.startswith(NOISE)]:
         deviation = noise_of_alpha(solved.equations, solved.us[0], solved.ps[0], solved.evaluation, noise)
         certificate = replace(certificate, alpha_noise=deviation)
-    reversor = contact_reversor(model.reversor, model.embed) if model.reversor else None
+    reversor = model.mirror if model.reversor else None
     knees = tuple(model.knees(p)) if model.knees else ()
     return Orbit(
         machine=machine.describe(),

@@ -12,7 +12,7 @@ from ..errors import FlowError, InputError, NoOrbit, OutOfRange
 from ..flow.flow import flow_of
 from ..flow.trajectory import Trajectories
 from ..flow.zero_crossing import first_zero, first_zeros, until_zero
-from ..model.model import Model
+from ..model.model import CONTACT_FORCE, Model
 from ..model.phase import Affine, Arc, Phase, Statement
 from ..model.relative import Reduction
 from ..numerics.roots import solve
@@ -22,8 +22,6 @@ from .single_shooting import Evaluation, Shooting, shooting_equations
 # Marks a minimum, a peak or a time that does not exist.
 NONE = np.inf
 METHODS = ("closed form", "relative", "half orbit", "shooting")  # the simplest first
-# The quantity that every contact phase watches: the force that the contact exerts, which ends it where it vanishes.
-CONTACT_FORCE = "contact force"
 # When the unfolding changes the energy over a flight by more than this share, the unfolded equations have no orbit but
 # a forced motion. On orbits it is rounding.
 LARGEST_UNFOLDING = 1e-9
@@ -97,14 +95,9 @@ def half_orbit(model: Model) -> Statement:
         model.contact,
         start=lambda u, before, p: model.touchdown(u, p),
         duration=lambda u, p: u["contact_duration"],
-        conditions=at_rest(contact_reversor(model.reversor, model.embed)),
+        conditions=at_rest(model.mirror),
     )
     return Statement("half orbit", model.half_unknowns, (flight, contact), ("duration", "contact_duration"))
-
-
-def contact_reversor(reversor: tuple[int, ...], embed: ndarray) -> tuple[int, ...]:
-    """The sign of each contact state under time reversal, from those of the flight states."""
-    return tuple(int(reversor[i]) for i in np.abs(embed).argmax(0))
 
 
 @lru_cache(maxsize=64)

@@ -528,7 +528,7 @@ def test_wrong_guesses_are_told():
         ("values", {"mass_ratio": np.nan}, "is no finite number"),
         ("units", 3.0, "neither Units nor None"),
         ("describe", None, "describe"),
-        ("describe", lambda: {}, "it tells no 'machine'"),
+        ("describe", lambda: {}, "it says no 'machine'"),
         ("with_values", None, "with_values"),
         ("with_values", lambda **values: Hopper("cubic"), "does not give the same machine"),
         ("restitution", 1.5, "does not lie between 0 and 1"),

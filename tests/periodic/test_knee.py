@@ -109,43 +109,43 @@ def heights(p):
     return {"body": StateFormula(BODY, STATES, p), "foot": Affine((1.0, 0.0, 0.0, 0.0))}
 
 
-FIELDS = {
-    "name": "knee hopper",
-    "flight": Phase("flight", STATES, flight_rates),
-    "contact": Phase(
+FIELDS = dict(  # noqa: C408 -- as the arguments of a Model are written
+    name="knee hopper",
+    flight=Phase("flight", STATES, flight_rates),
+    contact=Phase(
         "contact",
         STATES[2:],
         contact_rates,
         {"contact force": lambda x, p, q: p["foot_mass"] * p["surface_gravity"] - tension(x[0], p)},
     ),
-    "launch": lambda u, p: [0.0, 0.0, u["liftoff"], u["alpha"]],
-    "liftoff": lambda u, p, q: p["foot_mass"] * p["surface_gravity"] - tension(u["liftoff"], p),
-    "landing": lambda u, x, p: [x[0], x[1], x[2] - u["liftoff"]],
-    "reversor": (1, -1, 1, -1),
-    "release": release,
-    "touchdown": lambda u, p: [u["liftoff"], -u["alpha"]],
-    "embed": np.eye(4)[:, 2:],
-    "flight_gradient": flight_gradient,
-    "contact_gradient": contact_gradient,
-    "extension": Affine((0.0, 0.0, 1.0, 0.0)),
-    "gap": lambda p: Affine((1.0, 0.0, 0.0, 0.0)),
-    "separation": lambda p: StateFormula(LEG, STATES, p),
-    "heights": heights,
-    "impact_mass": lambda x, p: p["foot_mass"],
-    "impact": lambda x, p: [0.0, 1.0, 0.0, -1.0 / slopes(x[2], p)[0]],
-    "contact_speed": Affine((0.0, 1.0)),
-    "violations": {
+    launch=lambda u, p: [0.0, 0.0, u["liftoff"], u["alpha"]],
+    liftoff=lambda u, p, q: p["foot_mass"] * p["surface_gravity"] - tension(u["liftoff"], p),
+    landing=lambda u, x, p: [x[0], x[1], x[2] - u["liftoff"]],
+    reversor=(1, -1, 1, -1),
+    release=release,
+    touchdown=lambda u, p: [u["liftoff"], -u["alpha"]],
+    embed=np.eye(4)[:, 2:],
+    flight_gradient=flight_gradient,
+    contact_gradient=contact_gradient,
+    extension=Affine((0.0, 0.0, 1.0, 0.0)),
+    gap=lambda p: Affine((1.0, 0.0, 0.0, 0.0)),
+    separation=lambda p: StateFormula(LEG, STATES, p),
+    heights=heights,
+    impact_mass=lambda x, p: p["foot_mass"],
+    impact=lambda x, p: [0.0, 1.0, 0.0, -1.0 / slopes(x[2], p)[0]],
+    contact_speed=Affine((0.0, 1.0)),
+    violations={
         "gap": "foot below ground",
         "pull": "the ground would have to pull",
         "separation": "the knee folds through",
         "end": "contact: the knee folds, the body never lifts off again",
     },
-    "springs": (),
-    "knees": lambda p: [("foot", "body", p["link"])],
-    "guess": None,
-    "rest": lambda p: [0.0, 0.0, p["rest_angle"], 0.0],
-    "units": lambda p: SI,
-}
+    springs=(),
+    knees=lambda p: [("foot", "body", p["link"])],
+    guess=None,
+    rest=lambda p: [0.0, 0.0, p["rest_angle"], 0.0],
+    units=lambda p: SI,
+)
 MODEL, WRITTEN = Model(**FIELDS), SimpleNamespace(**FIELDS)  # the second with what follows from the rest
 
 
