@@ -35,7 +35,7 @@ class Segment:
 
     @staticmethod
     def may_happen(points: Sequence[CurvePoint], asked: tuple[float, ...], watch: Watch) -> np.ndarray:
-        """Whether there may be an event between each of the certified points but the first and its predecessor (m - 1,)."""
+        """Whether there may be an event between each two neighbours of certified points (m,), (m - 1,)."""
         if watch:
             return np.ones(len(points) - 1, bool)
         orbits, values = [point.point for point in points], np.array([point.x for point in points])[:, -1:]

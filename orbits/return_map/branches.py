@@ -15,7 +15,7 @@ import numpy as np
 from ..continuation.corrector import correct
 from ..continuation.curve import CurvePoint, Watch
 from ..continuation.events import Segment
-from ..continuation.limits import CLOSING, Endings
+from ..continuation.limits import Endings
 from ..continuation.point import End, Event
 from ..continuation.step_control import Options, StepControl
 from ..continuation.tracer import Tracer, TracerState
@@ -91,6 +91,7 @@ class MapEquations(NamedTuple):
     jacobian: np.ndarray
     launches: np.ndarray
     impacts: np.ndarray
+    trajectories: tuple[()] = ()
 
     @property
     def amplification(self) -> np.ndarray:
@@ -174,21 +175,7 @@ class LaunchSegment(Segment):
 
     @staticmethod
     def may_happen(points: Sequence[CurvePoint], asked: tuple[float, ...], watch: Watch) -> np.ndarray:
-        slopes = np.array([point.point.multiplier for point in points])
-        values = np.array([point.value for point in points])[:, None]
-        happens = [(slopes[1:] >= level) != (slopes[:-1] >= level) for level in LEVELS.values()]
-        low, high = np.minimum(values[:-1], values[1:]), np.maximum(values[:-1], values[1:])
-        return np.any(happens, axis=0) | ((low <= asked) & (asked <= high)).any(1)
-
-    @cached_property
-    def _points(self) -> dict[float, CurvePoint]:
-        return {}
-
-    def __call__(self, share: float) -> CurvePoint:
-        """The branch at a share of the chord, certified."""
-        if share not in self._points:
-            self._points[share] = self.curve.certify(super().__call__(share))
-        return self._points[share]
+        return np.ones(len(points) - 1, bool)
 
     def _excess(self, level: float, point: CurvePoint) -> float | None:
         """The multiplier above a level, None where there is none."""
@@ -209,7 +196,7 @@ class LaunchSegment(Segment):
         for kind, level in LEVELS.items():
             if (share := self.fold if kind == "fold" else self._crossing(level)) is None:
                 continue
-            point = self(share)
+            point = self.curve.certify(self(share))
             left, change = self._excess(level, point), self.a.point.multiplier - self.b.point.multiplier
             if left is None or abs(left) > SMOOTH * abs(change):
                 kind = "border collision"
@@ -224,14 +211,7 @@ class LaunchEndings(Endings):
     curve: Any
 
     def may_end(self, points: Sequence[CurvePoint]) -> np.ndarray:
-        values, lengths = np.array([point.x for point in points])[:, -1], np.array([point.length for point in points])
-        launches = np.array([point.point.alphas for point in points])
-        impacts = np.array([point.point.impacts for point in points])
-        ends = (values[1:] <= self.bounds[0]) | (values[1:] >= self.bounds[1])
-        ends |= np.abs(self.start - values[:-1]) <= CLOSING * lengths[1:] * self.curve.span
-        ends |= (launches[1:, 0] < self.curve.between[0]) | (launches[1:, 0] > self.curve.between[1])
-        ends |= (launches[1:, -1] < launches[1:, 0]) != (launches[:-1, -1] < launches[:-1, 0])
-        return ends | (impacts[1:] != impacts[:-1]).any(1)
+        return np.ones(len(points) - 1, bool)
 
     def cut(self, segment: Segment) -> tuple[Segment, End | None]:
         if jump := self._jump(segment):
@@ -267,7 +247,7 @@ class LaunchEndings(Endings):
         for _ in range(HALVINGS):
             middle = 0.5 * (low + high)
             try:
-                point = segment(middle)
+                point = self.curve.certify(segment(middle))
             except NoOrbit:
                 break
             if point.point.impacts == impacts:
@@ -304,9 +284,6 @@ class LaunchTracer(Tracer):
         interrupts.heed()
         return self.curve.certify_all(points)[0], None
 
-    def _largest_batch(self, point: CurvePoint) -> int:
-        return self.control.largest_batch
-
 
 class BranchTracer:
     """Follows the branches of one period.
@@ -319,23 +296,18 @@ class BranchTracer:
     def __init__(
         self, maps: MapsAlong, between: tuple[float, float], period: int, values: tuple[float, ...], longest: float
     ):
-        self.maps, self.curve = maps, LaunchCurve(maps, between, period)
-        self.scale = self.curve.scale
+        self.maps = maps
+        self.curve: Any = LaunchCurve(maps, between, period)
+        self.scale: np.ndarray = self.curve.scale
         self.options = Options(at=values, longest=longest, most=LONGEST_BRANCH, step_control=STEPS)
 
     def start(self, alpha: float, value: float) -> PeriodicLaunch:
         """A periodic launch that has been found at a value of the parameter."""
-        return self._launch(self.curve.at(np.array([alpha, value]), np.array([0.0, 1.0])))
-
-    @staticmethod
-    def _launch(point: CurvePoint) -> PeriodicLaunch:
-        return cast(PeriodicLaunch, point.point)
+        return self.curve.at(np.array([alpha, value]), np.array([0.0, 1.0])).point
 
     def _at_speed(self, x: np.ndarray, before: np.ndarray) -> PeriodicLaunch:
         """The launch of the branch at the launch speed of a place (2,) near it; raises `NoOrbit`."""
-        row = np.array([1.0, 0.0])
-        point = correct(cast(Any, self.curve), x, row, float(x[0]), before)
-        return self._launch(self.curve.certify(point))
+        return self.curve.certify(correct(self.curve, x, np.array([1.0, 0.0]), float(x[0]), before)).point
 
     def start_lossless(self, alpha: float) -> tuple[PeriodicLaunch, list[PeriodicLaunch]]:
         """A lossless hop, which is a fixed point without injection, and the fixed points just below and above it, each
@@ -355,12 +327,8 @@ class BranchTracer:
             except NoOrbit:
                 continue
             if abs(first.place[1] - flip.place[1]) <= FARTHEST_OF_TWO * abs(step):
-                onward = first.tangent @ (first.place - flip.place)
-                return (
-                    first
-                    if onward >= 0
-                    else self._launch(self.curve.at(first.place * self.scale, (first.place - flip.place) * self.scale))
-                )
+                onward = first.tangent @ (first.place - flip.place) >= 0
+                return first if onward else replace(first, tangent=-first.tangent)
         raise NoOrbit("no hops of twice the period are found beside the flip")
 
     def trace(
@@ -368,41 +336,35 @@ class BranchTracer:
     ) -> Iterator[PeriodicLaunch | FoundEvent | BranchEnd]:
         """The points and events from one, in order along its tangent (`side` 1) or against it (-1); an end is last."""
         options = replace(self.options, step_control=replace(STEPS, first_step=first_step))
-        tangent = side * start.tangent * self.scale
-        low, high, count = self.maps.low, self.maps.high, 0
-        here = CurvePoint(start.place * self.scale, tangent, 0.0, cast(Any, None), 0, certified=cast(Any, start))
-        here = here._replace(x=np.array([start.alpha, start.value]))
-        if start.value == (high if tangent[1] > 0 else low):
-            yield BranchEnd("reached", f"{self.maps.told(self.maps.name, start.value)} is reached")
+        low, high, earlier, count = self.maps.low, self.maps.high, list[Any](), 0
+        here = self.curve.at(np.array([start.alpha, start.value]), side * start.tangent * self.scale)
+        if start.value == (high if here.tangent[1] > 0 else low):
+            yield self._reached(start.value)
             return
-        earlier: list = []
         while count < LONGEST_BRANCH:
             last, before = here, here
-            for item in LaunchTracer(cast(Any, self.curve), here, low, high, options, earlier):
+            for item in LaunchTracer(self.curve, here, low, high, options, earlier):
                 if isinstance(item, CurvePoint) and item.point is not last.point:
                     before = last if self._distance(last, item) >= AROUND else before
                     last, count = item, count + 1
-                    yield self._launch(last)
+                    yield last.point
                 elif isinstance(item, Event) and item.kind != "asked":
-                    yield FoundEvent(item.kind, cast(Any, item.point))
+                    yield FoundEvent(item.kind, item.point)
                 elif isinstance(item, End) and item.kind not in ("stuck", "stopped"):
-                    yield self._end(item, last)
+                    yield self._reached(last.value) if item.kind == "reached" else BranchEnd(item.kind, item.reason)
                     return
             if (behind := self._round_corner(before, last)) is None:
                 yield self._why_stuck(last)
                 return
             slopes = last.point.multiplier, behind.point.multiplier
             if any((slopes[0] - level) * (slopes[1] - level) < 0 for level in LEVELS.values()):
-                yield FoundEvent("border collision", self._launch(last))
-            yield self._launch(behind)
+                yield FoundEvent("border collision", last.point)
+            yield behind.point
             here, earlier, options = behind, [start], self.options
         yield BranchEnd("stuck", f"it has {LONGEST_BRANCH} points")
 
-    def _end(self, end: End, last: CurvePoint) -> BranchEnd:
-        """The end of a run as that of the branch."""
-        if end.kind == "reached":
-            return BranchEnd("reached", f"{self.maps.told(self.maps.name, last.value)} is reached")
-        return BranchEnd(end.kind, "it comes back to where it began" if end.kind == "closed" else end.reason)
+    def _reached(self, bound: float) -> BranchEnd:
+        return BranchEnd("reached", f"{self.maps.told(self.maps.name, bound)} is reached")
 
     def _distance(self, a: CurvePoint, b: CurvePoint) -> float:
         """The distance of two points in shares of the ranges."""
@@ -439,7 +401,7 @@ class BranchTracer:
 
     def _why_stuck(self, last: CurvePoint) -> BranchEnd:
         """Why the curve cannot be followed further."""
-        place, launch = f"near {in_words(self.maps, last.point)}", self._launch(last)
+        place, launch = f"near {in_words(self.maps, last.point)}", last.point
         speed, beyond = last.x + AROUND * last.tangent
         value, reach = float(self.curve.possible(beyond)), AROUND * float(self.scale[0])
         for alpha in (float(speed), *launch.alphas[1:]):
