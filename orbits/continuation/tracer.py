@@ -184,4 +184,4 @@ class Tracer:
     def _largest_batch(self, point: CurvePoint) -> int:
         """The most points of a batch whose motions are about as long as that of a point."""
         steps = sum(int(motions.counts[point.place]) for motions in point.evaluation.trajectories)
-        return min(self.control.largest_batch, max(SMALL_BATCH, STEPS_OF_BATCH // steps))
+        return min(self.control.largest_batch, max(SMALL_BATCH, STEPS_OF_BATCH // max(steps, 1)))

@@ -14,7 +14,7 @@ from ..periodic.find import Progress
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..simulation.impacts import CAP
-from .branches import SAME_PLACE, BranchTracer, FoundEvent, PeriodicLaunch
+from .branches import BESIDE_LOSSLESS, SAME_PLACE, BranchTracer, FoundEvent, PeriodicLaunch
 from .cycles import INJECT, MapsAlong
 from .diagram import RESERVED_IN_DIAGRAMS, Bifurcation, BifurcationDiagram, Branch, BranchEnd
 from .resolved_map import ROUNDED
@@ -110,7 +110,7 @@ class _Search:
             hop, beside = tracer.start_lossless(alpha)
             if max(abs(side.value) for side in beside) <= ROUNDED * alpha:
                 continue  # nothing is lost beside it either, and every launch comes back
-            below, above = ([side, *tracer.trace(side, 1)] for side in beside)
+            below, above = ([side, *tracer.trace(side, 1, BESIDE_LOSSLESS)] for side in beside)
             self._keep(1, [*reversed(below), FoundEvent("fold", hop), *above])
         starts = list(self._starts())
         near = SAME_PLACE * (self.between[1] - self.between[0])
@@ -260,7 +260,7 @@ def _settled(maps: MapsAlong, alpha: np.ndarray, values: np.ndarray) -> np.ndarr
     going, alpha = np.arange(len(alpha)), alpha.copy()
     for hop in range(TRANSIENT + KEPT_HOPS):
         interrupts.heed()
-        following = maps.next(alpha[going], values[going] if maps.name == INJECT else values[0])
+        following, _ = maps.next(alpha[going], values[going] if maps.name == INJECT else values[0])
         alive = np.isfinite(following)
         going = going[alive]
         if not len(going):

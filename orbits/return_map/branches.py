@@ -1,13 +1,12 @@
 """Branches of periodic launches: curves in the launch speed and a parameter of the return map.
 
 `LaunchCurve` states their equation to the tracer of `orbits.continuation`, in shares of the two ranges. The map is
-smooth only in pieces. Where the number of impacts changes, the map may jump, which ends a branch. Where the slope
-jumps, the curve has a corner: the tracer loses it there, and starts again where a small circle round its last point
-cuts it.
+smooth only in pieces. Where the number of impacts changes, the map may jump, which ends a branch. Where its slope
+jumps, the curve has a corner: the tracer loses it, and starts again where a small circle round its last point cuts it.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any, NamedTuple, cast
 
@@ -16,7 +15,7 @@ import numpy as np
 from ..continuation.corrector import correct
 from ..continuation.curve import CurvePoint, Watch
 from ..continuation.events import Segment
-from ..continuation.limits import CLOSING, Endings
+from ..continuation.limits import Endings
 from ..continuation.point import End, Event
 from ..continuation.step_control import Options, StepControl
 from ..continuation.tracer import Tracer, TracerState
@@ -24,7 +23,7 @@ from ..errors import NoOrbit
 from ..numerics.roots import bracketed_root
 from ..running import interrupts
 from ..simulation.impacts import STATUSES
-from .cycles import INJECT, MapsAlong
+from .cycles import INJECT, MapsAlong, excess_of
 from .diagram import BranchEnd
 
 Vector = np.ndarray
@@ -34,11 +33,17 @@ SAME_PLACE = 1e-6  # launches that differ by a smaller share of the range are th
 LONGEST_BRANCH = 20_000
 # Beside lossless hops the curvature has no bound, so that the first steps there are as short as the distance to them.
 STEPS = StepControl(
-    first_step=1e-3, shortest_step=1e-10, largest_correction=0.03, largest_turn=0.45, target_correction=1e-4,
-    largest_batch=32, most_rejections=100, same_point=SAME_PLACE,
+    first_step=1e-2, shortest_step=1e-9, largest_correction=1.0, largest_turn=0.6, target_correction=0.1,
+    largest_lengthening=4.0, neighbours=2, largest_batch=4, most_rejections=100, same_point=SAME_PLACE,
 )  # fmt: skip
 FIRST_OF_TWO = (1e-3, 1e-4, 1e-2)  # from a flip to the first hops of twice the period, as shares of the range
 FARTHEST_OF_TWO = 20  # the first hops of twice the period have a parameter at most this many such shares away
+# Differences for slopes across: over this share of the launch speed, as small as rounding allows, for beside lossless
+# hops they change with the cube root of the distance. Those of both sides that differ by more are those across a jump.
+STEP_ACROSS, STEEPEST = 1e-9, 1e5
+# The slope along the parameter, which takes other machines, is not computed anew within this share of the ranges: it
+# decides how fast Newton's method converges, not whereto.
+SAME_RATE, INEXACT = 1e-4, 100.0
 HALVINGS = 12  # of a step in which the number of impacts changes and the map may jump
 # The circle round a corner, and the angle at which both sides of the curve are looked at.
 AROUND, ANGLES, BESIDE = 1e-6, np.radians(np.linspace(-150, 150, 21)), 1e-5
@@ -79,15 +84,19 @@ class FoundEvent:
 
 
 class MapEquations(NamedTuple):
-    """The equation at points of the curve: residual (m, 1) and Jacobian (m, 1, 2)."""
+    """The equation at points of the curve: residual (m, 1), Jacobian (m, 1, 2), and the hops' launch speeds and numbers
+    of impacts (m, period)."""
 
     residual: np.ndarray
     jacobian: np.ndarray
+    launches: np.ndarray
+    impacts: np.ndarray
+    trajectories: tuple[()] = ()
 
     @property
     def amplification(self) -> np.ndarray:
-        """The growth of small changes over the motion (m,), which a map does not show."""
-        return np.ones(len(self.residual))
+        """By what factors (m,) Newton's last step is to be smaller, since the slopes are not exact."""
+        return np.full(len(self.residual), INEXACT)
 
 
 class LaunchCurve:
@@ -103,6 +112,7 @@ class LaunchCurve:
         self.maps, self.between, self.period = maps, between, period
         self.along, self.span = maps.name, maps.high - maps.low
         self.scale = np.array([between[1] - between[0], self.span])
+        self._rates = np.empty((0, 2)), np.empty(0)  # the last slopes along the parameter that are computed, and where
 
     def size(self, x: np.ndarray) -> np.ndarray:
         """The ranges, for points (..., 2)."""
@@ -114,8 +124,18 @@ class LaunchCurve:
 
     def evaluate(self, xs: np.ndarray) -> MapEquations:
         """The equation at points (m, 2)."""
-        residual, across, along = self.maps.slopes(xs[:, 0], self.possible(xs[:, 1]), self.period)
-        return MapEquations(residual[:, None], np.stack([across, along], axis=-1)[:, None])
+        alpha, values, (before, along) = xs[:, 0], self.possible(xs[:, 1]), self._rates
+        step, m = STEP_ACROSS * np.abs(alpha), len(alpha)
+        launches, impacts = self.maps.cycles(
+            np.concatenate([alpha, alpha - step, alpha + step]), np.tile(values, 3), self.period
+        )
+        residual, low, high = excess_of(launches).reshape(3, -1)
+        across = np.where(np.abs(low + high - 2 * residual) > STEEPEST * step, np.nan, (high - low) / (2 * step))
+        if before.shape != xs.shape or np.abs((xs - before) / self.scale).max() > SAME_RATE:
+            along = self.maps.slopes_along(alpha, values, self.period, residual)
+            self._rates = xs.copy(), along
+        jacobian = np.stack([across, along], axis=-1)[:, None]
+        return MapEquations(residual[:, None], jacobian, launches[:m, :-1], impacts[:m])
 
     def rescued(self, x: np.ndarray) -> np.ndarray:
         """Raise `NoOrbit`: no other method finds what Newton's does not."""
@@ -135,9 +155,10 @@ class LaunchCurve:
         """The point with its `PeriodicLaunch`."""
         if point.certified:
             return point
-        alpha, value = float(point.x[0]), float(self.possible(point.x[1]))
-        launches, impacts = self.maps.cycle(alpha, value, self.period)
-        slope, shares = self.maps.multiplier(launches, value), (point.x / self.scale, point.tangent / self.scale)
+        found: Any = point.evaluation
+        launches, impacts = (tuple(each[point.place].tolist()) for each in (found.launches, found.impacts))
+        slope = self.maps.multiplier(launches, float(self.possible(point.value)))
+        shares = point.x / self.scale, point.tangent / self.scale
         return point._replace(certified=cast(Any, PeriodicLaunch(point.value, launches, slope, impacts, *shares)))
 
     def certify_all(self, points: Sequence[CurvePoint]) -> tuple[list[CurvePoint], None]:
@@ -154,21 +175,7 @@ class LaunchSegment(Segment):
 
     @staticmethod
     def may_happen(points: Sequence[CurvePoint], asked: tuple[float, ...], watch: Watch) -> np.ndarray:
-        slopes = np.array([point.point.multiplier for point in points])
-        values = np.array([point.value for point in points])[:, None]
-        happens = [(slopes[1:] >= level) != (slopes[:-1] >= level) for level in LEVELS.values()]
-        low, high = np.minimum(values[:-1], values[1:]), np.maximum(values[:-1], values[1:])
-        return np.any(happens, axis=0) | ((low <= asked) & (asked <= high)).any(1)
-
-    @cached_property
-    def _points(self) -> dict[float, CurvePoint]:
-        return {}
-
-    def __call__(self, share: float) -> CurvePoint:
-        """The branch at a share of the chord, certified."""
-        if share not in self._points:
-            self._points[share] = self.curve.certify(super().__call__(share))
-        return self._points[share]
+        return np.ones(len(points) - 1, bool)
 
     def _excess(self, level: float, point: CurvePoint) -> float | None:
         """The multiplier above a level, None where there is none."""
@@ -189,7 +196,7 @@ class LaunchSegment(Segment):
         for kind, level in LEVELS.items():
             if (share := self.fold if kind == "fold" else self._crossing(level)) is None:
                 continue
-            point = self(share)
+            point = self.curve.certify(self(share))
             left, change = self._excess(level, point), self.a.point.multiplier - self.b.point.multiplier
             if left is None or abs(left) > SMOOTH * abs(change):
                 kind = "border collision"
@@ -204,14 +211,7 @@ class LaunchEndings(Endings):
     curve: Any
 
     def may_end(self, points: Sequence[CurvePoint]) -> np.ndarray:
-        values, lengths = np.array([point.x for point in points])[:, -1], np.array([point.length for point in points])
-        launches = np.array([point.point.alphas for point in points])
-        impacts = np.array([point.point.impacts for point in points])
-        ends = (values[1:] <= self.bounds[0]) | (values[1:] >= self.bounds[1])
-        ends |= np.abs(self.start - values[:-1]) <= CLOSING * lengths[1:] * self.curve.span
-        ends |= (launches[1:, 0] < self.curve.between[0]) | (launches[1:, 0] > self.curve.between[1])
-        ends |= (launches[1:, -1] < launches[1:, 0]) != (launches[:-1, -1] < launches[:-1, 0])
-        return ends | (impacts[1:] != impacts[:-1]).any(1)
+        return np.ones(len(points) - 1, bool)
 
     def cut(self, segment: Segment) -> tuple[Segment, End | None]:
         if jump := self._jump(segment):
@@ -247,7 +247,7 @@ class LaunchEndings(Endings):
         for _ in range(HALVINGS):
             middle = 0.5 * (low + high)
             try:
-                point = segment(middle)
+                point = self.curve.certify(segment(middle))
             except NoOrbit:
                 break
             if point.point.impacts == impacts:
@@ -284,9 +284,6 @@ class LaunchTracer(Tracer):
         interrupts.heed()
         return self.curve.certify_all(points)[0], None
 
-    def _largest_batch(self, point: CurvePoint) -> int:
-        return self.control.largest_batch
-
 
 class BranchTracer:
     """Follows the branches of one period.
@@ -299,23 +296,18 @@ class BranchTracer:
     def __init__(
         self, maps: MapsAlong, between: tuple[float, float], period: int, values: tuple[float, ...], longest: float
     ):
-        self.maps, self.curve = maps, LaunchCurve(maps, between, period)
-        self.scale = self.curve.scale
+        self.maps = maps
+        self.curve: Any = LaunchCurve(maps, between, period)
+        self.scale: np.ndarray = self.curve.scale
         self.options = Options(at=values, longest=longest, most=LONGEST_BRANCH, step_control=STEPS)
 
     def start(self, alpha: float, value: float) -> PeriodicLaunch:
         """A periodic launch that has been found at a value of the parameter."""
-        return self._launch(self.curve.at(np.array([alpha, value]), np.array([0.0, 1.0])))
-
-    @staticmethod
-    def _launch(point: CurvePoint) -> PeriodicLaunch:
-        return cast(PeriodicLaunch, point.point)
+        return self.curve.at(np.array([alpha, value]), np.array([0.0, 1.0])).point
 
     def _at_speed(self, x: np.ndarray, before: np.ndarray) -> PeriodicLaunch:
         """The launch of the branch at the launch speed of a place (2,) near it; raises `NoOrbit`."""
-        row = np.array([1.0, 0.0])
-        point = correct(cast(Any, self.curve), x, row, float(x[0]), before)
-        return self._launch(self.curve.certify(point))
+        return self.curve.certify(correct(self.curve, x, np.array([1.0, 0.0]), float(x[0]), before)).point
 
     def start_lossless(self, alpha: float) -> tuple[PeriodicLaunch, list[PeriodicLaunch]]:
         """A lossless hop, which is a fixed point without injection, and the fixed points just below and above it, each
@@ -335,55 +327,55 @@ class BranchTracer:
             except NoOrbit:
                 continue
             if abs(first.place[1] - flip.place[1]) <= FARTHEST_OF_TWO * abs(step):
-                onward = first.tangent @ (first.place - flip.place)
-                return (
-                    first
-                    if onward >= 0
-                    else self._launch(self.curve.at(first.place * self.scale, (first.place - flip.place) * self.scale))
-                )
+                onward = first.tangent @ (first.place - flip.place) >= 0
+                return first if onward else replace(first, tangent=-first.tangent)
         raise NoOrbit("no hops of twice the period are found beside the flip")
 
-    def trace(self, start: PeriodicLaunch, side: int) -> Iterator[PeriodicLaunch | FoundEvent | BranchEnd]:
+    def trace(
+        self, start: PeriodicLaunch, side: int, first_step: float = STEPS.first_step
+    ) -> Iterator[PeriodicLaunch | FoundEvent | BranchEnd]:
         """The points and events from one, in order along its tangent (`side` 1) or against it (-1); an end is last."""
-        tangent = side * start.tangent * self.scale
-        low, high, count = self.maps.low, self.maps.high, 0
-        here = CurvePoint(start.place * self.scale, tangent, 0.0, cast(Any, None), 0, certified=cast(Any, start))
-        here = here._replace(x=np.array([start.alpha, start.value]))
-        if start.value == (high if tangent[1] > 0 else low):
-            yield BranchEnd("reached", f"{self.maps.told(self.maps.name, start.value)} is reached")
+        options = replace(self.options, step_control=replace(STEPS, first_step=first_step))
+        low, high, earlier, count = self.maps.low, self.maps.high, list[Any](), 0
+        here = self.curve.at(np.array([start.alpha, start.value]), side * start.tangent * self.scale)
+        if start.value == (high if here.tangent[1] > 0 else low):
+            yield self._reached(start.value)
             return
-        earlier: list = []
         while count < LONGEST_BRANCH:
-            last = here
-            for item in LaunchTracer(cast(Any, self.curve), here, low, high, self.options, earlier):
+            last, before = here, here
+            for item in LaunchTracer(self.curve, here, low, high, options, earlier):
                 if isinstance(item, CurvePoint) and item.point is not last.point:
+                    before = last if self._distance(last, item) >= AROUND else before
                     last, count = item, count + 1
-                    yield self._launch(last)
+                    yield last.point
                 elif isinstance(item, Event) and item.kind != "asked":
-                    yield FoundEvent(item.kind, cast(Any, item.point))
+                    yield FoundEvent(item.kind, item.point)
                 elif isinstance(item, End) and item.kind not in ("stuck", "stopped"):
-                    yield self._end(item, last)
+                    yield self._reached(last.value) if item.kind == "reached" else BranchEnd(item.kind, item.reason)
                     return
-            if (behind := self._round_corner(last)) is None:
+            if (behind := self._round_corner(before, last)) is None:
                 yield self._why_stuck(last)
                 return
             slopes = last.point.multiplier, behind.point.multiplier
             if any((slopes[0] - level) * (slopes[1] - level) < 0 for level in LEVELS.values()):
-                yield FoundEvent("border collision", self._launch(last))
-            yield self._launch(behind)
-            here, earlier = behind, [start]
+                yield FoundEvent("border collision", last.point)
+            yield behind.point
+            here, earlier, options = behind, [start], self.options
         yield BranchEnd("stuck", f"it has {LONGEST_BRANCH} points")
 
-    def _end(self, end: End, last: CurvePoint) -> BranchEnd:
-        """The end of a run as that of the branch."""
-        if end.kind == "reached":
-            return BranchEnd("reached", f"{self.maps.told(self.maps.name, last.value)} is reached")
-        return BranchEnd(end.kind, "it comes back to where it began" if end.kind == "closed" else end.reason)
+    def _reached(self, bound: float) -> BranchEnd:
+        return BranchEnd("reached", f"{self.maps.told(self.maps.name, bound)} is reached")
 
-    def _round_corner(self, last: CurvePoint) -> CurvePoint | None:
+    def _distance(self, a: CurvePoint, b: CurvePoint) -> float:
+        """The distance of two points in shares of the ranges."""
+        return float(np.linalg.norm((a.x - b.x) / self.scale))
+
+    def _round_corner(self, before: CurvePoint, last: CurvePoint) -> CurvePoint | None:
         """The curve behind a corner of the map, where a small circle round the last point cuts it; None where it does
-        not, or where the map jumps there."""
-        ahead = last.tangent / self.scale
+        not, or where the map jumps there. The way to the last point is that from an earlier one, since differences
+        reach round the corner."""
+        distance = self._distance(before, last)
+        ahead = ((last.x - before.x) / distance if distance >= AROUND else last.tangent) / self.scale
         sideways = np.array([-ahead[1], ahead[0]])
 
         def away(angle: float) -> Vector:
@@ -409,7 +401,7 @@ class BranchTracer:
 
     def _why_stuck(self, last: CurvePoint) -> BranchEnd:
         """Why the curve cannot be followed further."""
-        place, launch = f"near {in_words(self.maps, last.point)}", self._launch(last)
+        place, launch = f"near {in_words(self.maps, last.point)}", last.point
         speed, beyond = last.x + AROUND * last.tangent
         value, reach = float(self.curve.possible(beyond)), AROUND * float(self.scale[0])
         for alpha in (float(speed), *launch.alphas[1:]):

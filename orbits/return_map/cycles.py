@@ -20,10 +20,7 @@ from .return_map import Hops, ReturnMap
 INJECT, RESTITUTION = "inject", "restitution"
 DAMPERS_OF_HOPS = ("damping", "drag")  # a machine may have these at 0 without its model having such a parameter
 KEPT_MAPS = 8  # the maps that were asked for last are kept: a step along a branch comes back to its values
-# Differences for slopes: along the parameter as a share of its range, and of the launch speed as a share of it. This is
-# as small as rounding allows, for beside lossless hops the slope changes with the cube root of the distance.
-STEP_ALONG, STEP_ACROSS = 1e-6, 1e-8
-STEEPEST = 1e4  # slopes on both sides of a launch that differ by more are those across a jump
+STEP_ALONG = 1e-6  # differences for slopes along the parameter, as a share of its range
 
 
 class MapsAlong:
@@ -81,24 +78,28 @@ class MapsAlong:
         following = plain.next + value
         return replace(plain, next=np.where(following > 0, following, np.nan))
 
-    def next(self, alpha: np.ndarray, value: float | np.ndarray) -> np.ndarray:
+    def next(self, alpha: np.ndarray, value: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The next launch speeds (m,) after launch speeds (m,) at a value, or at values (m,), of the parameter, NaN
-        where there are none."""
+        where there are none; and the numbers of impacts (m,) until then."""
         if self.name == INJECT or np.ndim(value) == 0:
-            return self.hops(alpha, value).next
-        following = np.empty(len(alpha))
+            hops = self.hops(alpha, value)
+            return hops.next, hops.impacts
+        following, impacts = np.empty(len(alpha)), np.empty(len(alpha), int)
         for each in np.unique(value):
-            following[value == each] = self.hops(alpha[value == each], each).next
-        return following
+            hops = self.hops(alpha[value == each], each)
+            following[value == each], impacts[value == each] = hops.next, hops.impacts
+        return following, impacts
 
-    def cycle(self, alpha: float, value: float, period: int) -> tuple[tuple[float, ...], tuple[int, ...]]:
-        """The launch speeds of the hops from a periodic launch until it comes back, and their numbers of impacts."""
-        launches, impacts = [float(alpha)], list[int]()
-        while len(impacts) < period:
-            hops = self.hops(np.array(launches[-1:]), value)
-            launches.append(float(hops.next[0]))
-            impacts.append(int(hops.impacts[0]))
-        return tuple(launches[:period]), tuple(impacts)
+    def cycles(self, alpha: np.ndarray, value: float | np.ndarray, period: int) -> tuple[np.ndarray, np.ndarray]:
+        """The launch speeds (m, period + 1) of the hops from launch speeds (m,) at values (m,) of the parameter, NaN
+        after a hop without a next launch; and their numbers of impacts (m, period)."""
+        launches, impacts = np.full((len(alpha), period + 1), np.nan), np.zeros((len(alpha), period), int)
+        launches[:, 0], values = alpha, np.broadcast_to(value, len(alpha))
+        for hop in range(period):
+            known = np.isfinite(launches[:, hop])
+            following = self.next(launches[known, hop], values[known] if np.ndim(value) else value)
+            launches[known, hop + 1], impacts[known, hop] = following
+        return launches, impacts
 
     def multiplier(self, launches: tuple[float, ...], value: float) -> float:
         """The multiplier of a cycle, NaN where it has none. It is 1 on lossless hops, which have only one-sided
@@ -113,36 +114,16 @@ class MapsAlong:
         return product
 
     def excess(self, alpha: np.ndarray, value: float | np.ndarray, period: int) -> np.ndarray:
-        """What vanishes at launches (m,) of a period at values (m,) of the parameter, NaN where a hop has no next
-        launch.
+        """The `excess_of` the cycles from launches (m,) at values (m,) of the parameter."""
+        return excess_of(self.cycles(alpha, value, period)[0])
 
-        Period one: f(a) - a. Period two: 1 + (f(f(a)) - f(a))/(f(a) - a), which has no zeros at fixed points but those
-        with the multiplier -1, so that the hops of period two go through a flip as a smooth curve.
-        """
-        once = self.next(alpha, value)
-        if period == 1:
-            return once - alpha
-        twice = np.full(len(once), np.nan)
-        known = np.isfinite(once)
-        twice[known] = self.next(once[known], np.broadcast_to(value, len(once))[known])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return 1.0 + (twice - once) / (once - alpha)
-
-    def slopes(self, alpha: np.ndarray, value: np.ndarray, period: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The excess (m,) at launches (m,) at values (m,) of the parameter, and its derivatives with respect to the
-        launch speed, by central differences, NaN where the map jumps between, and to the parameter, by differences
-        within its range."""
-        step, m = STEP_ACROSS * np.abs(alpha), len(alpha)
-        exact = self.name == INJECT and period == 1
-        along = STEP_ALONG * (self.high - self.low) * np.where(value > 0.5 * (self.low + self.high), -1, 1)
-        alphas, values = [alpha - step, alpha, alpha + step], [value, value, value]
-        if not exact:
-            alphas, values = [*alphas, alpha], [*values, value + along]
-        rows = self.excess(np.concatenate(alphas), np.concatenate(values), period).reshape(-1, m)
-        before, here, behind = rows[:3]
-        jumps = np.abs(before + behind - 2 * here) > STEEPEST * step
-        across = np.where(jumps, np.nan, (behind - before) / (2 * step))
-        return here, across, np.ones(m) if exact else (rows[3] - here) / along
+    def slopes_along(self, alpha: np.ndarray, value: np.ndarray, period: int, here: np.ndarray) -> np.ndarray:
+        """The derivatives (m,) of the excess, which is `here`, with respect to the parameter, by differences within its
+        range."""
+        if self.name == INJECT and period == 1:
+            return np.ones(len(alpha))
+        step = STEP_ALONG * (self.high - self.low) * np.where(value > 0.5 * (self.low + self.high), -1, 1)
+        return (self.excess(alpha, value + step, period) - here) / step
 
     def jumps_between(self, alphas: tuple[float, float], value: float, samples: int = 33) -> bool:
         """Whether the map jumps somewhere between two launch speeds, or a hop there has no next launch."""
@@ -158,6 +139,18 @@ class MapsAlong:
     def status(self, alpha: float, value: float) -> str:
         """What becomes of a launch, in the words of `orbits.simulation.impacts.STATUSES`."""
         return str(self.at(value)(np.array([alpha])).status[0])
+
+
+def excess_of(launches: np.ndarray) -> np.ndarray:
+    """What vanishes (m,) at launches of a period, from the launch speeds (m, period + 1) of their hops; NaN where a hop
+    has no next launch.
+
+    Period one: f(a) - a. Period two: 1 + (f(f(a)) - f(a))/(f(a) - a), which has no zeros at fixed points but those with
+    the multiplier -1, so that the hops of period two go through a flip as a smooth curve.
+    """
+    changes = np.diff(launches).T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return changes[0] if len(changes) == 1 else 1.0 + changes[1] / changes[0]
 
 
 def _has(machine: Machine, name: str) -> bool:
