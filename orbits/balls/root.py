@@ -95,11 +95,14 @@ def prove_root(equations: Equations, guess: Sequence[float], bits: int, boxes: S
                 evaluated_on(equations, centre, [arb(0)] * len(centre), wide=False)
             reason = f": {error}"
             continue
-        if inner is not None:
+        if inner is None:
+            continue
+        root = _narrowed(equations, ProvedRoot(inner, centre, radii, evaluated), bits)
+        if root.unique_within([arb(1)] * len(centre)) > 0:
             break
+        reason = ": rounded outward, its enclosure reaches beyond where it is proved to be the only one"
     else:
         raise Unproved(f"no box about the numerical solution is proved to hold a root{reason}")
-    root = _narrowed(equations, ProvedRoot(inner, centre, radii, evaluated), bits)
     for name, value in zip(equations.unknowns, root.box, strict=True):
         if name in POSITIVE_UNKNOWNS and not value > 0:
             raise Unproved(f"{name} is not proved to be positive")

@@ -1,9 +1,12 @@
 """Intervals of parameters that are too wide for one proof, proved in parts."""
 
+import json
+
 import pytest
 
 from orbits import find, prove
-from problems import Hopper
+from orbits.check_proof import check
+from problems import Hopper, inerter_hopper
 
 CUBIC = Hopper("cubic", rest_length=8.0, parameters={"beta": 0.3})
 
@@ -38,3 +41,11 @@ def test_too_wide_an_interval_stays_undecided(bounds):
     proof = prove(find(CUBIC), parameters={"beta": bounds}, motion=False)
     assert not proof.proved
     assert proof.reasons
+
+
+def test_the_only_solution_near_enclosures_that_are_rounded_outward():
+    """Here the first box that holds the solutions is smaller than their decimals, within which others may then lie."""
+    proof = prove(find(inerter_hopper()), parameters={"inertance": ("0.198", "0.2")}, motion=False)
+    assert proof.proved, proof.reasons
+    assert float(proof.uniqueness_radius) > 0
+    assert not check(json.loads(json.dumps(proof.document())))
