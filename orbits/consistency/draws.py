@@ -78,13 +78,17 @@ class Graphs:
             "tension slopes": ca.jacobian(tension, x).T, "impact": ca.vertcat(*model.impact(*flight[:2])),
             "mass": ca.SX(model.impact_mass(*flight[:2])),
         }  # fmt: skip
-        in_contact = {
+        in_contact: dict[str, ca.SX] = {
             "field": ca.vertcat(*model.contact.field(*contact)),
-            "gradient": ca.vertcat(*model.contact_gradient(*contact)),
+            "gradient": ca.SX(ca.vertcat(*model.contact_gradient(*contact))),
             "force": ca.SX(model.contact.watch[CONTACT_FORCE](*contact)),
         }
         force = ca.SX(model.liftoff(us, known, contact[2]))
-        at_launch = {"launch": ca.vertcat(*model.launch(us, known)), "force": force, "slopes": ca.jacobian(force, u).T}
+        at_launch = {
+            "launch": ca.SX(ca.vertcat(*model.launch(us, known))),
+            "force": force,
+            "slopes": ca.jacobian(force, u).T,
+        }
         self.flight, self.contact = Expressions([x, p, q], in_flight), Expressions([y, p, r], in_contact)
         self.launch = Expressions([u, p, r], at_launch)
 

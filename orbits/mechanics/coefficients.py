@@ -9,18 +9,18 @@ occurs in it; this costs time and changes no result.
 """
 
 import operator
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
 from functools import cached_property
 from math import nan
-from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from ..laws.law import Algebraic, Parameters, Scalars
 from ..running.exclusive import LOCK
 from ..symbolic.calls import ElementwiseFunction, single_assignment
 from ..symbolic.folding import exact_numeral
@@ -114,7 +114,7 @@ class Coefficients:
         self.names = [name for i, name in enumerate(symbols.names, symbols.size) if i in used]
         self._written, self._symbols = [expression for expression, _ in written], symbols
 
-    def __call__(self, p: Mapping[str, Any], y: Sequence[Any] = ()) -> list[list[Any]]:
+    def __call__(self, p: Parameters, y: Scalars = ()) -> list[list[Algebraic]]:
         """The rows of the matrix at parameters and coordinates that are expressions, numbers, or arrays (m,)."""
         if not self.places:
             return self._numbers
@@ -131,16 +131,16 @@ class Coefficients:
             entries = ca.cse(ca.SX(ca.vertcat(*self._written)))
             return ca.Function("coefficients", [self._symbols.place, used], [entries])
 
-    def _matrix(self, values: list[Any]) -> list[list[Any]]:
+    def _matrix(self, values: list[Algebraic]) -> list[list[Algebraic]]:
         """The rows of the matrix with these values, which go down its columns."""
         return [values[i :: self.shape[0]] for i in range(self.shape[0])]
 
     @cached_property
-    def _numbers(self) -> list[list[Any]]:
+    def _numbers(self) -> list[list[Algebraic]]:
         """The rows of a matrix of numbers."""
         return self._matrix(self.constants)
 
-    def _values(self, p: list[Any], y: Sequence[Any]) -> list[Any]:
+    def _values(self, p: list[Algebraic], y: Scalars) -> list[Algebraic]:
         """Those that are not constant."""
         place = list(y) if self.by_coordinates else self._nowhere
         for value in (*p, *place):
@@ -184,7 +184,7 @@ class Program:
     steps: tuple[tuple[Callable, int, int], ...]
     results: tuple[int, ...]
 
-    def __call__(self, arguments: list[Any]) -> list[Any]:
+    def __call__(self, arguments: list[Algebraic]) -> list[Algebraic]:
         values = [*arguments, *self.constants]
         for operation, i, j in self.steps:
             values.append(operation(values[i], values[j]))

@@ -6,14 +6,15 @@ or functions of the parameters alone: a formula that names a coordinate is refus
 one is not detected, and the machine is then wrong. An inertia that varies is stated by `Mechanism(inertia=...)`.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, TypeAlias
 
+from ..laws.law import Algebraic, Parameters
 from ..symbolic.formula import Formula, parse
 
-Scalar: TypeAlias = str | float | Callable[[Mapping[str, Any], Mapping[str, Any]], Any]
+Scalar: TypeAlias = str | float | Callable[[Parameters, Parameters], Algebraic]
 
 
 @dataclass(frozen=True)
@@ -120,7 +121,7 @@ def names_in(expression: Any) -> frozenset[str]:
     return parsed(expression).names if isinstance(expression, str) else frozenset()
 
 
-def value_of(expression: Scalar, y: Mapping[str, Any], p: Mapping[str, Any]) -> Any:
+def value_of(expression: Scalar, y: Parameters, p: Parameters) -> Algebraic:
     """The value of an expression at coordinates and parameters by name."""
     if isinstance(expression, str):
         formula = parsed(expression)

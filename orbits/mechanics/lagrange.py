@@ -22,13 +22,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
-from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from ..errors import InputError
-from ..laws.law import Key, Parameters, Scalars
+from ..laws.law import Algebraic, Key, Parameters, Scalars
 from ..model.phase import is_used, weighted_sum
 from .coefficients import Coefficients, Entries, Symbols
 from .coordinates import Coordinates
@@ -186,31 +185,31 @@ class Mechanics:
         """An expression of the coordinates as one of those of the contact."""
         return self.gap.inside(expression, self.coordinates)
 
-    def flight(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
+    def flight(self, x: Scalars, p: Parameters, q: Scalars) -> list[Algebraic]:
         """The field of the flight, see `Phase`."""
         y, v = self.positions_and_rates(x, p)
         return self._field(self.in_flight.terms, self.in_flight.coefficients(p, y), (y, v), v, p, q)
 
-    def contact(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
+    def contact(self, x: Scalars, p: Parameters, q: Scalars) -> list[Algebraic]:
         """The field of the contact, see `Phase`."""
         s, rates = self.positions_and_rates(x, p)
         place = self.embedded(s), self.embedded(rates)
         return self._field(self.in_contact.terms, self.in_contact.coefficients(p, s), place, rates, p, q)
 
-    def contact_force(self, x: Scalars, p: Parameters, q: Scalars) -> Any:
+    def contact_force(self, x: Scalars, p: Parameters, q: Scalars) -> Algebraic:
         """The force of the contact, which presses where it is above 0."""
         s, rates = self.positions_and_rates(x, p)
         rows, place = self.in_contact.force_coefficients(p, s), (self.embedded(s), self.embedded(rates))
         return weighted_sum(rows[0], forces_of(self.in_contact.terms, rows, place, p, q))
 
-    def positions_and_rates(self, x: Scalars, p: Parameters) -> tuple[list[Any], list[Any]]:
+    def positions_and_rates(self, x: Scalars, p: Parameters) -> tuple[list[Algebraic], list[Algebraic]]:
         """Coordinates with the actuators' displacements, and their rates, of a flight or a contact state."""
         actuators = self.coordinates.actuators
         ends = len(x) - len(actuators)
         moved = [p[rate] if self.in_flight.moves_ends else 0.0 for _, rate in actuators]
         return [*x[:ends:2], *x[ends:]], [*x[1:ends:2], *moved]
 
-    def embedded(self, s: Scalars) -> list[Any]:
+    def embedded(self, s: Scalars) -> list[Algebraic]:
         """All coordinates (n + k), or rates, of those of the contact."""
         return [weighted_sum(row, s) for row in self._rows]
 
@@ -221,7 +220,7 @@ class Mechanics:
     def _field(
         self, terms: Sequence[Term], rows: Sequence[Scalars], place: tuple[Scalars, Scalars], rates: Scalars,
         p: Parameters, q: Scalars,
-    ) -> list[Any]:  # fmt: skip
+    ) -> list[Algebraic]:  # fmt: skip
         forces = forces_of(terms, rows, place, p, q)
         changes = [weighted_sum(row, forces) for row in rows]
         pairs = [part for pair in zip(rates, changes, strict=False) for part in pair]
@@ -259,7 +258,7 @@ def mechanics_of(
 
 def forces_of(
     terms: Sequence[Term], rows: Sequence[Scalars], place: tuple[Scalars, Scalars], p: Parameters, q: Scalars
-) -> list[Any]:
+) -> list[Algebraic]:
     """The forces at a place and its rates, of those terms that have a coefficient in one of the rows; 0 for the
     others."""
     used = [any(is_used(row[j]) for row in rows) for j in range(len(terms))]

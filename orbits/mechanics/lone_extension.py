@@ -8,13 +8,12 @@ lift-off, where r'' = -rate: so rate = -(gap mix_w)/(gap mix_r).
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from ..errors import InputError
-from ..laws.law import Key, Parameters, Scalars
+from ..laws.law import Algebraic, Key, Parameters, Scalars
 from ..model.liftoff import Liftoff
 from ..model.modes import Modes, single_mode
 from ..model.phase import is_used
@@ -130,7 +129,9 @@ class Alone:
         rate = None if self.rate.constant == 1.0 else self.rate
         gravity = mechanics.gravity.key if mechanics.gravity.varies else None
 
-        def scale(p: Parameters) -> tuple[Any, Any, float]:  # the first spring's force, without the load in the law
+        def scale(
+            p: Parameters,
+        ) -> tuple[Algebraic, Algebraic, float]:  # the first spring's force, without the load in the law
             return 1 / self.shares[0](p), self.load(p) - load, 0.0
 
         relative = Relative(law, gravity, Liftoff(load, level, scale), rate, self.damping)
@@ -162,7 +163,7 @@ class Alone:
         each = zip(laws, self.springs, self.shares, self.offsets, strict=True)
         parts = [(law.expression, float(factor), share, offset) for law, (_, factor, _), share, offset in each]
 
-        def expression(r: Any, p: Parameters, q: Scalars) -> Any:
+        def expression(r: Algebraic, p: Parameters, q: Scalars) -> Algebraic:
             forces = [share(p) * law(factor * r + offset(p), p, q) for law, factor, share, offset in parts]
             return sum(forces, self.load(p))
 
@@ -201,11 +202,11 @@ class _Number:
     def __init__(self, coefficients: Coefficients):
         self.coefficients, self.constant = coefficients, coefficients.constants[0]
 
-    def __call__(self, p: Parameters) -> Any:
+    def __call__(self, p: Parameters) -> Algebraic:
         return self.coefficients(p)[0][0]
 
 
-def _for_steps(value: Any) -> Any:
+def _for_steps(value: Algebraic) -> Algebraic:
     """A number for all of N steps, or (N,) numbers as (N, 1, 1)."""
     return value if isinstance(value, float) else np.reshape(value, (-1, 1, 1))
 
@@ -259,7 +260,7 @@ def _held(mechanics: Mechanics, rest: Scalar) -> Launch:
     if any(law.pieces for law in m.laws):
         raise InputError("a law in pieces can be taken where all springs act along one sum of two coordinates")
 
-    def expression(r: Any, p: Parameters, q: Scalars) -> Any:
+    def expression(r: Algebraic, p: Parameters, q: Scalars) -> Algebraic:
         unit, _, start = numbers(p)[0]
         state = [start + r, p[SPEED_OF_LAUNCH], *(0.0 for _ in c.actuators)]
         return 1 - m.contact_force(state, {**p, **{rate: 0.0 for _, rate in c.actuators}}, q) / unit

@@ -2,13 +2,13 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from ..errors import InputError
-from ..laws.law import Key, Parameters, Scalars
+from ..laws.law import Algebraic, Key, Parameters, Scalars
 from ..model.phase import weighted_sum
 from ..symbolic.formula import symbolic_numerals
 from .coordinates import Coordinates
@@ -66,7 +66,7 @@ class Gravity:
             law = self.key.expression(ca.SX(0), c.p, [])
         return c.scalar(self.surface) * law
 
-    def pull(self, height: Any, p: Parameters) -> Any:
+    def pull(self, height: Algebraic, p: Parameters) -> Algebraic:
         """Gravity at a height over that at the ground, with the share of its variation that the parameter says."""
         ground = self.key.expression(0.0, p, [])
         return 1 + p[GRAVITY_SHARE] * (self.key.expression(height, p, []) / ground - 1)

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from ..io import fields_in_line
-from ..laws.law import Parameters, Scalars
+from ..laws.law import Algebraic, Parameters, Scalars
 from .phase import Affine, Phase, weighted_sum
 from .relative import Reduction, Relative
 from .state_formula import StateFormula
@@ -153,7 +153,7 @@ class Model(metaclass=_Following):
         each = enumerate(self.contact.states)
         return [own.get(i, name if name in self.launch_unknowns else None) for i, name in each]
 
-    def _released(self, u: Parameters) -> list[Any]:
+    def _released(self, u: Parameters) -> list[Algebraic]:
         """The contact state at lift-off."""
         return [u[name] if name else 0.0 for name in self._unknown_states]
 
@@ -168,20 +168,20 @@ class Model(metaclass=_Following):
     def _rows(self) -> list[list[float]]:
         return self.embed.tolist()
 
-    def launch(self, u: Parameters, p: Parameters) -> list[Any]:
+    def launch(self, u: Parameters, p: Parameters) -> list[Algebraic]:
         """The flight state (n,) at lift-off with unknowns `u`."""
         released = self._released(u)
         return [weighted_sum(row, released) for row in self._rows]
 
-    def touchdown(self, u: Parameters, p: Parameters) -> list[Any]:
+    def touchdown(self, u: Parameters, p: Parameters) -> list[Algebraic]:
         """The contact state (m,) after a lossless landing: the mirror image of the launch."""
         return [-value if sign < 0 else value for sign, value in zip(self.mirror, self._released(u), strict=True)]
 
-    def liftoff(self, u: Parameters, p: Parameters, q: Scalars) -> Any:
+    def liftoff(self, u: Parameters, p: Parameters, q: Scalars) -> Algebraic:
         """The contact force of a launch, which vanishes where sustained contact ends."""
         return self.contact.watch[CONTACT_FORCE](self._released(u), p, q)
 
-    def landing(self, u: Parameters, x: Scalars, p: Parameters) -> list[Any]:
+    def landing(self, u: Parameters, x: Scalars, p: Parameters) -> list[Algebraic]:
         """What vanishes at a lossless landing in the flight state x: the gap, its speed and its acceleration.
 
         Where the contact has one coordinate, the last follows from the place of what was launched, which is as at
@@ -194,7 +194,7 @@ class Model(metaclass=_Following):
             return [*closed, x[states.index(self.launched[0])] - u["liftoff"]]
         return [*closed, weighted_sum(of_speed, self.flight.field(x, p, []))]
 
-    def contact_gradient(self, x: Scalars, p: Parameters, q: Scalars) -> list[Any]:
+    def contact_gradient(self, x: Scalars, p: Parameters, q: Scalars) -> list[Algebraic]:
         """The gradient (m,) of the energy in the contact state x, that of the flight on the ground."""
         gradient = self.flight_gradient([weighted_sum(row, x) for row in self._rows], p, q)
         return [weighted_sum(column, gradient) for column in zip(*self._rows, strict=True)]
@@ -205,7 +205,7 @@ class Model(metaclass=_Following):
         own |= dict(zip(("liftoff", "alpha"), [own[name] for name in self.launched], strict=True))
         return {name: own[name] for name in self.launch_unknowns}
 
-    def liftoff_extension(self, u: Parameters, p: Parameters) -> Any:
+    def liftoff_extension(self, u: Parameters, p: Parameters) -> Algebraic:
         """The extension at lift-off with unknowns `u`: numbers, arrays (m,) or expressions."""
         return self.extension.at(self.launch(u, p))
 

@@ -66,7 +66,7 @@ class Modes:
         """Mode coordinates about which the modes oscillate."""
         return self.loads[self.thrown :] / self.squares[self.thrown :]
 
-    def state(self, start: Any, t: Any) -> np.ndarray:
+    def state(self, start: ArrayLike, t: float | np.ndarray) -> np.ndarray:
         """States (2n, ...) at times `t` (...) after `start`, (2n,) or (2n, ...)."""
         w, rise, x, v = self._moved(start, t)
         states = np.empty((2 * len(self.squares), x.shape[1]))
@@ -89,7 +89,7 @@ class Modes:
         matrix[1::2, ::2] = self.shapes * (-self.squares * s) @ self.apart
         return matrix
 
-    def along(self, weights: ArrayLike, start: Any, t: Any, order: int) -> np.ndarray:
+    def along(self, weights: ArrayLike, start: ArrayLike, t: float | np.ndarray, order: int) -> np.ndarray:
         """Taylor coefficients (N, order + 1) of weights . (state, watched ...) about N times `t` (...) after `start`,
         (2n,) or (2n, ...)."""
         seen = self._seen(weights, start, t)
@@ -99,7 +99,7 @@ class Modes:
         c[:, 2] -= 0.5 * seen.fall
         return c
 
-    def series(self, start: Any, t: Any, order: int) -> np.ndarray:
+    def series(self, start: ArrayLike, t: float | np.ndarray, order: int) -> np.ndarray:
         """Taylor coefficients (N, 2n + watched, order + 1) of (state, watched ...) about N times `t` (...) after
         `start`, (2n,) or (2n, ...)."""
         size, k, (even, odd) = 2 * len(self.squares), self.thrown, self._alternating(order + 1)
@@ -148,7 +148,7 @@ class Modes:
         q, u, k = self.apart @ states[::2], self.apart @ states[1::2], self.thrown
         return q[:k], u[:k], q[k:] - self.centres[:, None], u[k:]
 
-    def _moved(self, start: Any, t: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def _moved(self, start: ArrayLike, t: float | np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """The modes as from `_modes` at N times `t` (...) after `start`, (2n,) or (2n, ...)."""
         start, k = np.asarray(start), self.thrown
         flat, tail = start.reshape(len(start), math.prod(start.shape[1:])), start.shape[1:]
@@ -166,14 +166,14 @@ class Modes:
             w, rise, x, v = (values.reshape(len(values), math.prod(x.shape[1:])) for values in (w, rise, x, v))
         return w, rise, x, v
 
-    def _seen(self, weights: ArrayLike, start: Any, t: Any = None) -> "_Seen":
+    def _seen(self, weights: ArrayLike, start: ArrayLike, t: float | np.ndarray | None = None) -> "_Seen":
         """weights . (state, watched ...) at N times `t` (...) after `start`, (2n,) or (2n, ...)."""
         size, k, weights = 2 * len(self.squares), self.thrown, np.asarray(weights, dtype=float)
         own, offset = weights[:size], 0.0
         for share, (slopes, value) in zip(weights[size:], self.watch.values(), strict=False):
             own, offset = own + share * np.asarray(slopes), offset + share * value
         at_q, at_u = own[::2] @ self.shapes, own[1::2] @ self.shapes
-        w, rise, x, v = self._modes(start) if t is None else self._moved(start, t)
+        w, rise, x, v = self._modes(np.asarray(start)) if t is None else self._moved(start, t)
         pull, at_x, at_v = self.loads[:k], at_q[k:, None], at_u[k:, None]
         return _Seen(
             even=at_x * x + at_v * v,

@@ -6,24 +6,23 @@ states, a mapping `p` of parameters by name and a list `q`, the data of the smoo
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..io import fields_in_line
-from ..laws.law import Scalars
+from ..laws.law import Algebraic, Scalars
 from .modes import Modes
 
 
-def is_used(coefficient: Any) -> bool:
+def is_used(coefficient: Algebraic) -> bool:
     """Whether a coefficient is anything but the number 0."""
     return not (isinstance(coefficient, float) and coefficient == 0.0)
 
 
-def weighted_sum(weights: Scalars, values: Scalars) -> Any:
+def weighted_sum(weights: Scalars, values: Scalars) -> Algebraic:
     """The sum of products, without those whose weight is 0."""
-    total: Any = None
+    total: Algebraic = None
     for weight, value in zip(weights, values, strict=False):
         if is_used(weight):
             part = value if isinstance(weight, float) and weight == 1.0 else weight * value
@@ -39,14 +38,14 @@ class Affine:
     offset : a number; for m trajectories at once a weight or the offset may be an array (m,), as `Trajectories.series`
         takes them"""
 
-    weights: tuple[Any, ...]
-    offset: Any = 0.0
+    weights: tuple[Algebraic, ...]
+    offset: Algebraic = 0.0
 
-    def __call__(self, x: ArrayLike) -> Any:
+    def __call__(self, x: ArrayLike) -> Algebraic:
         """Values (...) at states `x` (..., n)."""
         return np.asarray(x) @ np.array(self.weights) + self.offset
 
-    def at(self, x: Sequence[Any]) -> Any:
+    def at(self, x: Scalars) -> Algebraic:
         """The value at a list of states: numbers, arrays or expressions."""
         return sum((weight * part for weight, part in zip(self.weights, x, strict=False)), self.offset)
 
@@ -55,7 +54,7 @@ class Affine:
         weights = (weight * (unit / size) for weight, size in zip(self.weights, sizes, strict=True))
         return Affine(tuple(weights), self.offset * unit)
 
-    def saved(self) -> list[Any]:
+    def saved(self) -> list[Algebraic]:
         """The function for a file."""
         return [self.weights, self.offset]
 

@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,7 +25,7 @@ from ..laws.features import (
     unit_of_length,
     units_of_length,
 )
-from ..laws.law import WRONG_SIGN, Key, Parameters, from_key
+from ..laws.law import WRONG_SIGN, Algebraic, Key, Parameters, from_key
 from .liftoff import Liftoff
 from .modes import Modes, single_mode
 from .phase import Arc, Phase, Pieces, Statement
@@ -114,7 +114,7 @@ class Relative:
         """The relative motion."""
         return relative_phase(self.law, self.liftoff.load, self.rate)
 
-    def time(self, p: Parameters) -> Any:
+    def time(self, p: Parameters) -> Algebraic:
         """Half the time of a flight per launch speed, under constant gravity."""
         return 1 / self.rate(p) if self.rate else 1.0
 
@@ -129,7 +129,7 @@ class Relative:
             found[i] = self.liftoff.extension(from_key(self.law, {**p, self.by_speed: float(alpha.ravel()[i])}))
         return self.rest(p) + found.reshape(alpha.shape)
 
-    def scale(self, slope: Any, p: Parameters) -> Any:
+    def scale(self, slope: Algebraic, p: Parameters) -> Algebraic:
         """The launch speed that a spring of this slope turns in a radian of its oscillation."""
         return np.sqrt(self.rate(p) / slope) if self.rate else 1 / np.sqrt(slope)
 
@@ -196,7 +196,7 @@ def relative_phase(law: Key, load: float, rate: Callable | None) -> Phase:
         pace = float(rate(p)) if rate else 1.0
         return single_mode(pace * k, pace * (k * zero - load))
 
-    def rates(x: Any, p: Parameters, q: Any) -> list[Any]:
+    def rates(x: Algebraic, p: Parameters, q: Algebraic) -> list[Algebraic]:
         force = law.expression(x[0], p, q) + load
         return [x[1], -rate(p) * force if rate else -force]
 

@@ -3,13 +3,14 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any, TypeAlias, TypedDict
+from typing import TypeAlias, TypedDict
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
+from ..laws.law import Algebraic, Parameters, Scalars
 from ..symbolic.calls import ElementwiseFunction
 from ..symbolic.formula import Formula, parse
 from ..symbolic.kept import kept
@@ -33,7 +34,7 @@ class StateFormula:
 
     text: str
     states: tuple[str, ...]
-    values: Mapping[str, Any] = field(default_factory=dict)
+    values: Parameters = field(default_factory=dict)
     sizes: tuple[float, ...] | None = None
     unit: float = 1.0
 
@@ -52,11 +53,11 @@ class StateFormula:
         names = _parsed(self.text).names
         return tuple(name for name in self.states if name in names)
 
-    def __call__(self, x: ArrayLike) -> Any:
+    def __call__(self, x: ArrayLike) -> Algebraic:
         """Values (...) at states `x` (..., n)."""
         return self.at(list(np.moveaxis(np.asarray(x, dtype=float), -1, 0)))
 
-    def at(self, x: Sequence[Any]) -> Any:
+    def at(self, x: Scalars) -> Algebraic:
         """The value at a list of states: numbers, arrays or expressions."""
         sizes = self.sizes or (1.0,) * len(self.states)
         known = {name: part / size for name, part, size in zip(self.states, x, sizes, strict=False)}
