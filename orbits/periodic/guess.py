@@ -86,27 +86,20 @@ def guesses(relative: Relative, family: int, p: Mapping[str, np.ndarray]) -> Gue
         extension = relative.liftoff.extensions(relative.law, p)
         own, single = relative.own_and_single(p)
         own &= np.isfinite(extension)
-    refused = dict[int, NoOrbit]()
+    law, refused = relative.law, dict[int, NoOrbit]()
     if len(rows := np.flatnonzero(own)):
-        those = {name: values[rows] for name, values in p.items()}
-        alpha[rows], errors = _launch_speeds(relative, family, those, extension[rows])
-        refused = {int(rows[i]): error for i, error in errors.items()}
+        those, places = {name: values[rows] for name, values in p.items()}, extension[rows]
+        _, slopes = values_and_slopes(law, those, np.column_stack([places, np.zeros(len(rows))]))
+        if law.degree() == 1:
+            alpha[rows] = half_angle(family) * relative.scale(slopes[:, 0], those)
+        else:
+            steepest = np.where(np.isfinite(slopes), slopes, -np.inf).max(axis=1)
+            _, outward = values_and_slopes(law, those, np.outer(family / steepest, BARRIER_EXTENSIONS))
+            scales, barriers = relative.scale(steepest, those), crossable_barriers(outward)
+            alpha[rows], none = lowest_launch_speeds(relative, those, places, family, scales, barriers)
+            refused = {int(rows[i]): error for i, error in none.items()}
     found = {"liftoff": extension, "alpha": alpha, "duration": alpha * relative.time(p)}
     return Guesses(found, own, single, refused)
-
-
-def _launch_speeds(
-    relative: Relative, family: int, p: Mapping[str, np.ndarray], extension: np.ndarray
-) -> tuple[np.ndarray, dict[int, NoOrbit]]:
-    """The lowest launch speeds (m,) of machines with extensions (m,) at lift-off, and by index why one has none."""
-    law = relative.law
-    _, slopes = values_and_slopes(law, p, np.column_stack([extension, np.zeros(len(extension))]))
-    if law.degree() == 1:
-        return half_angle(family) * relative.scale(slopes[:, 0], p), {}
-    steepest = np.where(np.isfinite(slopes), slopes, -np.inf).max(axis=1)
-    _, outward = values_and_slopes(law, p, np.outer(family / steepest, BARRIER_EXTENSIONS))
-    scales, barriers = relative.scale(steepest, p), crossable_barriers(outward)
-    return lowest_launch_speeds(relative, p, extension, family, scales, barriers)
 
 
 class _Sample(NamedTuple):
@@ -272,7 +265,7 @@ def crossable_barriers(slopes: np.ndarray) -> np.ndarray:
 def half_oscillation(
     flow: Flow, ps: np.ndarray, starts: np.ndarray, longest: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """`half_oscillations` of one spring, whose motion is followed in fewer calls by itself than among others."""
+    """`half_oscillations` of one spring, whose motion takes fewer calls alone than among others."""
     turns, clock, crossings = [], [0.0], Crossings()
 
     def second_turn(coefficients, steps):
