@@ -16,6 +16,7 @@ from ..model.relative import FASTEST, Relative, half_angle
 from ..numerics.bernstein import Crossings
 from ..numerics.roots import root_search
 from ..units import SPEED, Message, Quantity
+from .formulations import vectors
 
 # The slowest launch speed of a search, in multiples of the machine's own scale of speed, from which it starts again
 # when its first speed is too fast.
@@ -134,7 +135,7 @@ def lowest_launch_speeds(
     scales : the speeds (m,) in whose multiples the searches go
     barriers : which springs (m,) are among `crossable_barriers`
     """
-    flow, ps = flow_of(relative.phase, tuple(p)), np.column_stack(list(p.values()))
+    flow, ps = flow_of(relative.phase, tuple(p)), vectors(p, len(scales))
     times = np.broadcast_to(relative.time(p), len(ps))
     followed = half_oscillations if len(ps) > 1 else half_oscillation
     each, ends = zip(scales.tolist(), barriers.tolist(), strict=True), dict[int, _End]()
@@ -202,7 +203,7 @@ def _refusals(
     lost, errors = np.array([end.lost for end in ends]), dict[int, FlowError]()
     if len(known := np.flatnonzero(np.isfinite(lost))):
         those = {name: values[known] for name, values in p.items()}
-        flow, ps = flow_of(relative.phase, tuple(p)), np.column_stack(list(those.values()))
+        flow, ps = flow_of(relative.phase, tuple(p)), vectors(those, len(known))
         starts = np.column_stack([liftoffs[known], lost[known]])
         longest = LONGEST_FLIGHT * relative.time(those) * (1 + lost[known])
         *_, failed = first_zeros(flow, starts, ps, SPEED_OF_EXTENSION, longest, rising=True)
