@@ -114,21 +114,21 @@ def certified(
     closing, quickly : as in `error_bounds`
     refused : by index the solutions that are out of the question already, and why
     """
-    why, errors = dict(refused or {}), solved.errors
+    why, errors, left = dict(refused or {}), solved.errors, np.arange(len(solved.us))
     if errors is None:
         errors, doubtful = error_bounds(solved.equations, solved.us, solved.ps, solved.evaluation, closing, quickly)
         why = {**refused_by_unfolding(solved.equations, solved.us), **doubtful, **why}
-    solved, kept = replace(solved, errors=errors), np.arange(len(errors))
+        solved = replace(solved, errors=errors)
     if why:
-        kept = np.delete(kept, list(why))
-        if not len(kept):
+        left = np.delete(left, list(why))
+        if not len(left):
             return None, why
-        solved = solved.only(kept)
+        solved = solved.only(left)
     cycles = solved.cycles
     certificates, wrong = certify(solved.model, cycles)
-    why |= {int(kept[i]): error for i, error in wrong.items()}
-    places = np.delete(np.arange(len(kept)), list(wrong))
-    return (Certified(kept[places], places, cycles, certificates) if len(places) else None), why
+    why |= {int(left[i]): error for i, error in wrong.items()}
+    places = np.delete(np.arange(len(left)), list(wrong))
+    return (Certified(left[places], places, cycles, certificates) if len(places) else None), why
 
 
 def certified_orbit(machine: Machine, solved: Solved, *, began: float) -> Orbit:

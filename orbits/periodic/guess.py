@@ -16,6 +16,7 @@ from ..model.relative import FASTEST, Relative, half_angle
 from ..numerics.bernstein import Crossings
 from ..numerics.roots import root_search
 from ..units import SPEED, Message, Quantity
+from .formulations import vectors
 
 # The slowest launch speed of a search, in multiples of the machine's own scale of speed, from which it starts again
 # when its first speed is too fast.
@@ -86,27 +87,20 @@ def guesses(relative: Relative, family: int, p: Mapping[str, np.ndarray]) -> Gue
         extension = relative.liftoff.extensions(relative.law, p)
         own, single = relative.own_and_single(p)
         own &= np.isfinite(extension)
-    refused = dict[int, NoOrbit]()
+    law, refused = relative.law, dict[int, NoOrbit]()
     if len(rows := np.flatnonzero(own)):
-        those = {name: values[rows] for name, values in p.items()}
-        alpha[rows], errors = _launch_speeds(relative, family, those, extension[rows])
-        refused = {int(rows[i]): error for i, error in errors.items()}
+        those, places = {name: values[rows] for name, values in p.items()}, extension[rows]
+        _, slopes = values_and_slopes(law, those, np.column_stack([places, np.zeros(len(rows))]))
+        if law.degree() == 1:
+            alpha[rows] = half_angle(family) * relative.scale(slopes[:, 0], those)
+        else:
+            steepest = np.where(np.isfinite(slopes), slopes, -np.inf).max(axis=1)
+            _, outward = values_and_slopes(law, those, np.outer(family / steepest, BARRIER_EXTENSIONS))
+            scales, barriers = relative.scale(steepest, those), crossable_barriers(outward)
+            alpha[rows], none = lowest_launch_speeds(relative, those, places, family, scales, barriers)
+            refused = {int(rows[i]): error for i, error in none.items()}
     found = {"liftoff": extension, "alpha": alpha, "duration": alpha * relative.time(p)}
     return Guesses(found, own, single, refused)
-
-
-def _launch_speeds(
-    relative: Relative, family: int, p: Mapping[str, np.ndarray], extension: np.ndarray
-) -> tuple[np.ndarray, dict[int, NoOrbit]]:
-    """The lowest launch speeds (m,) of machines with extensions (m,) at lift-off, and by index why one has none."""
-    law = relative.law
-    _, slopes = values_and_slopes(law, p, np.column_stack([extension, np.zeros(len(extension))]))
-    if law.degree() == 1:
-        return half_angle(family) * relative.scale(slopes[:, 0], p), {}
-    steepest = np.where(np.isfinite(slopes), slopes, -np.inf).max(axis=1)
-    _, outward = values_and_slopes(law, p, np.outer(family / steepest, BARRIER_EXTENSIONS))
-    scales, barriers = relative.scale(steepest, p), crossable_barriers(outward)
-    return lowest_launch_speeds(relative, p, extension, family, scales, barriers)
 
 
 class _Sample(NamedTuple):
@@ -141,7 +135,7 @@ def lowest_launch_speeds(
     scales : the speeds (m,) in whose multiples the searches go
     barriers : which springs (m,) are among `crossable_barriers`
     """
-    flow, ps = flow_of(relative.phase, tuple(p)), np.column_stack(list(p.values()))
+    flow, ps = flow_of(relative.phase, tuple(p)), vectors(p, len(scales))
     times = np.broadcast_to(relative.time(p), len(ps))
     followed = half_oscillations if len(ps) > 1 else half_oscillation
     each, ends = zip(scales.tolist(), barriers.tolist(), strict=True), dict[int, _End]()
@@ -209,7 +203,7 @@ def _refusals(
     lost, errors = np.array([end.lost for end in ends]), dict[int, FlowError]()
     if len(known := np.flatnonzero(np.isfinite(lost))):
         those = {name: values[known] for name, values in p.items()}
-        flow, ps = flow_of(relative.phase, tuple(p)), np.column_stack(list(those.values()))
+        flow, ps = flow_of(relative.phase, tuple(p)), vectors(those, len(known))
         starts = np.column_stack([liftoffs[known], lost[known]])
         longest = LONGEST_FLIGHT * relative.time(those) * (1 + lost[known])
         *_, failed = first_zeros(flow, starts, ps, SPEED_OF_EXTENSION, longest, rising=True)
@@ -272,7 +266,7 @@ def crossable_barriers(slopes: np.ndarray) -> np.ndarray:
 def half_oscillation(
     flow: Flow, ps: np.ndarray, starts: np.ndarray, longest: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """`half_oscillations` of one spring, whose motion is followed in fewer calls by itself than among others."""
+    """`half_oscillations` of one spring, whose motion takes fewer calls alone than among others."""
     turns, clock, crossings = [], [0.0], Crossings()
 
     def second_turn(coefficients, steps):

@@ -19,7 +19,7 @@ from ..model.state_formula import SavedHeight, StateFormula, height_of
 from ..numerics.bernstein import lowest
 from ..result import Report, cell, shown
 from ..tables import VIOLATED, machine_rows
-from ..units import DIMENSIONS, UNIT_TEXTS, SavedUnits, Units, in_units, saved_units
+from ..units import UNIT_TEXTS, SavedUnits, Units, in_units, saved_units
 from .certificate import Certificate
 from .formulations import CONTACT_FORCE
 from .quantities import CERTIFIED, QUANTITIES, orbit_rows
@@ -228,8 +228,8 @@ class Orbit:
         if not self.units:
             return document
         units = {name: unit for name, unit in self.units.texts().items() if name in document}
-        kept = dict.fromkeys(self.units.text(name) for name in self.flight.names if not name.endswith("'"))
-        units |= {"rises": "m", "state_mid_flight": ", ".join(kept)}
+        own = dict.fromkeys(self.units.text(name) for name in self.flight.names if not name.endswith("'"))
+        units |= {"rises": "m", "state_mid_flight": ", ".join(own)}
         return document | {"units": {**self.machine.get("units", {}), **units}, "si": self.si()}
 
     def si(self) -> dict[str, float | None]:
@@ -237,13 +237,10 @@ class Orbit:
         not in SI."""
         if self.units is None:
             raise InputError("this machine was stated in dimensionless units; state it in SI for results in SI")
-        figures, main = vars(self.certificate) | vars(self), dict[str, float | None]()
-        for name, quantity in QUANTITIES.items():
-            if quantity.in_si:
-                unit = self.units.text(DIMENSIONS[name]).replace("/", "_per_")
-                main[f"{quantity.in_si}_{unit}"] = figures[name]
+        figures, units = vars(self.certificate) | vars(self), self.units.texts()
+        main = {name: each.in_si for name, each in QUANTITIES.items() if each.in_si}
         return {
-            **main,
+            **{f"{words}_{units[name].replace('/', '_per_')}": figures[name] for name, words in main.items()},
             **{f"{name.replace(' ', '_')}_rise_m": rise for name, rise in self.rises.items()},
             "unit_length_m": self.units.length,
             "unit_time_s": self.units.time,
@@ -251,9 +248,9 @@ class Orbit:
         }
 
     def __repr__(self) -> str:
-        told = {name: getattr(self, name) for name in ("family", "alpha", "admissible", "error")}
-        told |= {name: self.machine[name] for name in ("spring", "gravity")} | self.machine["parameters"]
-        return one_line(self, {"machine": self.machine["machine"], **told})
+        numbers = {name: getattr(self, name) for name in ("family", "alpha", "admissible", "error")}
+        laws = {name: self.machine[name] for name in ("spring", "gravity")}
+        return one_line(self, {"machine": self.machine["machine"], **numbers, **laws, **self.machine["parameters"]})
 
     def summary(self) -> str:
         """The orbit in one line: its family, machine and laws."""

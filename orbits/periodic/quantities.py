@@ -98,7 +98,8 @@ def numbers_of(
             values = of(model, cycles)
             found[name] = np.where(values == NONE, np.nan, values)
     if units:
-        found = {name: values * units.of(DIMENSIONS.get(name, LENGTH)) for name, values in found.items()}
+        dimensions = {name: DIMENSIONS.get(name, () if name in QUANTITIES else LENGTH) for name in found}
+        found = {name: values * units.of(dimensions[name]) for name, values in found.items()}
     return found
 
 
