@@ -24,8 +24,8 @@ from .io import conform
 # and of angles; those left out at the end are 0.
 Dimension = tuple[float, ...]
 Record = TypeVar("Record")
-_P = ParamSpec("_P")
-_R = TypeVar("_R")
+_Arguments = ParamSpec("_Arguments")
+_Outcome = TypeVar("_Outcome")
 
 LENGTH, TIME, FORCE, ENERGY = (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, 0, 1)
 SPEED, SPEED_SQUARED, ACCELERATION, JERK = (1, -1, 0), (2, -2, 0), (1, -2, 0), (1, -3, 0)
@@ -269,7 +269,7 @@ def without_units(units: Units | None) -> Iterator[None]:
 
 def in_own_units(
     result: Dimension | Callable[[Any, Any], Any], **arguments: Dimension | Callable[[Any, Any], Any]
-) -> Callable[[Callable[_P, _R]], Callable[_P, _R]]:
+) -> Callable[[Callable[_Arguments, _Outcome]], Callable[_Arguments, _Outcome]]:
     """A function that computes without dimensions as one whose first argument, a machine say, may have units: then
     arguments are converted to the units of the machine's dimensionless self, and results and errors back.
 
@@ -277,11 +277,11 @@ def in_own_units(
     arguments : by name the dimension of each that has one, or (argument, machine) -> the argument without units
     """
 
-    def of_the_machine(function: Callable[_P, _R]) -> Callable[_P, _R]:
+    def of_the_machine(function: Callable[_Arguments, _Outcome]) -> Callable[_Arguments, _Outcome]:
         parameters = signature(function)
 
         @wraps(function)
-        def converted(*positional: _P.args, **named: _P.kwargs) -> _R:
+        def converted(*positional: _Arguments.args, **named: _Arguments.kwargs) -> _Outcome:
             machine: Any = positional[0]
             if (units := getattr(machine, "units", None)) is None:
                 return function(*positional, **named)

@@ -10,12 +10,12 @@ import numpy as np
 
 from ..consistency.accepted import check_machine
 from ..errors import FlowError, InputError, NoOrbit, finite_number
-from ..model.machine import Machine, dimensionless
+from ..model.machine import Machine
 from ..model.model import Model
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..running.time_limit import time_limit
-from ..units import LIFTOFF_SPEED, TIME, Message, Quantity, in_units, without_units
+from ..units import LIFTOFF_SPEED, TIME, Message, Quantity, in_own_units, in_units
 from .certified import Solved, certified_orbit, corrector, known_solutions, solve_from
 from .family_search import Cells, Lateness
 from .formulations import equations_of, iterative, method_of, vector
@@ -71,21 +71,20 @@ def find(
     number = None if family is None else family_number(family)
     if isinstance(start, str | Path):
         start = start_in_file(start)
-    if machine.units is not None:
-        method_of(machine.model, method)
-        start = dimensionless_start(start, machine)
-        with without_units(machine.units):
-            bare = dimensionless(machine)
-            orbit = find(bare, family, start=start, method=method, progress=progress, limit=limit)
-        return orbit_of(machine, orbit)
     with interrupts.deferred(), time_limit(limit):
-        if start is None:
-            return lowest_of_family(machine, number or 1, method, progress)
-        began = time.perf_counter()
-        orbit = certified_orbit(machine, solve_near(machine, start, method), began=began)
-        if number not in (None, orbit.family):
-            raise NoOrbit(f"the start leads to an orbit of family {orbit.family}, not {family}")
-        return orbit
+        return _found_from(machine, number, start, method, progress)
+
+
+@in_own_units(lambda orbit, machine: orbit_of(machine, orbit), start=())
+def _found_from(machine: Machine, family: int | None, start: Any, method: str | None, progress: Progress) -> Orbit:
+    """The orbit of a family, or the one that a start leads to."""
+    if start is None:
+        return lowest_of_family(machine, family or 1, method, progress)
+    began = time.perf_counter()
+    orbit = certified_orbit(machine, solve_near(machine, start, method), began=began)
+    if family not in (None, orbit.family):
+        raise NoOrbit(f"the start leads to an orbit of family {orbit.family}, not {family}")
+    return orbit
 
 
 @exclusive
@@ -127,14 +126,8 @@ def find_all(
         if fastest is not None and not finite_number("fastest", fastest) > 0:
             raise InputError(f"fastest = {fastest:g} is no launch speed; it lies above 0")
         family, method = family_number(1 if family is None else family), method_of(machine.model, method)
-        if (units := machine.units) is not None:
-            speed = None if fastest is None else fastest / units.of(LIFTOFF_SPEED)
-            with without_units(units):
-                bare = dimensionless(machine)
-                whole = find_all(bare, family=family, fastest=speed, method=method, progress=progress, limit=limit)
-            return tuple(orbit_of(machine, orbit) for orbit in whole)
         with interrupts.deferred(), time_limit(limit):
-            return _all_of_family(machine, family, method, fastest, progress)
+            return _orbits_of_family(machine, family, method, fastest, progress)
     if family is not None or fastest is not None:
         raise InputError("find_all takes starts, or a family with the fastest launch speed to search, not both")
     if isinstance(starts, Mapping | Orbit | int):
@@ -152,6 +145,14 @@ def find_all(
     if reason and not found:
         raise NoOrbit(f"none of the starts leads to an orbit; the last: {reason}")
     return tuple(sorted(found, key=lambda orbit: orbit.alpha))
+
+
+@in_own_units(lambda orbits, machine: tuple(orbit_of(machine, orbit) for orbit in orbits), fastest=LIFTOFF_SPEED)
+def _orbits_of_family(
+    machine: Machine, family: int, method: str | None, fastest: float | None, progress: Progress
+) -> tuple[Orbit, ...]:
+    """`_all_of_family` of a machine that may have units."""
+    return _all_of_family(machine, family, method, fastest, progress)
 
 
 def lowest_of_family(machine: Machine, family: int, method: str | None, progress: Progress = None) -> Orbit:

@@ -32,7 +32,7 @@ BESIDE_LOSSLESS = 1e-8
 SAME_PLACE = 1e-6  # launches that differ by a smaller share of the range are the same
 LONGEST_BRANCH = 20_000
 # Beside lossless hops the curvature has no bound, so that the first steps there are as short as the distance to them.
-STEPS = StepControl(
+STEPS_OF_BRANCHES = StepControl(
     first_step=1e-2, shortest_step=1e-9, largest_correction=1.0, largest_turn=0.6, target_correction=0.1,
     largest_lengthening=4.0, neighbours=2, largest_batch=4, most_rejections=100, same_point=SAME_PLACE,
 )  # fmt: skip
@@ -40,7 +40,7 @@ FIRST_OF_TWO = (1e-3, 1e-4, 1e-2)  # from a flip to the first hops of twice the 
 FARTHEST_OF_TWO = 20  # the first hops of twice the period have a parameter at most this many such shares away
 # Differences for slopes across: over this share of the launch speed, as small as rounding allows, for beside lossless
 # hops they change with the cube root of the distance. Those of both sides that differ by more are those across a jump.
-STEP_ACROSS, STEEPEST = 1e-9, 1e5
+STEP_ACROSS, JUMP_OF_SLOPES = 1e-9, 1e5
 # The slope along the parameter, which takes other machines, is not computed anew within this share of the ranges: it
 # decides how fast Newton's method converges, not whereto.
 SAME_RATE, INEXACT = 1e-4, 100.0
@@ -49,7 +49,7 @@ HALVINGS = 12  # of a step in which the number of impacts changes and the map ma
 AROUND, ANGLES, BESIDE = 1e-6, np.radians(np.linspace(-150, 150, 21)), 1e-5
 # Multipliers at events; the multiplier passes one of these smoothly where it comes this close to it, as a share of its
 # change.
-LEVELS, SMOOTH = {"fold": 1.0, "flip": -1.0}, 1e-3
+MULTIPLIERS, SMOOTH = {"fold": 1.0, "flip": -1.0}, 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +130,7 @@ class LaunchCurve:
             np.concatenate([alpha, alpha - step, alpha + step]), np.tile(values, 3), self.period
         )
         residual, low, high = excess_of(launches).reshape(3, -1)
-        across = np.where(np.abs(low + high - 2 * residual) > STEEPEST * step, np.nan, (high - low) / (2 * step))
+        across = np.where(np.abs(low + high - 2 * residual) > JUMP_OF_SLOPES * step, np.nan, (high - low) / (2 * step))
         if before.shape != xs.shape or np.abs((xs - before) / self.scale).max() > SAME_RATE:
             along = self.maps.slopes_along(alpha, values, self.period, residual)
             self._rates = xs.copy(), along
@@ -190,10 +190,10 @@ class LaunchSegment(Segment):
 
     @cached_property
     def fold(self) -> float | None:
-        return self._crossing(LEVELS["fold"])
+        return self._crossing(MULTIPLIERS["fold"])
 
     def _sign_changes(self, watch: Watch) -> Iterator[tuple[str, float, CurvePoint]]:
-        for kind, level in LEVELS.items():
+        for kind, level in MULTIPLIERS.items():
             if (share := self.fold if kind == "fold" else self._crossing(level)) is None:
                 continue
             point = self.curve.certify(self(share))
@@ -259,7 +259,7 @@ class LaunchEndings(Endings):
             if apart <= 4 * (high - low) * size:
                 return None
         counts = " and ".join(map(str, impacts)), " and ".join(map(str, behind.point.impacts))
-        place = in_words(maps, before.point)
+        place = place_in_words(maps, before.point)
         reason = f"the map jumps near {place}: {counts[0]} impacts in a hop, {counts[1]} behind"
         return LaunchSegment(self.curve, segment.a, before), End("jump", reason)
 
@@ -270,7 +270,7 @@ class LaunchEndings(Endings):
         return End("stuck", str(error))
 
 
-def in_words(maps: MapsAlong, point: Any) -> str:
+def place_in_words(maps: MapsAlong, point: Any) -> str:
     """Where a point of a branch is, in words."""
     return f"{maps.told(maps.name, point.value, 9)}, {maps.told('alpha', point.alpha, 9)}"
 
@@ -299,7 +299,7 @@ class BranchTracer:
         self.maps = maps
         self.curve: Any = LaunchCurve(maps, between, period)
         self.scale: np.ndarray = self.curve.scale
-        self.options = Options(at=values, longest=longest, most=LONGEST_BRANCH, step_control=STEPS)
+        self.options = Options(at=values, longest=longest, most=LONGEST_BRANCH, step_control=STEPS_OF_BRANCHES)
 
     def start(self, alpha: float, value: float) -> PeriodicLaunch:
         """A periodic launch that has been found at a value of the parameter."""
@@ -332,24 +332,25 @@ class BranchTracer:
         raise NoOrbit("no hops of twice the period are found beside the flip")
 
     def trace(
-        self, start: PeriodicLaunch, side: int, first_step: float = STEPS.first_step
+        self, start: PeriodicLaunch, side: int, first_step: float = STEPS_OF_BRANCHES.first_step
     ) -> Iterator[PeriodicLaunch | FoundEvent | BranchEnd]:
         """The points and events from one, in order along its tangent (`side` 1) or against it (-1); an end is last."""
-        options = replace(self.options, step_control=replace(STEPS, first_step=first_step))
+        options = replace(self.options, step_control=replace(STEPS_OF_BRANCHES, first_step=first_step))
         low, high, earlier, count = self.maps.low, self.maps.high, list[Any](), 0
-        here = self.curve.at(np.array([start.alpha, start.value]), side * start.tangent * self.scale)
+        here: Any = self.curve.at(np.array([start.alpha, start.value]), side * start.tangent * self.scale)
         if start.value == (high if here.tangent[1] > 0 else low):
             yield self._reached(start.value)
             return
         while count < LONGEST_BRANCH:
-            last, before = here, here
+            last: Any = here
+            before = here
             for item in LaunchTracer(self.curve, here, low, high, options, earlier):
                 if isinstance(item, CurvePoint) and item.point is not last.point:
                     before = last if self._distance(last, item) >= AROUND else before
                     last, count = item, count + 1
                     yield last.point
                 elif isinstance(item, Event) and item.kind != "asked":
-                    yield FoundEvent(item.kind, item.point)
+                    yield FoundEvent(item.kind, cast(Any, item.point))
                 elif isinstance(item, End) and item.kind not in ("stuck", "stopped"):
                     yield self._reached(last.value) if item.kind == "reached" else BranchEnd(item.kind, item.reason)
                     return
@@ -357,7 +358,7 @@ class BranchTracer:
                 yield self._why_stuck(last)
                 return
             slopes = last.point.multiplier, behind.point.multiplier
-            if any((slopes[0] - level) * (slopes[1] - level) < 0 for level in LEVELS.values()):
+            if any((slopes[0] - level) * (slopes[1] - level) < 0 for level in MULTIPLIERS.values()):
                 yield FoundEvent("border collision", last.point)
             yield behind.point
             here, earlier, options = behind, [start], self.options
@@ -401,7 +402,7 @@ class BranchTracer:
 
     def _why_stuck(self, last: CurvePoint) -> BranchEnd:
         """Why the curve cannot be followed further."""
-        place, launch = f"near {in_words(self.maps, last.point)}", last.point
+        place, launch = f"near {place_in_words(self.maps, last.point)}", last.point
         speed, beyond = last.x + AROUND * last.tangent
         value, reach = float(self.curve.possible(beyond)), AROUND * float(self.scale[0])
         for alpha in (float(speed), *launch.alphas[1:]):

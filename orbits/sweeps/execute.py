@@ -189,7 +189,11 @@ class _Processes:
         return list((self.pool._processes or {}).values())
 
     def _end(self) -> None:
-        """Kill the processes, and take the pool's own end of the pipe of results from it, so that it sees their end."""
+        """Kill the processes, and take the pool's own end of the pipe of results from it, so that it sees their end.
+
+        These members of the pool are private. Before Python 3.14 it has no public way to kill its workers, and none to
+        give up a result of which a part has come.
+        """
         for process in self._workers():
             process.kill()
         self.pool._result_queue._writer.close()

@@ -111,7 +111,9 @@ class Driven(Control):
 
     def power(self, t: ArrayLike) -> np.ndarray:
         """The actuator's power (...) on the machine at times (...); raises as a call does."""
-        return _power(self.machine, self, times_within(t, self.end, "" if self.machine.units is None else " s"))
+        return _actuator_power(
+            self.machine, self, times_within(t, self.end, "" if self.machine.units is None else " s")
+        )
 
     def table(self, t: ArrayLike | None = None) -> dict[str, np.ndarray]:
         """The columns of `Control.table`, with flight states, and the actuator's "power"."""
@@ -154,7 +156,7 @@ class Driven(Control):
 
 
 @in_own_units(POWER, control=(), t=TIME)
-def _power(machine: Any, control: Driven, t: np.ndarray) -> np.ndarray:
+def _actuator_power(machine: Any, control: Driven, t: np.ndarray) -> np.ndarray:
     """The actuator's power (...) on the machine at times (...)."""
     states = control(t)
     tension = machine.spring(control.actuated.model.extension(states) - states[..., -1])
