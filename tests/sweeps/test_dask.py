@@ -13,12 +13,18 @@ pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
 OVER = {"beta": (0.0, 0.5), "mass_ratio": (0.5, 2.0)}
 
 
-@pytest.fixture
-def cluster(tmp_path):
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory):
     distributed = pytest.importorskip("distributed")
-    options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None, "local_directory": str(tmp_path)}
+    options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
+    options["local_directory"] = str(tmp_path_factory.mktemp("cluster"))
     with distributed.LocalCluster(**options) as running, distributed.Client(running) as client:
         yield client
+
+
+def test_its_executor_is_one_like_any_other(cluster):
+    found = sweep(Hopper("cubic"), OVER, 2 * CHUNK, executor=cluster.get_executor())
+    assert found.statuses() == {"certified": 2 * CHUNK}
 
 
 def test_a_cluster_gives_the_same_answer_while_a_worker_is_killed(cluster):
@@ -34,8 +40,3 @@ def test_a_cluster_gives_the_same_answer_while_a_worker_is_killed(cluster):
     assert killed
     for name, column in expected.columns.items():
         assert (found.columns[name] == column).all(), name
-
-
-def test_its_executor_is_one_like_any_other(cluster):
-    found = sweep(Hopper("cubic"), OVER, 2 * CHUNK, executor=cluster.get_executor())
-    assert found.statuses() == {"certified": 2 * CHUNK}

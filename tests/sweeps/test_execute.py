@@ -113,8 +113,7 @@ def test_no_worker_outlives_its_sweep(tmp_path, name):
     where = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
     options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "start_new_session": True}
     with subprocess.Popen(command, env=where, **options) as process:
-        workers = [int(pid) for pid in [process.stdout.readline() for _ in range(4)][-1].split()]
-        assert len(workers) == 2
+        workers = next(pids for line in process.stdout if len(pids := list(map(int, line.split()))) == 2)
         os.killpg(process.pid, signal.SIGINT) if name == "SIGINT" else process.send_signal(getattr(signal, name))
         process.wait(20)
         deadline = time.monotonic() + 20

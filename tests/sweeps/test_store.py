@@ -158,7 +158,7 @@ def test_a_store_whose_making_was_broken_off_is_made(tmp_path, mode):
 def test_a_kill_at_any_moment_of_its_making_leaves_a_store_that_can_be_made(tmp_path):
     """A child process is forked by one that has a single thread, and killed while it makes its store."""
     command = [sys.executable, "-c", textwrap.dedent(MAKER), str(tmp_path)]
-    assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == "300 made\n"
+    assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == "150 made\n"
 
 
 MAKER = """
@@ -168,7 +168,7 @@ MAKER = """
     from tests.sweeps.test_store import asked
     from orbits.sweeps.store import Store
     question, generator, folder = asked(), np.random.default_rng(0), Path(sys.argv[1])
-    for number in range(300):
+    for number in range(150):
         path = folder / f"{number}.db"
         reader, writer = os.pipe()
         child = os.fork()
