@@ -360,7 +360,7 @@ class BranchTracer:
             slopes = last.point.multiplier, behind.point.multiplier
             if any((slopes[0] - level) * (slopes[1] - level) < 0 for level in MULTIPLIERS.values()):
                 yield FoundEvent("border collision", last.point)
-            yield behind.point
+            yield cast(Any, behind.point)
             here, earlier, options = behind, [start], self.options
         yield BranchEnd("stuck", f"it has {LONGEST_BRANCH} points")
 
