@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -13,14 +13,14 @@ from .consistency.verdict import algebraic_relations, inconsistent
 from .errors import InconsistentModel, InputError, NoOrbit
 from .flow.flow import flow_of
 from .flow.trajectory import Trajectory
-from .io import one_line
-from .model.machine import Machine, dimensionless
+from .model.machine import Machine, dimensionless, machine_in_words
 from .model.model import Search
 from .model.phase import Phase
 from .periodic.find import dimensionless_start, find
 from .periodic.formulations import vector
 from .periodic.guess import guess, guesses
 from .periodic.orbit import MACHINE_FIELDS, Orbit
+from .result import Result, Row
 from .return_map.return_map import ReturnMap
 from .running.exclusive import exclusive
 from .simulation.simulated import Simulation
@@ -40,16 +40,17 @@ WITHOUT_ORBIT, SLOWEST_SEARCHED = 2.0, 1e-3
 INTEGRATED = "integrated by DOP853"
 
 
-@dataclass(frozen=True)
-class Checked:
+@dataclass(frozen=True, repr=False)
+class Checked(Result):
     """What holds of a machine: printed, a table of the relations with their largest deviations.
 
-    machine : in words
+    machine : in words and numbers
     relations : each with its fields and deviation, all of which hold
     left_out : what could not be looked at, with the reason
     """
 
-    machine: str
+    what: ClassVar[str] = "check"
+    machine: Mapping[str, Any]
     relations: tuple[Relation, ...]
     left_out: tuple[str, ...] = ()
 
@@ -58,15 +59,42 @@ class Checked:
         """The largest deviation as a share of what is allowed."""
         return max(each.deviation / each.bound for each in self.relations)
 
-    def __repr__(self) -> str:
-        return one_line(self, {"machine": self.machine, "relations": len(self.relations), "largest": self.largest})
+    @property
+    def units(self) -> dict[str, str]:
+        """Deviations are shares: none."""
+        return {}
 
-    def __str__(self) -> str:
-        width = max(len(each.words) for each in self.relations)
-        rows = [f"  {each.words:<{width}}  {each.deviation:8.1e}  {', '.join(each.fields)}" for each in self.relations]
-        return "\n".join(
-            [f"{self.machine}: {len(rows)} relations hold", *rows, *(f"  {text}" for text in self.left_out)]
-        )
+    def _line(self) -> dict[str, Any]:
+        return {"machine": self.machine["machine"], "relations": len(self.relations), "largest": self.largest}
+
+    def title(self) -> str:
+        """How many relations hold, in one line."""
+        return f"{self.machine['machine']}: {len(self.relations)} relations hold"
+
+    def _rows(self) -> Iterator[Row]:
+        """The relations with their deviations and fields."""
+        for each in self.relations:
+            yield Row(each.words, {each.words: each.deviation}, (f"{{:8.1e}}  {', '.join(each.fields)}",))
+
+    def _notes(self) -> list[str]:
+        return list(self.left_out)
+
+    def table(self) -> dict[str, list[Any]]:
+        """The relations as columns: in words, their fields, their deviations, and what is allowed."""
+        columns = zip(*((r.words, ", ".join(r.fields), r.deviation, r.bound) for r in self.relations), strict=True)
+        return dict(zip(("relation", "fields", "deviation", "bound"), map(list, columns), strict=True))
+
+    def document(self) -> dict[str, Any]:
+        """The relations as JSON-ready data."""
+        relations = [each._asdict() for each in self.relations]
+        return {"machine": self.machine, "relations": relations, "left_out": list(self.left_out)}
+
+    @classmethod
+    def of_saved(cls, document: Any, machine: Any = None) -> "Checked":
+        """The result of what `saved` made; raises `ValueError` where parts of it are missing."""
+        data = cls._conform(document, Mapping[str, Any])
+        relations = (Relation(**{**each, "fields": tuple(each["fields"])}) for each in data["relations"])
+        return cls(data["machine"], tuple(relations), tuple(data["left_out"]))
 
 
 @exclusive
@@ -100,7 +128,7 @@ def check(machine: Machine, *, start: Orbit | Mapping[str, float] | None = None)
         relations += _along_motions(bare, start, left_out)
     if not all(each.holds for each in relations):
         raise inconsistent(machine.model.name, relations)
-    return Checked(str(machine.describe()["machine"]), tuple(relations), tuple(left_out))
+    return Checked(machine_in_words(machine), tuple(relations), tuple(left_out))
 
 
 def _check_parts(machine: Any) -> None:

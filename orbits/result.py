@@ -1,32 +1,285 @@
-"""What every result does: it draws itself, and a notebook shows it as a small table with a picture beside it.
+"""What every result does, in one place: a result says what it has, and `Result` prints, shows, tables, saves and loads.
 
 The room `show`, which draws results, stands above all of them: `shown` is the one way up to it, taken when something is
 drawn.
 """
 
 import base64
-from collections.abc import Callable, Sequence
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from html import escape
 from importlib import import_module
 from io import BytesIO
-from typing import Any, TypeAlias
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO, ClassVar, NamedTuple, Self, TypeAlias
 
-from .tables import html_table
+import numpy as np
+
+from .errors import InputError
+from .io import (
+    MEGABYTE,
+    check_ending,
+    conform,
+    extra_package,
+    one_line,
+    read_file,
+    read_sealed,
+    to_json,
+    write_json,
+    write_table,
+    writing,
+)
+from .model.machine import Machine, machine_in_words
+from .tables import DIGITS, html_table, number_text, text_table
 
 # A `matplotlib.axes.Axes`. The import waits until something is drawn, and its types differ between versions.
 Axes: TypeAlias = Any
 Report: TypeAlias = Callable[[float], None] | None  # called with the share of the frames that are drawn
 PICTURE = (5.6, 3.8)  # inches
 DOTS_PER_INCH = 130  # sharp on most screens, and a picture of some 30 kB
+TABLE_ROWS = 201  # of a motion whose times are not stated
 ROWS_OF_CELL = 30  # of a table in a cell; a design with the certificate of its orbit has fewer
+AT_ONCE = 10_000  # rows of a table that are objects of Python together, as it is written
 NOTE = "font:13px/1.45 system-ui,sans-serif;margin:6px 0;max-width:56ch;overflow-wrap:anywhere"
 TITLE = "font:600 13px/1.45 system-ui,sans-serif;margin:4px 0;overflow-wrap:anywhere"
 SIDE_BY_SIDE = "display:flex;flex-wrap:wrap;gap:8px 28px;align-items:flex-start"
+# The endings of the files that a result is saved to, with the packages that write them.
+ENDINGS: dict[str, tuple[str, ...]] = {
+    ".json": (), ".csv": (), ".nc": ("xarray", "netCDF4"), ".parquet": ("pandas", "pyarrow"),
+}  # fmt: skip
 
 
 def shown(module: str) -> Any:
     """The module of the room `show` with this name, such as "plot" or "pages.still"."""
     return import_module(f"{__package__}.show.{module}")
+
+
+class _Shown:
+    """A value within the pattern of a row: a number has all the digits that its table shows, unless it says how."""
+
+    def __init__(self, value: Any, digits: int):
+        self.value, self.digits = value, digits
+
+    def __format__(self, spec: str) -> str:
+        return format(self.value, spec) if spec else number_text(self.value, digits=self.digits)
+
+
+class Row(NamedTuple):
+    """A row of the table of a result.
+
+    heading : its first cell
+    values : the numbers and texts that the row is about, by name
+    cells : its other cells, patterns as for `str.format`, with a pair of braces for each of the values in their order
+    """
+
+    heading: str
+    values: Mapping[str, Any]
+    cells: tuple[str, ...] = ("{}",)
+
+    @classmethod
+    def of(cls, name: str, value: Any, unit: str = "", after: str = "") -> "Row":
+        """The row of one value, with its unit and what is said after it; its heading is the name in words."""
+        unit = f" {unit}" if unit and value is not None else ""
+        return cls(name.replace("_", " ").replace("liftoff", "lift-off"), {name: value}, (f"{{}}{unit}{after}",))
+
+    def texts(self, digits: int) -> tuple[str, ...]:
+        """The row as texts; its numbers have so many digits unless their cell says otherwise."""
+        values = (_Shown(value, digits) for value in self.values.values())
+        return self.heading, *"\0".join(self.cells).format(*values).split("\0")
+
+
+class Result:
+    """What can be done with a result, whatever it is of. Each verb means one thing for all results:
+
+    machine : the machine in words and numbers, as it describes itself; empty where the result has none. Where the
+        machine itself is at hand, it is `source`
+    units : the unit of each quantity by name, "m/s"; empty for a dimensionless machine
+    summary() : the numbers and texts that say what was found, by name; `rows()` is the table of their texts, which
+        `str(result)` prints and a notebook shows beside `plot()`
+    table() : the data as columns of one length, by name, with the units of `units`; `dataframe()`, `dataset` and
+        the files .csv, .nc and .parquet are made of it
+    document() : the result as JSON-ready data, as the command line prints it
+    save(path) : a file, whose ending says which; `load(path)` reads the .json again, to the last bit
+    page(path) : an HTML file that needs no network
+
+    A class of results says what it has: `what` such results are called in messages and files; `_line`, what stands in
+    one line; `title`, `_rows`, `heads` and `_notes`, its table; `table`, `document`, and `of_saved`, which makes it
+    again of what `saved` put into a file.
+    """
+
+    what: ClassVar[str]
+    endings: ClassVar[tuple[str, ...]] = tuple(ENDINGS)
+    printed_digits: ClassVar[int] = 12  # of the numbers in the printed text
+    dimension: ClassVar[str] = "row"  # what the rows of the table are called in a dataset
+    largest_file: ClassVar[int] = 32 * MEGABYTE
+
+    if TYPE_CHECKING:  # fields of some results and properties of others
+
+        @property
+        def machine(self) -> Mapping[str, Any]: ...
+
+        @property
+        def units(self) -> Mapping[str, str]: ...
+
+        def table(self) -> Mapping[str, Any]: ...
+
+        def document(self) -> dict[str, Any]: ...
+
+        def title(self) -> str: ...
+
+        def _line(self) -> Mapping[str, Any]: ...
+
+        def _rows(self) -> Iterable[Row]: ...
+
+        @classmethod
+        def of_saved(cls, document: Any, machine: Any = None) -> Any: ...
+
+    def heads(self) -> Sequence[str]:
+        """The headings of the columns of its table, none for names and values."""
+        return ()
+
+    def _notes(self) -> list[str]:
+        """Texts below its table."""
+        return []
+
+    def __repr__(self) -> str:
+        return one_line(self, self._line())
+
+    def summary(self) -> dict[str, Any]:
+        """The numbers and texts of the result by name; the second of a name is "name 2"."""
+        found: dict[str, Any] = {}
+        for name, value in (pair for row in self._rows() for pair in row.values.items()):
+            count = sum(each == name or each.startswith(f"{name} ") for each in found)
+            found[f"{name} {count + 1}" if name in found else name] = value
+        return found
+
+    def rows(self, digits: int = DIGITS) -> list[tuple[str, ...]]:
+        """The summary as texts, a heading and one or more cells for each row of a table."""
+        return [row.texts(digits) for row in self._rows()]
+
+    def __str__(self) -> str:
+        lines = text_table(self.rows(self.printed_digits), self.heads())
+        return "\n".join([self.title(), *lines, *(f"  {note}" for note in self._notes())])
+
+    def _repr_html_(self) -> str:
+        return cell(self.title(), self.rows(), getattr(self, "plot", None), self.heads(), self._notes())
+
+    def page(self, path: str | Path) -> Path:
+        """Write a page of the result in one file (.html) that needs no network; returns its path.
+
+        Raises `InputError` for a bad path.
+        """
+        return shown("pages.still").result_page(self, path)
+
+    def unit_of(self, name: str) -> str:
+        """The unit of a quantity, "" where it has none."""
+        is_rise = bool(self.units) and name.isidentifier() and name.endswith("_rise")
+        return self.units.get(name, "m" if is_rise else "") or ""
+
+    def heading(self, name: str) -> str:
+        """A name with its unit, if it has one: "alpha (m/s)"."""
+        return f"{name} ({self.unit_of(name)})" if self.unit_of(name) else name
+
+    def dataframe(self, *args: Any, **options: Any) -> Any:
+        """The `table`, which takes these arguments, as a `pandas.DataFrame`; `dataframe.attrs["units"]` has the units
+        by column. Raises `InputError` without pandas, which the extra `data` installs."""
+        frame = extra_package("pandas", "for a data frame").DataFrame(dict(self.table(*args, **options)))
+        frame.attrs["units"] = {name: self.unit_of(name) for name in frame if self.unit_of(name)}
+        return frame
+
+    @property
+    def dataset(self) -> Any:
+        """The `table` as an `xarray.Dataset`; raises `InputError` without xarray, which the extra `data` installs."""
+        xarray = extra_package("xarray", "for a dataset")
+        columns = {name: (self.dimension, *self._variable(name, column)) for name, column in self.table().items()}
+        return xarray.Dataset(columns, attrs={"title": self.title(), "machine": to_json(self.machine)})
+
+    def _variable(self, name: str, column: Any) -> tuple[Any, dict[str, str]]:
+        """A column of a dataset, and what is said of it: nothing is "" among texts."""
+        values = np.asarray(column)
+        if values.dtype == object:
+            values = np.array(["" if each is None else str(each) for each in values])
+        unit = self.unit_of(name)
+        return values, {"long_name": name.replace("_", " "), **({"units": unit} if unit else {})}
+
+    def save(self, path: str | Path) -> Path:
+        """Write the result to a file and return its path: the whole of it to .json, to `load`, or its `table` to .csv
+        or, with the extra `data`, to .nc (NetCDF) or .parquet. Floats have all their digits.
+
+        Raises `InputError` when the file cannot be written.
+        """
+        path = check_ending(path, self.endings)
+        ending = path.suffix.lower()
+        if ending == ".json":
+            return write_json(self.saved(), path, self.what)
+        if ending == ".csv":
+            table = self.table()
+            return write_table([*map(self.heading, table)], _rows_of(list(table.values())), path, self.what)
+        for package in ENDINGS[ending]:
+            extra_package(package, f"to write {path}")
+        with writing(self.what, path) as target:
+            if ending == ".nc":
+                self.dataset.to_netcdf(target)
+            else:
+                self.dataframe().to_parquet(target)
+        return path
+
+    @classmethod
+    def form(cls) -> str:
+        """What a file of such a result says in "format"."""
+        return f"persistent-orbits {cls.what} 1"
+
+    def saved(self) -> dict[str, Any]:
+        """The document of a file of the result, from which `of_saved` makes it again."""
+        return {"format": self.form(), **self.document()}
+
+    @classmethod
+    def load(cls, path: str | Path, machine: Any = None) -> Self:
+        """Read a result that `save` wrote to .json.
+
+        machine : that the result is of, needed where a file does not hold it: for designs, fronts and simulations, and
+            where a file cannot state it, as with a Python function as its spring
+
+        Raises `InputError` when the file is not one, was changed since, or is of another machine.
+        """
+        return read_file(path, f"{path} is not a saved {cls.what}", partial(cls._read, machine), cls.largest_file)
+
+    @classmethod
+    def _read(cls, machine: Any, file: BinaryIO) -> Any:
+        """The result in an open file; raises `ValueError` where there is none."""
+        return cls.of_saved(read_sealed(file), machine)
+
+    @classmethod
+    def _conform(cls, document: Any, kind: Any) -> Any:
+        """The document of a file of such a result, held against its type; raises `ValueError` for another format."""
+        data = conform(document, kind)
+        if document.get("format") != cls.form():
+            raise ValueError(f"format {document.get('format')!r}, expected {cls.form()!r}")
+        return data
+
+
+def _rows_of(columns: Sequence[Any]) -> Iterable[tuple]:
+    """The rows of columns (m,), few of them at a time as objects of Python; a number that there is not is empty."""
+    for first in range(0, len(columns[0]) if columns else 0, AT_ONCE):
+        parts = (np.asarray(column)[first : first + AT_ONCE].tolist() for column in columns)
+        for row in zip(*parts, strict=True):
+            yield tuple("" if each is None or each != each else each for each in row)
+
+
+def known(numbers: Any) -> list[float | None]:
+    """Numbers (m,) for JSON, None for those that are not finite."""
+    return [value if np.isfinite(value) else None for value in np.ravel(numbers).tolist()]
+
+
+def is_of(machine: Machine | None, words: Mapping[str, Any]) -> Machine:
+    """The machine of a result that is read again, which describes itself in these words; raises `InputError` for none,
+    and `ValueError` for another one."""
+    if machine is None:
+        raise InputError("it does not hold its machine; name it: load(path, machine)")
+    if json.loads(to_json(machine_in_words(machine))) != json.loads(to_json(words)):
+        raise ValueError(f"it is of another machine: {dict(words)}")
+    return machine
 
 
 def cell(

@@ -26,43 +26,23 @@ def number_text(value: Any, unit: str = "", digits: int = DIGITS) -> str:
     return f"{text} {unit}".rstrip()
 
 
-def machine_rows(words: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """The numbers of a machine in words and numbers, as it describes itself, as rows of a table."""
+def machine_numbers(words: Mapping[str, Any]) -> dict[str, tuple[float, str]]:
+    """The numbers of a machine in words and numbers, as it describes itself, with their units, by name."""
     own = words.get("units", {})
-    numbers = {name: words[name] for name in own if name in words}
-    numbers = numbers or {"mass ratio": words["mass_ratio"], "rest length": words["rest_length"]}
-    numbers |= words["parameters"]
-    return [(name, f"{value:g} {own.get(name, '')}".rstrip()) for name, value in numbers.items() if value is not None]
+    stated = {name: value for name, value in words.items() if type(value) in (int, float) and name != "restitution"}
+    numbers = {name: words.get(name) for name in own} if own else {n.replace("_", " "): stated[n] for n in stated}
+    numbers |= words.get("parameters", {})
+    return {name: (value, own.get(name) or "") for name, value in numbers.items() if value is not None}
 
 
-def orbit_rows(orbit: Any, digits: int = DIGITS) -> list[tuple[str, str]]:
-    """The certificate of an orbit as rows of a table, (name, text with its unit): speed, times, distances, forces,
-    what a hop beside it loses, errors, whether it is a motion, and in rows named `VIOLATED` why not."""
-    c, units = orbit.certificate, orbit.units.texts() if orbit.units else {}
-
-    def row(name: str, value: Any, quantity: str = "", after: str = "") -> tuple[str, str]:
-        unit = units.get(quantity, "m") if orbit.units else ""
-        return name, number_text(value, unit, digits) + after
-
-    within = f"   +- {c.loss_error:.1e}" if c.loss_error else ""
-    sides = {"below": "   (attracts from above; 10 C below)", "above": "   (attracts from above, with 10 C; C below)"}
-    attracts = sides.get(c.bounce_side or "", "")
-    rows = [row("alpha", orbit.alpha, "alpha", f"   +- {c.error:.1e}")]
-    if c.alpha_noise is not None:
-        rows.append(row("  by the table's noise", f"+- {c.alpha_noise:.1e} {units.get('alpha', '')}".rstrip()))
-    rows += [row(name.replace("_", " "), getattr(orbit, name), name) for name in ("flight_time", "contact_time")]
-    rows.append(row("lift-off extension", orbit.liftoff_extension, "liftoff_extension"))
-    rows += [row(name.replace("_", " "), getattr(c, name), name) for name in ("clearance", "smallest_separation")]
-    rows += [row(f"rise of {name}", value) for name, value in orbit.rises.items()]
-    checked = ("smallest_contact_force", "largest_contact_force", "landing_jerk")
-    rows += [row(name.replace("_", " "), getattr(c, name), name) for name in checked]
-    rows.append(row("loss coefficient C", c.loss_coefficient, "loss_coefficient", within + attracts))
-    if orbit.known_in_family is not None:
-        rows.append(("known in its family", str(orbit.known_in_family)))
-    rows += [("residual", f"{c.residual:.1e}"), ("energy drift", f"{c.energy_drift:.1e}")]
-    rows.append(("found by", f"{orbit.method}, {1e3 * orbit.seconds:.1f} ms"))
-    rows.append(("admissible", "yes" if orbit.admissible else "NO"))
-    return rows + [(VIOLATED, violation) for violation in c.violations]
+def text_table(rows: Sequence[Sequence[str]], heads: Sequence[str] = ()) -> list[str]:
+    """Rows of texts as the lines of a table: names and values, or columns below their headings."""
+    if not heads:
+        width = max((len(name) for name, *_ in rows), default=0) + 2
+        return [f"  {name:<{width}}{text}".rstrip() for name, text in rows]
+    widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
+    lines = ((f"{name:<{widths[0]}}", *map(str.rjust, row, widths[1:])) for name, *row in (heads, *rows))
+    return ["  " + "  ".join(line).rstrip() for line in lines]
 
 
 def html_table(rows: Sequence[Sequence[str]], title: str, heads: Sequence[str] = ()) -> str:

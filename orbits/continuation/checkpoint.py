@@ -86,7 +86,7 @@ class Lines:
         self.file: FileIO | None = None
         if output is None:
             return
-        self.whole, self.sealing = check_ending(output, ENDINGS[:2]), Sealing()
+        self.whole, self.sealing = check_ending(output, ENDINGS[:1]), Sealing()
         is_other = self.whole.is_file() and not _is_in(resume, self.whole)
         self.path = self.whole.with_suffix(f".part{self.whole.suffix}") if is_other else self.whole
         *lines, _ = family.records()  # all but the end

@@ -1,24 +1,20 @@
 """Motions found by optimal control: evaluated, printed, plotted, tabled, saved and loaded, and stated in SI."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
-from pathlib import Path
-from typing import Any, BinaryIO, Self, TypedDict
+from typing import Any, ClassVar, Self, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..flow.trajectory import SavedTrajectory, Trajectory, trajectory_of
-from ..io import check_ending, conform, extra_package, fields_in_line, read_file, read_sealed, write_json, write_table
-from ..result import Axes, cell, shown
+from ..result import TABLE_ROWS, Axes, Result, Row, shown
 from ..simulation.simulated import Leg, index_of_legs, rows_of_legs, times_within
 from ..units import Dimension, Units, dimension_of_state, unit_text
 from .stage import RUNNING_COST
 from .transcription import Multipliers, Transcription
 
-CONTROL_FORMAT = "persistent-orbits control 1"
-TABLE_ROWS = 201  # of a table whose times are not given
 CONTROL_NUMBERS = ("cost", "violation", "error", "seconds")
 
 
@@ -56,8 +52,8 @@ class WarmStart:
     unit: float = 1.0  # of the cost, which it brings to order one, since Ipopt's tolerances are absolute
 
 
-@dataclass(frozen=True)
-class Control:
+@dataclass(frozen=True, repr=False)
+class Control(Result):
     """A motion of locally least cost. Another guess may lead to one that costs less.
 
     Called with times (...) it gives states (..., n).
@@ -74,10 +70,12 @@ class Control:
     iterations, rounds : Ipopt's iterations, and the solves in which they were taken
     seconds : time taken in all
     status : "optimal"; anything else is raised as an error
-    units : of "cost", "time" and the inputs, by name, where the numbers are in SI; violation and error have none
+    units : of the cost, the time, the states and the inputs, by name; empty where the numbers are not in SI. Violation
+        and error have none
     bare : the same motion without units, None where there are none
     """
 
+    what: ClassVar[str] = "control"
     legs: tuple[ControlledLeg, ...]
     cost: float
     parameters: Mapping[str, float]
@@ -89,7 +87,7 @@ class Control:
     status: str = "optimal"
     coarseness: float = np.nan
     answer: WarmStart | None = field(default=None, repr=False)
-    units: Mapping[str, str] | None = None
+    units: Mapping[str, str] = field(default_factory=dict)
     bare: Self | None = field(default=None, repr=False)
 
     def dimensionless(self) -> Self:
@@ -100,8 +98,13 @@ class Control:
         """What is pickled: all but the nonlinear program. As a guess the copy starts a solve from its motion."""
         return {each.name: getattr(self, each.name) for each in fields(self)} | {"answer": None}
 
-    def __repr__(self) -> str:
-        return fields_in_line(self, "status", "cost", "violation", "error", "end")
+    @property
+    def machine(self) -> Mapping[str, Any]:
+        """A motion is of stages and not of a machine: nothing."""
+        return {}
+
+    def _line(self) -> dict[str, Any]:
+        return {name: getattr(self, name) for name in ("status", "cost", "violation", "error", "end")}
 
     @property
     def durations(self) -> np.ndarray:
@@ -128,7 +131,7 @@ class Control:
 
         Raises `InputError` for other times and for what is no number.
         """
-        return self._rows(t, lambda leg, since: leg.path(since)[..., [leg.states.index(name) for name in self.states]])
+        return self._along(t, lambda leg, since: leg.path(since)[..., [leg.states.index(name) for name in self.states]])
 
     def inputs_at(self, t: ArrayLike) -> np.ndarray:
         """The `inputs` (..., m) at times (...), 0 where a stage does not have them; where they jump, the later values.
@@ -141,9 +144,9 @@ class Control:
             columns = [values[..., names.index(name)] if name in names else 0 * since for name in self.inputs]
             return np.stack(columns, axis=-1) if columns else np.zeros((*since.shape, 0))
 
-        return self._rows(t, rows)
+        return self._along(t, rows)
 
-    def _rows(self, t: ArrayLike, rows: Callable[[ControlledLeg, np.ndarray], np.ndarray]) -> np.ndarray:
+    def _along(self, t: ArrayLike, rows: Callable[[ControlledLeg, np.ndarray], np.ndarray]) -> np.ndarray:
         return rows_of_legs(self.legs, self.end, t, rows, self._second)
 
     @property
@@ -166,10 +169,9 @@ class Control:
         return times, {name: np.concatenate([c[:, 0] for c in columns]) for name, columns in rows.items()}
 
     def table(self, t: ArrayLike | None = None) -> dict[str, np.ndarray]:
-        """Columns (k,) by name at times (k,), evenly spaced if they are not given: "time", "stage", the states, the
-        inputs, and the "running cost", what the stages have cost so far without what their ends cost."""
-        asked = np.linspace(0.0, self.end, TABLE_ROWS) if t is None else t
-        t = times_within(asked, self.end, self._second).ravel()
+        """Columns (k,) by name at times (k,), evenly spaced by default: "time", "stage", the states, the inputs, and
+        the "running cost", what the stages have cost so far without what their ends cost."""
+        t = times_within(np.linspace(0.0, self.end, TABLE_ROWS) if t is None else t, self.end, self._second).ravel()
         states, inputs = self(t), self.inputs_at(t)
         stages = np.array([leg.phase for leg in self.legs])[index_of_legs(self.legs, t)]
         columns = {"time": t, "stage": stages}
@@ -179,19 +181,8 @@ class Control:
     def _spent(self, t: np.ndarray) -> np.ndarray:
         """The running costs (...) of all stages up to times (...)."""
         before = np.cumsum([0.0, *(leg.path.end[-1] for leg in self.legs)])
-        within = self._rows(t, lambda leg, since: leg.path(since)[..., -1:])[..., 0]
+        within = self._along(t, lambda leg, since: leg.path(since)[..., -1:])[..., 0]
         return within + before[index_of_legs(self.legs, t)]
-
-    def dataframe(self, t: ArrayLike | None = None) -> Any:
-        """The `table` as a `pandas.DataFrame`; raises `InputError` without pandas, which the extra `data` installs."""
-        return extra_package("pandas", "for a data frame").DataFrame(self.table(t))
-
-    def heading(self, name: str) -> str:
-        """The name of a column with its unit, if it has one: "time (s)"."""
-        if self.units is None or name == "stage":
-            return name
-        own = "cost" if name == RUNNING_COST else name
-        return f"{name} ({self.units.get(own) or unit_text(dimension_of_state(name))})"
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Plot states against time, and inputs below; returns the axes."""
@@ -204,41 +195,46 @@ class Control:
             | {"path": leg.path.saved(), "inputs": leg.inputs.saved()}
             for leg in self.legs
         ]
-        told = {
-            name: getattr(self, name) for name in ("status", *CONTROL_NUMBERS, "iterations", "rounds", "parameters")
-        }
+        own = {name: getattr(self, name) for name in ("status", *CONTROL_NUMBERS, "iterations", "rounds", "parameters")}
         coarseness = None if np.isnan(self.coarseness) else self.coarseness
         bare = self.bare and self.bare.document()
-        whole = {"format": CONTROL_FORMAT, **told, "coarseness": coarseness, "units": self.units}
+        whole = {"format": Control.form(), **own, "coarseness": coarseness, "units": self.units or None}
         return {**whole, "legs": legs, "bare": bare}
 
-    def save(self, path: str | Path) -> Path:
-        """Write the motion to .json, from which `load` brings it back to the last bit, or its `table` to .csv; returns
-        the path. Raises `InputError` when the file cannot be written."""
-        if check_ending(path, (".json", ".csv")).suffix.lower() == ".json":
-            return write_json(self.document(), path, "control")
-        table = self.table()
-        rows = zip(*(column.tolist() for column in table.values()), strict=True)
-        return write_table([*map(self.heading, table)], rows, path, "control")
-
     @classmethod
-    def load(cls, path: str | Path) -> "Control":
-        """Read a motion that `save` wrote; as a guess it starts a solve from its motion. Raises `InputError` when the
-        file is not one."""
-        return read_file(path, f"{path} is not a saved control", control_in_file)
+    def of_saved(cls, document: Any, machine: Any = None) -> "Control":
+        """The motion of what `saved` made, which as a guess starts a solve from its motion; raises `ValueError` where
+        parts of it do not fit each other."""
+        data = Control._conform(document, SavedControl)
+        units, bare = data["units"], data["bare"]
+        if (units is None) != (bare is None) or (units is not None and not {"cost", "time"} <= units.keys()):
+            raise ValueError("its units do not fit its numbers")
+        legs = tuple(map(_leg_of, data["legs"]))
+        ends = np.cumsum([0.0, *(leg.duration for leg in legs)])
+        if not legs or not np.allclose([leg.start for leg in legs], ends[:-1], rtol=1e-9, atol=1e-9 * ends[-1]):
+            raise ValueError("its stages do not follow each other")
+        bare = None if bare is None else Control.of_saved({**bare, "units": None, "bare": None})
+        if bare is not None and [*map(_names_of, bare.legs)] != [*map(_names_of, legs)]:
+            raise ValueError("its motions in SI and without units have other stages")
+        own = {name: data[name] for name in ("status", *CONTROL_NUMBERS, "iterations", "rounds", "parameters")}
+        coarseness = np.nan if data["coarseness"] is None else data["coarseness"]
+        units = {**_units_of(legs), **units} if units else {}
+        return Control(legs, **own, units=units, coarseness=coarseness, bare=bare)
 
-    def rows(self) -> list[tuple[str, str]]:
-        """The motion as rows of a table, (name, text): its stages, its cost and errors, how it was found."""
+    def title(self) -> str:
+        """What it is, in one line."""
+        return "motion of locally least cost"
+
+    def _rows(self) -> Iterator[Row]:
+        """Its stages, its cost and errors, how it was found."""
         unit = f" {self.units['cost']}" if self.units else ""
-        rows = [(leg.phase, f"from {leg.start:<12.8g}for {leg.duration:.10g}{self._second}") for leg in self.legs]
-        rows.append(("cost", f"{self.cost:.12g}{unit}, violation {self.violation:.1e}, error {self.error:.1e}"))
-        return [*rows, ("found in", f"{self.iterations} iterations, {self.rounds} rounds, {self.seconds:.2f} s")]
-
-    def __str__(self) -> str:
-        return "\n".join(f"  {name:<12}{text}" for name, text in self.rows())
-
-    def _repr_html_(self) -> str:
-        return cell("motion of locally least cost", self.rows(), self.plot)
+        for i, leg in enumerate(self.legs):
+            times = {f"start of stage {i}": leg.start, f"duration of stage {i}": leg.duration}
+            yield Row(leg.phase, times, (f"from {{:<12.8g}}for {{:.10g}}{self._second}",))
+        costs = {"cost": self.cost, "violation": self.violation, "error": self.error}
+        yield Row("cost", costs, (f"{{}}{unit}, violation {{:.1e}}, error {{:.1e}}",))
+        counts = {"iterations": self.iterations, "rounds": self.rounds, "seconds": self.seconds}
+        yield Row("found in", counts, ("{} iterations, {} rounds, {:.2f} s",))
 
 
 class _SavedLeg(TypedDict):
@@ -269,33 +265,13 @@ class SavedControl(TypedDict):
     bare: Mapping[str, Any] | None
 
 
-def control_in_file(file: BinaryIO) -> Control:
-    """The motion in an open file; raises `ValueError` where there is none."""
-    return control_of(read_sealed(file))
-
-
-def control_of(document: Any) -> Control:
-    """The motion of what `Control.document` made; raises `ValueError` where parts of it do not fit each other."""
-    data = conform(document, SavedControl)
-    if data["format"] != CONTROL_FORMAT:
-        raise ValueError(f"format {data['format']!r}, expected {CONTROL_FORMAT!r}")
-    units, bare = data["units"], data["bare"]
-    if (units is None) != (bare is None) or (units is not None and not {"cost", "time"} <= units.keys()):
-        raise ValueError("its units do not fit its numbers")
-    legs = tuple(map(_leg_of, data["legs"]))
-    ends = np.cumsum([0.0, *(leg.duration for leg in legs)])
-    if not legs or not np.allclose([leg.start for leg in legs], ends[:-1], rtol=1e-9, atol=1e-9 * ends[-1]):
-        raise ValueError("its stages do not follow each other")
-    bare = None if bare is None else control_of({**bare, "units": None, "bare": None})
-    if bare is not None and [*map(_names_of, bare.legs)] != [*map(_names_of, legs)]:
-        raise ValueError("its motions in SI and without units have other stages")
-    told = {name: data[name] for name in ("status", *CONTROL_NUMBERS, "iterations", "rounds", "parameters", "units")}
-    coarseness = np.nan if data["coarseness"] is None else data["coarseness"]
-    return Control(legs, **told, coarseness=coarseness, bare=bare)
-
-
 def _names_of(leg: ControlledLeg) -> tuple[Any, ...]:
     return leg.phase, leg.states, leg.path.names, leg.inputs.names
+
+
+def _units_of(legs: tuple[ControlledLeg, ...]) -> dict[str, str]:
+    """The units of SI of the states by name."""
+    return {name: unit_text(dimension_of_state(name)) for leg in legs for name in leg.states}
 
 
 def _leg_of(data: _SavedLeg) -> ControlledLeg:
@@ -325,7 +301,7 @@ def control_in_units(
         for leg in control.legs
     )
     inputs = {name: unit_text(own[name]) for leg in control.legs for name in leg.inputs.names if name in own}
-    texts = {"cost": unit_text(cost), "time": "s", **inputs}
+    texts = {**_units_of(legs), "cost": unit_text(cost), RUNNING_COST: unit_text(cost), "time": "s", **inputs}
     return replace(
         control, legs=legs, cost=control.cost * units.of(cost), parameters=parameters, units=texts, bare=control
     )

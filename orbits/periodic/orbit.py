@@ -1,30 +1,30 @@
 """A lossless orbit: a frozen result that evaluates, prints, plots, saves and loads itself."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, BinaryIO, NotRequired, TypedDict
+from typing import Any, BinaryIO, ClassVar, NotRequired, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..flow.trajectory import SavedTrajectory, Trajectory, trajectory_of
-from ..io import DIGEST, Changed, conform, one_line, read_file, read_sealed, to_json, write_json
+from ..io import DIGEST, Changed, conform, read_file, read_sealed, to_json
 from ..model.machine import Machine, machine_in_words
 from ..model.model import Knee
 from ..model.phase import Affine
 from ..model.state_formula import SavedHeight, StateFormula, height_of
 from ..numerics.bernstein import lowest
-from ..result import Report, cell, shown
-from ..tables import VIOLATED, machine_rows, orbit_rows
+from ..result import TABLE_ROWS, Report, Result, Row, shown
+from ..tables import VIOLATED, machine_numbers
 from ..units import EXTENSION, UNIT_TEXTS, SavedUnits, Units, in_units, saved_units
 from .certificate import Certificate
 from .formulations import CONTACT_FORCE
 
-ALL_DIGITS = 15  # of a printed number
-ORBIT_FORMAT = "persistent-orbits orbit 1"
+# What is said of the side of a bounce.
+ATTRACTS = {"below": "   (attracts from above; 10 C below)", "above": "   (attracts from above, with 10 C; C below)"}
 # A number that a file tells twice is the same to this share.
 TOLD_TWICE = 1e-9
 # What describes a machine in a document.
@@ -70,8 +70,8 @@ def _mirrored(path: Trajectory, t: np.ndarray, duration: float, signs: tuple[int
     return np.where(later[..., None], states * np.array(signs), states)
 
 
-@dataclass(frozen=True, eq=False)
-class Orbit:
+@dataclass(frozen=True, eq=False, repr=False)
+class Orbit(Result):
     """A lossless periodic motion: flight from time 0 to `flight_time`, then contact to `period`.
 
     alpha : launch speed
@@ -83,8 +83,8 @@ class Orbit:
     shape : how the halves make a whole cycle
     method, skipped : the method that found it, and what this machine did not need
     seconds : wall time of the search and the certificate
-    units : of the dimensionless numbers; None for a machine that is stated without units. The numbers of an orbit with
-        units are in SI, but for `residual`, `energy_drift` and `unfolding`, which are shares
+    scales : what the dimensionless numbers stand for; None for a machine that is stated without units. The numbers of
+        an orbit with scales are in SI, but for `residual`, `energy_drift` and `unfolding`, which are shares
     bare : the same orbit without units, None where there are none
     known_in_family : how many orbits of its family a search over launch speeds has found, this one among them; None
         where none was made. A search of many sign changes ends after 20,000 launches and may leave some out.
@@ -99,6 +99,8 @@ class Orbit:
     (2, 4)
     """
 
+    what: ClassVar[str] = "orbit"
+    printed_digits: ClassVar[int] = 15
     machine: Mapping[str, Any]
     alpha: float
     liftoff_extension: float
@@ -111,7 +113,7 @@ class Orbit:
     method: str
     skipped: tuple[str, ...] = ()
     seconds: float = 0.0
-    units: Units | None = None
+    scales: Units | None = None
     bare: "Orbit | None" = field(default=None, repr=False)
     known_in_family: int | None = None
     source: Machine | None = field(default=None, repr=False)
@@ -193,7 +195,7 @@ class Orbit:
         if self.contact is None or self.contact_time is None:
             # The end of the flight may be asked for through a time that is rounded.
             if times.size and not (times.min() >= 0 and times.max() <= self.flight_time * (1 + 1e-12)):
-                unit = " s" if self.units else ""
+                unit = " s" if self.scales else ""
                 raise InputError(f"the contact never ends: times lie between 0 and {self.flight_time:g}{unit}")
             return _mirrored(self.flight, times, self.flight_time, shape.reversor)
         times = np.mod(times, self.period)
@@ -226,19 +228,19 @@ class Orbit:
         figures |= {"violations": list(self.violations), "skipped": list(self.skipped)}
         figures["state_mid_flight"] = mid.tolist()
         document = {**self.machine, **{name: figures[name] for name in DOCUMENT_FIELDS}}
-        if not self.units:
+        if not self.scales:
             return document
-        units = {name: unit for name, unit in self.units.texts().items() if name in document}
-        kept = dict.fromkeys(self.units.text(name) for name in self.flight.names if not name.endswith("'"))
+        units = {name: unit for name, unit in self.scales.texts().items() if name in document}
+        kept = dict.fromkeys(self.scales.text(name) for name in self.flight.names if not name.endswith("'"))
         units |= {"rises": "m", "state_mid_flight": ", ".join(kept)}
         return document | {"units": {**self.machine.get("units", {}), **units}, "si": self.si()}
 
     def si(self) -> dict[str, float | None]:
         """The main results in SI units, by names that end in their units; raises `InputError` for a machine that was
         stated without."""
-        if self.units is None:
+        if self.scales is None:
             raise InputError("this machine was stated in dimensionless units; state it in SI for results in SI")
-        c, extension = self.certificate, self.units.text(EXTENSION)
+        c, extension = self.certificate, self.scales.text(EXTENSION)
         return {
             f"launch_speed_{extension}_per_s": self.alpha,
             "flight_time_s": self.flight_time,
@@ -248,30 +250,76 @@ class Orbit:
             "smallest_separation_m": c.smallest_separation,
             "largest_contact_force_N": c.largest_contact_force,
             **{f"{name.replace(' ', '_')}_rise_m": rise for name, rise in self.rises.items()},
-            "unit_length_m": self.units.length,
-            "unit_time_s": self.units.time,
-            "unit_force_N": self.units.force,
+            "unit_length_m": self.scales.length,
+            "unit_time_s": self.scales.time,
+            "unit_force_N": self.scales.force,
         }
 
-    def __repr__(self) -> str:
-        told = {name: getattr(self, name) for name in ("family", "alpha", "admissible", "error")}
-        told |= {name: self.machine[name] for name in ("spring", "gravity")} | self.machine["parameters"]
-        return one_line(self, {"machine": self.machine["machine"], **told})
+    @property
+    def units(self) -> dict[str, str]:
+        """The units of the quantities, states and parameters by name; empty for a dimensionless machine."""
+        if self.scales is None:
+            return {}
+        states = {name: self.scales.text(name) for name in self._states}
+        own = {name: unit or "" for name, unit in self.machine.get("units", {}).items()}
+        return {**self.scales.texts(), "time": "s", "contact force": "N", "rises": "m", **states, **own}
 
-    def summary(self) -> str:
+    @property
+    def _states(self) -> tuple[str, ...]:
+        return self.flight.names[: len(self.shape.embed)]
+
+    def table(self, t: ArrayLike | None = None) -> dict[str, np.ndarray]:
+        """Columns (k,) by name at times (k,), evenly spaced over a cycle by default: "time", "phase", the flight
+        states, and the "contact force" where the motion has it."""
+        end = self.flight_time if self.contact_time is None else self.period
+        t = np.linspace(0.0, end, TABLE_ROWS) if t is None else np.ravel(np.asarray(t, dtype=float))
+        flying = t <= self.flight_time if self.contact_time is None else np.mod(t, self.period) <= self.flight_time
+        columns = {"time": t, "phase": np.where(flying, "flight", "contact")}
+        columns |= dict(zip(self._states, self(t).T, strict=True))
+        if self.contact is None or CONTACT_FORCE in self.contact.names:
+            columns["contact force"] = self.contact_force(t)
+        return columns
+
+    def _line(self) -> dict[str, Any]:
+        shown = {name: getattr(self, name) for name in ("family", "alpha", "admissible", "error")}
+        shown |= {name: self.machine[name] for name in ("spring", "gravity")} | self.machine["parameters"]
+        return {"machine": self.machine["machine"], **shown}
+
+    def title(self) -> str:
         """What the orbit is in one line: its family, machine and laws."""
         machine = self.machine
         laws = f"spring {machine['spring']}, gravity {machine['gravity']}"
         return f"lossless orbit of family {self.family}: {machine['machine']}, {laws}"
 
-    def __str__(self) -> str:
-        said = [f"{name} = {text}" for name, text in machine_rows(self.machine)]
-        rows = orbit_rows(self, ALL_DIGITS)
-        lines = [f"      {text}" if name == VIOLATED else f"  {name:<24}{text}" for name, text in rows]
-        return "\n".join([self.summary(), "  " + ", ".join(said), *lines])
-
-    def _repr_html_(self) -> str:
-        return cell(self.summary(), orbit_rows(self), self.plot)
+    def _rows(self) -> Iterator[Row]:
+        """The machine, then the certificate: speed, times, distances, forces, what a hop beside it loses, errors,
+        whether it is a motion, and in rows named `VIOLATED` why not."""
+        c, units, own = self.certificate, self.units, machine_numbers(self.machine)
+        if own:
+            texts = [f"{name} = {{:g}} {unit}".rstrip() for name, (_, unit) in own.items()]
+            yield Row("machine", {name: value for name, (value, _) in own.items()}, (", ".join(texts),))
+        speed = f" {units['alpha']}" if units else ""
+        yield Row("alpha", {"alpha": self.alpha, "error": c.error}, (f"{{}}{speed}   +- {{:.1e}}",))
+        if c.alpha_noise is not None:
+            yield Row("  by the table's noise", {"alpha_noise": c.alpha_noise}, (f"+- {{:.1e}}{speed}",))
+        times = {name: getattr(self, name) for name in ("flight_time", "contact_time", "liftoff_extension")}
+        for name, value in (times | {each: getattr(c, each) for each in ("clearance", "smallest_separation")}).items():
+            yield Row.of(name, value, self.unit_of(name))
+        yield from (Row.of(f"rise of {name}", value, units.get("rises", "")) for name, value in self.rises.items())
+        for name in ("smallest_contact_force", "largest_contact_force", "landing_jerk"):
+            yield Row.of(name, getattr(c, name), self.unit_of(name))
+        within = f"   +- {c.loss_error:.1e}" if c.loss_error else ""
+        attracts = ATTRACTS.get(c.bounce_side or "", "")
+        loss = Row.of("loss_coefficient", c.loss_coefficient, self.unit_of("loss_coefficient"), within + attracts)
+        yield loss._replace(heading="loss coefficient C")
+        if self.known_in_family is not None:
+            yield Row("known in its family", {"known_in_family": self.known_in_family})
+        yield Row("residual", {"residual": c.residual}, ("{:.1e}",))
+        yield Row("energy drift", {"energy_drift": c.energy_drift}, ("{:.1e}",))
+        found = {"method": self.method, "seconds": self.seconds}
+        yield Row("found by", found, (f"{{}}, {1e3 * self.seconds:.1f} ms",))
+        yield Row("admissible", {"admissible": self.admissible}, ("yes" if self.admissible else "NO",))
+        yield from (Row(VIOLATED, {VIOLATED: violation}) for violation in c.violations)
 
     def plot(self, axes: Any = None) -> Any:
         """Plot heights against time as in Fig. 3 of the paper; returns the axes."""
@@ -293,32 +341,19 @@ class Orbit:
         """
         return shown("pages.still").orbit_page(self, path)
 
-    def save(self, path: str | Path) -> Path:
-        """Write the orbit to a JSON file, every float with the digits that bring it back; returns the path.
-
-        Raises `InputError` when the file cannot be written.
-        """
-        return write_json(self.saved(), path, "orbit")
-
     def saved(self) -> dict[str, Any]:
         """The document of a file of the orbit, from which `of_saved` makes it again."""
         bare = self.dimensionless()
         flight, contact = (path and path.saved() for path in (bare.flight, bare.contact))
         heights = {name: height.saved() for name, height in bare.shape.heights.items()}
-        shape, units = vars(bare.shape) | {"heights": heights}, self.units and self.units.saved()
+        shape, units = vars(bare.shape) | {"heights": heights}, self.scales and self.scales.saved()
         motion = {"shape": shape, "flight": flight, "contact": contact, "units": units}
-        document = self.document() | ({"bare": bare.document()} if self.units else {})
-        return {"format": ORBIT_FORMAT, **document, "motion": motion}
+        document = self.document() | ({"bare": bare.document()} if self.scales else {})
+        return {"format": self.form(), **document, "motion": motion}
 
     @classmethod
-    def load(cls, path: str | Path) -> "Orbit":
-        """Read an orbit that `save` wrote; raises `InputError` when the file is not one, or was changed since. What a
-        changed file says is a start for `find`, which measures it anew: find(machine, start=path).
-        """
-        return read_file(path, f"{path} is not a saved orbit", cls._parsed)
-
-    @classmethod
-    def _parsed(cls, file: BinaryIO) -> "Orbit":
+    def _read(cls, machine: Any, file: BinaryIO) -> "Orbit":
+        """The orbit in an open file. What a changed file says is still a start for `find`, which measures it anew."""
         try:
             document = read_sealed(file)
         except Changed as error:
@@ -328,16 +363,14 @@ class Orbit:
         return orbit
 
     @classmethod
-    def of_saved(cls, document: Any) -> "Orbit":
+    def of_saved(cls, document: Any, machine: Any = None) -> "Orbit":
         """The orbit of what `saved` made; raises `ValueError` where parts of it do not fit each other."""
-        data = conform(document, SavedOrbit)
-        if data["format"] != ORBIT_FORMAT:
-            raise ValueError(f"format {data['format']!r}, expected {ORBIT_FORMAT!r}")
+        data = cls._conform(document, SavedOrbit)
         units = data["motion"]["units"] and saved_units(data["motion"]["units"])
         if units is None:
             return cls._stated(data)
         if "bare" in data:  # The motion is that of the dimensionless orbit.
-            bare = conform({**data["bare"], "format": ORBIT_FORMAT, "motion": data["motion"]}, SavedOrbit)
+            bare = cls._conform({**data["bare"], "format": cls.form(), "motion": data["motion"]}, SavedOrbit)
             orbit = orbit_in_units(cls._stated(bare), units, _machine_of(data))
             if len(data["violations"]) != len(orbit.violations):
                 raise ValueError("its violations in SI and without units are not as many")
@@ -348,7 +381,7 @@ class Orbit:
             orbit = replace(orbit, certificate=with_note(orbit.certificate))
             return orbit_in_units(orbit, units, orbit.machine)
         converted = orbit_in_units(orbit, units.inverse(), orbit.machine)
-        return replace(orbit, units=units, bare=replace(converted, units=None, bare=None))
+        return replace(orbit, scales=units, bare=replace(converted, scales=None, bare=None))
 
     @classmethod
     def _stated(cls, data: Mapping[str, Any]) -> "Orbit":
@@ -468,7 +501,7 @@ def orbit_in_units(orbit: Orbit, units: Units, machine: Mapping[str, Any]) -> Or
         contact=orbit.contact and units.convert_motion(orbit.contact),
         shape=replace(orbit.shape, heights=heights, knees=knees),
         certificate=certificate_in_units(orbit.certificate, units),
-        units=units,
+        scales=units,
         bare=orbit,
         source=None,
     )

@@ -3,19 +3,16 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
-from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, TypedDict
 
 import numpy as np
 
-from ..io import check_ending, one_line, write_json, write_table
-from ..result import cell, shown
+from ..io import conform, one_line
+from ..result import Result, Row, known, shown
 
-DIAGRAM_ENDINGS = (".json", ".csv")
 HOPS_OF = {1: "fixed points", 2: "hops of period two"}
-COLUMNS_OF_BRANCHES = ("branch", "period", "value", "alpha", "other", "multiplier", "stable")
 # Names that the parameter of a diagram cannot have, since it stands beside these in a table or a document.
-RESERVED_IN_DIAGRAMS = (*COLUMNS_OF_BRANCHES, "ends", "kind", "note")
+RESERVED_IN_DIAGRAMS = ("branch", "period", "value", "alpha", "other", "multiplier", "stable", "ends", "kind", "note")
 
 WORDS_OF_STABILITY = {True: "stable", False: "unstable", None: "stability unknown"}
 
@@ -102,8 +99,8 @@ class Branch:
         return [(a, b, stable[a]) for a, b in pairwise(cuts) if b > a]
 
 
-@dataclass(frozen=True, eq=False)
-class BifurcationDiagram:
+@dataclass(frozen=True, eq=False, repr=False)
+class BifurcationDiagram(Result):
     """The periodic launches of the return maps of a machine along a parameter, as `bifurcations` follows them.
 
     along : name of the parameter
@@ -115,6 +112,7 @@ class BifurcationDiagram:
     units : of launch speeds and parameters, by name; empty for a dimensionless machine
     """
 
+    what: ClassVar[str] = "bifurcation diagram"
     along: str
     span: tuple[float, float]
     between: tuple[float, float]
@@ -124,45 +122,40 @@ class BifurcationDiagram:
     visits: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
     units: Mapping[str, str] = field(default_factory=dict)
 
-    def __repr__(self) -> str:
+    def _line(self) -> dict[str, Any]:
         counts = {"branches": len(self.branches), "events": len(self.events)}
-        return one_line(self, {"along": self.along, "span": self.span, "between": self.between, **counts})
+        return {"along": self.along, "span": self.span, "between": self.between, **counts}
 
-    def summary(self) -> str:
-        """What the diagram is of, in one line."""
-        m = self.machine
-        return f"return map of {m['machine']}, spring {m['spring']}, gravity {m['gravity']}"
-
-    def _told(self) -> tuple[str, list[tuple[str, str]]]:
-        """The ranges in one line, and each branch and event as a pair: what it is, and what is to be said of it."""
-        unit, speed = (f" {self.units[name]}" if self.units.get(name) else "" for name in (self.along, "alpha"))
-        (low, high), (slow, fast) = self.span, self.between
+    def title(self) -> str:
+        """What the diagram is of, and its ranges, in one line."""
+        unit, speed = (f" {self.unit_of(name)}".rstrip() for name in (self.along, "alpha"))
+        (low, high), (slow, fast), m = self.span, self.between, self.machine
         ranges = f"along {self.along} from {low:g} to {high:g}{unit}, launch speeds {slow:g} to {fast:g}{speed}"
-        rows = [] if self.branches else [("no launch of period one comes back there", "")]
+        return f"return map of {m['machine']}, spring {m['spring']}, gravity {m['gravity']}, {ranges}"
+
+    def _rows(self) -> Iterator[Row]:
+        """Each branch with its stretches and ends, and each event."""
+        unit, speed = (f" {self.unit_of(name)}".rstrip() for name in (self.along, "alpha"))
+        if not self.branches:
+            yield Row("no launch of period one comes back there", {"branches": 0}, ("",))
         for i, branch in enumerate(self.branches):
-            rows.append((f"branch {i}", f"{HOPS_OF[branch.period]}, {len(branch)} points"))
+            count = {f"branch {i}": HOPS_OF[branch.period], f"points of branch {i}": len(branch)}
+            yield Row(f"branch {i}", count, ("{}, {} points",))
             for a, b, stable in branch.stretches():
-                rows.append(("", f"{self.along} = {a:.12g} to {b:.12g}{unit}: {WORDS_OF_STABILITY[stable]}"))
+                ends = {f"start of a stretch of branch {i}": a, f"stop of a stretch of branch {i}": b}
+                text = f"{self.along} = {{:.12g}} to {{:.12g}}{unit}: {WORDS_OF_STABILITY[stable]}"
+                yield Row("", ends, (text,))
             for where, end in zip(("begins", "ends"), branch.ends, strict=True):
-                rows.append(("", f"{where}: {end.reason}"))
+                yield Row("", {f"branch {i} {where}": end.reason}, (f"{where}: {{}}",))
         for event in self.events:
             launches = ", ".join(f"{alpha:.12g}" for alpha in event.alphas)
-            note = f": {event.note}" if event.note else ""
-            rows.append((event.kind, f"{self.along} = {event.value:.12g}{unit}, alpha = {launches}{speed}{note}"))
-        return ranges, rows
+            values = {event.kind: event.value, f"alpha at {event.kind}": launches, f"note of {event.kind}": event.note}
+            note = ": {}" if event.note else ""
+            yield Row(event.kind, values, (f"{self.along} = {{:.12g}}{unit}, alpha = {{}}{speed}{note}",))
 
-    def __str__(self) -> str:
-        ranges, rows = self._told()
-        lines = [f"  {name:<18}{text}".rstrip() for name, text in rows]
-        return "\n".join([self.summary(), f"  {ranges}", *lines])
-
-    def _repr_html_(self) -> str:
-        ranges, rows = self._told()
-        return cell(f"{self.summary()}, {ranges}", rows, self.plot)
-
-    def heading(self, name: str) -> str:
-        """A name with its unit, if it has one: "inject (m/s)"."""
-        return f"{name} ({self.units[name]})" if self.units.get(name) else name
+    def unit_of(self, name: str) -> str:
+        """As in `Result`; the second launch speed of a branch has the unit of the first."""
+        return super().unit_of(name.removeprefix("other "))
 
     def periodic(self, value: float) -> list[tuple[int, float, float]]:
         """The periodic launches at a value of the parameter, read off the branches by straight lines between their
@@ -193,7 +186,7 @@ class BifurcationDiagram:
                 "period": branch.period,
                 self.along: branch.values.tolist(),
                 "alpha": branch.alphas.tolist(),
-                "multiplier": [_known(each) for each in branch.multipliers.tolist()],
+                "multiplier": known(branch.multipliers),
                 "stable": branch.stable,
                 "ends": [vars(end) for end in branch.ends],
             }
@@ -204,7 +197,7 @@ class BifurcationDiagram:
                 "kind": event.kind,
                 self.along: event.value,
                 "alpha": list(event.alphas),
-                "multiplier": _known(event.multiplier),
+                "multiplier": known(event.multiplier)[0],
                 "branch": event.branch,
                 "note": event.note,
             }
@@ -215,31 +208,51 @@ class BifurcationDiagram:
         visits = {self.along: self.visits[:, 0].tolist(), "alpha": self.visits[:, 1].tolist()}
         return {**whole, "attractor": visits, **({"units": self.units} if self.units else {})}
 
-    def rows(self) -> Iterator[tuple]:
-        """The points of all branches, with the columns of a table."""
-        for i, branch in enumerate(self.branches):
-            columns = branch.values, branch.alphas, branch.multipliers, branch.stable
-            for value, alphas, slope, stable in zip(*columns, strict=True):
-                other = float(alphas[1]) if branch.period == 2 else ""
-                known = ("", "") if stable is None else (float(slope), stable)
-                yield i, branch.period, float(value), float(alphas[0]), other, *known
+    @classmethod
+    def of_saved(cls, document: Any, machine: Any = None) -> "BifurcationDiagram":
+        """The diagram of what `saved` made; raises `ValueError` where parts of it do not fit each other."""
+        data = cls._conform(document, _SavedDiagram)
+        along, branches, events, visits = data["along"], list[Branch](), list[Bifurcation](), data["attractor"]
+        for each in data["branches"]:
+            slopes = np.array(each["multiplier"], dtype=float)
+            values, alphas = conform(each[along], np.ndarray, along), conform(each["alpha"], np.ndarray, "alpha")
+            if not len(slopes) == len(values) == len(alphas) or alphas.shape[1:] != (each["period"],):
+                raise ValueError("its branches are damaged")
+            first, last = (BranchEnd(**end) for end in each["ends"])
+            branches.append(Branch(each["period"], values, alphas, slopes, (first, last)))
+        for each in data["events"]:
+            slope, place = (np.nan if each[name] is None else each[name] for name in ("multiplier", along))
+            events.append(Bifurcation(each["kind"], place, tuple(each["alpha"]), slope, each["branch"], each["note"]))
+        return cls(
+            along, (data["from"], data["to"]), data["between"], data["machine"], tuple(branches), tuple(events),
+            np.array([visits[along], visits["alpha"]], dtype=float).T, document.get("units", {}),
+        )  # fmt: skip
 
-    def save(self, path: str | Path) -> Path:
-        """Write the diagram to .json (everything) or .csv (the points of its branches)."""
-        path = check_ending(path, DIAGRAM_ENDINGS)
-        if path.suffix.lower() == ".json":
-            return write_json(self.document(), path, "diagram")
-        names = {"value": self.along, "alpha": "alpha", "other": "alpha"}
-        heads = [self.heading(names.get(name, name)) for name in COLUMNS_OF_BRANCHES]
-        heads[COLUMNS_OF_BRANCHES.index("other")] = "other " + heads[COLUMNS_OF_BRANCHES.index("other")]
-        return write_table(heads, self.rows(), path, "diagram")
+    def table(self) -> dict[str, np.ndarray]:
+        """The points of all branches as columns; the multiplier is that of the hops, NaN where they have none."""
+        empty = np.zeros(0)
+        columns = {"branch": empty.astype(int), "period": empty.astype(int), self.along: empty, "alpha": empty}
+        parts = [[*columns.values(), empty, empty, empty.astype(object)]]
+        for i, branch in enumerate(self.branches):
+            whole, other = np.ones(len(branch), int), np.full((len(branch), 2), np.nan)
+            other[:, : branch.period] = branch.alphas
+            numbers = branch.values, *other.T, branch.multipliers, np.array(branch.stable, object)
+            parts.append([i * whole, branch.period * whole, *numbers])
+        names = *columns, "other alpha", "multiplier", "stable"
+        return dict(zip(names, map(np.concatenate, zip(*parts, strict=True)), strict=True))
+
+
+# A `BifurcationDiagram` in a file.
+_SavedDiagram = TypedDict(
+    "_SavedDiagram",
+    {
+        "machine": Mapping[str, Any], "along": str, "from": float, "to": float, "between": tuple[float, float],
+        "branches": tuple[Mapping[str, Any], ...], "events": tuple[Mapping[str, Any], ...],
+        "attractor": Mapping[str, tuple[float, ...]],
+    },
+)  # fmt: skip
 
 
 def _settles(multiplier: float) -> bool | None:
     """Whether hops with a multiplier attract their neighbours; None without one."""
     return None if np.isnan(multiplier) else abs(multiplier) < 1
-
-
-def _known(number: float) -> float | None:
-    """A number for JSON, None for none."""
-    return number if np.isfinite(number) else None

@@ -5,19 +5,19 @@ of the losses of its impacts. It is not the difference of launch speeds: near a 
 the power 4/3 of the distance, and the difference would be rounding.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, ClassVar, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError, NoOrbit, OrbitsError, finite_number, whole_number
-from ..io import fields_in_line, one_line
-from ..model.machine import Machine, dimensionless
+from ..io import fields_in_line
+from ..model.machine import Machine, dimensionless, machine_in_words
 from ..numerics.roots import enclosed_sign_changes
 from ..periodic.find import Progress, find
-from ..result import cell, shown
+from ..result import Result, Row, cell, known, shown
 from ..running.exclusive import exclusive
 from ..simulation.impacts import CAP, FASTEST_LAUNCH, STATUS, Impacts, decided_impacts, injected
 from ..simulation.multiplier import multiplier
@@ -29,11 +29,12 @@ from .resolved_map import JUMP, SLOWEST_LOSSLESS, Intervals, ResolvedMap, lossle
 BATCH_SIZE = 5000  # launch speeds in one batch: enough to pay for the calls, few enough for the memory
 # The launches in the picture of a map, and the fastest of them where there is no lossless one, in units of the machine.
 SHOWN, HIGH_LAUNCH = 1000, 9.0
+COLUMNS_OF_HOPS = ("alpha", "next", "loss", "impacts", "status")
 NO_BASIN = "with injection or damping no hop is lossless, and none comes to one"
 
 
-@dataclass(frozen=True)
-class Hops:
+@dataclass(frozen=True, repr=False)
+class Hops(Result):
     """The outcome of launches, each array of the launch speeds' shape.
 
     alpha : launch speeds
@@ -42,34 +43,83 @@ class Hops:
     impacts : number of impacts in between
     status : "lifts_off", or why there is no next launch: a name of `orbits.simulation.impacts.STATUSES`
     units : of the numbers, by name; empty for a dimensionless machine
+    machine : in words and numbers
     """
 
+    what: ClassVar[str] = "table of hops"
     alpha: np.ndarray
     next: np.ndarray
     loss: np.ndarray
     impacts: np.ndarray
     status: np.ndarray
     units: Mapping[str, str] = field(default_factory=dict)
+    machine: Mapping[str, Any] = field(default_factory=dict)
 
     def in_units(self, units: Units) -> "Hops":
         """Dimensionless hops in these units."""
         return replace(units.convert(self, **DIMENSIONS_OF_HOPS), units=units.texts(DIMENSIONS_OF_HOPS))
 
-    def __repr__(self) -> str:
-        statuses, counts = np.unique(self.status, return_counts=True)
-        return one_line(self, dict(zip(statuses.tolist(), counts.tolist(), strict=True)))
+    def statuses(self) -> dict[str, int]:
+        """The number of launches of each status."""
+        names, counts = np.unique(self.status, return_counts=True)
+        return dict(zip(names.tolist(), counts.tolist(), strict=True))
 
-    def _repr_html_(self) -> str:
-        statuses, counts = np.unique(self.status, return_counts=True)
-        rows = [(status.replace("_", " "), str(count)) for status, count in zip(statuses, counts, strict=True)]
-        return cell(f"{self.status.size} launches: what becomes of them", rows)
+    def _line(self) -> dict[str, int]:
+        return self.statuses()
+
+    def title(self) -> str:
+        """How many launches there are, in one line."""
+        return f"{self.status.size} launches: what becomes of them"
+
+    def _rows(self) -> Iterator[Row]:
+        """How many launches have each status, and the ranges of their numbers."""
+        for status, count in self.statuses().items():
+            yield Row(status.replace("_", " "), {status: count})
+            for name in COLUMNS_OF_HOPS[:-1]:
+                inside = getattr(self, name)[self.status == status]
+                if np.isfinite(inside).any():
+                    low, high = float(np.nanmin(inside)), float(np.nanmax(inside))
+                    ends = {f"least {name} of {status}": low, f"largest {name} of {status}": high}
+                    text = f"{{:.10g}} to {{:.10g}} {self.unit_of(name)}".rstrip()
+                    yield Row(f"  {name}".replace("alpha", "launch speed"), ends, (text,))
+
+    def table(self) -> dict[str, np.ndarray]:
+        """The launches as columns."""
+        return {name: np.ravel(getattr(self, name)) for name in COLUMNS_OF_HOPS}
+
+    def plot(self, axes: Any = None) -> Any:
+        """Plot the next launch speeds against the launch speeds; returns the axes."""
+        return shown("map_figures").plot_hops(self, axes)
 
     def document(self) -> dict[str, Any]:
         """The hops as the JSON document of the command line."""
-        columns = {name: np.ravel(values).tolist() for name, values in vars(self).items() if name != "units"}
-        for name in DIMENSIONS_OF_HOPS:  # what is no number has none in a document
-            columns[name] = [value if np.isfinite(value) else None for value in columns[name]]
+        columns = {name: known(getattr(self, name)) for name in DIMENSIONS_OF_HOPS}
+        columns |= {name: np.ravel(getattr(self, name)).tolist() for name in ("impacts", "status")}
         return columns | ({"units": self.units} if self.units else {})
+
+    def saved(self) -> dict[str, Any]:
+        """The document with the machine in words and the shape of the arrays, to load."""
+        return {**super().saved(), "machine": self.machine, "shape": list(self.alpha.shape)}
+
+    @classmethod
+    def of_saved(cls, document: Any, machine: Any = None) -> "Hops":
+        """The hops of what `saved` made; raises `ValueError` where their columns are not of one length."""
+        data = cls._conform(document, _SavedHops)
+        kinds: dict[str, Any] = {**dict.fromkeys(DIMENSIONS_OF_HOPS, float), "impacts": int, "status": STATUS}
+        columns = {name: np.array(data[name], kind).reshape(data["shape"]) for name, kind in kinds.items()}
+        return cls(**columns, units=document.get("units", {}), machine=data["machine"])
+
+
+class _SavedHops(TypedDict):
+    """`Hops` in a file."""
+
+    alpha: tuple[float | None, ...]
+    next: tuple[float | None, ...]
+    loss: tuple[float | None, ...]
+    impacts: tuple[int, ...]
+    status: tuple[str, ...]
+    machine: Mapping[str, Any]
+    shape: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -153,9 +203,11 @@ class ReturnMap:
             raise InputError(f"alpha = {alpha:g}; launch speeds are above 0")
         if self._bare:
             with without_units(self._units):
-                return replace(self._bare(alpha / self._speed).in_units(self._units), alpha=alpha)
-        nothing = np.full(alpha.shape, np.nan)
-        hops = Hops(alpha, nothing, nothing.copy(), np.zeros(alpha.shape, int), np.full(alpha.shape, "invalid", STATUS))
+                hops = self._bare(alpha / self._speed).in_units(self._units)
+            return replace(hops, alpha=alpha, machine=machine_in_words(self.machine))
+        nothing, invalid = np.full(alpha.shape, np.nan), np.full(alpha.shape, "invalid", STATUS)
+        counts, words = np.zeros(alpha.shape, int), machine_in_words(self.machine)
+        hops = Hops(alpha, nothing, nothing.copy(), counts, invalid, machine=words)
         places = np.flatnonzero(launches)
         for batch in np.array_split(places, -(-len(places) // BATCH_SIZE)) if len(places) else ():
             found = _hops_from(self.impacts, alpha.flat[batch], self.inject, self.cap)

@@ -1,23 +1,23 @@
 """A simulated motion: its legs, flights and contacts, and the events between them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..flow.trajectory import Trajectory
+from ..flow.trajectory import SavedTrajectory, Trajectory, trajectory_of
 from ..io import fields_in_line
-from ..model.machine import Machine
+from ..model.machine import Machine, machine_in_words
 from ..model.model import Knee
 from ..model.phase import Affine
 from ..model.state_formula import StateFormula
 from ..numerics.bernstein import lowest
-from ..result import Report, cell, shown
+from ..result import TABLE_ROWS, Report, Result, Row, is_of, known, shown
 from ..units import ENERGY, LENGTH, LIFTOFF_SPEED, TIME, Units, in_units
 
 # The dimensions of a simulation's numbers by name; those of states are lengths and speeds.
@@ -27,7 +27,6 @@ DIMENSIONS_OF_SIMULATIONS = {
     "smallest_separation": LENGTH,
     **dict.fromkeys(("energy", "loss"), ENERGY),
 }
-AFTER_NUMBERS = ("end", "launches", "smallest_separation")  # whose units follow the numbers in a printed simulation
 
 
 @dataclass(frozen=True)
@@ -61,32 +60,33 @@ class Leg:
     path: Trajectory
 
 
-@dataclass(frozen=True)
-class Simulation:
+@dataclass(frozen=True, repr=False)
+class Simulation(Result):
     """A motion from a state; called with times (...), it gives flight states (..., n).
 
     legs, events : in order
     status : "done", or why it ended early: a name of `orbits.simulation.impacts.STATUSES`
     launches : launch speeds, that of the start if it was a launch, then one for each lift-off, NaN if it is no launch
     end : time of the end
-    machine : the machine simulated
+    source : the machine simulated
     reason : why the motion could not be followed further, in words; "" where it could
     """
 
+    what: ClassVar[str] = "simulation"
     legs: tuple[Leg, ...]
     events: tuple[ContactEvent, ...]
     status: str
     launches: np.ndarray
     end: float
-    machine: Machine
+    source: Machine
     reason: str = ""
 
     @cached_property
     def smallest_separation(self) -> float | None:
         """The smallest separation of the masses, None without a rest length; where it is not above 0 they pass through
         each other, which no real machine does and the simulation ignores."""
-        embed, smallest = self.machine.model.embed, []
-        if (separation := self._length(self.machine.model.separation(self.machine.values))) is None:
+        embed, smallest = self.source.model.embed, []
+        if (separation := self._length(self.source.model.separation(self.source.values))) is None:
             return None
         for leg in self.legs:
             rows = leg.path.coefficients
@@ -97,63 +97,109 @@ class Simulation:
     @property
     def heights(self) -> dict[str, Affine | StateFormula]:
         """The heights of the machine's model, as functions of the flight state."""
-        return {name: self._length(height) for name, height in self.machine.model.heights(self.machine.values).items()}
+        return {name: self._length(height) for name, height in self.source.model.heights(self.source.values).items()}
 
     @property
     def springs(self) -> tuple[tuple[str | None, str], ...]:
         """Names of the heights, lower and upper, that springs join, None for the ground."""
-        return self.machine.model.springs
+        return self.source.model.springs
 
     @property
     def knees(self) -> tuple[Knee, ...]:
         """The knees of the machine's model, as its `heights`."""
-        model, unit = self.machine.model, self.machine.units.length if self.machine.units else 1.0
-        found = model.knees(self.machine.values) if model.knees else ()
+        model, unit = self.source.model, self.source.units.length if self.source.units else 1.0
+        found = model.knees(self.source.values) if model.knees else ()
         return tuple((lower, upper, length * unit) for lower, upper, length in found)
 
     @property
     def gap(self) -> Affine:
         """The gap as a function of the flight state."""
-        return self._length(self.machine.model.gap(self.machine.values))
+        return self._length(self.source.model.gap(self.source.values))
 
     def _length(self, height: Any) -> Any:
         """A length of the model as a function of the flight state: in SI where the machine is stated so."""
-        units, states = self.machine.units, self.machine.model.flight.states
+        units, states = self.source.units, self.source.model.flight.states
         return units.convert_height(height, states) if units else height
 
-    def __repr__(self) -> str:
-        return fields_in_line(self, "status", "end", "machine")
+    @property
+    def machine(self) -> Mapping[str, Any]:
+        """The machine in words and numbers."""
+        return machine_in_words(self.source)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """The units of the states and of the numbers of events by name; empty for a dimensionless machine."""
+        if (units := self.source.units) is None:
+            return {}
+        return {**{name: units.text(name) for name in self._states}, **units.texts(DIMENSIONS_OF_SIMULATIONS)}
+
+    @property
+    def _states(self) -> tuple[str, ...]:
+        return self.source.model.flight.states
+
+    def _line(self) -> dict[str, Any]:
+        return {"status": self.status, "end": self.end, "machine": self.source}
 
     def document(self) -> dict[str, Any]:
         """The simulation as the JSON document of the command line."""
+        units = self.source.units and self.source.units.texts(DIMENSIONS_OF_SIMULATIONS)
         return {
-            **({"units": self.machine.units.texts(DIMENSIONS_OF_SIMULATIONS)} if self.machine.units else {}),
-            "launches": [None if np.isnan(speed) else float(speed) for speed in self.launches],
+            **({"units": units} if units else {}), "launches": known(self.launches),
             "status": self.status, "reason": self.reason, "end": self.end,
             "smallest_separation": self.smallest_separation,
             "events": [{**vars(e), "before": e.before.tolist(), "after": e.after.tolist()} for e in self.events],
         }  # fmt: skip
 
-    def _told(self) -> tuple[list[tuple[str, ...]], list[str]]:
-        """A table of the events, its headings first, and what is to be said of the whole."""
-        units = self.machine.units.texts(DIMENSIONS_OF_SIMULATIONS) if self.machine.units else {}
-        time, energy, loss = (f"{name} ({units[name]})" if units else name for name in ("time", "energy", "loss"))
-        second, speed, metre = ("", "", "") if not units else (f" {units[name]}" for name in AFTER_NUMBERS)
-        rows = [(f"{e.time:.9g}", e.kind, f"{e.energy:.9g}", f"{e.loss:.6g}") for e in self.events]
+    def saved(self) -> dict[str, Any]:
+        """The document with the legs, and the machine in words, to load."""
+        legs = [{"phase": leg.phase, "start": leg.start, "path": leg.path.saved()} for leg in self.legs]
+        return {**super().saved(), "machine": self.machine, "legs": legs}
+
+    @classmethod
+    def of_saved(cls, document: Any, machine: Machine | None = None) -> "Simulation":
+        """The simulation of what `saved` made; raises `ValueError` where it is of another machine."""
+        data = cls._conform(document, _SavedSimulation)
+        machine = is_of(machine, data["machine"])
+        legs = tuple(Leg(each["phase"], each["start"], trajectory_of(each["path"])) for each in data["legs"])
+        size = len(machine.model.flight.states)
+        if not legs or any(each.shape != (size,) for event in data["events"] for each in (event.before, event.after)):
+            raise ValueError("its motion does not fit its machine")
+        launches = np.array(data["launches"], dtype=float)
+        return cls(legs, data["events"], data["status"], launches, data["end"], machine, data["reason"])
+
+    def table(self, t: ArrayLike | None = None) -> dict[str, np.ndarray]:
+        """Columns (k,) by name at times (k,), evenly spaced by default: "time", "phase" and the flight states."""
+        t = np.ravel(np.linspace(0.0, self.end, TABLE_ROWS) if t is None else np.asarray(t, dtype=float))
+        columns = {"time": t, "phase": np.where(self.in_contact(t), "contact", "flight")}
+        return columns | dict(zip(self._states, self(t).T, strict=True))
+
+    def title(self) -> str:
+        """What was simulated, in one line."""
+        return f"motion of {self.source!r}"
+
+    def heads(self) -> list[str]:
+        return ["event", *map(self.heading, ("time", "energy", "loss"))]
+
+    def _rows(self) -> Iterator[Row]:
+        """The events, with their times, energies and losses."""
+        for i, each in enumerate(self.events):
+            values = {f"{name} of event {i}": getattr(each, name) for name in ("time", "energy", "loss")}
+            yield Row(each.kind, values, ("{:.9g}", "{:.9g}", "{:.6g}"))
+
+    def summary(self) -> dict[str, Any]:
+        """How it ended and its launch speeds, and the numbers of the events."""
+        ended = {"status": self.status, "reason": self.reason, "end": self.end}
+        launches = {f"launch {i}": speed for i, speed in enumerate(known(self.launches))}
+        return {**ended, "smallest_separation": self.smallest_separation, **launches, **super().summary()}
+
+    def _notes(self) -> list[str]:
+        """What is to be said of the whole."""
+        speed, second, metre = (f" {self.unit_of(n)}".rstrip() for n in ("launches", "end", "smallest_separation"))
         speeds, why = ", ".join(f"{alpha:.10g}" for alpha in self.launches), f": {self.reason}" if self.reason else ""
         notes = [f"launch speeds {speeds}{speed}", f"{self.status} at time {self.end:.9g}{second}{why}"]
         if (least := self.smallest_separation) is not None and least <= 0:
             notes.append(f"the masses pass through each other: their least separation is {least:.6g}{metre}")
-        return [(time, "event", energy, loss), *rows], notes
-
-    def __str__(self) -> str:
-        rows, notes = self._told()
-        lines = [f"{time:>14}  {event:<10}{energy:>16}{loss:>14}" for time, event, energy, loss in rows]
-        return "\n".join([*lines, *(f"  {note}" for note in notes)])
-
-    def _repr_html_(self) -> str:
-        (heads, *rows), notes = self._told()
-        return cell(f"motion of {self.machine!r}", rows, self.plot, heads, notes)
+        return notes
 
     def plot(self, axes: Any = None) -> Any:
         """Plot heights against time; returns the axes. See `orbits.show.plot.plot_simulation`."""
@@ -170,13 +216,33 @@ class Simulation:
 
     def __call__(self, t: ArrayLike) -> np.ndarray:
         """Flight states (..., n) at times (...)."""
-        embed = self.machine.model.embed
+        embed = self.source.model.embed
 
         def flight_states(leg: Leg, since: np.ndarray) -> np.ndarray:
             rows = leg.path(since)
             return rows[..., : len(embed)] if leg.phase == "flight" else rows[..., : embed.shape[1]] @ embed.T
 
-        return rows_of_legs(self.legs, self.end, t, flight_states, " s" if getattr(self.machine, "units", None) else "")
+        return rows_of_legs(self.legs, self.end, t, flight_states, " s" if getattr(self.source, "units", None) else "")
+
+
+class _SavedLeg(TypedDict):
+    """A `Leg` in a file."""
+
+    phase: str
+    start: float
+    path: SavedTrajectory
+
+
+class _SavedSimulation(TypedDict):
+    """A `Simulation` in a file."""
+
+    machine: Mapping[str, Any]
+    legs: tuple[_SavedLeg, ...]
+    events: tuple[ContactEvent, ...]
+    status: str
+    launches: tuple[float | None, ...]
+    end: float
+    reason: str
 
 
 def index_of_legs(legs: Sequence[Leg], t: np.ndarray) -> np.ndarray:
@@ -227,4 +293,4 @@ def run_in_units(run: Simulation, units: Units, machine: Machine) -> Simulation:
     events = tuple(replace(units.convert(event, **energies), **changed) for event, changed in pairs)
     launches, end = run.launches * units.of(LIFTOFF_SPEED), run.end * units.time
     reason = in_units(run.reason, units)
-    return replace(run, legs=legs, events=events, launches=launches, end=end, machine=machine, reason=reason)
+    return replace(run, legs=legs, events=events, launches=launches, end=end, source=machine, reason=reason)

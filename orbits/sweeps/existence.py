@@ -6,21 +6,20 @@ the rows.
 """
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple, TypedDict
 
 import numpy as np
 
 from ..design.designs_at_once import DESIGN_STATUSES, solved_designs
 from ..errors import InputError, whole_number
-from ..io import check_ending, fields_in_line, write_json, write_table, writing
 from ..model.machine import Machine
 from ..periodic.find import LARGEST_FAMILY
-from ..result import cell, shown
+from ..result import Result, Row, shown
 from ..running import interrupts
 from .designs import Axis, axis_of
 from .progress import on_screen
@@ -31,8 +30,6 @@ from .sweep_result import Sweep
 LOCATED_TO = 1e-6
 # Statuses of members that have an orbit, the first of them a motion.
 WITH_ORBIT = ("certified", "inadmissible")
-# Endings of the files that a diagram is saved to.
-DIAGRAMS = (".json", ".csv", ".nc")
 
 
 class Boundaries(NamedTuple):
@@ -55,8 +52,8 @@ class Stretch(NamedTuple):
     status: str
 
 
-@dataclass(frozen=True, eq=False)
-class Existence:
+@dataclass(frozen=True, eq=False, repr=False)
+class Existence(Result):
     """An existence and admissibility diagram: the orbits of least launch speed on a grid of two parameters.
 
     along, across : names of the two parameters
@@ -65,27 +62,40 @@ class Existence:
     boundaries : the points between neighbours that differ
     """
 
+    what: ClassVar[str] = "diagram"
     along: str
     across: str
     values: tuple[float, ...]
     grid: Sweep
     boundaries: Boundaries
 
-    def __repr__(self) -> str:
-        return fields_in_line(self, "along", "across", "values")
+    @property
+    def machine(self) -> Mapping[str, Any]:
+        """The machine in words and numbers."""
+        return self.grid.machine
 
-    def _repr_html_(self) -> str:
-        rows = [(f"{value:.6g}", self._motions_in_words(row)) for row, value in enumerate(self.values)]
-        return cell(self.grid.title(), rows, self.plot, (self.heading(self.across), f"motions for {self.along}"))
+    @property
+    def units(self) -> dict[str, str]:
+        """The units of the grid's columns, and of the ends of the stretches; empty for a dimensionless machine."""
+        unit = self.grid.unit_of(self.along)
+        return {**self.grid.units, **({f"{side} {self.along}": unit for side in ("from", "to")} if unit else {})}
 
-    def _motions_in_words(self, row: int) -> str:
-        told = ", ".join(f"{low:.8g} to {high:.8g}" for low, high in self.motions(row)) or "none"
-        return f"{told}{', in part not known' if self.unknown(row) else ''}"
+    def _line(self) -> dict[str, Any]:
+        return {"along": self.along, "across": self.across, "values": self.values}
 
-    def __str__(self) -> str:
-        lines = [str(self.grid), f"  motions for {self.along} by {self.heading(self.across)}:"]
-        lines += [f"  {value:<12.6g}{self._motions_in_words(row)}" for row, value in enumerate(self.values)]
-        return "\n".join(lines)
+    def title(self) -> str:
+        """What was swept and what became of the members, in one line."""
+        return self.grid.title()
+
+    def heads(self) -> tuple[str, str]:
+        return self.heading(self.across), f"motions for {self.along}"
+
+    def _rows(self) -> Iterator[Row]:
+        """The intervals of each row on which there are motions."""
+        for row, value in enumerate(self.values):
+            motions = ", ".join(f"{low:.8g} to {high:.8g}" for low, high in self.motions(row)) or "none"
+            text = f"{motions}{', in part not known' if self.unknown(row) else ''}"
+            yield Row(f"{value:.6g}", {f"{self.across} = {value:.6g}": text})
 
     @property
     def between(self) -> tuple[float, float]:
@@ -120,10 +130,6 @@ class Existence:
         """Whether a row may be incomplete, since a member of it has failed."""
         return any(status == "failed" for _, _, status in self.row(row))
 
-    def heading(self, name: str) -> str:
-        """The name of a parameter or quantity with its unit, if it has one."""
-        return self.grid.heading(name)
-
     @property
     def orbit_edges(self) -> np.ndarray:
         """The located points (k, 2) at which orbits begin or end."""
@@ -151,11 +157,32 @@ class Existence:
             {"value": value, "stretches": [part._asdict() for part in self.row(row)]}
             for row, value in enumerate(self.values)
         ]
-        names = "point", "statuses", "located"
-        parts = zip(found.points.tolist(), found.statuses.tolist(), found.located.tolist(), strict=True)
-        told = [dict(zip(names, part, strict=True)) for part in parts]
+        parts = zip(*(column.tolist() for column in found), strict=True)
+        boundaries = [dict(zip(Boundaries._fields, part, strict=True)) for part in parts]
         own = {"along": self.along, "across": self.across, "between": list(self.between), "accuracy": LOCATED_TO}
-        return own | {"rows": rows, "boundaries": told} | swept
+        return own | {"rows": rows, "boundaries": boundaries} | swept
+
+    def saved(self) -> dict[str, Any]:
+        """The document with the question of the grid, to load."""
+        return {**self.grid.saved(), **super().saved()}
+
+    @classmethod
+    def of_saved(cls, document: Any, machine: Machine | None = None) -> "Existence":
+        """The diagram of what `saved` made; raises `ValueError` where it is of another machine."""
+        data = cls._conform(document, _SavedDiagram)
+        grid = Sweep.of_saved({**document, "format": Sweep.form()}, machine)
+        kinds: list[Any] = [int, bool, float, object, bool]
+        listed = ([each[name] for each in data["boundaries"]] for name in Boundaries._fields)
+        columns = [np.array(each, kind) for each, kind in zip(listed, kinds, strict=True)]
+        pairs = {name: column.reshape(-1, 2) for name, column in zip(Boundaries._fields, columns, strict=True)}
+        found = Boundaries(pairs["nodes"], columns[1], pairs["points"], pairs["statuses"], columns[4])
+        return cls(data["along"], data["across"], tuple(row["value"] for row in data["rows"]), grid, found)
+
+    def table(self) -> dict[str, list[Any]]:
+        """The stretches of the rows as columns: the row's value, from where to where, and the status."""
+        parts = [(value, *part) for row, value in enumerate(self.values) for part in self.row(row)]
+        names = self.across, f"from {self.along}", f"to {self.along}", "status"
+        return dict(zip(names, map(list, zip(*parts, strict=True)), strict=True))
 
     @property
     def dataset(self) -> Any:
@@ -165,20 +192,20 @@ class Existence:
         columns |= {"boundary_" + name: found.statuses[:, k].astype(str) for k, name in enumerate(("before", "behind"))}
         return self.grid.dataset.assign({name: ("boundary", values) for name, values in columns.items()})
 
-    def save(self, path: str | Path) -> Path:
-        """Write the whole diagram to .json or, with the extra `data`, to .nc (NetCDF); or to .csv the stretches of its
-        rows."""
-        path = check_ending(path, DIAGRAMS)
-        ending = path.suffix.lower()
-        if ending == ".csv":
-            names = [self.heading(self.across), *(f"{side} {self.heading(self.along)}" for side in ("from", "to"))]
-            stretches = ([value, *part] for row, value in enumerate(self.values) for part in self.row(row))
-            return write_table([*names, "status"], stretches, path, "diagram")
-        if ending == ".json":
-            return write_json(self.document(), path, "diagram")
-        with writing("diagram", path) as target:
-            self.dataset.to_netcdf(target)
-        return path
+
+class _SavedRow(TypedDict):
+    """A row of a diagram in a file."""
+
+    value: float
+
+
+class _SavedDiagram(TypedDict):
+    """An `Existence` in a file, beside its grid."""
+
+    along: str
+    across: str
+    rows: tuple[_SavedRow, ...]
+    boundaries: tuple[Mapping[str, Any], ...]
 
 
 def existence(

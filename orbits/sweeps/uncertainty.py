@@ -1,17 +1,16 @@
 """How sure the quantities of an orbit are when the machine's parameters are not."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar, TypedDict
 
 import numpy as np
 
 from ..design.sensitivities import sensitivities
 from ..errors import InputError, whole_number
-from ..io import one_line
 from ..model.machine import Machine
 from ..periodic.find import find
-from ..result import cell
+from ..result import Axes, Result, Row
 from .designs import members_of
 from .sweep import sweep as swept
 from .sweep_result import QUANTILES, Sweep
@@ -21,8 +20,8 @@ OUTER_QUANTILES = ("5%", "95%")
 COLUMNS_OF_UNCERTAINTY = ("mean", "deviation", "linear", *OUTER_QUANTILES)
 
 
-@dataclass(frozen=True, eq=False)
-class Uncertainty:
+@dataclass(frozen=True, eq=False, repr=False)
+class Uncertainty(Result):
     """How a machine's uncertain parameters spread the quantities of its orbit.
 
     mean, deviation, quantiles : by quantity, of the members that are motions, the quantiles by share, as "5%"
@@ -31,6 +30,7 @@ class Uncertainty:
     sweep : the members
     """
 
+    what: ClassVar[str] = "uncertainty"
     mean: Mapping[str, float]
     deviation: Mapping[str, float]
     quantiles: Mapping[str, Mapping[str, float]]
@@ -38,29 +38,66 @@ class Uncertainty:
     share: float
     sweep: Sweep
 
-    def __repr__(self) -> str:
-        return one_line(self, {"share": self.share, "mean": dict(self.mean)})
+    @property
+    def machine(self) -> Mapping[str, Any]:
+        """The machine in words and numbers."""
+        return self.sweep.machine
 
-    def summary(self) -> str:
+    @property
+    def units(self) -> dict[str, str]:
+        """The units of the quantities by name; empty for a dimensionless machine."""
+        return self.sweep.units
+
+    def _line(self) -> dict[str, Any]:
+        return {"share": self.share, "mean": dict(self.mean)}
+
+    def title(self) -> str:
         """How many members are motions, in one line."""
         return f"{self.share:.1%} of {len(self.sweep)} members are motions"
 
-    def rows(self) -> list[tuple[str, ...]]:
-        """The quantities as rows of a table: name, mean, deviation, linear deviation and two quantiles."""
-        numbers = {
-            name: (mean, self.deviation[name], self.linear[name], *map(self.quantiles[name].get, OUTER_QUANTILES))
-            for name, mean in self.mean.items()
-        }
-        return [(self.sweep.heading(name), *(f"{each:.6g}" for each in row)) for name, row in numbers.items()]
+    def heads(self) -> tuple[str, ...]:
+        return "", *COLUMNS_OF_UNCERTAINTY
 
-    def __str__(self) -> str:
-        width = max(len(self.sweep.heading(name)) for name in self.mean)
-        table = [("", *COLUMNS_OF_UNCERTAINTY), *self.rows()]
-        lines = [f"  {name:<{width}}" + "".join(f"{text:>14}" for text in row) for name, *row in table]
-        return "\n".join([self.summary(), *lines])
+    def _rows(self) -> Iterator[Row]:
+        """Mean, deviation, linear deviation and two quantiles of each quantity."""
+        for name, mean in self.mean.items():
+            numbers = mean, self.deviation[name], self.linear[name], *map(self.quantiles[name].get, OUTER_QUANTILES)
+            values = {f"{name} {what}": each for what, each in zip(COLUMNS_OF_UNCERTAINTY, numbers, strict=True)}
+            yield Row(self.sweep.heading(name), values, ("{:.6g}",) * len(values))
 
-    def _repr_html_(self) -> str:
-        return cell(self.summary(), self.rows(), self.sweep.plot, ("", *COLUMNS_OF_UNCERTAINTY))
+    def table(self) -> dict[str, list[Any]]:
+        """The numbers of the quantities as columns, with all quantiles."""
+        columns: dict[str, list[Any]] = {"quantity": list(self.mean), "unit": [*map(self.sweep.unit_of, self.mean)]}
+        columns |= {name: [getattr(self, name)[each] for each in self.mean] for name in ("mean", "deviation", "linear")}
+        shares = next(iter(self.quantiles.values()))
+        return columns | {share: [self.quantiles[each][share] for each in self.mean] for share in shares}
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Plot the first quantity of the members over the parameters; returns the axes."""
+        return self.sweep.plot(axes=axes)
+
+    def document(self) -> dict[str, Any]:
+        """The uncertainty as JSON-ready data, with its members."""
+        own = {name: dict(getattr(self, name)) for name in ("mean", "deviation", "quantiles", "linear")}
+        return {**own, "share": self.share, "sweep": self.sweep.saved()}
+
+    @classmethod
+    def of_saved(cls, document: Any, machine: Machine | None = None) -> "Uncertainty":
+        """The result of what `saved` made; raises `ValueError` where it is of another machine."""
+        data = cls._conform(document, _SavedUncertainty)
+        own = {name: data[name] for name in ("mean", "deviation", "quantiles", "linear", "share")}
+        return cls(**own, sweep=Sweep.of_saved(data["sweep"], machine))
+
+
+class _SavedUncertainty(TypedDict):
+    """An `Uncertainty` in a file."""
+
+    mean: Mapping[str, float]
+    deviation: Mapping[str, float]
+    quantiles: Mapping[str, Mapping[str, float]]
+    linear: Mapping[str, float]
+    share: float
+    sweep: Mapping[str, Any]
 
 
 def uncertainty(
@@ -74,7 +111,7 @@ def uncertainty(
     samples : members of the sample, drawn by Sobol's sequence
     options : `executor`, `workers`, `client`, `store`, `progress` of `sweep`
 
-    The linear answer is taken at the machine itself, with the standard deviations of the distributions. Raises
+    The linear deviation is taken at the machine itself, with the standard deviations of the distributions. Raises
     `NoOrbit` where the machine itself has no such orbit.
 
     >>> from scipy.stats import norm

@@ -295,7 +295,7 @@ def return_map(
         click.echo(to_json(hops.document()))
         return
     if len(speeds) > LONGEST_TABLE and not whole:
-        click.echo(options.summary(hops))
+        click.echo(f"{hops}\n  --all prints each, --json all as one document")
         return
     heads = [f"{name} ({hops.units[key]})" if hops.units else name for key, name in COLUMNS_OF_HOPS.items()]
     click.echo("{:>16}{:>20}{:>16}{:>9}  {}".format(*heads, "impacts", "status"))

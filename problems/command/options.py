@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
     from orbits.proof.theorem import Proof
     from orbits.return_map.diagram import BifurcationDiagram
-    from orbits.return_map.return_map import Hops
 
     from ..explorer.scene import Scene
     from ..machines.in_si import AnyMachine
@@ -96,7 +95,7 @@ def file_option(flag: str, kind: str, text: str) -> Callable:
                 return str(check_table(path))
             endings = {"document": DOCUMENTS, "front": (*DOCUMENTS, ".csv"), "figure": FIGURES, "family": ENDINGS}
             endings["diagram"] = (".json", ".csv", ".nc")
-            check_path(path, endings.get(kind, ENDINGS[:2]))
+            check_path(path, endings.get(kind, ENDINGS[:1]))
         return path
 
     return click.option(flag, metavar="FILE", help=text, callback=check)
@@ -260,24 +259,6 @@ def proved_curve(
     if followed.end.kind != "reached":
         raise NoOrbit(f"the family does not come to {along} = {stop:g}: {followed.end.kind}, {followed.end.reason}")
     return followed.prove(machine, continuous=True, **asked)
-
-
-def summary(hops: "Hops") -> str:
-    """What became of many launches, in some lines: how many of each status, and the ranges of their numbers."""
-    import numpy as np
-
-    lines = [f"{len(hops.alpha)} launches (--all prints each, --json all as one document)"]
-    for status in np.unique(hops.status):
-        these, rows = hops.status == status, {}
-        for name in ("alpha", "next", "loss", "impacts"):
-            if np.isfinite(inside := getattr(hops, name)[these]).any():
-                rows[name] = f"{np.nanmin(inside):.10g} to {np.nanmax(inside):.10g}"
-        lines.append(f"  {status}: {these.sum()}")
-        words = {"alpha": "launch speed"}
-        lines += [
-            f"    {words.get(name, name):<14}{text} {hops.units.get(name, '')}".rstrip() for name, text in rows.items()
-        ]
-    return "\n".join(lines)
 
 
 def machine_of(machine: str | None, *arguments: Any, **stated: Any) -> "AnyMachine":

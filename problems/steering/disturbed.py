@@ -1,16 +1,15 @@
 """An actuated machine driven open loop by the inputs of a motion, from a disturbed start or with other parameters."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from orbits import InputError, Simulation, simulate
 from orbits.errors import finite_number, whole_number
-from orbits.io import one_line
-from orbits.result import Axes, cell
+from orbits.result import Axes, Result, Row
 from orbits.simulation.schedule import Inputs
 from orbits.units import LIFTOFF_SPEED
 
@@ -24,14 +23,15 @@ if TYPE_CHECKING:
 JUST_AFTER = (1e-13, 1e-10, 1e-8, 1e-6)
 
 
-@dataclass(frozen=True)
-class Disturbed:
+@dataclass(frozen=True, repr=False)
+class Disturbed(Result):
     """A motion driven open loop under a disturbance, beside the same without it; in SI where the machine is.
 
     nominal : the simulation without the disturbance
     run : the simulation with it; its `status` says why it ended, and `run(t)` its states
     """
 
+    what: ClassVar[str] = "disturbed motion"
     nominal: Simulation
     run: Simulation
 
@@ -50,30 +50,57 @@ class Disturbed:
         """By how much the disturbed launches (k,) come later than the nominal ones."""
         return launch_times(self.run)[: self.compared] - launch_times(self.nominal)[: self.compared]
 
-    def __repr__(self) -> str:
-        return one_line(self, {"launch_errors": self.launch_errors.tolist(), "status": self.run.status})
+    @property
+    def machine(self) -> Mapping[str, Any]:
+        """The disturbed machine in words and numbers."""
+        return self.run.machine
 
-    def _table(self) -> list[tuple[str, ...]]:
-        """A table of the launches, its headings first."""
-        units = self.run.machine.units
-        second, speed = (" (s)", f" ({units.text(LIFTOFF_SPEED)})") if units else ("", "")
-        columns = self.run.launches, self.launch_errors, launch_times(self.run), self.delays
-        rows = enumerate(zip(*columns, strict=False), start=1 - len(self._start))
-        return [
-            ("hop", f"launch speed{speed}", f"off by{speed}", f"time{second}", f"late by{second}"),
-            *((f"{i}", f"{a:.10g}", f"{off:.6g}", f"{t:.10g}", f"{late:.6g}") for i, (a, off, t, late) in rows),
-        ]
+    @property
+    def units(self) -> dict[str, str]:
+        """The units of the table by name; empty for a dimensionless machine."""
+        if (units := self.run.source.units) is None:
+            return {}
+        speeds = dict.fromkeys(("launch speed", "off by"), units.text(LIFTOFF_SPEED))
+        return {**self.run.units, **speeds, "time": "s", "late by": "s"}
 
-    def _ended(self) -> str:
-        return f"{self.run.status}{f': {self.run.reason}' if self.run.reason else ''}"
+    def _line(self) -> dict[str, Any]:
+        return {"launch_errors": self.launch_errors.tolist(), "status": self.run.status}
 
-    def __str__(self) -> str:
-        lines = [f"{hop:>5}" + "".join(f"{text:>22}" for text in row) for hop, *row in self._table()]
-        return "\n".join([*lines, f"  {self._ended()}"])
+    def title(self) -> str:
+        """What it is, in one line."""
+        return "driven open loop under a disturbance"
 
-    def _repr_html_(self) -> str:
-        heads, *rows = self._table()
-        return cell("driven open loop under a disturbance", rows, self.plot, heads, [self._ended()])
+    def table(self) -> dict[str, np.ndarray]:
+        """The launches that are compared as columns: their speeds and times, and by how much these are off."""
+        speeds, times = self.run.launches[: self.compared], launch_times(self.run)[: self.compared]
+        hops = np.arange(self.compared) + 1 - len(self._start)
+        columns = {"hop": hops, "launch speed": speeds, "off by": self.launch_errors, "time": times}
+        return {**columns, "late by": self.delays}
+
+    def heads(self) -> list[str]:
+        return [*map(self.heading, self.table())]
+
+    def _rows(self) -> Iterator[Row]:
+        """The launches."""
+        for hop, *numbers in zip(*self.table().values(), strict=True):
+            values = {f"{name} of hop {hop}": float(x) for name, x in zip([*self.table()][1:], numbers, strict=True)}
+            yield Row(f"{hop}", values, ("{:.10g}", "{:.6g}", "{:.10g}", "{:.6g}"))
+
+    def _notes(self) -> list[str]:
+        return [f"{self.run.status}{f': {self.run.reason}' if self.run.reason else ''}"]
+
+    def document(self) -> dict[str, Any]:
+        """Both motions as JSON-ready data, with the parameters of the machine that differ between them."""
+        before, values = self.nominal.source.values, self.run.source.values
+        changed = {name: value for name, value in values.items() if value != before[name]}
+        return {"nominal": self.nominal.saved(), "run": self.run.saved(), "changed": changed}
+
+    @classmethod
+    def of_saved(cls, document: Any, machine: Any = None) -> "Disturbed":
+        """The motions of what `saved` made, of the machine of their `Driven`; raises `ValueError` for another one."""
+        data = cls._conform(document, _SavedDisturbed)
+        nominal = Simulation.of_saved(data["nominal"], machine and Actuated(machine))
+        return cls(nominal, Simulation.of_saved(data["run"], nominal.source.with_values(**data["changed"])))
 
     @property
     def _start(self) -> np.ndarray:
@@ -86,6 +113,14 @@ class Disturbed:
         from .steering_figures import plot_disturbed
 
         return plot_disturbed(self, axes)
+
+
+class _SavedDisturbed(TypedDict):
+    """A `Disturbed` in a file."""
+
+    nominal: Mapping[str, Any]
+    run: Mapping[str, Any]
+    changed: Mapping[str, float]
 
 
 def _liftoffs(run: Simulation) -> list[float]:
@@ -113,7 +148,7 @@ def disturbed(
         raise InputError("a disturbed start is a launch_error or a state: give one of them")
     nominal: dict[str, Any] = {"state": driven(0.0)} if launch is None else {"alpha": launch}
     start = {"state": state} if state is not None else nominal if launch is None else {"alpha": launch + error}
-    machine = Actuated(driven.machine.with_values(**values))  # type: ignore[arg-type]
+    machine = Actuated(driven.source.with_values(**values))  # type: ignore[arg-type]
     undisturbed = simulate(driven.actuated, hops=hops, schedule=schedule, **nominal)
     run = (
         _pushed(machine, start, hops, schedule, push)

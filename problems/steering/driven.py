@@ -2,18 +2,18 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
-from typing import Any, BinaryIO, TypedDict, cast
+from typing import Any, ClassVar, TypedDict, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orbits import Control, InputError, Simulation
-from orbits.control.control import control_of
-from orbits.io import conform, read_file, read_sealed, to_json
+from orbits import Control, Simulation
+from orbits.io import conform
+from orbits.model.machine import machine_in_words
 from orbits.model.phase import Affine
-from orbits.result import Axes, Report
+from orbits.result import Axes, Report, is_of
 from orbits.show.animation import SPRING_END, animate_simulation
 from orbits.simulation.simulated import times_within
 from orbits.units import LIFTOFF_SPEED, without_units
@@ -33,22 +33,29 @@ class Driven(Control):
     Called with times (...) it gives flight states (..., n), as `Simulation` and `Orbit` do; the last one is the
     displacement of the spring's end.
 
-    machine : the machine without its actuator; in SI the numbers are in SI
+    source : the machine without its actuator; in SI the numbers are in SI
     """
 
-    machine: AnyMachine = field(kw_only=True)
+    what: ClassVar[str] = "motion of a driven machine"
+    source: AnyMachine = field(kw_only=True)
+
+    @property
+    def machine(self) -> Mapping[str, Any]:
+        """The machine without its actuator, in words and numbers."""
+        return machine_in_words(cast(Any, self.source))
 
     @classmethod
     def of(cls, machine: AnyMachine, control: Control) -> "Driven":
         """A control of a machine, with the machine."""
-        told = {each.name: getattr(control, each.name) for each in fields(Control)}
-        bare = control.bare and cls.of(cast(Any, machine).dimensionless(), control.bare)
-        return cls(**{**told, "bare": bare}, machine=machine)
+        own = {each.name: getattr(control, each.name) for each in fields(Control)}
+        own["bare"] = control.bare and cls.of(cast(Any, machine).dimensionless(), control.bare)
+        own["units"] = {**control.units, **({"power": "W"} if control.units else {})}
+        return cls(**own, source=machine)
 
     @property
     def actuated(self) -> Actuated:
         """The machine with its actuator, as `simulate` takes it."""
-        return Actuated(self.machine)  # type: ignore[arg-type]
+        return Actuated(self.source)  # type: ignore[arg-type]
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -72,7 +79,7 @@ class Driven(Control):
             return None
         bare = self.dimensionless()
         model, x = bare.actuated.model, bare.legs[0].path(0.0)
-        unit = 1.0 if self.machine.units is None else self.machine.units.of(LIFTOFF_SPEED)
+        unit = 1.0 if self.source.units is None else self.source.units.of(LIFTOFF_SPEED)
         return model.launch_at(x)["alpha"] * unit
 
     @property
@@ -110,22 +117,18 @@ class Driven(Control):
 
     def power(self, t: ArrayLike) -> np.ndarray:
         """The actuator's power (...) on the machine at times (...); raises as a call does."""
-        bare, units = self.dimensionless(), self.machine.units
+        bare, units = self.dimensionless(), self.source.units
         if units is not None:
             with without_units(units):
                 return bare.power(times_within(t, self.end, " s") / units.time) * units.energy / units.time
         states = self(t)
-        tension = self.machine.spring(self.actuated.model.extension(states) - states[..., -1])  # type: ignore[misc]
-        return -self.machine.mass_ratio * tension * self.inputs_at(t)[..., self.inputs.index(RATE)]
+        tension = self.source.spring(self.actuated.model.extension(states) - states[..., -1])  # type: ignore[misc]
+        return -self.source.mass_ratio * tension * self.inputs_at(t)[..., self.inputs.index(RATE)]
 
     def table(self, t: ArrayLike | None = None) -> dict[str, np.ndarray]:
         """The columns of `Control.table`, with flight states, and the actuator's "power"."""
         columns = super().table(t)
         return columns | {"power": self.power(columns["time"])}
-
-    def heading(self, name: str) -> str:
-        """The name of a column with its unit, if it has one."""
-        return "power (W)" if self.units and name == "power" else super().heading(name)
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Plot heights against time, contact shaded, and below the spring's end and its rate; returns the axes of the
@@ -138,23 +141,30 @@ class Driven(Control):
         """Write an animation (.gif or .mp4), for a machine with a rest length also of the spring's end; returns its
         path. See `orbits.show.animation.animate_simulation`."""
         motion = self.motion
-        if self.machine.rest_length is not None:
+        if self.source.rest_length is not None:
             motion = WithMovedEnd(**{each.name: getattr(motion, each.name) for each in fields(motion)})
         return animate_simulation(motion, path, frames, progress)
 
     def document(self) -> dict[str, Any]:
         """The motion as JSON-ready data, with the machine in words and, where a file can state it, its statement."""
-        return {**super().document(), "machine": self.machine.describe(), "statement": statement_for_file(self.machine)}
+        return {**super().document(), "machine": self.machine, "statement": statement_for_file(self.source)}
 
     @classmethod
-    def load(cls, path: str | Path, machine: AnyMachine | None = None) -> "Driven":
-        """Read a motion that `save` wrote.
-
-        machine : the one that it is of; needed where a file cannot state it, as with a Python function as its spring
-
-        Raises `InputError` when the file is not one, or is of another machine.
-        """
-        return read_file(path, f"{path} is not a saved motion of a driven machine", partial(_driven_of, machine))
+    def of_saved(cls, document: Any, machine: AnyMachine | None = None) -> "Driven":
+        """The motion of what `saved` made, of the machine that it states or of this one; raises `ValueError` where
+        parts of it do not fit each other."""
+        data, control = conform(document, _SavedDriven), Control.of_saved(document)
+        if machine is None and data["statement"] is not None:
+            machine = machine_stated(dict(data["statement"]))
+        machine = cast(AnyMachine, is_of(cast(Any, machine), data["machine"]))
+        if (machine.units is None) != (control.bare is None):
+            raise ValueError("its units do not fit its machine")
+        model = Actuated(machine).model  # type: ignore[arg-type]
+        for leg in control.legs:
+            states = model.flight.states if leg.phase == "flight" else model.contact.states
+            if leg.states != states or leg.inputs.names != (RATE,):
+                raise ValueError(f"its stage '{leg.phase}' is none of its machine's")
+        return cls.of(machine, control)
 
 
 class DrivenMotion(Simulation):
@@ -163,7 +173,7 @@ class DrivenMotion(Simulation):
     @property
     def springs(self) -> tuple[tuple[str | None, str], ...]:
         """As in `Simulation`."""
-        return cast(Actuated, self.machine).machine.model.springs
+        return cast(Actuated, self.source).machine.model.springs
 
 
 class WithMovedEnd(DrivenMotion):
@@ -175,7 +185,7 @@ class WithMovedEnd(DrivenMotion):
         of what the spring joins."""
         ((below, _),) = super().springs
         heights = super().heights
-        ground = Affine((0.0,) * len(self.machine.model.flight.states))
+        ground = Affine((0.0,) * len(self.source.model.flight.states))
         foot = ground if below is None else cast(Affine, heights[below])
         return {**heights, SPRING_END: Affine((*foot.weights[:-1], 1.0), foot.offset)}
 
@@ -191,23 +201,3 @@ class _SavedDriven(TypedDict):
 
     machine: Mapping[str, Any]
     statement: Mapping[str, Any] | None
-
-
-def _driven_of(machine: AnyMachine | None, file: BinaryIO) -> Driven:
-    """The motion in an open file; raises `ValueError` where parts of it do not fit each other."""
-    document = read_sealed(file)
-    data, control = conform(document, _SavedDriven), control_of(document)
-    if machine is None:
-        if data["statement"] is None:
-            raise InputError("it cannot state its machine; give that too, as Driven.load(path, machine)")
-        machine = machine_stated(dict(data["statement"]))
-    if to_json(machine.describe()) != to_json(data["machine"]):
-        raise ValueError(f"it is of another machine: {data['machine']}")
-    if (machine.units is None) != (control.bare is None):
-        raise ValueError("its units do not fit its machine")
-    model = Actuated(machine).model  # type: ignore[arg-type]
-    for leg in control.legs:
-        states = model.flight.states if leg.phase == "flight" else model.contact.states
-        if leg.states != states or leg.inputs.names != (RATE,):
-            raise ValueError(f"its stage '{leg.phase}' is none of its machine's")
-    return Driven.of(machine, control)

@@ -307,7 +307,7 @@ def test_designs_over_masses(tmp_path):
     front = pareto(LEG, minimise=("-centre_of_mass_rise", "largest_contact_force"), points=2,
                    over={"foot_mass": (2.0, 4.0)})  # fmt: skip
     assert len(front.designs) >= 1
-    assert front.designs[0].orbit.units
+    assert front.designs[0].orbit.scales
     head = front.save(tmp_path / "front.csv").read_text().splitlines()[0]
     assert head == "-centre_of_mass_rise (m),largest_contact_force (N),foot_mass (kg)"
     assert [best.unit_of(name) for name in ("body_rise", "stroke/body_rise", "2*foot_rise")] == ["m", "", ""]

@@ -152,7 +152,7 @@ def test_an_orbit_comes_back():
     found = sweep(LEG, {"k": [8000.0, 9000.0]})
     orbit = found.orbit(1)
     assert orbit.alpha == pytest.approx(found["alpha"][1], rel=1e-13)
-    assert orbit.units is not None
+    assert orbit.scales is not None
     with pytest.raises(InputError, match="no member 2"):
         found.orbit(2)
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...io import check_path, writing
-from ...tables import html_table, machine_rows, orbit_rows
+from ...tables import html_table
 from .bokeh_figures import Change, apply, bokeh
 from .family_view import FamilyFigure, ending, family_data
 from .hop_view import HopFigures, hop_data
@@ -94,7 +94,7 @@ def orbit_page(orbit: Any, path: str | Path) -> Path:
     check_path(path, PAGES)
     figures, data = HopFigures(), hop_data(orbit)
     figures.show(data, steady=False)
-    table = html_table([*machine_rows(orbit.machine), *orbit_rows(orbit)], "Certificate")
+    table = html_table(orbit.rows(), "Certificate")
     first = "Animation and certificate", [_animation(figures), table]
     return write_page(path, data.title, [first, *_other_figures(figures, *_law_figures(orbit))])
 
@@ -121,14 +121,16 @@ def sweep_page(sweep: Any, path: str | Path, quantity: str | None) -> Path:
     """Write the page of a `Sweep`: a quantity over its parameters. See `write_page`."""
     check_path(path, PAGES)
     figures, told = sweep_figures(sweep, quantity)
-    summary = sweep.summary()
-    rows = [(name, *(f"{value:.6g}" for value in found.values())) for name, found in summary["quantiles"].items()]
-    named = [(sweep.heading(name), *values) for name, *values in rows]
-    shares = list(next(iter(summary["quantiles"].values()), {}))
-    statuses = html_table([(name, str(count)) for name, count in summary["status"].items()], "Members by status")
-    tables = [statuses, html_table(named, "Quantiles", ["", *shares])] if named else [statuses]
-    title = "\n".join([*(line.strip() for line in str(sweep).splitlines()[:2]), told])
+    statuses = html_table([(name, str(count)) for name, count in sweep.statuses().items()], "Members by status")
+    over, *shares = sweep.heads()
+    tables = [statuses, html_table(sweep.rows(), "Quantiles", ["", *shares])] if shares else [statuses]
+    title = "\n".join([sweep.title(), over, told])
     return write_page(path, title, [*([("Members", figures)] if figures else []), ("In numbers", tables)])
+
+
+def result_page(result: Any, path: str | Path) -> Path:
+    """Write the page of any result: its table, and its picture. See `write_page`."""
+    return write_page(path, result.title(), [("", [result._repr_html_()])])
 
 
 def _animation(figures: HopFigures) -> Any:
@@ -169,7 +171,7 @@ def _choice(family: Any, quantity: str, shown: FamilyFigure, hops: list[tuple[An
     for point, orbit in hops[:: -(-size * len(hops) // LARGEST_HOPS)]:
         data = hop_data(orbit)
         place = point.value, family.quantity(point, quantity)
-        table = html_table([(family.heading(family.name), f"{point.value:.7g}"), *orbit_rows(orbit)], "Certificate")
+        table = html_table([(family.heading(family.name), f"{point.value:.7g}"), *orbit.rows()], "Certificate")
         changes.append([*figures.changes(data, steady=False), *shown.marks(*place), (about, "text", table)])
         places.append(place)
     apply(changes[0])
