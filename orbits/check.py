@@ -20,7 +20,7 @@ from .periodic.find import dimensionless_start, find
 from .periodic.formulations import vector
 from .periodic.guess import guess, guesses
 from .periodic.orbit import MACHINE_FIELDS, Orbit
-from .result import Result, Row
+from .result import Result
 from .return_map.return_map import ReturnMap
 from .running.exclusive import exclusive
 from .simulation.simulated import Simulation
@@ -50,6 +50,7 @@ class Checked(Result):
     """
 
     what: ClassVar[str] = "check"
+    printed_digits: ClassVar[int] = 2
     machine: Mapping[str, Any]
     relations: tuple[Relation, ...]
     left_out: tuple[str, ...] = ()
@@ -59,42 +60,19 @@ class Checked(Result):
         """The largest deviation as a share of what is allowed."""
         return max(each.deviation / each.bound for each in self.relations)
 
-    @property
-    def units(self) -> dict[str, str]:
-        """Deviations are shares: none."""
-        return {}
-
     def _line(self) -> dict[str, Any]:
         return {"machine": self.machine["machine"], "relations": len(self.relations), "largest": self.largest}
 
     def title(self) -> str:
-        """How many relations hold, in one line."""
         return f"{self.machine['machine']}: {len(self.relations)} relations hold"
-
-    def _rows(self) -> Iterator[Row]:
-        """The relations with their deviations and fields."""
-        for each in self.relations:
-            yield Row(each.words, {each.words: each.deviation}, (f"{{:8.1e}}  {', '.join(each.fields)}",))
 
     def _notes(self) -> list[str]:
         return list(self.left_out)
 
     def table(self) -> dict[str, list[Any]]:
-        """The relations as columns: in words, their fields, their deviations, and what is allowed."""
-        columns = zip(*((r.words, ", ".join(r.fields), r.deviation, r.bound) for r in self.relations), strict=True)
-        return dict(zip(("relation", "fields", "deviation", "bound"), map(list, columns), strict=True))
-
-    def document(self) -> dict[str, Any]:
-        """The relations as JSON-ready data."""
-        relations = [each._asdict() for each in self.relations]
-        return {"machine": self.machine, "relations": relations, "left_out": list(self.left_out)}
-
-    @classmethod
-    def of_saved(cls, document: Any, machine: Any = None) -> "Checked":
-        """The result of what `saved` made; raises `ValueError` where parts of it are missing."""
-        data = cls._conform(document, Mapping[str, Any])
-        relations = (Relation(**{**each, "fields": tuple(each["fields"])}) for each in data["relations"])
-        return cls(data["machine"], tuple(relations), tuple(data["left_out"]))
+        """The relations as columns: in words, their deviations, what is allowed, and their fields."""
+        columns = zip(*((r.words, r.deviation, r.bound, ", ".join(r.fields)) for r in self.relations), strict=True)
+        return dict(zip(("relation", "deviation", "bound", "fields"), map(list, columns), strict=True))
 
 
 @exclusive

@@ -315,13 +315,12 @@ def _items(value: Any, inner: tuple, name: str) -> list:
 
 
 def _array(value: Any, name: str) -> np.ndarray:
+    """An array of numbers, of which None is NaN, or of texts, or of true and false."""
     try:
         array = np.array(value)
-    except ValueError:
-        array = np.array(None)
-    if array.dtype.kind not in "fi" or not array.size or not np.isfinite(array).all():
-        raise InputError(f"{name} is not an array of finite numbers")
-    return array
+        return np.array(value, dtype=float) if array.dtype.kind == "O" else array
+    except (ValueError, TypeError):
+        raise InputError(f"{name} is not an array") from None
 
 
 @cache

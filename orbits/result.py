@@ -7,12 +7,15 @@ drawn.
 import base64
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import partial
+from dataclasses import fields, is_dataclass
+from functools import cached_property, partial
 from html import escape
 from importlib import import_module
 from io import BytesIO
+from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO, ClassVar, NamedTuple, Self, TypeAlias
+from types import MappingProxyType
+from typing import Any, BinaryIO, ClassVar, NamedTuple, Self, TypeAlias, get_type_hints
 
 import numpy as np
 
@@ -20,6 +23,7 @@ from .errors import InputError
 from .io import (
     MEGABYTE,
     check_ending,
+    check_path,
     conform,
     extra_package,
     one_line,
@@ -30,8 +34,9 @@ from .io import (
     write_table,
     writing,
 )
-from .model.machine import Machine, machine_in_words
+from .model.machine import machine_in_words
 from .tables import DIGITS, html_table, number_text, text_table
+from .units import UNIT_TEXTS
 
 # A `matplotlib.axes.Axes`. The import waits until something is drawn, and its types differ between versions.
 Axes: TypeAlias = Any
@@ -68,12 +73,12 @@ class _Shown:
 class Row(NamedTuple):
     """A row of the table of a result.
 
-    heading : its first cell
+    heading : its first cell, a text or a number
     values : the numbers and texts that the row is about, by name
     cells : its other cells, patterns as for `str.format`, with a pair of braces for each of the values in their order
     """
 
-    heading: str
+    heading: Any
     values: Mapping[str, Any]
     cells: tuple[str, ...] = ("{}",)
 
@@ -86,7 +91,7 @@ class Row(NamedTuple):
     def texts(self, digits: int) -> tuple[str, ...]:
         """The row as texts; its numbers have so many digits unless their cell says otherwise."""
         values = (_Shown(value, digits) for value in self.values.values())
-        return self.heading, *"\0".join(self.cells).format(*values).split("\0")
+        return number_text(self.heading, digits=digits), *"\0".join(self.cells).format(*values).split("\0")
 
 
 class Result:
@@ -103,45 +108,58 @@ class Result:
     save(path) : a file, whose ending says which; `load(path)` reads the .json again, to the last bit
     page(path) : an HTML file that needs no network
 
-    A class of results says what it has: `what` such results are called in messages and files; `_line`, what stands in
-    one line; `title`, `_rows`, `heads` and `_notes`, its table; `table`, `document`, and `of_saved`, which makes it
-    again of what `saved` put into a file.
+    A class of results says what it has: `what` such results are called in messages and files; the names `in_line`, the
+    `title`, and unless its `table` is short, its `_rows`; `document`, and `of_saved`, which makes it again of what
+    `saved` put into a file.
     """
 
     what: ClassVar[str]
+    in_line: ClassVar[tuple[str, ...]] = ()  # attributes in the one line of its `repr`
     endings: ClassVar[tuple[str, ...]] = tuple(ENDINGS)
-    printed_digits: ClassVar[int] = 12  # of the numbers in the printed text
+    printed_digits: ClassVar[int] = 12
     dimension: ClassVar[str] = "row"  # what the rows of the table are called in a dataset
     largest_file: ClassVar[int] = 32 * MEGABYTE
+    document_is_whole: ClassVar[bool] = False  # whether `of_saved` needs no more than the document
+    machine: Any
 
-    if TYPE_CHECKING:  # fields of some results and properties of others
+    @cached_property
+    def units(self) -> Mapping[str, str]:
+        """The units of the quantities and parameters by name; empty for a dimensionless machine."""
+        own = self.machine.get("units")
+        return {} if own is None else {**UNIT_TEXTS, **own}
 
-        @property
-        def machine(self) -> Mapping[str, Any]: ...
+    def title(self) -> str:
+        """What the result is, in one line."""
+        raise NotImplementedError
 
-        @property
-        def units(self) -> Mapping[str, str]: ...
+    def table(self) -> Mapping[str, Any]:
+        """The data as columns of one length, by name."""
+        raise NotImplementedError
 
-        def table(self) -> Mapping[str, Any]: ...
+    def document(self) -> dict[str, Any]:
+        """The result as JSON-ready data, as the command line prints it."""
+        return stored(self)
 
-        def document(self) -> dict[str, Any]: ...
+    def heads(self) -> list[str]:
+        """The headings of the columns of `rows`; none where these are names and values."""
+        return [*map(self.heading, self.table())] if type(self)._rows is Result._rows else []
 
-        def title(self) -> str: ...
-
-        def _line(self) -> Mapping[str, Any]: ...
-
-        def _rows(self) -> Iterable[Row]: ...
-
-        @classmethod
-        def of_saved(cls, document: Any, machine: Any = None) -> Any: ...
-
-    def heads(self) -> Sequence[str]:
-        """The headings of the columns of its table, none for names and values."""
-        return ()
+    def _rows(self) -> Iterable[Row]:
+        """The rows of its table: those of the `table` itself."""
+        names = [*self.table()]
+        for i, row in enumerate(_rows_of([*self.table().values()])):
+            of = f"of {row[0]}" if isinstance(row[0], str) else f"{i}"
+            yield Row(
+                row[0], {f"{n} {of}": x for n, x in zip(names[1:], row[1:], strict=True)}, ("{}",) * (len(row) - 1)
+            )
 
     def _notes(self) -> list[str]:
         """Texts below its table."""
         return []
+
+    def _line(self) -> Mapping[str, Any]:
+        """What stands in the one line of its `repr`."""
+        return {name.split(".")[-1]: attrgetter(name)(self) for name in self.in_line}
 
     def __repr__(self) -> str:
         return one_line(self, self._line())
@@ -166,10 +184,7 @@ class Result:
         return cell(self.title(), self.rows(), getattr(self, "plot", None), self.heads(), self._notes())
 
     def page(self, path: str | Path) -> Path:
-        """Write a page of the result in one file (.html) that needs no network; returns its path.
-
-        Raises `InputError` for a bad path.
-        """
+        """Write a page of the result in one file (.html) that needs no network; returns its path."""
         return shown("pages.still").result_page(self, path)
 
     def unit_of(self, name: str) -> str:
@@ -192,16 +207,19 @@ class Result:
     def dataset(self) -> Any:
         """The `table` as an `xarray.Dataset`; raises `InputError` without xarray, which the extra `data` installs."""
         xarray = extra_package("xarray", "for a dataset")
-        columns = {name: (self.dimension, *self._variable(name, column)) for name, column in self.table().items()}
+        columns = dict(self.variable(name, column, self.dimension) for name, column in self.table().items())
         return xarray.Dataset(columns, attrs={"title": self.title(), "machine": to_json(self.machine)})
 
-    def _variable(self, name: str, column: Any) -> tuple[Any, dict[str, str]]:
-        """A column of a dataset, and what is said of it: nothing is "" among texts."""
+    def variable(self, name: str, column: Any, dims: Any, shape: Sequence[int] = (-1,)) -> tuple[str, tuple]:
+        """A column by a name that NetCDF takes, as a variable of a dataset: of these dimensions, None as "", and with
+        what is said of it."""
         values = np.asarray(column)
         if values.dtype == object:
-            values = np.array(["" if each is None else str(each) for each in values])
-        unit = self.unit_of(name)
-        return values, {"long_name": name.replace("_", " "), **({"units": unit} if unit else {})}
+            values = np.array(["" if each is None else str(each) for each in values.ravel()])
+        unit = {"units": self.unit_of(name)} if self.unit_of(name) else {}
+        plain = name.replace("/", " over ")
+        plain = plain if plain[:1].isidentifier() else f"_{plain}"
+        return plain, (dims, values.reshape(shape), {"long_name": name.replace("_", " "), **unit})
 
     def save(self, path: str | Path) -> Path:
         """Write the result to a file and return its path: the whole of it to .json, to `load`, or its `table` to .csv
@@ -210,15 +228,12 @@ class Result:
         Raises `InputError` when the file cannot be written.
         """
         path = check_ending(path, self.endings)
-        ending = path.suffix.lower()
-        if ending == ".json":
+        if (ending := path.suffix.lower()) == ".json":
             return write_json(self.saved(), path, self.what)
         if ending == ".csv":
             table = self.table()
-            return write_table([*map(self.heading, table)], _rows_of(list(table.values())), path, self.what)
-        for package in ENDINGS[ending]:
-            extra_package(package, f"to write {path}")
-        with writing(self.what, path) as target:
+            return write_table([*map(self.heading, table)], _rows_of([*table.values()]), path, self.what)
+        with writing(self.what, check_file(path)) as target:
             if ending == ".nc":
                 self.dataset.to_netcdf(target)
             else:
@@ -231,8 +246,24 @@ class Result:
         return f"persistent-orbits {cls.what} 1"
 
     def saved(self) -> dict[str, Any]:
-        """The document of a file of the result, from which `of_saved` makes it again."""
-        return {"format": self.form(), **self.document()}
+        """The document of a file of the result, and what it does not say of its fields, for `of_saved`."""
+        whole = self.document_is_whole or type(self).document is Result.document
+        return {"format": self.form(), **self.document(), **({} if whole else {"fields": stored(self)})}
+
+    @classmethod
+    def of_saved(cls, document: Any, machine: Any = None) -> Any:
+        """The result of what `saved` made; raises `ValueError` where parts of it do not fit each other, or where it is
+        of another machine."""
+        whole = cls._conform(document, Mapping[str, Any])
+        data, own = whole.get("fields", whole), dict[str, Any]()
+        for name, kind in get_type_hints(cls).items():
+            if name in data and isinstance(kind, type) and issubclass(kind, Result):
+                own[name] = kind.of_saved(data[name], machine)
+            elif name == "source":
+                own[name] = is_of(machine, **data[name])
+            elif name in data and name in cls.__dataclass_fields__:  # type: ignore[attr-defined]
+                own[name] = conform(data[name], kind, name)
+        return cls(**own)
 
     @classmethod
     def load(cls, path: str | Path, machine: Any = None) -> Self:
@@ -247,16 +278,24 @@ class Result:
 
     @classmethod
     def _read(cls, machine: Any, file: BinaryIO) -> Any:
-        """The result in an open file; raises `ValueError` where there is none."""
         return cls.of_saved(read_sealed(file), machine)
 
     @classmethod
     def _conform(cls, document: Any, kind: Any) -> Any:
         """The document of a file of such a result, held against its type; raises `ValueError` for another format."""
         data = conform(document, kind)
-        if document.get("format") != cls.form():
-            raise ValueError(f"format {document.get('format')!r}, expected {cls.form()!r}")
+        if data.get("format") != cls.form():
+            raise ValueError(f"format {data.get('format')!r}, expected {cls.form()!r}")
         return data
+
+
+def check_file(path: str | Path, endings: Sequence[str] = tuple(ENDINGS)) -> Path:
+    """The path of a file that a result is to be saved to; raises `InputError` where it cannot be, or where a package is
+    missing that writes it."""
+    path = check_path(path, tuple(endings))
+    for package in ENDINGS.get(path.suffix.lower(), ()):
+        extra_package(package, f"to write {path}")
+    return path
 
 
 def _rows_of(columns: Sequence[Any]) -> Iterable[tuple]:
@@ -267,16 +306,36 @@ def _rows_of(columns: Sequence[Any]) -> Iterable[tuple]:
             yield tuple("" if each is None or each != each else each for each in row)
 
 
+def stored(value: Any) -> Any:
+    """A value as JSON-ready data: a dataclass by its fields without those that it does not have, such as NaN, a machine
+    in words and by its values, and a result within another one as its own file has it."""
+    if isinstance(value, np.ndarray):
+        return stored(value.tolist()) if value.size or value.ndim < 2 else None  # a list has but its first dimension
+    if hasattr(value, "describe"):
+        return {"words": machine_in_words(value), "values": dict(value.values)}
+    if is_dataclass(value):
+        parts = ((each.name, getattr(value, each.name)) for each in fields(value))
+        inner = {name: part.saved() if isinstance(part, Result) else stored(part) for name, part in parts}
+        return {name: part for name, part in inner.items() if part is not None}
+    if isinstance(value, Mapping):
+        return {name: stored(part) for name, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [*map(stored, value)]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
 def known(numbers: Any) -> list[float | None]:
     """Numbers (m,) for JSON, None for those that are not finite."""
     return [value if np.isfinite(value) else None for value in np.ravel(numbers).tolist()]
 
 
-def is_of(machine: Machine | None, words: Mapping[str, Any]) -> Machine:
-    """The machine of a result that is read again, which describes itself in these words; raises `InputError` for none,
-    and `ValueError` for another one."""
+def is_of(machine: Any, words: Mapping[str, Any], values: Mapping[str, float] = MappingProxyType({})) -> Any:
+    """The machine of a result that is read again, with these values of its parameters, which then describes itself in
+    these words; raises `InputError` for none, and `ValueError` for another one."""
     if machine is None:
         raise InputError("it does not hold its machine; name it: load(path, machine)")
+    if changed := {name: value for name, value in values.items() if machine.values.get(name) != value}:
+        machine = machine.with_values(**changed)
     if json.loads(to_json(machine_in_words(machine))) != json.loads(to_json(words)):
         raise ValueError(f"it is of another machine: {dict(words)}")
     return machine

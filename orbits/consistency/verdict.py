@@ -7,6 +7,7 @@ that hold.
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from itertools import combinations
 from weakref import WeakSet
 
@@ -92,7 +93,7 @@ def _with_pieces(model: Model, relation: Relation) -> Relation:
     for where, phase, own in (("flight", model.flight, IN_FLIGHT), ("contact", model.contact, IN_CONTACT)):
         name = f"{where}.pieces"
         fields += (name,) if phase.pieces and {*own} & {*fields} and name not in fields else ()
-    return relation._replace(fields=fields)
+    return replace(relation, fields=fields)
 
 
 def _parameters(model: Model, values: Mapping[str, float]) -> Iterator[dict[str, float]]:

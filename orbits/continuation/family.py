@@ -21,7 +21,7 @@ from ..proof.theorem import Proof
 from ..result import ENDINGS as FILES
 from ..result import Result, Row, shown
 from ..running.time_limit import LIMIT
-from ..units import UNIT_TEXTS, saved_units
+from ..units import saved_units
 from .hops import orbit_from
 from .point import KNOWN, SIDES, End, Event, Point, check_points, json_line, point_in_units
 from .proved_curve import branch_claim
@@ -124,12 +124,6 @@ class Family(Result):
     def __getstate__(self) -> dict[str, Any]:
         """The fields without the machine, which another process may not be able to read."""
         return vars(self) | {"source": None}
-
-    @property
-    def units(self) -> dict[str, str]:
-        """The units of the parameters and the results by name; empty for a dimensionless machine."""
-        own = self.machine.get("units")
-        return {} if own is None else {**UNIT_TEXTS, **own}
 
     def __len__(self) -> int:
         return len(self.points)
@@ -271,7 +265,6 @@ class Family(Result):
         return Claim(here, point.alpha, point.error, point.family, tuple(point.violations), unknowns)
 
     def document(self) -> dict[str, Any]:
-        """The family as the JSON document of the command line."""
         points = [{self.name: point.value, **point.row()} for point in self.points]
         places = [{"kind": e.kind, "after": e.after, self.name: e.point.value, **e.point.row()} for e in self.events]
         end = {key: value for key, value in asdict(self.end).items() if value is not None}
@@ -284,7 +277,6 @@ class Family(Result):
         return {"along": self.name, "orbits": len(self), **ends, "end": self.end.kind}
 
     def title(self) -> str:
-        """What the family is in one line."""
         if not self.points:
             return f"a family along {self.name} without orbits: {self.end.kind}, {self.end.reason}"
         m = self.machine
@@ -345,7 +337,6 @@ class Family(Result):
         return Path(path)
 
     def saved(self) -> dict[str, Any]:
-        """The document of a file of the family: what its heading says, and its lines."""
         head, *lines = map(json.loads, self.records())
         return {**head, "items": lines}
 
@@ -381,7 +372,6 @@ class Family(Result):
 
     @classmethod
     def of_saved(cls, document: Any, machine: Any = None) -> "Family":
-        """The family of what `saved` made; raises `ValueError` where parts of it do not fit each other."""
         head = cls._conform(document, Heading)
         points, events, end = list[Point](), list[Event](), End("interrupted", UNFINISHED)
         for number, item in enumerate(head["items"], start=2):

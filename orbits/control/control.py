@@ -76,6 +76,8 @@ class Control(Result):
     """
 
     what: ClassVar[str] = "control"
+    document_is_whole: ClassVar[bool] = True
+    in_line: ClassVar[tuple[str, ...]] = ("status", "cost", "violation", "error", "end")
     legs: tuple[ControlledLeg, ...]
     cost: float
     parameters: Mapping[str, float]
@@ -98,13 +100,7 @@ class Control(Result):
         """What is pickled: all but the nonlinear program. As a guess the copy starts a solve from its motion."""
         return {each.name: getattr(self, each.name) for each in fields(self)} | {"answer": None}
 
-    @property
-    def machine(self) -> Mapping[str, Any]:
-        """A motion is of stages and not of a machine: nothing."""
-        return {}
-
-    def _line(self) -> dict[str, Any]:
-        return {name: getattr(self, name) for name in ("status", "cost", "violation", "error", "end")}
+    machine = property(lambda self: {})  # a motion is of stages
 
     @property
     def durations(self) -> np.ndarray:
@@ -203,8 +199,6 @@ class Control(Result):
 
     @classmethod
     def of_saved(cls, document: Any, machine: Any = None) -> "Control":
-        """The motion of what `saved` made, which as a guess starts a solve from its motion; raises `ValueError` where
-        parts of it do not fit each other."""
         data = Control._conform(document, SavedControl)
         units, bare = data["units"], data["bare"]
         if (units is None) != (bare is None) or (units is not None and not {"cost", "time"} <= units.keys()):
@@ -222,7 +216,6 @@ class Control(Result):
         return Control(legs, **own, units=units, coarseness=coarseness, bare=bare)
 
     def title(self) -> str:
-        """What it is, in one line."""
         return "motion of locally least cost"
 
     def _rows(self) -> Iterator[Row]:

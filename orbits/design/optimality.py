@@ -80,21 +80,12 @@ class Design(Result):
     pair: tuple[float, float] | None = None
     share: float | None = None
 
-    @property
-    def machine(self) -> Mapping[str, Any]:
-        """The machine with the best parameters, in words and numbers."""
-        return self.orbit.machine
-
-    @property
-    def units(self) -> dict[str, str]:
-        """The units of the quantities and parameters by name; empty for a dimensionless machine."""
-        return self.orbit.units
+    machine = property(lambda self: self.orbit.machine)
 
     def _line(self) -> dict[str, Any]:
         return {**self.parameters, self.verb: self.text, "objective": self.objective, "kkt": self.kkt}
 
     def document(self) -> dict[str, Any]:
-        """The design as the JSON document of the command line."""
         named = [*self.parameters, *self.quantities]
         return {
             "verb": self.verb,
@@ -112,7 +103,6 @@ class Design(Result):
         }
 
     def title(self) -> str:
-        """What the design is best in, in one line."""
         return f"{self.verb} {self.text}: {self.objective:.12g}" + (" (SI)" if self.units else "")
 
     def _rows(self) -> Iterator[Row]:

@@ -1,7 +1,7 @@
 """Pareto fronts: the designs of which none is better than another in both of two objectives."""
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, TypedDict
 
@@ -11,7 +11,7 @@ from ..errors import InputError, OrbitsError, whole_number
 from ..io import conform
 from ..model.machine import Machine
 from ..periodic.find import Progress, find
-from ..result import Axes, Result, Row, shown
+from ..result import Axes, Result, shown
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from .optimality import Design
@@ -42,6 +42,8 @@ class Front(Result):
     refused: tuple[tuple[float, str], ...]
     seconds: float
 
+    machine = property(lambda self: self.designs[0].machine)  # the others differ in the parameters that were free
+
     @property
     def values(self) -> np.ndarray:
         """The objectives (m, 2) of the designs."""
@@ -52,7 +54,6 @@ class Front(Result):
         return np.array([design.parameters[name] for design in self.designs])
 
     def document(self) -> dict[str, Any]:
-        """The front as the JSON document of the command line."""
         return {
             "objectives": list(self.texts),
             "points": [{"values": list(_objectives(design)), **design.document()} for design in self.designs],
@@ -61,31 +62,15 @@ class Front(Result):
         }
 
     @property
-    def machine(self) -> Mapping[str, Any]:
-        """The machine of the first design in words and numbers; the others differ in the parameters that were free."""
-        return self.designs[0].machine
-
-    @property
     def units(self) -> dict[str, str]:
         """The units of the objectives and parameters by name; empty for a dimensionless machine."""
-        texts = {text: self.designs[0].unit_of(text.lstrip("-")) for text in self.texts}
-        return {**self.designs[0].units, **{text: unit for text, unit in texts.items() if unit}}
+        return {**self.designs[0].units, **{text: self.designs[0].unit_of(text.lstrip("-")) for text in self.texts}}
 
     def _line(self) -> dict[str, Any]:
         return {"minimise": self.texts, "designs": len(self.designs), "seconds": self.seconds}
 
     def title(self) -> str:
-        """What is minimised, and by how many designs, in one line."""
         return f"Pareto front, minimise {' and '.join(self.texts)}: {len(self.designs)} certified designs"
-
-    def heads(self) -> list[str]:
-        return ["design", *map(self.heading, self.table())]
-
-    def _rows(self) -> Iterator[Row]:
-        """The objectives and parameters of each design."""
-        for i, numbers in enumerate(zip(*self.table().values(), strict=True)):
-            values = {f"{name} of design {i}": number for name, number in zip(self.table(), numbers, strict=True)}
-            yield Row(f"{i}", values, ("{}",) * len(values))
 
     def _notes(self) -> list[str]:
         levels = [f"{self.texts[1]} <= {level:.6g}: {reason}" for level, reason in self.refused]
@@ -101,7 +86,6 @@ class Front(Result):
         return shown("plot").plot_front(self, axes)
 
     def saved(self) -> dict[str, Any]:
-        """The document with the whole orbits, to load."""
         points = [{"values": list(_objectives(design)), **design.saved()} for design in self.designs]
         return {**self.document(), "points": points}
 

@@ -87,6 +87,8 @@ def trajectory_of(data: SavedTrajectory) -> Trajectory:
     times, coefficients, names = data["times"], data["coefficients"], data["names"]
     if coefficients is None:
         coefficients = np.zeros((max(times.size - 1, 0), 0, 1))
+    if not all(each.dtype.kind in "fi" and np.isfinite(each).all() for each in (times, coefficients)):
+        raise ValueError("its motion is not of finite numbers")
     if coefficients.ndim != 3 or times.shape != (len(coefficients) + 1,) or coefficients.shape[1] != len(names):
         raise ValueError("its motion is damaged")
     if len(times) < 2 or times[0] != 0 or not (np.diff(times) > 0).all():

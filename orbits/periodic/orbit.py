@@ -220,7 +220,6 @@ class Orbit(Result):
         return np.where(since > 0, self.contact(inside)[..., self.contact.names.index(CONTACT_FORCE)], 0.0)
 
     def document(self) -> dict[str, Any]:
-        """The orbit as the JSON document of the command line."""
         mid = self.state_mid_flight
         if self.shape.reversor:  # the states with the other sign vanish there
             mid = mid[np.array(self.shape.reversor) > 0]
@@ -260,9 +259,8 @@ class Orbit(Result):
         """The units of the quantities, states and parameters by name; empty for a dimensionless machine."""
         if self.scales is None:
             return {}
-        states = {name: self.scales.text(name) for name in self._states}
-        own = {name: unit or "" for name, unit in self.machine.get("units", {}).items()}
-        return {**self.scales.texts(), "time": "s", "contact force": "N", "rises": "m", **states, **own}
+        states = {name: self.scales.text(name) for name in (*self._states, "time", "contact force", "rises")}
+        return {**self.scales.texts(), **states, "time": "s", "contact force": "N", **self.machine.get("units", {})}
 
     @property
     def _states(self) -> tuple[str, ...]:
@@ -286,7 +284,6 @@ class Orbit(Result):
         return {"machine": self.machine["machine"], **shown}
 
     def title(self) -> str:
-        """What the orbit is in one line: its family, machine and laws."""
         machine = self.machine
         laws = f"spring {machine['spring']}, gravity {machine['gravity']}"
         return f"lossless orbit of family {self.family}: {machine['machine']}, {laws}"
@@ -533,7 +530,7 @@ def _machine_of(data: Mapping[str, Any]) -> dict[str, Any]:
 def _shape_of(data: _SavedShape, flight: Trajectory, contact: Trajectory | None) -> Shape:
     """A shape whose states are those of the motions; raises `ValueError`."""
     embed, signs = data["embed"], (data["reversor"], data["contact_reversor"])
-    sizes = embed.shape if embed.ndim == 2 else (0, 0)
+    sizes = embed.shape if embed.ndim == 2 and embed.dtype.kind in "fi" and np.isfinite(embed).all() else (0, 0)
     heights = {name: height_of(height, flight.names[: sizes[0]]) for name, height in data["heights"].items()}
     known = {*heights, None}
     fits = 0 < sizes[0] <= len(flight.names) and 0 < sizes[1] <= (sizes[1] if contact is None else len(contact.names))

@@ -7,7 +7,6 @@ from decimal import Decimal
 from typing import Any, ClassVar
 
 from ..result import Result, Row
-from ..units import UNIT_TEXTS
 
 # The width of the lines of a statement.
 LINE_WIDTH = 110
@@ -109,6 +108,7 @@ class Proof(Result):
     """
 
     what: ClassVar[str] = "proof"
+    document_is_whole: ClassVar[bool] = True
     proved: bool
     statement: str
     machine: Mapping[str, Any]
@@ -190,12 +190,6 @@ class Proof(Result):
             reasons=tuple(data["reasons"]),
         )
 
-    @property
-    def units(self) -> dict[str, str]:
-        """The units of the enclosures and the parameters by name; empty for a dimensionless machine."""
-        own = self.machine.get("units")
-        return {} if own is None else {**UNIT_TEXTS, **own}
-
     def table(self) -> dict[str, list[str]]:
         """What is enclosed as columns: the quantities, and the bounds as decimals."""
         bounds = {side: [getattr(each, side) for each in self.enclosures.values()] for side in ("low", "high")}
@@ -205,7 +199,6 @@ class Proof(Result):
         return {"proved": self.proved, "family": self.family, "alpha": str(self.alpha)}
 
     def title(self) -> str:
-        """Whether it is proved."""
         return "proved" if self.proved else "NOT PROVED"
 
     def _rows(self) -> Iterator[Row]:

@@ -3,11 +3,11 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any, ClassVar, TypedDict
+from typing import Any, ClassVar
 
 import numpy as np
 
-from ..io import conform, one_line
+from ..io import one_line
 from ..result import Result, Row, known, shown
 
 HOPS_OF = {1: "fixed points", 2: "hops of period two"}
@@ -34,8 +34,8 @@ class Bifurcation:
     kind: str
     value: float
     alphas: tuple[float, ...]
-    multiplier: float
-    branch: int
+    multiplier: float = np.nan
+    branch: int = -1
     note: str = ""
 
     @property
@@ -127,7 +127,6 @@ class BifurcationDiagram(Result):
         return {"along": self.along, "span": self.span, "between": self.between, **counts}
 
     def title(self) -> str:
-        """What the diagram is of, and its ranges, in one line."""
         unit, speed = (f" {self.unit_of(name)}".rstrip() for name in (self.along, "alpha"))
         (low, high), (slow, fast), m = self.span, self.between, self.machine
         ranges = f"along {self.along} from {low:g} to {high:g}{unit}, launch speeds {slow:g} to {fast:g}{speed}"
@@ -180,7 +179,6 @@ class BifurcationDiagram(Result):
         return shown("map_figures").plot_bifurcations(self, axes)
 
     def document(self) -> dict[str, Any]:
-        """The diagram as the JSON document of the command line."""
         branches = [
             {
                 "period": branch.period,
@@ -208,26 +206,6 @@ class BifurcationDiagram(Result):
         visits = {self.along: self.visits[:, 0].tolist(), "alpha": self.visits[:, 1].tolist()}
         return {**whole, "attractor": visits, **({"units": self.units} if self.units else {})}
 
-    @classmethod
-    def of_saved(cls, document: Any, machine: Any = None) -> "BifurcationDiagram":
-        """The diagram of what `saved` made; raises `ValueError` where parts of it do not fit each other."""
-        data = cls._conform(document, _SavedDiagram)
-        along, branches, events, visits = data["along"], list[Branch](), list[Bifurcation](), data["attractor"]
-        for each in data["branches"]:
-            slopes = np.array(each["multiplier"], dtype=float)
-            values, alphas = conform(each[along], np.ndarray, along), conform(each["alpha"], np.ndarray, "alpha")
-            if not len(slopes) == len(values) == len(alphas) or alphas.shape[1:] != (each["period"],):
-                raise ValueError("its branches are damaged")
-            first, last = (BranchEnd(**end) for end in each["ends"])
-            branches.append(Branch(each["period"], values, alphas, slopes, (first, last)))
-        for each in data["events"]:
-            slope, place = (np.nan if each[name] is None else each[name] for name in ("multiplier", along))
-            events.append(Bifurcation(each["kind"], place, tuple(each["alpha"]), slope, each["branch"], each["note"]))
-        return cls(
-            along, (data["from"], data["to"]), data["between"], data["machine"], tuple(branches), tuple(events),
-            np.array([visits[along], visits["alpha"]], dtype=float).T, document.get("units", {}),
-        )  # fmt: skip
-
     def table(self) -> dict[str, np.ndarray]:
         """The points of all branches as columns; the multiplier is that of the hops, NaN where they have none."""
         empty = np.zeros(0)
@@ -240,17 +218,6 @@ class BifurcationDiagram(Result):
             parts.append([i * whole, branch.period * whole, *numbers])
         names = *columns, "other alpha", "multiplier", "stable"
         return dict(zip(names, map(np.concatenate, zip(*parts, strict=True)), strict=True))
-
-
-# A `BifurcationDiagram` in a file.
-_SavedDiagram = TypedDict(
-    "_SavedDiagram",
-    {
-        "machine": Mapping[str, Any], "along": str, "from": float, "to": float, "between": tuple[float, float],
-        "branches": tuple[Mapping[str, Any], ...], "events": tuple[Mapping[str, Any], ...],
-        "attractor": Mapping[str, tuple[float, ...]],
-    },
-)  # fmt: skip
 
 
 def _settles(multiplier: float) -> bool | None:

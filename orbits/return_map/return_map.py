@@ -7,7 +7,7 @@ the power 4/3 of the distance, and the difference would be rounding.
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, TypedDict
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -68,7 +68,6 @@ class Hops(Result):
         return self.statuses()
 
     def title(self) -> str:
-        """How many launches there are, in one line."""
         return f"{self.status.size} launches: what becomes of them"
 
     def _rows(self) -> Iterator[Row]:
@@ -84,7 +83,6 @@ class Hops(Result):
                     yield Row(f"  {name}".replace("alpha", "launch speed"), ends, (text,))
 
     def table(self) -> dict[str, np.ndarray]:
-        """The launches as columns."""
         return {name: np.ravel(getattr(self, name)) for name in COLUMNS_OF_HOPS}
 
     def plot(self, axes: Any = None) -> Any:
@@ -92,34 +90,9 @@ class Hops(Result):
         return shown("map_figures").plot_hops(self, axes)
 
     def document(self) -> dict[str, Any]:
-        """The hops as the JSON document of the command line."""
         columns = {name: known(getattr(self, name)) for name in DIMENSIONS_OF_HOPS}
         columns |= {name: np.ravel(getattr(self, name)).tolist() for name in ("impacts", "status")}
         return columns | ({"units": self.units} if self.units else {})
-
-    def saved(self) -> dict[str, Any]:
-        """The document with the machine in words and the shape of the arrays, to load."""
-        return {**super().saved(), "machine": self.machine, "shape": list(self.alpha.shape)}
-
-    @classmethod
-    def of_saved(cls, document: Any, machine: Any = None) -> "Hops":
-        """The hops of what `saved` made; raises `ValueError` where their columns are not of one length."""
-        data = cls._conform(document, _SavedHops)
-        kinds: dict[str, Any] = {**dict.fromkeys(DIMENSIONS_OF_HOPS, float), "impacts": int, "status": STATUS}
-        columns = {name: np.array(data[name], kind).reshape(data["shape"]) for name, kind in kinds.items()}
-        return cls(**columns, units=document.get("units", {}), machine=data["machine"])
-
-
-class _SavedHops(TypedDict):
-    """`Hops` in a file."""
-
-    alpha: tuple[float | None, ...]
-    next: tuple[float | None, ...]
-    loss: tuple[float | None, ...]
-    impacts: tuple[int, ...]
-    status: tuple[str, ...]
-    machine: Mapping[str, Any]
-    shape: tuple[int, ...]
 
 
 @dataclass(frozen=True)

@@ -1,23 +1,23 @@
 """A simulated motion: its legs, flights and contacts, and the events between them."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar, TypedDict
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..flow.trajectory import SavedTrajectory, Trajectory, trajectory_of
+from ..flow.trajectory import Trajectory
 from ..io import fields_in_line
 from ..model.machine import Machine, machine_in_words
 from ..model.model import Knee
 from ..model.phase import Affine
 from ..model.state_formula import StateFormula
 from ..numerics.bernstein import lowest
-from ..result import TABLE_ROWS, Report, Result, Row, is_of, known, shown
+from ..result import TABLE_ROWS, Report, Result, Row, known, shown
 from ..units import ENERGY, LENGTH, LIFTOFF_SPEED, TIME, Units, in_units
 
 # The dimensions of a simulation's numbers by name; those of states are lengths and speeds.
@@ -73,6 +73,7 @@ class Simulation(Result):
     """
 
     what: ClassVar[str] = "simulation"
+    in_line: ClassVar[tuple[str, ...]] = ("status", "end", "source")
     legs: tuple[Leg, ...]
     events: tuple[ContactEvent, ...]
     status: str
@@ -121,12 +122,9 @@ class Simulation(Result):
         units, states = self.source.units, self.source.model.flight.states
         return units.convert_height(height, states) if units else height
 
-    @property
-    def machine(self) -> Mapping[str, Any]:
-        """The machine in words and numbers."""
-        return machine_in_words(self.source)
+    machine = property(lambda self: machine_in_words(self.source))
 
-    @property
+    @cached_property
     def units(self) -> dict[str, str]:
         """The units of the states and of the numbers of events by name; empty for a dimensionless machine."""
         if (units := self.source.units) is None:
@@ -137,11 +135,7 @@ class Simulation(Result):
     def _states(self) -> tuple[str, ...]:
         return self.source.model.flight.states
 
-    def _line(self) -> dict[str, Any]:
-        return {"status": self.status, "end": self.end, "machine": self.source}
-
     def document(self) -> dict[str, Any]:
-        """The simulation as the JSON document of the command line."""
         units = self.source.units and self.source.units.texts(DIMENSIONS_OF_SIMULATIONS)
         return {
             **({"units": units} if units else {}), "launches": known(self.launches),
@@ -150,23 +144,6 @@ class Simulation(Result):
             "events": [{**vars(e), "before": e.before.tolist(), "after": e.after.tolist()} for e in self.events],
         }  # fmt: skip
 
-    def saved(self) -> dict[str, Any]:
-        """The document with the legs, and the machine in words, to load."""
-        legs = [{"phase": leg.phase, "start": leg.start, "path": leg.path.saved()} for leg in self.legs]
-        return {**super().saved(), "machine": self.machine, "legs": legs}
-
-    @classmethod
-    def of_saved(cls, document: Any, machine: Machine | None = None) -> "Simulation":
-        """The simulation of what `saved` made; raises `ValueError` where it is of another machine."""
-        data = cls._conform(document, _SavedSimulation)
-        machine = is_of(machine, data["machine"])
-        legs = tuple(Leg(each["phase"], each["start"], trajectory_of(each["path"])) for each in data["legs"])
-        size = len(machine.model.flight.states)
-        if not legs or any(each.shape != (size,) for event in data["events"] for each in (event.before, event.after)):
-            raise ValueError("its motion does not fit its machine")
-        launches = np.array(data["launches"], dtype=float)
-        return cls(legs, data["events"], data["status"], launches, data["end"], machine, data["reason"])
-
     def table(self, t: ArrayLike | None = None) -> dict[str, np.ndarray]:
         """Columns (k,) by name at times (k,), evenly spaced by default: "time", "phase" and the flight states."""
         t = np.ravel(np.linspace(0.0, self.end, TABLE_ROWS) if t is None else np.asarray(t, dtype=float))
@@ -174,7 +151,6 @@ class Simulation(Result):
         return columns | dict(zip(self._states, self(t).T, strict=True))
 
     def title(self) -> str:
-        """What was simulated, in one line."""
         return f"motion of {self.source!r}"
 
     def heads(self) -> list[str]:
@@ -223,26 +199,6 @@ class Simulation(Result):
             return rows[..., : len(embed)] if leg.phase == "flight" else rows[..., : embed.shape[1]] @ embed.T
 
         return rows_of_legs(self.legs, self.end, t, flight_states, " s" if getattr(self.source, "units", None) else "")
-
-
-class _SavedLeg(TypedDict):
-    """A `Leg` in a file."""
-
-    phase: str
-    start: float
-    path: SavedTrajectory
-
-
-class _SavedSimulation(TypedDict):
-    """A `Simulation` in a file."""
-
-    machine: Mapping[str, Any]
-    legs: tuple[_SavedLeg, ...]
-    events: tuple[ContactEvent, ...]
-    status: str
-    launches: tuple[float | None, ...]
-    end: float
-    reason: str
 
 
 def index_of_legs(legs: Sequence[Leg], t: np.ndarray) -> np.ndarray:

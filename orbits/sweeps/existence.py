@@ -6,12 +6,13 @@ the rows.
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from time import perf_counter
-from typing import Any, ClassVar, NamedTuple, TypedDict
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -32,16 +33,17 @@ LOCATED_TO = 1e-6
 WITH_ORBIT = ("certified", "inadmissible")
 
 
-class Boundaries(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Boundaries:
     """Where neighbours on the grid differ: the nodes (k, 2) before each boundary by their places along and across,
     whether it lies in a row (k,), else between two, the points (k, 2), the statuses (k, 2) before and behind, and
     whether the point is located (k,), else it is the middle of the neighbours."""
 
-    nodes: np.ndarray
     in_row: np.ndarray
-    points: np.ndarray
-    statuses: np.ndarray
     located: np.ndarray
+    nodes: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), int))
+    points: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
+    statuses: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), str))
 
 
 class Stretch(NamedTuple):
@@ -63,32 +65,26 @@ class Existence(Result):
     """
 
     what: ClassVar[str] = "diagram"
+    in_line: ClassVar[tuple[str, ...]] = ("along", "across", "values")
     along: str
     across: str
     values: tuple[float, ...]
     grid: Sweep
     boundaries: Boundaries
 
-    @property
-    def machine(self) -> Mapping[str, Any]:
-        """The machine in words and numbers."""
-        return self.grid.machine
+    machine = property(lambda self: self.grid.machine)
 
-    @property
+    @cached_property
     def units(self) -> dict[str, str]:
         """The units of the grid's columns, and of the ends of the stretches; empty for a dimensionless machine."""
         unit = self.grid.unit_of(self.along)
         return {**self.grid.units, **({f"{side} {self.along}": unit for side in ("from", "to")} if unit else {})}
 
-    def _line(self) -> dict[str, Any]:
-        return {"along": self.along, "across": self.across, "values": self.values}
-
     def title(self) -> str:
-        """What was swept and what became of the members, in one line."""
         return self.grid.title()
 
-    def heads(self) -> tuple[str, str]:
-        return self.heading(self.across), f"motions for {self.along}"
+    def heads(self) -> list[str]:
+        return [self.heading(self.across), f"motions for {self.along}"]
 
     def _rows(self) -> Iterator[Row]:
         """The intervals of each row on which there are motions."""
@@ -157,26 +153,11 @@ class Existence(Result):
             {"value": value, "stretches": [part._asdict() for part in self.row(row)]}
             for row, value in enumerate(self.values)
         ]
-        parts = zip(*(column.tolist() for column in found), strict=True)
-        boundaries = [dict(zip(Boundaries._fields, part, strict=True)) for part in parts]
+        names = "point", "statuses", "located"
+        parts = zip(found.points.tolist(), found.statuses.tolist(), found.located.tolist(), strict=True)
+        boundaries = [dict(zip(names, part, strict=True)) for part in parts]
         own = {"along": self.along, "across": self.across, "between": list(self.between), "accuracy": LOCATED_TO}
         return own | {"rows": rows, "boundaries": boundaries} | swept
-
-    def saved(self) -> dict[str, Any]:
-        """The document with the question of the grid, to load."""
-        return {**self.grid.saved(), **super().saved()}
-
-    @classmethod
-    def of_saved(cls, document: Any, machine: Machine | None = None) -> "Existence":
-        """The diagram of what `saved` made; raises `ValueError` where it is of another machine."""
-        data = cls._conform(document, _SavedDiagram)
-        grid = Sweep.of_saved({**document, "format": Sweep.form()}, machine)
-        kinds: list[Any] = [int, bool, float, object, bool]
-        listed = ([each[name] for each in data["boundaries"]] for name in Boundaries._fields)
-        columns = [np.array(each, kind) for each, kind in zip(listed, kinds, strict=True)]
-        pairs = {name: column.reshape(-1, 2) for name, column in zip(Boundaries._fields, columns, strict=True)}
-        found = Boundaries(pairs["nodes"], columns[1], pairs["points"], pairs["statuses"], columns[4])
-        return cls(data["along"], data["across"], tuple(row["value"] for row in data["rows"]), grid, found)
 
     def table(self) -> dict[str, list[Any]]:
         """The stretches of the rows as columns: the row's value, from where to where, and the status."""
@@ -191,21 +172,6 @@ class Existence(Result):
         columns = {"boundary_" + name: found.points[:, k] for k, name in enumerate((self.along, self.across))}
         columns |= {"boundary_" + name: found.statuses[:, k].astype(str) for k, name in enumerate(("before", "behind"))}
         return self.grid.dataset.assign({name: ("boundary", values) for name, values in columns.items()})
-
-
-class _SavedRow(TypedDict):
-    """A row of a diagram in a file."""
-
-    value: float
-
-
-class _SavedDiagram(TypedDict):
-    """An `Existence` in a file, beside its grid."""
-
-    along: str
-    across: str
-    rows: tuple[_SavedRow, ...]
-    boundaries: tuple[Mapping[str, Any], ...]
 
 
 def existence(
@@ -276,7 +242,7 @@ def existence(
     statuses = grid["status"].reshape(grid.about["shape"])
     boundaries = _located(statuses, shares, both_ways, statuses_at, on_screen(progress))
     points = np.column_stack([axis.at(share) for axis, share in zip(scales, boundaries.points.T, strict=True)])
-    return Existence(along, across, rows, grid, boundaries._replace(points=points))
+    return Existence(along, across, rows, grid, replace(boundaries, points=points))
 
 
 def _shares_at(axis: Axis, values: Sequence[float]) -> np.ndarray:
@@ -320,7 +286,7 @@ def _located(
         rounds = np.log2(np.maximum((high - low)[in_row | both_ways].max(axis=1) / LOCATED_TO, 1.0))
         left, seconds = int(np.ceil(rounds).sum()), perf_counter() - began
         show(SweepProgress(done, done + left, dict(told), seconds, left * seconds / done))
-    return Boundaries(nodes, in_row, 0.5 * (low + high), parts, in_row | both_ways)
+    return Boundaries(in_row, in_row | both_ways, nodes, 0.5 * (low + high), parts)
 
 
 def codes_of(statuses: np.ndarray) -> np.ndarray:

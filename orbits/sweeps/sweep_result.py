@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, ClassVar, TypedDict
 
@@ -11,11 +11,11 @@ import numpy as np
 
 from ..design.designs_at_once import DESIGN_STATUSES
 from ..errors import InputError
-from ..io import check_path, conform, extra_package, to_json
+from ..io import conform, extra_package, to_json
 from ..model.machine import Machine
 from ..periodic.find import find
 from ..periodic.orbit import Orbit
-from ..result import ENDINGS, Result, Row, is_of, shown
+from ..result import Result, Row, is_of, shown
 from ..units import DIMENSIONS_OF_HOPS, UNIT_TEXTS, unit_text
 from .question import COLUMNS_OF, Question, SavedQuestion, Table, question_again
 
@@ -39,6 +39,7 @@ class Sweep(Result):
     """
 
     what: ClassVar[str] = "sweep"
+    document_is_whole: ClassVar[bool] = True
     parameters: tuple[str, ...]
     index: np.ndarray
     columns: Mapping[str, np.ndarray]
@@ -72,7 +73,6 @@ class Sweep(Result):
 
     @classmethod
     def of_saved(cls, document: Any, machine: Machine | None = None) -> "Sweep":
-        """The members of what `saved` made; raises `ValueError` where it is of another machine."""
         data = cls._conform(document, _SavedSweep)
         conform(data["about"], SavedQuestion)
         rows, kinds = data["members"], _columns_of(data["about"])
@@ -106,12 +106,9 @@ class Sweep(Result):
         """The number of members that were asked for."""
         return self.about["members"] * len(self.about["families"])
 
-    @property
-    def machine(self) -> Mapping[str, Any]:
-        """The machine in words and numbers."""
-        return self.about["machine"]
+    machine = property(lambda self: self.about["machine"])
 
-    @property
+    @cached_property
     def units(self) -> dict[str, str]:
         """The units of the columns by name; empty for a dimensionless machine."""
         own = self.machine.get("units")
@@ -158,7 +155,6 @@ class Sweep(Result):
         return {"parameters": self.parameters, "count": self.count, **self.statuses()}
 
     def title(self) -> str:
-        """What was swept and what became of the members, in one line."""
         status = ", ".join(f"{n} {name}" for name, n in self.statuses().items())
         words = f"{self.machine['machine']}, spring {self.machine['spring']}"
         return f"{len(self)} of {self.count} members of {words}: {status}"
@@ -190,14 +186,12 @@ class Sweep(Result):
             yield row
 
     def document(self) -> dict[str, Any]:
-        """The sweep as the JSON document of the command line."""
         status = dict.fromkeys(self.known_statuses(), 0) | self.statuses()
         document = {"parameters": list(self.parameters), "count": self.count, "status": status}
         document |= {"units": self.units} if self.units else {}
         return {**document, "members": list(self.members())}
 
     def saved(self) -> dict[str, Any]:
-        """The document with the question, to load."""
         return {**super().saved(), "about": self.about}
 
     @property
@@ -237,15 +231,13 @@ class Sweep(Result):
                 name: np.moveaxis(self.columns[name].reshape(*shape, len(families)), i, 0).reshape(shape[i], -1)[:, 0]
                 for i, name in enumerate(self.parameters)
             }
-            coordinates = {name: (name, *self._variable(name, values)) for name, values in axes.items()}
+            coordinates = dict(self.variable(name, values, name) for name, values in axes.items())
             dims, sizes = self.parameters, tuple(shape)
             if len(families) > 1:
                 dims, sizes = (*dims, "asked_family"), (*sizes, len(families))
                 coordinates["asked_family"] = ("asked_family", list(families))
-        data: dict[str, Any] = {}
-        for name, column in self.columns.items():
-            if name not in coordinates:
-                data[name.replace("/", " over ")] = dims, column.reshape(sizes), self._variable(name, column)[1]
+        columns = ((name, column) for name, column in self.columns.items() if name not in coordinates)
+        data = dict(self.variable(name, column, dims, sizes) for name, column in columns)
         return xarray.Dataset(data, coordinates, {"sweep": to_json(self.about)})
 
     def dataframe(self) -> Any:
@@ -290,15 +282,6 @@ def solves_again(function: Callable[..., Sweep]) -> Callable[..., Sweep]:
     """The same function, which is now what solves further members of a sweep."""
     Sweep.again = staticmethod(function)
     return function
-
-
-def check_table(path: str | Path) -> Path:
-    """The path of a file that a sweep is to be saved to; raises `InputError` where it cannot be, or where a package is
-    missing that writes it."""
-    path = check_path(path, tuple(ENDINGS))
-    for package in ENDINGS[path.suffix.lower()]:
-        extra_package(package, f"to write {path}")
-    return path
 
 
 class _SavedSweep(TypedDict):

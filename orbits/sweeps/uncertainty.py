@@ -1,8 +1,8 @@
 """How sure the quantities of an orbit are when the machine's parameters are not."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, TypedDict
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -10,14 +10,10 @@ from ..design.sensitivities import sensitivities
 from ..errors import InputError, whole_number
 from ..model.machine import Machine
 from ..periodic.find import find
-from ..result import Axes, Result, Row
+from ..result import Axes, Result
 from .designs import members_of
 from .sweep import sweep as swept
 from .sweep_result import QUANTILES, Sweep
-
-# Shares of the members below the quantiles that are printed, and the columns of the printed table.
-OUTER_QUANTILES = ("5%", "95%")
-COLUMNS_OF_UNCERTAINTY = ("mean", "deviation", "linear", *OUTER_QUANTILES)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -31,6 +27,8 @@ class Uncertainty(Result):
     """
 
     what: ClassVar[str] = "uncertainty"
+    in_line: ClassVar[tuple[str, ...]] = ("share", "mean")
+    printed_digits: ClassVar[int] = 6
     mean: Mapping[str, float]
     deviation: Mapping[str, float]
     quantiles: Mapping[str, Mapping[str, float]]
@@ -38,66 +36,21 @@ class Uncertainty(Result):
     share: float
     sweep: Sweep
 
-    @property
-    def machine(self) -> Mapping[str, Any]:
-        """The machine in words and numbers."""
-        return self.sweep.machine
-
-    @property
-    def units(self) -> dict[str, str]:
-        """The units of the quantities by name; empty for a dimensionless machine."""
-        return self.sweep.units
-
-    def _line(self) -> dict[str, Any]:
-        return {"share": self.share, "mean": dict(self.mean)}
+    machine = property(lambda self: self.sweep.machine)
 
     def title(self) -> str:
-        """How many members are motions, in one line."""
         return f"{self.share:.1%} of {len(self.sweep)} members are motions"
 
-    def heads(self) -> tuple[str, ...]:
-        return "", *COLUMNS_OF_UNCERTAINTY
-
-    def _rows(self) -> Iterator[Row]:
-        """Mean, deviation, linear deviation and two quantiles of each quantity."""
-        for name, mean in self.mean.items():
-            numbers = mean, self.deviation[name], self.linear[name], *map(self.quantiles[name].get, OUTER_QUANTILES)
-            values = {f"{name} {what}": each for what, each in zip(COLUMNS_OF_UNCERTAINTY, numbers, strict=True)}
-            yield Row(self.sweep.heading(name), values, ("{:.6g}",) * len(values))
-
     def table(self) -> dict[str, list[Any]]:
-        """The numbers of the quantities as columns, with all quantiles."""
-        columns: dict[str, list[Any]] = {"quantity": list(self.mean), "unit": [*map(self.sweep.unit_of, self.mean)]}
+        """The quantities, each with its mean, deviation, linear deviation, quantiles and unit, as columns."""
+        columns: dict[str, list[Any]] = {"quantity": list(self.mean)}
         columns |= {name: [getattr(self, name)[each] for each in self.mean] for name in ("mean", "deviation", "linear")}
-        shares = next(iter(self.quantiles.values()))
-        return columns | {share: [self.quantiles[each][share] for each in self.mean] for share in shares}
+        columns |= {f"{share:.0%}": [self.quantiles[each][f"{share:.0%}"] for each in self.mean] for share in QUANTILES}
+        return {**columns, "unit": [*map(self.sweep.unit_of, self.mean)]}
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Plot the first quantity of the members over the parameters; returns the axes."""
         return self.sweep.plot(axes=axes)
-
-    def document(self) -> dict[str, Any]:
-        """The uncertainty as JSON-ready data, with its members."""
-        own = {name: dict(getattr(self, name)) for name in ("mean", "deviation", "quantiles", "linear")}
-        return {**own, "share": self.share, "sweep": self.sweep.saved()}
-
-    @classmethod
-    def of_saved(cls, document: Any, machine: Machine | None = None) -> "Uncertainty":
-        """The result of what `saved` made; raises `ValueError` where it is of another machine."""
-        data = cls._conform(document, _SavedUncertainty)
-        own = {name: data[name] for name in ("mean", "deviation", "quantiles", "linear", "share")}
-        return cls(**own, sweep=Sweep.of_saved(data["sweep"], machine))
-
-
-class _SavedUncertainty(TypedDict):
-    """An `Uncertainty` in a file."""
-
-    mean: Mapping[str, float]
-    deviation: Mapping[str, float]
-    quantiles: Mapping[str, Mapping[str, float]]
-    linear: Mapping[str, float]
-    share: float
-    sweep: Mapping[str, Any]
 
 
 def uncertainty(

@@ -83,19 +83,14 @@ def file_option(flag: str, kind: str, text: str) -> Callable:
     def check(context, parameter, path):
         if path is not None:
             from orbits.continuation.family import ENDINGS
-            from orbits.io import DOCUMENTS, check_path
+            from orbits.result import check_file
             from orbits.show.animation import check_animation
             from orbits.show.plot import FIGURES
 
             if kind == "animation":
                 return str(check_animation(path))
-            if kind == "sweep":
-                from orbits.sweeps.sweep_result import check_table
-
-                return str(check_table(path))
-            endings = {"document": DOCUMENTS, "front": (*DOCUMENTS, ".csv"), "figure": FIGURES, "family": ENDINGS}
-            endings["diagram"] = (".json", ".csv", ".nc")
-            check_path(path, endings.get(kind, ENDINGS[:1]))
+            endings = {"result": ENDINGS[1:], "figure": FIGURES, "family": ENDINGS, "lines": ENDINGS[:1]}
+            check_file(path, endings[kind])
         return path
 
     return click.option(flag, metavar="FILE", help=text, callback=check)

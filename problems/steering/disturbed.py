@@ -1,15 +1,16 @@
 """An actuated machine driven open loop by the inputs of a motion, from a disturbed start or with other parameters."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar, TypedDict
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from orbits import InputError, Simulation, simulate
 from orbits.errors import finite_number, whole_number
-from orbits.result import Axes, Result, Row
+from orbits.result import Axes, Result
 from orbits.simulation.schedule import Inputs
 from orbits.units import LIFTOFF_SPEED
 
@@ -32,6 +33,8 @@ class Disturbed(Result):
     """
 
     what: ClassVar[str] = "disturbed motion"
+    in_line: ClassVar[tuple[str, ...]] = ("launch_errors", "run.status")
+    printed_digits: ClassVar[int] = 10
     nominal: Simulation
     run: Simulation
 
@@ -50,12 +53,9 @@ class Disturbed(Result):
         """By how much the disturbed launches (k,) come later than the nominal ones."""
         return launch_times(self.run)[: self.compared] - launch_times(self.nominal)[: self.compared]
 
-    @property
-    def machine(self) -> Mapping[str, Any]:
-        """The disturbed machine in words and numbers."""
-        return self.run.machine
+    machine = property(lambda self: self.run.machine)
 
-    @property
+    @cached_property
     def units(self) -> dict[str, str]:
         """The units of the table by name; empty for a dimensionless machine."""
         if (units := self.run.source.units) is None:
@@ -63,11 +63,7 @@ class Disturbed(Result):
         speeds = dict.fromkeys(("launch speed", "off by"), units.text(LIFTOFF_SPEED))
         return {**self.run.units, **speeds, "time": "s", "late by": "s"}
 
-    def _line(self) -> dict[str, Any]:
-        return {"launch_errors": self.launch_errors.tolist(), "status": self.run.status}
-
     def title(self) -> str:
-        """What it is, in one line."""
         return "driven open loop under a disturbance"
 
     def table(self) -> dict[str, np.ndarray]:
@@ -77,30 +73,13 @@ class Disturbed(Result):
         columns = {"hop": hops, "launch speed": speeds, "off by": self.launch_errors, "time": times}
         return {**columns, "late by": self.delays}
 
-    def heads(self) -> list[str]:
-        return [*map(self.heading, self.table())]
-
-    def _rows(self) -> Iterator[Row]:
-        """The launches."""
-        for hop, *numbers in zip(*self.table().values(), strict=True):
-            values = {f"{name} of hop {hop}": float(x) for name, x in zip([*self.table()][1:], numbers, strict=True)}
-            yield Row(f"{hop}", values, ("{:.10g}", "{:.6g}", "{:.10g}", "{:.6g}"))
-
     def _notes(self) -> list[str]:
         return [f"{self.run.status}{f': {self.run.reason}' if self.run.reason else ''}"]
 
-    def document(self) -> dict[str, Any]:
-        """Both motions as JSON-ready data, with the parameters of the machine that differ between them."""
-        before, values = self.nominal.source.values, self.run.source.values
-        changed = {name: value for name, value in values.items() if value != before[name]}
-        return {"nominal": self.nominal.saved(), "run": self.run.saved(), "changed": changed}
-
     @classmethod
     def of_saved(cls, document: Any, machine: Any = None) -> "Disturbed":
-        """The motions of what `saved` made, of the machine of their `Driven`; raises `ValueError` for another one."""
-        data = cls._conform(document, _SavedDisturbed)
-        nominal = Simulation.of_saved(data["nominal"], machine and Actuated(machine))
-        return cls(nominal, Simulation.of_saved(data["run"], nominal.source.with_values(**data["changed"])))
+        """As in `Result`, of the machine of its `Driven`."""
+        return super().of_saved(document, machine and Actuated(machine))
 
     @property
     def _start(self) -> np.ndarray:
@@ -113,14 +92,6 @@ class Disturbed(Result):
         from .steering_figures import plot_disturbed
 
         return plot_disturbed(self, axes)
-
-
-class _SavedDisturbed(TypedDict):
-    """A `Disturbed` in a file."""
-
-    nominal: Mapping[str, Any]
-    run: Mapping[str, Any]
-    changed: Mapping[str, float]
 
 
 def _liftoffs(run: Simulation) -> list[float]:

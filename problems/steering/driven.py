@@ -39,10 +39,7 @@ class Driven(Control):
     what: ClassVar[str] = "motion of a driven machine"
     source: AnyMachine = field(kw_only=True)
 
-    @property
-    def machine(self) -> Mapping[str, Any]:
-        """The machine without its actuator, in words and numbers."""
-        return machine_in_words(cast(Any, self.source))
+    machine = property(lambda self: machine_in_words(self.source))
 
     @classmethod
     def of(cls, machine: AnyMachine, control: Control) -> "Driven":
