@@ -29,7 +29,6 @@ MEGABYTE = 1 << 20
 # Characters of a value in the one line that tells a result, and of that line.
 LONGEST_TOLD, LONGEST_TOLD_LINE = 100, 195
 DIGEST = "digest"  # the key of a document that has its own
-DOCUMENTS = (".json",)  # endings of JSON documents
 # What a document says where one of these is expected, and how a message calls it.
 WORDS = {float: "a finite number", int: "a whole number", str: "a text", bool: "true or false"}
 
@@ -95,10 +94,9 @@ def _plain(value: Any) -> Any:
     raise TypeError(f"{value!r} cannot be written as JSON")
 
 
-def write_json(document: Mapping, path: str | Path, what: str, endings: tuple[str, ...] = DOCUMENTS) -> Path:
-    """Write a document to a JSON file and return its path; `what` it is and the `endings` that its files may have go
-    into the `InputError` when that fails."""
-    path, text = check_ending(path, endings), to_json(sealed(document)) + "\n"
+def write_json(document: Mapping, path: str | Path, what: str) -> Path:
+    """Write a document to a JSON file and return its path; `what` it is goes into the `InputError` when that fails."""
+    path, text = check_ending(path, (".json",)), to_json(sealed(document)) + "\n"
     with writing(what, path) as target:
         target.write_text(text, encoding="utf-8")
     return path
@@ -268,14 +266,16 @@ def read_file(path: str | Path, complaint: str, parse: Callable[[BinaryIO], Read
 def conform(value: Any, kind: Any, name: str = "it") -> Any:
     """A value of a JSON or TOML document as an object of a type, with everything in it; `name` is where it stands.
 
-    kind : float, int, str, bool, None, a union, tuple, list or mapping of such types, `numpy.ndarray`, a dataclass,
-        whose fields are the keys of a mapping, or a TypedDict, which may have further keys
+    kind : float, int, str, bool, None, a union, tuple, list or mapping of such types, `numpy.ndarray`, a class with an
+        `of_saved`, a dataclass, whose fields are the keys of a mapping, or a TypedDict, which may have further keys
 
     Raises `InputError` that names the first value that is of another type, or missing, or not finite.
     """
     origin, inner = get_origin(kind), get_args(kind)
     if kind is Any:
         return value
+    if hasattr(kind, "of_saved"):
+        return value if isinstance(value, kind) else kind.of_saved(value)
     if origin is UnionType:
         kinds = [each for each in inner if each is not NoneType]
         if value is None and len(kinds) < len(inner):

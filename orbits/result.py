@@ -255,15 +255,23 @@ class Result:
         """The result of what `saved` made; raises `ValueError` where parts of it do not fit each other, or where it is
         of another machine."""
         whole = cls._conform(document, Mapping[str, Any])
-        data, own = whole.get("fields", whole), dict[str, Any]()
-        for name, kind in get_type_hints(cls).items():
-            if name in data and isinstance(kind, type) and issubclass(kind, Result):
-                own[name] = kind.of_saved(data[name], machine)
-            elif name == "source":
+        return cls(**cls._fields_in(whole.get("fields", whole), machine))
+
+    @classmethod
+    def _fields_in(cls, data: Mapping[str, Any], machine: Any = None) -> dict[str, Any]:
+        """The fields of the result in a document, each held against its type."""
+        own, kinds = dict[str, Any](), get_type_hints(cls)
+        for each in fields(cls):  # type: ignore[arg-type]
+            name, kind = each.name, kinds[each.name]
+            if name not in data:
+                continue
+            if name == "source":
                 own[name] = is_of(machine, **data[name])
-            elif name in data and name in cls.__dataclass_fields__:  # type: ignore[attr-defined]
+            elif isinstance(kind, type) and issubclass(kind, Result):
+                own[name] = kind.of_saved(data[name], machine)
+            else:
                 own[name] = conform(data[name], kind, name)
-        return cls(**own)
+        return own
 
     @classmethod
     def load(cls, path: str | Path, machine: Any = None) -> Self:

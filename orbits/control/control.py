@@ -2,13 +2,14 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, ClassVar, Self, TypedDict
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..flow.trajectory import SavedTrajectory, Trajectory, trajectory_of
+from ..flow.trajectory import Trajectory
+from ..io import conform
 from ..result import TABLE_ROWS, Axes, Result, Row, shown
 from ..simulation.simulated import Leg, index_of_legs, rows_of_legs, times_within
 from ..units import Dimension, Units, dimension_of_state, unit_text
@@ -25,6 +26,17 @@ class ControlledLeg(Leg):
 
     inputs: Trajectory
     states: tuple[str, ...]
+
+    @classmethod
+    def of_saved(cls, document: Mapping[str, Any]) -> "ControlledLeg":
+        """The stage of what its `saved` is, whose parts fit each other; raises `ValueError`."""
+        kinds = {"phase": str, "start": float, "path": Trajectory, "inputs": Trajectory, "states": tuple[str, ...]}
+        leg = cls(**{name: conform(document[name], kind, name) for name, kind in kinds.items()})
+        rest = leg.path.names[len(leg.states) :]
+        fits = leg.path.names[: len(leg.states)] == leg.states and rest[-1:] == (RUNNING_COST,)
+        if not leg.states or not fits or leg.path.times[-1] != leg.inputs.times[-1]:
+            raise ValueError(f"its stage '{leg.phase}' is damaged")
+        return leg
 
     @property
     def duration(self) -> float:
@@ -186,11 +198,7 @@ class Control(Result):
 
     def document(self) -> dict[str, Any]:
         """The motion as JSON-ready data, with all that a file of it has."""
-        legs = [
-            {"phase": leg.phase, "start": leg.start, "states": leg.states}
-            | {"path": leg.path.saved(), "inputs": leg.inputs.saved()}
-            for leg in self.legs
-        ]
+        legs = [{**vars(leg), "path": leg.path.saved(), "inputs": leg.inputs.saved()} for leg in self.legs]
         own = {name: getattr(self, name) for name in ("status", *CONTROL_NUMBERS, "iterations", "rounds", "parameters")}
         coarseness = None if np.isnan(self.coarseness) else self.coarseness
         bare = self.bare and self.bare.document()
@@ -199,21 +207,19 @@ class Control(Result):
 
     @classmethod
     def of_saved(cls, document: Any, machine: Any = None) -> "Control":
-        data = Control._conform(document, SavedControl)
-        units, bare = data["units"], data["bare"]
+        data = Control._conform(document, Mapping[str, Any])
+        bare, inner = data["bare"], ("bare", "machine", "statement")
+        own = Control._fields_in({n: each for n, each in data.items() if each is not None and n not in inner})
+        units, legs = own.pop("units", None), own["legs"]
         if (units is None) != (bare is None) or (units is not None and not {"cost", "time"} <= units.keys()):
             raise ValueError("its units do not fit its numbers")
-        legs = tuple(map(_leg_of, data["legs"]))
         ends = np.cumsum([0.0, *(leg.duration for leg in legs)])
         if not legs or not np.allclose([leg.start for leg in legs], ends[:-1], rtol=1e-9, atol=1e-9 * ends[-1]):
             raise ValueError("its stages do not follow each other")
         bare = None if bare is None else Control.of_saved({**bare, "units": None, "bare": None})
         if bare is not None and [*map(_names_of, bare.legs)] != [*map(_names_of, legs)]:
             raise ValueError("its motions in SI and without units have other stages")
-        own = {name: data[name] for name in ("status", *CONTROL_NUMBERS, "iterations", "rounds", "parameters")}
-        coarseness = np.nan if data["coarseness"] is None else data["coarseness"]
-        units = {**_units_of(legs), **units} if units else {}
-        return Control(legs, **own, units=units, coarseness=coarseness, bare=bare)
+        return Control(**own, units={**_units_of(legs), **units} if units else {}, bare=bare)
 
     def title(self) -> str:
         return "motion of locally least cost"
@@ -230,34 +236,6 @@ class Control(Result):
         yield Row("found in", counts, ("{} iterations, {} rounds, {:.2f} s",))
 
 
-class _SavedLeg(TypedDict):
-    """A `ControlledLeg` in a file."""
-
-    phase: str
-    start: float
-    states: tuple[str, ...]
-    path: SavedTrajectory
-    inputs: SavedTrajectory
-
-
-class SavedControl(TypedDict):
-    """A `Control` in a file; `bare` is another one, without units."""
-
-    format: str
-    status: str
-    cost: float
-    violation: float
-    error: float
-    seconds: float
-    iterations: int
-    rounds: int
-    parameters: Mapping[str, float]
-    coarseness: float | None
-    units: Mapping[str, str] | None
-    legs: tuple[_SavedLeg, ...]
-    bare: Mapping[str, Any] | None
-
-
 def _names_of(leg: ControlledLeg) -> tuple[Any, ...]:
     return leg.phase, leg.states, leg.path.names, leg.inputs.names
 
@@ -265,15 +243,6 @@ def _names_of(leg: ControlledLeg) -> tuple[Any, ...]:
 def _units_of(legs: tuple[ControlledLeg, ...]) -> dict[str, str]:
     """The units of SI of the states by name."""
     return {name: unit_text(dimension_of_state(name)) for leg in legs for name in leg.states}
-
-
-def _leg_of(data: _SavedLeg) -> ControlledLeg:
-    """A stage whose parts fit each other; raises `ValueError`."""
-    path, inputs, states = trajectory_of(data["path"]), trajectory_of(data["inputs"]), data["states"]
-    fits = path.names[: len(states)] == states and path.names[len(states) :][-1:] == (RUNNING_COST,)
-    if not states or not fits or path.times[-1] != inputs.times[-1]:
-        raise ValueError(f"its stage '{data['phase']}' is damaged")
-    return ControlledLeg(data["phase"], data["start"], path, inputs, states)
 
 
 def control_in_units(

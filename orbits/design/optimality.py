@@ -141,11 +141,9 @@ class Design(Result):
     def of_saved(cls, document: Any, machine: Machine | None = None) -> "Design":
         """The design of what `saved` made, of a machine with any values of the parameters that were free; raises
         `ValueError` where parts of it do not fit each other."""
-        data = conform(document, SavedDesign)
-        orbit = Orbit.of_saved(data["orbit"])
-        best = is_of(machine and machine.with_values(**data["parameters"]), orbit.machine)
-        stated = {name: data[name] for name in SavedDesign.__annotations__ if name not in ("objective", "orbit")}
-        return cls(best, orbit, text=data["objective"]["formula"], objective=data["objective"]["value"], **stated)
+        goal = conform(document["objective"], _SavedObjective, "objective")
+        own = cls._fields_in({**document, "text": goal["formula"], "objective": goal["value"]})
+        return cls(source=is_of(machine, own["orbit"].machine, own["parameters"]), **own)
 
 
 class _SavedObjective(TypedDict):
@@ -153,23 +151,6 @@ class _SavedObjective(TypedDict):
 
     formula: str
     value: float
-
-
-class SavedDesign(TypedDict):
-    """A `Design` in a file; its orbit is read as an orbit's file is."""
-
-    verb: str
-    objective: _SavedObjective
-    parameters: Mapping[str, float]
-    quantities: Mapping[str, float]
-    active: tuple[Active, ...]
-    idle: tuple[str, ...]
-    kkt: float
-    starts: tuple[Start, ...]
-    seconds: float
-    pair: tuple[float, float] | None
-    share: float | None
-    orbit: Mapping[str, Any]
 
 
 class _ActiveRow(NamedTuple):

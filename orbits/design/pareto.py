@@ -3,12 +3,11 @@
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, TypedDict
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ..errors import InputError, OrbitsError, whole_number
-from ..io import conform
 from ..model.machine import Machine
 from ..periodic.find import Progress, find
 from ..result import Axes, Result, shown
@@ -93,28 +92,12 @@ class Front(Result):
     def of_saved(cls, document: Any, machine: Machine | None = None) -> "Front":
         """The front of what `saved` made, of a machine with any values of the parameters that were free; raises
         `ValueError` where parts of it do not fit each other."""
-        data = conform(document, SavedFront)
-        designs = tuple(Design.of_saved(point, machine) for point in data["points"])
+        designs = tuple(Design.of_saved(point, machine) for point in document["points"])
         if not designs or any(design.pair is None for design in designs):
             raise ValueError("it has no designs with two objectives")
-        refused = tuple((each["level"], each["reason"]) for each in data["refused"])
-        return cls(data["objectives"], designs, refused, data["seconds"])
-
-
-class _SavedLevel(TypedDict):
-    """A level at which no design was found, in a file."""
-
-    level: float
-    reason: str
-
-
-class SavedFront(TypedDict):
-    """A `Front` in a file; its points are designs, with both objectives in `pair`."""
-
-    objectives: tuple[str, str]
-    points: tuple[Mapping[str, Any], ...]
-    refused: tuple[_SavedLevel, ...]
-    seconds: float
+        refused = [(each["level"], each["reason"]) for each in document["refused"]]
+        own = cls._fields_in({**document, "texts": document["objectives"], "refused": refused})
+        return cls(designs=designs, **own)
 
 
 @exclusive

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..flow.trajectory import SavedTrajectory, Trajectory, trajectory_of
+from ..flow.trajectory import Trajectory
 from ..io import DIGEST, Changed, conform, read_file, read_sealed, to_json
 from ..model.machine import Machine, machine_in_words
 from ..model.model import Knee
@@ -384,7 +384,7 @@ class Orbit(Result):
     def _stated(cls, data: Mapping[str, Any]) -> "Orbit":
         """The orbit whose numbers a document states, without units."""
         motion, checked = data["motion"], [name for name in Certificate.__dataclass_fields__ if name in data]
-        flight, contact = (path and trajectory_of(path) for path in (motion["flight"], motion["contact"]))
+        flight, contact = motion["flight"], motion["contact"]
         if (data["contact_time"] is None) != (contact is None) or not data["flight_time"] >= flight.times[-1]:
             raise ValueError("its times do not fit its motion")
         return cls(
@@ -426,8 +426,8 @@ class _SavedMotion(TypedDict):
     """What a saved orbit has beside its document."""
 
     shape: _SavedShape
-    flight: SavedTrajectory
-    contact: SavedTrajectory | None
+    flight: Trajectory
+    contact: Trajectory | None
     units: SavedUnits | None
 
 

@@ -301,7 +301,7 @@ def test_designs_over_masses(tmp_path):
     best = optimize(LEG, minimise="largest_contact_force", **limits)
     assert best.quantities["centre_of_mass_rise"] == pytest.approx(0.05, rel=1e-10)
     assert best.orbit.rises["centre of mass"] == pytest.approx(0.05, rel=1e-10)
-    assert best.objective == pytest.approx(find(best.machine).certificate.largest_contact_force, rel=1e-10)
+    assert best.objective == pytest.approx(find(best.source).certificate.largest_contact_force, rel=1e-10)
     assert "foot_mass" in str(best)
     assert best.document()["orbit"]["units"]["alpha"] == "m/s"
     front = pareto(LEG, minimise=("-centre_of_mass_rise", "largest_contact_force"), points=2,
