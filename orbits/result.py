@@ -147,7 +147,7 @@ class Result:
     def _rows(self) -> Iterable[Row]:
         """The rows of its table: those of the `table` itself."""
         names = [*self.table()]
-        for i, row in enumerate(_rows_of([*self.table().values()])):
+        for i, row in enumerate(_table_rows([*self.table().values()])):
             of = f"of {row[0]}" if isinstance(row[0], str) else f"{i}"
             yield Row(
                 row[0], {f"{n} {of}": x for n, x in zip(names[1:], row[1:], strict=True)}, ("{}",) * (len(row) - 1)
@@ -232,7 +232,7 @@ class Result:
             return write_json(self.saved(), path, self.what)
         if ending == ".csv":
             table = self.table()
-            return write_table([*map(self.heading, table)], _rows_of([*table.values()]), path, self.what)
+            return write_table([*map(self.heading, table)], _table_rows([*table.values()]), path, self.what)
         with writing(self.what, check_file(path)) as target:
             if ending == ".nc":
                 self.dataset.to_netcdf(target)
@@ -306,7 +306,7 @@ def check_file(path: str | Path, endings: Sequence[str] = tuple(ENDINGS)) -> Pat
     return path
 
 
-def _rows_of(columns: Sequence[Any]) -> Iterable[tuple]:
+def _table_rows(columns: Sequence[Any]) -> Iterable[tuple]:
     """The rows of columns (m,), few of them at a time as objects of Python; a number that there is not is empty."""
     for first in range(0, len(columns[0]) if columns else 0, AT_ONCE):
         parts = (np.asarray(column)[first : first + AT_ONCE].tolist() for column in columns)

@@ -18,8 +18,7 @@ from ..proof.branch_claim import BranchClaim
 from ..proof.claim import CONTACT_DURATION, Claim
 from ..proof.prove import prove_branch, prove_claims
 from ..proof.theorem import Proof
-from ..result import ENDINGS as FILES
-from ..result import Result, Row, shown
+from ..result import ENDINGS, Result, Row, shown
 from ..running.time_limit import LIMIT
 from ..units import saved_units
 from .hops import orbit_from
@@ -32,7 +31,7 @@ UNFINISHED = "its file ends before it does: resume it to go on"
 # Seconds that the proof of a curve may take unless more are allowed.
 LIMIT_OF_BRANCH = 600.0
 # Endings of the files that a family is saved to; the first is lines of JSON, which grow point by point.
-ENDINGS = (".jsonl", *FILES)
+FAMILY_ENDINGS = (".jsonl", *ENDINGS)
 # What is read of a saved family at most: some 100,000 points, and lines far longer than any that is written.
 LARGEST_FILE, LONGEST_LINE = 128 * MEGABYTE, 4 * MEGABYTE
 
@@ -108,7 +107,7 @@ class Family(Result):
     """
 
     what: ClassVar[str] = "family"
-    endings: ClassVar[tuple[str, ...]] = ENDINGS
+    endings: ClassVar[tuple[str, ...]] = FAMILY_ENDINGS
     printed_digits: ClassVar[int] = 15
     dimension: ClassVar[str] = "point"
     largest_file: ClassVar[int] = LARGEST_FILE

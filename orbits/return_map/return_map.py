@@ -29,7 +29,7 @@ from .resolved_map import JUMP, SLOWEST_LOSSLESS, Intervals, ResolvedMap, lossle
 BATCH_SIZE = 5000  # launch speeds in one batch: enough to pay for the calls, few enough for the memory
 # The launches in the picture of a map, and the fastest of them where there is no lossless one, in units of the machine.
 SHOWN, HIGH_LAUNCH = 1000, 9.0
-COLUMNS_OF_HOPS = ("alpha", "next", "loss", "impacts", "status")
+HOP_COLUMNS = ("alpha", "next", "loss", "impacts", "status")
 NO_BASIN = "with injection or damping no hop is lossless, and none comes to one"
 
 
@@ -74,7 +74,7 @@ class Hops(Result):
         """How many launches have each status, and the ranges of their numbers."""
         for status, count in self.statuses().items():
             yield Row(status.replace("_", " "), {status: count})
-            for name in COLUMNS_OF_HOPS[:-1]:
+            for name in HOP_COLUMNS[:-1]:
                 inside = getattr(self, name)[self.status == status]
                 if np.isfinite(inside).any():
                     low, high = float(np.nanmin(inside)), float(np.nanmax(inside))
@@ -83,7 +83,7 @@ class Hops(Result):
                     yield Row(f"  {name}".replace("alpha", "launch speed"), ends, (text,))
 
     def table(self) -> dict[str, np.ndarray]:
-        return {name: np.ravel(getattr(self, name)) for name in COLUMNS_OF_HOPS}
+        return {name: np.ravel(getattr(self, name)) for name in HOP_COLUMNS}
 
     def plot(self, axes: Any = None) -> Any:
         """Plot the next launch speeds against the launch speeds; returns the axes."""

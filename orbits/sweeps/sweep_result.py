@@ -67,7 +67,7 @@ class Sweep(Result):
 
         about = question_in(path)
         try:
-            return cls._again(about, read_store(path, _columns_of(about)), machine)
+            return cls._again(about, read_store(path, _columns_of_members(about)), machine)
         except ValueError as error:
             raise InputError(f"the store {path}: {error}") from None
 
@@ -75,7 +75,7 @@ class Sweep(Result):
     def of_saved(cls, document: Any, machine: Machine | None = None) -> "Sweep":
         data = cls._conform(document, _SavedSweep)
         conform(data["about"], SavedQuestion)
-        rows, kinds = data["members"], _columns_of(data["about"])
+        rows, kinds = data["members"], _columns_of_members(data["about"])
         columns = {
             name: np.array([row[name] for row in rows], object if kind is str else float)
             for name, kind in kinds.items()
@@ -207,7 +207,7 @@ class Sweep(Result):
     def orbit(self, member: int) -> Orbit:
         """A member as a whole orbit, with its motion."""
         if self.source is None:
-            raise InputError("a file does not hold its machine; name it: Sweep.load(path, machine)")
+            raise InputError("a file does not hold its machine; name it: Sweep.load(path, machine=...)")
         if self.about["outcome"] != "find":
             raise InputError(f"the members of this sweep are no orbits, but answer '{self.about['outcome']}'")
         place = np.flatnonzero(self.index == member)
@@ -291,7 +291,7 @@ class _SavedSweep(TypedDict):
     about: Mapping[str, Any]
 
 
-def _columns_of(about: Mapping[str, Any]) -> dict[str, type]:
+def _columns_of_members(about: Mapping[str, Any]) -> dict[str, type]:
     """The columns of the members of a question in words, with their types; raises `ValueError` for an unknown one."""
     if about["outcome"] not in COLUMNS_OF:
         raise ValueError(f"its outcome {about['outcome']!r} is none: it was changed, or is of a later version")

@@ -82,14 +82,19 @@ def file_option(flag: str, kind: str, text: str) -> Callable:
 
     def check(context, parameter, path):
         if path is not None:
-            from orbits.continuation.family import ENDINGS
+            from orbits.continuation.family import FAMILY_ENDINGS
             from orbits.result import check_file
             from orbits.show.animation import check_animation
             from orbits.show.plot import FIGURES
 
             if kind == "animation":
                 return str(check_animation(path))
-            endings = {"result": ENDINGS[1:], "figure": FIGURES, "family": ENDINGS, "lines": ENDINGS[:1]}
+            endings = {
+                "result": FAMILY_ENDINGS[1:],
+                "figure": FIGURES,
+                "family": FAMILY_ENDINGS,
+                "lines": FAMILY_ENDINGS[:1],
+            }
             check_file(path, endings[kind])
         return path
 

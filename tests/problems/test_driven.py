@@ -107,7 +107,7 @@ def test_a_machine_that_no_file_states_is_given(tmp_path):
     machine = Hopper(springs.function(lambda r, b: r + b * r**3, b=0.01))
     driven = steering.recover(machine, 0.05, intervals=14)
     path = driven.save(tmp_path / "driven.json")
-    with pytest.raises(InputError, match=r"cannot state its machine.*Driven\.load\(path, machine\)"):
+    with pytest.raises(InputError, match=r"does not hold its machine.*load\(path, machine\)"):
         Driven.load(path)
     again = Driven.load(path, machine)
     assert np.array_equal(again(1.0), driven(1.0))

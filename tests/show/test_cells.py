@@ -140,7 +140,7 @@ def results():
     }
 
 
-WITHOUT_PICTURE = ("Hops", "Proof")
+WITHOUT_PICTURE = ("Proof",)
 
 
 @pytest.mark.parametrize("kind", results())
