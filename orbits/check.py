@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -41,7 +41,7 @@ INTEGRATED = "integrated by DOP853"
 
 
 @dataclass(frozen=True, repr=False)
-class Checked(Result):
+class Checked(Result, what="check", printed_digits=2):
     """What holds of a machine: printed, a table of the relations with their largest deviations.
 
     machine : in words and numbers
@@ -49,8 +49,6 @@ class Checked(Result):
     left_out : what could not be looked at, with the reason
     """
 
-    what: ClassVar[str] = "check"
-    printed_digits: ClassVar[int] = 2
     machine: Mapping[str, Any]
     relations: tuple[Relation, ...]
     left_out: tuple[str, ...] = ()

@@ -122,6 +122,12 @@ class Result:
     document_is_whole: ClassVar[bool] = False  # whether `of_saved` needs no more than the document
     machine: Any
 
+    def __init_subclass__(cls, **own: Any) -> None:
+        """A class of results states its values of the names above in its heading."""
+        super().__init_subclass__()
+        for name, value in own.items():
+            setattr(cls, name, value)
+
     @cached_property
     def units(self) -> Mapping[str, str]:
         """The units of the quantities and parameters by name; empty for a dimensionless machine."""

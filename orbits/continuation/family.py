@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, BinaryIO, ClassVar, Literal, NotRequired, TypedDict, overload
+from typing import Any, BinaryIO, Literal, NotRequired, TypedDict, overload
 
 import numpy as np
 
@@ -90,7 +90,9 @@ class Heading(TypedDict):
 
 
 @dataclass(frozen=True, repr=False)
-class Family(Result):
+class Family(
+    Result, what="family", endings=FAMILY_ENDINGS, printed_digits=15, dimension="point", largest_file=LARGEST_FILE
+):
     """A curve of orbits, traced by `follow`; `len`, indexing and iteration go over its points.
 
     name : of the parameter
@@ -106,11 +108,6 @@ class Family(Result):
     [3.0148]
     """
 
-    what: ClassVar[str] = "family"
-    endings: ClassVar[tuple[str, ...]] = FAMILY_ENDINGS
-    printed_digits: ClassVar[int] = 15
-    dimension: ClassVar[str] = "point"
-    largest_file: ClassVar[int] = LARGEST_FILE
     name: str
     machine: Mapping
     points: tuple[Point, ...]

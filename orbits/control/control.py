@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -65,7 +65,7 @@ class WarmStart:
 
 
 @dataclass(frozen=True, repr=False)
-class Control(Result):
+class Control(Result, what="control", document_is_whole=True, in_line=("status", "cost", "violation", "error", "end")):
     """A motion of locally least cost. Another guess may lead to one that costs less.
 
     Called with times (...) it gives states (..., n).
@@ -87,9 +87,6 @@ class Control(Result):
     bare : the same motion without units, None where there are none
     """
 
-    what: ClassVar[str] = "control"
-    document_is_whole: ClassVar[bool] = True
-    in_line: ClassVar[tuple[str, ...]] = ("status", "cost", "violation", "error", "end")
     legs: tuple[ControlledLeg, ...]
     cost: float
     parameters: Mapping[str, float]

@@ -6,7 +6,7 @@ implicit function theorem.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple, TypedDict
+from typing import Any, NamedTuple, TypedDict
 
 import numpy as np
 
@@ -46,7 +46,7 @@ class Start:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Design(Result):
+class Design(Result, what="design"):
     """The best design found; numbers in the machine's units, in SI for a machine stated so.
 
     source : the machine with the best parameters
@@ -64,7 +64,6 @@ class Design(Result):
     share : of the designs of a global search that led to this optimum; None for any other search
     """
 
-    what: ClassVar[str] = "design"
     source: Machine
     orbit: Orbit
     parameters: Mapping[str, float]

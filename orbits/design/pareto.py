@@ -3,7 +3,7 @@
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -27,7 +27,7 @@ FLAT_CHANGE = 0.1
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Front(Result):
+class Front(Result, what="front"):
     """Designs of which none is better than another in both objectives, in ascending order of the first objective.
 
     texts : the two objectives, both minimised
@@ -35,7 +35,6 @@ class Front(Result):
     refused : (level of the second objective, reason) for each level at which no design was found
     """
 
-    what: ClassVar[str] = "front"
     texts: tuple[str, str]
     designs: tuple[Design, ...]
     refused: tuple[tuple[float, str], ...]

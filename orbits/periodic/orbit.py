@@ -4,7 +4,7 @@ import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, BinaryIO, ClassVar, NotRequired, TypedDict
+from typing import Any, BinaryIO, NotRequired, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -71,7 +71,7 @@ def _mirrored(path: Trajectory, t: np.ndarray, duration: float, signs: tuple[int
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Orbit(Result):
+class Orbit(Result, what="orbit", printed_digits=15):
     """A lossless periodic motion: flight from time 0 to `flight_time`, then contact to `period`.
 
     alpha : launch speed
@@ -99,8 +99,6 @@ class Orbit(Result):
     (2, 4)
     """
 
-    what: ClassVar[str] = "orbit"
-    printed_digits: ClassVar[int] = 15
     machine: Mapping[str, Any]
     alpha: float
     liftoff_extension: float
@@ -259,8 +257,8 @@ class Orbit(Result):
         """The units of the quantities, states and parameters by name; empty for a dimensionless machine."""
         if self.scales is None:
             return {}
-        states = {name: self.scales.text(name) for name in (*self._states, "time", "contact force", "rises")}
-        return {**self.scales.texts(), **states, "time": "s", "contact force": "N", **self.machine.get("units", {})}
+        known = {name: self.scales.text(name) for name in self._states} | {"time": "s", "contact force": "N"}
+        return {**self.scales.texts(), **known, "rises": "m", **self.machine.get("units", {})}
 
     @property
     def _states(self) -> tuple[str, ...]:

@@ -4,7 +4,7 @@ import textwrap
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from decimal import Decimal
-from typing import Any, ClassVar
+from typing import Any
 
 from ..result import Result, Row
 
@@ -83,7 +83,7 @@ class CurvePart(Part):
 
 
 @dataclass(frozen=True, repr=False)
-class Proof(Result):
+class Proof(Result, what="proof", document_is_whole=True):
     """A theorem about a machine, or why there is none.
 
     proved : whether all that was asked is proved
@@ -107,8 +107,6 @@ class Proof(Result):
     seconds : that it took
     """
 
-    what: ClassVar[str] = "proof"
-    document_is_whole: ClassVar[bool] = True
     proved: bool
     statement: str
     machine: Mapping[str, Any]

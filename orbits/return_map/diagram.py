@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -100,7 +100,7 @@ class Branch:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class BifurcationDiagram(Result):
+class BifurcationDiagram(Result, what="bifurcation diagram"):
     """The periodic launches of the return maps of a machine along a parameter, as `bifurcations` follows them.
 
     along : name of the parameter
@@ -112,7 +112,6 @@ class BifurcationDiagram(Result):
     units : of launch speeds and parameters, by name; empty for a dimensionless machine
     """
 
-    what: ClassVar[str] = "bifurcation diagram"
     along: str
     span: tuple[float, float]
     between: tuple[float, float]

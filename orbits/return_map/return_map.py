@@ -7,7 +7,8 @@ the power 4/3 of the distance, and the difference would be rounding.
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,7 +35,7 @@ NO_BASIN = "with injection or damping no hop is lossless, and none comes to one"
 
 
 @dataclass(frozen=True, repr=False)
-class Hops(Result):
+class Hops(Result, what="table of hops"):
     """The outcome of launches, each array of the launch speeds' shape.
 
     alpha : launch speeds
@@ -46,7 +47,6 @@ class Hops(Result):
     machine : in words and numbers
     """
 
-    what: ClassVar[str] = "table of hops"
     alpha: np.ndarray
     next: np.ndarray
     loss: np.ndarray
@@ -145,6 +145,10 @@ class ReturnMap:
         if not self.impacts.model.one_speed:
             raise InputError(f"a launch of a {self.impacts.model.name} is more than a speed: it has no map of speeds")
 
+    @cached_property
+    def _words(self) -> dict[str, Any]:
+        return machine_in_words(self.machine)
+
     def __repr__(self) -> str:
         return fields_in_line(self, "machine", "inject", "cap")
 
@@ -177,10 +181,10 @@ class ReturnMap:
         if self._bare:
             with without_units(self._units):
                 hops = self._bare(alpha / self._speed).in_units(self._units)
-            return replace(hops, alpha=alpha, machine=machine_in_words(self.machine))
+            return replace(hops, alpha=alpha, machine=self._words)
         nothing, invalid = np.full(alpha.shape, np.nan), np.full(alpha.shape, "invalid", STATUS)
-        counts, words = np.zeros(alpha.shape, int), machine_in_words(self.machine)
-        hops = Hops(alpha, nothing, nothing.copy(), counts, invalid, machine=words)
+        counts = np.zeros(alpha.shape, int)
+        hops = Hops(alpha, nothing, nothing.copy(), counts, invalid, machine=self._words)
         places = np.flatnonzero(launches)
         for batch in np.array_split(places, -(-len(places) // BATCH_SIZE)) if len(places) else ():
             found = _hops_from(self.impacts, alpha.flat[batch], self.inject, self.cap)

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -61,7 +61,7 @@ class Leg:
 
 
 @dataclass(frozen=True, repr=False)
-class Simulation(Result):
+class Simulation(Result, what="simulation", in_line=("status", "end", "source")):
     """A motion from a state; called with times (...), it gives flight states (..., n).
 
     legs, events : in order
@@ -72,8 +72,6 @@ class Simulation(Result):
     reason : why the motion could not be followed further, in words; "" where it could
     """
 
-    what: ClassVar[str] = "simulation"
-    in_line: ClassVar[tuple[str, ...]] = ("status", "end", "source")
     legs: tuple[Leg, ...]
     events: tuple[ContactEvent, ...]
     status: str

@@ -12,7 +12,7 @@ from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from time import perf_counter
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -55,7 +55,7 @@ class Stretch(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Existence(Result):
+class Existence(Result, what="diagram", in_line=("along", "across", "values")):
     """An existence and admissibility diagram: the orbits of least launch speed on a grid of two parameters.
 
     along, across : names of the two parameters
@@ -64,8 +64,6 @@ class Existence(Result):
     boundaries : the points between neighbours that differ
     """
 
-    what: ClassVar[str] = "diagram"
-    in_line: ClassVar[tuple[str, ...]] = ("along", "across", "values")
     along: str
     across: str
     values: tuple[float, ...]

@@ -25,7 +25,7 @@ QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sweep(Result):
+class Sweep(Result, what="sweep", document_is_whole=True):
     """The members of a sweep and what is found of them; a column goes by its name, `sweep["alpha"]`.
 
     parameters : names of the parameters that differ
@@ -38,8 +38,6 @@ class Sweep(Result):
         the module `sweep`, which imports this one
     """
 
-    what: ClassVar[str] = "sweep"
-    document_is_whole: ClassVar[bool] = True
     parameters: tuple[str, ...]
     index: np.ndarray
     columns: Mapping[str, np.ndarray]

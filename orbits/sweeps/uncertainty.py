@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from .sweep_result import QUANTILES, Sweep
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Uncertainty(Result):
+class Uncertainty(Result, what="uncertainty", in_line=("share", "mean"), printed_digits=6):
     """How a machine's uncertain parameters spread the quantities of its orbit.
 
     mean, deviation, quantiles : by quantity, of the members that are motions, the quantiles by share, as "5%"
@@ -26,9 +26,6 @@ class Uncertainty(Result):
     sweep : the members
     """
 
-    what: ClassVar[str] = "uncertainty"
-    in_line: ClassVar[tuple[str, ...]] = ("share", "mean")
-    printed_digits: ClassVar[int] = 6
     mean: Mapping[str, float]
     deviation: Mapping[str, float]
     quantiles: Mapping[str, Mapping[str, float]]

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,16 +25,13 @@ JUST_AFTER = (1e-13, 1e-10, 1e-8, 1e-6)
 
 
 @dataclass(frozen=True, repr=False)
-class Disturbed(Result):
+class Disturbed(Result, what="disturbed motion", in_line=("launch_errors", "run.status"), printed_digits=10):
     """A motion driven open loop under a disturbance, beside the same without it; in SI where the machine is.
 
     nominal : the simulation without the disturbance
     run : the simulation with it; its `status` says why it ended, and `run(t)` its states
     """
 
-    what: ClassVar[str] = "disturbed motion"
-    in_line: ClassVar[tuple[str, ...]] = ("launch_errors", "run.status")
-    printed_digits: ClassVar[int] = 10
     nominal: Simulation
     run: Simulation
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar, TypedDict, cast
+from typing import Any, TypedDict, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,7 +27,7 @@ PERIODIC = 1e-6  # states that differ by less, relative to their size, are the s
 
 
 @dataclass(frozen=True, repr=False)
-class Driven(Control):
+class Driven(Control, what="motion of a driven machine"):
     """A `Control` of a machine whose spring's end is moved, as `problems.steering` finds it.
 
     Called with times (...) it gives flight states (..., n), as `Simulation` and `Orbit` do; the last one is the
@@ -36,7 +36,6 @@ class Driven(Control):
     source : the machine without its actuator; in SI the numbers are in SI
     """
 
-    what: ClassVar[str] = "motion of a driven machine"
     source: AnyMachine = field(kw_only=True)
 
     machine = property(lambda self: machine_in_words(self.source))
