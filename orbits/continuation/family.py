@@ -350,6 +350,8 @@ class Family(
         if str(file.name).lower().endswith(".json"):
             with suppress(json.JSONDecodeError):  # in files of earlier versions it is lines too
                 if "items" in (document := json.load(file)):
+                    if DIGEST not in document:
+                        warn_of_no_digest(file.name)
                     return cls.of_saved(unsealed(document))
             file.seek(0)
         sealing, items = Sealing(), list[Any]()
