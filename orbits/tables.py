@@ -7,7 +7,7 @@ from typing import Any
 # Rows of this name say in words what makes an orbit no motion.
 VIOLATED = "violated"
 DIGITS = 7  # what a table on a page shows; the printed one shows all that is known
-NARROWEST = 24  # column of names in a printed table, so that those of several results stand alike
+WIDTH_OF_NAMES = 24  # column of names in a printed table, so that those of several results stand alike
 # The colours are those of the page around, so that a table is legible on a light page and on a dark one.
 RULE = "1px solid rgba(128,128,128,0.35)"
 TABLE = "border-collapse:collapse;font:13px/1.45 system-ui,sans-serif;color:inherit;background:none;margin:0"
@@ -39,7 +39,7 @@ def machine_numbers(words: Mapping[str, Any]) -> dict[str, tuple[float, str]]:
 def text_table(rows: Sequence[Sequence[str]], heads: Sequence[str] = ()) -> list[str]:
     """Rows of texts as the lines of a table: names and values, or columns below their headings."""
     if not heads:
-        width = max([NARROWEST, *(len(name) + 2 for name, *_ in rows)])
+        width = max([WIDTH_OF_NAMES, *(len(name) + 2 for name, *_ in rows)])
         return [f"  {name:<{width}}{text}".rstrip() for name, text in rows]
     widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
     lines = ((f"{name:<{widths[0]}}", *map(str.rjust, row, widths[1:])) for name, *row in (heads, *rows))
