@@ -54,7 +54,8 @@ def extra_package(package: str, what: str, extra: str = "data") -> Any:
 
 def in_words(values: Mapping[str, Any]) -> list[str]:
     """The values as name=value, numbers with all their digits."""
-    plain = {name: value.item() if isinstance(value, np.generic) else value for name, value in values.items()}
+    arrays = np.generic | np.ndarray
+    plain = {name: value.tolist() if isinstance(value, arrays) else value for name, value in values.items()}
     return [f"{name}={value!r}" for name, value in plain.items()]
 
 

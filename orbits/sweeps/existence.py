@@ -100,7 +100,7 @@ class Existence(Result, what="diagram", in_line=("along", "across", "values")):
     def row(self, row: int) -> list[Stretch]:
         """A row in stretches of one status each, ascending; neighbours on the grid that agree count as one."""
         found, (low, high) = self.boundaries, self.between
-        these = np.flatnonzero(found.in_row & (found.nodes[:, 1] == row))
+        these = np.flatnonzero(found.in_row.astype(bool) & (found.nodes[:, 1] == row))
         these = these[np.argsort(found.points[these, 0], kind="stable")]
         ends = pairwise([low, *found.points[these, 0].tolist(), high])
         statuses = [str(self.statuses[row, 0]), *found.statuses[these, 1].tolist()]
@@ -136,7 +136,7 @@ class Existence(Result, what="diagram", in_line=("along", "across", "values")):
 
     def _edges(self, statuses: tuple[str, ...]) -> np.ndarray:
         inside = np.isin(self.boundaries.statuses.astype(str), statuses)
-        return self.boundaries.points[(inside[:, 0] != inside[:, 1]) & self.boundaries.located]
+        return self.boundaries.points[(inside[:, 0] != inside[:, 1]) & self.boundaries.located.astype(bool)]
 
     def plot(self, quantity: str | None = None, axes: Any = None) -> Any:
         """Plot the diagram, coloured by a quantity if one is named; returns the axes."""
