@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -10,13 +11,13 @@ from .consistency.draws import Graphs
 from .consistency.relations import Relation, share
 from .consistency.verdict import algebraic_relations, inconsistent
 from .errors import InconsistentModel, InputError, NoOrbit
-from .io import one_line
-from .model.machine import MACHINE_FIELDS, Machine, dimensionless
+from .model.machine import MACHINE_FIELDS, Machine, dimensionless, machine_in_words
 from .model.phase import Phase
 from .model.relative import Search
 from .periodic.find import dimensionless_start, find
 from .periodic.guess import guess
 from .periodic.orbit import Orbit
+from .result import Result
 from .return_map.return_map import ReturnMap
 from .running.exclusive import exclusive
 from .simulation.simulated import Simulation
@@ -36,16 +37,16 @@ WITHOUT_ORBIT, SLOWEST_SEARCHED = 2.0, 1e-3
 INTEGRATED = "integrated by DOP853"
 
 
-@dataclass(frozen=True)
-class Checked:
+@dataclass(frozen=True, repr=False)
+class Checked(Result, what="check", printed_digits=2):
     """The relations that `check` found to hold for a machine; printed, a table of them with their largest deviations.
 
-    machine : in words
+    machine : in words and numbers
     relations : each with its fields and its deviation
     left_out : relations that could not be checked, with the reason
     """
 
-    machine: str
+    machine: Mapping[str, Any]
     relations: tuple[Relation, ...]
     left_out: tuple[str, ...] = ()
 
@@ -54,15 +55,19 @@ class Checked:
         """The largest deviation as a share of its tolerance."""
         return max(each.deviation / each.bound for each in self.relations)
 
-    def __repr__(self) -> str:
-        return one_line(self, {"machine": self.machine, "relations": len(self.relations), "largest": self.largest})
+    def _line(self) -> dict[str, Any]:
+        return {"machine": self.machine["machine"], "relations": len(self.relations), "largest": self.largest}
 
-    def __str__(self) -> str:
-        width = max(len(each.words) for each in self.relations)
-        rows = [f"  {each.words:<{width}}  {each.deviation:8.1e}  {', '.join(each.fields)}" for each in self.relations]
-        return "\n".join(
-            [f"{self.machine}: {len(rows)} relations hold", *rows, *(f"  {text}" for text in self.left_out)]
-        )
+    def title(self) -> str:
+        return f"{self.machine['machine']}: {len(self.relations)} relations hold"
+
+    def _notes(self) -> list[str]:
+        return list(self.left_out)
+
+    def table(self) -> dict[str, list[Any]]:
+        """The relations as columns: in words, their deviations, what is allowed, and their fields."""
+        columns = zip(*((r.words, r.deviation, r.bound, ", ".join(r.fields)) for r in self.relations), strict=True)
+        return dict(zip(("relation", "deviation", "bound", "fields"), map(list, columns), strict=True))
 
 
 @exclusive
@@ -98,7 +103,7 @@ def check(machine: Machine, *, start: Orbit | Mapping[str, float] | None = None)
         relations += _along_motions(bare, start, left_out)
     if not all(each.holds for each in relations):
         raise inconsistent(machine.model.name, relations)
-    return Checked(str(machine.describe()["machine"]), tuple(relations), tuple(left_out))
+    return Checked(machine_in_words(machine), tuple(relations), tuple(left_out))
 
 
 def _wrong_results(machine: Machine) -> dict[str, str]:

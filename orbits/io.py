@@ -29,17 +29,6 @@ MEGABYTE = 1 << 20
 # Characters of a value in the one line that tells a result, and of that line.
 LONGEST_TOLD, LONGEST_TOLD_LINE = 100, 195
 DIGEST = "digest"  # the key of a document that has its own
-# The endings of the files that results are written to, by what they are; of all others it is .json.
-ENDINGS: dict[str, tuple[str, ...]] = {
-    "family": (".jsonl", ".json", ".csv", ".nc"),
-    "lines": (".jsonl", ".json"),
-    **dict.fromkeys(("front", "control", "bifurcation diagram"), (".json", ".csv")),
-    "diagram": (".json", ".csv", ".nc"),
-    "sweep": (".csv", ".nc", ".parquet", ".json"),
-    "figure": (".png", ".pdf", ".svg", ".jpg", ".jpeg", ".eps"),
-    "animation": (".gif", ".mp4"),
-    "page": (".html",),
-}
 # What a document says where one of these is expected, and how a message calls it.
 WORDS = {float: "a finite number", int: "a whole number", str: "a text", bool: "true or false"}
 
@@ -65,7 +54,8 @@ def extra_package(package: str, what: str, extra: str = "data") -> Any:
 
 def in_words(values: Mapping[str, Any]) -> list[str]:
     """The values as name=value, numbers with all their digits."""
-    plain = {name: value.item() if isinstance(value, np.generic) else value for name, value in values.items()}
+    arrays = np.generic | np.ndarray
+    plain = {name: value.tolist() if isinstance(value, arrays) else value for name, value in values.items()}
     return [f"{name}={value!r}" for name, value in plain.items()]
 
 
@@ -106,10 +96,8 @@ def _plain(value: Any) -> Any:
 
 
 def write_json(document: Mapping, path: str | Path, what: str) -> Path:
-    """Write a document to a JSON file and return its path; `what` it is says which `ENDINGS` the file may have, and
-    goes into the `InputError` when that fails."""
-    check_ending(path, what)
-    path, text = Path(path), to_json(sealed(document)) + "\n"
+    """Write a document to a JSON file and return its path; `what` it is goes into the `InputError` when that fails."""
+    path, text = check_ending(path, (".json",)), to_json(sealed(document)) + "\n"
     with writing(what, path) as target:
         target.write_text(text, encoding="utf-8")
     return path
@@ -234,20 +222,18 @@ def _is_open_already(path: Path) -> bool:
     return False
 
 
-def check_ending(path: str | Path, what: str) -> str:
-    """The ending, in small letters, of a file to write; raises `InputError` when it is none of the `ENDINGS` of `what`
-    the file is to be."""
-    path, endings = Path(path), ENDINGS.get(what, (".json",))
-    if path.suffix.lower() not in endings:
-        raise InputError(f"'{path}' cannot be written: its name needs an ending, {' or '.join(endings)}")
-    return path.suffix.lower()
-
-
-def check_path(path: str | Path, what: str) -> Path:
-    """The path of a file to write; raises `InputError` where its ending, its folder or its permissions rule that
-    out."""
-    check_ending(path, what)
+def check_ending(path: str | Path, endings: tuple[str, ...]) -> Path:
+    """The path of a file to write; raises `InputError` when its ending is none of those given."""
     path = Path(path)
+    if endings and path.suffix.lower() not in endings:
+        raise InputError(f"'{path}' cannot be written: its name needs an ending, {' or '.join(endings)}")
+    return path
+
+
+def check_path(path: str | Path, endings: tuple[str, ...]) -> Path:
+    """The path of a file to write, with one of the endings if any are given; raises `InputError` where its ending, its
+    folder or its permissions rule that out."""
+    path = check_ending(path, endings)
     if not path.parent.is_dir():
         raise InputError(f"'{path}' cannot be written: there is no folder '{path.parent}'")
     if path.is_dir():
@@ -281,14 +267,16 @@ def read_file(path: str | Path, complaint: str, parse: Callable[[BinaryIO], Read
 def conform(value: Any, kind: Any, name: str = "it") -> Any:
     """A value of a JSON or TOML document as an object of a type, with everything in it; `name` is where it stands.
 
-    kind : float, int, str, bool, None, a union, tuple, list or mapping of such types, `numpy.ndarray`, a dataclass,
-        whose fields are the keys of a mapping, or a TypedDict, which may have further keys
+    kind : float, int, str, bool, None, a union, tuple, list or mapping of such types, `numpy.ndarray`, a class with an
+        `of_saved`, a dataclass, whose fields are the keys of a mapping, or a TypedDict, which may have further keys
 
     Raises `InputError` that names the first value that is of another type, or missing, or not finite.
     """
     origin, inner = get_origin(kind), get_args(kind)
     if kind is Any:
         return value
+    if hasattr(kind, "of_saved"):
+        return value if isinstance(value, kind) else kind.of_saved(value)
     if origin is UnionType:
         kinds = [each for each in inner if each is not NoneType]
         if value is None and len(kinds) < len(inner):
@@ -328,13 +316,12 @@ def _items(value: Any, inner: tuple, name: str) -> list:
 
 
 def _array(value: Any, name: str) -> np.ndarray:
+    """An array of numbers, of which None is NaN, or of texts, or of true and false."""
     try:
         array = np.array(value)
-    except ValueError:
-        array = np.array(None)
-    if array.dtype.kind not in "fi" or not array.size or not np.isfinite(array).all():
-        raise InputError(f"{name} is not an array of finite numbers")
-    return array
+        return np.array(value, dtype=float) if array.dtype.kind == "O" else array
+    except (ValueError, TypeError):
+        raise InputError(f"{name} is not an array") from None
 
 
 @cache

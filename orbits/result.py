@@ -1,32 +1,358 @@
-"""What every result does: it draws itself, and a notebook shows it as a small table with a picture beside it.
+"""What every result does, in one place: a result says what it has, and `Result` prints, shows, tables, saves and loads.
 
 The room `show`, which draws results, stands above all of them: `shown` is the one way up to it, taken when something is
 drawn.
 """
 
 import base64
-from collections.abc import Callable, Sequence
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from functools import cached_property, partial
 from html import escape
 from importlib import import_module
 from io import BytesIO
-from typing import Any, TypeAlias
+from operator import attrgetter
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, BinaryIO, ClassVar, NamedTuple, Self, TypeAlias, get_type_hints
 
-from .tables import html_table
+import numpy as np
+
+from .errors import InputError
+from .io import (
+    MEGABYTE,
+    check_ending,
+    check_path,
+    conform,
+    extra_package,
+    one_line,
+    read_file,
+    read_sealed,
+    to_json,
+    write_json,
+    write_table,
+    writing,
+)
+from .model.machine import machine_in_words
+from .tables import DIGITS, html_table, number_text, text_table
+from .units import UNIT_TEXTS
 
 # A `matplotlib.axes.Axes`. The import waits until something is drawn, and its types differ between versions.
 Axes: TypeAlias = Any
 Report: TypeAlias = Callable[[float], None] | None  # called with the share of the frames that are drawn
 PICTURE = (5.6, 3.8)  # inches
 DOTS_PER_INCH = 130  # sharp on most screens, and a picture of some 30 kB
+TABLE_ROWS = 201  # of a motion whose times are not stated
 ROWS_OF_CELL = 30  # of a table in a cell; a design with the certificate of its orbit has fewer
+AT_ONCE = 10_000  # rows of a table that are objects of Python together, as it is written
 NOTE = "font:13px/1.45 system-ui,sans-serif;margin:6px 0;max-width:56ch;overflow-wrap:anywhere"
 TITLE = "font:600 13px/1.45 system-ui,sans-serif;margin:4px 0;overflow-wrap:anywhere"
 SIDE_BY_SIDE = "display:flex;flex-wrap:wrap;gap:8px 28px;align-items:flex-start"
+# The endings of the files that a result is saved to, with the packages that write them.
+ENDINGS: dict[str, tuple[str, ...]] = {
+    ".json": (), ".csv": (), ".nc": ("xarray", "netCDF4"), ".parquet": ("pandas", "pyarrow"),
+}  # fmt: skip
 
 
 def shown(module: str) -> Any:
     """The module of the room `show` with this name, such as "plot" or "pages.still"."""
     return import_module(f"{__package__}.show.{module}")
+
+
+class _Shown:
+    """A value within the pattern of a row: a number has all the digits that its table shows, unless it says how."""
+
+    def __init__(self, value: Any, digits: int):
+        self.value, self.digits = value, digits
+
+    def __format__(self, spec: str) -> str:
+        return format(self.value, spec) if spec else number_text(self.value, digits=self.digits)
+
+
+class Row(NamedTuple):
+    """A row of the table of a result.
+
+    heading : its first cell, a text or a number
+    values : the numbers and texts that the row is about, by name
+    cells : its other cells, patterns as for `str.format`, with a pair of braces for each of the values in their order
+    """
+
+    heading: Any
+    values: Mapping[str, Any]
+    cells: tuple[str, ...] = ("{}",)
+
+    @classmethod
+    def of(cls, name: str, value: Any, unit: str = "", after: str = "") -> "Row":
+        """The row of one value, with its unit and what is said after it; its heading is the name in words."""
+        unit = f" {unit}" if unit and value is not None else ""
+        return cls(name.replace("_", " ").replace("liftoff", "lift-off"), {name: value}, (f"{{}}{unit}{after}",))
+
+    def texts(self, digits: int) -> tuple[str, ...]:
+        """The row as texts; its numbers have so many digits unless their cell says otherwise."""
+        values = (_Shown(value, digits) for value in self.values.values())
+        return number_text(self.heading, digits=digits), *"\0".join(self.cells).format(*values).split("\0")
+
+
+class Result:
+    """What can be done with a result, whatever it is of. Each verb means one thing for all results:
+
+    machine : the machine in words and numbers, as it describes itself; empty where the result has none. Where the
+        machine itself is at hand, it is `source`
+    units : the unit of each quantity by name, "m/s"; empty for a dimensionless machine
+    summary() : the numbers and texts that say what was found, by name; `rows()` is the table of their texts, which
+        `str(result)` prints and a notebook shows beside `plot()`
+    table() : the data as columns of one length, by name, with the units of `units`; `dataframe()`, `dataset` and
+        the files .csv, .nc and .parquet are made of it
+    document() : the result as JSON-ready data, as the command line prints it
+    save(path) : a file, whose ending says which; `load(path)` reads the .json again, to the last bit
+    page(path) : an HTML file that needs no network
+
+    A class of results says what it has: `what` such results are called in messages and files; the names `in_line`, the
+    `title`, and unless its `table` is short, its `_rows`; `document`, and `of_saved`, which makes it again of what
+    `saved` put into a file.
+    """
+
+    what: ClassVar[str]
+    in_line: ClassVar[tuple[str, ...]] = ()  # attributes in the one line of its `repr`
+    endings: ClassVar[tuple[str, ...]] = tuple(ENDINGS)
+    printed_digits: ClassVar[int] = 12
+    dimension: ClassVar[str] = "row"  # what the rows of the table are called in a dataset
+    largest_file: ClassVar[int] = 32 * MEGABYTE
+    document_is_whole: ClassVar[bool] = False  # whether `of_saved` needs no more than the document
+    machine: Any
+
+    def __init_subclass__(cls, **own: Any) -> None:
+        """A class of results states its values of the names above in its heading."""
+        super().__init_subclass__()
+        for name, value in own.items():
+            setattr(cls, name, value)
+
+    @cached_property
+    def units(self) -> Mapping[str, str]:
+        """The units of the quantities and parameters by name; empty for a dimensionless machine."""
+        own = self.machine.get("units")
+        return {} if own is None else {**UNIT_TEXTS, **own}
+
+    def title(self) -> str:
+        """What the result is, in one line."""
+        raise NotImplementedError
+
+    def table(self) -> Mapping[str, Any]:
+        """The data as columns of one length, by name."""
+        raise NotImplementedError
+
+    def document(self) -> dict[str, Any]:
+        """The result as JSON-ready data, as the command line prints it."""
+        return stored(self)
+
+    def heads(self) -> list[str]:
+        """The headings of the columns of `rows`; none where these are names and values."""
+        return [*map(self.heading, self.table())] if type(self)._rows is Result._rows else []
+
+    def _rows(self) -> Iterable[Row]:
+        """The rows of its table: those of the `table` itself."""
+        names = [*self.table()]
+        for i, row in enumerate(_table_rows([*self.table().values()])):
+            of = f"of {row[0]}" if isinstance(row[0], str) else f"{i}"
+            yield Row(
+                row[0], {f"{n} {of}": x for n, x in zip(names[1:], row[1:], strict=True)}, ("{}",) * (len(row) - 1)
+            )
+
+    def _notes(self) -> list[str]:
+        """Texts below its table."""
+        return []
+
+    def _line(self) -> Mapping[str, Any]:
+        """What stands in the one line of its `repr`."""
+        return {name.split(".")[-1]: attrgetter(name)(self) for name in self.in_line}
+
+    def __repr__(self) -> str:
+        return one_line(self, self._line())
+
+    def summary(self) -> dict[str, Any]:
+        """The numbers and texts of the result by name; the second of a name is "name 2"."""
+        found: dict[str, Any] = {}
+        for name, value in (pair for row in self._rows() for pair in row.values.items()):
+            count = sum(each == name or each.startswith(f"{name} ") for each in found)
+            found[f"{name} {count + 1}" if name in found else name] = value
+        return found
+
+    def rows(self, digits: int = DIGITS) -> list[tuple[str, ...]]:
+        """The summary as texts, a heading and one or more cells for each row of a table."""
+        return [row.texts(digits) for row in self._rows()]
+
+    def __str__(self) -> str:
+        lines = text_table(self.rows(self.printed_digits), self.heads())
+        return "\n".join([self.title(), *lines, *(f"  {note}" for note in self._notes())])
+
+    def _repr_html_(self) -> str:
+        return cell(self.title(), self.rows(), getattr(self, "plot", None), self.heads(), self._notes())
+
+    def page(self, path: str | Path) -> Path:
+        """Write a page of the result in one file (.html) that needs no network; returns its path."""
+        return shown("pages.still").result_page(self, path)
+
+    def unit_of(self, name: str) -> str:
+        """The unit of a quantity, "" where it has none."""
+        is_rise = bool(self.units) and name.isidentifier() and name.endswith("_rise")
+        return self.units.get(name, "m" if is_rise else "") or ""
+
+    def heading(self, name: str) -> str:
+        """A name with its unit, if it has one: "alpha (m/s)"."""
+        return f"{name} ({self.unit_of(name)})" if self.unit_of(name) else name
+
+    def dataframe(self, *args: Any, **options: Any) -> Any:
+        """The `table`, which takes these arguments, as a `pandas.DataFrame`; `dataframe.attrs["units"]` has the units
+        by column. Raises `InputError` without pandas, which the extra `data` installs."""
+        frame = extra_package("pandas", "for a data frame").DataFrame(dict(self.table(*args, **options)))
+        frame.attrs["units"] = {name: self.unit_of(name) for name in frame if self.unit_of(name)}
+        return frame
+
+    @property
+    def dataset(self) -> Any:
+        """The `table` as an `xarray.Dataset`; raises `InputError` without xarray, which the extra `data` installs."""
+        xarray = extra_package("xarray", "for a dataset")
+        columns = dict(self.variable(name, column, self.dimension) for name, column in self.table().items())
+        return xarray.Dataset(columns, attrs={"title": self.title(), "machine": to_json(self.machine)})
+
+    def variable(self, name: str, column: Any, dims: Any, shape: Sequence[int] = (-1,)) -> tuple[str, tuple]:
+        """A column by a name that NetCDF takes, as a variable of a dataset: of these dimensions, None as "", and with
+        what is said of it."""
+        values = np.asarray(column)
+        if values.dtype == object:
+            values = np.array(["" if each is None else str(each) for each in values.ravel()])
+        unit = {"units": self.unit_of(name)} if self.unit_of(name) else {}
+        plain = name.replace("/", " over ")
+        plain = plain if plain[:1].isidentifier() else f"_{plain}"
+        return plain, (dims, values.reshape(shape), {"long_name": name.replace("_", " "), **unit})
+
+    def save(self, path: str | Path) -> Path:
+        """Write the result to a file and return its path: the whole of it to .json, to `load`, or its `table` to .csv
+        or, with the extra `data`, to .nc (NetCDF) or .parquet. Floats have all their digits.
+
+        Raises `InputError` when the file cannot be written.
+        """
+        path = check_ending(path, self.endings)
+        if (ending := path.suffix.lower()) == ".json":
+            return write_json(self.saved(), path, self.what)
+        if ending == ".csv":
+            table = self.table()
+            return write_table([*map(self.heading, table)], _table_rows([*table.values()]), path, self.what)
+        with writing(self.what, check_file(path)) as target:
+            if ending == ".nc":
+                self.dataset.to_netcdf(target)
+            else:
+                self.dataframe().to_parquet(target)
+        return path
+
+    @classmethod
+    def form(cls) -> str:
+        """What a file of such a result says in "format"."""
+        return f"persistent-orbits {cls.what} 1"
+
+    def saved(self) -> dict[str, Any]:
+        """The document of a file of the result, and what it does not say of its fields, for `of_saved`."""
+        whole = self.document_is_whole or type(self).document is Result.document
+        return {"format": self.form(), **self.document(), **({} if whole else {"fields": stored(self)})}
+
+    @classmethod
+    def of_saved(cls, document: Any, machine: Any = None) -> Any:
+        """The result of what `saved` made; raises `ValueError` where parts of it do not fit each other, or where it is
+        of another machine."""
+        whole = cls._conform(document, Mapping[str, Any])
+        return cls(**cls._fields_in(whole.get("fields", whole), machine))
+
+    @classmethod
+    def _fields_in(cls, data: Mapping[str, Any], machine: Any = None) -> dict[str, Any]:
+        """The fields of the result in a document, each held against its type."""
+        own, kinds = dict[str, Any](), get_type_hints(cls)
+        for each in fields(cls):  # type: ignore[arg-type]
+            name, kind = each.name, kinds[each.name]
+            if name not in data:
+                continue
+            if name == "source":
+                own[name] = is_of(machine, **data[name])
+            elif isinstance(kind, type) and issubclass(kind, Result):
+                own[name] = kind.of_saved(data[name], machine)
+            else:
+                own[name] = conform(data[name], kind, name)
+        return own
+
+    @classmethod
+    def load(cls, path: str | Path, machine: Any = None) -> Self:
+        """Read a result that `save` wrote to .json.
+
+        machine : that the result is of, needed where a file does not hold it: for designs, fronts and simulations, and
+            where a file cannot state it, as with a Python function as its spring
+
+        Raises `InputError` when the file is not one, was changed since, or is of another machine.
+        """
+        return read_file(path, f"{path} is not a saved {cls.what}", partial(cls._read, machine), cls.largest_file)
+
+    @classmethod
+    def _read(cls, machine: Any, file: BinaryIO) -> Any:
+        return cls.of_saved(read_sealed(file), machine)
+
+    @classmethod
+    def _conform(cls, document: Any, kind: Any) -> Any:
+        """The document of a file of such a result, held against its type; raises `ValueError` for another format."""
+        data = conform(document, kind)
+        if data.get("format") != cls.form():
+            raise ValueError(f"format {data.get('format')!r}, expected {cls.form()!r}")
+        return data
+
+
+def check_file(path: str | Path, endings: Sequence[str] = tuple(ENDINGS)) -> Path:
+    """The path of a file that a result is to be saved to; raises `InputError` where it cannot be, or where a package is
+    missing that writes it."""
+    path = check_path(path, tuple(endings))
+    for package in ENDINGS.get(path.suffix.lower(), ()):
+        extra_package(package, f"to write {path}")
+    return path
+
+
+def _table_rows(columns: Sequence[Any]) -> Iterable[tuple]:
+    """The rows of columns (m,), few of them at a time as objects of Python; a number that there is not is empty."""
+    for first in range(0, len(columns[0]) if columns else 0, AT_ONCE):
+        parts = (np.asarray(column)[first : first + AT_ONCE].tolist() for column in columns)
+        for row in zip(*parts, strict=True):
+            yield tuple("" if each is None or each != each else each for each in row)
+
+
+def stored(value: Any) -> Any:
+    """A value as JSON-ready data: a dataclass by its fields without those that it does not have, such as NaN, a machine
+    in words and by its values, and a result within another one as its own file has it."""
+    if isinstance(value, np.ndarray):
+        return stored(value.tolist()) if value.size or value.ndim < 2 else None  # a list has but its first dimension
+    if hasattr(value, "describe"):
+        return {"words": machine_in_words(value), "values": dict(value.values)}
+    if is_dataclass(value):
+        parts = ((each.name, getattr(value, each.name)) for each in fields(value))
+        inner = {name: part.saved() if isinstance(part, Result) else stored(part) for name, part in parts}
+        return {name: part for name, part in inner.items() if part is not None}
+    if isinstance(value, Mapping):
+        return {name: stored(part) for name, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [*map(stored, value)]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+def known(numbers: Any) -> list[float | None]:
+    """Numbers (m,) for JSON, None for those that are not finite."""
+    return [value if np.isfinite(value) else None for value in np.ravel(numbers).tolist()]
+
+
+def is_of(machine: Any, words: Mapping[str, Any], values: Mapping[str, float] = MappingProxyType({})) -> Any:
+    """The machine of a result that is read again, with these values of its parameters, which then describes itself in
+    these words; raises `InputError` for none, and `ValueError` for another one."""
+    if machine is None:
+        raise InputError("it does not hold its machine; name it: load(path, machine)")
+    if changed := {name: value for name, value in values.items() if machine.values.get(name) != value}:
+        machine = machine.with_values(**changed)
+    if json.loads(to_json(machine_in_words(machine))) != json.loads(to_json(words)):
+        raise ValueError(f"it is of another machine: {dict(words)}")
+    return machine
 
 
 def cell(

@@ -7,6 +7,7 @@ from typing import Any
 # Rows of this name say in words what makes an orbit no motion.
 VIOLATED = "violated"
 DIGITS = 7  # what a table on a page shows; the printed one shows all that is known
+WIDTH_OF_NAMES = 24  # column of names in a printed table, so that those of several results stand alike
 # The colours are those of the page around, so that a table is legible on a light page and on a dark one.
 RULE = "1px solid rgba(128,128,128,0.35)"
 TABLE = "border-collapse:collapse;font:13px/1.45 system-ui,sans-serif;color:inherit;background:none;margin:0"
@@ -26,15 +27,23 @@ def number_text(value: Any, unit: str = "", digits: int = DIGITS) -> str:
     return f"{text} {unit}".rstrip()
 
 
-def machine_rows(words: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """The numbers of a machine in words and numbers, as it describes itself, as rows of a table."""
+def machine_numbers(words: Mapping[str, Any]) -> dict[str, tuple[float, str]]:
+    """The numbers of a machine in words and numbers, as it describes itself, with their units, by name."""
     own = words.get("units", {})
-    numbers = {name: words[name] for name in own if name in words}
-    if not numbers:
-        stated = {name: value for name, value in words.items() if isinstance(value, int | float)}
-        numbers = {name.replace("_", " "): value for name, value in stated.items() if name != "restitution"}
-    numbers |= words["parameters"]
-    return [(name, f"{value:g} {own.get(name, '')}".rstrip()) for name, value in numbers.items() if value is not None]
+    stated = {name: value for name, value in words.items() if type(value) in (int, float) and name != "restitution"}
+    numbers = {name: words.get(name) for name in own} if own else {n.replace("_", " "): stated[n] for n in stated}
+    numbers |= words.get("parameters", {})
+    return {name: (value, own.get(name) or "") for name, value in numbers.items() if value is not None}
+
+
+def text_table(rows: Sequence[Sequence[str]], heads: Sequence[str] = ()) -> list[str]:
+    """Rows of texts as the lines of a table: names and values, or columns below their headings."""
+    if not heads:
+        width = max([WIDTH_OF_NAMES, *(len(name) + 2 for name, *_ in rows)])
+        return [f"  {name:<{width}}{text}".rstrip() for name, text in rows]
+    widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
+    lines = ((f"{name:<{widths[0]}}", *map(str.rjust, row, widths[1:])) for name, *row in (heads, *rows))
+    return ["  " + "  ".join(line).rstrip() for line in lines]
 
 
 def html_table(rows: Sequence[Sequence[str]], title: str, heads: Sequence[str] = ()) -> str:

@@ -80,7 +80,7 @@ def _figure(winner: Design, found: list[Design], fronts: dict[int, Front], folde
         right.annotate(f"family {family}", (heights[0], forces[0]), (0, 7), textcoords="offset points",
                        color=line.get_color(), ha="center", fontsize="small")  # fmt: skip
     for design in (design for design in found if design.orbit.family in fronts):
-        force = quantities(design.machine, design.orbit, ["largest_contact_force"])["largest_contact_force"] / 1e3
+        force = quantities(design.source, design.orbit, ["largest_contact_force"])["largest_contact_force"] / 1e3
         colour = colours[design.orbit.family]
         right.plot(HEIGHT, force, "*", color=colour, ms=11, zorder=3)
         right.annotate(f"least C = {design.objective:.3g}", (HEIGHT, force), (-8, -3), textcoords="offset points",

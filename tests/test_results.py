@@ -1,5 +1,7 @@
-"""Machines and results are told in one line, and come back from a pickle as they were, in another process too."""
+"""What every result can do, by one table; and machines and results stand in one line, and come back from a pickle as
+they were, in another process too."""
 
+import json
 import math
 import pickle
 from concurrent.futures import ProcessPoolExecutor
@@ -16,22 +18,28 @@ from scipy.stats import norm
 from orbits import (
     Guess,
     Input,
+    InputError,
     Phase,
     ReturnMap,
     Stage,
     bifurcations,
+    check,
     existence,
     find,
     follow,
     optimize,
     orbit_at,
     pareto,
+    prove,
     simulate,
     steer,
     sweep,
     uncertainty,
 )
 from orbits.continuation import checkpoint
+from orbits.continuation.family import Family
+from orbits.io import to_json
+from orbits.result import Result
 from problems import Actuated, Chain, HeavyHand, Hopper, Juggler, hopper_in_si, juggler_in_si, steering
 from problems.laws import gravity, springs
 
@@ -156,6 +164,8 @@ def made(kind: str):
         "Design": lambda: optimize(leg, minimise="loss_coefficient", **over),
         "Front": lambda: pareto(leg, minimise=("-centre_of_mass_rise", "largest_contact_force"), points=2, **over),
         "Sweep": lambda: sweep(leg, {"k": [3e3, 5e3], "body_mass": [55.0, 60.0]}, quantities=["stroke"]),
+        "Proof": lambda: prove(find(cubic), motion=False),
+        "Checked": lambda: check(cubic),
         "Uncertainty": lambda: uncertainty(leg, {"k": norm(5e3, 100.0)}, samples=16),
     }[kind]()
 
@@ -163,8 +173,42 @@ def made(kind: str):
 RESULTS = (
     *("Orbit", "Orbit in SI", "Certificate", "Trajectory", "Family", "Point", "Event", "End"),
     *("Existence", "Hops", "ReturnMap", "FixedPoint", "Simulation", "ContactEvent", "Control", "Driven", "Disturbed"),
-    *("Design", "Front", "Sweep", "Uncertainty", "BifurcationDiagram"),
+    *("Design", "Front", "Sweep", "Uncertainty", "BifurcationDiagram", "Proof", "Checked"),
 )
+# The results that are more than part of another one, and what each does with nothing but itself.
+WHOLE = (
+    *("Orbit", "Orbit in SI", "Family", "Sweep", "Existence", "Uncertainty", "Design", "Front", "Control"),
+    *("Simulation", "Hops", "BifurcationDiagram", "Proof", "Checked", "Driven", "Disturbed"),
+)
+VERBS = {
+    "machine": lambda result: isinstance(result.machine, dict) and "machine" in result.machine,
+    "units": lambda result: all(isinstance(each, str | None) for pair in result.units.items() for each in pair),
+    "title": lambda result: "\n" not in result.title(),
+    "print": lambda result: str(result).startswith(result.title()),
+    "summary": lambda result: (
+        result.summary()
+        and all(isinstance(each, int | float | str | np.bool_ | None) for each in result.summary().values())
+    ),
+    "rows": lambda result: result.rows() and all(isinstance(text, str) for row in result.rows() for text in row),
+    "table": lambda result: len({len(column) for column in result.table().values()}) == 1,
+    "document": lambda result: isinstance(json.loads(to_json(result.document())), dict),
+    "notebook": lambda result: "<table" in result._repr_html_(),
+    "plot": lambda result: result.plot().figure and "no picture" not in result._repr_html_(),
+}
+FILES = ("json", "csv", "html")
+TABLES = ("dataframe", "dataset", "nc", "parquet")  # with the extra `data`
+# What is not in the table of results and verbs, with the reason.
+WITHOUT = {
+    ("Control", "machine"): "a motion is of stages, and of no machine",
+    ("Proof", "plot"): "a theorem has nothing to draw",
+    ("Checked", "plot"): "relations that hold have nothing to draw",
+}
+# The machines that files do not hold.
+OF_FILES = {
+    **dict.fromkeys(("Design", "Front"), lambda result: getattr(result, "designs", (result,))[0].source),
+    "Simulation": lambda result: result.source,
+    "Disturbed": lambda result: made("Driven").source,
+}
 
 
 # What a result does not take along into a file or another process.
@@ -202,6 +246,64 @@ def test_results(kind):
     assert "0x" not in repr(result)
     assert len(repr(result)) < 200
     assert repr(result).startswith(type(result).__name__ + "(")
+
+
+def test_the_table_of_results_has_all():
+    """A class of results that is missing here is found by its base."""
+    found = {each.__name__ for each in Result.__subclasses__()} | {"Driven"}
+    assert found == {kind.removesuffix(" in SI") for kind in WHOLE}
+
+
+@pytest.mark.parametrize("kind", WHOLE)
+def test_every_result_has_every_verb(kind, tmp_path):
+    result = made(kind)
+    lacking = {verb for verb, holds in VERBS.items() if (kind, verb) not in WITHOUT and not holds(result)}
+    assert not lacking
+    assert not {verb for other, verb in WITHOUT if other == kind and hasattr(result, "plot") and verb == "plot"}
+    for ending in FILES:
+        path = tmp_path / f"result.{ending}"
+        assert (result.page(path) if ending == "html" else result.save(path)) == path
+        assert path.stat().st_size > 0
+    json.loads((tmp_path / "result.json").read_text())
+    head = (tmp_path / "result.csv").read_text().splitlines()[0]
+    assert all(name in head for name in result.table())
+    if kind in OF_FILES:
+        with pytest.raises(InputError, match="machine"):
+            type(result).load(tmp_path / "result.json")
+    machines = (each(result) for key, each in OF_FILES.items() if key == kind)
+    again = type(result).load(tmp_path / "result.json", *machines)
+    assert type(again) is type(result)
+    assert to_json(again.saved()) == to_json(result.saved())
+    assert str(again) == str(result)
+    assert repr(again) == repr(result)
+    text = (tmp_path / "result.json").read_text()
+    (tmp_path / "result.json").write_text(text.replace("1", "2", 1) if "1" in text[:40] else text[:-9])
+    with pytest.raises(InputError, match="is not a saved"):
+        type(result).load(tmp_path / "result.json")
+
+
+@pytest.mark.extra("xarray", "pandas")
+@pytest.mark.parametrize("kind", WHOLE)
+def test_every_table_is_one_of_the_usual_kinds(kind, tmp_path):
+    import pandas
+    import xarray
+
+    result = made(kind)
+    frame = result.dataframe()
+    assert set(result.table()) <= {*frame.columns, frame.index.name}
+    assert all(name in frame and isinstance(unit, str) for name, unit in frame.attrs["units"].items())
+    assert isinstance(result.dataset, xarray.Dataset)
+    with xarray.open_dataset(result.save(tmp_path / "result.nc")) as data:
+        assert len(data.variables) >= 1
+    assert len(pandas.read_parquet(result.save(tmp_path / "result.parquet"))) == len(frame)
+
+
+def test_a_family_in_one_document_and_in_lines(tmp_path):
+    family, path = made("Family"), tmp_path / "family.json"
+    assert json.loads(family.save(path).read_text())["along"] == "beta"
+    assert Family.load(path) == family
+    path.write_text(family.save(tmp_path / "family.jsonl").read_text())  # as earlier versions wrote under that name
+    assert Family.load(path) == family
 
 
 def test_what_comes_back_can_be_used():

@@ -7,8 +7,9 @@ the gap's acceleration in flight.
 """
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from itertools import combinations
-from typing import Any, NamedTuple
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -23,7 +24,8 @@ LARGEST_DEVIATION = 1e-8
 CENTRE = "centre of mass"
 
 
-class Relation(NamedTuple):
+@dataclass(frozen=True)
+class Relation:
     """Something that follows: in words, the fields of the model that it joins, and by which share it does not hold."""
 
     words: str

@@ -94,7 +94,7 @@ def _with_pieces(model: Model, relation: Relation) -> Relation:
         (model.contact, in_contact, "contact.pieces"),
     ):
         found += (name,) if phase.pieces and used and name not in names else ()
-    return relation._replace(fields=found)
+    return replace(relation, fields=found)
 
 
 def _parameters(model: Model, values: Mapping[str, float]) -> Iterator[dict[str, float]]:

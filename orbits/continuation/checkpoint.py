@@ -17,7 +17,7 @@ from ..periodic.find import Progress
 from ..running import interrupts
 from ..running.time_limit import TimeOver
 from .curve import CurvePoint
-from .family import UNFINISHED, Family, Sealing
+from .family import FAMILY_ENDINGS, UNFINISHED, Family, Sealing
 from .point import End, Event, Point, json_line
 from .tracer import Tracer
 
@@ -86,8 +86,7 @@ class Lines:
         self.file: FileIO | None = None
         if output is None:
             return
-        check_ending(output, "lines")
-        self.whole, self.sealing = Path(output), Sealing()
+        self.whole, self.sealing = check_ending(output, FAMILY_ENDINGS[:1]), Sealing()
         is_other = self.whole.is_file() and not _is_in(resume, self.whole)
         self.path = self.whole.with_suffix(f".part{self.whole.suffix}") if is_other else self.whole
         *lines, _ = family.records()  # all but the end

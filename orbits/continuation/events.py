@@ -161,5 +161,5 @@ def watched(name: str, function: Callable[[Orbit], float | bool | None], orbit: 
     try:
         return None if value is None else finite_number(name, value)
     except InputError:
-        place = f"at alpha = {orbit.alpha:.6g}{f' {orbit.units.text(LIFTOFF_SPEED)}' if orbit.units else ''}"
+        place = f"at alpha = {orbit.alpha:.6g}{f' {orbit.scales.text(LIFTOFF_SPEED)}' if orbit.scales else ''}"
         raise InputError(f"watch '{name}' gives {value!r} {place}: it must give a finite number") from None

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, BinaryIO, Literal, NotRequired, TypedDict, overload
@@ -11,40 +12,26 @@ import numpy as np
 from ..consistency.accepted import check_parameters
 from ..errors import InputError
 from ..exact.claim import CONTACT_DURATION, Claim
-from ..io import (
-    DIGEST,
-    MEGABYTE,
-    check_ending,
-    conform,
-    extra_package,
-    one_line,
-    read_file,
-    sealed,
-    to_json,
-    unsealed,
-    warn_of_no_digest,
-    write_table,
-    writing,
-)
+from ..io import DIGEST, MEGABYTE, conform, sealed, to_json, unsealed, warn_of_no_digest, writing
 from ..model.machine import Machine
 from ..periodic.certified import orbit_from
 from ..periodic.orbit import Orbit, SavedLaws, with_note
 from ..proof.branch_claim import BranchClaim
 from ..proof.prove import prove_branch, prove_claims
 from ..proof.theorem import Proof
-from ..result import cell, shown
+from ..result import ENDINGS, Result, Row, shown
 from ..running.time_limit import LIMIT
-from ..tables import DIGITS
-from ..units import UNIT_TEXTS, saved_units
-from .point import COLUMNS, KNOWN, NUMBERS, SIDES, End, Event, Point, check_points, json_line, point_in_units
+from ..units import saved_units
+from .point import KNOWN, SIDES, End, Event, Point, check_points, json_line, point_in_units
 from .proved_curve import branch_claim
 from .table import names_of_motions, numbers_of_motions
 
-FAMILY_FORMAT = "persistent-orbits family 1"
 # Why a family that is read has no end.
 UNFINISHED = "its file ends before it does: resume it to go on"
 # Seconds that the proof of a curve may take unless more are allowed.
 LIMIT_OF_BRANCH = 600.0
+# Endings of the files that a family is saved to; the first is lines of JSON, which grow point by point.
+FAMILY_ENDINGS = (".jsonl", *ENDINGS)
 # What is read of a saved family at most: some 100,000 points, and lines far longer than any that is written.
 LARGEST_FILE, LONGEST_LINE = 128 * MEGABYTE, 4 * MEGABYTE
 
@@ -92,17 +79,20 @@ class _Settings(TypedDict):
 
 
 class Heading(TypedDict):
-    """The first line of a saved family."""
+    """The first line of a saved family, and the lines after it."""
 
     format: str
     along: str
     machine: _Machine
     settings: _Settings
     versions: Mapping[str, str]
+    items: tuple[Any, ...]
 
 
-@dataclass(frozen=True)
-class Family:
+@dataclass(frozen=True, repr=False)
+class Family(
+    Result, what="family", endings=FAMILY_ENDINGS, printed_digits=15, dimension="point", largest_file=LARGEST_FILE
+):
     """A curve of orbits, traced by `follow`; `len`, indexing and iteration go over its points.
 
     name : of the parameter
@@ -133,24 +123,6 @@ class Family:
     def __getstate__(self) -> dict[str, Any]:
         """The fields without the machine, which another process may not be able to read."""
         return vars(self) | {"source": None}
-
-    @property
-    def units(self) -> dict[str, str]:
-        """The units of the parameters and the results by name; empty for a dimensionless machine."""
-        own = self.machine.get("units")
-        results = {name: unit for name, unit in UNIT_TEXTS.items() if name in COLUMNS}
-        return {} if own is None else {**own, **results, **own}
-
-    def unit_of(self, name: str) -> str:
-        """The unit of a parameter or quantity, "" where it has none."""
-        if not self.units:
-            return ""
-        rise = "m" if name.endswith("_rise") else ""
-        return self.units.get(name, UNIT_TEXTS.get(name, rise))
-
-    def heading(self, name: str) -> str:
-        """A name with its unit, if it has one: "alpha (m/s)"."""
-        return f"{name} ({self.unit_of(name)})" if self.unit_of(name) else name
 
     def __len__(self) -> int:
         return len(self.points)
@@ -195,32 +167,33 @@ class Family:
         varied = [{**point.also, self.name: point.value} for point in points]
         return numbers_of_motions(machine, self.settings["method"], varied, points)
 
-    def dataframe(self, machine: Machine | None = None) -> Any:
-        """The family as a `pandas.DataFrame`: every quantity at the points and events in order along the curve.
+    def table(self, machine: Machine | None = None, *, events: bool = False) -> dict[str, Any]:
+        """The quantities of the points as columns: the parameters, the numbers and the sides of the certificate, and
+        "violations", which say what makes an orbit no motion.
 
-        machine : that the family was followed with; a family from a file does not have it, and without it there are no
-            columns for the quantities of the motions: the stroke and the rises of the heights
-
-        The column "event" has the kind of an event, "" at other points, and "violations" the violated conditions of a
-        motion; `dataframe.attrs["units"]` has the units by column. Raises `InputError` without pandas.
+        machine : that the family was followed with; where it is stated, also what the motions tell: the stroke and the
+            rises of the heights
+        events : whether the points of the events are among the rows, in order along the curve; "event" is then the kind
+            of each, "" at other points
         """
-        pandas = extra_package("pandas", "for a data frame")
         rows = list[tuple[Point, str]]()
-        for point, event in self.in_order():
+        for point, event in self.in_order() if events else ((point, None) for point in self.points):
             if event and event.kind == "asked" and rows:  # its point is the one before
                 rows.pop()
             rows.append((point, event.kind if event else ""))
         points = [point for point, _ in rows]
         names = dict.fromkeys((self.name, *(points[0].also if points else ()), *KNOWN))
         data: dict[str, Any] = {name: self.values_at(points, name) for name in names}
-        motions = self._of_motions(machine or self.source, points)
-        data |= {name: values for name, values in motions.items() if name not in data}
         data |= {"admissible": data["admissible"] == 1, "family": data["family"].astype(int)}
+        data |= {name: values for name, values in self._of_motions(machine, points).items() if name not in data}
         data |= {name: [getattr(point, name) for point in points] for name in SIDES}
-        data["event"] = [kind for _, kind in rows]
-        frame = pandas.DataFrame(data | {"violations": ["; ".join(point.violations) for point in points]})
-        frame.attrs["units"] = {name: self.unit_of(name) for name in data if self.unit_of(name)}
-        return frame
+        data |= {"event": [kind for _, kind in rows]} if events else {}
+        return data | {"violations": ["; ".join(point.violations) for point in points]}
+
+    def dataframe(self, machine: Machine | None = None) -> Any:
+        """The `table` with its events, and with what the motions say where the machine is at hand, as a
+        `pandas.DataFrame`; the others as in `Result.dataframe`."""
+        return super().dataframe(machine or self.source, events=True)
 
     def at(self, value: float) -> list[Point]:
         """The points whose parameter has exactly this value."""
@@ -293,7 +266,6 @@ class Family:
         return Claim(here, point.alpha, point.error, point.family, tuple(point.violations), unknowns)
 
     def document(self) -> dict[str, Any]:
-        """The family as the JSON document of the command line."""
         points = [{self.name: point.value, **point.row()} for point in self.points]
         places = [{"kind": e.kind, "after": e.after, self.name: e.point.value, **e.point.row()} for e in self.events]
         end = {key: value for key, value in asdict(self.end).items() if value is not None}
@@ -301,40 +273,34 @@ class Family:
         whole |= {"units": self.units} if self.units else {}
         return {**whole, "settings": self.settings, "versions": self.versions}
 
-    def __repr__(self) -> str:
+    def _line(self) -> dict[str, Any]:
         ends = {"start": self.points[0].value, "stop": self.points[-1].value} if self.points else {}
-        return one_line(self, {"along": self.name, "orbits": len(self), **ends, "end": self.end.kind})
+        return {"along": self.name, "orbits": len(self), **ends, "end": self.end.kind}
 
-    def summary(self) -> str:
-        """The family in one line."""
+    def title(self) -> str:
         if not self.points:
             return f"a family along {self.name} without orbits: {self.end.kind}, {self.end.reason}"
         m = self.machine
         head = f"family {self.points[0].family} of {m['machine']}, spring {m['spring']}, gravity {m['gravity']}"
         return f"{head}, along {self.name}: {len(self)} orbits"
 
-    def rows(self, digits: int) -> list[tuple[str, str]]:
-        """The family as rows of a table, (name, text): the range of the curve, the errors, each event, the end."""
+    def _rows(self) -> Iterator[Row]:
+        """The way along the curve, the errors, each event, the end."""
         if not self.points:
-            return []
+            return
         unit, speed = (f" {self.unit_of(name)}".rstrip() for name in (self.name, "alpha"))
-        c, first, last = self.column("alpha"), self.points[0].value, self.points[-1].value
-        way = f"{first:.{digits}g} to {last:.{digits}g}{unit}, alpha {c[0]:.{digits}g} to {c[-1]:.{digits}g}{speed}"
-        error, admissible = max(point.error for point in self), sum(point.admissible for point in self)
-        end = f"{self.end.kind}, {self.end.reason}"
-        if self.end.limit is not None:
-            end += f", {self.name} tends to {self.end.limit:.8g} (about {self.end.limit_error:.0e} off)"
-        rows = [(self.name, way), ("largest error", f"{error:.1e}"), ("admissible", f"{admissible} of {len(self)}")]
+        c, values = self.column("alpha").tolist(), (self.points[0].value, self.points[-1].value)
+        way = dict(zip(("start", "stop", "alpha at start", "alpha at stop"), (*values, c[0], c[-1]), strict=True))
+        yield Row(self.name, way, (f"{{}} to {{}}{unit}, alpha {{}} to {{}}{speed}",))
+        yield Row("largest error", {"largest_error": max(point.error for point in self)}, ("{:.1e}",))
+        count = {"admissible": sum(point.admissible for point in self), "orbits": len(self)}
+        yield Row("admissible", count, ("{} of {}",))
         for event in self.events:
-            value, alpha = (f"{each:.{digits}g}" for each in (event.point.value, event.point.alpha))
-            rows.append((event.kind, f"{self.name} = {value}{unit}, alpha = {alpha}{speed}"))
-        return [*rows, ("end", end)]
-
-    def __str__(self) -> str:
-        return "\n".join([self.summary(), *(f"  {name:<13} {text}" for name, text in self.rows(digits=15))])
-
-    def _repr_html_(self) -> str:
-        return cell(self.summary(), self.rows(DIGITS), self.plot)
+            place = {event.kind: event.point.value, f"alpha at {event.kind}": event.point.alpha}
+            yield Row(event.kind, place, (f"{self.name} = {{}}{unit}, alpha = {{}}{speed}",))
+        limits = {} if self.end.limit is None else {"limit": self.end.limit, "limit_error": self.end.limit_error}
+        tends = f", {self.name} tends to {{:.8g}} (about {{:.0e}} off)" if limits else ""
+        yield Row("end", {"end": self.end.kind, "reason": self.end.reason, **limits}, (f"{{}}, {{}}{tends}",))
 
     def plot(self, quantity: str = "alpha", axes: Any = None, label: str | None = None) -> Any:
         """Plot a quantity against the parameter; returns the axes. See `orbits.show.plot.plot_family`."""
@@ -363,53 +329,56 @@ class Family:
         return orbit_from(here, self.settings["method"], point.u, bare.error)
 
     def save(self, path: str | Path) -> Path:
-        """Write the family to .json (to load and resume), .csv (a table) or .nc (NetCDF, by the extra `data`), and
-        return the path. Raises `InputError` for another ending, and when the file cannot be written."""
-        path, ending = Path(path), check_ending(path, "family")
-        if ending == ".csv":
-            columns = [self.name, *(self.points[0].also if self.points else ()), *COLUMNS]
-            rows = ((p.value, *p.also.values(), *(getattr(p, name) for name in COLUMNS)) for p in self.points)
-            return write_table([self.heading(name) for name in columns], rows, path, "family")
-        with writing("family", path) as target:
-            if ending == ".nc":
-                self._dataset().to_netcdf(target)
-            else:
-                target.write_text("".join(map(Sealing().line, self.records())), encoding="utf-8")
-        return path
+        """Write the family to .jsonl, a line for each point and event, as a run writes it; the others as in
+        `Result.save`. Both .jsonl and .json are to load and to resume."""
+        if Path(path).suffix.lower() != ".jsonl":
+            return super().save(path)
+        with writing(self.what, path) as target:
+            target.write_text("".join(map(Sealing().line, self.records())), encoding="utf-8")
+        return Path(path)
+
+    def saved(self) -> dict[str, Any]:
+        head, *lines = map(json.loads, self.records())
+        return {**head, "items": lines}
 
     def records(self) -> Iterator[str]:
-        """The lines of a saved family: its header, its points and events in order, its end."""
-        head = {"format": FAMILY_FORMAT, "along": self.name, "machine": self.machine}
+        """The lines of a saved family: its heading, its points and events in order, its end."""
+        head = {"format": self.form(), "along": self.name, "machine": self.machine}
         head |= {"units": self.units} if self.units else {}
         yield to_json({**head, "settings": self.settings, "versions": self.versions})
         yield from (json_line(event or point) for point, event in self.in_order())
         yield json_line(self.end)
 
     @classmethod
-    def load(cls, path: str | Path) -> "Family":
-        """Read a family that `save` or an interrupted `follow` wrote; an incomplete last line is left out.
-
-        Raises `InputError` when the file does not have a family, or was changed since.
-        """
-        return read_file(path, f"{path} is not a saved family", cls._parsed, LARGEST_FILE)
-
-    @classmethod
-    def _parsed(cls, file: BinaryIO) -> "Family":
-        sealing = Sealing()
-        head = conform(sealing.opened(json.loads(next(_lines(file), "")), 1), Heading)
-        if sealing.before is None:
-            warn_of_no_digest(file.name)
-        if head["format"] != FAMILY_FORMAT:
-            raise ValueError(f"format {head['format']!r}, expected {FAMILY_FORMAT!r}")
-        points, events, end = list[Point](), list[Event](), End("interrupted", UNFINISHED)
-        for number, line in enumerate(_lines(file), start=2):
+    def _read(cls, machine: Any, file: BinaryIO) -> "Family":
+        """The family in an open file, of lines or of one document; a last line that was cut short is left out."""
+        if str(file.name).lower().endswith(".json"):
+            with suppress(json.JSONDecodeError):  # in files of earlier versions it is lines too
+                if "items" in (document := json.load(file)):
+                    if DIGEST not in document:
+                        warn_of_no_digest(file.name)
+                    return cls.of_saved(unsealed(document))
+            file.seek(0)
+        sealing, items = Sealing(), list[Any]()
+        for number, line in enumerate(_lines(file), start=1):
             try:
                 item = json.loads(line)
             except ValueError:
-                if next(file, None) is None:
+                if number > 1 and next(file, None) is None:
                     break
                 raise
-            where, item = f"line {number}", sealing.opened(item, number)
+            items.append(sealing.opened(item, number))
+            if number == 1 and sealing.before is None:
+                warn_of_no_digest(file.name)
+        head, *lines = items or [{}]
+        return cls.of_saved({**head, "items": lines})
+
+    @classmethod
+    def of_saved(cls, document: Any, machine: Any = None) -> "Family":
+        head = cls._conform(document, Heading)
+        points, events, end = list[Point](), list[Event](), End("interrupted", UNFINISHED)
+        for number, item in enumerate(head["items"], start=2):
+            where = f"line {number}"
             if "point" in item:
                 points.append(conform(item["point"], Point, where))
             elif "event" in item:
@@ -421,16 +390,12 @@ class Family:
         family = cls(head["along"], head["machine"], *found, head["settings"], head["versions"])
         return _modernised(family) if family.machine.get("laws_in") == "SI" else family
 
-    def _dataset(self):
-        xarray = extra_package("xarray", "to save a family as NetCDF and not as .json or .csv")
-        also = self.points[0].also if self.points else ()
-        attached = {name: {"units": unit} for name, unit in self.units.items() if unit}
-        data = {name: ("point", self.column(name), attached.get(name, {})) for name in (*also, *NUMBERS)}
-        attributes = {name: to_json(getattr(self, name)) for name in ("machine", "settings", "versions")}
-        attributes |= {"events": to_json([asdict(event) for event in self.events]), "end": to_json(asdict(self.end))}
-        return xarray.Dataset(
-            data, {self.name: ("point", self.column("value"), attached.get(self.name, {}))}, attributes
-        )
+    @property
+    def dataset(self) -> Any:
+        """The table along "point", with the parameter as a coordinate and all else of the family as attributes."""
+        settings = {name: to_json(getattr(self, name)) for name in ("settings", "versions")}
+        settings |= {"events": to_json([asdict(event) for event in self.events]), "end": to_json(asdict(self.end))}
+        return super().dataset.assign_attrs(settings).set_coords(self.name)
 
 
 def _modernised(family: Family) -> Family:

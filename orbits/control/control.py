@@ -1,24 +1,21 @@
 """Motions found by optimal control: evaluated, printed, plotted, tabled, saved and loaded, and stated in SI."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
-from pathlib import Path
-from typing import Any, BinaryIO, Self, TypedDict
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..flow.trajectory import SavedTrajectory, Trajectory, trajectory_of
-from ..io import check_ending, conform, extra_package, fields_in_line, read_file, read_sealed, write_json, write_table
-from ..result import Axes, cell, shown
+from ..flow.trajectory import Trajectory
+from ..io import conform
+from ..result import TABLE_ROWS, Axes, Result, Row, shown
 from ..simulation.simulated import Leg, index_of_legs, rows_of_legs, times_within
 from ..units import Dimension, Units, dimension_of_state, unit_text
 from .stage import RUNNING_COST
 from .transcription import Multipliers, Transcription
 
-CONTROL_FORMAT = "persistent-orbits control 1"
-TABLE_ROWS = 201  # of a table whose times are not given
 CONTROL_NUMBERS = ("cost", "violation", "error", "seconds")
 
 
@@ -29,6 +26,17 @@ class ControlledLeg(Leg):
 
     inputs: Trajectory
     states: tuple[str, ...]
+
+    @classmethod
+    def of_saved(cls, document: Mapping[str, Any]) -> "ControlledLeg":
+        """The stage of what its `saved` is, whose parts fit each other; raises `ValueError`."""
+        kinds = {"phase": str, "start": float, "path": Trajectory, "inputs": Trajectory, "states": tuple[str, ...]}
+        leg = cls(**{name: conform(document[name], kind, name) for name, kind in kinds.items()})
+        rest = leg.path.names[len(leg.states) :]
+        fits = leg.path.names[: len(leg.states)] == leg.states and rest[-1:] == (RUNNING_COST,)
+        if not leg.states or not fits or leg.path.times[-1] != leg.inputs.times[-1]:
+            raise ValueError(f"its stage '{leg.phase}' is damaged")
+        return leg
 
     @property
     def duration(self) -> float:
@@ -56,9 +64,9 @@ class WarmStart:
     unit: float = 1.0  # of the cost, which it brings to order one, since Ipopt's tolerances are absolute
 
 
-@dataclass(frozen=True)
-class Control:
-    """A motion of locally least cost. Another guess may lead to a motion that costs less.
+@dataclass(frozen=True, repr=False)
+class Control(Result, what="control", document_is_whole=True, in_line=("status", "cost", "violation", "error", "end")):
+    """A motion of locally least cost. Another guess may lead to one that costs less.
 
     Called with times (...) it returns states (..., n).
 
@@ -67,14 +75,15 @@ class Control:
     parameters : all parameters by name, the free ones with the values found
     violation : largest amount by which the accurate motion violates a condition, a bound, or the sign of a path
         expression
-    error : largest difference of the states (relative to their size) or of the cost between the accurate motion and the
-        solution of the nonlinear program
-    coarseness : relative change of the cost at the last halving of the intervals, NaN if they were not halved.
-        Violation and error are those of this motion; they do not show how much finer inputs would save
-    iterations, rounds : number of Ipopt's iterations, and of the solves in which they were taken
-    seconds : total time
-    status : "optimal"; any other outcome is raised as an error
-    units : of "cost", "time" and the inputs, by name, where the numbers are in SI; violation and error have none
+    error : the most by which the states of the accurate motion, relative to their size, or its cost differ from those
+        of the nonlinear program
+    coarseness : the share of the cost by which the last halving of the intervals changed it, NaN if they were kept.
+        Violation and error are those of this motion and do not say what finer inputs would save
+    iterations, rounds : Ipopt's iterations, and the solves in which they were taken
+    seconds : time taken in all
+    status : "optimal"; anything else is raised as an error
+    units : of the cost, the time, the states and the inputs, by name; empty where the numbers are not in SI. Violation
+        and error have none
     bare : the same motion without units, None where there are none
     """
 
@@ -89,7 +98,7 @@ class Control:
     status: str = "optimal"
     coarseness: float = np.nan
     answer: WarmStart | None = field(default=None, repr=False)
-    units: Mapping[str, str] | None = None
+    units: Mapping[str, str] = field(default_factory=dict)
     bare: Self | None = field(default=None, repr=False)
 
     def dimensionless(self) -> Self:
@@ -100,8 +109,7 @@ class Control:
         """What is pickled: all but the nonlinear program. As a guess the copy starts a solve from its motion."""
         return {each.name: getattr(self, each.name) for each in fields(self)} | {"answer": None}
 
-    def __repr__(self) -> str:
-        return fields_in_line(self, "status", "cost", "violation", "error", "end")
+    machine = property(lambda self: {})  # a motion is of stages
 
     @property
     def durations(self) -> np.ndarray:
@@ -128,7 +136,7 @@ class Control:
 
         Raises `InputError` for other times, and for what is not a number.
         """
-        return self._rows(t, lambda leg, since: leg.path(since)[..., [leg.states.index(name) for name in self.states]])
+        return self._along(t, lambda leg, since: leg.path(since)[..., [leg.states.index(name) for name in self.states]])
 
     def inputs_at(self, t: ArrayLike) -> np.ndarray:
         """The `inputs` (..., m) at times (...), 0 where a stage does not have them; where they jump, the later values.
@@ -141,9 +149,9 @@ class Control:
             columns = [values[..., names.index(name)] if name in names else 0 * since for name in self.inputs]
             return np.stack(columns, axis=-1) if columns else np.zeros((*since.shape, 0))
 
-        return self._rows(t, rows)
+        return self._along(t, rows)
 
-    def _rows(self, t: ArrayLike, rows: Callable[[ControlledLeg, np.ndarray], np.ndarray]) -> np.ndarray:
+    def _along(self, t: ArrayLike, rows: Callable[[ControlledLeg, np.ndarray], np.ndarray]) -> np.ndarray:
         return rows_of_legs(self.legs, self.end, t, rows, self._second)
 
     @property
@@ -166,10 +174,9 @@ class Control:
         return times, {name: np.concatenate([c[:, 0] for c in columns]) for name, columns in rows.items()}
 
     def table(self, t: ArrayLike | None = None) -> dict[str, np.ndarray]:
-        """Columns (k,) by name at times (k,), by default evenly spaced: "time", "stage", the states, the inputs, and
-        the "running cost", the cost of the stages up to that time without the costs at their ends."""
-        asked = np.linspace(0.0, self.end, TABLE_ROWS) if t is None else t
-        t = times_within(asked, self.end, self._second).ravel()
+        """Columns (k,) by name at times (k,), evenly spaced by default: "time", "stage", the states, the inputs, and
+        the "running cost", what the stages have cost so far without what their ends cost."""
+        t = times_within(np.linspace(0.0, self.end, TABLE_ROWS) if t is None else t, self.end, self._second).ravel()
         states, inputs = self(t), self.inputs_at(t)
         stages = np.array([leg.phase for leg in self.legs])[index_of_legs(self.legs, t)]
         columns = {"time": t, "stage": stages}
@@ -179,132 +186,60 @@ class Control:
     def _spent(self, t: np.ndarray) -> np.ndarray:
         """The running costs (...) of all stages up to times (...)."""
         before = np.cumsum([0.0, *(leg.path.end[-1] for leg in self.legs)])
-        within = self._rows(t, lambda leg, since: leg.path(since)[..., -1:])[..., 0]
+        within = self._along(t, lambda leg, since: leg.path(since)[..., -1:])[..., 0]
         return within + before[index_of_legs(self.legs, t)]
-
-    def dataframe(self, t: ArrayLike | None = None) -> Any:
-        """The `table` as a `pandas.DataFrame`; raises `InputError` without pandas, which the extra `data` installs."""
-        return extra_package("pandas", "for a data frame").DataFrame(self.table(t))
-
-    def heading(self, name: str) -> str:
-        """The name of a column with its unit, if it has one: "time (s)"."""
-        if self.units is None or name == "stage":
-            return name
-        own = "cost" if name == RUNNING_COST else name
-        return f"{name} ({self.units.get(own) or unit_text(dimension_of_state(name))})"
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Plot states against time, and inputs below; returns the axes."""
         return shown("control_figures").plot_control(self, axes)
 
     def document(self) -> dict[str, Any]:
-        """The motion as JSON-ready data, with everything that its file has."""
-        legs = [
-            {"phase": leg.phase, "start": leg.start, "states": leg.states}
-            | {"path": leg.path.saved(), "inputs": leg.inputs.saved()}
-            for leg in self.legs
-        ]
-        told = {
-            name: getattr(self, name) for name in ("status", *CONTROL_NUMBERS, "iterations", "rounds", "parameters")
-        }
+        """The motion as JSON-ready data, with all that a file of it has."""
+        legs = [{**vars(leg), "path": leg.path.saved(), "inputs": leg.inputs.saved()} for leg in self.legs]
+        own = {name: getattr(self, name) for name in ("status", *CONTROL_NUMBERS, "iterations", "rounds", "parameters")}
         coarseness = None if np.isnan(self.coarseness) else self.coarseness
         bare = self.bare and self.bare.document()
-        whole = {"format": CONTROL_FORMAT, **told, "coarseness": coarseness, "units": self.units}
+        whole = {"format": Control.form(), **own, "coarseness": coarseness, "units": self.units or None}
         return {**whole, "legs": legs, "bare": bare}
 
-    def save(self, path: str | Path) -> Path:
-        """Write the motion to .json, from which `load` brings it back to the last bit, or its `table` to .csv; returns
-        the path. Raises `InputError` when the file cannot be written."""
-        if check_ending(path, "control") == ".json":
-            return write_json(self.document(), path, "control")
-        table = self.table()
-        rows = zip(*(column.tolist() for column in table.values()), strict=True)
-        return write_table([*map(self.heading, table)], rows, path, "control")
-
     @classmethod
-    def load(cls, path: str | Path) -> "Control":
-        """Read a motion that `save` wrote, for example as a guess for another solve. Raises `InputError` when the file
-        does not have one."""
-        return read_file(path, f"{path} is not a saved control", control_in_file)
+    def of_saved(cls, document: Any, machine: Any = None) -> "Control":
+        data = Control._conform(document, Mapping[str, Any])
+        bare, inner = data["bare"], ("bare", "machine", "statement")
+        own = Control._fields_in({n: each for n, each in data.items() if each is not None and n not in inner})
+        units, legs = own.pop("units", None), own["legs"]
+        if (units is None) != (bare is None) or (units is not None and not {"cost", "time"} <= units.keys()):
+            raise ValueError("its units do not fit its numbers")
+        ends = np.cumsum([0.0, *(leg.duration for leg in legs)])
+        if not legs or not np.allclose([leg.start for leg in legs], ends[:-1], rtol=1e-9, atol=1e-9 * ends[-1]):
+            raise ValueError("its stages do not follow each other")
+        bare = None if bare is None else Control.of_saved({**bare, "units": None, "bare": None})
+        if bare is not None and [*map(_names_of, bare.legs)] != [*map(_names_of, legs)]:
+            raise ValueError("its motions in SI and without units have other stages")
+        return Control(**own, units={**_units_of(legs), **units} if units else {}, bare=bare)
 
-    def rows(self) -> list[tuple[str, str]]:
-        """The motion as rows of a table, (name, text): its stages, its cost and errors, how it was found."""
+    def title(self) -> str:
+        return "motion of locally least cost"
+
+    def _rows(self) -> Iterator[Row]:
+        """Its stages, its cost and errors, how it was found."""
         unit = f" {self.units['cost']}" if self.units else ""
-        rows = [(leg.phase, f"from {leg.start:<12.8g}for {leg.duration:.10g}{self._second}") for leg in self.legs]
-        rows.append(("cost", f"{self.cost:.12g}{unit}, violation {self.violation:.1e}, error {self.error:.1e}"))
-        return [*rows, ("found in", f"{self.iterations} iterations, {self.rounds} rounds, {self.seconds:.2f} s")]
-
-    def __str__(self) -> str:
-        return "\n".join(f"  {name:<12}{text}" for name, text in self.rows())
-
-    def _repr_html_(self) -> str:
-        return cell("motion of locally least cost", self.rows(), self.plot)
-
-
-class _SavedLeg(TypedDict):
-    """A `ControlledLeg` in a file."""
-
-    phase: str
-    start: float
-    states: tuple[str, ...]
-    path: SavedTrajectory
-    inputs: SavedTrajectory
-
-
-class SavedControl(TypedDict):
-    """A `Control` in a file; `bare` is another one, without units."""
-
-    format: str
-    status: str
-    cost: float
-    violation: float
-    error: float
-    seconds: float
-    iterations: int
-    rounds: int
-    parameters: Mapping[str, float]
-    coarseness: float | None
-    units: Mapping[str, str] | None
-    legs: tuple[_SavedLeg, ...]
-    bare: Mapping[str, Any] | None
-
-
-def control_in_file(file: BinaryIO) -> Control:
-    """The motion in an open file; raises `ValueError` where there is none."""
-    return control_of(read_sealed(file))
-
-
-def control_of(document: Any) -> Control:
-    """The motion of what `Control.document` made; raises `ValueError` where parts of it do not fit each other."""
-    data = conform(document, SavedControl)
-    if data["format"] != CONTROL_FORMAT:
-        raise ValueError(f"format {data['format']!r}, expected {CONTROL_FORMAT!r}")
-    units, bare = data["units"], data["bare"]
-    if (units is None) != (bare is None) or (units is not None and not {"cost", "time"} <= units.keys()):
-        raise ValueError("its units do not fit its numbers")
-    legs = tuple(map(_leg_of, data["legs"]))
-    ends = np.cumsum([0.0, *(leg.duration for leg in legs)])
-    if not legs or not np.allclose([leg.start for leg in legs], ends[:-1], rtol=1e-9, atol=1e-9 * ends[-1]):
-        raise ValueError("its stages do not follow each other")
-    bare = None if bare is None else control_of({**bare, "units": None, "bare": None})
-    if bare is not None and [*map(_names_of, bare.legs)] != [*map(_names_of, legs)]:
-        raise ValueError("its motions in SI and without units have other stages")
-    told = {name: data[name] for name in ("status", *CONTROL_NUMBERS, "iterations", "rounds", "parameters", "units")}
-    coarseness = np.nan if data["coarseness"] is None else data["coarseness"]
-    return Control(legs, **told, coarseness=coarseness, bare=bare)
+        for i, leg in enumerate(self.legs):
+            times = {f"start of stage {i}": leg.start, f"duration of stage {i}": leg.duration}
+            yield Row(leg.phase, times, (f"from {{:<12.8g}}for {{:.10g}}{self._second}",))
+        costs = {"cost": self.cost, "violation": self.violation, "error": self.error}
+        yield Row("cost", costs, (f"{{}}{unit}, violation {{:.1e}}, error {{:.1e}}",))
+        counts = {"iterations": self.iterations, "rounds": self.rounds, "seconds": self.seconds}
+        yield Row("found in", counts, ("{} iterations, {} rounds, {:.2f} s",))
 
 
 def _names_of(leg: ControlledLeg) -> tuple[Any, ...]:
     return leg.phase, leg.states, leg.path.names, leg.inputs.names
 
 
-def _leg_of(data: _SavedLeg) -> ControlledLeg:
-    """A stage whose parts fit each other; raises `ValueError`."""
-    path, inputs, states = trajectory_of(data["path"]), trajectory_of(data["inputs"]), data["states"]
-    fits = path.names[: len(states)] == states and path.names[len(states) :][-1:] == (RUNNING_COST,)
-    if not states or not fits or path.times[-1] != inputs.times[-1]:
-        raise ValueError(f"its stage '{data['phase']}' is damaged")
-    return ControlledLeg(data["phase"], data["start"], path, inputs, states)
+def _units_of(legs: tuple[ControlledLeg, ...]) -> dict[str, str]:
+    """The units of SI of the states by name."""
+    return {name: unit_text(dimension_of_state(name)) for leg in legs for name in leg.states}
 
 
 def control_in_units(
@@ -325,7 +260,7 @@ def control_in_units(
         for leg in control.legs
     )
     inputs = {name: unit_text(own[name]) for leg in control.legs for name in leg.inputs.names if name in own}
-    texts = {"cost": unit_text(cost), "time": "s", **inputs}
+    texts = {**_units_of(legs), "cost": unit_text(cost), RUNNING_COST: unit_text(cost), "time": "s", **inputs}
     return replace(
         control, legs=legs, cost=control.cost * units.of(cost), parameters=parameters, units=texts, bare=control
     )

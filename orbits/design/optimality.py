@@ -4,21 +4,17 @@ The conditions are those of Karush, Kuhn and Tucker in the parameters alone; the
 implicit function theorem.
 """
 
-import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, NamedTuple, TypedDict
 
 import numpy as np
 
 from ..errors import InputError
-from ..io import conform, one_line, read_file, read_sealed, to_json, write_json
-from ..model.machine import Machine, machine_in_words
+from ..io import conform
+from ..model.machine import Machine
 from ..periodic.orbit import Orbit, orbit_of
-from ..periodic.quantities import orbit_rows
-from ..result import cell
-from ..tables import DIGITS, number_text
+from ..result import Axes, Result, Row, is_of
 from .nlp import DesignPoint
 from .problem import DesignProblem
 
@@ -49,11 +45,11 @@ class Start:
     optimum: Mapping[str, float] | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class Design:
+@dataclass(frozen=True, eq=False, repr=False)
+class Design(Result, what="design"):
     """The best design found; numbers in the machine's units, in SI for a machine stated so.
 
-    machine : with the best parameters
+    source : the machine with the best parameters
     orbit : its certified lossless orbit
     parameters : their values
     verb, text, objective : "minimise" or "maximise", the formula of the objective, and its value
@@ -69,7 +65,7 @@ class Design:
     share : of the designs of a global search that led to this optimum; None for any other search
     """
 
-    machine: Machine
+    source: Machine
     orbit: Orbit
     parameters: Mapping[str, float]
     verb: str
@@ -84,11 +80,12 @@ class Design:
     pair: tuple[float, float] | None = None
     share: float | None = None
 
-    def __repr__(self) -> str:
-        return one_line(self, {**self.parameters, self.verb: self.text, "objective": self.objective, "kkt": self.kkt})
+    machine = property(lambda self: self.orbit.machine)
+
+    def _line(self) -> dict[str, Any]:
+        return {**self.parameters, self.verb: self.text, "objective": self.objective, "kkt": self.kkt}
 
     def document(self) -> dict[str, Any]:
-        """The design as the JSON document of the command line."""
         named = [*self.parameters, *self.quantities]
         return {
             "verb": self.verb,
@@ -99,71 +96,54 @@ class Design:
             "idle": list(self.idle),
             "kkt": self.kkt,
             "starts": [{**vars(start), "parameters": dict(start.parameters)} for start in self.starts],
-            "units": "SI" if self.orbit.units else "units of the machine",
-            **({"units_by_name": {name: self.unit_of(name) for name in named}} if self.orbit.units else {}),
+            "units": "SI" if self.orbit.scales else "units of the machine",
+            **({"units_by_name": {name: self.unit_of(name) for name in named}} if self.orbit.scales else {}),
             "seconds": self.seconds,
             "orbit": self.orbit.document(),
         }
 
-    def summary(self) -> str:
-        """The design in one line: its objective, with its value."""
-        return f"{self.verb} {self.text}: {self.objective:.12g}" + (" (SI)" if self.orbit.units else "")
+    def title(self) -> str:
+        return f"{self.verb} {self.text}: {self.objective:.12g}" + (" (SI)" if self.units else "")
 
-    def rows(self, digits: int) -> list[tuple[str, str]]:
-        """The design as rows of a table, (name, text): parameters, quantities, active constraints, how it was found."""
-        figures = {**self.quantities, **self.parameters}
-        named = dict.fromkeys([*self.parameters, *self.quantities])
-        rows = [(name, number_text(float(figures[name]), self.unit_of(name), digits)) for name in named]
-        rows += [("held by", f"{a.text}   (gains {a.multiplier:.4g} per unit)") for a in self.active]
-        rows += [("without effect", name) for name in self.idle]
+    def _rows(self) -> Iterator[Row]:
+        """Parameters, quantities, what holds it, how it was found; and then its orbit."""
+        for name, value in {**self.parameters, **self.quantities, **self.parameters}.items():
+            yield Row.of(name, float(value), self.unit_of(name))._replace(heading=name)
+        for each in self.active:
+            values = {"held by": each.text, "multiplier": each.multiplier}
+            yield Row("held by", values, ("{}   (gains {:.4g} per unit)",))
+        yield from (Row("without effect", {"without effect": name}) for name in self.idle)
         successes = sum(start.objective is not None for start in self.starts)
-        rows.append(("optimality", f"{self.kkt:.1e}"))
-        rows.append(("starts", f"{successes} of {len(self.starts)} led to an optimum, {self.seconds:.2f} s"))
+        yield Row("optimality", {"kkt": self.kkt}, ("{:.1e}",))
+        counts = {"successes": successes, "starts": len(self.starts), "seconds": self.seconds}
+        yield Row("starts", counts, ("{} of {} led to an optimum, {:.2f} s",))
         if self.share is not None:
-            rows.append(("share of the sample", f"{self.share:.0%} of its designs with an orbit lead here"))
-        return rows + [("a start led to none", start.reason) for start in self.starts if start.objective is None]
+            yield Row("share of the sample", {"share": self.share}, ("{:.0%} of its designs with an orbit lead here",))
+        failed = (start.reason for start in self.starts if start.objective is None)
+        yield from (Row("a start led to none", {"a start led to none": reason}) for reason in failed)
+        yield Row("its orbit", {"its orbit": self.orbit.title()})
+        yield from self.orbit._rows()
 
-    def __str__(self) -> str:
-        rows = [f"  {name:<24}{text}" for name, text in self.rows(digits=12)]
-        return "\n".join([self.summary(), *rows, "", str(self.orbit)])
+    def table(self) -> dict[str, list[float]]:
+        """The objective, the parameters and the quantities, each a column with one row."""
+        numbers = {self.text: self.objective, **self.quantities, **self.parameters}
+        return {name: [float(value)] for name, value in numbers.items()}
 
-    def _repr_html_(self) -> str:
-        return cell(self.summary(), [*self.rows(DIGITS), *orbit_rows(self.orbit)], self.orbit.plot)
-
-    def unit_of(self, name: str) -> str:
-        """The SI unit of a quantity or parameter, "" where there is none."""
-        if not self.orbit.units:
-            return ""
-        known = {**self.orbit.units.texts(), **self.orbit.machine.get("units", {})}
-        return known.get(name, "m" if name.isidentifier() and name.endswith("_rise") else "")
-
-    def save(self, path: str | Path) -> Path:
-        """Write the document to a JSON file, with the whole orbit; returns the path."""
-        return write_json(self.saved(), path, "design")
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Plot its orbit; returns the axes."""
+        return self.orbit.plot(axes)
 
     def saved(self) -> dict[str, Any]:
         """The content of a file of the design, with the whole orbit, from which `of_saved` restores it."""
         return {**self.document(), "pair": self.pair, "share": self.share, "orbit": self.orbit.saved()}
 
     @classmethod
-    def load(cls, path: str | Path, machine: Machine) -> "Design":
-        """Read a design that `save` wrote.
-
-        machine : the one that was designed, with any values of the parameters that were free
-
-        Raises `InputError` when the file does not have a design, or is of another machine.
-        """
-        return read_file(path, f"{path} is not a saved design", lambda file: cls.of_saved(read_sealed(file), machine))
-
-    @classmethod
-    def of_saved(cls, document: Any, machine: Machine) -> "Design":
-        """The design from what `saved` returned; raises `ValueError` where its parts contradict each other."""
-        data = conform(document, SavedDesign)
-        orbit, best = Orbit.of_saved(data["orbit"]), machine.with_values(**data["parameters"])
-        if json.loads(to_json(machine_in_words(best))) != json.loads(to_json(orbit.machine)):
-            raise ValueError(f"it is of another machine: {dict(orbit.machine)}")
-        told = {name: data[name] for name in SavedDesign.__annotations__ if name not in ("objective", "orbit")}
-        return cls(best, orbit, text=data["objective"]["formula"], objective=data["objective"]["value"], **told)
+    def of_saved(cls, document: Any, machine: Machine | None = None) -> "Design":
+        """The design of what `saved` made, of a machine with any values of the parameters that were free; raises
+        `ValueError` where parts of it do not fit each other."""
+        goal = conform(document["objective"], _SavedObjective, "objective")
+        own = cls._fields_in({**document, "text": goal["formula"], "objective": goal["value"]})
+        return cls(source=is_of(machine, own["orbit"].machine, own["parameters"]), **own)
 
 
 class _SavedObjective(TypedDict):
@@ -171,23 +151,6 @@ class _SavedObjective(TypedDict):
 
     formula: str
     value: float
-
-
-class SavedDesign(TypedDict):
-    """A `Design` in a file; its orbit is read as an orbit's file is."""
-
-    verb: str
-    objective: _SavedObjective
-    parameters: Mapping[str, float]
-    quantities: Mapping[str, float]
-    active: tuple[Active, ...]
-    idle: tuple[str, ...]
-    kkt: float
-    starts: tuple[Start, ...]
-    seconds: float
-    pair: tuple[float, float] | None
-    share: float | None
-    orbit: Mapping[str, Any]
 
 
 class _ActiveRow(NamedTuple):

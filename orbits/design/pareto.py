@@ -3,20 +3,16 @@
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from pathlib import Path
-from typing import Any, BinaryIO, TypedDict
+from typing import Any
 
 import numpy as np
 
 from ..errors import InputError, OrbitsError, whole_number
-from ..io import check_ending, conform, one_line, read_file, read_sealed, write_json, write_table
 from ..model.machine import Machine
 from ..periodic.find import Progress, find
-from ..result import Axes, cell, shown
+from ..result import Axes, Result, shown
 from ..running import interrupts
 from ..running.exclusive import exclusive
-from ..tables import number_text
 from .optimality import Design
 from .optimize import best_design, multistart, starting_points
 from .problem import Constraint, DesignProblem, design_problem, formula_names, known_formula
@@ -30,9 +26,9 @@ PROBE = 1e-3  # how far an end of a front is probed for that, as a share of the 
 FLAT_CHANGE = 0.1
 
 
-@dataclass(frozen=True, eq=False)
-class Front:
-    """A Pareto front: designs none of which is better than another in both objectives, by the first objective.
+@dataclass(frozen=True, eq=False, repr=False)
+class Front(Result, what="front"):
+    """Designs of which none is better than another in both objectives, in ascending order of the first objective.
 
     texts : the two objectives, both minimised
     designs : each certified
@@ -44,6 +40,8 @@ class Front:
     refused: tuple[tuple[float, str], ...]
     seconds: float
 
+    machine = property(lambda self: self.designs[0].machine)  # the others differ in the parameters that were free
+
     @property
     def values(self) -> np.ndarray:
         """The objectives (m, 2) of the designs."""
@@ -54,7 +52,6 @@ class Front:
         return np.array([design.parameters[name] for design in self.designs])
 
     def document(self) -> dict[str, Any]:
-        """The front as the JSON document of the command line."""
         return {
             "objectives": list(self.texts),
             "points": [{"values": list(_objectives(design)), **design.document()} for design in self.designs],
@@ -62,79 +59,44 @@ class Front:
             "seconds": self.seconds,
         }
 
-    def __repr__(self) -> str:
-        return one_line(self, {"minimise": self.texts, "designs": len(self.designs), "seconds": self.seconds})
+    @property
+    def units(self) -> dict[str, str]:
+        """The units of the objectives and parameters by name; empty for a dimensionless machine."""
+        return {**self.designs[0].units, **{text: self.designs[0].unit_of(text.lstrip("-")) for text in self.texts}}
+
+    def _line(self) -> dict[str, Any]:
+        return {"minimise": self.texts, "designs": len(self.designs), "seconds": self.seconds}
+
+    def title(self) -> str:
+        return f"Pareto front, minimise {' and '.join(self.texts)}: {len(self.designs)} certified designs"
+
+    def _notes(self) -> list[str]:
+        levels = [f"{self.texts[1]} <= {level:.6g}: {reason}" for level, reason in self.refused]
+        return [*levels, f"found in {self.seconds:.2f} s"]
+
+    def table(self) -> dict[str, list[float]]:
+        """The objectives and parameters of the designs as columns."""
+        columns = dict(zip(self.texts, self.values.T.tolist(), strict=True))
+        return columns | {name: self.column(name).tolist() for name in self.designs[0].parameters}
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Plot the objectives of the designs against each other; returns the axes."""
         return shown("plot").plot_front(self, axes)
 
-    def save(self, path: str | Path) -> Path:
-        """Write the document with the whole orbits (.json) or a table of objectives and parameters (.csv); returns the
-        path."""
-        if check_ending(path, "front") == ".json":
-            points = [{"values": list(_objectives(design)), **design.saved()} for design in self.designs]
-            return write_json({**self.document(), "points": points}, path, "front")
-        names = list(self.designs[0].parameters)
-        rows = [(*_objectives(design), *(design.parameters[name] for name in names)) for design in self.designs]
-        return write_table(self._headings(), rows, path, "front")
+    def saved(self) -> dict[str, Any]:
+        points = [{"values": list(_objectives(design)), **design.saved()} for design in self.designs]
+        return {**self.document(), "points": points}
 
     @classmethod
-    def load(cls, path: str | Path, machine: Machine) -> "Front":
-        """Read a front that `save` wrote to .json.
-
-        machine : the one that was designed, with any values of the parameters that were free
-
-        Raises `InputError` when the file does not have a front, or is of another machine.
-        """
-        return read_file(path, f"{path} is not a saved front", partial(_front_in_file, machine))
-
-    def _headings(self) -> list[str]:
-        """The objectives and parameters with their units, where they have one."""
-        names = (*self.texts, *self.designs[0].parameters)
-        units = [self.designs[0].unit_of(name.lstrip("-")) for name in names]
-        return [f"{name} ({unit})" if unit else name for name, unit in zip(names, units, strict=True)]
-
-    def _repr_html_(self) -> str:
-        rows = [(*_objectives(design), *design.parameters.values()) for design in self.designs]
-        texts = [[number_text(value) for value in row] for row in rows]
-        title = f"Pareto front, minimise {' and '.join(self.texts)}; certified designs: {len(self.designs)}"
-        return cell(title, texts, self.plot, self._headings())
-
-    def __str__(self) -> str:
-        heads = self._headings()
-        width = max(24, *(len(head) + 2 for head in heads))
-        lines = ["".join(f"{head:>{width}}" for head in heads)]
-        rows = [(*_objectives(design), *design.parameters.values()) for design in self.designs]
-        lines += ["".join(f"{value:{width}.12g}" for value in row) for row in rows]
-        lines += [f"{self.texts[1]} <= {level:.6g}: {reason}" for level, reason in self.refused]
-        return "\n".join([*lines, f"{len(self.designs)} certified designs, {self.seconds:.2f} s"])
-
-
-class _SavedLevel(TypedDict):
-    """A level at which no design was found, in a file."""
-
-    level: float
-    reason: str
-
-
-class SavedFront(TypedDict):
-    """A `Front` in a file; its points are designs, with both objectives in `pair`."""
-
-    objectives: tuple[str, str]
-    points: tuple[Mapping[str, Any], ...]
-    refused: tuple[_SavedLevel, ...]
-    seconds: float
-
-
-def _front_in_file(machine: Machine, file: BinaryIO) -> Front:
-    """The front in an open file; raises `ValueError` where parts of it do not fit each other."""
-    data = conform(read_sealed(file), SavedFront)
-    designs = tuple(Design.of_saved(point, machine) for point in data["points"])
-    if not designs or any(design.pair is None for design in designs):
-        raise ValueError("it has no designs with two objectives")
-    refused = tuple((each["level"], each["reason"]) for each in data["refused"])
-    return Front(data["objectives"], designs, refused, data["seconds"])
+    def of_saved(cls, document: Any, machine: Machine | None = None) -> "Front":
+        """The front of what `saved` made, of a machine with any values of the parameters that were free; raises
+        `ValueError` where parts of it do not fit each other."""
+        designs = tuple(Design.of_saved(point, machine) for point in document["points"])
+        if not designs or any(design.pair is None for design in designs):
+            raise ValueError("it has no designs with two objectives")
+        refused = [(each["level"], each["reason"]) for each in document["refused"]]
+        own = cls._fields_in({**document, "texts": document["objectives"], "refused": refused})
+        return cls(designs=designs, **own)
 
 
 @exclusive
@@ -205,10 +167,10 @@ def _corner(end: Design, other: DesignProblem, index: int, family: int, texts: t
     if not _flat(end, other, index, texts):
         return end
     own, rival = _objectives(end)[index], _objectives(end)[1 - index]
-    problem = _with_bound(other, texts[index], own + SAME_OBJECTIVE * abs(own), end.machine)
+    problem = _with_bound(other, texts[index], own + SAME_OBJECTIVE * abs(own), end.source)
     start = {**end.parameters, "orbit": end.orbit}
     try:
-        further = _with_both(best_design(end.machine, problem, family, [start]), texts)
+        further = _with_both(best_design(end.source, problem, family, [start]), texts)
     except OrbitsError:
         return end
     return further if rival - _objectives(further)[1 - index] > WORTH * abs(rival) else end
@@ -220,9 +182,9 @@ def _flat(end: Design, problem: DesignProblem, index: int, texts: tuple[str, str
     span = np.subtract(problem.high, problem.low)
     active = {constraint.text for constraint in end.active}
     held = [constraint.formula.text for constraint in problem.constraints if constraint.text in active]
-    slopes = sensitivities(end.machine, end.orbit, problem.names, [texts[1 - index], *held])
+    slopes = sensitivities(end.source, end.orbit, problem.names, [texts[1 - index], *held])
     rows = np.array([[slope[name] for name in problem.names] for slope in slopes.values()]) * span
-    theta = problem.theta(end.machine)
+    theta = problem.theta(end.source)
     on_bounds = np.eye(len(span))[(theta == problem.low) | (theta == problem.high)]
     fixed = np.vstack([rows[1:], on_bounds])
     direction = -rows[0] + (fixed.T @ np.linalg.lstsq(fixed.T, rows[0], rcond=None)[0] if len(fixed) else 0.0)
@@ -230,7 +192,7 @@ def _flat(end: Design, problem: DesignProblem, index: int, texts: tuple[str, str
     if np.linalg.norm(direction) <= 1e-6 * np.linalg.norm(rows[0]):
         return False
     probe = np.clip(theta + PROBE * span * direction / np.linalg.norm(direction), problem.low, problem.high)
-    machine = end.machine.with_values(**dict(zip(problem.names, probe.tolist(), strict=True)))
+    machine = end.source.with_values(**dict(zip(problem.names, probe.tolist(), strict=True)))
     try:
         value = quantities(machine, find(machine, end.orbit.family), [texts[index]])[texts[index]]
     except OrbitsError:
@@ -255,7 +217,7 @@ def _dominates(one: Sequence[float], other: Sequence[float]) -> bool:
 
 def _with_both(design: Design, texts: tuple[str, str]) -> Design:
     """A design with the values of both objectives."""
-    values = quantities(design.machine, design.orbit, texts)
+    values = quantities(design.source, design.orbit, texts)
     return replace(design, pair=(values[texts[0]], values[texts[1]]))
 
 

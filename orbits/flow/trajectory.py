@@ -8,7 +8,7 @@ from typing import Any, TypedDict, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..io import one_line
+from ..io import conform, one_line
 from ..model.phase import Affine
 from ..model.state_formula import StateFormula
 from ..numerics.bernstein import evaluate, powers, shifted
@@ -69,29 +69,32 @@ class Trajectory:
         return self.coefficients[:, self.names.index(name)]
 
     def saved(self) -> dict[str, Any]:
-        """The motion for a file, as `SavedTrajectory`."""
+        """The motion for a file; one without rows has no coefficients."""
         rows = self.coefficients if self.names else None
         return {"names": self.names, "times": self.times, "coefficients": rows}
 
+    @classmethod
+    def of_saved(cls, document: Any) -> "Trajectory":
+        """The motion of what `saved` made, whose arrays fit each other; raises `ValueError`."""
+        data = conform(document, _SavedTrajectory)
+        times, coefficients, names = data["times"], data["coefficients"], data["names"]
+        if coefficients is None:
+            coefficients = np.zeros((max(times.size - 1, 0), 0, 1))
+        if not all(each.dtype.kind in "fi" and np.isfinite(each).all() for each in (times, coefficients)):
+            raise ValueError("its motion is not an array of finite numbers")
+        if coefficients.ndim != 3 or times.shape != (len(coefficients) + 1,) or coefficients.shape[1] != len(names):
+            raise ValueError("its motion is damaged")
+        if len(times) < 2 or times[0] != 0 or not (np.diff(times) > 0).all():
+            raise ValueError("its motion is damaged: the times do not ascend from 0")
+        return cls(times, coefficients, names)
 
-class SavedTrajectory(TypedDict):
+
+class _SavedTrajectory(TypedDict):
     """A `Trajectory` in a file; one without rows has no coefficients."""
 
     names: tuple[str, ...]
     times: np.ndarray
     coefficients: np.ndarray | None
-
-
-def trajectory_of(data: SavedTrajectory) -> Trajectory:
-    """The motion in a file, whose arrays fit each other; raises `ValueError`."""
-    times, coefficients, names = data["times"], data["coefficients"], data["names"]
-    if coefficients is None:
-        coefficients = np.zeros((max(times.size - 1, 0), 0, 1))
-    if coefficients.ndim != 3 or times.shape != (len(coefficients) + 1,) or coefficients.shape[1] != len(names):
-        raise ValueError("its motion is damaged")
-    if len(times) < 2 or times[0] != 0 or not (np.diff(times) > 0).all():
-        raise ValueError("its motion is damaged: the times do not ascend from 0")
-    return Trajectory(times, coefficients, names)
 
 
 def begins_of_steps(steps: Array, counts: Array) -> Array:

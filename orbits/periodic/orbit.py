@@ -1,7 +1,7 @@
 """A lossless orbit: a frozen result that evaluates, prints, plots, saves and loads itself."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, BinaryIO, NotRequired, TypedDict
@@ -10,22 +10,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..flow.trajectory import SavedTrajectory, Trajectory, trajectory_of
-from ..io import DIGEST, Changed, conform, one_line, read_file, read_sealed, to_json, write_json
+from ..flow.trajectory import Trajectory
+from ..io import DIGEST, Changed, conform, read_file, read_sealed, to_json
 from ..model.machine import MACHINE_FIELDS, Machine, machine_in_words
 from ..model.model import Knee
 from ..model.phase import Affine
 from ..model.state_formula import SavedHeight, StateFormula, height_of
 from ..numerics.bernstein import lowest
-from ..result import Report, cell, shown
-from ..tables import VIOLATED, machine_rows
+from ..result import TABLE_ROWS, Report, Result, Row, shown
+from ..tables import VIOLATED, machine_numbers
 from ..units import UNIT_TEXTS, SavedUnits, Units, in_units, saved_units
 from .certificate import Certificate
 from .formulations import CONTACT_FORCE
-from .quantities import CERTIFIED, QUANTITIES, orbit_rows
+from .quantities import CERTIFIED, QUANTITIES
 
-ALL_DIGITS = 15  # of a printed number
-ORBIT_FORMAT = "persistent-orbits orbit 1"
+# What is said of the side of a bounce.
+ATTRACTS = {"below": "   (attracts from above; 10 C below)", "above": "   (attracts from above, with 10 C; C below)"}
 # A number that a file tells twice is the same to this share.
 TOLD_TWICE = 1e-9
 # What follows in the document of an orbit.
@@ -68,8 +68,8 @@ def _mirrored(path: Trajectory, t: np.ndarray, duration: float, signs: tuple[int
     return np.where(later[..., None], states * np.array(signs), states)
 
 
-@dataclass(frozen=True, eq=False)
-class Orbit:
+@dataclass(frozen=True, eq=False, repr=False)
+class Orbit(Result, what="orbit", printed_digits=15):
     """A lossless periodic motion: flight from time 0 to `flight_time`, then contact to `period`.
 
     alpha : launch speed
@@ -81,8 +81,8 @@ class Orbit:
     shape : how the whole cycle is built from the halves
     method, skipped : the method that found it, and the steps that were not needed for this machine
     seconds : wall time of the search and the certificate
-    units : of the dimensionless numbers; None for a machine that is stated without units. The numbers of an orbit with
-        units are in SI, except `residual`, `energy_drift` and `unfolding`, which are dimensionless
+    scales : what the dimensionless numbers stand for; None for a machine that is stated without units. The numbers of
+        an orbit with scales are in SI, except `residual`, `energy_drift` and `unfolding`, which are dimensionless
     bare : the same orbit without units, None where there are none
     known_in_family : the number of orbits of its family that a search over launch speeds has found, this one included;
         None where there was no search. A search is stopped after 20,000 launches, and may then miss some.
@@ -109,7 +109,7 @@ class Orbit:
     method: str
     skipped: tuple[str, ...] = ()
     seconds: float = 0.0
-    units: Units | None = None
+    scales: Units | None = None
     bare: "Orbit | None" = field(default=None, repr=False)
     known_in_family: int | None = None
     source: Machine | None = field(default=None, repr=False)
@@ -191,7 +191,7 @@ class Orbit:
         if self.contact is None or self.contact_time is None:
             # The end of the flight may be asked for through a time that is rounded.
             if times.size and not (times.min() >= 0 and times.max() <= self.flight_time * (1 + 1e-12)):
-                unit = " s" if self.units else ""
+                unit = " s" if self.scales else ""
                 raise InputError(f"the contact never ends: times lie between 0 and {self.flight_time:g}{unit}")
             return _mirrored(self.flight, times, self.flight_time, shape.reversor)
         times = np.mod(times, self.period)
@@ -217,7 +217,6 @@ class Orbit:
         return np.where(since > 0, self.contact(inside)[..., self.contact.names.index(CONTACT_FORCE)], 0.0)
 
     def document(self) -> dict[str, Any]:
-        """The orbit as the JSON document of the command line."""
         mid = self.state_mid_flight
         if self.shape.reversor:  # the states with the other sign vanish there
             mid = mid[np.array(self.shape.reversor) > 0]
@@ -225,47 +224,90 @@ class Orbit:
         figures |= {"violations": list(self.violations), "skipped": list(self.skipped)}
         figures["state_mid_flight"] = mid.tolist()
         document = {**self.machine, **{name: figures[name] for name in DOCUMENT_FIELDS}}
-        if not self.units:
+        if not self.scales:
             return document
-        units = {name: unit for name, unit in self.units.texts().items() if name in document}
-        own = dict.fromkeys(self.units.text(name) for name in self.flight.names if not name.endswith("'"))
+        units = {name: unit for name, unit in self.scales.texts().items() if name in document}
+        own = dict.fromkeys(self.scales.text(name) for name in self.flight.names if not name.endswith("'"))
         units |= {"rises": "m", "state_mid_flight": ", ".join(own)}
         return document | {"units": {**self.machine.get("units", {}), **units}, "si": self.si()}
 
     def si(self) -> dict[str, float | None]:
         """The main results in SI units, by names that end in their units; raises `InputError` for a machine that is
         not in SI."""
-        if self.units is None:
+        if self.scales is None:
             raise InputError("this machine was stated in dimensionless units; state it in SI for results in SI")
-        figures, units = vars(self.certificate) | vars(self), self.units.texts()
+        figures, units = vars(self.certificate) | vars(self), self.scales.texts()
         main = {name: each.in_si for name, each in QUANTITIES.items() if each.in_si}
         return {
             **{f"{words}_{units[name].replace('/', '_per_')}": figures[name] for name, words in main.items()},
             **{f"{name.replace(' ', '_')}_rise_m": rise for name, rise in self.rises.items()},
-            "unit_length_m": self.units.length,
-            "unit_time_s": self.units.time,
-            "unit_force_N": self.units.force,
+            "unit_length_m": self.scales.length,
+            "unit_time_s": self.scales.time,
+            "unit_force_N": self.scales.force,
         }
 
-    def __repr__(self) -> str:
-        numbers = {name: getattr(self, name) for name in ("family", "alpha", "admissible", "error")}
-        laws = {name: self.machine[name] for name in ("spring", "gravity")}
-        return one_line(self, {"machine": self.machine["machine"], **numbers, **laws, **self.machine["parameters"]})
+    @property
+    def units(self) -> dict[str, str]:
+        """The units of the quantities, states and parameters by name; empty for a dimensionless machine."""
+        if self.scales is None:
+            return {}
+        known = {name: self.scales.text(name) for name in self._states} | {"time": "s", "contact force": "N"}
+        return {**self.scales.texts(), **known, "rises": "m", **self.machine.get("units", {})}
 
-    def summary(self) -> str:
-        """The orbit in one line: its family, machine and laws."""
+    @property
+    def _states(self) -> tuple[str, ...]:
+        return self.flight.names[: len(self.shape.embed)]
+
+    def table(self, t: ArrayLike | None = None) -> dict[str, np.ndarray]:
+        """Columns (k,) by name at times (k,), evenly spaced over a cycle by default: "time", "phase", the flight
+        states, and the "contact force" where the motion has it."""
+        end = self.flight_time if self.contact_time is None else self.period
+        t = np.linspace(0.0, end, TABLE_ROWS) if t is None else np.ravel(np.asarray(t, dtype=float))
+        flying = t <= self.flight_time if self.contact_time is None else np.mod(t, self.period) <= self.flight_time
+        columns = {"time": t, "phase": np.where(flying, "flight", "contact")}
+        columns |= dict(zip(self._states, self(t).T, strict=True))
+        if self.contact is None or CONTACT_FORCE in self.contact.names:
+            columns["contact force"] = self.contact_force(t)
+        return columns
+
+    def _line(self) -> dict[str, Any]:
+        shown = {name: getattr(self, name) for name in ("family", "alpha", "admissible", "error")}
+        shown |= {name: self.machine[name] for name in ("spring", "gravity")} | self.machine["parameters"]
+        return {"machine": self.machine["machine"], **shown}
+
+    def title(self) -> str:
         machine = self.machine
         laws = f"spring {machine['spring']}, gravity {machine['gravity']}"
         return f"lossless orbit of family {self.family}: {machine['machine']}, {laws}"
 
-    def __str__(self) -> str:
-        said = [f"{name} = {text}" for name, text in machine_rows(self.machine)]
-        rows = orbit_rows(self, ALL_DIGITS)
-        lines = [f"      {text}" if name == VIOLATED else f"  {name:<24}{text}" for name, text in rows]
-        return "\n".join([self.summary(), "  " + ", ".join(said), *lines])
-
-    def _repr_html_(self) -> str:
-        return cell(self.summary(), orbit_rows(self), self.plot)
+    def _rows(self) -> Iterator[Row]:
+        """The machine, then the certificate: speed, times, distances, forces, what a hop beside it loses, errors,
+        whether it is a motion, and in rows named `VIOLATED` why not."""
+        c, units, own = self.certificate, self.units, machine_numbers(self.machine)
+        if own:
+            texts = [f"{name} = {{:g}} {unit}".rstrip() for name, (_, unit) in own.items()]
+            yield Row("machine", {name: value for name, (value, _) in own.items()}, (", ".join(texts),))
+        speed = f" {units['alpha']}" if units else ""
+        yield Row("alpha", {"alpha": self.alpha, "error": c.error}, (f"{{}}{speed}   +- {{:.1e}}",))
+        if c.alpha_noise is not None:
+            yield Row("  by the table's noise", {"alpha_noise": c.alpha_noise}, (f"+- {{:.1e}}{speed}",))
+        within = f"   +- {c.loss_error:.1e}" if c.loss_error else ""
+        after, figures = {"loss_coefficient": within + ATTRACTS.get(c.bounce_side or "", "")}, vars(c) | vars(self)
+        for name, quantity in QUANTITIES.items():
+            if name == "rises":
+                unit = units.get(name, "")
+                yield from (Row.of(f"{quantity.words} {of}", rise, unit) for of, rise in self.rises.items())
+            elif quantity.words and name != "alpha":
+                row = Row.of(name, figures[name], self.unit_of(name), after.get(name, ""))
+                yield row._replace(heading=quantity.words)
+        if self.known_in_family is not None:
+            yield Row("known in its family", {"known_in_family": self.known_in_family})
+        yield Row("residual", {"residual": c.residual}, ("{:.1e}",))
+        yield Row("energy drift", {"energy_drift": c.energy_drift}, ("{:.1e}",))
+        found = {"method": self.method, "seconds": self.seconds}
+        yield Row("found by", found, (f"{{}}, {1e3 * self.seconds:.1f} ms",))
+        yield Row("admissible", {"admissible": self.admissible}, ("yes" if self.admissible else "NO",))
+        yield from (Row(VIOLATED, {VIOLATED: violation}) for violation in c.violations)
 
     def plot(self, axes: Any = None) -> Any:
         """Plot heights against time as in Fig. 3 of the paper; returns the axes."""
@@ -287,32 +329,19 @@ class Orbit:
         """
         return shown("pages.still").orbit_page(self, path)
 
-    def save(self, path: str | Path) -> Path:
-        """Write the orbit to a JSON file, with all digits that restore each float to the last bit; returns the path.
-
-        Raises `InputError` when the file cannot be written.
-        """
-        return write_json(self.saved(), path, "orbit")
-
     def saved(self) -> dict[str, Any]:
         """The content of a file of the orbit, from which `of_saved` restores it."""
         bare = self.dimensionless()
         flight, contact = (path and path.saved() for path in (bare.flight, bare.contact))
         heights = {name: height.saved() for name, height in bare.shape.heights.items()}
-        shape, units = vars(bare.shape) | {"heights": heights}, self.units and self.units.saved()
+        shape, units = vars(bare.shape) | {"heights": heights}, self.scales and self.scales.saved()
         motion = {"shape": shape, "flight": flight, "contact": contact, "units": units}
-        document = self.document() | ({"bare": bare.document()} if self.units else {})
-        return {"format": ORBIT_FORMAT, **document, "motion": motion}
+        document = self.document() | ({"bare": bare.document()} if self.scales else {})
+        return {"format": self.form(), **document, "motion": motion}
 
     @classmethod
-    def load(cls, path: str | Path) -> "Orbit":
-        """Read an orbit that `save` wrote; raises `InputError` when the file does not have one, or was changed since. A
-        changed file can still be a start for `find`, which computes a new certificate: find(machine, start=path).
-        """
-        return read_file(path, f"{path} is not a saved orbit", cls._parsed)
-
-    @classmethod
-    def _parsed(cls, file: BinaryIO) -> "Orbit":
+    def _read(cls, machine: Any, file: BinaryIO) -> "Orbit":
+        """The orbit in an open file. What a changed file says is still a start for `find`, which measures it anew."""
         try:
             document = read_sealed(file)
         except Changed as error:
@@ -322,16 +351,14 @@ class Orbit:
         return orbit
 
     @classmethod
-    def of_saved(cls, document: Any) -> "Orbit":
+    def of_saved(cls, document: Any, machine: Any = None) -> "Orbit":
         """The orbit from what `saved` returned; raises `ValueError` where its parts contradict each other."""
-        data = conform(document, SavedOrbit)
-        if data["format"] != ORBIT_FORMAT:
-            raise ValueError(f"format {data['format']!r}, expected {ORBIT_FORMAT!r}")
+        data = cls._conform(document, SavedOrbit)
         units = data["motion"]["units"] and saved_units(data["motion"]["units"])
         if units is None:
             return cls._stated(data)
         if "bare" in data:  # The motion is that of the dimensionless orbit.
-            bare = conform({**data["bare"], "format": ORBIT_FORMAT, "motion": data["motion"]}, SavedOrbit)
+            bare = cls._conform({**data["bare"], "format": cls.form(), "motion": data["motion"]}, SavedOrbit)
             orbit = orbit_in_units(cls._stated(bare), units, _machine_of(data))
             if len(data["violations"]) != len(orbit.violations):
                 raise ValueError("its violations in SI and without units are not as many")
@@ -342,13 +369,13 @@ class Orbit:
             orbit = replace(orbit, certificate=with_note(orbit.certificate))
             return orbit_in_units(orbit, units, orbit.machine)
         converted = orbit_in_units(orbit, units.inverse(), orbit.machine)
-        return replace(orbit, units=units, bare=replace(converted, units=None, bare=None))
+        return replace(orbit, scales=units, bare=replace(converted, scales=None, bare=None))
 
     @classmethod
     def _stated(cls, data: Mapping[str, Any]) -> "Orbit":
         """The orbit whose numbers a document states, without units."""
         motion, checked = data["motion"], [name for name in Certificate.__dataclass_fields__ if name in data]
-        flight, contact = (path and trajectory_of(path) for path in (motion["flight"], motion["contact"]))
+        flight, contact = motion["flight"], motion["contact"]
         if (data["contact_time"] is None) != (contact is None) or not data["flight_time"] >= flight.times[-1]:
             raise ValueError("its times do not fit its motion")
         return cls(
@@ -390,8 +417,8 @@ class _SavedMotion(TypedDict):
     """What a saved orbit has beside its document."""
 
     shape: _SavedShape
-    flight: SavedTrajectory
-    contact: SavedTrajectory | None
+    flight: Trajectory
+    contact: Trajectory | None
     units: SavedUnits | None
 
 
@@ -460,7 +487,7 @@ def orbit_in_units(orbit: Orbit, units: Units, machine: Mapping[str, Any]) -> Or
         contact=orbit.contact and units.convert_motion(orbit.contact),
         shape=replace(orbit.shape, heights=heights, knees=knees),
         certificate=certificate_in_units(orbit.certificate, units),
-        units=units,
+        scales=units,
         bare=orbit,
         source=None,
     )
@@ -492,7 +519,7 @@ def _machine_of(data: Mapping[str, Any]) -> dict[str, Any]:
 def _shape_of(data: _SavedShape, flight: Trajectory, contact: Trajectory | None) -> Shape:
     """A shape whose states are those of the motions; raises `ValueError`."""
     embed, signs = data["embed"], (data["reversor"], data["contact_reversor"])
-    sizes = embed.shape if embed.ndim == 2 else (0, 0)
+    sizes = embed.shape if embed.ndim == 2 and embed.dtype.kind in "fi" and np.isfinite(embed).all() else (0, 0)
     heights = {name: height_of(height, flight.names[: sizes[0]]) for name, height in data["heights"].items()}
     known = {*heights, None}
     fits = 0 < sizes[0] <= len(flight.names) and 0 < sizes[1] <= (sizes[1] if contact is None else len(contact.names))

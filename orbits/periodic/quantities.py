@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from ..model.model import Model
-from ..tables import DIGITS, VIOLATED, number_text
 from ..units import DIMENSIONS, LENGTH, Units
 from .certificate import Certificate, extremes
 from .formulations import NONE, Cycles, or_none
@@ -101,26 +100,3 @@ def numbers_of(
         dimensions = {name: DIMENSIONS.get(name, () if name in QUANTITIES else LENGTH) for name in found}
         found = {name: values * units.of(dimensions[name]) for name, values in found.items()}
     return found
-
-
-def orbit_rows(orbit: Any, digits: int = DIGITS) -> list[tuple[str, str]]:
-    """The certificate of an orbit as rows of a table, (name, text with its unit): speed, times, distances, forces,
-    what a hop beside it loses, errors, whether it is a motion, and in rows named `VIOLATED` why not."""
-    c, units, rows = orbit.certificate, orbit.units.texts() if orbit.units else {}, list[tuple[str, str]]()
-    within = f"   +- {c.loss_error:.1e}" if c.loss_error else ""
-    sides = {"below": "   (attracts from above; 10 C below)", "above": "   (attracts from above, with 10 C; C below)"}
-    after = {"alpha": f"   +- {c.error:.1e}", "loss_coefficient": within + sides.get(c.bounce_side or "", "")}
-    figures = {**vars(c), **vars(orbit), "rises": orbit.rises}
-    for name, quantity in QUANTITIES.items():
-        if words := quantity.words:
-            value, unit = figures[name], units.get(name, "m") if units else ""
-            each = {f"{words} {of}": rise for of, rise in value.items()} if name == "rises" else {words: value}
-            rows += [(head, number_text(number, unit, digits) + after.get(name, "")) for head, number in each.items()]
-    if c.alpha_noise is not None:
-        rows.insert(1, ("  by the table's noise", f"+- {c.alpha_noise:.1e} {units.get('alpha', '')}".rstrip()))
-    if orbit.known_in_family is not None:
-        rows.append(("known in its family", str(orbit.known_in_family)))
-    rows += [("residual", f"{c.residual:.1e}"), ("energy drift", f"{c.energy_drift:.1e}")]
-    rows.append(("found by", f"{orbit.method}, {1e3 * orbit.seconds:.1f} ms"))
-    rows.append(("admissible", "yes" if orbit.admissible else "NO"))
-    return rows + [(VIOLATED, violation) for violation in c.violations]

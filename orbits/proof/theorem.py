@@ -1,18 +1,15 @@
 """What was proved, as a frozen result that prints and saves itself."""
 
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 from ..exact.bounds import Enclosure
-from ..io import one_line, write_json
-from ..result import cell
+from ..result import Result, Row
 
 # The width of the lines of a statement.
 LINE_WIDTH = 110
-PROOF_FORMAT = "persistent-orbits proof 2"
 
 
 @dataclass(frozen=True)
@@ -61,9 +58,9 @@ class CurvePart(Part):
         return {**super().document(), **ends, "polynomials": curves, **tubes}
 
 
-@dataclass(frozen=True)
-class Proof:
-    """A theorem about a machine, or the reasons why there is none.
+@dataclass(frozen=True, repr=False)
+class Proof(Result, what="proof", document_is_whole=True):
+    """A theorem about a machine, or why there is none.
 
     proved : whether all claims that were to be proved are proved
     statement : the theorem in words; where not all is proved, the part that is. It suffices to rebuild the machine.
@@ -123,7 +120,7 @@ class Proof:
         """The proof as a JSON document; proved bounds are decimals, as text."""
         missing = dict.fromkeys(("alpha", "flight_time", "contact_time"))
         return {
-            "format": PROOF_FORMAT,
+            "format": self.form(),
             "kind": self.kind,
             "proved": self.proved,
             "statement": self.statement,
@@ -147,29 +144,68 @@ class Proof:
             "about": dict(self.machine),
         }
 
-    def save(self, path: str | Path) -> Path:
-        """Write the document to a JSON file; returns the path. Raises `InputError` when it cannot be written."""
-        return write_json(self.document(), path, "proof")
+    @classmethod
+    def form(cls) -> str:
+        """As in `Result`; the second form tells the machine in formulas."""
+        return "persistent-orbits proof 2"
 
-    def __repr__(self) -> str:
-        return one_line(self, {"proved": self.proved, "family": self.family, "alpha": str(self.alpha)})
+    @classmethod
+    def of_saved(cls, document: Any, machine: Any = None) -> "Proof":
+        """The proof of what `saved` made, of which nothing is proved anew: that is what `orbits check-proof` does."""
+        data = cls._conform(document, Mapping[str, Any])
+        numbers = "family", "radius", "uniqueness_radius", "bounce_side", "attraction_radius", "digits", "seconds"
+        return cls(
+            **{name: data[name] for name in ("proved", "statement", "kind", "conditions", *numbers)},
+            machine=data["about"],
+            stated=data["machine"],
+            parameters={name: Enclosure(**each) for name, each in data["parameters"].items()},
+            enclosures=_enclosures(data["enclosures"]),
+            parts=tuple(map(_part_of, data["parts"])),
+            reasons=tuple(data["reasons"]),
+        )
 
-    def rows(self) -> list[tuple[str, str]]:
-        """The proof as rows of a table, (name, text): what is enclosed, and the conditions with their verdicts."""
-        rows = [(name.replace("_", " "), str(each)) for name, each in self.enclosures.items()]
+    def table(self) -> dict[str, list[str]]:
+        """What is enclosed as columns: the quantities, and the bounds as decimals."""
+        bounds = {side: [getattr(each, side) for each in self.enclosures.values()] for side in ("low", "high")}
+        return {"quantity": list(self.enclosures), "unit": [*map(self.unit_of, self.enclosures)], **bounds}
+
+    def _line(self) -> dict[str, Any]:
+        return {"proved": self.proved, "family": self.family, "alpha": str(self.alpha)}
+
+    def title(self) -> str:
+        return "proved" if self.proved else "NOT PROVED"
+
+    def _rows(self) -> Iterator[Row]:
+        """What is enclosed, the conditions with their verdicts, and the time."""
+        for name, each in self.enclosures.items():
+            yield Row(name.replace("_", " "), {name: str(each)})
         if self.attraction_radius is not None:
-            rows.append(("attraction radius", self.attraction_radius))
-        return rows + [(name.replace("_", " "), verdict) for name, verdict in self.conditions.items()]
+            yield Row.of("attraction_radius", self.attraction_radius)
+        yield from (Row.of(name, verdict) for name, verdict in self.conditions.items())
+        yield Row("time", {"seconds": self.seconds}, (f"{1e3 * self.seconds:.0f} ms",))
+
+    def _notes(self) -> list[str]:
+        return [self.statement, *(f"not proved: {reason}" for reason in self.reasons)]
 
     def __str__(self) -> str:
-        lines = ["proved" if self.proved else "NOT PROVED", *_wrapped(self.statement)]
-        lines += [f"  {name:<24}{text}" for name, text in self.rows()]
-        lines += [line for reason in self.reasons for line in _wrapped(f"not proved: {reason}")]
-        return "\n".join([*lines, f"  {'time':<24}{1e3 * self.seconds:.0f} ms"])
+        """The statement, wrapped, stands before the table."""
+        head, *lines = super().__str__().splitlines()
+        wrapped = [line for text in self._notes() for line in _wrapped(text)]
+        return "\n".join([head, *wrapped, *lines[: len(self.rows())]])
 
-    def _repr_html_(self) -> str:
-        notes = [self.statement, *(f"not proved: {reason}" for reason in self.reasons)]
-        return cell("proved" if self.proved else "NOT PROVED", self.rows(), notes=notes)
+
+def _enclosures(data: Mapping[str, Any]) -> dict[str, Enclosure]:
+    """The enclosures of pairs of decimals by name."""
+    return {name: Enclosure(*pair) for name, pair in data.items()}
+
+
+def _part_of(data: Mapping[str, Any]) -> Part:
+    """The part of what its `document` is."""
+    boxes = {name: _enclosures(data[name]) for name in ("parameters", "unknowns")}
+    if "coordinate" not in data:
+        return Part(**{**data, **boxes})
+    polynomials = {name: tuple(each) for name, each in data["polynomials"].items()}
+    return CurvePart(**{**data, **boxes, "polynomials": polynomials})
 
 
 def _wrapped(text: str) -> list[str]:

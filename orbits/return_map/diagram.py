@@ -3,18 +3,16 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..io import check_ending, one_line, write_json, write_table
-from ..result import cell, shown
+from ..io import one_line
+from ..result import Result, Row, known, shown
 
 HOPS_OF = {1: "fixed points", 2: "hops of period two"}
-COLUMNS_OF_BRANCHES = ("branch", "period", "value", "alpha", "other", "multiplier", "stable")
 # Names that the parameter of a diagram cannot have, since it stands beside these in a table or a document.
-RESERVED_IN_DIAGRAMS = (*COLUMNS_OF_BRANCHES, "ends", "kind", "note")
+RESERVED_IN_DIAGRAMS = ("branch", "period", "value", "alpha", "other", "multiplier", "stable", "ends", "kind", "note")
 
 WORDS_OF_STABILITY = {True: "stable", False: "unstable", None: "stability unknown"}
 
@@ -36,8 +34,8 @@ class Bifurcation:
     kind: str
     value: float
     alphas: tuple[float, ...]
-    multiplier: float
-    branch: int
+    multiplier: float = np.nan
+    branch: int = -1
     note: str = ""
 
     @property
@@ -105,8 +103,8 @@ class Branch:
         return [(a, b, stable[a]) for a, b in pairwise(cuts) if b > a]
 
 
-@dataclass(frozen=True, eq=False)
-class BifurcationDiagram:
+@dataclass(frozen=True, eq=False, repr=False)
+class BifurcationDiagram(Result, what="bifurcation diagram"):
     """The periodic launches of the return maps of a machine along a parameter, as `bifurcations` follows them.
 
     along : name of the parameter
@@ -127,45 +125,39 @@ class BifurcationDiagram:
     visits: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
     units: Mapping[str, str] = field(default_factory=dict)
 
-    def __repr__(self) -> str:
+    def _line(self) -> dict[str, Any]:
         counts = {"branches": len(self.branches), "events": len(self.events)}
-        return one_line(self, {"along": self.along, "span": self.span, "between": self.between, **counts})
+        return {"along": self.along, "span": self.span, "between": self.between, **counts}
 
-    def summary(self) -> str:
-        """The diagram in one line."""
-        m = self.machine
-        return f"return map of {m['machine']}, spring {m['spring']}, gravity {m['gravity']}"
-
-    def _told(self) -> tuple[str, list[tuple[str, str]]]:
-        """The ranges in one line, and each branch and event as a pair: what it is, and what is to be said of it."""
-        unit, speed = (f" {self.units[name]}" if self.units.get(name) else "" for name in (self.along, "alpha"))
-        (low, high), (slow, fast) = self.span, self.between
+    def title(self) -> str:
+        unit, speed = (f" {self.unit_of(name)}".rstrip() for name in (self.along, "alpha"))
+        (low, high), (slow, fast), m = self.span, self.between, self.machine
         ranges = f"along {self.along} from {low:g} to {high:g}{unit}, launch speeds {slow:g} to {fast:g}{speed}"
-        rows = [] if self.branches else [("no launch of period one comes back there", "")]
+        return f"return map of {m['machine']}, spring {m['spring']}, gravity {m['gravity']}, {ranges}"
+
+    def _rows(self) -> Iterator[Row]:
+        """Each branch with its stretches and ends, and each event."""
+        unit, speed = (f" {self.unit_of(name)}".rstrip() for name in (self.along, "alpha"))
+        if not self.branches:
+            yield Row("no launch of period one comes back there", {"branches": 0}, ("",))
         for i, branch in enumerate(self.branches):
-            rows.append((f"branch {i}", f"{HOPS_OF[branch.period]}, {len(branch)} points"))
+            count = {f"branch {i}": HOPS_OF[branch.period], f"points of branch {i}": len(branch)}
+            yield Row(f"branch {i}", count, ("{}, {} points",))
             for a, b, stable in branch.stretches():
-                rows.append(("", f"{self.along} = {a:.12g} to {b:.12g}{unit}: {WORDS_OF_STABILITY[stable]}"))
+                ends = {f"start of a stretch of branch {i}": a, f"stop of a stretch of branch {i}": b}
+                text = f"{self.along} = {{:.12g}} to {{:.12g}}{unit}: {WORDS_OF_STABILITY[stable]}"
+                yield Row("", ends, (text,))
             for where, end in zip(("begins", "ends"), branch.ends, strict=True):
-                rows.append(("", f"{where}: {end.reason}"))
+                yield Row("", {f"branch {i} {where}": end.reason}, (f"{where}: {{}}",))
         for event in self.events:
             launches = ", ".join(f"{alpha:.12g}" for alpha in event.alphas)
-            note = f": {event.note}" if event.note else ""
-            rows.append((event.kind, f"{self.along} = {event.value:.12g}{unit}, alpha = {launches}{speed}{note}"))
-        return ranges, rows
+            values = {event.kind: event.value, f"alpha at {event.kind}": launches, f"note of {event.kind}": event.note}
+            note = ": {}" if event.note else ""
+            yield Row(event.kind, values, (f"{self.along} = {{:.12g}}{unit}, alpha = {{}}{speed}{note}",))
 
-    def __str__(self) -> str:
-        ranges, rows = self._told()
-        lines = [f"  {name:<18}{text}".rstrip() for name, text in rows]
-        return "\n".join([self.summary(), f"  {ranges}", *lines])
-
-    def _repr_html_(self) -> str:
-        ranges, rows = self._told()
-        return cell(f"{self.summary()}, {ranges}", rows, self.plot)
-
-    def heading(self, name: str) -> str:
-        """A name with its unit, if it has one: "inject (m/s)"."""
-        return f"{name} ({self.units[name]})" if self.units.get(name) else name
+    def unit_of(self, name: str) -> str:
+        """As in `Result`; the second launch speed of a branch has the unit of the first."""
+        return super().unit_of(name.removeprefix("other "))
 
     def periodic(self, value: float) -> list[tuple[int, float, float]]:
         """The periodic launches at a value of the parameter, by linear interpolation between the points of the
@@ -190,13 +182,12 @@ class BifurcationDiagram:
         return shown("map_figures").plot_bifurcations(self, axes)
 
     def document(self) -> dict[str, Any]:
-        """The diagram as the JSON document of the command line."""
         branches = [
             {
                 "period": branch.period,
                 self.along: branch.values.tolist(),
                 "alpha": branch.alphas.tolist(),
-                "multiplier": [_known(each) for each in branch.multipliers.tolist()],
+                "multiplier": known(branch.multipliers),
                 "stable": branch.stable,
                 "ends": [vars(end) for end in branch.ends],
             }
@@ -207,7 +198,7 @@ class BifurcationDiagram:
                 "kind": event.kind,
                 self.along: event.value,
                 "alpha": list(event.alphas),
-                "multiplier": _known(event.multiplier),
+                "multiplier": known(event.multiplier)[0],
                 "branch": event.branch,
                 "note": event.note,
             }
@@ -218,31 +209,20 @@ class BifurcationDiagram:
         visits = {self.along: self.visits[:, 0].tolist(), "alpha": self.visits[:, 1].tolist()}
         return {**whole, "attractor": visits, **({"units": self.units} if self.units else {})}
 
-    def rows(self) -> Iterator[tuple]:
-        """The points of all branches, with the columns of a table."""
+    def table(self) -> dict[str, np.ndarray]:
+        """The points of all branches as columns; the multiplier is that of the hops, NaN where they have none."""
+        empty = np.zeros(0)
+        columns = {"branch": empty.astype(int), "period": empty.astype(int), self.along: empty, "alpha": empty}
+        parts = [[*columns.values(), empty, empty, empty.astype(object)]]
         for i, branch in enumerate(self.branches):
-            columns = branch.values, branch.alphas, branch.multipliers, branch.stable
-            for value, alphas, slope, stable in zip(*columns, strict=True):
-                other = float(alphas[1]) if branch.period == 2 else ""
-                known = ("", "") if stable is None else (float(slope), stable)
-                yield i, branch.period, float(value), float(alphas[0]), other, *known
-
-    def save(self, path: str | Path) -> Path:
-        """Write the diagram to .json (everything) or .csv (the points of its branches); returns the path. Raises
-        `InputError` for another ending, and when the file cannot be written."""
-        if check_ending(path, "bifurcation diagram") == ".json":
-            return write_json(self.document(), path, "diagram")
-        names = {"value": self.along, "alpha": "alpha", "other": "alpha"}
-        heads = [self.heading(names.get(name, name)) for name in COLUMNS_OF_BRANCHES]
-        heads[COLUMNS_OF_BRANCHES.index("other")] = "other " + heads[COLUMNS_OF_BRANCHES.index("other")]
-        return write_table(heads, self.rows(), path, "diagram")
+            whole, other = np.ones(len(branch), int), np.full((len(branch), 2), np.nan)
+            other[:, : branch.period] = branch.alphas
+            numbers = branch.values, *other.T, branch.multipliers, np.array(branch.stable, object)
+            parts.append([i * whole, branch.period * whole, *numbers])
+        names = *columns, "other alpha", "multiplier", "stable"
+        return dict(zip(names, map(np.concatenate, zip(*parts, strict=True)), strict=True))
 
 
 def _settles(multiplier: float) -> bool | None:
     """Whether hops with a multiplier attract their neighbours; None without one."""
     return None if np.isnan(multiplier) else abs(multiplier) < 1
-
-
-def _known(number: float) -> float | None:
-    """A number for JSON, None for none."""
-    return number if np.isfinite(number) else None

@@ -5,19 +5,20 @@ of the losses of its impacts. It is not the difference of launch speeds: near a 
 the power 4/3 of the distance, and the difference would be rounding.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError, NoOrbit, OrbitsError, finite_number, whole_number
-from ..io import fields_in_line, one_line
-from ..model.machine import Machine, dimensionless
+from ..io import fields_in_line
+from ..model.machine import Machine, dimensionless, machine_in_words
 from ..numerics.roots import enclosed_sign_changes
 from ..periodic.find import Progress, find
-from ..result import cell, shown
+from ..result import Result, Row, cell, known, shown
 from ..running.exclusive import exclusive
 from ..simulation.impacts import CAP, FASTEST_LAUNCH, STATUS, Impacts, decided_impacts, injected
 from ..simulation.multiplier import multiplier
@@ -29,11 +30,12 @@ from .resolved_map import JUMP, SLOWEST_LOSSLESS, Intervals, ResolvedMap, lossle
 BATCH_SIZE = 5000  # launch speeds in one batch: enough to pay for the calls, few enough for the memory
 # The launches in the picture of a map, and the fastest of them where there is no lossless one, in units of the machine.
 SHOWN, HIGH_LAUNCH = 1000, 9.0
+HOP_COLUMNS = ("alpha", "next", "loss", "impacts", "status")
 NO_BASIN = "with injection or damping no hop is lossless, and none comes to one"
 
 
-@dataclass(frozen=True)
-class Hops:
+@dataclass(frozen=True, repr=False)
+class Hops(Result, what="table of hops"):
     """The hops that begin with launches; each array has the shape of the launch speeds.
 
     alpha : launch speeds
@@ -42,6 +44,7 @@ class Hops:
     impacts : number of impacts in the hop
     status : "lifts_off", or why there is no next launch: a name of `orbits.simulation.impacts.STATUSES`
     units : of the numbers, by name; empty for a dimensionless machine
+    machine : in words and numbers
     """
 
     alpha: np.ndarray
@@ -50,25 +53,45 @@ class Hops:
     impacts: np.ndarray
     status: np.ndarray
     units: Mapping[str, str] = field(default_factory=dict)
+    machine: Mapping[str, Any] = field(default_factory=dict)
 
     def in_units(self, units: Units) -> "Hops":
         """Dimensionless hops in these units."""
         return replace(units.convert(self, **DIMENSIONS_OF_HOPS), units=units.texts(DIMENSIONS_OF_HOPS))
 
-    def __repr__(self) -> str:
-        statuses, counts = np.unique(self.status, return_counts=True)
-        return one_line(self, dict(zip(statuses.tolist(), counts.tolist(), strict=True)))
+    def statuses(self) -> dict[str, int]:
+        """The number of launches of each status."""
+        names, counts = np.unique(self.status, return_counts=True)
+        return dict(zip(names.tolist(), counts.tolist(), strict=True))
 
-    def _repr_html_(self) -> str:
-        statuses, counts = np.unique(self.status, return_counts=True)
-        rows = [(status.replace("_", " "), str(count)) for status, count in zip(statuses, counts, strict=True)]
-        return cell(f"{self.status.size} launches: what becomes of them", rows)
+    def _line(self) -> dict[str, int]:
+        return self.statuses()
+
+    def title(self) -> str:
+        return f"{self.status.size} launches: what becomes of them"
+
+    def _rows(self) -> Iterator[Row]:
+        """How many launches have each status, and the ranges of their numbers."""
+        for status, count in self.statuses().items():
+            yield Row(status.replace("_", " "), {status: count})
+            for name in HOP_COLUMNS[:-1]:
+                inside = getattr(self, name)[self.status == status]
+                if np.isfinite(inside).any():
+                    low, high = float(np.nanmin(inside)), float(np.nanmax(inside))
+                    ends = {f"least {name} of {status}": low, f"largest {name} of {status}": high}
+                    text = f"{{:.10g}} to {{:.10g}} {self.unit_of(name)}".rstrip()
+                    yield Row(f"  {name}".replace("alpha", "launch speed"), ends, (text,))
+
+    def table(self) -> dict[str, np.ndarray]:
+        return {name: np.ravel(getattr(self, name)) for name in HOP_COLUMNS}
+
+    def plot(self, axes: Any = None) -> Any:
+        """Plot the next launch speeds against the launch speeds; returns the axes."""
+        return shown("map_figures").plot_hops(self, axes)
 
     def document(self) -> dict[str, Any]:
-        """The hops as the JSON document of the command line."""
-        columns = {name: np.ravel(values).tolist() for name, values in vars(self).items() if name != "units"}
-        for name in DIMENSIONS_OF_HOPS:  # what is no number has none in a document
-            columns[name] = [value if np.isfinite(value) else None for value in columns[name]]
+        columns = {name: known(getattr(self, name)) for name in DIMENSIONS_OF_HOPS}
+        columns |= {name: np.ravel(getattr(self, name)).tolist() for name in ("impacts", "status")}
         return columns | ({"units": self.units} if self.units else {})
 
 
@@ -125,6 +148,10 @@ class ReturnMap:
         """The map of the dimensionless machine; itself where the machine has no units."""
         return self._own or self
 
+    @cached_property
+    def _words(self) -> dict[str, Any]:
+        return machine_in_words(self.machine)
+
     def __repr__(self) -> str:
         return fields_in_line(self, "machine", "inject", "cap")
 
@@ -154,7 +181,7 @@ class ReturnMap:
         launches = np.isfinite(alpha) & (alpha > 0)
         if not (alpha.ndim or launches):
             raise InputError(f"alpha = {alpha:g}; launch speeds are above 0")
-        return replace(self._hops(alpha, launches), alpha=alpha)
+        return replace(self._hops(alpha, launches), alpha=alpha, machine=self._words)
 
     @in_own_units(lambda hops, step: hops.in_units(step.units), alpha=LIFTOFF_SPEED)
     def _hops(self, alpha: np.ndarray, launches: np.ndarray) -> Hops:

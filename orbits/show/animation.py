@@ -13,6 +13,7 @@ from ..result import Axes, Report
 from ..units import Units
 from .plot import COLOURS, SHADE, new_axes, off_screen, unit_labels
 
+ANIMATIONS = (".gif", ".mp4")
 SPRING_END = "spring's end"  # the height of an end that an actuator moves; it is drawn as a thin bar
 
 
@@ -21,16 +22,16 @@ def animate_orbit(orbit: Any, path: str | Path, frames: int = 80, progress: Repo
     closed = orbit.contact_time is not None
     t = np.linspace(0, orbit.period if closed else orbit.flight_time, _frames(frames), endpoint=not closed)
     words = np.where(t <= orbit.flight_time, "flight", "contact")
-    shape, floating = orbit.shape, orbit.machine["rest_length"] is None
+    shape, floating = orbit.shape, orbit.certificate.smallest_separation is None
     joints = shape.springs, shape.knees, shape.embed
-    return _animate(path, words, orbit(t), shape.heights, joints, floating, orbit.units, progress)
+    return _animate(path, words, orbit(t), shape.heights, joints, floating, orbit.scales, progress)
 
 
 def animate_simulation(run: Any, path: str | Path, frames: int = 200, progress: Report = None) -> Path:
     """Write a simulated motion as an animation, as `animate_orbit` does; returns the path."""
-    t, machine = np.linspace(0, run.end, _frames(frames)), run.machine
+    t, machine = np.linspace(0, run.end, _frames(frames)), run.source
     words = np.where(run.in_contact(t), "contact", "flight")
-    floating, joints = machine.rest_length is None, (run.springs, run.knees, machine.model.embed)
+    floating, joints = run.smallest_separation is None, (run.springs, run.knees, machine.model.embed)
     return _animate(path, words, run(t), run.heights, joints, floating, machine.units, progress)
 
 
@@ -43,7 +44,7 @@ def _frames(frames) -> int:
 def check_animation(path: str | Path) -> Path:
     """The path of an animation to write; raises `InputError` where its ending or folder, or a lack of ffmpeg, rules
     that out."""
-    path = check_path(path, "animation")
+    path = check_path(path, ANIMATIONS)
     if path.suffix.lower() == ".mp4":
         from matplotlib.animation import FFMpegWriter
 

@@ -47,6 +47,16 @@ def plot_map(
     return _labelled_map(axes, step, low, high)
 
 
+def plot_hops(hops: Any, axes: Axes | None = None) -> Axes:
+    """Plot the next launch speeds of `Hops` against their launch speeds, with the identity line; return the axes."""
+    axes = axes or new_axes(5.2, 5.0)
+    ends = [float(np.nanmin(hops.alpha)), float(np.nanmax(hops.alpha))]
+    axes.plot(ends, ends, label="identity", **IDENTITY)
+    axes.plot(np.ravel(hops.alpha), np.ravel(hops.next), ".", color=COLOURS[0], label="hops")
+    across, up = (hops.heading(name).replace("alpha", "launch speed") for name in ("alpha", "next"))
+    return finished(axes, xlabel=across, ylabel=up)
+
+
 def _drawn_map(step: Any, low: float, high: float, axes: Axes, samples: int) -> Axes:
     """The identity line and the map, broken where it jumps."""
     axes.plot([low, high], [low, high], label="identity", **IDENTITY)

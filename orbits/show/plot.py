@@ -20,6 +20,7 @@ from ..io import check_path, writing
 from ..result import Axes
 from ..units import LIFTOFF_SPEED, Units
 
+FIGURES = (".png", ".pdf", ".svg", ".jpg", ".jpeg", ".eps")
 RESOLUTION = 160  # of figures that are written, in pixels an inch
 # One colour for each role; colour-blind readers can tell them apart too (Okabe and Ito 2008).
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
@@ -104,7 +105,7 @@ def plot_orbit(orbit: Any, axes: Axes | None = None) -> Axes:
 
     In metres and seconds for a machine that is stated in SI.
     """
-    metres, seconds, _ = unit_labels(orbit.units)
+    metres, seconds, _ = unit_labels(orbit.scales)
     axes, (t, states) = axes or new_axes(), _cycle(orbit, 2001)
     for (name, height), colour in zip(orbit.shape.heights.items(), COLOURS, strict=False):
         axes.plot(t, height(states), color=colour, label=plain(name), **_style(name))
@@ -112,7 +113,7 @@ def plot_orbit(orbit: Any, axes: Axes | None = None) -> Axes:
         axes.axvspan(orbit.flight_time, t[-1], fc=SHADE, ec="0.7", lw=0.5, label="contact", zorder=0)
     axes.axhline(0, color="0.4", lw=0.8)
     axes.set_title(plain(title(orbit)), fontsize="medium", wrap=True)
-    label = vertical(orbit.machine["rest_length"]) + metres
+    label = vertical(orbit.certificate.smallest_separation) + metres
     return finished(axes, xlim=(0, t[-1]), xlabel="time" + seconds, ylabel=label)
 
 
@@ -162,12 +163,12 @@ def legend_below(axes: Axes, of: Axes | None = None) -> Axes:
 
 def plot_phase_portrait(orbit: Any, axes: Axes | None = None) -> Axes:
     """Plot speed against height of every mass over a cycle; return the axes."""
-    metres, _, speeds_in = unit_labels(orbit.units)
+    metres, _, speeds_in = unit_labels(orbit.scales)
     axes, (_, states) = axes or new_axes(4.5, 4.0), _cycle(orbit, 2001)
     for (name, (height, speed)), colour in zip(masses_at(orbit, states).items(), cycle(COLOURS), strict=False):
         axes.plot(height, speed, color=colour, lw=1.6, label=plain(name))
     axes.set_title(plain(title(orbit)), fontsize="medium", wrap=True)
-    label = vertical(orbit.machine["rest_length"]) + metres
+    label = vertical(orbit.certificate.smallest_separation) + metres
     return finished(axes, xlabel=label, ylabel="speed" + speeds_in)
 
 
@@ -274,7 +275,7 @@ def plot_front(front: Any, axes: Axes | None = None) -> Axes:
     texts = [text.lstrip().lstrip("-").strip() for text in front.texts]
     units = [front.designs[0].unit_of(text) for text in texts]
     labels = [label_of(text + (unit and f" ({unit})")) for text, unit in zip(texts, units, strict=True)]
-    axes.set_title(plain(title_of_machine(front.designs[0].machine.describe())), fontsize="medium", wrap=True)
+    axes.set_title(plain(title_of_machine(front.machine)), fontsize="medium", wrap=True)
     return finished(axes, xlabel=labels[0], ylabel=labels[1])
 
 
@@ -303,7 +304,7 @@ def plot_simulation(run: Any, axes: Axes | None = None) -> Axes:
 
     In metres and seconds for a machine that is stated in SI.
     """
-    axes, machine, t = axes or new_axes(), run.machine, np.linspace(0, run.end, 4001)
+    axes, machine, t = axes or new_axes(), run.source, np.linspace(0, run.end, 4001)
     metres, seconds, _ = unit_labels(machine.units)
     heights, states = run.heights, run(t)
     for (name, height), colour in zip(heights.items(), COLOURS, strict=False):
@@ -318,17 +319,17 @@ def plot_simulation(run: Any, axes: Axes | None = None) -> Axes:
         axes.plot(times, places, "|", color="0.2", ms=9, mew=1.4, label="impact", zorder=4)
     axes.axhline(0, color="0.4", lw=0.8)
     axes.set_title(plain(title_of_machine(machine.describe())), fontsize="medium", wrap=True)
-    label = vertical(machine.rest_length) + metres
+    label = vertical(run.smallest_separation) + metres
     return finished(axes, xlim=(0, run.end), xlabel="time" + seconds, ylabel=label)
 
 
 def plot_gap(run: Any, axes: Axes | None = None, label: str | None = None) -> Axes:
     """Plot the gap of a simulated machine against time, as the foot path in Fig. 6 of the paper; return the axes."""
     axes, t = axes or new_axes(), np.linspace(0, run.end, 4001)
-    metres, seconds, _ = unit_labels(run.machine.units)
+    metres, seconds, _ = unit_labels(run.source.units)
     axes.plot(t, run.gap(run(t)), color=COLOURS[1], lw=2, label=label)
     _shade_contacts(run, axes)
-    axes.set_title(plain(title_of_machine(run.machine.describe())), fontsize="medium", wrap=True)
+    axes.set_title(plain(title_of_machine(run.source.describe())), fontsize="medium", wrap=True)
     return finished(axes, xlim=(0, run.end), xlabel="time" + seconds, ylabel="gap" + metres)
 
 
@@ -350,19 +351,20 @@ def _laws(machine: Mapping) -> str:
 
 def title(orbit: Any) -> str:
     """The title of an orbit's plot: machine, family and speed in one line, the laws in another."""
-    speed = f"alpha = {orbit.alpha:.6g}" + (f" {orbit.units.text(LIFTOFF_SPEED)}" if orbit.units else "")
+    speed = f"alpha = {orbit.alpha:.6g}" + (f" {orbit.scales.text(LIFTOFF_SPEED)}" if orbit.scales else "")
     kind = "" if orbit.admissible else " (inadmissible)"
     return f"{orbit.machine['machine']}, family {orbit.family}, {speed}{kind}\n{_laws(orbit.machine)}"
 
 
-def vertical(rest_length: float | None) -> str:
-    """The name of the vertical axis; without a rest length the upper mass has a displacement and no height."""
-    return "height" if rest_length is not None else "displacement"
+def vertical(separation: float | None) -> str:
+    """The name of the vertical axis; where nothing says how far the masses are apart, the upper one has a displacement
+    and no height."""
+    return "height" if separation is not None else "displacement"
 
 
 def save_figure(axes: Axes, path: str | Path) -> Path:
     """Write the figure of some axes to a file, its kind from the ending; raises `InputError` when it cannot."""
-    path = check_path(path, "figure")
+    path = check_path(path, FIGURES)
     drawn = BytesIO()  # Matplotlib's writers do not all end well where a disk is full
     axes.figure.savefig(drawn, format=path.suffix[1:].lower(), dpi=RESOLUTION)
     with writing("figure", path) as target:

@@ -148,7 +148,8 @@ def _cells_of_diagram(diagram: Any) -> Iterator[tuple[list[Any], list[Any]]]:
     found, statuses = diagram.boundaries, diagram.statuses.T
     x, y = diagram.grid[diagram.along].reshape(statuses.shape)[:, 0], np.array(diagram.values)
     sides: dict[tuple[int, int, bool], list[Any]] = {}
-    for (i, j), along, point, pair in zip(*(part.tolist() for part in found[:4]), strict=True):
+    parts = (part.tolist() for part in (found.nodes, found.in_row, found.points, found.statuses))
+    for (i, j), along, point, pair in zip(*parts, strict=True):
         sides.setdefault((i, j, along), []).append((point, tuple(pair)))
     for side in sides.values():
         side.sort()

@@ -1,6 +1,6 @@
 """A simulated motion: its legs, flights and contacts, and the events between them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -12,12 +12,12 @@ from numpy.typing import ArrayLike
 from ..errors import InputError
 from ..flow.trajectory import Trajectory
 from ..io import fields_in_line
-from ..model.machine import Machine
+from ..model.machine import Machine, machine_in_words
 from ..model.model import Knee
 from ..model.phase import Affine
 from ..model.state_formula import StateFormula
 from ..numerics.bernstein import lowest
-from ..result import Report, cell, shown
+from ..result import TABLE_ROWS, Report, Result, Row, known, shown
 from ..units import ENERGY, LENGTH, LIFTOFF_SPEED, TIME, Units, in_units
 
 # The dimensions of a simulation's numbers by name; those of states are lengths and speeds.
@@ -27,7 +27,6 @@ DIMENSIONS_OF_SIMULATIONS = {
     "smallest_separation": LENGTH,
     **dict.fromkeys(("energy", "loss"), ENERGY),
 }
-AFTER_NUMBERS = ("end", "launches", "smallest_separation")  # whose units follow the numbers in a printed simulation
 
 
 @dataclass(frozen=True)
@@ -61,17 +60,17 @@ class Leg:
     path: Trajectory
 
 
-@dataclass(frozen=True)
-class Simulation:
-    """A simulated motion; called with times (...), it returns flight states (..., n).
+@dataclass(frozen=True, repr=False)
+class Simulation(Result, what="simulation", in_line=("status", "end", "source")):
+    """A motion from a state; called with times (...), it gives flight states (..., n).
 
     legs, events : the motions of the phases, and the impacts, landings and lift-offs, in order
     status : "done", or why it ended early: a name of `orbits.simulation.impacts.STATUSES`
     launches : launch speeds: that of the start if it was a launch, then one for each lift-off, NaN for a lift-off that
         is not a launch
     end : time of the end
-    machine : the machine that is simulated
-    reason : why the motion could not be integrated further, in words; "" where it could
+    source : the machine simulated
+    reason : why the motion could not be followed further, in words; "" where it could
     """
 
     legs: tuple[Leg, ...]
@@ -79,15 +78,15 @@ class Simulation:
     status: str
     launches: np.ndarray
     end: float
-    machine: Machine
+    source: Machine
     reason: str = ""
 
     @cached_property
     def smallest_separation(self) -> float | None:
-        """The smallest separation of the masses, None without a rest length. Where it is not above 0 the masses pass
-        through each other: the simulation ignores this, but no real machine can do it."""
-        embed, smallest = self.machine.model.embed, []
-        if (separation := self._length(self.machine.model.separation(self.machine.values))) is None:
+        """The smallest separation of the masses, None without a rest length; where it is not above 0 they pass through
+        each other, which no real machine does and the simulation ignores."""
+        embed, smallest = self.source.model.embed, []
+        if (separation := self._length(self.source.model.separation(self.source.values))) is None:
             return None
         for leg in self.legs:
             rows = leg.path.coefficients
@@ -98,63 +97,84 @@ class Simulation:
     @property
     def heights(self) -> dict[str, Affine | StateFormula]:
         """The heights of the machine's model, as functions of the flight state."""
-        return {name: self._length(height) for name, height in self.machine.model.heights(self.machine.values).items()}
+        return {name: self._length(height) for name, height in self.source.model.heights(self.source.values).items()}
 
     @property
     def springs(self) -> tuple[tuple[str | None, str], ...]:
-        """Pairs of names of heights, lower and upper, between which the springs are, None for the ground."""
-        return self.machine.model.springs
+        """Names of the heights, lower and upper, that springs join, None for the ground."""
+        return self.source.model.springs
 
     @property
     def knees(self) -> tuple[Knee, ...]:
         """The knees of the machine's model, as its `heights`."""
-        model, unit = self.machine.model, self.machine.units.length if self.machine.units else 1.0
-        found = model.knees(self.machine.values) if model.knees else ()
+        model, unit = self.source.model, self.source.units.length if self.source.units else 1.0
+        found = model.knees(self.source.values) if model.knees else ()
         return tuple((lower, upper, length * unit) for lower, upper, length in found)
 
     @property
     def gap(self) -> Affine:
         """The gap as a function of the flight state."""
-        return self._length(self.machine.model.gap(self.machine.values))
+        return self._length(self.source.model.gap(self.source.values))
 
     def _length(self, height: Any) -> Any:
         """A length of the model as a function of the flight state: in SI where the machine is stated so."""
-        units, states = self.machine.units, self.machine.model.flight.states
+        units, states = self.source.units, self.source.model.flight.states
         return units.convert_height(height, states) if units else height
 
-    def __repr__(self) -> str:
-        return fields_in_line(self, "status", "end", "machine")
+    machine = property(lambda self: machine_in_words(self.source))
+
+    @cached_property
+    def units(self) -> dict[str, str]:
+        """The units of the states and of the numbers of events by name; empty for a dimensionless machine."""
+        if (units := self.source.units) is None:
+            return {}
+        return {**{name: units.text(name) for name in self._states}, **units.texts(DIMENSIONS_OF_SIMULATIONS)}
+
+    @property
+    def _states(self) -> tuple[str, ...]:
+        return self.source.model.flight.states
 
     def document(self) -> dict[str, Any]:
-        """The simulation as the JSON document of the command line."""
+        units = self.source.units and self.source.units.texts(DIMENSIONS_OF_SIMULATIONS)
         return {
-            **({"units": self.machine.units.texts(DIMENSIONS_OF_SIMULATIONS)} if self.machine.units else {}),
-            "launches": [None if np.isnan(speed) else float(speed) for speed in self.launches],
+            **({"units": units} if units else {}), "launches": known(self.launches),
             "status": self.status, "reason": self.reason, "end": self.end,
             "smallest_separation": self.smallest_separation,
             "events": [{**vars(e), "before": e.before.tolist(), "after": e.after.tolist()} for e in self.events],
         }  # fmt: skip
 
-    def _told(self) -> tuple[list[tuple[str, ...]], list[str]]:
-        """A table of the events, its headings first, and what is to be said of the whole."""
-        units = self.machine.units.texts(DIMENSIONS_OF_SIMULATIONS) if self.machine.units else {}
-        time, energy, loss = (f"{name} ({units[name]})" if units else name for name in ("time", "energy", "loss"))
-        second, speed, metre = ("", "", "") if not units else (f" {units[name]}" for name in AFTER_NUMBERS)
-        rows = [(f"{e.time:.9g}", e.kind, f"{e.energy:.9g}", f"{e.loss:.6g}") for e in self.events]
+    def table(self, t: ArrayLike | None = None) -> dict[str, np.ndarray]:
+        """Columns (k,) by name at times (k,), evenly spaced by default: "time", "phase" and the flight states."""
+        t = np.ravel(np.linspace(0.0, self.end, TABLE_ROWS) if t is None else np.asarray(t, dtype=float))
+        columns = {"time": t, "phase": np.where(self.in_contact(t), "contact", "flight")}
+        return columns | dict(zip(self._states, self(t).T, strict=True))
+
+    def title(self) -> str:
+        return f"motion of {self.source!r}"
+
+    def heads(self) -> list[str]:
+        return ["event", *map(self.heading, ("time", "energy", "loss"))]
+
+    def _rows(self) -> Iterator[Row]:
+        """The events, with their times, energies and losses."""
+        for i, each in enumerate(self.events):
+            values = {f"{name} of event {i}": getattr(each, name) for name in ("time", "energy", "loss")}
+            yield Row(each.kind, values, ("{:.9g}", "{:.9g}", "{:.6g}"))
+
+    def summary(self) -> dict[str, Any]:
+        """How it ended and its launch speeds, and the numbers of the events."""
+        ended = {"status": self.status, "reason": self.reason, "end": self.end}
+        launches = {f"launch {i}": speed for i, speed in enumerate(known(self.launches))}
+        return {**ended, "smallest_separation": self.smallest_separation, **launches, **super().summary()}
+
+    def _notes(self) -> list[str]:
+        """What is to be said of the whole."""
+        speed, second, metre = (f" {self.unit_of(n)}".rstrip() for n in ("launches", "end", "smallest_separation"))
         speeds, why = ", ".join(f"{alpha:.10g}" for alpha in self.launches), f": {self.reason}" if self.reason else ""
         notes = [f"launch speeds {speeds}{speed}", f"{self.status} at time {self.end:.9g}{second}{why}"]
         if (least := self.smallest_separation) is not None and least <= 0:
             notes.append(f"the masses pass through each other: their least separation is {least:.6g}{metre}")
-        return [(time, "event", energy, loss), *rows], notes
-
-    def __str__(self) -> str:
-        rows, notes = self._told()
-        lines = [f"{time:>14}  {event:<10}{energy:>16}{loss:>14}" for time, event, energy, loss in rows]
-        return "\n".join([*lines, *(f"  {note}" for note in notes)])
-
-    def _repr_html_(self) -> str:
-        (heads, *rows), notes = self._told()
-        return cell(f"motion of {self.machine!r}", rows, self.plot, heads, notes)
+        return notes
 
     def plot(self, axes: Any = None) -> Any:
         """Plot heights against time; returns the axes. See `orbits.show.plot.plot_simulation`."""
@@ -171,13 +191,13 @@ class Simulation:
 
     def __call__(self, t: ArrayLike) -> np.ndarray:
         """Flight states (..., n) at times (...)."""
-        embed = self.machine.model.embed
+        embed = self.source.model.embed
 
         def flight_states(leg: Leg, since: np.ndarray) -> np.ndarray:
             rows = leg.path(since)
             return rows[..., : len(embed)] if leg.phase == "flight" else rows[..., : embed.shape[1]] @ embed.T
 
-        return rows_of_legs(self.legs, self.end, t, flight_states, " s" if getattr(self.machine, "units", None) else "")
+        return rows_of_legs(self.legs, self.end, t, flight_states, " s" if getattr(self.source, "units", None) else "")
 
 
 def index_of_legs(legs: Sequence[Leg], t: np.ndarray) -> np.ndarray:
@@ -229,4 +249,4 @@ def run_in_units(run: Simulation, machine: Any) -> Simulation:
     events = tuple(replace(units.convert(event, **energies), **changed) for event, changed in pairs)
     launches, end = run.launches * units.of(LIFTOFF_SPEED), run.end * units.time
     reason = in_units(run.reason, units)
-    return replace(run, legs=legs, events=events, launches=launches, end=end, machine=machine, reason=reason)
+    return replace(run, legs=legs, events=events, launches=launches, end=end, source=machine, reason=reason)

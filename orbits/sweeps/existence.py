@@ -6,8 +6,9 @@ the rows.
 """
 
 from collections import Counter
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from time import perf_counter
@@ -17,10 +18,9 @@ import numpy as np
 
 from ..design.designs_at_once import DESIGN_STATUSES, solved_designs
 from ..errors import InputError
-from ..io import check_ending, fields_in_line, write_json, write_table, writing
 from ..model.machine import Machine
 from ..periodic.find import family_number
-from ..result import cell, shown
+from ..result import Result, Row, shown
 from ..running import interrupts
 from .designs import Axis, axis_of
 from .progress import on_screen
@@ -31,19 +31,19 @@ from .sweep_result import Sweep
 LOCATED_TO = 1e-6
 # Statuses of members that have an orbit, the first of them a motion.
 WITH_ORBIT = ("certified", "inadmissible")
-# Endings of the files that a diagram is saved to.
 
 
-class Boundaries(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Boundaries:
     """Where neighbours on the grid differ: the nodes (k, 2) before each boundary by their places along and across,
     whether it lies in a row (k,), else between two, the points (k, 2), the statuses (k, 2) before and behind, and
     whether the point is located (k,), else it is the middle of the neighbours."""
 
-    nodes: np.ndarray
     in_row: np.ndarray
-    points: np.ndarray
-    statuses: np.ndarray
     located: np.ndarray
+    nodes: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), int))
+    points: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
+    statuses: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), str))
 
 
 class Stretch(NamedTuple):
@@ -54,8 +54,8 @@ class Stretch(NamedTuple):
     status: str
 
 
-@dataclass(frozen=True, eq=False)
-class Existence:
+@dataclass(frozen=True, eq=False, repr=False)
+class Existence(Result, what="diagram", in_line=("along", "across", "values")):
     """An existence and admissibility diagram: the orbits of least launch speed on a grid of two parameters.
 
     along, across : names of the two parameters
@@ -70,21 +70,26 @@ class Existence:
     grid: Sweep
     boundaries: Boundaries
 
-    def __repr__(self) -> str:
-        return fields_in_line(self, "along", "across", "values")
+    machine = property(lambda self: self.grid.machine)
 
-    def _repr_html_(self) -> str:
-        rows = [(f"{value:.6g}", self._motions_in_words(row)) for row, value in enumerate(self.values)]
-        return cell(self.grid.title(), rows, self.plot, (self.heading(self.across), f"motions for {self.along}"))
+    @cached_property
+    def units(self) -> dict[str, str]:
+        """The units of the grid's columns, and of the ends of the stretches; empty for a dimensionless machine."""
+        unit = self.grid.unit_of(self.along)
+        return {**self.grid.units, **({f"{side} {self.along}": unit for side in ("from", "to")} if unit else {})}
 
-    def _motions_in_words(self, row: int) -> str:
-        told = ", ".join(f"{low:.8g} to {high:.8g}" for low, high in self.motions(row)) or "none"
-        return f"{told}{', in part not known' if self.unknown(row) else ''}"
+    def title(self) -> str:
+        return self.grid.title()
 
-    def __str__(self) -> str:
-        lines = [str(self.grid), f"  motions for {self.along} by {self.heading(self.across)}:"]
-        lines += [f"  {value:<12.6g}{self._motions_in_words(row)}" for row, value in enumerate(self.values)]
-        return "\n".join(lines)
+    def heads(self) -> list[str]:
+        return [self.heading(self.across), f"motions for {self.along}"]
+
+    def _rows(self) -> Iterator[Row]:
+        """The intervals of each row on which there are motions."""
+        for row, value in enumerate(self.values):
+            motions = ", ".join(f"{low:.8g} to {high:.8g}" for low, high in self.motions(row)) or "none"
+            text = f"{motions}{', in part not known' if self.unknown(row) else ''}"
+            yield Row(f"{value:.6g}", {f"{self.across} = {value:.6g}": text})
 
     @property
     def between(self) -> tuple[float, float]:
@@ -95,7 +100,7 @@ class Existence:
     def row(self, row: int) -> list[Stretch]:
         """A row as intervals of one status each, ascending; neighbours on the grid with the same status are joined."""
         found, (low, high) = self.boundaries, self.between
-        these = np.flatnonzero(found.in_row & (found.nodes[:, 1] == row))
+        these = np.flatnonzero(found.in_row.astype(bool) & (found.nodes[:, 1] == row))
         these = these[np.argsort(found.points[these, 0], kind="stable")]
         ends = pairwise([low, *found.points[these, 0].tolist(), high])
         statuses = [str(self.statuses[row, 0]), *found.statuses[these, 1].tolist()]
@@ -119,10 +124,6 @@ class Existence:
         """Whether a row may be incomplete because one of its members has failed."""
         return any(status == "failed" for _, _, status in self.row(row))
 
-    def heading(self, name: str) -> str:
-        """The name of a parameter or quantity with its unit, if it has one."""
-        return self.grid.heading(name)
-
     @property
     def orbit_edges(self) -> np.ndarray:
         """The located points (k, 2) at which orbits begin or end."""
@@ -135,7 +136,7 @@ class Existence:
 
     def _edges(self, statuses: tuple[str, ...]) -> np.ndarray:
         inside = np.isin(self.boundaries.statuses.astype(str), statuses)
-        return self.boundaries.points[(inside[:, 0] != inside[:, 1]) & self.boundaries.located]
+        return self.boundaries.points[(inside[:, 0] != inside[:, 1]) & self.boundaries.located.astype(bool)]
 
     def plot(self, quantity: str | None = None, axes: Any = None) -> Any:
         """Plot the diagram, coloured by a quantity if one is named; returns the axes."""
@@ -152,9 +153,15 @@ class Existence:
         ]
         names = "point", "statuses", "located"
         parts = zip(found.points.tolist(), found.statuses.tolist(), found.located.tolist(), strict=True)
-        told = [dict(zip(names, part, strict=True)) for part in parts]
+        boundaries = [dict(zip(names, part, strict=True)) for part in parts]
         own = {"along": self.along, "across": self.across, "between": list(self.between), "accuracy": LOCATED_TO}
-        return own | {"rows": rows, "boundaries": told} | swept
+        return own | {"rows": rows, "boundaries": boundaries} | swept
+
+    def table(self) -> dict[str, list[Any]]:
+        """The stretches of the rows as columns: the row's value, from where to where, and the status."""
+        parts = [(value, *part) for row, value in enumerate(self.values) for part in self.row(row)]
+        names = self.across, f"from {self.along}", f"to {self.along}", "status"
+        return dict(zip(names, map(list, zip(*parts, strict=True)), strict=True))
 
     @property
     def dataset(self) -> Any:
@@ -163,20 +170,6 @@ class Existence:
         columns = {"boundary_" + name: found.points[:, k] for k, name in enumerate((self.along, self.across))}
         columns |= {"boundary_" + name: found.statuses[:, k].astype(str) for k, name in enumerate(("before", "behind"))}
         return self.grid.dataset.assign({name: ("boundary", values) for name, values in columns.items()})
-
-    def save(self, path: str | Path) -> Path:
-        """Write the whole diagram to .json or, with the extra `data`, to .nc (NetCDF); or the intervals of its rows to
-        .csv; returns the path."""
-        path, ending = Path(path), check_ending(path, "diagram")
-        if ending == ".csv":
-            names = [self.heading(self.across), *(f"{side} {self.heading(self.along)}" for side in ("from", "to"))]
-            stretches = ([value, *part] for row, value in enumerate(self.values) for part in self.row(row))
-            return write_table([*names, "status"], stretches, path, "diagram")
-        if ending == ".json":
-            return write_json(self.document(), path, "diagram")
-        with writing("diagram", path) as target:
-            self.dataset.to_netcdf(target)
-        return path
 
 
 def existence(
@@ -249,7 +242,7 @@ def existence(
     statuses = grid["status"].reshape(grid.about["shape"])
     boundaries = _located(statuses, shares, both_ways, statuses_at, on_screen(progress))
     points = np.column_stack([axis.at(share) for axis, share in zip(scales, boundaries.points.T, strict=True)])
-    return Existence(along, across, rows, grid, boundaries._replace(points=points))
+    return Existence(along, across, rows, grid, replace(boundaries, points=points))
 
 
 def _shares_at(axis: Axis, values: Sequence[float]) -> np.ndarray:
@@ -293,7 +286,7 @@ def _located(
         rounds = np.log2(np.maximum((high - low)[in_row | both_ways].max(axis=1) / LOCATED_TO, 1.0))
         left, seconds = int(np.ceil(rounds).sum()), perf_counter() - began
         show(SweepProgress(done, done + left, dict(told), seconds, left * seconds / done))
-    return Boundaries(nodes, in_row, 0.5 * (low + high), parts, in_row | both_ways)
+    return Boundaries(in_row, in_row | both_ways, nodes, 0.5 * (low + high), parts)
 
 
 def codes_of(statuses: np.ndarray) -> np.ndarray:

@@ -23,9 +23,6 @@ from .sweep_result import Sweep, solves_again
 if TYPE_CHECKING:
     from .store import Store
 
-# Parameters that every machine of two masses takes, also where they are 0 and none of the model's.
-DAMPING = ("damping", "drag", "rest_length")
-
 
 class SweepProgress(NamedTuple):
     """The progress of a sweep.
@@ -95,7 +92,7 @@ def sweep(
     ([3.412355, 3.111516, 2.936459], ['certified', 'certified', 'certified'])
     """
     exclusive(check_machine)(machine, "with_values")
-    allowed = [*free_parameters(machine), *(name for name in DAMPING if hasattr(machine, name))]
+    allowed = [*free_parameters(machine), *getattr(machine, "further_parameters", ())]
     allowed = list(dict.fromkeys([*allowed, LAUNCH_SPEED] if outcome == "map" else allowed))
     members = members_of(over, samples, sampling, seed, allowed)
     _check_domain(machine, members)

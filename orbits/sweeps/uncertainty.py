@@ -8,22 +8,17 @@ import numpy as np
 
 from ..design.sensitivities import sensitivities
 from ..errors import InputError, whole_number
-from ..io import one_line
 from ..model.machine import Machine
 from ..periodic.find import find
-from ..result import cell
+from ..result import Axes, Result
 from .designs import members_of
 from .sweep import sweep as swept
 from .sweep_result import QUANTILES, Sweep
 
-# Shares of the members below the quantiles that are printed, and the columns of the printed table.
-OUTER_QUANTILES = ("5%", "95%")
-COLUMNS_OF_UNCERTAINTY = ("mean", "deviation", "linear", *OUTER_QUANTILES)
 
-
-@dataclass(frozen=True, eq=False)
-class Uncertainty:
-    """The spread of the quantities of a machine's orbit that results from its uncertain parameters.
+@dataclass(frozen=True, eq=False, repr=False)
+class Uncertainty(Result, what="uncertainty", in_line=("share", "mean"), printed_digits=6):
+    """How a machine's uncertain parameters spread the quantities of its orbit.
 
     mean, deviation, quantiles : by quantity, over the members whose orbit is a motion; the quantiles by share, as "5%"
     linear : the standard deviation by quantity to first order, from exact sensitivities
@@ -38,29 +33,21 @@ class Uncertainty:
     share: float
     sweep: Sweep
 
-    def __repr__(self) -> str:
-        return one_line(self, {"share": self.share, "mean": dict(self.mean)})
+    machine = property(lambda self: self.sweep.machine)
 
-    def summary(self) -> str:
-        """The number of members whose orbits are motions, in one line."""
+    def title(self) -> str:
         return f"{self.share:.1%} of {len(self.sweep)} members are motions"
 
-    def rows(self) -> list[tuple[str, ...]]:
-        """The quantities as rows of a table: name, mean, deviation, linear deviation and two quantiles."""
-        numbers = {
-            name: (mean, self.deviation[name], self.linear[name], *map(self.quantiles[name].get, OUTER_QUANTILES))
-            for name, mean in self.mean.items()
-        }
-        return [(self.sweep.heading(name), *(f"{each:.6g}" for each in row)) for name, row in numbers.items()]
+    def table(self) -> dict[str, list[Any]]:
+        """The quantities, each with its mean, deviation, linear deviation, quantiles and unit, as columns."""
+        columns: dict[str, list[Any]] = {"quantity": list(self.mean)}
+        columns |= {name: [getattr(self, name)[each] for each in self.mean] for name in ("mean", "deviation", "linear")}
+        columns |= {f"{share:.0%}": [self.quantiles[each][f"{share:.0%}"] for each in self.mean] for share in QUANTILES}
+        return {**columns, "unit": [*map(self.sweep.unit_of, self.mean)]}
 
-    def __str__(self) -> str:
-        width = max(len(self.sweep.heading(name)) for name in self.mean)
-        table = [("", *COLUMNS_OF_UNCERTAINTY), *self.rows()]
-        lines = [f"  {name:<{width}}" + "".join(f"{text:>14}" for text in row) for name, *row in table]
-        return "\n".join([self.summary(), *lines])
-
-    def _repr_html_(self) -> str:
-        return cell(self.summary(), self.rows(), self.sweep.plot, ("", *COLUMNS_OF_UNCERTAINTY))
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Plot the first quantity of the members over the parameters; returns the axes."""
+        return self.sweep.plot(axes=axes)
 
 
 def uncertainty(
@@ -76,8 +63,8 @@ def uncertainty(
     samples : number of members, sampled by Sobol's sequence
     options : `executor`, `workers`, `client`, `store`, `progress` of `sweep`
 
-    The linear result is computed at the machine itself, with the standard deviations of the distributions. Raises
-    `NoOrbit` where the machine itself has no such orbit, and `InputError` as `sweep` does.
+    The linear deviation is taken at the machine itself, with the standard deviations of the distributions. Raises
+    `NoOrbit` where the machine itself has no such orbit.
 
     >>> from scipy.stats import norm
     >>> from orbits import uncertainty

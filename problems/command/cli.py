@@ -70,7 +70,7 @@ def orbits() -> None:
 @click.option("--explain", is_flag=True, help="Print which steps were not needed for this machine.")
 @options.plot_option
 @options.animate_option
-@options.file_option("--save", "document", "Save the orbit (.json), for Orbit.load.")
+@options.file_option("--save", "result", "Save the orbit (.json), for Orbit.load.")
 def find_command(
     family: int, method: str | None, start: str | None, allow_inadmissible: bool, limit: float, as_json: bool,
     explain: bool, plot: str | None, animate: str | None, save: str | None, **stated: Any,
@@ -112,7 +112,7 @@ def find_command(
 @click.option("--to", "stop", type=float, metavar="B", help="The parameter's last value.")
 @options.limit_option
 @options.json_option
-@options.file_option("--save", "document", "Save the proof (.json).")
+@options.file_option("--save", "result", "Save the proof (.json).")
 def prove_command(
     family: int, intervals: tuple[str, ...], digits: int | None, loss: bool, attraction: bool, inject: str | None,
     near: float | None, along: str | None, start: float | None, stop: float | None, limit: float, as_json: bool,
@@ -255,7 +255,7 @@ def follow_command(
 @click.option("--from", "start", type=float, metavar="V", help="The parameter's first value.")
 @click.option("--to", "stop", type=float, metavar="W", help="Its last value.")
 @click.option("--attractor", type=click.IntRange(0), metavar="N", help="Number of values with the attractor computed.")
-@options.file_option("--save", "front", "Save the diagram: .json, or its points as .csv.")
+@options.file_option("--save", "result", "Save the diagram: .json, or its points as .csv.")
 def return_map(
     alpha: str, inject: float, as_json: bool, plot: str | None, cobweb: float | None, whole: bool, cap: int,
     along: str | None, start: float | None, stop: float | None, attractor: int | None, save: str | None,
@@ -296,7 +296,7 @@ def return_map(
         click.echo(to_json(hops.document()))
         return
     if len(speeds) > LONGEST_TABLE and not whole:
-        click.echo(options.summary(hops))
+        click.echo(f"{hops}\n  --all prints each, --json all as one document")
         return
     heads = [f"{name} ({hops.units[key]})" if hops.units else name for key, name in COLUMNS_OF_HOPS.items()]
     click.echo("{:>16}{:>20}{:>16}{:>9}  {}".format(*heads, "impacts", "status"))
@@ -339,7 +339,7 @@ def simulate_command(
 @options.free_limit_option
 @options.json_option
 @options.file_option("--plot", "figure", "Write a figure of the best orbit, or of the front (.png, .pdf, .svg).")
-@options.file_option("--save", "front", "Save the design (.json), or the front (.json, .csv).")
+@options.file_option("--save", "result", "Save the design (.json), or the front (.json, .csv).")
 def optimize_command(file: str, as_json: bool, plot: str | None, save: str | None) -> None:
     """Find the best design of a machine, or a Pareto front of two objectives, for the problem in its file."""
     from orbits.design.optimize import optimize as best_design
@@ -389,7 +389,7 @@ def optimize_command(file: str, as_json: bool, plot: str | None, save: str | Non
 @click.option("--workers", type=click.IntRange(1), metavar="N", help="Number of processes; 1 by default.")
 @options.free_limit_option
 @options.json_option
-@options.file_option("--output", "sweep", "Write the members: .csv, .nc, .parquet or .json.")
+@options.file_option("--output", "result", "Write the members: .csv, .nc, .parquet or .json.")
 @options.plot_option
 def sweep_command(
     over: tuple[str, ...], designs: str | None, samples: int | None, sampling: str | None, seed: int, families: str,
@@ -436,7 +436,7 @@ def sweep_command(
 @click.option("--workers", type=click.IntRange(1), metavar="N", help="Number of processes; 1 by default.")
 @options.free_limit_option
 @options.json_option
-@options.file_option("--output", "diagram", "Write the diagram: .json or .nc; its rows: .csv.")
+@options.file_option("--output", "result", "Write the diagram: .json or .nc; its rows: .csv.")
 @options.plot_option
 def existence_command(
     along: str, across: str, family: int, samples: str, quantities: str | None, both_ways: bool,

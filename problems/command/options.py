@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
     from orbits.proof.theorem import Proof
     from orbits.return_map.diagram import BifurcationDiagram
-    from orbits.return_map.return_map import Hops
 
     from ..explorer.scene import Scene
     from ..machines.in_si import AnyMachine
@@ -83,17 +82,22 @@ def file_option(flag: str, kind: str, text: str) -> Callable:
 
     def check(context, parameter, path):
         if path is not None:
-            from orbits.io import check_path
+            from orbits.continuation.family import FAMILY_ENDINGS
+            from orbits.result import check_file
+            from orbits.show.animation import check_animation
+            from orbits.show.plot import FIGURES
 
             if kind == "animation":
                 from orbits.show.animation import check_animation
 
                 return str(check_animation(path))
-            if kind == "sweep":
-                from orbits.sweeps.sweep_result import check_table
-
-                return str(check_table(path))
-            check_path(path, kind)
+            endings = {
+                "result": FAMILY_ENDINGS[1:],
+                "figure": FIGURES,
+                "family": FAMILY_ENDINGS,
+                "lines": FAMILY_ENDINGS[:1],
+            }
+            check_file(path, endings[kind])
         return path
 
     return click.option(flag, metavar="FILE", help=text, callback=check)
@@ -257,24 +261,6 @@ def proved_curve(
     if followed.end.kind != "reached":
         raise NoOrbit(f"the family does not come to {along} = {stop:g}: {followed.end.kind}, {followed.end.reason}")
     return followed.prove(machine, continuous=True, **asked)
-
-
-def summary(hops: "Hops") -> str:
-    """A summary of many launches: the number of each status, and the ranges of the results."""
-    import numpy as np
-
-    lines = [f"{len(hops.alpha)} launches (--all prints each, --json all as one document)"]
-    for status in np.unique(hops.status):
-        these, rows = hops.status == status, {}
-        for name in ("alpha", "next", "loss", "impacts"):
-            if np.isfinite(inside := getattr(hops, name)[these]).any():
-                rows[name] = f"{np.nanmin(inside):.10g} to {np.nanmax(inside):.10g}"
-        lines.append(f"  {status}: {these.sum()}")
-        words = {"alpha": "launch speed"}
-        lines += [
-            f"    {words.get(name, name):<14}{text} {hops.units.get(name, '')}".rstrip() for name, text in rows.items()
-        ]
-    return "\n".join(lines)
 
 
 def machine_of(machine: str | None, *arguments: Any, **stated: Any) -> "AnyMachine":

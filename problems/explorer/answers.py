@@ -11,7 +11,6 @@ from orbits.continuation.follow import follow
 from orbits.errors import InputError
 from orbits.periodic.find import find
 from orbits.periodic.orbit import Orbit
-from orbits.periodic.quantities import orbit_rows
 from orbits.return_map.return_map import ReturnMap
 from orbits.show.pages.family_view import FamilyData, family_data
 from orbits.show.pages.hop_view import HopData, hop_data
@@ -48,7 +47,7 @@ class HopAnswer:
     scene: Scene
     data: HopData
     law: LawData | None
-    rows: list[tuple[str, str]]
+    rows: list[tuple[str, ...]]
     alpha: float
     admissible: bool
 
@@ -65,7 +64,7 @@ def hop_answer(given: Any, scene: Scene, with_dials: bool) -> Iterator[DialsAnsw
         law = law_data(machine, orbit)
     except InputError:
         law = None
-    yield HopAnswer(scene, hop_data(orbit), law, orbit_rows(orbit), orbit.alpha, orbit.admissible)
+    yield HopAnswer(scene, hop_data(orbit), law, orbit.rows(), orbit.alpha, orbit.admissible)
 
 
 def start_of(orbit: Any) -> tuple[float, float, float]:

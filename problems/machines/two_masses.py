@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 from orbits.errors import InputError
 from orbits.io import one_line
@@ -30,6 +30,8 @@ END, RATE = "u", "w"
 class TwoMasses(Stated):
     """What machines of two masses have in common, dimensionless or in SI."""
 
+    # Parameters that it takes besides its `values`, which have no damping of 0 and no missing length.
+    further_parameters: ClassVar[tuple[str, ...]] = (*DAMPERS, "rest_length")
     rest_length: float | None
     restitution: float
     damping: float

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,8 +10,7 @@ from numpy.typing import ArrayLike
 
 from orbits import InputError, Simulation, simulate
 from orbits.errors import finite_number, whole_number
-from orbits.io import one_line
-from orbits.result import Axes, cell
+from orbits.result import Axes, Result
 from orbits.simulation.schedule import Inputs
 from orbits.units import LIFTOFF_SPEED
 
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 JUST_AFTER = (1e-13, 1e-10, 1e-8, 1e-6)
 
 
-@dataclass(frozen=True)
-class Disturbed:
+@dataclass(frozen=True, repr=False)
+class Disturbed(Result, what="disturbed motion", in_line=("launch_errors", "run.status"), printed_digits=10):
     """An open-loop simulation with a disturbance, and the same without it; in SI for a machine in SI.
 
     nominal : the simulation without the disturbance
@@ -50,30 +50,33 @@ class Disturbed:
         """The times of the disturbed launches (k,) minus those of the nominal ones."""
         return launch_times(self.run)[: self.compared] - launch_times(self.nominal)[: self.compared]
 
-    def __repr__(self) -> str:
-        return one_line(self, {"launch_errors": self.launch_errors.tolist(), "status": self.run.status})
+    machine = property(lambda self: self.run.machine)
 
-    def _table(self) -> list[tuple[str, ...]]:
-        """A table of the launches, its headings first."""
-        units = self.run.machine.units
-        second, speed = (" (s)", f" ({units.text(LIFTOFF_SPEED)})") if units else ("", "")
-        columns = self.run.launches, self.launch_errors, launch_times(self.run), self.delays
-        rows = enumerate(zip(*columns, strict=False), start=1 - len(self._start))
-        return [
-            ("hop", f"launch speed{speed}", f"off by{speed}", f"time{second}", f"late by{second}"),
-            *((f"{i}", f"{a:.10g}", f"{off:.6g}", f"{t:.10g}", f"{late:.6g}") for i, (a, off, t, late) in rows),
-        ]
+    @cached_property
+    def units(self) -> dict[str, str]:
+        """The units of the table by name; empty for a dimensionless machine."""
+        if (units := self.run.source.units) is None:
+            return {}
+        speeds = dict.fromkeys(("launch speed", "off by"), units.text(LIFTOFF_SPEED))
+        return {**self.run.units, **speeds, "time": "s", "late by": "s"}
 
-    def _ended(self) -> str:
-        return f"{self.run.status}{f': {self.run.reason}' if self.run.reason else ''}"
+    def title(self) -> str:
+        return "driven open loop under a disturbance"
 
-    def __str__(self) -> str:
-        lines = [f"{hop:>5}" + "".join(f"{text:>22}" for text in row) for hop, *row in self._table()]
-        return "\n".join([*lines, f"  {self._ended()}"])
+    def table(self) -> dict[str, np.ndarray]:
+        """The launches that are compared as columns: their speeds and times, and by how much these are off."""
+        speeds, times = self.run.launches[: self.compared], launch_times(self.run)[: self.compared]
+        hops = np.arange(self.compared) + 1 - len(self._start)
+        columns = {"hop": hops, "launch speed": speeds, "off by": self.launch_errors, "time": times}
+        return {**columns, "late by": self.delays}
 
-    def _repr_html_(self) -> str:
-        heads, *rows = self._table()
-        return cell("driven open loop under a disturbance", rows, self.plot, heads, [self._ended()])
+    def _notes(self) -> list[str]:
+        return [f"{self.run.status}{f': {self.run.reason}' if self.run.reason else ''}"]
+
+    @classmethod
+    def of_saved(cls, document: Any, machine: Any = None) -> "Disturbed":
+        """As in `Result`, of the machine of its `Driven`."""
+        return super().of_saved(document, machine and Actuated(machine))
 
     @property
     def _start(self) -> np.ndarray:
@@ -113,7 +116,7 @@ def disturbed(
         raise InputError("a disturbed start is a launch_error or a state: give one of them")
     nominal: dict[str, Any] = {"state": driven(0.0)} if launch is None else {"alpha": launch}
     start = {"state": state} if state is not None else nominal if launch is None else {"alpha": launch + error}
-    machine = Actuated(driven.machine.with_values(**values))  # type: ignore[arg-type]
+    machine = Actuated(driven.source.with_values(**values))  # type: ignore[arg-type]
     undisturbed = simulate(driven.actuated, hops=hops, schedule=schedule, **nominal)
     run = (
         _pushed(machine, start, hops, schedule, push)

@@ -2,18 +2,18 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
-from typing import Any, BinaryIO, TypedDict, cast
+from typing import Any, TypedDict, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orbits import Control, InputError, Simulation
-from orbits.control.control import control_of
-from orbits.io import conform, read_file, read_sealed, to_json
+from orbits import Control, Simulation
+from orbits.io import conform
+from orbits.model.machine import machine_in_words
 from orbits.model.phase import Affine
-from orbits.result import Axes, Report
+from orbits.result import Axes, Report, is_of
 from orbits.show.animation import SPRING_END, animate_simulation
 from orbits.simulation.simulated import times_within
 from orbits.units import LIFTOFF_SPEED, TIME, in_own_units
@@ -28,28 +28,31 @@ PERIODIC = 1e-6  # states that differ by less, relative to their size, are the s
 
 
 @dataclass(frozen=True, repr=False)
-class Driven(Control):
+class Driven(Control, what="motion of a driven machine"):
     """A `Control` of a machine whose spring's end is moved, as `problems.steering` finds it.
 
     Called with times (...) it returns flight states (..., n), as `Simulation` and `Orbit` do; the last one is the
     displacement of the spring's end.
 
-    machine : the machine without its actuator; the numbers are in SI for a machine in SI
+    source : the machine without its actuator; in SI the numbers are in SI
     """
 
-    machine: AnyMachine = field(kw_only=True)
+    source: AnyMachine = field(kw_only=True)
+
+    machine = property(lambda self: machine_in_words(self.source))
 
     @classmethod
     def of(cls, machine: AnyMachine, control: Control) -> "Driven":
         """A control of a machine, with the machine."""
-        told = {each.name: getattr(control, each.name) for each in fields(Control)}
-        bare = control.bare and cls.of(cast(Any, machine).dimensionless(), control.bare)
-        return cls(**{**told, "bare": bare}, machine=machine)
+        own = {each.name: getattr(control, each.name) for each in fields(Control)}
+        own["bare"] = control.bare and cls.of(cast(Any, machine).dimensionless(), control.bare)
+        own["units"] = {**control.units, **({"power": "W"} if control.units else {})}
+        return cls(**own, source=machine)
 
     @property
     def actuated(self) -> Actuated:
         """The machine with its actuator, as `simulate` takes it."""
-        return Actuated(self.machine)  # type: ignore[arg-type]
+        return Actuated(self.source)  # type: ignore[arg-type]
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -73,7 +76,7 @@ class Driven(Control):
             return None
         bare = self.dimensionless()
         model, x = bare.actuated.model, bare.legs[0].path(0.0)
-        unit = 1.0 if self.machine.units is None else self.machine.units.of(LIFTOFF_SPEED)
+        unit = 1.0 if self.source.units is None else self.source.units.of(LIFTOFF_SPEED)
         return model.launch_at(x)["alpha"] * unit
 
     @property
@@ -111,18 +114,13 @@ class Driven(Control):
 
     def power(self, t: ArrayLike) -> np.ndarray:
         """The actuator's power (...) on the machine at times (...); raises as a call does."""
-        return _actuator_power(
-            self.machine, self, times_within(t, self.end, "" if self.machine.units is None else " s")
-        )
+        second = "" if self.source.units is None else " s"
+        return _actuator_power(self.source, self, times_within(t, self.end, second))
 
     def table(self, t: ArrayLike | None = None) -> dict[str, np.ndarray]:
         """The columns of `Control.table`, with flight states, and the actuator's "power"."""
         columns = super().table(t)
         return columns | {"power": self.power(columns["time"])}
-
-    def heading(self, name: str) -> str:
-        """The name of a column with its unit, if it has one."""
-        return "power (W)" if self.units and name == "power" else super().heading(name)
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Plot heights against time, contact shaded, and below the spring's end and its rate; returns the axes of the
@@ -135,24 +133,30 @@ class Driven(Control):
         """Write an animation (.gif or .mp4), for a machine with a rest length also of the spring's end; returns its
         path. See `orbits.show.animation.animate_simulation`."""
         motion = self.motion
-        if self.machine.rest_length is not None:
+        if self.source.rest_length is not None:
             motion = WithMovedEnd(**{each.name: getattr(motion, each.name) for each in fields(motion)})
         return animate_simulation(motion, path, frames, progress)
 
     def document(self) -> dict[str, Any]:
         """The motion as JSON-ready data, with the machine in words and, where a file can state it, its statement."""
-        return {**super().document(), "machine": self.machine.describe(), "statement": statement_for_file(self.machine)}
+        return {**super().document(), "machine": self.machine, "statement": statement_for_file(self.source)}
 
     @classmethod
-    def load(cls, path: str | Path, machine: AnyMachine | None = None) -> "Driven":
-        """Read a motion that `save` wrote.
-
-        machine : the machine of the motion; needed where a file cannot state it, as with a Python function as its
-            spring
-
-        Raises `InputError` when the file does not have such a motion, or is of another machine.
-        """
-        return read_file(path, f"{path} is not a saved motion of a driven machine", partial(_driven_of, machine))
+    def of_saved(cls, document: Any, machine: AnyMachine | None = None) -> "Driven":
+        """The motion of what `saved` made, of the machine that it states or of this one; raises `ValueError` where
+        parts of it do not fit each other."""
+        data, control = conform(document, _SavedDriven), Control.of_saved(document)
+        if machine is None and data["statement"] is not None:
+            machine = machine_stated(dict(data["statement"]))
+        machine = cast(AnyMachine, is_of(cast(Any, machine), data["machine"]))
+        if (machine.units is None) != (control.bare is None):
+            raise ValueError("its units do not fit its machine")
+        model = Actuated(machine).model  # type: ignore[arg-type]
+        for leg in control.legs:
+            states = model.flight.states if leg.phase == "flight" else model.contact.states
+            if leg.states != states or leg.inputs.names != (RATE,):
+                raise ValueError(f"its stage '{leg.phase}' is none of its machine's")
+        return cls.of(machine, control)
 
 
 @in_own_units(POWER, control=(), t=TIME)
@@ -169,7 +173,7 @@ class DrivenMotion(Simulation):
     @property
     def springs(self) -> tuple[tuple[str | None, str], ...]:
         """As in `Simulation`."""
-        return cast(Actuated, self.machine).machine.model.springs
+        return cast(Actuated, self.source).machine.model.springs
 
 
 class WithMovedEnd(DrivenMotion):
@@ -181,7 +185,7 @@ class WithMovedEnd(DrivenMotion):
         of what the spring joins."""
         ((below, _),) = super().springs
         heights = super().heights
-        ground = Affine((0.0,) * len(self.machine.model.flight.states))
+        ground = Affine((0.0,) * len(self.source.model.flight.states))
         foot = ground if below is None else cast(Affine, heights[below])
         return {**heights, SPRING_END: Affine((*foot.weights[:-1], 1.0), foot.offset)}
 
@@ -197,23 +201,3 @@ class _SavedDriven(TypedDict):
 
     machine: Mapping[str, Any]
     statement: Mapping[str, Any] | None
-
-
-def _driven_of(machine: AnyMachine | None, file: BinaryIO) -> Driven:
-    """The motion in an open file; raises `ValueError` where parts of it do not fit each other."""
-    document = read_sealed(file)
-    data, control = conform(document, _SavedDriven), control_of(document)
-    if machine is None:
-        if data["statement"] is None:
-            raise InputError("it cannot state its machine; give that too, as Driven.load(path, machine)")
-        machine = machine_stated(dict(data["statement"]))
-    if to_json(machine.describe()) != to_json(data["machine"]):
-        raise ValueError(f"it is of another machine: {data['machine']}")
-    if (machine.units is None) != (control.bare is None):
-        raise ValueError("its units do not fit its machine")
-    model = Actuated(machine).model  # type: ignore[arg-type]
-    for leg in control.legs:
-        states = model.flight.states if leg.phase == "flight" else model.contact.states
-        if leg.states != states or leg.inputs.names != (RATE,):
-            raise ValueError(f"its stage '{leg.phase}' is none of its machine's")
-    return Driven.of(machine, control)

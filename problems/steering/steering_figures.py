@@ -20,7 +20,7 @@ def plot_driven(driven: Any, axes: Axes | None = None) -> Axes:
     the spring's end and its rate; return the axes of the heights."""
     axes = plot_simulation(driven.motion, axes or new_axes(5.6, 5.6))
     axes.get_legend().remove()
-    panels, (metres, _, speeds) = [axes, *panels_below(axes, 2, 0.4)], unit_labels(driven.machine.units)
+    panels, (metres, _, speeds) = [axes, *panels_below(axes, 2, 0.4)], unit_labels(driven.source.units)
     t, (times, rates) = np.linspace(0, driven.end, 2001), driven.schedule(RATE)
     panels[1].plot(t, driven(t)[:, -1], color=COLOURS[3], lw=1.8)
     panels[1].set_ylabel("spring's\nend" + metres)
@@ -45,9 +45,9 @@ def plot_disturbed(disturbed: Any, axes: Axes | None = None) -> Axes:
     (below,) = panels_below(axes, 1)
     times = launch_times(run)[: disturbed.compared]
     below.plot(times, disturbed.launch_errors, "o-", color=COLOURS[3], ms=5, lw=1.0, clip_on=False)
-    unit = f" ({run.machine.units.text(LIFTOFF_SPEED)})" if run.machine.units else ""
+    unit = f" ({run.source.units.text(LIFTOFF_SPEED)})" if run.source.units else ""
     below.set_ylabel("launch speed\noff by" + unit)
-    finished_panels(run, [axes, below], "time" + unit_labels(run.machine.units)[1])
+    finished_panels(run, [axes, below], "time" + unit_labels(run.source.units)[1])
     axes.figure.align_ylabels([axes, below])
     legend_below(below, axes)
     axes.set_xlim(0, min(max(run.end, nominal.end), LONGEST * nominal.end))

@@ -74,7 +74,7 @@ def test_machines_hold(name):
     assert checked.largest < 0.1
     table = str(checked).splitlines()
     assert table[0].endswith(f"{len(checked.relations)} relations hold")
-    assert len(table) == 1 + len(checked.relations) + len(checked.left_out)
+    assert len(table) == 2 + len(checked.relations) + len(checked.left_out)
 
 
 @pytest.mark.parametrize("machine", [plate_hopper(), chain_hand()], ids=lambda machine: machine.name)

@@ -27,7 +27,7 @@ def front() -> Front:
 
 
 def same_design(one: Design, other: Design) -> bool:
-    names = ("machine", "parameters", "verb", "text", "objective", "quantities", "active", "idle", "kkt", "starts")
+    names = ("source", "parameters", "verb", "text", "objective", "quantities", "active", "idle", "kkt", "starts")
     equal = all(getattr(one, name) == getattr(other, name) for name in (*names, "pair", "share", "seconds"))
     return equal and str(one) == str(other) and np.array_equal(one.orbit([0.0, 0.1]), other.orbit([0.0, 0.1]))
 
@@ -35,7 +35,7 @@ def same_design(one: Design, other: Design) -> bool:
 def test_a_design_comes_back(leg, tmp_path):
     """To the last bit, whatever the values of the machine that is given."""
     path = leg.save(tmp_path / "leg.json")
-    for machine in (LEG, leg.machine, LEG.with_values(k=1e4)):
+    for machine in (LEG, leg.source, LEG.with_values(k=1e4)):
         again = Design.load(path, machine)
         assert same_design(again, leg)
         assert again.save(tmp_path / "again.json").read_bytes() == path.read_bytes()

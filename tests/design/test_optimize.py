@@ -65,7 +65,7 @@ def test_constraint_that_binds_is_met_exactly():
     best = optimize(CUBIC, minimise="alpha", over={"b": RANGE}, subject_to=["stroke >= 7"])
     assert best.quantities["stroke"] == pytest.approx(7.0, abs=1e-9)
     (active,) = best.active
-    slopes = sensitivities(best.machine, best.orbit, ["b"], ["alpha", "stroke"])
+    slopes = sensitivities(best.source, best.orbit, ["b"], ["alpha", "stroke"])
     assert active.text == "stroke >= 7"
     assert active.multiplier == pytest.approx(slopes["alpha"]["b"] / slopes["stroke"]["b"], rel=1e-9)
     relaxed = optimize(CUBIC, minimise="alpha", over={"b": RANGE}, subject_to=["stroke >= 6.999"])
@@ -82,7 +82,7 @@ def test_two_parameters_meet_the_optimality_conditions():
     for name in bounds:
         h, x, rows = 1e-4 * best.parameters[name], best.parameters[name], []
         for s in (-2, -1, 1, 2):
-            machine = best.machine.with_values(**{name: x + s * h})
+            machine = best.source.with_values(**{name: x + s * h})
             rows.append(list(quantities(machine, find(machine), [text, "stroke"]).values()))
         rows = np.array(rows)
         gradients.append((rows[0] - 8 * rows[1] + 8 * rows[2] - rows[3]) / (12 * h))
@@ -179,7 +179,7 @@ def test_an_extreme_at_two_places():
     stiff = spring.with_values(mass_ratio=100.0)
     in_flight = quantities(stiff, find(stiff), ["largest_spring_force"])["largest_spring_force"]
     assert best.quantities["largest_spring_force"] == pytest.approx(in_flight, rel=1e-9)
-    in_contact = quantities(best.machine, best.orbit, ["largest_contact_force - 1"])["largest_contact_force - 1"]
+    in_contact = quantities(best.source, best.orbit, ["largest_contact_force - 1"])["largest_contact_force - 1"]
     assert in_contact == pytest.approx(in_flight, rel=1e-9)
     assert best.active[0].text == "an extreme at two places"
 

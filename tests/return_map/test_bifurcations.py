@@ -319,7 +319,7 @@ def test_the_diagram_as_document_table_and_figure(tmp_path):
     labels = axes.get_legend_handles_labels()[1]
     assert {"fixed points, stable", "fixed points, unstable", "period two, stable", "fold", "flip"} <= set(labels)
     assert len(labels) == len(set(labels))
-    assert "flip              inject = 0.0715873841" in str(diagram)
+    assert f"{'flip':<24}inject = 0.0715873841" in str(diagram)
     assert "\n" not in repr(diagram)
     with pytest.raises(InputError, match="needs an ending"):
         diagram.save(tmp_path / "diagram.txt")

@@ -119,7 +119,7 @@ def test_air_track(tmp_path, capsys):
 
 def test_air_track_amplitudes_are_equation_14():
     orbit, first, second = air_track.amplitudes()
-    M, a, length = orbit.machine["mass_ratio"], orbit.dimensionless().alpha, orbit.units.length
+    M, a, length = orbit.machine["mass_ratio"], orbit.dimensionless().alpha, orbit.scales.length
     top, hand, depth = a**2 / 2, -1 + (1 + a**2) ** 0.5, (1 + M) / M * (1 + (1 + M / (1 + M) * a**2) ** 0.5)
     assert first == pytest.approx(length * (top + depth), rel=1e-7)
     assert second == pytest.approx(length * (hand + depth), rel=1e-7)

@@ -152,7 +152,7 @@ def test_an_orbit_comes_back():
     found = sweep(LEG, {"k": [8000.0, 9000.0]})
     orbit = found.orbit(1)
     assert orbit.alpha == pytest.approx(found["alpha"][1], rel=1e-13)
-    assert orbit.units is not None
+    assert orbit.scales is not None
     with pytest.raises(InputError, match="no member 2"):
         found.orbit(2)
 
@@ -232,9 +232,9 @@ def test_datasets_frames_and_files(tmp_path):
 
 def test_a_summary_and_a_table_in_words():
     found = sweep(Hopper("cubic", rest_length=30.0), {"beta": (-0.02, 0.02)}, 64)
-    told = found.summary()
-    assert sum(told["status"].values()) == told["count"] == 64
-    assert told["quantiles"]["alpha"]["50%"] == pytest.approx(np.nanmedian(found["alpha"]))
+    summary = found.summary()
+    assert sum(summary[name] for name in found.statuses()) == summary["count"] == 64
+    assert summary["alpha 50%"] == found.quantiles()["alpha"]["50%"] == pytest.approx(np.nanmedian(found["alpha"]))
     assert "certified" in str(found)
     assert "alpha" in str(found)
 

@@ -82,11 +82,11 @@ def hop_data(orbit: Any) -> HopData:
             force, why = orbit.contact_force(time), ""
         except InputError as error:
             why = str(error)
-    states, shape, floating = orbit(time), orbit.shape, orbit.machine["rest_length"] is None
+    states, shape, floating = orbit(time), orbit.shape, orbit.certificate.smallest_separation is None
     masses = masses_at(orbit, states)
     heights, floating = drawn_heights(states, shape.heights, (shape.springs, shape.knees, shape.embed), floating)
     places = {None: -1} | {name: i for i, name in enumerate(masses)}
-    metres, seconds, speeds_in = unit_labels(orbit.units)
+    metres, seconds, speeds_in = unit_labels(orbit.scales)
     centre = shape.heights.get(CENTRE_OF_MASS)
     return HopData(
         title=title(orbit),
@@ -105,9 +105,9 @@ def hop_data(orbit: Any) -> HopData:
         span=drawn_range(heights, shape.knees),
         labels={
             "time": "time" + seconds,
-            "height": vertical(orbit.machine["rest_length"]) + metres,
+            "height": vertical(orbit.certificate.smallest_separation) + metres,
             "speed": "speed" + speeds_in,
-            "force": "contact force" + (f" ({orbit.units.text(FORCE)})" if orbit.units else ""),
+            "force": "contact force" + (f" ({orbit.scales.text(FORCE)})" if orbit.scales else ""),
         },
     )
 

@@ -46,7 +46,7 @@ def law_data(machine: Machine, orbit: Any) -> LawData:
 
     Raises `InputError` for a machine that states no force of a spring.
     """
-    bare, own, units = orbit.dimensionless(), dimensionless(machine), orbit.units
+    bare, own, units = orbit.dimensionless(), dimensionless(machine), orbit.scales
     end = bare.flight_time if bare.contact_time is None else bare.period
     extension = own.model.extension
     states = bare(np.linspace(0, end, EXTENSIONS))

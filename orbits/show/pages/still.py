@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 
 from ...io import check_path, writing
-from ...periodic.quantities import orbit_rows
-from ...tables import html_table, machine_rows
+from ...tables import html_table
 from .bokeh_figures import Change, apply, bokeh
 from .family_view import FamilyFigure, ending, family_data
 from .hop_view import HopFigures, hop_data
 from .law_view import LawFigure, law_data
 from .sweep_view import sweep_figures
 
+PAGES = (".html",)
 MOST_HOPS = 24  # of a family that are in its page
 LARGEST_HOPS = 1_500_000  # bytes of them together, which become a third more in a page
 STYLE = """
@@ -62,7 +62,7 @@ def write_page(path: str | Path, title: str, sections: Sequence[Any]) -> Path:
 
     Raises `InputError` for a path that is none of a page, and without Bokeh.
     """
-    path = check_path(path, "page")
+    path = check_path(path, PAGES)
     models = [part for _, parts in sections for part in parts if not isinstance(part, str)]
     script, places, loaded, hint = "", tuple[str, ...](), "", ""
     if models:
@@ -91,10 +91,10 @@ def write_page(path: str | Path, title: str, sections: Sequence[Any]) -> Path:
 def orbit_page(orbit: Any, path: str | Path) -> Path:
     """Write the page of an `Orbit`: the animated machine, its certificate, heights, phase portrait, contact force, and
     the spring's law where the orbit knows its machine. See `write_page`."""
-    check_path(path, "page")
+    check_path(path, PAGES)
     figures, data = HopFigures(), hop_data(orbit)
     figures.show(data, steady=False)
-    table = html_table([*machine_rows(orbit.machine), *orbit_rows(orbit)], "Certificate")
+    table = html_table(orbit.rows(), "Certificate")
     first = "Animation and certificate", [_animation(figures), table]
     return write_page(path, data.title, [first, *_other_figures(figures, *_law_figures(orbit))])
 
@@ -102,7 +102,7 @@ def orbit_page(orbit: Any, path: str | Path) -> Path:
 def family_page(family: Any, path: str | Path, quantity: str, hops: Iterable[tuple[Any, Any]]) -> Path:
     """Write the page of a `Family`: a quantity along it, what happens on it, and some of its hops, each given as
     (point, its `Orbit`), to choose by a slider or a click. See `write_page`."""
-    check_path(path, "page")
+    check_path(path, PAGES)
     shown = FamilyFigure()
     shown.show(family_data(family, quantity), steady=False)
     head, *_ = str(family).splitlines()
@@ -119,16 +119,18 @@ def family_page(family: Any, path: str | Path, quantity: str, hops: Iterable[tup
 
 def sweep_page(sweep: Any, path: str | Path, quantity: str | None) -> Path:
     """Write the page of a `Sweep`: a quantity over its parameters. See `write_page`."""
-    check_path(path, "page")
+    check_path(path, PAGES)
     figures, told = sweep_figures(sweep, quantity)
-    summary = sweep.summary()
-    rows = [(name, *(f"{value:.6g}" for value in found.values())) for name, found in summary["quantiles"].items()]
-    named = [(sweep.heading(name), *values) for name, *values in rows]
-    shares = list(next(iter(summary["quantiles"].values()), {}))
-    statuses = html_table([(name, str(count)) for name, count in summary["status"].items()], "Members by status")
-    tables = [statuses, html_table(named, "Quantiles", ["", *shares])] if named else [statuses]
-    title = "\n".join([*(line.strip() for line in str(sweep).splitlines()[:2]), told])
+    statuses = html_table([(name, str(count)) for name, count in sweep.statuses().items()], "Members by status")
+    over, *shares = sweep.heads()
+    tables = [statuses, html_table(sweep.rows(), "Quantiles", ["", *shares])] if shares else [statuses]
+    title = "\n".join([sweep.title(), over, told])
     return write_page(path, title, [*([("Members", figures)] if figures else []), ("In numbers", tables)])
+
+
+def result_page(result: Any, path: str | Path) -> Path:
+    """Write the page of any result: its table, and its picture. See `write_page`."""
+    return write_page(path, result.title(), [("", [result._repr_html_()])])
 
 
 def _animation(figures: HopFigures) -> Any:
@@ -169,7 +171,7 @@ def _choice(family: Any, quantity: str, shown: FamilyFigure, hops: list[tuple[An
     for point, orbit in hops[:: -(-size * len(hops) // LARGEST_HOPS)]:
         data = hop_data(orbit)
         place = point.value, family.quantity(point, quantity)
-        table = html_table([(family.heading(family.name), f"{point.value:.7g}"), *orbit_rows(orbit)], "Certificate")
+        table = html_table([(family.heading(family.name), f"{point.value:.7g}"), *orbit.rows()], "Certificate")
         changes.append([*figures.changes(data, steady=False), *shown.marks(*place), (about, "text", table)])
         places.append(place)
     apply(changes[0])
