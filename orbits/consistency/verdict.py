@@ -7,6 +7,7 @@ that hold.
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from itertools import combinations
 from weakref import WeakSet
 
