@@ -145,11 +145,8 @@ class Curve:
     @property
     def kernel(self) -> NewtonKernel | None:
         """Newton's method for points of the curve in one call; None where a motion has several arcs, or a law bends."""
-        return (
-            newton_kernel(self.equations, self.along)
-            if len(self.equations.flows) == 1 and self.equations.smooth
-            else None
-        )
+        smooth = len(self.equations.flows) == 1 and self.equations.smooth
+        return newton_kernel(self.equations, self.along) if smooth else None
 
     def rescued(self, x: np.ndarray) -> np.ndarray:
         """A point (n + 1,) near another, with its value of the parameter, by Ipopt's multiple shooting."""
