@@ -190,7 +190,7 @@ class ReturnMap:
         simulated, which takes some milliseconds; a speed that is not above 0 has NaN."""
         speeds = np.array(alpha, dtype=float)
         found = [self._separation(each) if 0 < each < np.inf else np.nan for each in speeds.ravel().tolist()]
-        return None if None in found else np.reshape(found, speeds.shape)
+        return None if None in found else np.array(found, dtype=float).reshape(speeds.shape)
 
     def _separation(self, alpha: float) -> float | None:
         """The smallest separation of the masses during the hop from a launch speed."""
