@@ -210,7 +210,7 @@ def errata() -> Iterator[tuple]:
     ratio = step(FIRST - 1e-9).loss / step(FIRST + 1e-9).loss
     yield "9", "loss left over loss right of alpha*, 1e-9 beside it", 10.0, float(ratio), 0.05
     length = 0.2657 * 9.81 * 1.1 / np.hypot(1.1, 60) / 8.8
-    yield "10", "unit of length (m) from the stated data", length, air_track.amplitudes()[0].units.length, 1e-12
+    yield "10", "unit of length (m) from the stated data", length, air_track.amplitudes()[0].scales.length, 1e-12
     yield "10", "it is the printed 5.431e-3 m", False, abs(length - 5.431e-3) < 5e-7, 0
 
 

@@ -73,9 +73,8 @@ class Tracer:
             self._batch = batch._replace(certified=certified)
             self._state = self._state._replace(last=first, ends=(first,))
         self.first = first
-        self.endings = self.tests_for_the_end(
-            curve, earlier[0] if earlier else first.point, self.start, bounds, options
-        )
+        origin = earlier[0] if earlier else first.point
+        self.endings = self.tests_for_the_end(curve, origin, self.start, bounds, options)
 
     def __iter__(self) -> Iterator[CurvePoint | Event | End]:
         """The points of the curve, first to last, each event before the point that follows it, and the end."""

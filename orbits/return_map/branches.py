@@ -126,9 +126,8 @@ class LaunchCurve:
         """The equation at points (m, 2)."""
         alpha, values, (before, along) = xs[:, 0], self.possible(xs[:, 1]), self._rates
         step, m = STEP_ACROSS * np.abs(alpha), len(alpha)
-        launches, impacts = self.maps.cycles(
-            np.concatenate([alpha, alpha - step, alpha + step]), np.tile(values, 3), self.period
-        )
+        alphas = np.concatenate([alpha, alpha - step, alpha + step])
+        launches, impacts = self.maps.cycles(alphas, np.tile(values, 3), self.period)
         residual, low, high = excess_of(launches).reshape(3, -1)
         across = np.where(np.abs(low + high - 2 * residual) > JUMP_OF_SLOPES * step, np.nan, (high - low) / (2 * step))
         if before.shape != xs.shape or np.abs((xs - before) / self.scale).max() > SAME_RATE:
@@ -360,8 +359,8 @@ class BranchTracer:
             slopes = last.point.multiplier, behind.point.multiplier
             if any((slopes[0] - level) * (slopes[1] - level) < 0 for level in MULTIPLIERS.values()):
                 yield FoundEvent("border collision", last.point)
-            yield cast(Any, behind.point)
             here, earlier, options = behind, [start], self.options
+            yield here.point
         yield BranchEnd("stuck", f"it has {LONGEST_BRANCH} points")
 
     def _reached(self, bound: float) -> BranchEnd:

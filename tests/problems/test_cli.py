@@ -702,7 +702,7 @@ class TestFollow:
         line = "follow --spring cubic --along beta --from 0 --to -0.02"
         result = orbits(line, "--plot", figure, "--output", points, "--save", table)
         assert result.code == 0
-        assert "fold          beta = -0.01069521491640" in result.out
+        assert f"{'fold':<24}beta = -0.01069521491640" in result.out
         assert figure.stat().st_size > 10_000
         assert table.read_text().count("\n") == points.read_text().count('{"point"') + 1
         again = orbits(line, "--resume", points)

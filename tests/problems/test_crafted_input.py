@@ -374,7 +374,7 @@ def test_a_map_of_many_launches_is_a_summary_unless_all_are_asked_for(orbits):
     short, whole = orbits("map --alpha 3:12:300"), orbits("map --alpha 3:12:300 --all")
     document = orbits("map --alpha 3:12:300 --json").document
     assert len(short.out.splitlines()) < 20
-    assert f"rests: {document['status'].count('rests')}\n" in short.out
+    assert f"{'rests':<24}{document['status'].count('rests')}\n" in short.out
     assert len(whole.out.splitlines()) == 301
     assert len(document["alpha"]) == 300
 

@@ -194,6 +194,18 @@ def test_a_fold_and_what_lies_on_both_sides_of_it():
     assert points[-1].alphas[0] == pytest.approx(0.1, abs=1e-15)
 
 
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_closed_curve_of_fixed_points_ends_where_it_began(side):
+    """The fixed points of a + 0.3 ((a - 1)^2 + v^2 - 0.04) are the circle of radius 0.2 round (1, 0)."""
+    maps = KnownMaps(-0.5, 0.5, lambda a, v: a + 0.3 * ((a - 1) ** 2 + v**2 - 0.04), lambda a, v: 1 + 0.6 * (a - 1))
+    points, events, end = traced(maps, (0.1, 3.0), 1.2, 0.0, side=side)
+    assert end.kind == "closed"
+    assert [(event.kind, event.point.value) for event in events] == [
+        ("fold", pytest.approx(side * 0.2, abs=1e-12)), ("fold", pytest.approx(-side * 0.2, abs=1e-12)),
+    ]  # fmt: skip
+    assert max(abs((point.alpha - 1) ** 2 + point.value**2 - 0.04) for point in points) < 1e-14
+
+
 def test_a_branch_ends_where_the_map_jumps():
     """The fixed points of the logistic map come to a = 0.7 at r = 1/0.3; those behind belong to another curve."""
     for size in (0.05, 1e-3):
