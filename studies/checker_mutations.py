@@ -58,6 +58,8 @@ LONG = (
 )
 # Boxes that are too small for the solutions of an interval are tried first.
 SMALL = ((ROOTS, "ROOM = (1.5, ", "ROOM = (0.3, 1.5, "),)
+# Boxes are so large that an interval is proved in two parts.
+LARGE = ((ROOTS, "ROOM = (1.5, 2.5, 6.0)", "ROOM = (12.0,)"),)
 # Polynomials of low order, whose remainders count.
 LOW = ((SECOND, "MOST_SPLITS = 0.3, 14,", "MOST_SPLITS = 0.1, 8,"),)
 # Equal steps and a very short last one, which adds hardly any error to those of the steps before.
@@ -80,8 +82,8 @@ OF_FIRST = [
     (FORMULAS, 'domains.need(f"a quotient in {shown}", right, positive=False)', "pass", ["quotient"]),
     (FORMULAS, '"sqrt": lambda x: (x,),', "", ["root"]),
     (FORMULAS, 'exact_fraction("a numeral", node[2])', "Fraction(float(node[2]))", ["decimal"]),
-    (INTERVALS, "low = min((each.low", "low = max((each.low", ["parts"]),
-    (INTERVALS, "found += deeper\n    return found", "found += deeper\n    return found[:1]", ["parts"]),
+    (INTERVALS, "low = min((each.low", "low = max((each.low", ["parts"], LARGE),
+    (INTERVALS, "found += deeper\n    return found", "found += deeper\n    return found[:1]", ["parts"], LARGE),
     (CASE, "contact.check_positive(force, zero_at_start=1)", "pass", ["pulling"]),
     (CASE, "= 2 * half_contact", "= arb(2 * float(half_contact))", ["inerter"]),
 ]
@@ -129,7 +131,7 @@ def proof_of(name: str) -> dict[str, Any]:
         "knee": lambda: proof(knee_hopper()),
         "decimal": lambda: proof(Hopper("r + 0.3*r**3", rest_length=8.0)),
         "interval": lambda: proof(inerter_hopper(), parameters={"inertance": ("0.1999", "0.2001")}),
-        "parts": lambda: proof(inerter_hopper(), parameters={"inertance": ("0.198", "0.202")}),
+        "parts": lambda: proof(inerter_hopper(), parameters={"inertance": ("0.199", "0.201")}),
         "existence": lambda: proof(inerter_hopper(), motion=False),
         "digging": lambda: proof(Hopper("r + 1.8*sin(5.7*r)", mass_ratio=2.0, rest_length=40.0)),
         "pulling": lambda: proof(Hopper("r + 4.5*sin(2.2*r)", rest_length=40.0), 2),
