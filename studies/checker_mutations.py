@@ -57,8 +57,6 @@ LONG = (
     (SET, "ORDER_PER_BIT = 0.36", "ORDER_PER_BIT = 0.2"),
     (STEP, "STIFFEST = 0.6", "STIFFEST = 2.0"),
 )
-# Boxes that are too small for the solutions of an interval are tried first.
-SMALL = ((ROOTS, "ROOM = (1.5, ", "ROOM = (0.3, 1.5, "),)
 # Polynomials of low order, whose remainders count.
 LOW = ((SECOND, "MOST_SPLITS = 0.3, 14,", "MOST_SPLITS = 0.1, 8,"),)
 # Equal steps and a very short last one, which adds hardly any error to those of the steps before.
@@ -70,7 +68,7 @@ OF_FIRST = [
     (STEP, "return value + arb(0, radius.abs_upper())", "return value", ["existence"], LONG),
     (SET, "error + inverse * fresh", "error", ["inerter"], (LESS_EXACT,)),
     (SET, "_moved(end, whole * radii)", "list(end)", ["interval"]),
-    (ROOTS, "return image if inside else None", "return image", ["interval"], SMALL),
+    (ROOTS, "if root.unique_within([arb(1)] * len(centre)) > 0:", "if True:", ["parts"]),
     (ROOTS, "((radius - abs(", "((2 * radius - abs(", ["fold"]),
     (ROOTS, "change -= by_parameters", "change -= 0 * by_parameters", ["interval"]),
     (EQUATIONS, "return [arb(1)] * len(self)", "return [arb(0.5)] * len(self)", ["interval"]),

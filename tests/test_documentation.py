@@ -312,14 +312,12 @@ class Page(HTMLParser):
             self.links.append(given[key] if tag == "a" else f"loaded {given[key]}")
 
 
-@pytest.fixture(scope="module")
-def site(tmp_path_factory, figures_of_site) -> Path:
+def built_site(folder: Path, figures_of_site: Path) -> Path:
     """The built site, with the figures that other tests have drawn; the build ends with an error on any warning."""
     pytest.importorskip("furo")
     pytest.importorskip("myst_parser")
     from studies.docs.parts.drawings import place_of
 
-    folder = tmp_path_factory.mktemp("site")
     for drawn in figures_of_site.iterdir():
         code = (drawn / "code").read_text(encoding="utf-8") if (drawn / "code").exists() else ""
         place = place_of(folder / ".cache" / "figures", "drawn" if code else "study", drawn.name, code)
@@ -331,8 +329,7 @@ def site(tmp_path_factory, figures_of_site) -> Path:
     return folder
 
 
-@pytest.mark.docs
-def test_site_links(site):
+def follow_links(site: Path) -> None:
     """No link within the site leads nowhere, and nothing is loaded from elsewhere."""
     pages = {path.resolve(): Page() for path in site.rglob("*.html")}
     for path, page in pages.items():
@@ -352,9 +349,8 @@ def test_site_links(site):
         assert not re.search(r"(url\(|@import)\s*['\"]?(https?:)?//", sheet.read_text(encoding="utf-8")), sheet.name
 
 
-@pytest.mark.docs
-def test_wide_figures_scroll_on_a_narrow_screen(site):
-    """Those of several panels do; a figure of one panel is shown whole."""
+def see_wide_figures(site: Path) -> None:
+    """On a narrow screen those of several panels scroll; a figure of one panel is shown whole."""
     text = (site / "gallery.html").read_text(encoding="utf-8")
     images = re.findall(r'<img ([^>]*?)src="_images/(\w+)\.png"', text)
     wide = {name for attributes, name in images if 'class="wide"' in attributes}
@@ -362,8 +358,8 @@ def test_wide_figures_scroll_on_a_narrow_screen(site):
     assert "heights" in {name for _, name in images} - wide
 
 
-@pytest.mark.docs
-def test_site_describes_every_public_name(site):
+def look_up_every_public_name(site: Path) -> None:
+    """Each name, and each public member of a class, has its description."""
     text = "".join(path.read_text(encoding="utf-8") for path in (site / "api").glob("*.html"))
     described = set(re.findall(r'id="(?:module-)?([\w.]+)"', text))
     for package, name in PUBLIC:
@@ -373,3 +369,12 @@ def test_site_describes_every_public_name(site):
         if inspect.isclass(thing):
             for member, _ in public_members(thing):
                 assert f"{full}.{member}" in described
+
+
+@pytest.mark.docs
+def test_site(tmp_path, figures_of_site):
+    """One test, so that one worker builds it once."""
+    site = built_site(tmp_path, figures_of_site)
+    follow_links(site)
+    see_wide_figures(site)
+    look_up_every_public_name(site)
