@@ -28,7 +28,6 @@ from .model.state_formula import StateFormula
 from .periodic.certificate import Certificate
 from .periodic.find import find, find_all
 from .periodic.fold_statement import fold_statement
-from .periodic.formulations import METHODS
 from .periodic.orbit import Orbit
 from .proof.prove import prove, prove_absence, prove_fold
 from .proof.theorem import Proof
@@ -37,6 +36,7 @@ from .return_map.diagram import Bifurcation, BifurcationDiagram, Branch, BranchE
 from .return_map.proofs import prove_doubling, prove_fixed_point
 from .return_map.return_map import FixedPoint, Hops, ReturnMap
 from .running.time_limit import time_limit
+from .shooting.formulations import METHODS
 from .simulation.multiplier import multiplier
 from .simulation.simulated import Simulation
 from .simulation.simulation import simulate

@@ -32,6 +32,7 @@ COPIED = ("orbits", "problems", "studies", "tests", "README.md", "pyproject.toml
 # Rooms without tests of their own, with those of the rooms that use them first.
 TESTED_BY = {
     "model": ("flow", "periodic"), "laws": ("problems/test_laws.py", "periodic"), "running": ("symbolic",),
+    "shooting": ("shooting", "periodic"),
     "check.py": ("consistency",), "units.py": ("problems/test_units.py",),
 }  # fmt: skip
 # What rooms do for machines in SI is tested here; numerics knows no units.

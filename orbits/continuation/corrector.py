@@ -10,8 +10,8 @@ import numpy as np
 
 from ..errors import NoOrbit
 from ..numerics.roots import Array, solve
-from ..periodic.newton_kernel import MOST_NEWTON_STEPS, Solutions
-from ..periodic.single_shooting import STALLED_RATIO, Evaluation, settles
+from ..shooting.newton_kernel import MOST_NEWTON_STEPS, Solutions
+from ..shooting.single_shooting import STALLED_RATIO, Evaluation, settles
 from .curve import Curve, CurvePoint, StepEnd
 from .predictor import around
 

@@ -17,11 +17,11 @@ from ..flow.flow import OUT_OF_LAW
 from ..model.machine import Machine
 from ..periodic.certificate import Certificate, records
 from ..periodic.certified import Solved, certified, orbit_from
-from ..periodic.formulations import Cycles, equations_of, iterative, method_of
-from ..periodic.newton_kernel import NewtonKernel, newton_kernel
 from ..periodic.orbit import Orbit
 from ..periodic.quantities import motion_numbers
-from ..periodic.single_shooting import Evaluation, joined
+from ..shooting.formulations import Cycles, equations_of, iterative, method_of
+from ..shooting.newton_kernel import NewtonKernel, newton_kernel
+from ..shooting.single_shooting import Evaluation, joined
 from ..units import Units, without_units
 from .point import RESERVED_NAMES, Point, point_in_units
 from .predictor import around

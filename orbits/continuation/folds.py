@@ -9,9 +9,9 @@ from ..errors import InputError, NoOrbit, finite_number
 from ..model.machine import Machine
 from ..periodic.certified import Solved
 from ..periodic.fold_statement import fold_statement
-from ..periodic.formulations import columns
-from ..periodic.single_shooting import shooting_equations
 from ..running.exclusive import exclusive
+from ..shooting.formulations import columns
+from ..shooting.single_shooting import shooting_equations
 from .checkpoint import collect_family
 from .curve import Curve, CurvePoint, check_followed, machine_at
 from .family import Family

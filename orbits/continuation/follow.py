@@ -11,12 +11,12 @@ from ..errors import InputError, NoOrbit, finite_number
 from ..model.machine import Machine, machine_in_words
 from ..periodic.certified import Solved
 from ..periodic.find import Progress, another_family, lowest_of_family, solve_family, solve_near
-from ..periodic.formulations import iterative
 from ..periodic.orbit import Orbit
 from ..running import interrupts
 from ..running.exclusive import LOCK, exclusive
 from ..running.heartbeat import running
 from ..running.time_limit import time_limit
+from ..shooting.formulations import iterative
 from ..units import without_units
 from .checkpoint import collect_family
 from .corrector import correct

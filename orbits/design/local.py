@@ -14,9 +14,9 @@ import numpy as np
 from ..errors import NoOrbit
 from ..model.machine import Machine
 from ..periodic.certified import certified_orbit, solve_from
-from ..periodic.formulations import iterative, method_of
 from ..periodic.orbit import Orbit
 from ..running import interrupts
+from ..shooting.formulations import iterative, method_of
 from ..symbolic.ipopt import Minimum
 from ..units import without_units
 from .design_statement import base_statement, without_contact

@@ -17,8 +17,8 @@ from ..errors import NoOrbit
 from ..model.machine import Machine
 from ..model.model import Model
 from ..numerics.roots import solve
-from ..periodic.multiple_shooting import MeshTrajectory, ShootingMesh, trajectory_on_mesh
 from ..periodic.orbit import Orbit
+from ..shooting.multiple_shooting import MeshTrajectory, ShootingMesh, trajectory_on_mesh
 from ..symbolic.ipopt import Minimiser, Minimum
 from ..symbolic.kept import kept
 from ..units import DIMENSIONS, LENGTH, Units

@@ -13,18 +13,18 @@ from ..laws.law import NOISE
 from ..model.machine import Machine
 from ..model.model import Model
 from ..running.exclusive import exclusive
-from .certificate import Certificate, certify
-from .error_bound import error_bounds, noise_of_alpha
-from .formulations import (
+from ..shooting.error_bound import error_bounds, noise_of_alpha
+from ..shooting.formulations import (
     Cycles,
     equations_of,
     interpret,
     refused_by_unfolding,
     vector,
 )
+from ..shooting.single_shooting import Evaluation, Shooting
+from .certificate import Certificate, certify
 from .orbit import Orbit, Shape, orbit_of
 from .quantities import motion_numbers
-from .single_shooting import Evaluation, Shooting
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from ..model.model import Model
 from ..model.phase import Affine
 from ..model.relative import Search
 from ..numerics.roots import enclosed_sign_changes
-from .formulations import columns, equations_of, reduction_of
+from ..shooting.formulations import columns, equations_of, reduction_of
 from .guess import BEND_SAFETY, SLOWEST_LAUNCH, times_of_turns
 
 # The grid is uniform up to so many times the launch speed of a linear spring, with at most so many launches; beyond,

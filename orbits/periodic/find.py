@@ -15,10 +15,10 @@ from ..model.model import Model
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..running.time_limit import time_limit
+from ..shooting.formulations import equations_of, iterative, method_of, vector
 from ..units import LIFTOFF_SPEED, TIME, Message, Quantity, in_own_units, in_units
 from .certified import Solved, certified_orbit, corrector, known_solutions, solve_from
 from .family_search import Cells, Lateness
-from .formulations import equations_of, iterative, method_of, vector
 from .homotopy import solve_by_homotopy
 from .orbit import Orbit, orbit_of, start_in_file
 

@@ -15,8 +15,8 @@ from ..model.phase import Affine
 from ..model.relative import FASTEST, Relative, half_angle
 from ..numerics.bernstein import Crossings
 from ..numerics.roots import root_search
+from ..shooting.formulations import vectors
 from ..units import SPEED, Message, Quantity
-from .formulations import vectors
 
 # The slowest launch speed of a search, in multiples of the machine's own scale of speed, from which it starts again
 # when its first speed is too fast.

@@ -7,11 +7,11 @@ import numpy as np
 from ..errors import InconsistentModel, NoOrbit
 from ..model.model import Model
 from ..numerics.roots import solve
+from ..shooting.formulations import halved, vector
+from ..shooting.single_shooting import Evaluation, Shooting
 from ..units import LIFTOFF_SPEED, Message, Quantity
 from .certificate import count_families
-from .formulations import halved, vector
 from .guess import guess
-from .single_shooting import Evaluation, Shooting
 
 # With a step size below this share of the homotopy, the family has folded back or ended.
 MIN_STEP = 1e-4

@@ -18,10 +18,10 @@ from ..model.phase import Affine
 from ..model.state_formula import SavedHeight, StateFormula, height_of
 from ..numerics.bernstein import lowest
 from ..result import TABLE_ROWS, Report, Result, Row, shown
+from ..shooting.formulations import CONTACT_FORCE
 from ..tables import VIOLATED, machine_numbers
 from ..units import UNIT_TEXTS, SavedUnits, Units, in_units, saved_units
 from .certificate import Certificate
-from .formulations import CONTACT_FORCE
 from .quantities import CERTIFIED, QUANTITIES
 
 # What is said of the side of a bounce.

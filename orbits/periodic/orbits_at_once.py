@@ -11,14 +11,14 @@ import numpy as np
 
 from ..errors import NoOrbit, OrbitsError
 from ..model.model import Model
+from ..shooting.formulations import equations_of, iterative, method_of
+from ..shooting.newton_kernel import NewtonKernel, Solutions, newton_kernel
+from ..shooting.single_shooting import SMALLEST_UNIT, Evaluation, Shooting
 from .certified import Certified, Solved, certified
 from .family_search import Lateness
 from .find import none_found, with_search
-from .formulations import equations_of, iterative, method_of
 from .guess import Guesses, guesses
 from .homotopy import MAX_CORRECTION
-from .newton_kernel import NewtonKernel, Solutions, newton_kernel
-from .single_shooting import SMALLEST_UNIT, Evaluation, Shooting
 
 
 class _Family(NamedTuple):

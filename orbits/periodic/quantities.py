@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from ..model.model import Model
+from ..shooting.formulations import NONE, Cycles, or_none
 from ..units import DIMENSIONS, LENGTH, Units
 from .certificate import Certificate, extremes
-from .formulations import NONE, Cycles, or_none
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from ..model.phase import Affine
 from ..numerics.bernstein import Crossings
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
 from ..periodic.certificate import gradients
-from ..periodic.formulations import contact_force_row, vector
+from ..shooting.formulations import contact_force_row, vector
 from ..symbolic.calls import ElementwiseFunction
 from ..units import LIFTOFF_SPEED, Message, Quantity
 

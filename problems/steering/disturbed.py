@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,9 +15,6 @@ from orbits.simulation.schedule import Inputs
 from orbits.units import LIFTOFF_SPEED
 
 from .actuated import Actuated
-
-if TYPE_CHECKING:
-    from .driven import Driven
 
 # A push comes so much later, as a share of its time, that it follows a landing at that time: the first of these is
 # enough but for a landing at no speed, whose time is known less well.
@@ -48,7 +45,12 @@ class Disturbed(Result, what="disturbed motion", in_line=("launch_errors", "run.
     @property
     def delays(self) -> np.ndarray:
         """The times of the disturbed launches (k,) minus those of the nominal ones."""
-        return launch_times(self.run)[: self.compared] - launch_times(self.nominal)[: self.compared]
+        return self.launch_times[: self.compared] - _launch_times(self.nominal)[: self.compared]
+
+    @property
+    def launch_times(self) -> np.ndarray:
+        """The times (k,) of the launches of `run`, 0 for that of its start."""
+        return _launch_times(self.run)
 
     machine = property(lambda self: self.run.machine)
 
@@ -65,7 +67,7 @@ class Disturbed(Result, what="disturbed motion", in_line=("launch_errors", "run.
 
     def table(self) -> dict[str, np.ndarray]:
         """The launches that are compared as columns: their speeds and times, and by how much these are off."""
-        speeds, times = self.run.launches[: self.compared], launch_times(self.run)[: self.compared]
+        speeds, times = self.run.launches[: self.compared], self.launch_times[: self.compared]
         hops = np.arange(self.compared) + 1 - len(self._start)
         columns = {"hop": hops, "launch speed": speeds, "off by": self.launch_errors, "time": times}
         return {**columns, "late by": self.delays}
@@ -96,14 +98,14 @@ def _liftoffs(run: Simulation) -> list[float]:
     return [event.time for event in run.events if event.kind == "lift-off"]
 
 
-def launch_times(run: Simulation) -> np.ndarray:
+def _launch_times(run: Simulation) -> np.ndarray:
     """The times (k,) of a simulation's `launches`, 0 for that of its start."""
     found = _liftoffs(run)
     return np.array([0.0] * (len(run.launches) - len(found)) + found)
 
 
 def disturbed(
-    driven: "Driven", hops: int, launch_error: float, state: ArrayLike | None,
+    driven: Any, hops: int, launch_error: float, state: ArrayLike | None,
     push: tuple[float, Mapping[str, float]] | None, values: Mapping[str, float],
 ) -> Disturbed:  # fmt: skip
     """The simulations of `Driven.simulate`, see there."""
@@ -116,7 +118,7 @@ def disturbed(
         raise InputError("a disturbed start is a launch_error or a state: give one of them")
     nominal: dict[str, Any] = {"state": driven(0.0)} if launch is None else {"alpha": launch}
     start = {"state": state} if state is not None else nominal if launch is None else {"alpha": launch + error}
-    machine = Actuated(driven.source.with_values(**values))  # type: ignore[arg-type]
+    machine = Actuated(driven.source.with_values(**values))
     undisturbed = simulate(driven.actuated, hops=hops, schedule=schedule, **nominal)
     run = (
         _pushed(machine, start, hops, schedule, push)

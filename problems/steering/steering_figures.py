@@ -10,7 +10,6 @@ from orbits.show.plot import COLOURS, legend_below, new_axes, plot_simulation, u
 from orbits.units import LIFTOFF_SPEED
 
 from .actuated import RATE
-from .disturbed import launch_times
 
 LONGEST = 1.1  # of a disturbed motion that comes to rest is drawn, as a multiple of the undisturbed one
 
@@ -43,7 +42,7 @@ def plot_disturbed(disturbed: Any, axes: Axes | None = None) -> Axes:
     for height, label in zip(masses, ("undisturbed", None), strict=False):
         axes.plot(t, height(nominal(t)), color="0.1", lw=0.9, ls=(0, (4, 2)), label=label)
     (below,) = panels_below(axes, 1)
-    times = launch_times(run)[: disturbed.compared]
+    times = disturbed.launch_times[: disturbed.compared]
     below.plot(times, disturbed.launch_errors, "o-", color=COLOURS[3], ms=5, lw=1.0, clip_on=False)
     unit = f" ({run.source.units.text(LIFTOFF_SPEED)})" if run.source.units else ""
     below.set_ylabel("launch speed\noff by" + unit)

@@ -5,7 +5,7 @@ import pytest
 from conftest import PROVED, middle
 
 from orbits import Arc, InputError, Statement, fold_statement, follow, follow_fold
-from orbits.periodic.single_shooting import Shooting
+from orbits.shooting.single_shooting import Shooting
 from problems import Hopper
 
 
@@ -35,7 +35,7 @@ def test_the_fold_of_a_scaled_landing_condition():
 def test_second_derivatives_are_exact(method):
     """The Jacobian of the fold's equations against differences of its residual."""
     machine = Hopper("cubic", rest_length=20.0, parameters={"beta": -0.01})
-    from orbits.periodic.formulations import equations_of
+    from orbits.shooting.formulations import equations_of
 
     names = tuple(machine.values)
     statement = fold_statement(equations_of(machine.model, method, names).statement, "beta")

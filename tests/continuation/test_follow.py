@@ -19,8 +19,8 @@ from orbits.continuation.predictor import around
 from orbits.flow.vector_field import FlowControl
 from orbits.periodic.certificate import certify
 from orbits.periodic.find import solve_family
-from orbits.periodic.newton_kernel import NewtonKernel
-from orbits.periodic.single_shooting import Shooting
+from orbits.shooting.newton_kernel import NewtonKernel
+from orbits.shooting.single_shooting import Shooting
 from orbits.show.plot import spread, thumbnails
 from problems import Hopper, Juggler, hopper_in_si
 from problems.laws import springs

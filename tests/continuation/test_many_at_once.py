@@ -16,9 +16,9 @@ from orbits.flow.flow import flow_of
 from orbits.flow.vector_field import FlowControl
 from orbits.flow.zero_crossing import first_zero, first_zeros, until_zero
 from orbits.model.phase import Affine
-from orbits.periodic.formulations import equations_of
-from orbits.periodic.newton_kernel import NewtonKernel
-from orbits.periodic.single_shooting import Shooting, joined
+from orbits.shooting.formulations import equations_of
+from orbits.shooting.newton_kernel import NewtonKernel
+from orbits.shooting.single_shooting import Shooting, joined
 from orbits.simulation.impacts import Impacts
 from orbits.symbolic.calls import BufferedFunction, ElementwiseFunction
 from orbits.symbolic.taylor_series import variations

@@ -11,7 +11,7 @@ from conftest import PROVED, REFERENCES, machine_of, middle, slow_after
 
 import orbits.periodic.certificate
 from orbits import METHODS, InputError, NoOrbit, find, find_all, follow, sweep, time_limit
-from orbits.periodic.formulations import half_orbit, whole_flight
+from orbits.shooting.formulations import half_orbit, whole_flight
 from problems import Hopper, Juggler
 from problems.laws import gravity, springs
 from studies.stress import random_laws
@@ -207,7 +207,7 @@ def test_a_model_without_a_reversor_is_unfolded(machine):
 
 def test_the_direct_statement_is_degenerate_and_the_unfolded_one_is_not():
     """Height and speed of the foot at landing depend on the launch speed alone, so they cannot fix the flight time."""
-    from orbits.periodic.single_shooting import shooting_equations
+    from orbits.shooting.single_shooting import shooting_equations
 
     machine = Hopper("r", rest_length=20.0)
     orbit = find(machine)

@@ -13,9 +13,9 @@ from conftest import REFERENCES, machine_of, slow_after
 
 from orbits import Arc, InputError, NoOrbit, Phase, Pieces, Statement, find, linear_modes
 from orbits.flow.flow import flow_of
-from orbits.periodic.formulations import contact_force_row, equations_of
-from orbits.periodic.multiple_shooting import trajectory_on_mesh
-from orbits.periodic.single_shooting import Shooting, settles
+from orbits.shooting.formulations import contact_force_row, equations_of
+from orbits.shooting.multiple_shooting import trajectory_on_mesh
+from orbits.shooting.single_shooting import Shooting, settles
 from orbits.symbolic.calls import BufferedFunction
 from orbits.symbolic.ipopt import solve_equations
 from problems import Hopper
