@@ -195,7 +195,7 @@ VERBS = {
     "notebook": lambda result: "<table" in result._repr_html_(),
     "plot": lambda result: result.plot().figure and "no picture" not in result._repr_html_(),
 }
-FILES = ("json", "csv", "html")
+FILES = ("json", "csv")
 TABLES = ("dataframe", "dataset", "nc", "parquet")  # with the extra `data`
 # What is not in the table of results and verbs, with the reason.
 WITHOUT = {
@@ -262,7 +262,7 @@ def test_every_result_has_every_verb(kind, tmp_path):
     assert not {verb for other, verb in WITHOUT if other == kind and hasattr(result, "plot") and verb == "plot"}
     for ending in FILES:
         path = tmp_path / f"result.{ending}"
-        assert (result.page(path) if ending == "html" else result.save(path)) == path
+        assert result.save(path) == path
         assert path.stat().st_size > 0
     json.loads((tmp_path / "result.json").read_text())
     head = (tmp_path / "result.csv").read_text().splitlines()[0]
@@ -280,6 +280,13 @@ def test_every_result_has_every_verb(kind, tmp_path):
     (tmp_path / "result.json").write_text(text.replace("1", "2", 1) if "1" in text[:40] else text[:-9])
     with pytest.raises(InputError, match="is not a saved"):
         type(result).load(tmp_path / "result.json")
+
+
+@pytest.mark.extra("bokeh")
+@pytest.mark.parametrize("kind", WHOLE)
+def test_every_result_has_a_page(kind, tmp_path):
+    page = made(kind).page(tmp_path / "result.html")
+    assert page.read_text(encoding="utf-8").startswith("<!doctype html>")
 
 
 @pytest.mark.extra("xarray", "pandas")
