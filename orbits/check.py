@@ -78,7 +78,7 @@ def check(machine: Machine, *, start: Orbit | Mapping[str, float] | None = None)
     start : an initial guess as in `find`, for a machine whose model has no guess
 
     First the parts of the machine and the fields of its model are compared, at random states and parameters. Then its
-    orbit and two hops near it are integrated again by another method, SciPy's DOP853, with their impacts and contacts.
+    orbit and two hops near it are integrated again by another method, SciPy's DOP853, with their contacts.
     Raises `InputError` where a part of the machine is missing or malformed, and `InconsistentModel` with all relations
     that do not hold.
 

@@ -7,8 +7,9 @@ as remainder. So are the derivatives by the start; over several steps they are P
 small E (`Passage`), so that the errors of the steps add and do not multiply. By the mean value theorem the states of a
 set are those of its centre and the derivatives times the deviations. Existence and uniqueness follow from Krawczyk's
 test (`Solution`), on the stated enclosures and on these with the radius of uniqueness around them. Signs along the
-motion are those of functions, and of their derivatives by time, on stretches of it (`signs`). Nothing of `orbits.proof`
-and of CasADi is used. What is verified is what the file says in its fields, but for `about`: no sentence is read.
+motion are those of functions, and of their derivatives by time, on stretches of it (`signs`). Nothing of
+`orbits.exact`, `balls`, `proof` and of CasADi is used. What is verified is what the file says in its fields, but for
+`about`: no sentence is read.
 """
 
 import ast

@@ -319,9 +319,12 @@ def _array(value: Any, name: str) -> np.ndarray:
     """An array of numbers, of which None is NaN, or of texts, or of true and false."""
     try:
         array = np.array(value)
-        return np.array(value, dtype=float) if array.dtype.kind == "O" else array
+        array = np.array(value, dtype=float) if array.dtype.kind == "O" else array
     except (ValueError, TypeError):
         raise InputError(f"{name} is not an array") from None
+    if array.dtype.kind == "f" and np.isinf(array).any():
+        raise InputError(f"{name} has a number that is not finite")
+    return array
 
 
 @cache

@@ -6,6 +6,7 @@ drawn.
 
 import base64
 import json
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from functools import cached_property, partial
@@ -172,10 +173,10 @@ class Result:
 
     def summary(self) -> dict[str, Any]:
         """The numbers and texts of the result by name; the second of a name is "name 2"."""
-        found: dict[str, Any] = {}
+        found, count = dict[str, Any](), Counter[str]()
         for name, value in (pair for row in self._rows() for pair in row.values.items()):
-            count = sum(each == name or each.startswith(f"{name} ") for each in found)
-            found[f"{name} {count + 1}" if name in found else name] = value
+            count[name] += 1
+            found[f"{name} {count[name]}" if name in found else name] = value
         return found
 
     def rows(self, digits: int = DIGITS) -> list[tuple[str, ...]]:
@@ -243,7 +244,7 @@ class Result:
             if ending == ".nc":
                 self.dataset.to_netcdf(target)
             else:
-                self.dataframe().to_parquet(target)
+                Result.dataframe(self).to_parquet(target)
         return path
 
     @classmethod

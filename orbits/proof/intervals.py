@@ -15,7 +15,7 @@ from .case import CONDITIONS, REFUTED, UNDECIDED, check_mirrored, not_stated, wh
 from .theorem import Proof
 from .wording import enclosed_words, equations_words, motion_sentence
 
-# IntervalParameters are halved so often where they are too wide for one proof.
+# Intervals are halved at most this many times where they are too wide for one proof.
 HALVINGS_OF_INTERVALS = 4
 
 

@@ -164,6 +164,12 @@ class Proof(Result, what="proof", document_is_whole=True):
             reasons=tuple(data["reasons"]),
         )
 
+    @property
+    def units(self) -> dict[str, str]:
+        """The units of the quantities and parameters by name; empty for a dimensionless machine."""
+        known = dict(super().units)
+        return known | ({"mid_flight_extension": known["liftoff_extension"]} if known else {})
+
     def table(self) -> dict[str, list[str]]:
         """What is enclosed as columns: the quantities, and the bounds as decimals."""
         bounds = {side: [getattr(each, side) for each in self.enclosures.values()] for side in ("low", "high")}

@@ -130,7 +130,8 @@ class LaunchCurve:
         launches, impacts = self.maps.cycles(alphas, np.tile(values, 3), self.period)
         residual, low, high = excess_of(launches).reshape(3, -1)
         across = np.where(np.abs(low + high - 2 * residual) > JUMP_OF_SLOPES * step, np.nan, (high - low) / (2 * step))
-        if before.shape != xs.shape or np.abs((xs - before) / self.scale).max() > SAME_RATE:
+        near = before.shape == xs.shape and np.abs((xs - before) / self.scale).max() <= SAME_RATE
+        if not (near and np.isfinite(along).all()):
             along = self.maps.slopes_along(alpha, values, self.period, residual)
             self._rates = xs.copy(), along
         jacobian = np.stack([across, along], axis=-1)[:, None]

@@ -74,6 +74,10 @@ class Branch:
     multipliers: np.ndarray
     ends: tuple[BranchEnd, BranchEnd]
 
+    def __post_init__(self) -> None:
+        if not len(self.values) == len(self.alphas) == len(self.multipliers) > 0:
+            raise ValueError("a branch has as many values, launch speeds and multipliers, and at least one")
+
     def __len__(self) -> int:
         return len(self.values)
 

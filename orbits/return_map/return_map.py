@@ -251,8 +251,11 @@ class ReturnMap:
         the intervals `edges`. They end where the map passes an edge, or jumps; `samples` is as in `fixed_points`."""
         low, high, samples = _checked_grid(low, high, samples)
         edges = [(finite_number("edges", a), finite_number("edges", b)) for a, b in edges]
-        if wrong := [pair for pair in edges if not 0 < pair[0] <= pair[1]]:
-            raise InputError(f"edges = {wrong[0]}; the launch speeds of an interval are above 0 and ascend")
+        for low_edge, high_edge in edges:
+            if not 0 < low_edge <= high_edge:
+                ends = {name: Quantity(x, LIFTOFF_SPEED) for name, x in (("low", low_edge), ("high", high_edge))}
+                text = "edges = ({low:.17g}, {high:.17g}); the launch speeds of an interval are above 0 and ascend"
+                raise InputError(Message(text, **ends))
         lossless = lossless_speeds(self.impacts, low, high)
         return ResolvedMap(self, lossless, low, high, samples, False).preimages(edges)
 

@@ -84,7 +84,6 @@ def file_option(flag: str, kind: str, text: str) -> Callable:
         if path is not None:
             from orbits.continuation.family import FAMILY_ENDINGS
             from orbits.result import check_file
-            from orbits.show.animation import check_animation
             from orbits.show.plot import FIGURES
 
             if kind == "animation":

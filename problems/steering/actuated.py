@@ -25,6 +25,8 @@ from ..machines.in_si import MachineInSI
 from ..machines.parameters import refuse_taken
 from ..machines.two_masses import DAMPERS, END, RATE, TwoMassMachine
 
+SIZES = ("length", "time", "force")
+
 
 @dataclass(frozen=True)
 class Actuated(Stated):
@@ -77,8 +79,9 @@ class Actuated(Stated):
         return replace(self, units=None)
 
     def describe(self) -> dict[str, Any]:
-        """The machine as JSON-ready data."""
-        return {**self.machine.describe(), "actuated": True}
+        """The machine as JSON-ready data; of one in SI with the sizes of its units, which its numbers do not say."""
+        sizes = {} if self.units is None else {f"unit_{name}": getattr(self.units, name) for name in SIZES}
+        return {**self.machine.describe(), "actuated": True, **sizes}
 
     def with_values(self, **values: float) -> "Actuated":
         """The same actuator on the machine with other values of its parameters."""

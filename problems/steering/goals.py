@@ -177,9 +177,10 @@ def rerun(machine: TwoMassMachine, control: Control, hops: int = 0) -> Simulatio
     return simulate(driven, state=_flight_states(driven, control.legs[0], 0.0), schedule=schedule, **until)
 
 
+@in_own_units((), control=())
 def missed(machine: TwoMassMachine, control: Control) -> float:
-    """The largest difference between the final state of a control and that of the open-loop simulation at the end of
-    the last contact; infinity where the simulation ends before."""
+    """The largest difference, without units, between the final state of a control and that of the open-loop simulation
+    at the end of the last contact; infinity where the simulation ends before."""
     last, run = control.legs[-1], rerun(machine, control)
     aim = _flight_states(Actuated(machine), last, last.duration)
     return float(np.abs(run(run.end) - aim).max()) if run.end >= control.end * (1 - 1e-9) else np.inf
