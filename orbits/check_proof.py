@@ -8,8 +8,7 @@ small E (`Passage`), so that the errors of the steps add and do not multiply. By
 set are those of its centre and the derivatives times the deviations. Existence and uniqueness follow from Krawczyk's
 test (`Solution`), on the stated enclosures and on these with the radius of uniqueness around them. Signs along the
 motion are those of functions, and of their derivatives by time, on stretches of it (`signs`). Nothing of
-`orbits.exact`, `balls`, `proof` and of CasADi is used. What is verified is what the file says in its fields, but for
-`about`: no sentence is read.
+the prover and of CasADi is used. What is verified is what the file says in its fields, but for `about`.
 """
 
 import ast
