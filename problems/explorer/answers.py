@@ -64,7 +64,8 @@ def hop_answer(given: Any, scene: Scene, with_dials: bool) -> Iterator[DialsAnsw
         law = law_data(machine, orbit)
     except InputError:
         law = None
-    yield HopAnswer(scene, hop_data(orbit), law, orbit.rows(), orbit.alpha, orbit.admissible)
+    rows = [row for row in orbit.rows() if row[0] != "machine"]  # the fields of the page have its numbers
+    yield HopAnswer(scene, hop_data(orbit), law, rows, orbit.alpha, orbit.admissible)
 
 
 def start_of(orbit: Any) -> tuple[float, float, float]:
