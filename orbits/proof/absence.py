@@ -18,7 +18,7 @@ T >= (2 n + 1) t1. Hence 2 n + 1 < B.
 For phi = tanh(b r)/b the bound is 1/b: no orbit of family n for b >= 1/(2 n + 1).
 
 Theorem 2. Let kappa > 0, and a phi' > 0 wherever phi = 1. Then there is no lossless orbit.
-Proof. After a launch g''' = a A'(r) r' = -a phi'(r) kappa^2 T. So g''' < 0 where T > 0: the gap closes at once.
+Proof. After a launch g''' = a A'(r) r' = -a phi'(r) kappa^2 T. So g''' < 0 where T > 0: the gap closes immediately.
 (A machine may leave the contact there all the same, thrown down with T < 0; but it does not land without loss.)
 """
 

@@ -7,9 +7,9 @@ acceleration of the gap goes from M a + d H, H being its derivative by the speed
 
     e = M a + d H + v L,    L its derivative by the rates along their change, 0 where the inertia is constant.
 
-It is positive: the contact would pull, and the foot leaves at once. With the means A', B' of the jerk from then on the
-gap is e t**2/2 - A' t**3/6 and first vanishes again at t = 3 e/A', with the speed v' = t**2 (B'/2 - A'/3). That loses
-m v'**2/2 too. To leading order t = 3 a, v = J a**2/2 and v' = 3 v, so that ten times as much is lost as without.
+It is positive: the contact would pull, and the foot leaves immediately. With the means A', B' of the jerk from then on
+the gap is e t**2/2 - A' t**3/6 and first vanishes again at t = 3 e/A', with the speed v' = t**2 (B'/2 - A'/3). This
+loses m v'**2/2 too. To leading order t = 3 a, v = J a**2/2 and v' = 3 v, so that ten times as much is lost as without.
 """
 
 from dataclasses import dataclass, replace

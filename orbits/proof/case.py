@@ -275,18 +275,18 @@ def wrong_numbers(found: ProvedExistence, claim: Claim) -> list[str]:
     error = ERRORS_OF_ALPHA * claim.error + CLAIM_ROUNDINGS * abs(claim.alpha)
     balls = found.balls
     if not isfinite(error) or not (balls["alpha"] + arb(0, error)).overlaps(arb(claim.alpha)):
-        said = f"the orbit says {claim.alpha!r} with an error of {claim.error:.1e}"
-        reasons.append(f"alpha: {said}, and lies outside the enclosure {found.unknowns['alpha']}")
+        claimed = f"the orbit says {claim.alpha!r} with an error of {claim.error:.1e}"
+        reasons.append(f"alpha: {claimed}, and lies outside the enclosure {found.unknowns['alpha']}")
     for name, claimed_time in (("flight_time", claim.flight_time), ("contact_time", claim.contact_time)):
         if name in balls and claimed_time is not None and not _agrees(balls[name], claimed_time, claim):
             reasons.append(f"{name}: the orbit says {claimed_time!r}, outside the enclosure {found.unknowns[name]}")
     return reasons
 
 
-def _agrees(ball: arb, said: float, claim: Claim) -> bool:
+def _agrees(ball: arb, claimed: float, claim: Claim) -> bool:
     """Whether an enclosed number agrees with an orbit's, within the orbit's error."""
-    error = SHARE_OF_OTHERS * max(abs(said), claim.alpha * 1e-3) + ERRORS_OF_OTHERS * claim.error
-    return isfinite(error) and isfinite(said) and bool((ball + arb(0, error)).overlaps(arb(said)))
+    error = SHARE_OF_OTHERS * max(abs(claimed), claim.alpha * 1e-3) + ERRORS_OF_OTHERS * claim.error
+    return isfinite(error) and isfinite(claimed) and bool((ball + arb(0, error)).overlaps(arb(claimed)))
 
 
 def _wrong_places(found: ProvedExistence, flight: Motion, claim: Claim) -> list[str]:
@@ -296,11 +296,11 @@ def _wrong_places(found: ProvedExistence, flight: Motion, claim: Claim) -> list[
         place * ball_of_fraction(mechanics.scale.length) for place in flight.passage.finish[: 2 * mechanics.size : 2]
     ]
     ends = dict(zip(mechanics.stated.coordinates, places, strict=True))
-    said = {f"{name} in mid-flight": (ends[name], value) for name, value in claim.places.items() if name in ends}
+    claimed = {f"{name} in mid-flight": (ends[name], value) for name, value in claim.places.items() if name in ends}
     if claim.liftoff_extension is not None:
         counted = flight.chain([mechanics.counts] * len(flight.leg.rates), 0)
-        said["liftoff_extension"] = flight.first(counted, 0), claim.liftoff_extension
-    wrong = [(name, value) for name, (ball, value) in said.items() if not _agrees(ball, value, claim)]
+        claimed["liftoff_extension"] = flight.first(counted, 0), claim.liftoff_extension
+    wrong = [(name, value) for name, (ball, value) in claimed.items() if not _agrees(ball, value, claim)]
     return [f"{name}: the orbit says {value!r}, which is not so" for name, value in wrong]
 
 

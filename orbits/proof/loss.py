@@ -25,8 +25,8 @@ from ..exact.statement import HalfOrbit
 class Loss:
     """An enclosure of C, and the side on which hops land with a bounce, "above" or "below".
 
-    delay : (delay |d|)**(1/3) is how much later, or earlier, hops beside it land, to leading order, in the units of the
-        equations
+    delay : (delay |d|)**(1/3) is the time by which hops beside it land later, or earlier, to leading order, in
+        the units of the equations
     """
 
     coefficient: arb

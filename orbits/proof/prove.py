@@ -43,7 +43,7 @@ def prove(
 
     orbit : as `find` returns it
     digits : number of decimal digits of the unknowns to enclose; None for about 18
-    machine : that the orbit belongs to; None for the one that it was found for
+    machine : the machine of the orbit; None for the one that it was found for
     parameters : exact decimals, as {"beta": "0.3"}, or intervals, as {"beta": ("0.299", "0.301")}, instead of the
         machine's floats; by default a float stands for the shortest decimal that rounds to it. A theorem with
         intervals is true for each value in them.

@@ -91,7 +91,7 @@ def proved_fold(
 ) -> ProvedFold:  # fmt: skip
     """The fold near a guess; raises `Unproved`.
 
-    reach : how far from the guess there is to be no other fold, by the name of the unknown
+    reach : the distance from the guess within which there is to be no other fold, by the name of the unknown
     """
     mechanics = ExactMechanics(
         stated, Scale.of(unknowns["alpha"], unknowns.get(FLIGHT_DURATION, unknowns["alpha"])), along

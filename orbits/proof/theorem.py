@@ -39,8 +39,8 @@ class CurvePart(Part):
     parameters, unknowns : enclosures on the whole piece
     coordinate, start, stop : that coordinate, and the decimals at which its interval begins and ends
     polynomials : decimals, the coefficients of 1, s, s**2, ..., by name
-    within : how far from them the others are at most, by name
-    alone_within : how far from them there is no other solution, by name; the least is `uniqueness_radius`
+    within : the largest distance of the others from them, by name
+    alone_within : the distance from them with no other solution within, by name; the least is `uniqueness_radius`
     """
 
     coordinate: str = ""

@@ -97,7 +97,7 @@ class FamilyAnswer:
         return int(np.hypot(*((places - [[value], [alpha]]) / scale)).argmin())
 
     def holds(self, scene: Scene) -> bool:
-        """Whether the family contains the hop of a scene."""
+        """Whether this is the family of a scene's hop."""
         return same_family(self.of, scene)
 
     @property
@@ -107,7 +107,7 @@ class FamilyAnswer:
 
 
 def same_family(scene: Scene, other: Scene) -> bool:
-    """Whether two scenes are followed along the same parameter and differ only in its value."""
+    """Whether two scenes have the same parameter to follow and differ only in its value."""
     return _beside(scene) == _beside(other)
 
 
@@ -194,5 +194,5 @@ def _map_of(python_machine: Any, scene: Scene) -> tuple[ReturnMap, float, float]
     return ReturnMap(machine), SLOWEST_DRAWN * alpha, BEYOND * alpha
 
 
-# The tasks of a worker by name; each function takes the page's machine made in Python and the task's arguments.
+# The functions of tasks by name; each takes the page's machine that was made in Python and the task's arguments.
 ANSWERS: dict[str, Callable[..., Iterator[Any]]] = {"hop": hop_answer, "family": family_answers, "map": map_answers}

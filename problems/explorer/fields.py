@@ -1,4 +1,4 @@
-"""The fields of the page: what they show of a scene, and the scene after a field was changed.
+"""The fields of the page: their values for a scene, and the scene after a field was changed.
 
 Messages from a tab are not trusted: every value is checked here, or by `Scene`.
 """
@@ -27,7 +27,7 @@ REST_LENGTHS = {False: 10.0, True: 1.0}  # defaults for a spring without one, by
 
 
 def shown_fields(scene: Scene, dials: list[Dial], has_python_machine: bool) -> dict[str, Any]:
-    """What the fields show of a scene, ready for JSON.
+    """The values of the fields for a scene, ready for JSON.
 
     dials : of its parameters; their values may be older than the scene
     has_python_machine : whether the page has a machine that was made in Python

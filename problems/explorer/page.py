@@ -238,7 +238,7 @@ class Explorer:
                 self._go_along(family, place)
 
     def _family_of(self, scene: Scene) -> FamilyAnswer | None:
-        """The drawn family, if it contains a scene's hop; another one may be in computation."""
+        """The drawn family, if it is that of a scene's hop; another one may be in computation."""
         family = self._family
         return family if family is not None and family.holds(scene) else None
 
@@ -284,7 +284,7 @@ class Explorer:
         self._schedule_surroundings()
 
     def _mark(self) -> None:
-        """Mark the hop in the drawn family, if that contains it."""
+        """Mark the hop in the drawn family, if that is the hop's family."""
         family, hop = self._family_of(self._shown), self._hop
         if family is not None and hop is not None:
             self._families.mark(hop.scene.numbers[family.along], hop.alpha)

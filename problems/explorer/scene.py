@@ -1,4 +1,4 @@
-"""What the page shows, as one frozen object, and the machine that it describes.
+"""The scene that the page shows, as one frozen object, and the machine that it describes.
 
 A scene comes from a link, from fields of the page or from a dropped file, none of which is trusted: its names,
 numbers and texts are bounded here, its formulas are read by the project's parser alone, and no formula can name a file.
@@ -97,7 +97,7 @@ def _law_of_rows(name: str, text: str, branch: str | None, noise: float | None, 
 
 @dataclass(frozen=True)
 class Scene:
-    """What the page shows.
+    """The scene that the page shows.
 
     machine : "hopper", "juggler", one of `WITH_FIXED_LAWS`, or `GIVEN`
     si : whether a hopper or a juggler is stated in SI
@@ -159,7 +159,7 @@ class Scene:
 
     @property
     def hop(self) -> "Scene":
-        """The scene without what is shown around the hop."""
+        """The scene without the family parameter and the launch speed."""
         return replace(self, along="", launch=None)
 
     def with_numbers(self, **numbers: float) -> "Scene":

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from .scene import Scene
 
 LOOPBACK = "127.0.0.1"
-HOSTS = (LOOPBACK, "localhost")  # the names by which a browser asks for the page
+HOSTS = (LOOPBACK, "localhost")  # the names under which a browser requests the page
 # Bytes of one message from a page: measured rows as JSON, in which a letter may take six characters.
 LARGEST_MESSAGE = 8 << 20
 MOST_TABS = 40  # each has a process of its own
@@ -26,7 +26,7 @@ MOST_TABS = 40  # each has a process of its own
 def serve(scene: "Scene", port: int = 0, python_machine: Any = None) -> tuple[Any, str]:
     """A server of the page, not started yet, and its address.
 
-    scene : what the page shows first
+    scene : the scene that the page shows first
     port : of the loopback interface; 0 for any that is free
     python_machine : the machine, where no statement makes it
 
