@@ -2,9 +2,9 @@
 
 Theorem. Let F(u, q) = 0 be the equations of half an orbit (`statement`) with the parameter q as a further unknown.
 There are a continuous curve of solutions X = (u, q), from the one that is enclosed at q = A to the one that is enclosed
-at q = B, and pieces of it, on each of which one coordinate of X, which is q or the launch speed, is monotone and runs
+at q = B, and pieces of it, on each of which one coordinate of X, which is q or the launch speed, runs one way
 through an interval, and the others are enclosed, and unique, in a tube about polynomials of it. The curve has exactly
-the folds in q that are enclosed, all of them nondegenerate; between them q is monotone. Where a part of the curve is
+the folds in q that are enclosed, all of them nondegenerate; between them q runs one way. Where a part of the curve is
 said to be of motions, each orbit on it is one, and of the family that is stated.
 
 A piece (`tube`). Let the coordinate X_k = c + d s run, and let the others be p(s) + w. If Krawczyk's operator, for each
