@@ -1,2 +1,2 @@
-"""Numbers and motions as balls, which hold what they stand for: programs, Taylor steps with their tubes, sets of
-motions, roots and signs. The lemmas that they rest on are in the room `proof`."""
+"""Numbers and motions enclosed in balls: programs, Taylor steps with their tubes, sets of
+motions, roots and signs. The lemmas behind them are in the room `proof`."""

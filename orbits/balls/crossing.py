@@ -18,17 +18,17 @@ from .step import Step, System, between, take_step
 
 # Attempts at a window about a breakpoint, each wider than the last.
 MOST_WINDOWS, WIDER_WINDOW = 12, 4
-# Parts of a step that are held against the breakpoints, and how often a part is halved.
+# The most parts of a step that are compared with the breakpoints, and the most halvings of a part.
 MOST_PARTS, MOST_HALVINGS_OF_STEP = 400, 60
-# Beyond a breakpoint a set goes on until it is so many times its own width away from it.
+# Beyond a breakpoint a set is followed until its distance from it is this multiple of its own width.
 CLEAR_OF = 8
 
 
 @dataclass(frozen=True)
 class Breakpoints:
-    """Where a coordinate changes the law of a system.
+    """The breakpoints of a coordinate at which a system changes its law.
 
-    weights : of the coordinate, of the first states
+    weights : of the first states in the coordinate
     values : enclosures of the breakpoints, ascending; law k holds between number k - 1 and number k
     """
 
@@ -36,7 +36,7 @@ class Breakpoints:
     values: list[arb]
 
     def coordinate(self, states: Sequence[arb]) -> arb:
-        """The coordinate of states."""
+        """The coordinate at states."""
         parts = zip(self.weights, states, strict=False)
         return sum((weight * state for weight, state in parts if not weight.is_zero()), arb(0))
 
@@ -47,7 +47,7 @@ class Breakpoints:
         return above and (law == len(self.values) or place < self.values[law])
 
     def beyond(self, law: int, states: Sequence[arb]) -> int:
-        """The law on the other side of the breakpoint of a law that is nearest to states."""
+        """The law on the other side of that breakpoint of a law which is nearest to states."""
         place = self.coordinate(states).mid()
         numbers = [number for number in (law - 1, law) if 0 <= number < len(self.values)]
         nearest = min(numbers, key=lambda number: float(abs(place - self.values[number].mid())))
@@ -78,7 +78,7 @@ def advance_step(
     spread: Sequence[arb], longest: arb, order: int, accuracy: float,
 ) -> Advance:  # fmt: skip
     """A step from the states within a spread of a centre, all of them in the piece of a law: up to a breakpoint where
-    one is in the way, and across it from there. The arguments are as in `take_step`."""
+    one is in the way, and from there across it. The arguments are as in `take_step`."""
     step = take_step(systems[law], centre, spread, longest, order, accuracy)
     if _stays(breakpoints, law, step):
         return Advance(step, (law,), law)
@@ -119,7 +119,7 @@ def _stays(breakpoints: Breakpoints, law: int, step: Step) -> bool:
 
 
 def _meeting(breakpoints: Breakpoints, law: int, step: Step) -> arb | None:
-    """A guess of when the centre of a step comes to a breakpoint of its law."""
+    """A guess of the time at which the centre of a step reaches a breakpoint of its law; None where it reaches none."""
     parts = zip(breakpoints.weights, step.polynomials, strict=False)
     coordinate = sum((weight * p for weight, p in parts if not weight.is_zero()), arb_poly([]))
     samples = [step.h * i / 32 for i in range(33)]
@@ -143,7 +143,7 @@ def _meeting(breakpoints: Breakpoints, law: int, step: Step) -> arb | None:
 
 
 def _rounded_down(time: arb) -> arb:
-    """A time a little shorter, with so many digits that its sums are exact."""
+    """A time a little shorter, with few enough digits that its sums are exact."""
     unit = arb(2) ** (ctx.prec - 8)
     return (time.lower() * unit).floor().mid() / unit
 
@@ -169,7 +169,7 @@ def _across(
         step = Step(h, lines, [arb(0)] * len(states))
         pace = breakpoints.coordinate(rates)
         if not (pace > 0 or pace < 0):
-            break  # a longer time only widens it
+            break  # a longer time would only widen it
         place = breakpoints.coordinate(step.end())
         clear = abs(place.mid() - goal) > CLEAR_OF * (place.rad() + goal.rad())
         if clear and breakpoints.holds(beyond, step.end()):

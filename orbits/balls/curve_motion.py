@@ -1,4 +1,4 @@
-"""Motions of all orbits of a piece of a curve at once, as Taylor models in time and along the piece.
+"""Motions of all orbits of a piece of a curve together, as Taylor models in time and along the piece.
 
 The orbits are known by their place s on the piece, -1 <= s <= 1. At a few values of s the motion and its variational
 equations are followed in rounded numbers; p(t, s) and P(t, s) are the polynomials through these, P(0, s) being about 1.
@@ -12,8 +12,8 @@ radius. If for each s
 
     c0 + h N (d + (B + G) g) < g,    C0 + h N (B + G)(1 + H) < H    in each component,
 
-then the motion exists for the time h of a step with |c| < g and |C| < H: it could leave first at a time up to which the
-estimate holds. However wide the piece is, this is small. A step begins with P(0, s) = Q, a rounded orthogonal matrix
+then the motion exists for the time h of a step with |c| < g and |C| < H: at a first time of leaving these bounds the
+estimate would hold. However wide the piece, this is small. A step begins with P(0, s) = Q, a rounded orthogonal matrix
 that turns with the motion (R. Lohner's method, as in `enclosure`): at its end the deviation P c is Q' c' with
 c' = Q'^-1 P c, and the derivatives by the start of the motion are Q E with models E, which become Q'^-1 P (1 + C) E.
 Where the polynomials of the next step differ from these at its beginning, c changes by P^-1 times the difference.
@@ -32,26 +32,26 @@ from .enclosure import TOO_LONG, Passage, Piece, Variation, orthogonal_frame
 from .step import Step, picard_coefficients, widened
 from .taylor_model import ALL_PLACES, ALL_TIMES, CURVE_DEGREE, TIME_DEGREE, TaylorModel, as_model
 
-# How small the last term of a polynomial in time is, relative to the largest. Orbits beside those whose terms are
-# looked at may need steps that are this much shorter.
+# The size of the last term of a polynomial in time, relative to the largest, and the factor by which steps are
+# shortened for the orbits whose terms are not checked.
 CURVE_ACCURACY, SHORTER = 2.0**-36, 0.9
-# Steps have so many digits, so that their sums are exact.
+# The bits of a step length, few enough that sums of steps are exact.
 CURVE_STEP_BITS = 16
 MOST_CURVE_STEPS, MOST_HALVED_STEPS, MOST_WIDENINGS = 400, 3, 4
-# How much wider than its estimate a tube is tried; none is thinner than the second.
+# The factor by which a tried tube is wider than its estimate, and the least width.
 WIDER_CURVE, THINNEST = arb(1.5), arb(2) ** -200
-# The inverse of P is bounded on parts of the piece and of a step; the first are halved at most so often.
+# The inverse of P is bounded on parts of the piece and of a step; the first are halved at most this often.
 PARTS_OF_CURVE, PARTS_OF_TIME, MOST_SINGULAR_PARTS = 8, 2, 64
-_NOTHING = arb(0)
+_ZERO_BALL = arb(0)
 
 
 class SpreadTooFar(Unproved):
-    """The motions of starts within wide spreads are not enclosed; of narrower ones they may be."""
+    """The motions of starts within wide spreads are not enclosed; those of narrower ones may be."""
 
 
 @lru_cache(maxsize=1)
 def places() -> tuple[float, ...]:
-    """The places between -1 and 1 through which polynomials are laid: zeros of a Chebyshev polynomial."""
+    """The places between -1 and 1 at which polynomials interpolate: zeros of a Chebyshev polynomial."""
     count = CURVE_DEGREE + 1
     return tuple((-np.cos(np.pi * (np.arange(count) + 0.5) / count)).tolist())
 
@@ -87,7 +87,7 @@ class CurveStep:
     carried: list[list[TaylorModel]]
 
     def radii(self, number: int) -> list[arb]:
-        """How far (n,) the states of a set of starts are from the models at most."""
+        """Bounds (n,) on the distance of the states of a set of starts from the models."""
         off, sizes = self.off[number], np.array([[each.polynomial_bound for each in row] for row in self.derivatives])
         return [each.abs_upper() for each in (*(sizes @ off), *off[len(sizes) :])]
 
@@ -148,7 +148,7 @@ def follow_curve(
         if len(steps) == MOST_CURVE_STEPS:
             raise Unproved(TOO_LONG)
         check_proof_time()
-        unit = [each for row in frame.tolist() for each in (*row, *[_NOTHING] * (n - m))]
+        unit = [each for row in frame.tolist() for each in (*row, *[_ZERO_BALL] * (n - m))]
         rows = [
             [[each.mid() for each in row] for row in picard_coefficients(rates, [*centre, *unit], TIME_DEGREE)]
             for centre in centres
@@ -175,7 +175,7 @@ def _turned_frame(step: CurveStep) -> tuple[arb_mat, list[np.ndarray], list[list
     m = len(step.derivatives)
     ends = [[each.at_end() for each in row] for row in step.derivatives]
     extents = [float(each) for each in step.off[-1][:m]]
-    frame, inverse = orthogonal_frame(arb_mat([[each.on(_NOTHING) for each in row[:m]] for row in ends]), extents)
+    frame, inverse = orthogonal_frame(arb_mat([[each.on(_ZERO_BALL) for each in row[:m]] for row in ends]), extents)
     turned = np.array([[each.bound for each in row] for row in _number_times_models(inverse, ends)])
     off = [_upper(np.array([*(turned @ each), *each[m:]])) for each in step.off]
     return frame, off, _number_times_models(inverse, step.slopes())
@@ -227,10 +227,10 @@ def _proved_step(
     m, n = variation.moving, variation.size
     models, derivatives = both[:n], [both[n + i * n : n + (i + 1) * n] for i in range(m)]
     rates = map(as_model, variation.varied[0].rates(both))
-    defect, of_derivatives = _halves(
+    defect, of_derivatives = _by_moving_state(
         [(rate * h - each.slope_in_time()).bound for each, rate in zip(both, rates, strict=True)], m, n
     )
-    gap, gap_of_derivatives = _halves([_gap(old, new) for old, new in zip(before, both, strict=True)], m, n)
+    gap, gap_of_derivatives = _by_moving_state([_gap(old, new) for old, new in zip(before, both, strict=True)], m, n)
     inverse = _inverse_bound([row[:m] for row in derivatives])
     if inverse is None or not all(each.is_finite() for each in (*defect, *of_derivatives.flat)):
         return None
@@ -263,27 +263,27 @@ def _proved_step(
 
 
 def _upper(bounds: np.ndarray) -> np.ndarray:
-    """Bounds without radii of their own."""
+    """Bounds as exact numbers, without radii of their own."""
     return np.array([each.abs_upper() for each in bounds.flat]).reshape(bounds.shape)
 
 
 def _gap(old: TaylorModel, new: TaylorModel) -> arb:
-    """How far the polynomial of a model begins from another one."""
+    """A bound on the distance of a model's polynomial at its beginning from another one."""
     first = TaylorModel([arb_series(part.coeffs()[:1], TIME_DEGREE + 1) for part in new.parts])
     return (TaylorModel(old.parts) - first).bound
 
 
-def _halves(bounds: Sequence[arb], m: int, n: int) -> tuple[np.ndarray, np.ndarray]:
+def _by_moving_state(bounds: Sequence[arb], m: int, n: int) -> tuple[np.ndarray, np.ndarray]:
     """Bounds (n,) of the states, and (m, n) of the derivatives of the moving ones."""
     return np.array(bounds[:n]), np.array(bounds[n:]).reshape(m, n)
 
 
 def _change(variation: Variation, both: Sequence[TaylorModel], radii: Sequence[arb]) -> np.ndarray:
-    """How much (m, n) the derivatives of the rates, times P, change within radii (n,) of the models."""
+    """Bounds (m, n) on the change of the derivatives of the rates, times P, within radii (n,) of the models."""
     n, system = variation.size, variation.varied[0]
     inside = [each.on(ALL_PLACES) for each in both]
     inside[:n] = [widened(value, radius) for value, radius in zip(inside[:n], radii, strict=True)]
-    found = np.array([[_NOTHING] * n for _ in range(variation.moving)])
+    found = np.array([[_ZERO_BALL] * n for _ in range(variation.moving)])
     for (row, column), slope in zip(system.places, system.slopes(inside), strict=True):
         if row >= n and column < n:
             found[divmod(row - n, n)] += slope.abs_upper() * radii[column]
@@ -293,7 +293,7 @@ def _change(variation: Variation, both: Sequence[TaylorModel], radii: Sequence[a
 def _inverse_bound(block: Sequence[Sequence[TaylorModel]]) -> np.ndarray | None:
     """Bounds (m, m) of the inverse of a matrix of models at all times, found on parts of the piece; None where one is
     not regular."""
-    m, found, left = len(block), [_NOTHING] * len(block) ** 2, MOST_SINGULAR_PARTS
+    m, found, left = len(block), [_ZERO_BALL] * len(block) ** 2, MOST_SINGULAR_PARTS
     waiting = [(s, t) for s in _equal_parts(ALL_PLACES, PARTS_OF_CURVE) for t in _equal_parts(ALL_TIMES, PARTS_OF_TIME)]
     while waiting:
         s, t = waiting.pop()

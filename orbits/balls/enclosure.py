@@ -1,8 +1,8 @@
-"""Rigorous motions of a set of starts: the centre followed with high accuracy, and the derivatives by what is unknown.
+"""Rigorous motions of a set of starts: the centre with high accuracy, and the derivatives by the unknowns.
 
 The starts are c + M w, where w are the deviations of the unknowns, within their radii, and M the derivatives of the
 start by them. By the mean value theorem the states later are c(t) + D(t) w, with D(t) in an enclosure of derivatives
-over all of the set. These are kept as Q M, with a rounded orthogonal matrix Q that turns with the motion and an
+over all of the set. These are stored as Q M, with a rounded orthogonal matrix Q that turns with the motion and an
 interval matrix M: the product of many interval matrices would grow with every turn of the motion (the wrapping effect;
 R. Lohner's method, as in CAPD: T. Kapela, M. Mrozek, D. Wilczak, P. Zgliczynski, Communications in Nonlinear Science
 and Numerical Simulation 101, 2021).
@@ -19,8 +19,8 @@ from ..exact.refusal import Unproved, check_proof_time
 from .crossing import NO_BREAKPOINTS, Breakpoints, advance_step
 from .step import Step, System
 
-# How derivatives are enclosed: the order of polynomials, their accuracy, and the bits of balls. Coarse ones stand
-# before deviations that are small themselves, fine ones are wanted for their own sake.
+# How derivatives are enclosed: the order of polynomials, their accuracy, and the bits of balls. Coarse ones are
+# multiplied by deviations that are small themselves; fine ones are results.
 Fineness: TypeAlias = tuple[int, float, int]
 COARSE, FINE = (12, 2.0**-30, 64), (18, 2.0**-50, 100)
 # The order of polynomials for the centre, per bit: about half of log 2, where steps cost the least.
@@ -89,11 +89,11 @@ def follow_centre(
     for _ in range(MOST_STEPS):
         check_proof_time()
         centre, spread = [value.mid() for value in states], [value.rad() for value in states]
-        done = advance_step(systems, breakpoints, law, centre, spread, left, order_for(bits), 2.0**-bits)
-        states, law = done.step.end(), done.law
-        if not done.step.h < left:
+        advance = advance_step(systems, breakpoints, law, centre, spread, left, order_for(bits), 2.0**-bits)
+        states, law = advance.step.end(), advance.law
+        if not advance.step.h < left:
             return states, law
-        left = left - done.step.h
+        left = left - advance.step.h
     raise Unproved(TOO_LONG)
 
 
@@ -102,11 +102,11 @@ def follow_set(
     bits: int, fineness: Fineness = COARSE, breakpoints: Breakpoints = NO_BREAKPOINTS,
 ) -> Passage:  # fmt: skip
     """The motions over the times from 0 to 1 of the starts from enclosures (n,) of a centre, by deviations of the
-    unknowns within radii (unknowns, 1), given enclosures (n, unknowns) of the derivatives of the start by them."""
+    unknowns within radii (unknowns, 1), with enclosures (n, unknowns) of the derivatives of the start by them."""
     n, m = variation.size, variation.moving
     identity = [arb(int(i == j)) for i in range(m) for j in range(n)]
     frame, inner = unit_matrix(n), by_unknowns
-    # What the centre may be off by, in the frame.
+    # The error of the centre, in the frame.
     centre, error = [value.mid() for value in start], arb_mat(n, 1, [arb(0, value.rad()) for value in start])
     pieces, at, law = list[Piece](), arb(0), breakpoints.law_of(_moved(start, by_unknowns * radii))
     while True:
@@ -118,27 +118,27 @@ def follow_set(
         spread = [deviations[i, 0].abs_upper() for i in range(n)]
         left = 1 - at
         with ctx.workprec(fineness[2]):
-            done = advance_step(
+            advance = advance_step(
                 variation.varied, breakpoints, law, [*centre, *identity], [*spread, *[arb(0)] * (m * n)],
                 left, *fineness[:2],
             )  # fmt: skip
-            long = done.step
-            by_start = long.end()[n:]
+            step = advance.step
+            by_start = step.end()[n:]
         rows = [by_start[i * n : (i + 1) * n] for i in range(m)] + unit_matrix(n).tolist()[m:]
         transition = arb_mat(rows)
-        end, law = follow_centre(variation.systems, breakpoints, law, centre, long.h, bits)
-        if law != done.law:
+        end, law = follow_centre(variation.systems, breakpoints, law, centre, step.h, bits)
+        if law != advance.law:
             raise Unproved("the centre of the set does not cross a breakpoint with the rest of it")
-        pieces.append(Piece(at, Step(long.h, long.polynomials[:n], long.tube[:n]), done.laws))
+        pieces.append(Piece(at, Step(step.h, step.polynomials[:n], step.tube[:n]), advance.laws))
         turned = transition * frame
         frame, inverse = orthogonal_frame(turned, [float(within[j, 0].abs_upper()) for j in range(n)])
         inner, centre = (inverse * turned) * inner, [value.mid() for value in end]
         fresh = arb_mat(n, 1, [arb(0, value.rad()) for value in end])
         error = (inverse * turned) * error + inverse * fresh
-        if not long.h < left:
+        if not step.h < left:
             whole, end = frame * inner, _moved(centre, frame * error)
             return Passage(pieces, _moved(start, by_unknowns * radii), _moved(end, whole * radii), end, whole)
-        at = at + long.h
+        at = at + step.h
 
 
 def _moved(centre: Sequence[arb], deviations: arb_mat) -> list[arb]:
@@ -151,9 +151,9 @@ def unit_matrix(n: int) -> arb_mat:
 
 
 def orthogonal_frame(matrix: arb_mat, extents: Sequence[float]) -> tuple[arb_mat, arb_mat]:
-    """The orthogonal factor of a matrix (n, n), rounded, and an enclosure of its inverse. Its columns are taken in the
-    order in which a box of these extents (n,) reaches along them, the farthest first: so the frame follows the set
-    where it is long."""
+    """The orthogonal factor of a matrix (n, n), rounded, and an enclosure of its inverse. Its columns are taken in
+    descending order of the reach of a box of these extents (n,) along them: so the frame follows the set in the
+    directions in which it is long."""
     middles = np.array([[float(value.mid()) for value in row] for row in matrix.tolist()])
     reaches = np.linalg.norm(middles, axis=0) * np.array(extents)
     factor, _ = np.linalg.qr(middles[:, np.argsort(-reaches, kind="stable")])

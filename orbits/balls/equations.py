@@ -21,7 +21,7 @@ from .enclosure import COARSE, Fineness, Passage, Variation, follow_set
 from .programs import BallProgram, ball_of_fraction
 from .step import System, between, widened
 
-# Halvings of a step's time after which it is left open whether a law has a value there.
+# Halvings of a step's time after which it stays undecided whether a law has a value there.
 MOST_HALVINGS_OF_DOMAINS = 12
 
 
@@ -45,7 +45,7 @@ class IntervalParameters:
         return [arb(0)] * len(self)
 
     def radii(self) -> list[arb]:
-        """How far each place may be from its middle."""
+        """The largest distance of each place from its middle."""
         return [arb(1)] * len(self)
 
     def balls(self) -> list[arb]:
@@ -59,16 +59,16 @@ class BallLeg:
     state : symbols of the m moving states, of the duration, and of the interval parameters: n in all
     rates : (laws, n), for a leg that lasts from 0 to 1
     start : (unknowns, interval parameters, states at the end of the leg before) -> the states of this leg
-    conditions : for each law at the start, (the same but for the last, states at the start, states at the end) -> what
-        vanishes; the derivatives of each come as a dense matrix, row by row
+    conditions : for each law at the start, (the same without the last, states at the start, states at the end) ->
+        the values that vanish; the derivatives of each come as a dense matrix, row by row
     """
 
     def __init__(self, arc: ExactArc, unknowns: Sequence[ExactExpression], intervals: Sequence[ExactExpression]):
         self.arc, self.moving = arc, arc.states
         self.duration = symbol("duration of the leg")
         self.state = [*arc.states, self.duration, *intervals]
-        still = [ZERO] * (len(self.state) - len(arc.states))
-        self.rates = [[*(self.duration * rate for rate in law), *still] for law in arc.rates]
+        constant_rates = [ZERO] * (len(self.state) - len(arc.states))
+        self.rates = [[*(self.duration * rate for rate in law), *constant_rates] for law in arc.rates]
         inputs = [*unknowns, *intervals, *arc.before]
         start = [*arc.start, arc.duration, *intervals]
         self.start, self.start_slopes = BallProgram(inputs, start), _dense_program(start, inputs)
@@ -102,14 +102,14 @@ class BallLeg:
         return Variation(m, tuple(systems), tuple(both))
 
     def breakpoints(self, intervals: Sequence[arb]) -> Breakpoints:
-        """Where the law changes, for enclosures of the interval parameters."""
+        """The breakpoints of the law, for enclosures of the interval parameters."""
         values = self._breaks(intervals)
         if not all(low < high for low, high in itertools.pairwise(values)):
             raise Unproved("the breakpoints of the spring's law are not proved to be apart and in order")
         return Breakpoints(tuple(map(ball_of_fraction, self.arc.weights)), values)
 
     def check_domains(self, passage: Passage) -> None:
-        """Raise `Unproved` where a formula is not proved to have a value all along an enclosed motion."""
+        """Raise `Unproved` where a formula is not proved to have a value along a whole enclosed motion."""
         for piece in passage.pieces:
             for law in piece.laws:
                 if self.arc.domains[law]:
@@ -117,21 +117,21 @@ class BallLeg:
                     while waiting:
                         low, high, left = waiting.pop()
                         values = self._domains[law](piece.step.at(between(low, high)))
-                        open_ones = [
+                        undecided = [
                             each.what
                             for each, value in zip(self.arc.domains[law], values, strict=True)
                             if not each.holds(value)
                         ]
-                        if not open_ones:
+                        if not undecided:
                             continue
                         if left == 0:
-                            raise Unproved(f"the motion comes to or near where {open_ones[0]} has no value")
+                            raise Unproved(f"the motion comes to or near where {undecided[0]} has no value")
                         middle = (low + high) / 2
                         waiting += [(middle, high, left - 1), (low, middle, left - 1)]
 
 
 def system_of(states: list[ExactExpression], rates: list[ExactExpression]) -> System:
-    """The system of these rates of states, with its derivatives."""
+    """The system with these rates of states, and its derivatives."""
     places, slopes = list[tuple[int, int]](), list[ExactExpression]()
     for i, row in enumerate(jacobian(rates, states)):
         for j, slope in enumerate(row):
@@ -171,7 +171,7 @@ class Equations:
         self, centre: Sequence[arb], radii: Sequence[arb], bits: int, wide: bool = True, fineness: Fineness = COARSE
     ) -> Evaluated:
         """The equations on the box of unknowns within radii of a centre, for all values of the interval parameters, or
-        for their middles alone; their derivatives as finely as is said."""
+        for their middles alone; their derivatives with this fineness."""
         intervals = self.intervals
         middle = [*centre, *intervals.middles()]
         reach = [*radii, *(each if wide else arb(0) for each in intervals.radii())]
@@ -204,7 +204,7 @@ class Equations:
         return Evaluated(values, arb_mat(rows), passages)
 
     def check_domains(self, passages: Sequence[Passage]) -> None:
-        """Raise `Unproved` where a formula is not proved to have a value all along the enclosed motions."""
+        """Raise `Unproved` where a formula is not proved to have a value along the whole enclosed motions."""
         for leg, passage in zip(self.legs, passages, strict=True):
             leg.check_domains(passage)
 
@@ -214,7 +214,7 @@ def _matrix_of(values: list[arb], rows: int) -> arb_mat:
 
 
 def columns_of(matrix: arb_mat, first: int, count: int) -> arb_mat:
-    """So many columns of a matrix, from the first one on."""
+    """`count` columns of a matrix, from column `first` on."""
     return arb_mat([row[first : first + count] for row in matrix.tolist()])
 
 

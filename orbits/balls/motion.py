@@ -1,4 +1,4 @@
-"""Signs of functions along an enclosed motion, for all motions of the set at once."""
+"""Signs of functions along an enclosed motion, for all motions of the set together."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,19 +15,19 @@ from .step import between
 
 # Halvings of a step's time after which a sign is left undecided.
 MOST_BISECTIONS = 14
-# Times of a step at which an undecided sign is looked at again.
+# Times of a step at which an undecided sign is checked again.
 SAMPLES_OF_STEP = 8
 
 
 class Refuted(OrbitsError):
-    """A condition is proved to be violated; the message says where."""
+    """A condition is proved to be violated; the message states where."""
 
 
 @dataclass(frozen=True)
 class Derivatives:
     """A function of the states of a leg and its derivatives by the time of the leg, which lasts from 0 to 1.
 
-    programs : for each law of the leg, of the function and of its derivatives, one order after the other
+    programs : for each law of the leg, those of the function and of its derivatives in ascending order
     """
 
     programs: tuple[tuple[BallProgram, ...], ...]
@@ -41,7 +41,7 @@ class Motion:
     passage: Passage
 
     def chain(self, functions: Sequence[ExactExpression], orders: int) -> Derivatives:
-        """A function of the states, one expression for each law, with so many derivatives along the motion."""
+        """A function of the states, one expression for each law, with `orders` derivatives along the motion."""
         state, by_law = self.leg.state, list[tuple[BallProgram, ...]]()
         for function, rates in zip(functions, self.leg.rates, strict=True):
             each = [function]

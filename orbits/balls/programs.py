@@ -16,15 +16,15 @@ from ..exact.refusal import Unproved
 
 # A ball, or a power series of balls that is cut off at the context's order.
 Value: TypeAlias = Any
-# What is raised where a series is divided by one that may begin with 0.
+# The errors where a series is divided by one that may begin with 0.
 UNDEFINED = (ZeroDivisionError, ValueError)
-# Whole powers up to this one are products.
+# Whole powers up to this exponent are computed as products.
 LARGEST_PRODUCT = 2**20
 
 
 class BallProgram:
-    """Expressions of some symbols as a list of operations; called with a list of values, it gives the list of its
-    results. What depends on no symbol is computed once for each precision.
+    """Expressions of some symbols as a list of operations; called with a list of values, it returns the list of its
+    results. Constants are computed once for each precision.
 
     Raises `Unproved` for a power that is too large, and `ValueError` where a symbol has no value.
     """
@@ -38,10 +38,10 @@ class BallProgram:
         for each in order:
             if each in place or any(part in moving for part in each.parts):
                 moving.add(each)
-        # The constants that moving operations or results take stand after the inputs.
-        self._still = [each for each in order if each not in moving]
-        taken = {part for each in order if each in moving for part in each.parts} | {*outputs}
-        self._constants = [each for each in self._still if each in taken]
+        # The constants that are needed by other operations or results follow the inputs.
+        self._constant_expressions = [each for each in order if each not in moving]
+        needed = {part for each in order if each in moving for part in each.parts} | {*outputs}
+        self._constants = [each for each in self._constant_expressions if each in needed]
         place |= {each: len(inputs) + i for i, each in enumerate(self._constants)}
         self._operations: list[tuple[Callable, int, int | None]] = []
         for each in order:
@@ -50,11 +50,11 @@ class BallProgram:
                 first, *second = (place[part] for part in each.parts)
                 self._operations.append((operation(each), first, second[0] if second else None))
         self._stores = [place[each] for each in outputs]
-        self._known: tuple[int, list[arb]] = (0, [])
+        self._cached: tuple[int, list[arb]] = (0, [])
         self._count = len(inputs)
 
     def __call__(self, values: Sequence[Value]) -> list[Value]:
-        if len(values) != self._count:  # what follows would take constants for inputs
+        if len(values) != self._count:  # else constants would be taken for inputs
             raise ValueError(f"{len(values)} values for {self._count} symbols")
         work = [*values, *self._balls()]
         for operate, first, second in self._operations:
@@ -63,13 +63,13 @@ class BallProgram:
 
     def _balls(self) -> list[arb]:
         """Enclosures of the constants, at the precision of the context."""
-        precision, balls = self._known
+        precision, balls = self._cached
         if precision != ctx.prec:
             found = dict[ExactExpression, arb]()
-            for each in self._still:
+            for each in self._constant_expressions:
                 found[each] = _constant_ball(each, [found[part] for part in each.parts])
             balls = [found[each] for each in self._constants]
-            self._known = ctx.prec, balls
+            self._cached = ctx.prec, balls
         return balls
 
 
@@ -96,7 +96,7 @@ _NULL = arb(0)
 
 
 def operation(each: ExactExpression) -> Callable:
-    """The function of balls that an expression's operation stands for."""
+    """The function of balls that computes an expression's operation."""
     if each.kind == "**":
         exponent = each.value
         if abs(exponent) > LARGEST_PRODUCT:

@@ -24,18 +24,18 @@ from .programs import UNDEFINED
 # Bits of the first proof, and relative radii of the boxes that are tried, the largest first.
 FIRST_BITS = 80
 BOXES = (2.0**-20, 2.0**-27, 2.0**-34, 2.0**-40)
-# Boxes for interval parameters are this many times the first estimate of how far the root moves.
+# The sizes of boxes for interval parameters, relative to the first estimate of how far the root moves.
 ROOM = (1.5, 2.5, 6.0)
-# How many bits are kept beyond those asked for, since motions amplify roundings.
+# Bits beyond those requested, since motions amplify roundings.
 GUARD_BITS = 40
 MOST_REFINEMENTS = 6
-# Each refinement adds at least so many bits.
+# The least number of bits that each refinement adds.
 BITS_OF_REFINEMENT = 24
-# Steps of Newton's method, until one is this small relative to the unknowns.
+# The most Newton steps, and the size relative to the unknowns of the last one.
 MOST_POLISHES, POLISHED = 6, 1e-6
-# The bits of a number that is known exactly, and the share of itself that its decimals reach from it.
+# The bits of a number that is known exactly, and the distance of its decimals from it, relative to it.
 EXACT, EXACTLY = 10**9, 2.0**-58
-# The unknowns that an orbit has above 0.
+# The unknowns that are positive for an orbit.
 POSITIVE_UNKNOWNS = ("alpha", FLIGHT_DURATION, CONTACT_DURATION)
 
 
@@ -54,8 +54,8 @@ class ProvedRoot:
     evaluated: Evaluated
 
     def unique_within(self, units: Sequence[arb]) -> arb:
-        """A distance from every point of the enclosures within which there is no other root, in any unknown, each of
-        which is solved for in a unit."""
+        """A distance from every point of the enclosures within which there is no other root, in any unknown; the
+        unknowns are in these units."""
         parts = zip(self.radii, self.box, self.centre, units, strict=True)
         # Decimals that are rounded outward reach a little further than the balls, and those of numbers that are known
         # exactly by a few roundings.
@@ -80,11 +80,11 @@ def prove_root(equations: Equations, guess: Sequence[float], bits: int, boxes: S
     centre = [arb(value) for value in guess]
     if equations.intervals:
         centre = polished(equations, centre)
-        tried = [*boxes, *_wide_boxes(equations, centre)]
+        candidates = [*boxes, *_wide_boxes(equations, centre)]
     else:
-        tried = [*boxes, *_narrow_boxes(centre)]
+        candidates = [*boxes, *_narrow_boxes(centre)]
     reason = ""
-    for radii in tried:
+    for radii in candidates:
         try:
             evaluated = evaluated_on(equations, centre, radii)
             inner = _contracted(equations, evaluated, centre, radii)
@@ -120,14 +120,14 @@ def evaluated_on(
 
 
 def _common(value: arb, other: arb) -> arb:
-    """What two enclosures of one number have in common."""
+    """The intersection of two enclosures of one number."""
     if not (value.is_finite() and other.is_finite() and value.overlaps(other)):
         raise Unproved("two enclosures of the root contradict each other")
     return value.intersection(other)
 
 
 def polished(equations: Equations, centre: Sequence[arb]) -> list[arb]:
-    """A guess by Newton's method for the middle of the parameters' intervals, of which the given one need not be."""
+    """A guess by Newton's method for the middle of the parameters' intervals, from one that may be for other values."""
     centre = list(centre)
     for _ in range(MOST_POLISHES):
         point = evaluated_on(equations, centre, [arb(0)] * len(centre), wide=False)
@@ -143,7 +143,7 @@ def _narrow_boxes(centre: Sequence[arb]) -> list[list[arb]]:
 
 
 def _wide_boxes(equations: Equations, centre: list[arb]) -> list[list[arb]]:
-    """Boxes for interval parameters: how far the root moves with them by its derivatives at the middle, with room."""
+    """Boxes for interval parameters: the root's motion with them by its derivatives at the middle, times `ROOM`."""
     point = evaluated_on(equations, centre, [arb(0)] * len(centre), wide=False)
     n, radii = len(centre), equations.intervals.radii()
     inverse = _rounded_inverse(columns_of(point.slopes, 0, n))
@@ -176,7 +176,7 @@ def _image(equations: Equations, evaluated: Evaluated, centre: Sequence[arb], de
     inverse = _rounded_inverse(slopes)
     change = (unit_matrix(n) - inverse * slopes) * arb_mat(n, 1, list(deviations))
     change -= inverse * arb_mat(n, 1, evaluated.values)
-    if reach:  # the inverse first: its rows cancel much of what a parameter does to the equations
+    if reach:  # the inverse first: its rows cancel much of a parameter's effect on the equations
         by_parameters = inverse * columns_of(evaluated.slopes, n, len(reach))
         change -= by_parameters * arb_mat(len(reach), 1, [arb(0, radius) for radius in reach])
     return [value + change[i, 0] for i, value in enumerate(centre)]
@@ -225,7 +225,7 @@ def _by_values(
 
 
 def _bits_of(value: arb) -> int:
-    """How many bits of a number its ball tells, in units of the number or of 1."""
+    """The number of bits to which a ball determines a number, in units of the number or of 1."""
     size = max(abs(value.mid()), arb(1))
     share = value.rad() / size
     if not share > 0:

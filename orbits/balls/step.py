@@ -24,14 +24,14 @@ from .programs import UNDEFINED, BallProgram, coefficient
 
 # The step is chosen so that the tube grows at most by about this share of itself.
 STIFFEST = 0.6
-# How much wider than its estimate a tube is tried.
+# The factor by which a tried tube is wider than its estimate.
 WIDER = 1.05
 MOST_TRIES = 60
-# A defect may be so many times the accuracy; a step that is too long is shortened to this share at once at most.
+# The largest defect relative to the accuracy, and the least factor by which a step that is too long is shortened.
 MOST_OFF, LEAST_SHARE = 16.0, 0.4
 # A state this much smaller than the largest is small.
 SMALL = 1e-2
-# Steps are at least this share of the longest, and have so many digits.
+# The least length of a step relative to the longest, and its bits.
 SHORTEST, STEP_BITS = 1e-6, 16
 
 
@@ -84,8 +84,8 @@ def between(low: arb, high: arb) -> arb:
 
 
 def picard_coefficients(rates: Callable, centre: Sequence[arb], order: int) -> list[list[arb]]:
-    """Taylor coefficients (n, order + 1) of the solution from a centre (n,): Picard's iteration on series, each of
-    which makes one more coefficient right."""
+    """Taylor coefficients (n, order + 1) of the solution from a centre (n,): Picard's iteration on series, which
+    determines one more coefficient each time."""
     found = [[value] for value in centre]
     cap = ctx.cap
     try:
@@ -127,7 +127,7 @@ def take_step(
 
 
 def _suggested(system: System, rows: list[list[arb]], longest: arb, order: int, accuracy: float) -> arb:
-    """A guess of the length of a step, such that a few about equal ones fill the longest. It has so few digits that the
+    """A guess of the length of a step, such that a few about equal ones fill the longest. It has so few digits that
     sums of steps are exact."""
     sizes = _sizes(rows)
     lasts = [max(abs(float(row[k].mid())) for k in (order - 1, order)) for row in rows]
@@ -155,7 +155,7 @@ def _few_digits(length: float) -> arb:
 
 
 def _sizes(rows: list[list[arb]]) -> list[float]:
-    """By what the states (n,) are measured: their values and rates; what begins at 0, by what moves beside it."""
+    """The sizes of the states (n,), from their values and rates; for those that begin at 0, from the moving states."""
     sizes = [max(abs(float(row[0].mid())), abs(float(row[1].mid()))) for row in rows]
     moving = [size for size, row in zip(sizes, rows, strict=True) if not row[1].is_zero()]
     least = max(SMALL * max(moving, default=0.0), 1e-30)
@@ -229,7 +229,7 @@ def _fixed_point(system: System, slopes: Sequence[arb], added: Sequence[arb], h:
     length = float(h.abs_upper())
     if not np.isfinite(matrix := _magnitudes(system, slopes)).all():
         return None
-    # Radii far below the smallest float are told by their ratio to the largest.
+    # Radii far below the smallest float are represented by their ratio to the largest.
     largest = max(added)
     if not largest > 0:
         largest = arb(2) ** (-4 * ctx.prec)

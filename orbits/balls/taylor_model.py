@@ -1,10 +1,10 @@
-"""Taylor models: functions of a time and of the place on a curve, as polynomials with a bound on what they leave out.
+"""Taylor models: functions of a time and of the place on a curve, as polynomials with a bound on the remainder.
 
 A model of f on 0 <= t <= 1, -1 <= s <= 1 is a polynomial p in t and s with a rest R, such that |f - p| <= R there.
 Sums, products and functions of models are models again (M. Berz, K. Makino, Reliable Computing 4, 1998). All
-coefficients are balls, so that roundings are bounded too. What a product has beyond the degrees is bounded by sums of
-the absolute values of coefficients, since |t| <= 1 and |s| <= 1. A function g of a model is its Taylor polynomial about
-a centre c with Lagrange's remainder over the range of the model, taken as a model: the sum of g_k (p - c)**k for
+coefficients are balls, so that roundings are bounded too. The terms of a product beyond the degrees are bounded by sums
+of the absolute values of coefficients, since |t| <= 1 and |s| <= 1. A function g of a model is its Taylor polynomial
+about a centre c with Lagrange's remainder over the range of the model, taken as a model: the sum of g_k (p - c)**k for
 k <= L, and g_(L + 1)(range) bound**(L + 1).
 """
 
@@ -18,9 +18,9 @@ from flint import arb, arb_poly, arb_series, ctx
 
 from .programs import UNDEFINED, coefficient, series_function
 
-# The degrees in t and in s that are kept.
+# The degrees of models in t and in s.
 TIME_DEGREE, CURVE_DEGREE = 20, 10
-# Functions of models: degrees that are tried one after the other until their rests are small.
+# Functions of models: the degrees that are tried in order until the rest is small.
 FUNCTION_DEGREES, SMALL_REST = (6, 10, 14, 20), 2.0**-56
 _NO_REST = arb(0)
 # The balls of all t, from 0 to 1, and of all s, from -1 to 1.
@@ -35,7 +35,7 @@ ModelOperand = Union["TaylorModel", arb, int]
 
 @contextmanager
 def model_arithmetic() -> Iterator[None]:
-    """Where models are computed with: series are cut off at their degree in t."""
+    """The context in which models are computed: series are truncated at their degree in t."""
     cap = ctx.cap
     try:
         with ctx.workprec(MODEL_BITS):
@@ -49,7 +49,7 @@ class TaylorModel:
     """The functions within `rest` of the sum of parts[j](t) s**j.
 
     parts : series in t, at most CURVE_DEGREE + 1 of them
-    rest : a bound, not below 0; it is no number where the functions have no values
+    rest : a bound, not below 0; NaN where the functions have no values
     """
 
     def __init__(self, parts: Sequence[arb_series], rest: arb = _NO_REST):
@@ -175,7 +175,7 @@ class TaylorModel:
         return TaylorModel([part * j for j, part in enumerate(self.parts)][1:])
 
     def composed(self, function: Callable[[arb_series], Any]) -> "TaylorModel":
-        """A function of the model, given as one of power series."""
+        """A function of the model, which is passed as a function of power series."""
         whole = self.on(ALL_PLACES)
         centre, cap = whole.mid(), ctx.cap
         away = self - centre
@@ -210,7 +210,7 @@ def _inverse(x: arb_series) -> arb_series:
 
 
 def _beyond_degree(left: Sequence[arb], right: Sequence[arb], degree: int) -> arb:
-    """A bound on the products of coefficients whose degrees sum up to more than one, given bounds by degree."""
+    """A bound on the products of coefficients whose degrees sum up to more than `degree`, from bounds by degree."""
     tails, found = [_NO_REST], _NO_REST  # tails[k] is the sum of the last k of the right
     for each in reversed(right):
         tails.append(tails[-1] + each)

@@ -7,7 +7,7 @@ others are sought as p(s) + w with polynomials p. For each s, any matrix Y(s), a
     K = -Y(s) F(p(s)) + (1 - Y(s) A) w,    A in F_w(p(s) + [-W, W]),
 
 is Krawczyk's operator: if it is below W in absolute value, there is exactly one solution within W of p(s) for this s,
-and it is within |K|. F, F_w and Y are Taylor models in s, so that all s are decided at once. 1 - Y A is below 1 in a
+and it is within |K|. F, F_w and Y are Taylor models in s, so that all s are decided together. 1 - Y A is below 1 in a
 norm, so that F_w is regular: by the implicit function theorem the solution is a smooth function of s. Its derivative
 w' is that of F_w w' = -F_s with F_s = F_X p'(s), hence |w'| <= v where |Y F_s| + |1 - Y A| v <= v.
 """
@@ -23,13 +23,13 @@ from .curve_motion import CurveStep, SpreadTooFar, coefficients_through, follow_
 from .equations import BallLeg
 from .taylor_model import TaylorModel, as_model
 
-# The half width of the first tube that is tried, relative to the unknowns, and how many are.
+# The half width of the first tube that is tried, relative to the unknowns, and the most tubes that are tried.
 WIDEST, MOST_TUBES = 2.0**-22, 3
 # A tube whose motions spread too far is tried again with this share of its width.
 NARROWER_TRY = 2.0**-7
-# An enclosure is taken anew so often from itself.
+# The number of times that an enclosure is improved by the operator.
 NARROWINGS = 4
-# The tube about an enclosure is so many times as wide, and at least this.
+# The width of the tube about an enclosure, relative to it, and the least width.
 NARROWER, THINNEST_TUBE = 4, arb(2) ** -50
 Models = list[TaylorModel]
 Matrix = list[Models]
@@ -39,10 +39,10 @@ Matrix = list[Models]
 class CurveValues:
     """The equations along a piece.
 
-    values : F on the polynomials, with the radii of what is not solved for
-    slopes : (equations, unknowns) F_X, on all of the tube
+    values : F on the polynomials, with the radii of the unknowns that are not solved for
+    slopes : (equations, unknowns) F_X, on the whole tube
     steps : of each leg
-    starts : of each leg, the states at the start on all of the tube
+    starts : of each leg, the states at the start on the whole tube
     """
 
     values: Models
@@ -91,7 +91,7 @@ def evaluate_curve(
 
 
 def _spread_about(model: TaylorModel, about: TaylorModel) -> arb:
-    """How far the functions of a model are from the polynomial of another one."""
+    """A bound on the distance of the functions of a model from the polynomial of another one."""
     return (TaylorModel(model.parts) - TaylorModel(about.parts)).polynomial_bound + model.rest
 
 
@@ -124,8 +124,8 @@ class Tube:
 
     polynomials : (unknowns,) of all unknowns in s
     solved : which of them are solved for
-    widths : (unknowns,) W, within which the solution is alone for each s; 0 for what is not solved for
-    radii : (unknowns,) within which it is; given for what is not solved for
+    widths : (unknowns,) W, within which the solution is the only one for each s; 0 for unknowns not solved for
+    radii : (unknowns,) within which it is; fixed for unknowns not solved for
     slopes : (unknowns,) bounds on the derivatives of w by s
     values : the equations on the tube
     """
@@ -151,14 +151,14 @@ class Tube:
 
 
 def prove_tube(
-    legs: Sequence[BallLeg], polynomials: Sequence[TaylorModel], solved: Sequence[int], given: Sequence[arb]
+    legs: Sequence[BallLeg], polynomials: Sequence[TaylorModel], solved: Sequence[int], fixed: Sequence[arb]
 ) -> Tube:
-    """The tube about polynomials in which the equations of legs have solutions, for all values within `given` radii of
-    what is not solved for. Raises `Unproved`."""
-    inner = [arb(0) if i in solved else given[i] for i in range(len(polynomials))]
+    """The tube about polynomials in which the equations of legs have solutions, for all values within `fixed` radii of
+    the unknowns that are not solved for. Raises `Unproved`."""
+    inner = [arb(0) if i in solved else fixed[i] for i in range(len(polynomials))]
     width, reason = WIDEST, ""
     for _ in range(MOST_TUBES):
-        outer = [arb(width) * (1 + p.polynomial_bound) if i in solved else given[i] for i, p in enumerate(polynomials)]
+        outer = [arb(width) * (1 + p.polynomial_bound) if i in solved else fixed[i] for i, p in enumerate(polynomials)]
         try:
             return _tube(legs, polynomials, list(solved), inner, [each.abs_upper() for each in outer])
         except TooWide as error:
@@ -223,7 +223,7 @@ def _drift(moved: Sequence[arb], left: Sequence[Sequence[arb]]) -> list[arb]:
 
 
 def _inverse_along(slopes: Matrix) -> Matrix:
-    """Polynomials in s that are about the inverse of a matrix."""
+    """Polynomials in s that approximate the inverse of a matrix."""
     n, rows = len(slopes), list[list[arb]]()
     for s in places():
         matrix = arb_mat([[each.on(arb(s)).mid() for each in row] for row in slopes])
@@ -240,7 +240,7 @@ def _inverse_along(slopes: Matrix) -> Matrix:
 
 def narrowed(legs: Sequence[BallLeg], tube: Tube) -> Tube:
     """The same tube with derivatives on a narrower one about the solutions, and so with a better direction of the
-    curve; another solution is still as far away as before."""
+    curve; the distance to other solutions is that of the first tube."""
     again = _tube(
         legs, tube.polynomials, tube.solved, [arb(0)] * len(tube.radii),
         [(NARROWER * radius + THINNEST_TUBE).abs_upper() for radius in tube.radii],

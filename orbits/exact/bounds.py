@@ -1,4 +1,4 @@
-"""Intervals between two decimals, in which what is proved is stated."""
+"""Intervals between two decimals, in which proved numbers are stated."""
 
 from dataclasses import dataclass
 from decimal import Decimal

@@ -1,4 +1,4 @@
-"""What an orbit says, and a proof has to hold: numbers of which nothing is believed."""
+"""The claims of an orbit, which a proof has to confirm: numbers that are not trusted."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,27 +13,27 @@ from ..periodic.orbit import Orbit
 
 # The unknowns that are half the times of the two phases.
 FLIGHT_DURATION, CONTACT_DURATION = "duration", "contact_duration"
-# What describes a machine in words and numbers and tells apart its lossless orbits: restitution does not.
-UNTOLD = ("restitution", "parameters", "units")
-DESCRIBED = [name for name in MACHINE_FIELDS if name not in UNTOLD]
-# Numbers of a certificate that no theorem is about, measured anew: lengths, forces, and others.
+# The fields of a machine that determine its lossless orbits, without parameters and units, which are compared apart.
+NOT_DESCRIBED = ("restitution", "parameters", "units")
+DESCRIBED = [name for name in MACHINE_FIELDS if name not in NOT_DESCRIBED]
+# Numbers of a certificate that are in no theorem and are measured anew: lengths, forces, and others.
 LENGTHS, FORCES = ("clearance", "smallest_separation"), ("smallest_contact_force", "largest_contact_force")
 OTHERS = ("landing_jerk", "loss_coefficient", "stable_side", "bounce_side")
-# They are right to this share of themselves, or of what they are made of; motions to that of the largest height.
-MEASURED_TO, MOTION_TO, TIMES_LOOKED_AT = 1e-6, 1e-6, 17
+# The share of themselves, or of the sizes below, to which they are correct; for motions, of the largest state.
+MEASURED_TO, MOTION_TO, COMPARED_TIMES = 1e-6, 1e-6, 17
 
 
 @dataclass(frozen=True)
 class Claim:
-    """What is said of an orbit of a machine, in the machine's units.
+    """The claims about an orbit of a machine, in the machine's units.
 
     alpha, error : the launch speed, and a bound on its error
     family : the number of the family
-    violations : what is said to make it no motion
+    violations : the conditions of a motion that it is claimed to violate
     unknowns : of the equations of half an orbit, by name; without "contact_duration" where the contact does not end
-    places : the coordinates in mid-flight, by name; empty where nothing is said of them
-    liftoff_extension : at lift-off, None where nothing is said of it
-    contradictions : in words, what is said otherwise of the machine
+    places : the coordinates in mid-flight, by name; empty where they are not claimed
+    liftoff_extension : at lift-off, None where it is not claimed
+    contradictions : in words, the claims that contradict the machine
     """
 
     machine: Machine
@@ -59,8 +59,8 @@ class Claim:
 
 
 def claim_of(orbit: Orbit, machine: Machine | None, varied: Sequence[str] = ()) -> Claim:
-    """What an orbit says of a machine, None for the one that it was found for, with other values of some parameters;
-    raises `InputError` where the machine is not known, and for an orbit of another kind of machine."""
+    """The claims of an orbit about a machine, None for the one that it was found for, with other values of some
+    parameters; raises `InputError` where the machine is not known, and for an orbit of another kind of machine."""
     machine = machine or orbit.source
     if machine is None:
         raise InputError("this orbit does not know its machine: give prove(orbit, machine=...)")
@@ -75,54 +75,54 @@ def claim_of(orbit: Orbit, machine: Machine | None, varied: Sequence[str] = ()) 
     return Claim(
         machine, orbit.alpha, orbit.error, orbit.family, orbit.violations, unknowns,
         {name: place for name, place in places.items() if not name.endswith("'")}, orbit.liftoff_extension,
-        (*_contradictions(orbit.machine, machine.describe(), varied), *_measured_otherwise(orbit, machine)),
+        (*_contradictions(orbit.machine, machine.describe(), varied), *_wrong_measurements(orbit, machine)),
     )  # fmt: skip
 
 
-def _contradictions(said: Mapping[str, Any], described: Mapping[str, Any], varied: Sequence[str]) -> list[str]:
-    """What an orbit says otherwise of its machine, in words."""
-    # What else tells a machine, as masses in SI do, is missing in old files; its units follow from what is varied.
-    others = [name for name in described if name in said and not (varied and name.startswith("unit"))]
+def _contradictions(claimed: Mapping[str, Any], described: Mapping[str, Any], varied: Sequence[str]) -> list[str]:
+    """The claims of an orbit that contradict its machine, in words."""
+    # Other entries of a description, such as masses in SI, are missing in old files; units follow from varied numbers.
+    others = [name for name in described if name in claimed and not (varied and name.startswith("unit"))]
     names = dict.fromkeys((*DESCRIBED, *others))
-    pairs = [(name, said.get(name), described.get(name)) for name in names if name not in (*UNTOLD, *varied)]
-    ours, theirs = (dict(each.get("parameters") or {}) for each in (said, described))
+    pairs = [(name, claimed.get(name), described.get(name)) for name in names if name not in (*NOT_DESCRIBED, *varied)]
+    ours, theirs = (dict(each.get("parameters") or {}) for each in (claimed, described))
     pairs += [(name, ours.get(name), theirs.get(name)) for name in sorted({*ours, *theirs}) if name not in varied]
-    ours, theirs = (dict(each.get("units") or {}) for each in (said, described))
+    ours, theirs = (dict(each.get("units") or {}) for each in (claimed, described))
     pairs += [(f"the unit of {name}", ours[name], unit) for name, unit in theirs.items() if name in ours]
     return [f"{name}: the orbit says {own!r}, and the machine {true!r}" for name, own, true in pairs if own != true]
 
 
-def _measured_otherwise(orbit: Orbit, machine: Machine) -> list[str]:
-    """What an orbit says of its motion otherwise than the same orbit measured anew, in words."""
+def _wrong_measurements(orbit: Orbit, machine: Machine) -> list[str]:
+    """The claims of an orbit about its motion that contradict the same orbit measured anew, in words."""
     try:
         anew = find(machine, start=orbit)
     except (NoOrbit, InputError) as error:
         return [f"the orbit cannot be measured anew: {error}"]
-    said, true = orbit.certificate, anew.certificate
+    claimed, true = orbit.certificate, anew.certificate
     length, force = anew.alpha * anew.flight_time, true.largest_contact_force or 0.0
     sizes = {**dict.fromkeys(LENGTHS, length), **dict.fromkeys(FORCES, force), **dict.fromkeys(OTHERS, 0.0)}
     errors = dict.fromkeys(sizes, 0.0) | {"loss_coefficient": 10 * (true.loss_error or 0.0)}
     found = list[str]()
     for name, size in sizes.items():
-        own, other = getattr(said, name), getattr(true, name)
-        if not _measured_alike(own, other, MEASURED_TO * size + errors[name]):
+        own, other = getattr(claimed, name), getattr(true, name)
+        if not _agree(own, other, MEASURED_TO * size + errors[name]):
             found.append(f"{name}: the orbit says {own!r}, and measured anew it is {other!r}")
-    return found + ([] if _moves_alike(orbit, anew) else ["the motion: the orbit's states are not those of its launch"])
+    return found + ([] if _same_motion(orbit, anew) else ["the motion: the orbit's states are not those of its launch"])
 
 
-def _measured_alike(said: Any, true: Any, error: float) -> bool:
+def _agree(claimed: Any, true: Any, error: float) -> bool:
     """Whether two numbers agree to an error and `MEASURED_TO`; texts and None have to be equal."""
-    if isinstance(said, float) and isinstance(true, float):
-        return abs(said - true) <= error + MEASURED_TO * abs(true)
-    return bool(said == true)
+    if isinstance(claimed, float) and isinstance(true, float):
+        return abs(claimed - true) <= error + MEASURED_TO * abs(true)
+    return bool(claimed == true)
 
 
-def _moves_alike(orbit: Orbit, anew: Orbit) -> bool:
+def _same_motion(orbit: Orbit, anew: Orbit) -> bool:
     """Whether two orbits have the same states at some times."""
     try:
         end = anew.flight_time if anew.contact_time is None else anew.period
-        times = np.linspace(0, end, TIMES_LOOKED_AT + 1)[:-1]
-        said, true = orbit(times), anew(times)
+        times = np.linspace(0, end, COMPARED_TIMES + 1)[:-1]
+        claimed, true = orbit(times), anew(times)
     except InputError:
         return False
-    return said.shape == true.shape and bool((abs(said - true) <= MOTION_TO * abs(true).max(0)).all())
+    return claimed.shape == true.shape and bool((abs(claimed - true) <= MOTION_TO * abs(true).max(0)).all())

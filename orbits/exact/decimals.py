@@ -8,20 +8,20 @@ from flint import arb, ctx
 
 from .bounds import Enclosure
 
-# Digits of a radius that are told beyond its first.
+# Stated digits of a radius beyond its first.
 DIGITS_OF_RADIUS = 2
-# A number that is known exactly is told with at most so many places.
+# The most stated decimal places of a number that is known exactly.
 EXACT_PLACES = 40
-# A bound is stated with so many places.
+# The stated decimal places of a bound.
 PLACES_OF_BOUNDS = 12
-# More than any decimal that is taken has, also after intervals were halved.
+# More than any accepted decimal has, also after intervals were halved.
 MOST_PLACES_OF_DECIMALS = 2000
 # More than any ball has.
 EXACT_BITS = 8192
 
 
 def enclosure_of(ball: arb, digits: int | None = None) -> Enclosure:
-    """The bounds of a ball as decimals rounded outward, with as many places as its radius has, or so many digits."""
+    """The bounds of a ball as decimals rounded outward, with as many places as its radius, or with `digits` digits."""
     with ctx.workprec(EXACT_BITS):  # else the bounds would be rounded too
         low, high = _fraction(ball.lower()), _fraction(ball.upper())
     if low == high and (low * 10**EXACT_PLACES).denominator == 1:
@@ -44,13 +44,13 @@ def is_decimal(value: Fraction) -> bool:
 
 
 def decimal_text(value: Fraction) -> str:
-    """The decimal that a fraction is, exactly."""
+    """The decimal that equals a fraction exactly."""
     places = next(n for n in range(MOST_PLACES_OF_DECIMALS) if 10**n % value.denominator == 0)
     return _decimal(int(value * 10**places), places)
 
 
 def upper_fraction(value: Fraction) -> str:
-    """A decimal with at most so many places as are read that is no less than a number above 0, or the number itself."""
+    """A decimal with at most `PLACES_OF_BOUNDS` places that is no less than a number above 0, or the number itself."""
     scaled = value * 10**PLACES_OF_BOUNDS
     return _decimal(math.ceil(scaled), PLACES_OF_BOUNDS).rstrip("0").rstrip(".")
 

@@ -6,7 +6,7 @@ With the kinetic energy v' M(y) v/2 and the forces Q(y) of springs, weights and 
 
 in contact with + lambda g, g the gap's gradient, and g y'' = 0: the closed gap determines one coordinate, y = E s.
 
-All of it is in units of length and time that suit the motion, powers of 2: with y = L q and t = T u, the same equations
+All is in units of length and time that suit the motion, powers of 2: with y = L q and t = T u, the same equations
 hold of q and u with the forces L T^2 Q.
 """
 
@@ -52,13 +52,13 @@ class Scale:
     @classmethod
     def of(cls, speed: float, time: float, swings: int = 1) -> "Scale":
         """The units of a motion with this launch speed and half time of flight, in which the extension swings to and
-        fro so often; rounded numbers, as any would do."""
+        fro `swings` times; powers of 2, as any units would do."""
         unit = _power_of_two(time / (3 * swings))
         return cls(_power_of_two(speed * float(unit) / 3), unit)
 
 
 def _power_of_two(value: float) -> Fraction:
-    """The power of 2 that is nearest to a number above 0; 1 for what is none."""
+    """The power of 2 that is nearest to a number above 0; 1 for any other value."""
     if not 0 < value < math.inf:
         return Fraction(1)
     return Fraction(2) ** round(math.log2(value))
@@ -66,7 +66,7 @@ def _power_of_two(value: float) -> Fraction:
 
 @dataclass(frozen=True)
 class ExactPieces:
-    """Where laws follow one another along a sum of coordinates: its weights (n,), and the places, ascending."""
+    """The breakpoints of a law along a sum of coordinates: the weights (n,) of the sum, and the places, ascending."""
 
     weights: tuple[Fraction, ...]
     breaks: tuple[ExactExpression, ...]
@@ -75,11 +75,11 @@ class ExactPieces:
 @dataclass(frozen=True)
 class LoneExtension:
     """The extension r of two coordinates whose springs all act along it under constant gravity: it moves alone, and a
-    sum w of the coordinates is thrown up with it, w'' = fall.
+    sum w of the coordinates is in free fall, w'' = fall.
 
     weights, thrown : of the coordinates in r and in w
     accelerations : of r, for each law, as functions of the symbol `place`
-    domains : what each law needs there
+    domains : the conditions of each law there
     """
 
     place: ExactExpression
@@ -95,15 +95,15 @@ class ExactMechanics:
 
     free : the name of a parameter that is an unknown
     y, v : symbols (n,) of the coordinates and their rates, in the units of `scale`
-    parameters : what each name stands for: a number, a function of the `share` of an interval, or the symbol of an
+    parameters : the expression of each name: a number, a function of the `share` of an interval, or the symbol of an
         unknown
     inertia : M (n, n)
     gap : its weights (n,), exact, the largest of which is 1
     kept, embed : the coordinates of the contact, and the exact matrix (n, n - 1) from these to all
     conservative, forces : (laws, n), Q and Q - C
     accelerations : (laws, n) in flight
-    domains : what each formula that is no spring's law needs along the motion
-    law_domains : for each law of a machine in pieces, what it needs; one entry where there are no pieces
+    domains : the conditions of each formula that is no spring's law along the motion
+    law_domains : the conditions of each law of a machine in pieces; one entry where there are no pieces
     """
 
     def __init__(self, stated: StatedMachine, scale: Scale, free: str | None = None):
@@ -134,7 +134,7 @@ class ExactMechanics:
         self._derive_contact()
 
     def formula(self, text: str, **names: ExactExpression) -> ExactExpression:
-        """The expression of a formula; its domains are kept."""
+        """The expression of a formula; its domains are stored."""
         return expression_of(text, {**self.names, **names}, self.domains)
 
     def gradient(self, of: ExactExpression) -> Column:
@@ -182,7 +182,7 @@ class ExactMechanics:
         return [a - b for a, b in zip(turned, self.gradient(energy), strict=True)]
 
     def _forces(self) -> tuple[ExactPieces | None, list[Domains], ExactRows]:
-        """The pieces of the springs' laws, what each law needs, and the forces (laws, n) but for the speeds'."""
+        """The pieces of the springs' laws, their domains, and the forces (laws, n) without those of the speeds."""
         s, constant = self.stated, [ZERO] * self.size
         for place, mass in (*s.masses, *s.weights):
             height = self.formula(place)
@@ -240,19 +240,19 @@ class ExactMechanics:
         places |= dict(zip(self.v, self.embedded(self.w), strict=True))
         inertia = [substitute(row, places) for row in self.inertia]
         count = range(len(self.kept))
-        held = [[total(row[i] * self.embed[i][j] for i in range(self.size)) for j in count] for row in inertia]
-        reduced = [[total(self.embed[i][k] * held[i][j] for i in range(self.size)) for j in count] for k in count]
+        projected = [[total(row[i] * self.embed[i][j] for i in range(self.size)) for j in count] for row in inertia]
+        reduced = [[total(self.embed[i][k] * projected[i][j] for i in range(self.size)) for j in count] for k in count]
         self.contact_accelerations, self.contact_force = list[Column](), list[ExactExpression]()
         for force in self.forces:
             inside = substitute(force, places)
             rates = solved(reduced, self.along(inside))
-            row = held[self.eliminated]
+            row = projected[self.eliminated]
             carried = total(m * rate for m, rate in zip(row, rates, strict=True))
             self.contact_accelerations.append(rates)
             self.contact_force.append(carried - inside[self.eliminated])
 
     def embedded(self, s: Sequence[ExactExpression]) -> Column:
-        """All coordinates, or rates, of those of the contact."""
+        """All coordinates, or rates, from those of the contact."""
         return [total(weight * x for weight, x in zip(row, s, strict=True)) for row in self.embed]
 
     def along(self, forces: Sequence[ExactExpression]) -> Column:
@@ -261,7 +261,7 @@ class ExactMechanics:
         return [total(self.embed[i][j] * forces[i] for i in range(self.size)) for j in count]
 
     def lone_extension(self) -> LoneExtension | None:
-        """The extension that moves alone; None where none plainly does."""
+        """The extension that moves alone; None where none evidently does."""
         s, height = self.stated, symbol("z")
         gravity = expression_of(s.gravity, {**self.names, "z": height}, Domains())
         load = [ZERO] * self.size
@@ -273,7 +273,7 @@ class ExactMechanics:
             return None
         if depends_on(varying, self.y):
             return None
-        ways = list[tuple[Fraction, ExactExpression]]()
+        actions = list[tuple[Fraction, ExactExpression]]()
         along: list[Fraction] = []
         for spring in s.springs:
             extension = self.formula(spring.extension)
@@ -287,7 +287,7 @@ class ExactMechanics:
             if not factor or [factor * each for each in along] != weights:
                 return None
             (offset,) = substitute([extension], dict.fromkeys(self.y, ZERO))
-            ways.append((factor, offset))
+            actions.append((factor, offset))
         place, r = symbol("lone extension"), [expression(each) for each in along]
         mobility = solved(self.inertia, r)
         thrown = [mobility[1], -mobility[0]]
@@ -296,19 +296,19 @@ class ExactMechanics:
         for law, own in enumerate(domains):
             pull = total(
                 squared * factor * self.pull(each, law if each.breaks else 0, factor * place + offset, own)
-                for each, (factor, offset) in zip(s.springs, ways, strict=True)
+                for each, (factor, offset) in zip(s.springs, actions, strict=True)
             )
             accelerations.append(-(pull * inner_product(r, mobility) + inner_product(r, falling)))
         return LoneExtension(place, r, thrown, accelerations, -inner_product(thrown, falling), domains)
 
 
 def place_of(name: str) -> ExactExpression:
-    """The symbol of an interval parameter's place in its interval, from -1 to 1."""
+    """The symbol of a parameter's place in its interval, from -1 to 1."""
     return symbol(f"share of {name}")
 
 
 def parameter_of(name: str, low: Fraction, high: Fraction) -> ExactExpression:
-    """What a parameter between bounds stands for."""
+    """The expression of a parameter between bounds."""
     return exact_number((low + high) / 2) + exact_number((high - low) / 2) * place_of(name)
 
 
@@ -333,7 +333,7 @@ def _eliminated(matrix: ExactRows) -> tuple[ExactRows, ExactRows]:
 
 
 def pivots(matrix: ExactRows) -> Column:
-    """What is positive exactly where a symmetric matrix is positive definite."""
+    """The pivots, positive exactly where a symmetric matrix is positive definite."""
     _, upper = _eliminated(matrix)
     return [upper[i][i] for i in range(len(matrix))]
 

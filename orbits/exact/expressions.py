@@ -1,9 +1,9 @@
 """Exact expressions: operations on symbols and rational numbers, differentiated and written as programs of balls.
 
-Nothing is rounded and nothing is dropped here but what is exactly so: a sum or a product of rational numbers is one,
-and 0 + x, 1 x, x - x and 0 x are what they are. The last two may lose a place where x has no value. So whatever
+Nothing is rounded, and only exact simplifications are made: a sum or a product of rational numbers becomes a number,
+and 0 + x, 1 x, x - x and 0 x become x, x, 0 and 0. The last two may lose a place where x has no value. So whatever
 restricts the domain of a stated formula (a quotient, a root, a logarithm, a power) is collected beside it, see
-`orbits.exact.formulas.Domain`, and is looked at along the whole motion, whether or not it is left in the expression.
+`orbits.exact.formulas.Domain`, and is checked along the whole motion, whether or not it remains in the expression.
 
 Equal expressions are one object, so that common parts are computed once.
 """
@@ -18,9 +18,9 @@ from flint import Ordering, fmpq, fmpq_mpoly_ctx
 
 # An expression, or an exact number that stands for one.
 Operand = Union["ExactExpression", Fraction, int]
-# Whole powers of numbers up to this one, with results of so many bits, are numbers; others stay powers.
+# Powers of numbers up to this exponent, with results of at most these bits, become numbers; others stay powers.
 LARGEST_EXPONENT, MOST_BITS = 512, 20_000
-# Whole powers up to this one are expanded, and polynomials of so many terms, to see whether an expression is 0.
+# The largest power and the most terms of a polynomial that are expanded to decide whether an expression is 0.
 LARGEST_EXPANDED, MOST_EXPANDED_TERMS = 24, 3000
 
 
@@ -28,7 +28,7 @@ class ExactExpression:
     """An operation on other expressions: `kind` is "number", "symbol", "pi", "+", "*", "/", "**" with a whole exponent,
     "power" with any other, or a function's name.
 
-    parts : the expressions that it is made of
+    parts : the operands
     value : the Fraction of a number, the name of a symbol, the exponent of "**"
     """
 
@@ -99,7 +99,7 @@ class ExactExpression:
         return expression(other) - self
 
     def __truediv__(self, other: Operand) -> "ExactExpression":
-        """A quotient; of a number by 0 none is made, so that its program meets the 0."""
+        """A quotient; one by the number 0 is not simplified, so that its program meets the 0."""
         a, b = self, expression(other)
         if b.is_number and b.value:
             return exact_number(1 / b.value) * a
@@ -145,7 +145,7 @@ def symbols(prefix: str, count: int) -> list[ExactExpression]:
 
 
 def expression(value: Operand) -> ExactExpression:
-    """An expression, of a number too."""
+    """A value as an expression; numbers are converted."""
     return value if isinstance(value, ExactExpression) else exact_number(Fraction(value))
 
 
@@ -153,7 +153,7 @@ ZERO, ONE, TWO, PI = exact_number(0), exact_number(1), exact_number(2), ExactExp
 
 
 def call(name: str, x: ExactExpression) -> ExactExpression:
-    """A function of an expression; the values that are rational are numbers."""
+    """A function of an expression; some rational values become numbers."""
     if x.is_(0) and name in _ZERO_AT_ZERO:
         return ZERO
     if x.is_(0) and name in ("exp", "cos", "cosh"):
@@ -203,7 +203,7 @@ SMOOTH_FUNCTIONS = frozenset(_SLOPES)
 
 
 def in_order(outputs: Iterable[ExactExpression]) -> list[ExactExpression]:
-    """All expressions that some are made of, each after its parts, and once; without recursion, as sums are deep."""
+    """All subexpressions of some expressions, each once and after its parts; without recursion, as sums are deep."""
     order, seen = list[ExactExpression](), set[ExactExpression]()
     waiting = [(each, False) for each in reversed([*outputs])]
     while waiting:
@@ -226,7 +226,7 @@ def derivative_by(of: ExactExpression, by: ExactExpression) -> ExactExpression:
 
 
 def _derivative_of(of: ExactExpression, by: ExactExpression) -> ExactExpression:
-    """The derivative of an expression whose parts have theirs."""
+    """The derivative of an expression whose parts have their derivatives stored."""
     if not of.parts:
         return ONE if of is by else ZERO
     (x, dx), *rest = [(part, part._slopes[by]) for part in of.parts]
@@ -250,8 +250,8 @@ def jacobian(outputs: Sequence[ExactExpression], inputs: Sequence[ExactExpressio
     """The derivatives (outputs, inputs) by symbols."""
     rows = list[list[ExactExpression]]()
     for output in outputs:
-        held = {*in_order([output])}  # most outputs hold few of the symbols of a large system
-        rows.append([derivative_by(output, each) if each in held else ZERO for each in inputs])
+        contained = {*in_order([output])}  # most outputs contain few of the symbols of a large system
+        rows.append([derivative_by(output, each) if each in contained else ZERO for each in inputs])
     return rows
 
 
@@ -269,7 +269,7 @@ def total(terms: Iterable[Operand]) -> ExactExpression:
 
 
 def substitute(of: Sequence[ExactExpression], places: Mapping[ExactExpression, Operand]) -> list[ExactExpression]:
-    """Expressions with others in the places of symbols."""
+    """Expressions with symbols replaced by others."""
     new = {each: expression(value) for each, value in places.items()}
     for each in in_order(of):
         if each not in new:
@@ -291,8 +291,8 @@ def rebuilt(each: ExactExpression, parts: Sequence[ExactExpression]) -> ExactExp
 
 
 def vanishes(each: ExactExpression) -> bool:
-    """Whether an expression is 0 as a quotient of polynomials, of its symbols and of what else it is made of; one that
-    is 0 by an identity of other functions is not seen to be."""
+    """Whether an expression is 0 as a quotient of polynomials in its symbols and its function values; one
+    that is 0 by an identity of other functions is not recognised."""
     order = in_order([each])
     polynomials = ("number", "+", "*", "/", "**")
     atoms = [node for node in order if node.kind not in polynomials]
@@ -322,6 +322,6 @@ def vanishes(each: ExactExpression) -> bool:
 
 
 def depends_on(of: Iterable[ExactExpression], on: Iterable[ExactExpression]) -> bool:
-    """Whether some expressions hold one of these symbols."""
+    """Whether some expressions contain one of these symbols."""
     these = set(on)
     return any(each in these for each in in_order(of))

@@ -1,7 +1,7 @@
-"""Stated formulas as exact expressions, with what their operations ask of the places where they have a value.
+"""Stated formulas as exact expressions, with the conditions under which their operations are defined.
 
-A numeral is the decimal that is written. Whatever a formula divides by, takes a root or a logarithm of, or raises to a
-power that is no whole number is collected as a `Domain`: the expression may be simplified, as r (r - 1)/(r - 1) to r,
+A numeral is the decimal that is written. A divisor, the argument of a root or a logarithm, and the base of a power
+that is no whole number are collected as a `Domain`: the expression may be simplified, as r (r - 1)/(r - 1) to r,
 and still has no value at r = 1.
 """
 
@@ -18,13 +18,13 @@ from ..symbolic.formula import BLANKS, Formula, parse
 from .expressions import PI, SMOOTH_FUNCTIONS, ExactExpression, call, exact_number, power
 from .refusal import Unproved
 
-# Decimals have at most so many places, before or after the point.
+# The most places of a decimal, before or after the point.
 MOST_PLACES = 1500
 
 
 def exact_fraction(name: str, value: str | float | Decimal | Fraction) -> Fraction:
     """The exact value of a decimal, stated as text, as a Decimal or whole number, or by the float that it rounds to:
-    a float stands for the shortest decimal that rounds to it. Raises `InputError` for what is no finite number."""
+    a float stands for the shortest decimal that rounds to it. Raises `InputError` for anything but a finite number."""
     if isinstance(value, Fraction):
         return value
     try:
@@ -40,7 +40,7 @@ def exact_fraction(name: str, value: str | float | Decimal | Fraction) -> Fracti
 
 @dataclass(frozen=True)
 class Domain:
-    """What an operation of a formula needs: its `place` is "positive" or "not zero".
+    """The condition of an operation of a formula: its `place` is positive if `positive`, else not zero.
 
     what : the operation and the formula, for messages
     """
@@ -58,7 +58,7 @@ class Domains(list[Domain]):
     """The domains of the operations of some formulas."""
 
     def need(self, what: str, place: ExactExpression, positive: bool) -> None:
-        """Add one that is not plain to hold; raises `Unproved` for a number that is outside."""
+        """Add a condition that is not evident; raises `Unproved` for a number that violates it."""
         if place.is_number:
             if not (place.value > 0 or (not positive and place.value)):
                 raise Unproved(f"{what} has no value")
@@ -76,8 +76,8 @@ def _parsed_formula(text: str) -> Formula:
 def expression_of(text: str, names: Mapping[str, ExactExpression], domains: Domains) -> ExactExpression:
     """The exact expression of a formula whose names stand for expressions; its domains are added to `domains`.
 
-    Raises `InputError` for a name that is not known, and `Unproved` for abs and sign, which have no Taylor series
-    everywhere, and for what has no value anywhere.
+    Raises `InputError` for an unknown name, and `Unproved` for abs and sign, which have no Taylor series everywhere,
+    and for a formula that has no value anywhere.
     """
     formula = _parsed_formula(text)
     if missing := sorted(formula.names - names.keys()):
@@ -92,14 +92,14 @@ def expression_of(text: str, names: Mapping[str, ExactExpression], domains: Doma
         elif kind == "negative":
             stack.append(-stack.pop())
         elif kind == "call":
-            stack.append(_called(node[1], stack.pop(), shown, domains))
+            stack.append(_function_value(node[1], stack.pop(), shown, domains))
         else:
             right, left = stack.pop(), stack.pop()
-            stack.append(_operated(kind, left, right, shown, domains))
+            stack.append(_operation_value(kind, left, right, shown, domains))
     return stack.pop()
 
 
-def _operated(
+def _operation_value(
     kind: str, left: ExactExpression, right: ExactExpression, shown: str, domains: Domains
 ) -> ExactExpression:
     if kind == "+":
@@ -117,7 +117,7 @@ def _operated(
     return power(left, right)
 
 
-def _called(name: str, x: ExactExpression, shown: str, domains: Domains) -> ExactExpression:
+def _function_value(name: str, x: ExactExpression, shown: str, domains: Domains) -> ExactExpression:
     if name not in SMOOTH_FUNCTIONS:
         raise Unproved(f"{shown} has {name}, which has no Taylor series everywhere")
     for place in _PLACES.get(name, lambda x: ())(x):
@@ -125,7 +125,7 @@ def _called(name: str, x: ExactExpression, shown: str, domains: Domains) -> Exac
     return call(name, x)
 
 
-# What has to be positive for each function's argument x; of the tangent, not zero.
+# The expressions of each function's argument x that have to be positive; for the tangent, not zero.
 _PLACES = {
     "sqrt": lambda x: (x,),
     "log": lambda x: (x,),

@@ -1,6 +1,6 @@
-"""What a theorem is about: a machine in words, formulas and exact numbers, from which whoever reads it can rebuild it.
+"""The subject of a theorem: a machine in words, formulas and exact numbers, from which a reader can rebuild it.
 
-A proof reads these texts and nothing else of the machine: no expression that the engine built from them, and no float.
+A proof reads only these texts of the machine: no expression that the engine built from them, and no float.
 """
 
 from collections.abc import Mapping
@@ -27,9 +27,9 @@ ExactNumber = str | float | Decimal | Fraction
 Decimals = ExactNumber | tuple[ExactNumber, ExactNumber]
 # The lower and the upper bound of a parameter.
 Bounds = tuple[Fraction, Fraction]
-# Something along a function of the coordinates, with its size: the formulas of both.
+# A function of the coordinates and the size of an element along it: the formulas of both.
 Sized = tuple[str, str]
-# What a theorem calls by these names of its own.
+# Names with a fixed meaning in every theorem.
 OWN_NAMES = {
     *("alpha", "liftoff", "duration", "contact_duration", "flight_time", "contact_time", "liftoff_extension"),
     *("mid_flight_extension", "loss_coefficient"),
@@ -149,7 +149,7 @@ def range_text(bounds: Bounds) -> str:
 
 
 def exact_bounds(name: str, value: Decimals) -> Bounds:
-    """The exact bounds of a parameter; raises `InputError` for what is no number and no interval."""
+    """The exact bounds of a parameter; raises `InputError` for anything but a number or an interval."""
     bounds = value if isinstance(value, tuple | list) else (value, value)
     if len(bounds) != 2:
         raise InputError(f"{name} = {value!r}: an interval has two bounds, (low, high)")
@@ -166,8 +166,8 @@ def stated_machine(machine: Machine, parameters: Mapping[str, Decimals]) -> Stat
     """What a theorem about a machine states, with exact values of some of its parameters; each other one stands for
     the shortest decimal that rounds to it.
 
-    Raises `InputError` for a machine that states no mechanics and for parameters that it does not have or that cannot
-    be so, and `Unproved` for what no formula says: a table, or a Python function that formulas cannot write.
+    Raises `InputError` for a machine that states no mechanics and for parameters that it does not have or with invalid
+    values, and `Unproved` for laws without a formula: a table, or a Python function that formulas cannot express.
     """
     if not callable(getattr(machine, "stated", None)):
         raise InputError(f"a {machine.model.name} states no mechanics that a proof could read: state a Mechanism")

@@ -1,4 +1,4 @@
-"""What is proved to have a solution: arcs of motions with the conditions that make an orbit of them, on expressions.
+"""Boundary value problems on expressions: arcs of motions with the conditions under which they are an orbit.
 
 Half an orbit is enough, as the motions are their own mirror images in time. A flight from a launch to where all speeds
 vanish is half of one that lands as it was launched, with all speeds turned; a contact that starts from there and comes
@@ -21,13 +21,13 @@ class ExactArc:
 
     states : symbols of the m states
     rates : (laws, m), functions of the states
-    weights, breaks : of the states in the coordinate along which the laws follow one another, and where
+    weights, breaks : of the states in the coordinate along which the laws change, and the breakpoints of the laws
     before : symbols of the last states of the arc before
     start : (m,), functions of the unknowns and `before`
     duration : a function of the unknowns
     guards : (laws, g), functions of unknowns and states that vanish at the start
     conditions : functions of unknowns and states that vanish at the end
-    domains : for each law, what its formulas need along the motion
+    domains : for each law, the conditions of its formulas along the motion
     """
 
     states: Column
@@ -77,7 +77,7 @@ class HalfOrbit:
         self.rates = [self.launch_unknowns[name] for name in names[1::2]]
         self.lone = mechanics.lone_extension()
         if any(depends_on([each.place], mechanics.y) for each in mechanics.domains):
-            self.lone = None  # whether formulas have values is seen along the motion of all coordinates
+            self.lone = None  # whether formulas have values is checked along the motion of all coordinates
 
     def unit_of(self, name: str) -> Fraction:
         """The unit in which an unknown of this name is solved for."""
@@ -93,7 +93,7 @@ class HalfOrbit:
 
     @property
     def launch(self) -> Column:
-        """The flight state at lift-off: coordinates and rates by turns."""
+        """The flight state at lift-off: coordinates and rates, alternating."""
         m = self.mechanics
         return _by_turns(m.embedded(self.places), m.embedded(self.rates))
 
@@ -106,8 +106,8 @@ class HalfOrbit:
 
     @property
     def half_flight(self) -> ExactExpression:
-        """Half the time of the flight: an unknown, or where an extension moves alone what is thrown up with it takes
-        to the top of its parabola."""
+        """Half the flight time: an unknown, or where an extension moves alone the time that the combination in free
+        fall takes to the top of its parabola."""
         if self.lone is None:
             return unknown(FLIGHT_DURATION)
         return -inner_product(self.lone.thrown, self.mechanics.embedded(self.rates)) / self.lone.fall
@@ -175,10 +175,10 @@ class HalfOrbit:
         weights: tuple[Fraction, ...] = ()
         breaks: tuple[ExactExpression, ...] = ()
         if m.pieces:
-            along_kept = [
+            along_contact = [
                 sum((m.pieces.weights[i] * m.embed[i][j] for i in range(m.size)), Fraction(0)) for j in range(len(m.s))
             ]
-            weights, breaks = tuple(_by_turns(along_kept, [Fraction(0)] * len(m.s))), m.pieces.breaks
+            weights, breaks = tuple(_by_turns(along_contact, [Fraction(0)] * len(m.s))), m.pieces.breaks
         domains = [self._in_contact([*m.domains, *own]) for own in m.law_domains]
         return ExactArc(
             states, rates, start, unknown(CONTACT_DURATION), [[] for _ in rates], list(m.w), domains,
@@ -186,7 +186,7 @@ class HalfOrbit:
         )  # fmt: skip
 
     def _in_contact(self, domains: Sequence[Domain]) -> list[Domain]:
-        """What formulas need, in the contact's states."""
+        """The conditions of formulas, in the contact's states."""
         m, found = self.mechanics, Domains()
         at = dict(zip([*m.y, *m.v], [*m.embedded(m.s), *m.embedded(m.w)], strict=True))
         for each in domains:
@@ -200,7 +200,7 @@ def _by_turns(first: Sequence, second: Sequence) -> list:
 
 
 def statement_of_folds(statement: ExactStatement, parameter: ExactExpression) -> ExactStatement:
-    """The statement of the folds of another one in a parameter, whose symbol this is: F(u, a) = 0 and F_u v = 0 for a
+    """The statement of the folds of a statement in a parameter, stated by its symbol: F(u, a) = 0 and F_u v = 0 for a
     direction v (G. Moore, A. Spence, SIAM Journal on Numerical Analysis 17, 1980). Its unknowns are u, the entries of v
     but for that of "alpha", which is 1, and the parameter a."""
     directions = {each: ONE if each == "alpha" else unknown(f"d{each}") for each in statement.unknowns}
@@ -231,7 +231,7 @@ def _varied_arc(
     start = [*arc.start, *(along(each, *of_unknowns) for each in arc.start)]
     rates = [[*law, *(along(each, arc.states, changes) for each in law), ZERO] for law in arc.rates]
     guards = [[*law, *(along(each, *at_start) for each in law)] for law in arc.guards]
-    # The end moves with the time that the arc takes, too.
+    # The end also moves with the duration of the arc.
     longer = along(arc.duration, own, directions)
     moved = [change + rate * longer for change, rate in zip(changes, arc.rates[0], strict=True)]
     at_end = [*own, *arc.states], [*directions, *moved]
@@ -239,7 +239,7 @@ def _varied_arc(
     *start, duration = substitute([*start, arc.duration], {parameter: folded})
     guards = [substitute(law, {parameter: folded}) for law in guards]
     conditions = substitute(conditions, {parameter: folded})
-    # What stands before an arc has the parameter as its last state too.
+    # The states of the arc before end with the parameter too.
     also = (symbol(f"{parameter.value} before"),) if arc.before else ()
     return ExactArc(
         [*arc.states, *changes, parameter], rates, [*start, folded], duration, guards, conditions, arc.domains,

@@ -1,6 +1,6 @@
-"""Theorems about lossless orbits, proved by interval arithmetic: the method, its lemmas, and what is trusted.
+"""Theorems about lossless orbits, proved by interval arithmetic: the method, its lemmas, and the trusted software.
 
-A name in brackets, as (`step`), is the module with the corresponding code: in the room `exact` for what is stated, in
+A name in brackets, as (`step`), is the module with the corresponding code: in the room `exact` for statements, in
 `balls` for numbers and motions, in `return_map` for hops of the map, and in this one for theorems.
 
 The claim. Let a machine be stated in formulas, with exact decimals or intervals for its parameters (`stated`). A
@@ -20,7 +20,7 @@ Numbers. Expressions become programs (`programs`) of Arb's balls, midpoint and r
 for guesses only: of roots, units, steps, tubes and frames. Each guess is then tested in balls.
 
 Lemma 1, a step (`step`). Let p be the Taylor polynomial of order K of the solution of x' = f(x) from c, and E a vector
-of radii. If the solution from a point within E0 of c is compared with p, its distance obeys an integral inequality with
+of radii. The distance between p and the solution from a point within E0 of c obeys an integral inequality with
 the Jacobian over the tube p([0, h]) +- E and with the defect f(p) - p' = R t**K, R by Lagrange's form. If
 
     E0 + h |Df| E + |R| h**(K + 1)/(K + 1) < E    in each component,
@@ -34,7 +34,7 @@ c, plus D d with D in the enclosure, componentwise. Products of enclosures are r
 reduce wrapping.
 
 A motion under a law that is smooth in pieces (`crossing`) is enclosed by Lemma 1 within a piece, while the tube stays
-off the breakpoints. The force of the law is continuous, so that the rates are. Where a set crosses a breakpoint, x' and
+off the breakpoints. The force of the law is continuous, and so are the rates. Where a set crosses a breakpoint, x' and
 the variational equations lie in the hull of both laws over a tube that is proved by x0 + [0, h] F(tube) in tube; this
 is continued until the whole set is in the next piece. The speed of the coordinate has a sign at the crossing, so that
 the flow is continuously differentiable there as elsewhere, and the mean value theorem still holds.
@@ -65,14 +65,14 @@ none where they agree. The last of these intervals contains mid-flight, where th
 zeros before it are counted.
 
 A family as one continuous curve (`branch`) is proved piece by piece: on each a coordinate runs through an interval, and
-Krawczyk's operator is evaluated for all of its values at once, along motions that are polynomials in time and in the
+Krawczyk's operator is evaluated for all of its values together, along motions that are polynomials in time and in the
 position on the piece, with bounds on the remainders (`taylor_model`, `curve_motion`, `tube`). The end of each piece is
 proved to be the beginning of the next one (`branch_way`), and folds are counted.
 
 The loss coefficient (`loss`) is enclosed from the enclosures of its factors: the jerk of the gap, the derivative of the
 gap by alpha at landing, through the monodromy of the half flight, and the energies.
 
-Attraction (`attraction`): up to a distance that is determined, launches above a lossless hop come to it. This is proved
+Attraction (`attraction`): up to a determined distance, launches above a lossless hop converge to it. This is proved
 from enclosures of their flights and contacts (`launches`) and of the losses at their landings (`landings`, `bounces`).
 
 Fixed points of the return map with an injection (`proved_map`) are solutions of another statement (`hop`): a hop that

@@ -1,7 +1,7 @@
-"""What cannot be: orbits of a family of a spring whose force is bounded, and orbits of a spring that is too weak.
+"""Absence of orbits: of a family for a spring whose force is bounded, and of all for a spring that is too weak.
 
 Where one extension r of two coordinates moves alone (`mechanics.LoneExtension`), r'' = A(r), a sum w of the coordinates
-is thrown up with it, w'' = fall. With the gap g = a r + b w let kappa = (b/a) fall and phi = -A/kappa. A launch is on
+is in free fall, w'' = fall. With the gap g = a r + b w let kappa = (b/a) fall and phi = -A/kappa. A launch is on
 the closed gap, with g = g' = 0, and its contact force vanishes, so g'' = 0: hence phi = 1, and r' = kappa T, where T is
 half the time of flight, the time in which w comes to rest. In mid-flight r' = 0. So over half the flight
 
@@ -18,7 +18,7 @@ T >= (2 n + 1) t1. Hence 2 n + 1 < B.
 For phi = tanh(b r)/b the bound is 1/b: no orbit of family n for b >= 1/(2 n + 1).
 
 Theorem 2. Let kappa > 0, and a phi' > 0 wherever phi = 1. Then there is no lossless orbit.
-Proof. After a launch g''' = a A'(r) r' = -a phi'(r) kappa^2 T. So g''' < 0 where T > 0: the gap closes at once.
+Proof. After a launch g''' = a A'(r) r' = -a phi'(r) kappa^2 T. So g''' < 0 where T > 0: the gap closes immediately.
 (A machine may leave the contact there all the same, thrown down with T < 0; but it does not land without loss.)
 """
 
@@ -44,7 +44,7 @@ from .case import check_mirrored, not_stated
 from .theorem import Proof
 
 BITS = 80
-# Derivatives of a law that are looked at, the extensions beyond which its tails are judged, and halvings of intervals.
+# Derivatives of a law that are checked, the extensions beyond which its tails are checked, and halvings of intervals.
 MOST_DERIVATIVES, TAILS, MOST_HALVES = 8, tuple(2.0**k for k in range(8)), 24
 # Functions that are odd, increase strictly on all of the real line, and are bounded; the second by pi/2.
 BOUNDED = {"tanh": Fraction(1), "atan": Fraction("1.5707963267948967")}
@@ -150,8 +150,8 @@ class _Law:
         )
 
     def _keeps_sign(self, tail: float, side: int) -> bool:
-        """Whether phi - 1 has a sign beyond an extension: one that its first derivatives away from 0 share there, up to
-        one that has it everywhere."""
+        """Whether phi - 1 has one sign beyond an extension: phi - 1 and its first derivatives away from 0 share it
+        there, up to a derivative that has it everywhere."""
         sign = 0
         for order in range(MOST_DERIVATIVES + 1):
             here = side**order * self.value(order, arb(side * tail))
@@ -182,11 +182,11 @@ class _Law:
 
 @dataclass(frozen=True)
 class Trend:
-    """What the operations of an expression show of it as a function of a variable, in exact numbers.
+    """Properties of an expression as a function of a variable, derived from its operations, in exact numbers.
 
     odd, rises : whether it is an odd function, and whether it increases strictly everywhere
-    bound : of its absolute value; None where none is shown
-    constant : what it lies between, where it does not depend on the variable and that is shown
+    bound : of its absolute value; None where none is derived
+    constant : bounds of its value, where it is shown not to depend on the variable; else None
     """
 
     odd: bool = False
@@ -195,7 +195,7 @@ class Trend:
     constant: Bounds | None = None
 
 
-# A constant of which nothing is shown.
+# The trend of an expression of which nothing is derived.
 _UNKNOWN = Trend()
 Trends: TypeAlias = Sequence[Trend]
 
@@ -222,7 +222,7 @@ def trend_of(of: ExactExpression, variable: ExactExpression, bounds: Mapping[Exa
 
 
 def _combined(each: ExactExpression, own: Trends) -> Trend:
-    """The trend of an operation's result from those of what it is made of."""
+    """The trend of an operation's result from those of its operands."""
     first = own[0]
     if each.kind in BOUNDED and first.constant is None:
         return replace(first, bound=BOUNDED[each.kind])

@@ -1,8 +1,8 @@
-"""That a lossless hop attracts the launches above it, within an explicit distance, where landings are plastic.
+"""A proof that a lossless hop attracts the launches above it, within an explicit distance, where landings are plastic.
 
 Let a launch be faster than a hop's, whose speed is alpha, by d with 0 < d <= d0, and let its landing have no bounce:
-the gap at T, when the hop lands, rises with the speed of the launch. What follows is checked in balls for all of these
-launches at once (`launches`, `landings`). Where the gap falls, there is one bounce, of which `bounces` tells.
+the gap at T, when the hop lands, rises with the speed of the launch. This is checked in balls for all of these launches
+together (`launches`, `landings`). Where the gap falls, there is one bounce; see `bounces`.
 
 The landing. The gap g0 of the hop has a triple zero at T, as its flight is its own mirror image. With -g0''' = J it is
 
@@ -15,13 +15,13 @@ T: from lift-off until near T as in `motion`, and there because g0 and d D are. 
     d = A s**3/(6 D),   and the rate -v,   v = B s**2/2 - d G.
 
 The loss. The landing takes the energy m v**2/2, 1/m the gap's mobility. The energy of launches rises with their speed
-at a rate P > 0. So the loss in speed, if launches of the energy that is left lie above alpha, is c d**(4/3) with
-c = m v**2/(2 P d**(4/3)); and they do where c d**(1/3) < 1, as then less is taken than the launch has above the hop.
+at a rate P > 0. So the loss in speed, if launches of the remaining energy lie above alpha, is c d**(4/3) with
+c = m v**2/(2 P d**(4/3)); and they do where c d**(1/3) < 1, as the loss is then less than the excess over the hop.
 
-The contact. Let the next launch be that of the energy that is left. From its mirror image, with the speed turned, a
+The contact. Let the next launch be that of the remaining energy. From its mirror image, with the speed turned, a
 contact begins that pushes until its coordinate rests, and by symmetry on to that launch, where the force falls to 0.
 At landing the coordinate y is lower than the place of the next launch and falling. The contact from the mirror image
-comes by y while it falls, and there has the same energy, hence the same rate: it is the contact after the landing.
+passes y while it falls, and there has the same energy, hence the same rate: it is the contact after the landing.
 
 Convergence. So d falls to d - c d**(4/3) > 0 at each hop, c in [c1, c2], c1 > 0, and its only limit is 0. With
 x = d**(-1/3), x rises to x (1 - c/x)**(-1/3) > x + c1/3. So d <= (d**(-1/3) + n c1/3)**-3 after n hops.
@@ -50,14 +50,14 @@ from .loss import Loss
 
 # The decades of the distances that are tried.
 DECADES_OF_DISTANCES = 6
-# How far the window reaches beyond the landing that the leading order foretells, and the contact beyond its middle.
+# How far the window reaches beyond the landing predicted by the leading order, and the contact beyond its middle.
 WINDOW_BEYOND, CONTACT_BEYOND = 1.5, 1.1
 
 
 @dataclass(frozen=True)
 class Attraction:
-    """Launches from these places, faster than the hop by at most `within`, come to it; each of them, faster by d, loses
-    a speed c d**(4/3) with c in `losses`; in the machine's units. `bounce` : whether each of them bounces once."""
+    """Launches from these places, faster than the hop by at most `within`, converge to it; each, faster by d, loses a
+    speed c d**(4/3) with c in `losses`; in the machine's units. `bounce` : whether each of them bounces once."""
 
     within: Fraction
     losses: Enclosure
@@ -67,7 +67,7 @@ class Attraction:
 
 @dataclass(frozen=True)
 class Hop:
-    """What is known of a hop: its half orbit, enclosures of its unknowns by name and of half the times of its phases,
+    """A hop as proved: its half orbit, enclosures of its unknowns by name and of half the times of its phases,
     in the units of the equations, the arc of its contact, and its loss."""
 
     half: HalfOrbit
@@ -105,7 +105,7 @@ def attraction_of(hop: Hop) -> Attraction:
 
 
 def _distances(coefficient: arb) -> list[Fraction]:
-    """Decimals of one digit, in the machine's units and ascending, up to where the leading order of the loss would take
+    """Decimals of one digit, in the machine's units and ascending, up to where the leading order of the loss would be
     all of a distance."""
     whole = float(coefficient.mid()) ** -3
     last = math.floor(math.log10(whole))
@@ -137,7 +137,7 @@ def _proved_within(hop: Hop, equations: LaunchEquations, bounces: Bounces | None
 
 
 def _check_contacts(mechanics: ExactMechanics, contact: Motion, lowest: arb) -> None:
-    """Prove that contacts which begin as the mirror images of launches push until they rest, and come below a place
+    """Prove that contacts which begin as the mirror images of launches push until they rest, and pass below a place
     while they fall; raises `Unproved` and `Refuted`."""
     force = contact.chain(mechanics.contact_force, 1)
     if not contact.first(force, 0).contains(0):
@@ -160,5 +160,5 @@ def _check_apart(mechanics: ExactMechanics, flights: Sequence[Motion], contact: 
 
 
 def _rounded(factor: float, time: arb) -> arb:
-    """About a multiple of a time, exactly."""
+    """Approximately a multiple of a time, as an exact number."""
     return arb(factor * float(time.mid()))

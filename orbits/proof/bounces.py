@@ -1,15 +1,15 @@
-"""What launches lose that land with a bounce before the landing of the hop: where the gap falls with their speed.
+"""Losses of launches that land with a bounce before the hop's landing, as the gap falls with their speed.
 
 In the notation of `attraction`, with D < 0, a launch lands first a time a before the hop would, with d = A a**3/(6 |D|)
 and the speed v = B a**2/2 - d G, the means now being over the time from T - a to T. At all earlier times of the window
-its gap is positive, or it is among those times. The landing takes the rate of the gap, and the places stay. So the
+its gap is positive, or it is among those times. The landing removes the gap's rate and leaves the places. So the
 acceleration of the gap goes from M a + d H, H being its derivative by the speed, to
 
-    e = M a + d H + v L,    L that by the rates along what a landing changes, 0 where the inertia is constant.
+    e = M a + d H + v L,    L its derivative by the rates along their change, 0 where the inertia is constant.
 
-It is positive: the contact would pull, and the foot leaves at once. With the means A', B' of the jerk from then on the
-gap is e t**2/2 - A' t**3/6 and first vanishes again at t = 3 e/A', with the speed v' = t**2 (B'/2 - A'/3). That takes
-m v'**2/2 too. To leading order t = 3 a, v = J a**2/2 and v' = 3 v, so that ten times as much is lost as without.
+It is positive: the contact would pull, and the foot leaves immediately. With the means A', B' of the jerk from then on
+the gap is e t**2/2 - A' t**3/6 and first vanishes again at t = 3 e/A', with the speed v' = t**2 (B'/2 - A'/3). This
+loses m v'**2/2 too. To leading order t = 3 a, v = J a**2/2 and v' = 3 v, so that ten times as much is lost as without.
 """
 
 from dataclasses import dataclass, replace
@@ -28,12 +28,12 @@ from ..exact.statement import ExactStatement, HalfOrbit, unknown
 from .landings import CELLS_OF_WINDOW, JerkIntegrals
 from .launches import Flight, Launches, motions_of, states_between
 
-# How many times as late as the first landing is early the second one is at most; in leading order it is 3.
+# The largest ratio of the time between the landings to that by which the first one is early; to leading order it is 3.
 LATEST_BOUNCE = 4.5
 
 
 @dataclass(frozen=True)
-class _Second:
+class _SecondLanding:
     """Enclosures of the second landing of launches that first land a time a before the hop would.
 
     pace, delay : its speed over a**2, and its time after the first over a
@@ -62,27 +62,27 @@ class Bounces:
         gaps = [half.gap]
         for _ in range(3):
             gaps.append(along(gaps[-1], states, rates))
-        weights, kept = [expression(each) for each in m.gap], m.kept[0]
+        weights, coordinate = [expression(each) for each in m.gap], m.kept[0]
         mobility = solved(m.inertia, weights)
         mass = 1 / inner_product(weights, mobility)
         after = [v - each * mass * gaps[1] for v, each in zip(m.v, mobility, strict=True)]
         landed = [each for pair in zip(m.y, after, strict=True) for each in pair]
         self._landed = BallProgram(states, landed)
-        # By the rates, at all of those between before and after the landing.
+        # The derivative by the rates, at all rates between those before and after the landing.
         share = symbol("share of the landing")
         turning = mass * total(derivative_by(gaps[2], v) * each for v, each in zip(m.v, mobility, strict=True))
         between_both = {v: v - share * each * mass * gaps[1] for v, each in zip(m.v, mobility, strict=True)}
         self._turning = BallProgram([*states, share], substitute([turning], between_both))
-        functions = [-gaps[3], mass, m.y[kept], m.v[kept], after[kept]]
+        functions = [-gaps[3], mass, m.y[coordinate], m.v[coordinate], after[coordinate]]
         self._program = BallProgram(self.equations.legs[0].state, functions)
 
     def turning(self, states: list[arb]) -> arb:
         """L, where launches land with these states."""
         return self._turning([*states, between(arb(0), arb(1))])[0]
 
-    def second(self, states: list[arb], early: arb, rising: arb) -> _Second:
-        """The second landing of launches that land with these states, so much earlier than the hop, where afterwards
-        the acceleration of the gap is so many times that time; raises `Unproved`."""
+    def second(self, states: list[arb], early: arb, rising: arb) -> _SecondLanding:
+        """The second landing of launches that land with these states, earlier than the hop by `early`, where
+        afterwards the acceleration of the gap is `rising` times that time; raises `Unproved`."""
         length = LATEST_BOUNCE * early.upper()
         (motion,) = motions_of(self.equations, [*self._landed(states), length])
         cell, jerks, end = length / CELLS_OF_WINDOW, JerkIntegrals(), arb(0)
@@ -103,7 +103,7 @@ class Bounces:
                 found.append((pace, delay, mass, place, rate, after))
             if rising * early * end**2 / 2 < jerks.thrice:
                 pace, delay, mass, place, rate, after = (reduce(arb.union, each) for each in zip(*found, strict=True))
-                return _Second(pace, delay, mass, place, rate, after, motion)
+                return _SecondLanding(pace, delay, mass, place, rate, after, motion)
         raise Unproved("not all launches are proved to land again after their bounce")
 
 

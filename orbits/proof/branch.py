@@ -1,25 +1,25 @@
 """A family proved as one continuous curve of orbits, with its folds: the theorem, and its proof.
 
-Theorem. Let F(u, q) = 0 be the equations of half an orbit (`statement`) with the parameter q as one more unknown. There
-are a continuous curve of solutions X = (u, q), from the one that is enclosed at q = A to the one that is enclosed at
-q = B, and pieces of it, on each of which one coordinate of X, which is q or the launch speed, runs one way through an
-interval, and the others are enclosed, and alone, in a tube about polynomials of it. The curve has exactly the folds in
-q that are enclosed, all of them nondegenerate; between them q runs one way. Where a part of the curve is said to be of
-motions, each orbit on it is one, and of the family that is named.
+Theorem. Let F(u, q) = 0 be the equations of half an orbit (`statement`) with the parameter q as a further unknown.
+There are a continuous curve of solutions X = (u, q), from the one that is enclosed at q = A to the one that is enclosed
+at q = B, and pieces of it, on each of which one coordinate of X, which is q or the launch speed, runs one way
+through an interval, and the others are enclosed, and unique, in a tube about polynomials of it. The curve has exactly
+the folds in q that are enclosed, all of them nondegenerate; between them q runs one way. Where a part of the curve is
+said to be of motions, each orbit on it is one, and of the family that is stated.
 
 A piece (`tube`). Let the coordinate X_k = c + d s run, and let the others be p(s) + w. If Krawczyk's operator, for each
 s, maps the box |w| <= W into its interior, then there is exactly one solution in it, it is regular, and by the implicit
-function theorem it is a smooth function of s: a smooth arc. The operator is evaluated for all s at once, in Taylor
-models (`taylor_model`), along motions that are enclosed for all s at once (`curve_motion`), so that its width does not
-grow with the length of the piece, but with what the polynomials leave out.
+function theorem it is a smooth function of s: a smooth arc. The operator is evaluated for all s together, in Taylor
+models (`taylor_model`), along motions that are enclosed for all s together (`curve_motion`), so that its width does not
+grow with the length of the piece, but with the error of the polynomials.
 
 Joints (`branch_way`). The end of one arc is enclosed by the radii of its tube. If this enclosure lies in the box of the
 next piece at the same value of X_k (or, where another coordinate runs there, at each value that X_k may have there),
-then it is the solution that is alone in that box, and the arcs have this point in common. The first arc holds in this
-way the solution that is proved for q = A exactly, the last one that for q = B. So the union of the arcs, each between
-its joints, is a continuous curve. It does not go back at a joint: the next arc runs the same coordinate the same way,
-or else dq/ds is proved to have one sign, the same, on both sides of the joint. Points of a family that lie on several
-curves do not prove: the end of one arc is not in the next box.
+then it is the only solution in that box, and the arcs have this point in common. In the same way the first arc holds
+the solution that is proved for q = A exactly, the last one that for q = B. So the union of the arcs, each between
+its joints, is a continuous curve. It does not turn back at a joint: the next arc runs the same coordinate the same way,
+or else dq/ds is proved to have one sign, the same, on both sides of the joint. If the points of a family lie on several
+curves, the proof fails: the end of one arc is not in the next box.
 
 Folds. On an arc that q runs along there is none. On another one the derivative of q is that of the polynomial and of
 w, |w'| <= v with v from F_w w' = -F_s. Where its sign is undecided, on a part S of the arc, the equations of folds
@@ -30,10 +30,10 @@ that q turns quadratically there, and the signs before and after it differ.
 
 Motions (`branch_motion`). The signs of Lemmas 5 and 6 of `orbits.proof` are taken over all orbits of a part of an arc.
 The contact is another arc of the motion, whose half time is enclosed in a tube of its own, with the unknowns of the
-flight known within theirs. A part on which a sign is undecided is halved some times; what is left, about the places
-where a condition is lost, is named as undecided, and then the whole is not said to be proved.
+flight known within theirs. A part on which a sign is undecided is halved some times; what remains, about the places
+where a condition is lost, is reported as undecided, and then the whole is not reported as proved.
 
-Of laws in pieces no curve is proved: the time at which a breakpoint is crossed changes along it, and the motion there
+For laws in pieces no curve is proved: the time at which a breakpoint is crossed changes along it, and the motion there
 has no Taylor models.
 
 Sources: J. B. van den Berg, J.-P. Lessard, K. Mischaikow, Mathematics of Computation 79 (2010) 1565-1584, for curves
@@ -96,7 +96,7 @@ def _proved_curve(
         raise Unproved(f"the family has no {missing[0]}: follow it by the simplest method")
     ends = _proved_end(equations, claim.first, digits, reasons), _proved_end(equations, claim.last, digits, reasons)
     values = claim.points[0, -1], claim.points[-1, -1]
-    balls = [equations.balls(_by_name(equations, end, value)) for end, value in zip(ends, values, strict=True)]
+    balls = [equations.balls(_coordinates_of(equations, end, value)) for end, value in zip(ends, values, strict=True)]
     way = Way(equations, claim, balls, digits)
     links = way.followed()
     stretches = list[MotionStretch]()
@@ -120,7 +120,7 @@ def _proved_end(equations: CurveEquations, claim: Claim, digits: int | None, rea
         return found
 
 
-def _by_name(equations: CurveEquations, end: ProvedExistence, value: float) -> dict[str, arb]:
+def _coordinates_of(equations: CurveEquations, end: ProvedExistence, value: float) -> dict[str, arb]:
     """The coordinates of an end, in units of the machine."""
     units = (ball_of_fraction(end.half.unit_of(name)) for name in end.statement.unknowns)
     balls = {name: ball * unit for name, ball, unit in zip(end.statement.unknowns, end.root.box, units, strict=True)}

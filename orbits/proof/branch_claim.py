@@ -1,4 +1,4 @@
-"""What a family says of a curve of orbits, of which nothing is believed."""
+"""The claims of a family about a curve of orbits, none of which is trusted."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -16,11 +16,11 @@ Solver: TypeAlias = Callable[[int, np.ndarray, np.ndarray], tuple[np.ndarray, np
 
 @dataclass(frozen=True)
 class BranchClaim:
-    """What a family says of a curve of orbits along a parameter, of a machine without units.
+    """The claims of a family about a curve of orbits along a parameter, of a machine without units.
 
-    first, last : of its ends
+    first, last : the claims of its ends
     names : of the coordinates of the curve: the unknowns of its equations, and the parameter
-    points, tangents : (m, n + 1) along it, of which nothing is believed
+    points, tangents : (m, n + 1) along it, none of which is trusted
     solve : see `Solver`, with the coordinates in the order of `names`
     """
 

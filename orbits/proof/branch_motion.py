@@ -1,6 +1,6 @@
-"""Along which parts of a proved curve the orbits are motions.
+"""The parts of a proved curve along which the orbits are motions.
 
-On a part of a piece the states along the motion are enclosed for all of its places at once, so that Lemmas 5 and 6 of
+On a part of a piece the states along the motion are enclosed for all of its places together, so that Lemmas 5 and 6 of
 this package decide the signs for all of its orbits. Where one stays undecided, the part is halved. A contact is added
 to the orbits of a piece by a tube for half its time, the other unknowns being known within theirs.
 """
@@ -31,10 +31,10 @@ HALVINGS_OF_CONTACT, HALVINGS_OF_SIGNS = 4, 7
 
 @dataclass(frozen=True)
 class MotionStretch:
-    """A part of a piece, between two places, with what is proved of the motions there.
+    """A part of a piece, between two places, with the verdicts on the motions there.
 
     conditions : by name "proved", "refuted" or "undecided"
-    reasons : what is not proved, in words
+    reasons : for each statement that is not proved, the reason in words
     """
 
     piece: CurvePiece
@@ -55,7 +55,7 @@ class MotionStretch:
         return self.family is not None and all(each == PROVED for each in self.conditions.values())
 
     def like(self, other: "MotionStretch") -> bool:
-        """Whether the same is proved of another one."""
+        """Whether the same is proved as of another stretch."""
         return self.family == other.family and self.conditions == other.conditions
 
 
@@ -75,7 +75,7 @@ class _Contact:
 
 
 class MotionChecks:
-    """What decides whether the orbits of pieces of a curve are motions."""
+    """The checks of whether the orbits of pieces of a curve are motions."""
 
     def __init__(self, equations: CurveEquations, solve: Solver):
         self.equations, self.solve = equations, solve
@@ -89,7 +89,7 @@ class MotionChecks:
             self.contact_leg = BallLeg(arc, [*equations.inputs, unknown(CONTACT_DURATION)], parameter)
 
     def along(self, piece: CurvePiece, low: float, high: float) -> list[MotionStretch]:
-        """What is proved of the motions between two places of a piece, in order; raises `Unproved` where the flights
+        """The verdicts on the motions between two places of a piece, in order; raises `Unproved` where the flights
         are not even enclosed."""
         flight, found = self._flight(piece), list[MotionStretch]()
         for first, last, contact in self._contacts(piece, low, high, HALVINGS_OF_CONTACT):
@@ -97,7 +97,7 @@ class MotionChecks:
             while waiting:
                 begin, end, left = waiting.pop()
                 stretch = self._decided(piece, flight, contact, begin, end)
-                if not _halves_would_not_help(stretch) and left:
+                if not _is_final(stretch) and left:
                     middle = (begin + end) / 2
                     waiting += [(middle, end, left - 1), (begin, middle, left - 1)]
                 elif found and found[-1].like(stretch):
@@ -155,11 +155,11 @@ class MotionChecks:
         undecided = dict.fromkeys(self.names, UNDECIDED)
         try:
             flight = Motion(self.flight_leg, passage_on(steps, arb(low).union(arb(high))))
-            held = None if contact is None else contact.on(low, high)
-            for motion in filter(None, (flight, held)):
+            contacts = None if contact is None else contact.on(low, high)
+            for motion in filter(None, (flight, contacts)):
                 motion.leg.check_domains(motion.passage)
             family, _ = counted_family(half, flight, None, reasons)
-            conditions = motion_conditions(half, flight, held, self.names, reasons)
+            conditions = motion_conditions(half, flight, contacts, self.names, reasons)
         except TooLong:
             raise
         except Unproved as error:
@@ -167,13 +167,13 @@ class MotionChecks:
         return MotionStretch(piece, low, high, family, conditions, tuple(reasons))
 
 
-def _halves_would_not_help(stretch: MotionStretch) -> bool:
-    """Whether halves of a part would not decide more of it: all is decided that a contact is not needed for."""
-    open_ones = [name for name, verdict in stretch.conditions.items() if verdict == UNDECIDED]
-    return stretch.family is not None and all(f"{name}: {NO_CONTACT}" in stretch.reasons for name in open_ones)
+def _is_final(stretch: MotionStretch) -> bool:
+    """Whether halving a part would decide no more: all is decided that needs no contact."""
+    undecided = [name for name, verdict in stretch.conditions.items() if verdict == UNDECIDED]
+    return stretch.family is not None and all(f"{name}: {NO_CONTACT}" in stretch.reasons for name in undecided)
 
 
 def _on_part(model: TaylorModel, place: arb_poly) -> TaylorModel:
-    """A polynomial in s with s as a polynomial."""
+    """A polynomial in s with another polynomial in place of s."""
     polynomial = arb_poly([sum(part.coeffs(), arb(0)) for part in model.parts])
     return TaylorModel.of_curve(polynomial(place).coeffs())

@@ -1,4 +1,4 @@
-"""Pieces of a curve of orbits along a parameter: proved tubes, what they hold, and how the parameter turns on them."""
+"""Pieces of a curve of orbits along a parameter: proved tubes, their solutions, and the turns of the parameter."""
 
 import itertools
 from collections.abc import Callable, Sequence
@@ -23,14 +23,14 @@ from ..exact.stated import StatedMachine
 from ..exact.statement import HalfOrbit
 from .branch_claim import Solver
 
-# The last coefficients of the polynomials of a piece are at most this, relative to the first: else it is too long.
+# The largest size of the last coefficients of a piece's polynomials, relative to the first; else it is too long.
 LAST_COEFFICIENTS = 1e-9
-# Parts of a piece on which signs are decided, how often a part is halved, and how many may be undecided for that.
+# Parts of a piece on which signs are decided, the most halvings of a part, and the most undecided parts to halve.
 PARTS_OF_PIECES, HALVINGS_OF_PIECES, MOST_UNDECIDED = 4, 40, 12
 
 
 class CurveEquations:
-    """The equations of half an orbit and the parameter as one more unknown, the last of the coordinates.
+    """The equations of half an orbit and the parameter as a further unknown, the last of the coordinates.
 
     names, units : of the coordinates, and those in which they are solved for
     """
@@ -68,9 +68,9 @@ class CurveEquations:
 
 @dataclass(frozen=True)
 class CurvePiece:
-    """A proved piece, on which one coordinate runs from a value to another, and the others lie in a tube.
+    """A proved piece, on which one coordinate runs from one value to another, and the others lie in a tube.
 
-    coordinate : the index of the one that runs
+    coordinate : the index of that one
     start, stop : its exact values, in the units of the machine
     coefficients : (coordinates, degrees) decimals of the polynomials in s, in the units of the machine
     """
@@ -84,7 +84,7 @@ class CurvePiece:
 
     @property
     def direction(self) -> int:
-        """Whether the coordinate grows on the way, as 1 or -1."""
+        """1 if the coordinate grows from start to stop, else -1."""
         return 1 if self.stop > self.start else -1
 
     def place(self, value: arb) -> arb:
@@ -103,7 +103,7 @@ class CurvePiece:
         return [self.tube.at(i, s) for i in range(len(self.equations.names))]
 
     def numerical(self, values: np.ndarray) -> np.ndarray:
-        """Coordinates (m, n + 1) about where the one that runs has values (m,), in the units of the machine."""
+        """Approximate coordinates (m, n + 1) where that of the piece has values (m,), in the units of the machine."""
         middle, half = float(self.start + self.stop) / 2, float(self.stop - self.start) / 2
         places_of = (values - middle) / half
         columns = [np.polyval([float(each) for each in row[::-1]], places_of) for row in self.coefficients]
@@ -123,11 +123,11 @@ class CurvePiece:
 
 
 def _within(s: arb) -> bool:
-    """Whether places are on a piece, whose end is exactly at 1 where they are one."""
+    """Whether places are on a piece, whose end is exactly 1 where they are a single number."""
     return bool(s >= -1) and bool(s <= 1)
 
 
-# Guesses (m, n + 1) of the curve where the coordinate of a piece has values (m,).
+# Guesses (m, n + 1) of the points of the curve where the coordinate of a piece has values (m,).
 NumericalCurve: TypeAlias = Callable[[np.ndarray], np.ndarray]
 
 
@@ -166,7 +166,7 @@ def prove_piece(
 
 
 def _check_whole(piece: CurvePiece) -> None:
-    """Prove that alpha and the times are positive, and formulas have values, all along."""
+    """Prove that alpha and the times are positive, and formulas have values, on the whole piece."""
     waiting = [(part, HALVINGS_OF_PIECES // 4) for part in parts_between(-1.0, 1.0)]
     legs = [*zip(piece.equations.legs, piece.tube.values.steps, strict=True)]
     while waiting:
@@ -198,7 +198,7 @@ def floats_about(begin: arb, end: arb) -> tuple[float, float]:
 
 def signs_along(piece: CurvePiece, low: float, high: float) -> list[tuple[float, float, int]]:
     """The signs of the parameter's derivative between two places, in order: runs (low, high, sign) of parts with the
-    same one, 0 where it is undecided also on short parts."""
+    same sign, 0 where it is undecided even on short parts."""
     parts = [(*each, piece.turning(arb(each[0]).union(arb(each[1])))) for each in parts_between(low, high)]
     for _ in range(HALVINGS_OF_PIECES):
         if not 0 < sum(sign == 0 for _, _, sign in parts) <= MOST_UNDECIDED:
@@ -219,8 +219,8 @@ def signs_along(piece: CurvePiece, low: float, high: float) -> list[tuple[float,
 
 
 def inside(inner: CurvePiece, outer: CurvePiece) -> bool:
-    """Whether all solutions of a piece lie in the tube of another one along the same coordinate, so that they are its
-    own."""
+    """Whether all solutions of a piece lie in the tube of another one along the same coordinate, so that they are
+    its solutions too."""
     unit = ball_of_fraction(inner.equations.units[inner.coordinate])
     ends = [outer.place(ball_of_fraction(end) / unit) for end in (inner.start, inner.stop)]
     if not all(map(_within, ends)):
@@ -235,5 +235,5 @@ def inside(inner: CurvePiece, outer: CurvePiece) -> bool:
 
 
 def _polynomial(model: TaylorModel) -> arb_poly:
-    """A model that is the same at all times, as its polynomial in s."""
+    """The polynomial in s of a model that does not depend on time."""
     return arb_poly([sum(part.coeffs(), arb(0)) for part in model.parts])

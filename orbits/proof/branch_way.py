@@ -19,19 +19,19 @@ from .branch_claim import BranchClaim
 from .branch_piece import CurveEquations, CurvePiece, floats_about, inside, prove_piece, signs_along
 from .proved_fold import proved_fold
 
-# A parameter is followed itself where it has this share of the way at least, else the launch speed; where it is
-# followed already, until it has less than the second.
-SHARE_OF_PARAMETER, SHARE_STILL = 0.5, 0.25
-# A piece whose coordinate is not that of the one before begins and ends this share of it farther out.
+# The parameter is the coordinate of a piece where its share of the motion along the curve is at least the first, else
+# the launch speed; where the parameter is the coordinate already, it remains so down to the second.
+SHARE_OF_PARAMETER, SHARE_TO_STAY = 0.5, 0.25
+# A piece whose coordinate is not that of the one before begins and ends farther out by this share of its length.
 MARGIN_AT_JOINTS = 0.02
-# Points of the family that the first piece tries to reach, and how many times as many as before the next one does.
+# Points of the family that the first piece tries to cover, and the factor by which the next one tries to cover more.
 FIRST_REACH, LONGER = 64, 4
-# How many points may be set between those of the family, and how close to the next, relative to the coordinate.
+# The most points inserted between those of the family, and the least distance to the next, relative to the coordinate.
 MOST_INSERTED, CLOSEST = 400, 1e-7
-# A shorter piece about a fold is so long, as a share of its piece and of what is undecided there; and what is undecided
-# is looked at on it with so much on either side, which covers roundings.
-ABOUT_FOLD, ABOUT_UNDECIDED, NEXT = 0.05, 2.0, 1e-6
-# No other fold is looked for in a box that is so many times as large as what holds those of the curve.
+# The length of the shorter piece about a fold, as a share of its piece and of the undecided part there; and the margin
+# on either side with which the undecided part is checked on it, which covers roundings.
+ABOUT_FOLD, ABOUT_UNDECIDED, MARGIN_OF_UNDECIDED = 0.05, 2.0, 1e-6
+# The size of the box that is to hold no other fold, relative to the enclosure of the folds on the curve.
 ROOM_AT_FOLD = 4
 
 
@@ -45,7 +45,7 @@ class Fold:
 
 @dataclass(frozen=True)
 class Link:
-    """A piece on the way, with the places between which it is followed, and the folds there in order."""
+    """A piece of the curve, with the places between which it is followed, and the folds there in order."""
 
     piece: CurvePiece
     begin: arb
@@ -57,7 +57,7 @@ class Way:
     """The way along a curve, piece after piece.
 
     ends : the coordinates at both ends, enclosed, in the units of the equations
-    digits : of folds
+    digits : number of digits of the folds
     """
 
     def __init__(
@@ -75,13 +75,13 @@ class Way:
 
     def solve(self, coordinate: int, values: np.ndarray, guesses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The numerical curve; see `Solver`."""
-        there = np.empty_like(guesses)
-        there[:, self._order] = guesses
-        rows, halves = self.claim.solve(self._order[coordinate], values, there)
+        reordered = np.empty_like(guesses)
+        reordered[:, self._order] = guesses
+        rows, halves = self.claim.solve(self._order[coordinate], values, reordered)
         return rows[:, self._order], halves
 
     def _guess(self, coordinate: int, at: int, to: int, values: np.ndarray) -> np.ndarray:
-        """Guesses between two points, and a little beyond, by lines from point to point."""
+        """Guesses between two points, and a little beyond, by linear interpolation."""
         chain = np.array(self.points[at : to + 1])
         chain = chain if chain[0, coordinate] < chain[-1, coordinate] else chain[::-1]
         places = np.clip(np.searchsorted(chain[:, coordinate], values), 1, len(chain) - 1)
@@ -107,30 +107,30 @@ class Way:
         return links
 
     def _insert(self, at: int, error: Exception) -> None:
-        """A further point of the numerical curve half way to the next one."""
+        """Insert a point of the numerical curve half way to the next one; raises `Unproved`."""
         here, there = self.points[at], self.points[at + 1]
         coordinate = self._coordinate(at, at + 1)
         self._inserted += 1
         place = f"{self.equations.along} = {here[-1]:.9g} and {there[-1]:.9g}"
-        lost = f"the points of the family at {place} are not proved to be on one curve: {error}"
+        message = f"the points of the family at {place} are not proved to be on one curve: {error}"
         if coordinate is None:
-            raise Unproved(lost)
+            raise Unproved(message)
         middle = (here[coordinate] + there[coordinate]) / 2
         if self._inserted > MOST_INSERTED or abs(there - here)[coordinate] < CLOSEST * abs(here[coordinate]):
-            raise Unproved(lost)
+            raise Unproved(message)
         try:
             rows, _ = self.solve(coordinate, np.array([middle]), (here + there)[None] / 2)
-        except OrbitsError as missing:
-            raise Unproved(f"between {place} there is no curve to follow: {missing}") from None
+        except OrbitsError as failure:
+            raise Unproved(f"between {place} there is no curve to follow: {failure}") from None
         self.points.insert(at + 1, rows[0])
         self._tangents.insert(at + 1, (self._tangents[at] + self._tangents[at + 1]) / 2)
 
     def _coordinate(self, at: int, to: int, before: Link | None = None) -> int | None:
-        """The coordinate along which to follow the curve between two points; None where none runs all the way."""
+        """The coordinate along which to follow the curve between two points; None where neither is monotone there."""
         parameter, speed = self.equations.parameter, self.equations.speed
         columns, moves = np.array(self.points[at : to + 1]), np.abs(self._tangents[at : to + 1])
         ratio = moves[:, parameter] * self._shares[0] / np.maximum(moves[:, speed] * self._shares[1], 1e-300)
-        share = SHARE_STILL if before is not None and before.piece.coordinate == parameter else SHARE_OF_PARAMETER
+        share = SHARE_TO_STAY if before is not None and before.piece.coordinate == parameter else SHARE_OF_PARAMETER
         order = (parameter, speed) if (ratio >= share).all() else (speed, parameter)
         for coordinate in order:
             steps = np.diff(columns[:, coordinate])
@@ -171,7 +171,7 @@ class Way:
 
     @staticmethod
     def _check_onward(before: Link | None, piece: CurvePiece, begin: arb) -> None:
-        """A piece does not lead back along the one before."""
+        """Prove that a piece does not lead back along the one before; raises `Unproved`."""
         if before is None:
             return
         if before.piece.coordinate == piece.coordinate:
@@ -182,7 +182,7 @@ class Way:
             raise Unproved("a piece is not proved to lead onward from the one before")
 
     def _check_points(self, piece: CurvePiece, at: int, to: int) -> None:
-        """The points of the family between two of them lie in the tube of the piece."""
+        """Check that the points of the family between two of them lie in the tube of the piece; raises `Unproved`."""
         for row in self.points[at : to + 1]:
             values = [arb(float(each)) / ball_of_fraction(unit)
                       for each, unit in zip(row, self.equations.units, strict=True)]  # fmt: skip
@@ -208,7 +208,7 @@ class Way:
         return tuple(found)
 
     def _fold(self, piece: CurvePiece, first: float, last: float) -> Fold:
-        """The only fold between two places, outside of which the parameter does not turn."""
+        """The only fold on a part of a piece, outside of which the parameter does not turn."""
         equations, middle = self.equations, (first + last) / 2
         reach, half = max(ABOUT_FOLD, ABOUT_UNDECIDED * (last - first)), float(piece.stop - piece.start) / 2
         centre = float(piece.start + piece.stop) / 2 + half * middle
@@ -219,9 +219,9 @@ class Way:
         # The direction of the curve is enclosed better on a narrower tube.
         piece = replace(piece, tube=narrowed(equations.legs, piece.tube))
         low, high = (float(piece.place(whole.value(each)).mid()) for each in (first, last))
-        if not -1 < low - NEXT <= high + NEXT < 1:
+        if not -1 < low - MARGIN_OF_UNDECIDED <= high + MARGIN_OF_UNDECIDED < 1:
             raise Unproved("the parameter turns too near to the end of a piece")
-        runs = signs_along(piece, low - NEXT, high + NEXT)
+        runs = signs_along(piece, low - MARGIN_OF_UNDECIDED, high + MARGIN_OF_UNDECIDED)
         if len(runs) != 3 or runs[0][2] * runs[2][2] != -1:
             raise Unproved("the parameter is not proved to turn once at a fold")
         s, largest = arb(runs[1][0]).union(arb(runs[1][1])), runs[0][2] > 0

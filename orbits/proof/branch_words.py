@@ -19,7 +19,7 @@ from .case import PROVED, REFUTED, UNDECIDED, ProvedExistence
 from .theorem import CurvePart, Proof
 from .wording import CONDITIONS_IN_WORDS, enclosed_words
 
-# What each condition is called where it is violated or not decided.
+# The name of each condition where it is violated or not decided.
 LOST_CONDITIONS = {
     "clearance": "clearance",
     "separation": "separation",
@@ -30,7 +30,7 @@ LOST_CONDITIONS = {
 
 @dataclass(frozen=True)
 class ProvedCurve:
-    """A proved curve: its ends, its pieces, and what is proved of the motions along it."""
+    """A proved curve: its ends, its pieces, and the verdicts on the motions along it."""
 
     ends: tuple[ProvedExistence, ProvedExistence]
     links: list[Link]
@@ -41,7 +41,7 @@ def branch_proof(
     claim: BranchClaim, stated: StatedMachine, found: ProvedCurve | None, motion: bool, reasons: Sequence[str],
     digits: int | None, seconds: float,
 ) -> Proof:  # fmt: skip
-    """The theorem about a curve, or that nothing is proved of one."""
+    """The theorem about a curve, or the report that nothing is proved of one."""
     along = claim.along
     document = stated.document()
     document["parameters"] = document["parameters"] | {along: None}
@@ -152,7 +152,7 @@ def _ends_of(stretch: MotionStretch) -> list[dict[str, arb]]:
 
 
 def _runs(stretches: Sequence[MotionStretch]) -> list[list[MotionStretch]]:
-    """The stretches in order, those together of which the same is proved."""
+    """The stretches in order, grouped into runs of which the same is proved."""
     runs = list[list[MotionStretch]]()
     for each in stretches:
         if runs and runs[-1][-1].like(each):
@@ -162,7 +162,7 @@ def _runs(stretches: Sequence[MotionStretch]) -> list[list[MotionStretch]]:
     return runs
 
 
-def _place_words(run: Sequence[MotionStretch], along: str) -> str:
+def _range_in_words(run: Sequence[MotionStretch], along: str) -> str:
     (first, _), (_, last) = _ends_of(run[0]), _ends_of(run[-1])
     begin, end = (
         f"{along} in {enclosure_of(each[along])} and alpha in {enclosure_of(each['alpha'])}" for each in (first, last)
@@ -171,13 +171,13 @@ def _place_words(run: Sequence[MotionStretch], along: str) -> str:
 
 
 def _motion_sentence(stretches: Sequence[MotionStretch], along: str) -> str:
-    """What is proved of the motions, part after part."""
+    """The sentences on what is proved of the motions, part after part."""
     runs = _runs(stretches)
-    places = ["all along the curve"] if len(runs) == 1 else [_place_words(run, along) for run in runs]
-    return " ".join(_run_words(run, place) for run, place in zip(runs, places, strict=True))
+    places = ["all along the curve"] if len(runs) == 1 else [_range_in_words(run, along) for run in runs]
+    return " ".join(_run_in_words(run, place) for run, place in zip(runs, places, strict=True))
 
 
-def _run_words(run: Sequence[MotionStretch], where: str) -> str:
+def _run_in_words(run: Sequence[MotionStretch], where: str) -> str:
     family, conditions = run[0].family, run[0].conditions
     proved = [CONDITIONS_IN_WORDS[name] for name, verdict in conditions.items() if verdict == PROVED]
     counted = [] if family is None else [f"the orbits are of family {family}"]
@@ -195,7 +195,7 @@ def _run_words(run: Sequence[MotionStretch], where: str) -> str:
 
 
 def _verdicts_along(stretches: Sequence[MotionStretch]) -> dict[str, str]:
-    """The verdict on each condition all along the curve: refuted where it is on some part."""
+    """The verdict on each condition along the whole curve: refuted where it is refuted on some part."""
     names = stretches[0].conditions if stretches else {}
     found = {name: {each.conditions[name] for each in stretches} for name in names}
     order = (REFUTED, UNDECIDED, PROVED)
@@ -203,9 +203,9 @@ def _verdicts_along(stretches: Sequence[MotionStretch]) -> dict[str, str]:
 
 
 def _reasons(stretches: Sequence[MotionStretch], along: str) -> list[str]:
-    """What is not proved of the motions, part after part."""
+    """The reasons why motions are not proved, part after part."""
     runs = [run for run in _runs(stretches) if not run[0].admissible]
-    reasons = [f"{_place_words(run, along)}: {'; '.join(dict.fromkeys(run[0].reasons))}" for run in runs]
+    reasons = [f"{_range_in_words(run, along)}: {'; '.join(dict.fromkeys(run[0].reasons))}" for run in runs]
     if len({each.family for each in stretches}) > 1:
         reasons.append("family: the parts of the curve are of several families, or it is not counted")
     return reasons

@@ -1,4 +1,4 @@
-"""The proof of what an orbit says: that it exists, is alone nearby, is of its family and is a motion."""
+"""The proof of the claims of an orbit: that it exists, is unique nearby, is of its family and is a motion."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -28,14 +28,14 @@ from .theorem import Part, Proof
 from .wording import attraction_sentence, loss_sentence, motion_sentence, root_sentence
 
 BITS_PER_DIGIT = 3.33
-# Bits that are asked for where no number of digits is.
-USUAL_BITS = 60
+# The bits of an enclosure by default.
+DEFAULT_BITS = 60
 MOST_DIGITS = 300
-# What an orbit says of alpha is right if it is within its own error, twice over, and a few units of the last place.
-CLAIMED, CLAIM_ROUNDINGS = 2.0, 8 * 2.0**-52
-# What it says of other numbers is right to this share of them, beside so many times its error: they are not what it
-# bounds the error of, and are right to some roundings.
-OTHERS_CLAIMED, OTHER_ERRORS = 1e-11, 1e3
+# An orbit's alpha is correct if it is within this multiple of its own error plus a few units of the last place.
+ERRORS_OF_ALPHA, CLAIM_ROUNDINGS = 2.0, 8 * 2.0**-52
+# Its other numbers are correct to this share of them plus this multiple of its error: the orbit bounds no errors of
+# theirs, and they are correct to some roundings.
+SHARE_OF_OTHERS, ERRORS_OF_OTHERS = 1e-11, 1e3
 NO_CONTACT = "the orbit has no contact that ends, of which anything could be proved"
 PROVED, REFUTED, UNDECIDED = "proved", "refuted", "undecided"
 MAIN_UNKNOWNS = ("alpha", "flight_time", "contact_time")
@@ -43,7 +43,7 @@ CONDITIONS = ("clearance", "separation", "contact_force", "contact_end")
 
 
 def checked_digits(digits: int | None) -> int | None:
-    """A number of digits that can be asked for; raises `InputError` for another."""
+    """A valid number of digits; raises `InputError` for another."""
     if digits is not None and (
         isinstance(digits, bool) or not (isinstance(digits, int) and 1 <= digits <= MOST_DIGITS)
     ):
@@ -52,8 +52,8 @@ def checked_digits(digits: int | None) -> int | None:
 
 
 def bits_of_digits(digits: int | None) -> int:
-    """How many bits enclose so many decimal digits; the usual number for None."""
-    return USUAL_BITS if digits is None else int(BITS_PER_DIGIT * (digits + 2))
+    """The number of bits that enclose a number of decimal digits; the default for None."""
+    return DEFAULT_BITS if digits is None else int(BITS_PER_DIGIT * (digits + 2))
 
 
 def check_mirrored(model: Any) -> None:
@@ -63,7 +63,7 @@ def check_mirrored(model: Any) -> None:
 
 
 def not_stated(machine: Machine, reason: Unproved, conditions: Mapping[str, str] | None = None) -> Proof:
-    """What is proved of a machine that no theorem can state: nothing."""
+    """The proof, with nothing proved, for a machine that no theorem can state."""
     words = machine_in_words(machine)
     statement = f"Nothing is proved of the {words['machine']}: no theorem can state it."
     reasons = (f"the machine: {reason}",)
@@ -74,8 +74,8 @@ def not_stated(machine: Machine, reason: Unproved, conditions: Mapping[str, str]
 class ProvedExistence:
     """A proved solution of the equations of half an orbit.
 
-    balls, unknowns : enclosures of what the theorem names, the launch and the times of the whole phases, in the units
-        of the machine; the second as decimals
+    balls, unknowns : enclosures of the numbers in the theorem, of the launch and the times of the whole phases, in the
+        units of the machine; the second as decimals
     uniqueness_radius : in the units of the machine
     """
 
@@ -100,7 +100,7 @@ def ball_of(each: ExactExpression, statement: ExactStatement, equations: Equatio
 
 @dataclass(frozen=True)
 class Verdicts:
-    """What is proved of the motion of a solution: its family, its conditions, further enclosures, and what is not."""
+    """The verdicts on the motion of a solution: family, conditions, enclosures, and reasons for what is not proved."""
 
     family: int | None = None
     conditions: Mapping[str, str] = field(default_factory=dict)
@@ -114,8 +114,8 @@ def whole_proof(
     claim: Claim, stated: StatedMachine, digits: int | None, motion: bool, loss: bool, attraction: bool = False,
     about_claim: bool = True,
 ) -> Proof:  # fmt: skip
-    """The proof for all values of the parameters at once; whether with what the orbit says of its numbers, which are
-    not those of each part of an interval."""
+    """The proof for all values of the parameters together; `about_claim` : whether it checks the orbit's own numbers,
+    which hold only for the part of an interval with the machine's own values."""
     began, found, verdicts = time.perf_counter(), None, Verdicts()
     names = [name for name in CONDITIONS if name != "separation" or stated.separation is not None]
     undecided = dict.fromkeys(names if motion else (), UNDECIDED)
@@ -125,8 +125,8 @@ def whole_proof(
         except Unproved as error:
             verdicts = Verdicts(conditions=undecided, reasons=(f"existence: {error}",))
         if found is not None:
-            wanted = loss or (attraction and not claim.machine.restitution)
-            verdicts = _verdicts(found, claim, names if motion else [], wanted, digits, about_claim)
+            with_loss = loss or (attraction and not claim.machine.restitution)
+            verdicts = _verdicts(found, claim, names if motion else [], with_loss, digits, about_claim)
             if attraction:
                 verdicts = _with_attraction(found, claim, verdicts)
     parameters = {name: bounds_of_fractions(bounds) for name, bounds in stated.parameters.items()}
@@ -147,7 +147,7 @@ def whole_proof(
         root_sentence(found.unknowns, radius, bool(stated.wide)),
         motion_sentence(verdicts.family, verdicts.conditions, verdicts.enclosures),
     ]
-    # Only beside a motion there are hops.
+    # There are hops beside the orbit only if it is a motion.
     if verdicts.loss and motion and not reasons:
         sentences.append(loss_sentence(enclosures["loss_coefficient"], verdicts.loss.bounce_side))
     within = None
@@ -175,7 +175,7 @@ def whole_proof(
 
 
 def existence_of(claim: Claim, stated: StatedMachine, with_contact: bool, digits: int | None) -> ProvedExistence:
-    """The proved solution near what an orbit says; raises `Unproved`."""
+    """The proved solution near an orbit's claim; raises `Unproved`."""
     half = HalfOrbit(ExactMechanics(stated, Scale.of(claim.alpha, claim.flight_time / 2, max(claim.family, 1))))
     statement = half.statement(with_contact)
     if missing := [name for name in statement.unknowns if name not in claim.unknowns]:
@@ -195,21 +195,21 @@ def existence_of(claim: Claim, stated: StatedMachine, with_contact: bool, digits
             balls["contact_time"] = 2 * half_contact
         if not balls["flight_time"] > 0:
             raise Unproved("the time of the flight is not proved to be positive")
-        unknowns = {name: _stated(ball, digits) for name, ball in balls.items()}
+        unknowns = {name: _widened_enclosure(ball, digits) for name, ball in balls.items()}
         radius = lower_decimal(root.unique_within(units))
     return ProvedExistence(half, statement, equations, root, balls, unknowns, radius)
 
 
-def _stated(ball: arb, digits: int | None) -> Enclosure:
-    """An enclosure of some width: one without would say more than whoever verifies it by another method can find."""
-    bits = max(bits_of_digits(digits), USUAL_BITS)
+def _widened_enclosure(ball: arb, digits: int | None) -> Enclosure:
+    """An enclosure of positive width: one of width 0 could not be verified by another method."""
+    bits = max(bits_of_digits(digits), DEFAULT_BITS)
     return enclosure_of(ball if ball.rad() > 0 else ball + arb(0, abs(ball) * arb(2) ** -bits), digits)
 
 
 def _verdicts(
     found: ProvedExistence, claim: Claim, names: list[str], loss: bool, digits: int | None, about_claim: bool
 ) -> Verdicts:
-    """What is proved of the motion, for these conditions, and of what the orbit says."""
+    """The verdicts on the motion, for these conditions, and on the orbit's claims."""
     reasons = [*wrong_numbers(found, claim)] if about_claim else []
     if not (names or loss):
         return Verdicts(reasons=tuple(reasons))
@@ -243,7 +243,7 @@ def _verdicts(
 
 
 def _with_attraction(found: ProvedExistence, claim: Claim, verdicts: Verdicts) -> Verdicts:
-    """The verdicts with that of the attraction of launches above alpha."""
+    """The verdicts with that on the attraction of launches above alpha."""
     try:
         _check_landings(claim.machine)
         if verdicts.loss is None or {*verdicts.conditions.values()} != {PROVED}:
@@ -262,43 +262,43 @@ def _with_attraction(found: ProvedExistence, claim: Claim, verdicts: Verdicts) -
 
 
 def _check_landings(machine: Machine) -> None:
-    """Raise `Unproved` for a machine whose landings are others than the theorem's."""
+    """Raise `Unproved` for a machine whose landings are not plastic, as the theorem requires."""
     if machine.restitution:
         raise Unproved(f"impacts are not plastic, with restitution = {machine.restitution!r}")
 
 
 def wrong_numbers(found: ProvedExistence, claim: Claim) -> list[str]:
-    """What the orbit says of alpha and of the times, and is not so."""
+    """The reasons why the orbit's alpha and times are wrong, in words."""
     reasons = list[str]()
-    error = CLAIMED * claim.error + CLAIM_ROUNDINGS * abs(claim.alpha)
+    error = ERRORS_OF_ALPHA * claim.error + CLAIM_ROUNDINGS * abs(claim.alpha)
     balls = found.balls
     if not isfinite(error) or not (balls["alpha"] + arb(0, error)).overlaps(arb(claim.alpha)):
-        said = f"the orbit says {claim.alpha!r} with an error of {claim.error:.1e}"
-        reasons.append(f"alpha: {said}, and lies outside the enclosure {found.unknowns['alpha']}")
-    for name, said_time in (("flight_time", claim.flight_time), ("contact_time", claim.contact_time)):
-        if name in balls and said_time is not None and not _agrees(balls[name], said_time, claim):
-            reasons.append(f"{name}: the orbit says {said_time!r}, outside the enclosure {found.unknowns[name]}")
+        claimed = f"the orbit says {claim.alpha!r} with an error of {claim.error:.1e}"
+        reasons.append(f"alpha: {claimed}, and lies outside the enclosure {found.unknowns['alpha']}")
+    for name, claimed_time in (("flight_time", claim.flight_time), ("contact_time", claim.contact_time)):
+        if name in balls and claimed_time is not None and not _agrees(balls[name], claimed_time, claim):
+            reasons.append(f"{name}: the orbit says {claimed_time!r}, outside the enclosure {found.unknowns[name]}")
     return reasons
 
 
-def _agrees(ball: arb, said: float, claim: Claim) -> bool:
-    """Whether a number is what an orbit says, as near as that knows it."""
-    error = OTHERS_CLAIMED * max(abs(said), claim.alpha * 1e-3) + OTHER_ERRORS * claim.error
-    return isfinite(error) and isfinite(said) and bool((ball + arb(0, error)).overlaps(arb(said)))
+def _agrees(ball: arb, claimed: float, claim: Claim) -> bool:
+    """Whether an enclosed number agrees with an orbit's, within the orbit's error."""
+    error = SHARE_OF_OTHERS * max(abs(claimed), claim.alpha * 1e-3) + ERRORS_OF_OTHERS * claim.error
+    return isfinite(error) and isfinite(claimed) and bool((ball + arb(0, error)).overlaps(arb(claimed)))
 
 
 def _wrong_places(found: ProvedExistence, flight: Motion, claim: Claim) -> list[str]:
-    """What the orbit says of its extension at lift-off and of its coordinates in mid-flight, and is not so."""
+    """The reasons why the orbit's extension at lift-off and coordinates in mid-flight are wrong, in words."""
     mechanics = found.half.mechanics
     places = [
         place * ball_of_fraction(mechanics.scale.length) for place in flight.passage.finish[: 2 * mechanics.size : 2]
     ]
     ends = dict(zip(mechanics.stated.coordinates, places, strict=True))
-    said = {f"{name} in mid-flight": (ends[name], value) for name, value in claim.places.items() if name in ends}
+    claimed = {f"{name} in mid-flight": (ends[name], value) for name, value in claim.places.items() if name in ends}
     if claim.liftoff_extension is not None:
         counted = flight.chain([mechanics.counts] * len(flight.leg.rates), 0)
-        said["liftoff_extension"] = flight.first(counted, 0), claim.liftoff_extension
-    wrong = [(name, value) for name, (ball, value) in said.items() if not _agrees(ball, value, claim)]
+        claimed["liftoff_extension"] = flight.first(counted, 0), claim.liftoff_extension
+    wrong = [(name, value) for name, (ball, value) in claimed.items() if not _agrees(ball, value, claim)]
     return [f"{name}: the orbit says {value!r}, which is not so" for name, value in wrong]
 
 
@@ -337,8 +337,8 @@ def counted_family(
         reasons.append(f"family: {error}")
         return None, {}
     return family, {
-        "liftoff_extension": _stated(flight.first(counted, 0), digits),
-        "mid_flight_extension": _stated(flight.last(counted, 0), digits),
+        "liftoff_extension": _widened_enclosure(flight.first(counted, 0), digits),
+        "mid_flight_extension": _widened_enclosure(flight.last(counted, 0), digits),
     }
 
 
@@ -349,8 +349,8 @@ def motion_conditions(
     checks = {
         "clearance": lambda: _check_gap(half, flight),
         "separation": lambda: _check_separation(half, flight, contact),
-        "contact_force": lambda: _check_force(half, _ending(contact)),
-        "contact_end": lambda: _check_end(half, _ending(contact)),
+        "contact_force": lambda: _check_force(half, _contact_that_ends(contact)),
+        "contact_end": lambda: _check_end(half, _contact_that_ends(contact)),
     }
     return {name: verdict_of(name, checks[name], reasons) for name in names}
 
@@ -368,15 +368,15 @@ def verdict_of(name: str, check: Callable[[], None], reasons: list[str]) -> str:
     return PROVED
 
 
-def _ending(contact: Motion | None) -> Motion:
+def _contact_that_ends(contact: Motion | None) -> Motion:
     if contact is None:
         raise Unproved(NO_CONTACT)
     return contact
 
 
 def _check_gap(half: HalfOrbit, flight: Motion) -> None:
-    """The gap and its speed are 0 at lift-off, as the launch is a contact state; its acceleration is, as the contact
-    force vanishes there."""
+    """The gap and its speed are 0 at lift-off, as the launch is a contact state; its acceleration is 0, as the
+    contact force vanishes there."""
     gap = flight.chain([half.gap] * len(flight.leg.rates), 3)
     if not flight.first(gap, 2).contains(0):
         raise Unproved("the gap's acceleration does not vanish with the contact force")
@@ -387,9 +387,9 @@ def _check_separation(half: HalfOrbit, flight: Motion, contact: Motion | None) -
     mechanics = half.mechanics
     assert mechanics.separation is not None
     flight.check_positive(flight.chain([mechanics.separation] * len(flight.leg.rates), 1))
-    held = _ending(contact)
+    checked = _contact_that_ends(contact)
     (inside,) = substitute([mechanics.separation], dict(zip(mechanics.y, mechanics.embedded(mechanics.s), strict=True)))
-    held.check_positive(held.chain([inside] * len(held.leg.rates), 1))
+    checked.check_positive(checked.chain([inside] * len(checked.leg.rates), 1))
 
 
 def _check_force(half: HalfOrbit, contact: Motion) -> None:
@@ -400,7 +400,7 @@ def _check_force(half: HalfOrbit, contact: Motion) -> None:
 
 
 def _check_end(half: HalfOrbit, contact: Motion) -> None:
-    """Of one coordinate the rate first vanishes in mid-contact; of several the equations demand that all rates do."""
+    """A single coordinate's rate first vanishes in mid-contact; of several, the equations require that all rates do."""
     mechanics = half.mechanics
     if mechanics.size == 2:
         contact.check_positive(contact.chain([-mechanics.w[0]] * len(contact.leg.rates), 1), zero_at_end=True)

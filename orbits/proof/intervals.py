@@ -1,4 +1,4 @@
-"""Proofs for parameters that are known within intervals: at once where these are narrow, else in parts."""
+"""Proofs for parameters that are known within intervals: whole where these are narrow, else in parts."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -23,7 +23,7 @@ def proof_of(
     claim: Claim, digits: int | None, parameters: Mapping[str, Decimals], motion: bool, loss: bool, limit: float,
     attraction: bool = False,
 ) -> Proof:  # fmt: skip
-    """The proof of what is said of an orbit, see `prove`."""
+    """The proof of a claim about an orbit; see `prove`."""
     check_mirrored(claim.machine.model)
     with time_limit(limit):
         return _proof_of(claim, digits, parameters, motion, loss, attraction)
@@ -41,7 +41,7 @@ def _proof_of(
     if whole.proved or not stated.wide or attraction or REFUTED in whole.conditions.values() or claim.contradictions:
         return whole
     own = stated_machine(claim.machine, {}).parameters
-    if not _holds(stated, own):
+    if not _contain(stated, own):
         return whole
     parts = _parts(claim, stated, own, (digits, motion, loss), HALVINGS_OF_INTERVALS)
     if parts is None:
@@ -51,33 +51,33 @@ def _proof_of(
     return replace(_joined(parts, stated), parameters=parameters_stated, seconds=seconds)
 
 
-def _with(stated: StatedMachine, name: str, bounds: Bounds) -> StatedMachine:
+def _with_parameter(stated: StatedMachine, name: str, bounds: Bounds) -> StatedMachine:
     return replace(stated, parameters={**stated.parameters, name: bounds})
 
 
-def _holds(stated: StatedMachine, own: Mapping[str, Bounds]) -> bool:
-    """Whether the intervals hold a machine's own values."""
+def _contain(stated: StatedMachine, own: Mapping[str, Bounds]) -> bool:
+    """Whether the intervals contain a machine's own values."""
     return all(stated.parameters[name][0] <= own[name][0] <= stated.parameters[name][1] for name in stated.wide)
 
 
 def _parts(
-    claim: Claim, stated: StatedMachine, own: Mapping[str, Bounds], asked: tuple[int | None, bool, bool], left: int
+    claim: Claim, stated: StatedMachine, own: Mapping[str, Bounds], options: tuple[int | None, bool, bool], depth: int
 ) -> list[Proof] | None:
-    """Proofs of halves of the widest interval, and of their halves where they are needed; None where one fails. What
-    the orbit says is held against the parts that hold its machine's own values."""
+    """Proofs of halves of the widest interval, and of their halves where needed; None where one fails. The orbit's
+    numbers are compared with the parts that contain its machine's own values."""
     found = list[Proof]()
     widest = max(stated.wide, key=lambda name: _relative_width(stated.parameters[name]))
     low, high = stated.parameters[widest]
     middle = (low + high) / 2
     for ends in ((low, middle), (middle, high)):
-        half = _with(stated, widest, ends)
-        proof = whole_proof(claim, half, *asked, about_claim=_holds(half, own))
+        half = _with_parameter(stated, widest, ends)
+        proof = whole_proof(claim, half, *options, about_claim=_contain(half, own))
         if proof.proved:
             found.append(proof)
             continue
-        if left == 1 or REFUTED in proof.conditions.values():
+        if depth == 1 or REFUTED in proof.conditions.values():
             return None
-        deeper = _parts(claim, half, own, asked, left - 1)
+        deeper = _parts(claim, half, own, options, depth - 1)
         if deeper is None:
             return None
         found += deeper
@@ -90,7 +90,7 @@ def _relative_width(bounds: Bounds) -> float:
 
 
 def _joined(parts: Sequence[Proof], stated: StatedMachine) -> Proof:
-    """One proof of those of parts of the intervals, each of which is proved. No single radius of uniqueness is stated:
+    """One proof from those of parts of the intervals, all of them proved. No single radius of uniqueness is stated:
     each part has its own."""
     first = parts[0]
     enclosures = {name: _union([part.enclosures[name] for part in parts]) for name in first.enclosures}

@@ -1,4 +1,4 @@
-"""What launches that are a little faster than a hop lose at landing, enclosed over all times at which they may land.
+"""The losses at landing of launches a little faster than a hop, enclosed over all times at which they may land.
 
 The jerk J of a gap is its third derivative with its sign turned. From a time at which the gap and its first two
 derivatives vanish they are, s later, -A s**3/6, -B s**2/2 and -M s: the means A, B, M of J over that time have the
@@ -14,7 +14,7 @@ from ..balls.step import between
 from ..exact.refusal import Unproved
 from .launches import PARTS_OF_PIECE, Flight, Launches
 
-# Parts of the window on which landings are enclosed one by one, and passes over the means on each.
+# The number of parts of the window on which landings are enclosed, and of passes over the means on each.
 CELLS_OF_WINDOW, PASSES_OVER_MEANS = 24, 3
 
 
@@ -27,15 +27,15 @@ class Means(NamedTuple):
 
 
 class JerkIntegrals:
-    """Integrals of the jerk over a growing time, in which it is enclosed part by part: of itself, of that from the
-    start, and once more."""
+    """Integrals of the jerk over a growing time, in which it is enclosed part by part: the first, the second and the
+    third from the start."""
 
     def __init__(self) -> None:
         self.time = self.once = self.twice = self.thrice = arb(0)
         self._hull: arb | None = None
 
     def further(self, jerk: arb, length: arb) -> Means:
-        """Go on by a length in which the jerk is enclosed; returns the means until any time in it."""
+        """Extend the time by a length in which the jerk is enclosed; returns the means until any time in it."""
         self._hull = jerk if self._hull is None else self._hull.union(jerk)
         means = self._means(jerk, length)
         self.thrice = self.thrice + length * self.twice + length**2 / 2 * self.once + length**3 / 6 * jerk

@@ -25,11 +25,11 @@ from ..exact.refusal import Unproved
 from ..exact.statement import ExactArc, ExactStatement, HalfOrbit, unknown
 from .loss import launch_expressions
 
-# Bits that motions are followed in; sets of launches are wider by far than what these round.
+# The precision of the motions in bits; sets of launches are wider by far than its roundings.
 BITS_OF_LAUNCHES = 64
-# Attempts at the places of all launches, and the room about each.
+# The most attempts to enclose the places of all launches, and the factor by which each is widened.
 MOST_WIDENED, ROOM_OF_PLACES = 12, 1.25
-# Parts of each step, on which signs of the states are looked at one by one.
+# Parts of each step, on which signs of the states are checked one by one.
 PARTS_OF_PIECE = 8
 
 
@@ -37,7 +37,7 @@ PARTS_OF_PIECE = 8
 class Launches:
     """Launches from enclosures of their places and speeds; the hop's is one of them.
 
-    curve : an enclosure of the places of all of these launches, inside of that which is followed
+    curve : an enclosure of the places of all of these launches, inside `place`, from which motions are followed
     place_by_speed : an enclosure of the derivative along the curve
     """
 
@@ -67,28 +67,28 @@ def motions_of(equations: Equations, box: Sequence[arb]) -> list[Motion]:
 
 
 def launches_beyond(half: HalfOrbit, place: arb, speed: arb, reach: arb) -> Launches:
-    """The launches that are faster by at most `reach` than one of this place and speed, on the curve through it.
+    """The launches that are faster by at most `reach` than a launch of this place and speed, on the curve through it.
 
-    By the theorem of Picard and Lindelof the curve stays in an enclosure that its slope, over all of it, does not lead
-    out of. There the force has a derivative by the place that is not 0: so there are no other launches. Raises
+    By the theorem of Picard and Lindelof the curve stays in an enclosure out of which its slope, over all of it, does
+    not lead. There the force has a derivative by the place that is not 0: so there are no other launches. Raises
     `Unproved` where none is found.
     """
     own, lifted = half.launch_unknowns, half.lifted[0]
     by_place = derivative_by(lifted, own["liftoff"])
     program = BallProgram([*own.values()], [-derivative_by(lifted, own["alpha"]) / by_place, by_place])
-    speeds, places = between(speed, speed + reach), _roomy(place)
+    speeds, places = between(speed, speed + reach), _widened_ball(place)
     for _ in range(MOST_WIDENED):
         slope, rises = program([places, speeds])
         curve = place + slope * between(arb(0), reach)
         if rises.contains(0) or not curve.is_finite():
             break
-        if places.contains(_roomy(curve)):
+        if places.contains(_widened_ball(curve)):
             return Launches(half, places, speeds, curve, slope)
-        places = _roomy(_roomy(curve))
+        places = _widened_ball(_widened_ball(curve))
     raise Unproved("the places of lift-off near that of the hop are not enclosed")
 
 
-def _roomy(value: arb) -> arb:
+def _widened_ball(value: arb) -> arb:
     """A wider ball, which also holds the ball's bounds as decimals."""
     return (
         value.mid()
@@ -103,8 +103,8 @@ class Landing(NamedTuple):
     jerk : the third derivative of the gap, with its sign turned
     gap_by_speed, gap_rate_by_speed, gap_acceleration_by_speed, place_by_speed : derivatives by the speed of the launch,
         at fixed times, of the gap, its rate and its acceleration, and of the contact's coordinate
-    place, rate, rate_after : of the contact's coordinate; the last as a plastic landing leaves it
-    mass : what the gap's rate squared is multiplied by in twice the energy that a landing takes
+    place, rate, rate_after : of the contact's coordinate; the last after a plastic landing
+    mass : twice the energy that a landing takes, divided by the square of the gap's rate
     """
 
     jerk: arb
@@ -126,7 +126,7 @@ class LaunchEquations:
 
     def __init__(self, half: HalfOrbit, contact: ExactArc):
         self.half, own = half, half.launch_unknowns
-        # Half the time of the flight of the hop; how long it is followed before and after its landing.
+        # Half the flight time of the hop; the time for which launches are followed before and after its landing.
         half_time, window = unknown(FLIGHT_DURATION), unknown("window")
         arc = half.flight().arcs[0]
         changes = [symbol(f"by speed {each.value}") for each in arc.states]
@@ -145,8 +145,8 @@ class LaunchEquations:
         unknowns = own | {FLIGHT_DURATION: half_time, "window": window}
         self.flight = Equations(ExactStatement(unknowns, (first, second)), IntervalParameters({}))
         time = unknown("time in contact")
-        held = replace(contact, duration=time, before=(), conditions=[], guards=[[]])
-        self.contact = Equations(ExactStatement(own | {"time": time}, (held,)), IntervalParameters({}))
+        arc_of_contact = replace(contact, duration=time, before=(), conditions=[], guards=[[]])
+        self.contact = Equations(ExactStatement(own | {"time": time}, (arc_of_contact,)), IntervalParameters({}))
         self.landing = BallProgram(self.flight.legs[1].state, _landing_functions(half, first))
 
 
@@ -154,7 +154,7 @@ class Flight:
     """The flight of launches, from lift-off to a time after the landing of the hop.
 
     half_time : an enclosure of half the time of the flight of the hop
-    window : how long it is followed before and after that landing by itself
+    window : the time for which launches are followed before that landing, and as long after it
     motions : before the window, and in it
     """
 
@@ -163,7 +163,7 @@ class Flight:
         self.motions = launches.follow(equations.flight, half_time, window)
 
     def landing(self, low: arb, high: arb, parts: int = 1) -> Landing:
-        """What is enclosed between two times of the window, which count from the landing of the hop."""
+        """The enclosures between two times of the window, which count from the landing of the hop."""
         found: list[arb] | None = None
         low, high = ((each + self.window) / (2 * self.window) for each in (low, high))
         for states in states_between(self.motions[1], low, high, parts):
@@ -190,23 +190,23 @@ class Flight:
 
 
 def _landing_functions(half: HalfOrbit, arc: ExactArc) -> list[ExactExpression]:
-    """Those of `Landing`, on an arc whose states are those of the flight and their derivatives."""
+    """The functions of `Landing`, on an arc whose states are those of the flight and their derivatives."""
     m, own = half.mechanics, arc.states[: len(arc.states) // 2]
     by_speed = dict(zip(own, arc.states[len(own) :], strict=True))
     gaps = [half.gap]
     for _ in range(3):
         gaps.append(along(gaps[-1], own, arc.rates[0][: len(own)]))
     gaps_by_speed = [along(each, own, arc.states[len(own) :]) for each in gaps[:3]]
-    weights, kept = [expression(each) for each in m.gap], m.kept[0]
+    weights, coordinate = [expression(each) for each in m.gap], m.kept[0]
     mobility = solved(m.inertia, weights)
     mass = 1 / inner_product(weights, mobility)
-    after = m.v[kept] - mobility[kept] * mass * gaps[1]
-    return [-gaps[3], *gaps_by_speed, by_speed[m.y[kept]], m.y[kept], m.v[kept], after, mass]
+    after = m.v[coordinate] - mobility[coordinate] * mass * gaps[1]
+    return [-gaps[3], *gaps_by_speed, by_speed[m.y[coordinate]], m.y[coordinate], m.v[coordinate], after, mass]
 
 
 def states_between(motion: Motion, low: arb, high: arb, parts: int) -> Iterator[list[arb]]:
-    """Enclosures of the states of a motion, on so many parts of each of its steps, which together hold the times
-    between two; the motion lasts from 0 to 1."""
+    """Enclosures of the states of a motion, on `parts` parts of each of its steps, which together cover the times
+    from `low` to `high`; the motion lasts from 0 to 1."""
     for piece in motion.passage.pieces:
         first, last = (low - piece.begins).lower(), (high - piece.begins).upper()
         first, last = first if first > 0 else arb(0), last if last < piece.step.h else piece.step.h
@@ -217,7 +217,7 @@ def states_between(motion: Motion, low: arb, high: arb, parts: int) -> Iterator[
 
 
 def comes_below(contact: Motion, place: arb) -> bool:
-    """Whether all motions of a contact are proved to come below a place while they fall."""
+    """Whether all motions of a contact are proved to pass below a place while they fall."""
     for states in states_between(contact, arb(0), arb(1), PARTS_OF_PIECE):
         if not states[1] < 0:
             return False

@@ -25,8 +25,8 @@ from ..exact.statement import HalfOrbit
 class Loss:
     """An enclosure of C, and the side on which hops land with a bounce, "above" or "below".
 
-    delay : (delay |d|)**(1/3) is how much later, or earlier, hops beside it land, to leading order, in the units of the
-        equations
+    delay : (delay |d|)**(1/3) is the time by which hops beside it land later, or earlier, to leading order, in
+        the units of the equations
     """
 
     coefficient: arb
@@ -36,7 +36,7 @@ class Loss:
 
 def enclosed_loss(half: HalfOrbit, flight: Motion, unknowns: Mapping[str, arb], bits: int) -> Loss:
     """The loss beside an enclosed half flight in the flight states, with enclosures of the unknowns by name; raises
-    `Unproved` where the signs that it takes are not decided."""
+    `Unproved` where the signs that it requires are not decided."""
     m, leg, law = half.mechanics, flight.leg, flight.passage.pieces[0].laws[0]
     if m.size != 2:
         raise Unproved("a launch is more than a speed: no map of launch speeds tells what is lost")
@@ -66,8 +66,8 @@ def enclosed_loss(half: HalfOrbit, flight: Motion, unknowns: Mapping[str, arb], 
 
 
 def launch_expressions(half: HalfOrbit, law: int) -> list[ExactExpression]:
-    """What the gap's speed squared is multiplied by in twice the energy that a landing loses, the derivative of the
-    energy of a launch by alpha, and those (2 n,) of the launch itself, as functions of the launch."""
+    """Twice the energy that a landing loses over the square of the gap's speed, the derivative of the energy of a
+    launch by alpha, and those (2 n,) of the launch itself, as functions of the launch."""
     m, own = half.mechanics, half.launch_unknowns
     lifted, launch = half.lifted[law], half.launch
     # The place of the launch follows its speed, since the contact force stays 0.

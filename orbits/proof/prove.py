@@ -1,6 +1,6 @@
-"""What can be proved: an orbit, a fold of a family, and that there is no orbit or no lift-off.
+"""Proofs: of an orbit, of a fold of a family, and of the absence of orbits or of a lift-off.
 
-All of it needs python-flint, of the extra `proof`, which is imported when it is used.
+All of them need python-flint, of the extra `proof`, which is imported when it is used.
 """
 
 import decimal
@@ -43,18 +43,18 @@ def prove(
 
     orbit : as `find` returns it
     digits : number of decimal digits of the unknowns to enclose; None for about 18
-    machine : that the orbit belongs to; None for the one that it was found for
+    machine : the machine of the orbit; None for the one that it was found for
     parameters : exact decimals, as {"beta": "0.3"}, or intervals, as {"beta": ("0.299", "0.301")}, instead of the
-        machine's floats; by default a float stands for the shortest decimal that rounds to it. What is proved with
+        machine's floats; by default a float stands for the shortest decimal that rounds to it. A theorem with
         intervals is true for each value in them.
     motion : whether to prove the conditions of a motion too
     loss : whether to enclose the loss coefficient too
-    attraction : whether to prove too that each launch above alpha, up to a distance that is determined, comes to it by
-        hopping; this encloses the loss coefficient, and the losses of those launches
-    limit : time limit in seconds; what is not proved by then is reported as not proved
+    attraction : whether to prove too that each launch above alpha, up to a distance that is determined, converges to
+        it by hopping; this encloses the loss coefficient, and the losses of those launches
+    limit : time limit in seconds; a statement not proved by then is reported as not proved
 
-    The theorems, their lemmas, and what is trusted are described in `orbits.proof`. Where something is not proved, the
-    result says what and why; no error is raised. The theorem about a machine in SI is in SI. Raises `InputError`
+    The theorems, their lemmas and the trusted software are described in `orbits.proof`. If something is not proved, the
+    result states it and why; no error is raised. The theorem about a machine in SI is in SI. Raises `InputError`
     without python-flint, for invalid parameters and digits, and for an orbit whose machine is not known. Source: R.
     Krawczyk, Computing 4 (1969), and the references of `orbits.proof`.
 
@@ -76,15 +76,15 @@ def prove(
 def prove_claims(
     claims: Sequence[Claim], digits: int | None = None, motion: bool = True, workers: int = 1, limit: float = LIMIT
 ) -> tuple[Proof, ...]:
-    """The proofs of what is said of several orbits, on so many processes, in their order; see `prove`."""
+    """The proofs of claims about several orbits, on `workers` processes, in their order; see `prove`."""
     need_flint()
     if not (isinstance(workers, int) and workers >= 1):
         raise InputError(f"workers = {workers!r}; it is a whole number from 1")
     if workers == 1 or len(claims) < 2:
-        return tuple(_claim_proved(claim, digits, motion, limit) for claim in claims)
+        return tuple(_prove_claim(claim, digits, motion, limit) for claim in claims)
     context = get_context("spawn")  # a fork of a process with threads may hang
     with ProcessPoolExecutor(min(workers, len(claims)), context) as pool:
-        return tuple(pool.map(partial(_claim_proved, digits=digits, motion=motion, limit=limit), claims))
+        return tuple(pool.map(partial(_prove_claim, digits=digits, motion=motion, limit=limit), claims))
 
 
 @exclusive
@@ -98,7 +98,7 @@ def prove_branch(claim: BranchClaim, digits: int | None, motion: bool, limit: fl
 
 
 @exclusive
-def _claim_proved(claim: Claim, digits: int | None, motion: bool, limit: float) -> Proof:
+def _prove_claim(claim: Claim, digits: int | None, motion: bool, limit: float) -> Proof:
     from .case import checked_digits
     from .intervals import proof_of
 
@@ -161,9 +161,9 @@ def prove_fold(
     alpha = fold.tangent[names.index("alpha")]
     directions = {name: each / alpha for name, each in zip(names, fold.tangent[:-1], strict=True)}
     unknowns = dict(zip(names, fold.u, strict=True))
-    given = dict(parameters or {})
+    values = dict(parameters or {})
     with time_limit(limit):
-        return proof_of_fold(machine, unknowns, directions, along, fold.value, given, checked_digits(digits))
+        return proof_of_fold(machine, unknowns, directions, along, fold.value, values, checked_digits(digits))
 
 
 @exclusive

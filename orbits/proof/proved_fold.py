@@ -24,7 +24,7 @@ from .case import ball_of, bits_of_digits, check_mirrored, not_stated
 from .theorem import Part, Proof
 from .wording import enclosed_words
 
-# What else varies at a fold is looked for within these shares of what the launch speed is.
+# The other unknowns of a fold are searched for within these shares of the launch speed.
 SHARES_OF_SPEED = (0.01, 0.1, 0.001)
 
 
@@ -91,7 +91,7 @@ def proved_fold(
 ) -> ProvedFold:  # fmt: skip
     """The fold near a guess; raises `Unproved`.
 
-    reach : how far from the guess there should be no other one, by the name of the unknown
+    reach : the distance from the guess within which there is to be no other fold, by the name of the unknown
     """
     mechanics = ExactMechanics(
         stated, Scale.of(unknowns["alpha"], unknowns.get(FLIGHT_DURATION, unknowns["alpha"])), along

@@ -1,4 +1,4 @@
-"""What was proved, as a frozen result that prints and saves itself."""
+"""A proof as a frozen result that prints and saves itself."""
 
 import textwrap
 from collections.abc import Iterator, Mapping
@@ -14,7 +14,7 @@ LINE_WIDTH = 110
 
 @dataclass(frozen=True)
 class Part:
-    """A box of parameters with what is proved there of the unknowns of the equations.
+    """A box of parameters with the enclosures of the unknowns of the equations there.
 
     parameters, unknowns : enclosures by name
     uniqueness_radius : no other solution has all unknowns within it of their enclosures
@@ -37,10 +37,10 @@ class CurvePart(Part):
     interval, the others lie near polynomials in its place s there, from -1 to 1.
 
     parameters, unknowns : enclosures on the whole piece
-    coordinate, start, stop : the coordinate that runs, and the decimals from and to which
+    coordinate, start, stop : that coordinate, and the decimals at which its interval begins and ends
     polynomials : decimals, the coefficients of 1, s, s**2, ..., by name
-    within : how far from them the others are at most, by name
-    alone_within : how far from them there is no other solution, by name; the least is `uniqueness_radius`
+    within : the largest distance of the others from them, by name
+    alone_within : the distance from them with no other solution within, by name; the least is `uniqueness_radius`
     """
 
     coordinate: str = ""
@@ -76,9 +76,9 @@ class Proof(Result, what="proof", document_is_whole=True):
     parts : the boxes of parameters that were proved one by one, usually one
     conditions : of a motion, by name: "proved", "refuted" or "undecided"
     bounce_side : "above" or "below", the side of alpha on which hops land with a bounce; None where that is not proved
-    attraction_radius : each launch that is faster than alpha by at most this decimal comes to alpha by hopping; None
-        where that is not proved
-    reasons : what is not proved, and why, in words
+    attraction_radius : each launch that is faster than alpha by at most this decimal converges to alpha by hopping;
+        None where that is not proved
+    reasons : for each statement that is not proved, the reason in words
     digits : number of digits requested; None for the default
     seconds : wall time
     """
@@ -146,12 +146,12 @@ class Proof(Result, what="proof", document_is_whole=True):
 
     @classmethod
     def form(cls) -> str:
-        """As in `Result`; the second form tells the machine in formulas."""
+        """As in `Result`; the second form states the machine in formulas."""
         return "persistent-orbits proof 2"
 
     @classmethod
     def of_saved(cls, document: Any, machine: Any = None) -> "Proof":
-        """The proof of what `saved` made, of which nothing is proved anew: that is what `orbits check-proof` does."""
+        """The proof of a saved document, without proving anything anew; `orbits check-proof` does that."""
         data = cls._conform(document, Mapping[str, Any])
         numbers = "family", "radius", "uniqueness_radius", "bounce_side", "attraction_radius", "digits", "seconds"
         return cls(
@@ -171,7 +171,7 @@ class Proof(Result, what="proof", document_is_whole=True):
         return known | ({"mid_flight_extension": known["liftoff_extension"]} if known else {})
 
     def table(self) -> dict[str, list[str]]:
-        """What is enclosed as columns: the quantities, and the bounds as decimals."""
+        """The enclosures as columns: the quantities, and the bounds as decimals."""
         bounds = {side: [getattr(each, side) for each in self.enclosures.values()] for side in ("low", "high")}
         return {"quantity": list(self.enclosures), "unit": [*map(self.unit_of, self.enclosures)], **bounds}
 
@@ -182,7 +182,7 @@ class Proof(Result, what="proof", document_is_whole=True):
         return "proved" if self.proved else "NOT PROVED"
 
     def _rows(self) -> Iterator[Row]:
-        """What is enclosed, the conditions with their verdicts, and the time."""
+        """The enclosures, the conditions with their verdicts, and the time."""
         for name, each in self.enclosures.items():
             yield Row(name.replace("_", " "), {name: str(each)})
         if self.attraction_radius is not None:
@@ -206,7 +206,7 @@ def _enclosures(data: Mapping[str, Any]) -> dict[str, Enclosure]:
 
 
 def _part_of(data: Mapping[str, Any]) -> Part:
-    """The part of what its `document` is."""
+    """The part of its `document`."""
     boxes = {name: _enclosures(data[name]) for name in ("parameters", "unknowns")}
     if "coordinate" not in data:
         return Part(**{**data, **boxes})

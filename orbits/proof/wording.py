@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from ..exact.bounds import Enclosure
 from .attraction import Attraction
 
-# What each condition of a motion says, where it is proved.
+# The statement of each condition of a motion, where it is proved.
 CONDITIONS_IN_WORDS = {
     "clearance": "the contact point is above what it lands on throughout the open flight",
     "separation": "the separation stays positive over the whole cycle",
@@ -15,12 +15,12 @@ CONDITIONS_IN_WORDS = {
 
 
 def enclosed_words(enclosures: Mapping[str, Enclosure]) -> str:
-    """What is enclosed, in words."""
+    """Enclosures, in words."""
     return "; ".join(f"{name.replace('_', ' ')} in {value}" for name, value in enclosures.items())
 
 
 def root_sentence(unknowns: Mapping[str, Enclosure], uniqueness: str, wide: bool) -> str:
-    """What existence and uniqueness say."""
+    """The sentences on existence and uniqueness."""
     values = "For each value of the parameters in their intervals the" if wide else "The"
     names = ", ".join(name.replace("_", " ") for name in unknowns)
     others = f"No other solution has all of these ({names}) within {uniqueness} of these enclosures"
@@ -28,12 +28,12 @@ def root_sentence(unknowns: Mapping[str, Enclosure], uniqueness: str, wide: bool
 
 
 def equations_words(unknowns: Mapping[str, Enclosure]) -> str:
-    """Which equations were solved: without a contact, those of the flight alone."""
+    """The name of the equations that were solved: without a contact, those of the flight alone."""
     return f"equations of {'' if 'contact_time' in unknowns else 'the flight of '}a lossless orbit"
 
 
 def motion_sentence(family: int | None, conditions: Mapping[str, str], enclosures: Mapping[str, Enclosure]) -> str:
-    """What is proved of the motion."""
+    """The sentence on the motion."""
     proved = [CONDITIONS_IN_WORDS[name] for name, verdict in conditions.items() if verdict == "proved"]
     counted = [] if family is None else [f"it is of family {family}"]
     extensions = enclosed_words({name: each for name, each in enclosures.items() if name.endswith("_extension")})
@@ -44,14 +44,14 @@ def motion_sentence(family: int | None, conditions: Mapping[str, str], enclosure
 
 
 def loss_sentence(enclosure: Enclosure, bounce_side: str) -> str:
-    """What is proved of the hops beside it."""
+    """The sentence on the losses of the hops beside the orbit."""
     law = f"loses C |d|**(4/3) of it in one hop, to leading order, with C in {enclosure}"
     side = f"{law}, and ten times as much on the side {bounce_side} it, where the landing has a bounce"
     return f"A launch whose speed is off alpha by d {side}."
 
 
 def attraction_sentence(radius: str, attraction: Attraction) -> str:
-    """What is proved of the launches above it, within a decimal."""
+    """The sentence on the launches above the hop, within a decimal."""
     losses, places = attraction.losses, attraction.places
     launch = f"A launch, being a state in contact whose contact force is 0, with liftoff in {places},"
     lands = "lands, bounces once, lands again" if attraction.bounce else "lands once"

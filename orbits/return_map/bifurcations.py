@@ -1,7 +1,7 @@
 """Bifurcation diagrams of the return map along the injection, the restitution, or a parameter of the machine.
 
-Fixed points are looked for at some values of the parameter, all over the range of launch speeds, and each is followed
-to both sides. Where its multiplier passes -1, hops of twice the period begin, and are followed too.
+Fixed points are searched for at some values of the parameter, over the whole range of launch speeds, and each is
+followed to both sides. Where its multiplier passes -1, hops of twice the period begin, and are followed too.
 """
 
 from collections.abc import Iterator
@@ -20,8 +20,8 @@ from .diagram import RESERVED_IN_DIAGRAMS, Bifurcation, BifurcationDiagram, Bran
 from .resolved_map import ROUNDED
 
 SECTIONS, ATTRACTOR = 9, 400
-# Launches from which the attractor is looked for, hops until they have come to it, and hops of it that are kept.
-STARTS_OF_HOPS, TRANSIENT, KEPT_HOPS = 4, 200, 60
+# Launches from which the attractor is searched for, hops until they have reached it, and hops of it that are stored.
+STARTS_OF_HOPS, TRANSIENT, ATTRACTOR_HOPS = 4, 200, 60
 LONGEST_CHORD = 0.02
 SETTLES = {True: "stable", False: "unstable"}
 
@@ -43,7 +43,7 @@ def bifurcations(
     sections : number of values of the parameter at which they are searched; a closed curve of fixed points between two
         of these values is not found
     attractor : number of values of the parameter at which the attractor is computed; by default 400 along the
-        injection, where all are mapped at once, and none along other parameters, where this takes longer
+        injection, where all are mapped together, and none along other parameters, where this takes longer
     cap : number of impacts in one hop after which its computation is ended
     progress : called with the completed share
 
@@ -62,7 +62,7 @@ def bifurcations(
     if along == INJECT and inject != 0:
         raise InputError(f"inject = {inject:g} beside a range of it: the range says it all")
     for end in (low, high):
-        maps.at(end)  # a machine that cannot be is refused before the search
+        maps.at(end)  # an impossible machine is refused before the search
     values = np.linspace(low, high, sections).tolist()
     if along != INJECT and all(maps.lossless(value) for value in values):
         raise InputError("every fixed point is a lossless hop here: follow them with `follow`, or give an injection")
@@ -72,12 +72,12 @@ def bifurcations(
     search.doubled()
     return BifurcationDiagram(
         along, (low, high), (slow, fast), machine_in_words(machine), tuple(search.branches), search.located(),
-        visits=_visits(maps, (slow, fast), count), units=maps.units,
+        visits=_attractor(maps, (slow, fast), count), units=maps.units,
     )  # fmt: skip
 
 
 def _range(name: str, ends: tuple[float, float]) -> tuple[float, float]:
-    """Two ends of a range, checked."""
+    """The two ends of a range, checked."""
     try:
         low, high = ends
     except (TypeError, ValueError):
@@ -89,7 +89,7 @@ def _range(name: str, ends: tuple[float, float]) -> tuple[float, float]:
 
 
 class _Search:
-    """The branches that are found so far, and their events with the index of the branch."""
+    """The branches found so far, and their events with the index of the branch."""
 
     def __init__(
         self, maps: MapsAlong, between: tuple[float, float], values: list[float], samples: int, progress: Progress
@@ -109,9 +109,9 @@ class _Search:
         for alpha in self._lossless():
             hop, beside = tracer.start_lossless(alpha)
             if max(abs(side.value) for side in beside) <= ROUNDED * alpha:
-                continue  # nothing is lost beside it either, and every launch comes back
+                continue  # nothing is lost beside it either, and every launch returns
             below, above = ([side, *tracer.trace(side, 1, BESIDE_LOSSLESS)] for side in beside)
-            self._keep(1, [*reversed(below), FoundEvent("fold", hop), *above])
+            self._store(1, [*reversed(below), FoundEvent("fold", hop), *above])
         starts = list(self._starts())
         near = SAME_PLACE * (self.between[1] - self.between[0])
         for i, (value, alpha) in enumerate(starts):
@@ -122,7 +122,7 @@ class _Search:
             start = tracer.start(alpha, value)
             ahead = list(tracer.trace(start, 1))
             back = ahead[-1:] if _ends_as(ahead, "closed") else list(tracer.trace(start, -1))
-            self._keep(1, [*reversed(back), start, *ahead])
+            self._store(1, [*reversed(back), start, *ahead])
 
     def _lossless(self) -> list[float]:
         """The lossless launches that are fixed points of a map without injection."""
@@ -132,7 +132,7 @@ class _Search:
         return [point.alpha for point in maps.at(0.0).fixed_points(*self.between, self.samples)]
 
     def _starts(self) -> Iterator[tuple[float, float]]:
-        """Fixed points (value, launch speed) at the sections, but for lossless hops."""
+        """Fixed points (value, launch speed) at the sections, except lossless hops."""
         for value in self.values:
             interrupts.heed()
             if not self.maps.lossless(value):
@@ -159,10 +159,10 @@ class _Search:
             if _ends_as(items, "flip") and (other := _flip_beside([first, *items], flips, flip)):
                 ended.append(other)
                 items.insert(-1, _twice(other, first))
-            self._keep(2, [BranchEnd("flip", "a flip of the fixed points"), _twice(flip, first), first, *items])
+            self._store(2, [BranchEnd("flip", "a flip of the fixed points"), _twice(flip, first), first, *items])
 
-    def _keep(self, period: int, items: list) -> None:
-        """Keep a branch from its points, events and ends in order."""
+    def _store(self, period: int, items: list) -> None:
+        """Store a branch from its points, events and ends in order."""
         ends = [item for item in items if isinstance(item, BranchEnd)]
         items = _with_events_at_points(items)
         points = [(x, x.multiplier) if isinstance(x, PeriodicLaunch) else (x.point, _slope(x))
@@ -209,56 +209,56 @@ def _with_events_at_points(items: list) -> list:
 
 
 def _ends_as(items: list, kind: str) -> bool:
-    """Whether what has been traced has an end of this kind."""
+    """Whether traced items end in this way."""
     return isinstance(items[-1], BranchEnd) and items[-1].kind == kind
 
 
 def _twice(flip: PeriodicLaunch, along: PeriodicLaunch) -> PeriodicLaunch:
-    """The fixed point at a flip as a point of a branch of period two, of which another point is given."""
+    """The fixed point at a flip as a point of a branch of period two, from another point `along` that branch."""
     return PeriodicLaunch(flip.value, flip.alphas * 2, 1.0, flip.impacts * 2, flip.place, along.tangent)
 
 
 def _flip_beside(items: list, flips: list[PeriodicLaunch], but: PeriodicLaunch) -> PeriodicLaunch | None:
-    """The flip, but one, at which a branch of period two ends: its two launches lie on both sides of the fixed point,
-    at most a step away. None where it is not among the flips that are known."""
+    """The flip, other than `but`, at which a branch of period two ends: its two launches lie on both sides of the fixed
+    point, at most a step away. None where it is not among the known flips."""
     last = [item for item in items if isinstance(item, PeriodicLaunch)][-1]
     middle = last.place * [np.mean(last.alphas) / last.alphas[0], 1.0]
 
-    def far(flip: PeriodicLaunch) -> float:
+    def distance(flip: PeriodicLaunch) -> float:
         return float(np.abs(flip.place - middle).max())
 
-    nearest = min((flip for flip in flips if flip is not but), key=far, default=None)
-    return nearest if nearest and far(nearest) <= LONGEST_CHORD else None
+    nearest = min((flip for flip in flips if flip is not but), key=distance, default=None)
+    return nearest if nearest and distance(nearest) <= LONGEST_CHORD else None
 
 
 def _slope(event: FoundEvent) -> float:
-    """The multiplier at an event, which it has by definition; NaN where there are two."""
+    """The multiplier at an event, by the definition of its kind; NaN where there are two."""
     known = {"fold": 1.0, "branch point": 1.0, "flip": -1.0}
     return known.get(event.kind, float("nan"))
 
 
-def _visits(maps: MapsAlong, between: tuple[float, float], count: int) -> np.ndarray:
+def _attractor(maps: MapsAlong, between: tuple[float, float], count: int) -> np.ndarray:
     """Values of the parameter and launch speeds (k, 2) in the range `between` that are visited in the long run."""
     if count == 0:
         return np.zeros((0, 2))
     values = np.linspace(maps.low, maps.high, count)
     starts = np.linspace(*between, STARTS_OF_HOPS + 2)[1:-1]
-    together = np.repeat(values, len(starts))
+    repeated = np.repeat(values, len(starts))
     if maps.name == INJECT:
-        found = _settled(maps, np.tile(starts, count), together)
+        found = _long_run(maps, np.tile(starts, count), repeated)
     else:
-        found = np.hstack([_settled(maps, starts, np.full(len(starts), value)) for value in values])
-    places = np.broadcast_to(together, found.shape)
+        found = np.hstack([_long_run(maps, starts, np.full(len(starts), value)) for value in values])
+    places = np.broadcast_to(repeated, found.shape)
     inside = (found >= between[0]) & (found <= between[1])
     return np.column_stack([places[inside], found[inside]])
 
 
-def _settled(maps: MapsAlong, alpha: np.ndarray, values: np.ndarray) -> np.ndarray:
+def _long_run(maps: MapsAlong, alpha: np.ndarray, values: np.ndarray) -> np.ndarray:
     """The launch speeds (KEPT_HOPS, m) that are visited after many hops from launches (m,) at values (m,) of the
     parameter, all the same unless it is the injection; NaN where the machine comes to rest."""
-    found = np.full((KEPT_HOPS, len(alpha)), np.nan)
+    found = np.full((ATTRACTOR_HOPS, len(alpha)), np.nan)
     going, alpha = np.arange(len(alpha)), alpha.copy()
-    for hop in range(TRANSIENT + KEPT_HOPS):
+    for hop in range(TRANSIENT + ATTRACTOR_HOPS):
         interrupts.heed()
         following, _ = maps.next(alpha[going], values[going] if maps.name == INJECT else values[0])
         alive = np.isfinite(following)

@@ -2,7 +2,7 @@
 
 `LaunchCurve` states their equation to the tracer of `orbits.continuation`, in shares of the two ranges. The map is
 smooth only in pieces. Where the number of impacts changes, the map may jump, which ends a branch. Where its slope
-jumps, the curve has a corner: the tracer loses it, and starts again where a small circle round its last point cuts it.
+jumps, the curve has a corner: the tracer loses it, and restarts where a small circle round its last point cuts it.
 """
 
 from collections.abc import Iterator, Sequence
@@ -27,7 +27,7 @@ from .cycles import INJECT, MapsAlong, excess_of
 from .diagram import BranchEnd
 
 Vector = np.ndarray
-# Fixed points beside a lossless hop are looked for at this distance, as a share of the range.
+# Fixed points beside a lossless hop are searched for at this distance, as a share of the range.
 BESIDE_LOSSLESS = 1e-8
 SAME_PLACE = 1e-6  # launches that differ by a smaller share of the range are the same
 LONGEST_BRANCH = 20_000
@@ -38,14 +38,14 @@ STEPS_OF_BRANCHES = StepControl(
 )  # fmt: skip
 FIRST_OF_TWO = (1e-3, 1e-4, 1e-2)  # from a flip to the first hops of twice the period, as shares of the range
 FARTHEST_OF_TWO = 20  # the first hops of twice the period have a parameter at most this many such shares away
-# Differences for slopes across: over this share of the launch speed, as small as rounding allows, for beside lossless
-# hops they change with the cube root of the distance. Those of both sides that differ by more are those across a jump.
+# Differences for slopes across: over this share of the launch speed, as small as rounding allows, as beside lossless
+# hops slopes change with the cube root of the distance. If those of both sides differ by more, a jump is between.
 STEP_ACROSS, JUMP_OF_SLOPES = 1e-9, 1e5
-# The slope along the parameter, which takes other machines, is not computed anew within this share of the ranges: it
-# decides how fast Newton's method converges, not whereto.
+# The slope along the parameter, which needs other machines, is not computed anew within this share of the ranges: it
+# decides how fast Newton's method converges, not to which point.
 SAME_RATE, INEXACT = 1e-4, 100.0
 HALVINGS = 12  # of a step in which the number of impacts changes and the map may jump
-# The circle round a corner, and the angle at which both sides of the curve are looked at.
+# The radius of the circle round a corner, its angles, and the angle at which both sides of the curve are checked.
 AROUND, ANGLES, BESIDE = 1e-6, np.radians(np.linspace(-150, 150, 21)), 1e-5
 # Multipliers at events; the multiplier passes one of these smoothly where it comes this close to it, as a share of its
 # change.
@@ -95,7 +95,7 @@ class MapEquations(NamedTuple):
 
     @property
     def amplification(self) -> np.ndarray:
-        """By what factors (m,) Newton's last step is to be smaller, since the slopes are not exact."""
+        """The factors (m,) by which the last Newton step is to be smaller, since the slopes are not exact."""
         return np.full(len(self.residual), INEXACT)
 
 
@@ -112,7 +112,7 @@ class LaunchCurve:
         self.maps, self.between, self.period = maps, between, period
         self.along, self.span = maps.name, maps.high - maps.low
         self.scale = np.array([between[1] - between[0], self.span])
-        self._rates = np.empty((0, 2)), np.empty(0)  # the last slopes along the parameter that are computed, and where
+        self._rates = np.empty((0, 2)), np.empty(0)  # the points of the latest slopes along the parameter, and these
 
     def size(self, x: np.ndarray) -> np.ndarray:
         """The ranges, for points (..., 2)."""
@@ -138,11 +138,11 @@ class LaunchCurve:
         return MapEquations(residual[:, None], jacobian, launches[:m, :-1], impacts[:m])
 
     def rescued(self, x: np.ndarray) -> np.ndarray:
-        """Raise `NoOrbit`: no other method finds what Newton's does not."""
+        """Raise `NoOrbit`: there is no other method where Newton's fails."""
         raise NoOrbit(f"the map is not smooth near {self.along} = {x[-1]:g}")
 
     def at(self, x: np.ndarray, before: np.ndarray) -> CurvePoint:
-        """The certified point at a place (2,) on the curve, with the tangent that points onward from `before` (2,)."""
+        """The certified point at a position (2,) on the curve, with the tangent pointing onward from `before` (2,)."""
         evaluation = self.evaluate(x[None])
         across, along = evaluation.jacobian[0, 0]
         tangent = np.array([-along, across])
@@ -166,7 +166,7 @@ class LaunchCurve:
         return [self.certify(point) for point in points], None
 
     def certify_at(self, point: CurvePoint, value: float) -> CurvePoint:
-        """A point whose parameter is `value` but for rounding, with exactly that value."""
+        """A point whose parameter is `value` up to rounding, with exactly that value."""
         return self.certify(point._replace(x=np.append(point.x[:-1], value), certified=None))
 
 
@@ -183,7 +183,7 @@ class LaunchSegment(Segment):
         return float(excess) if np.isfinite(excess) else None
 
     def _crossing(self, level: float) -> float | None:
-        """The share of the chord at which the multiplier passes a level, which it does not have at the ends."""
+        """The share of the chord at which the multiplier passes a level; None where it does not or has it at an end."""
         if 0.0 in (self._excess(level, self.a), self._excess(level, self.b)):
             return None
         return self.zero(partial(self._excess, level))
@@ -226,12 +226,12 @@ class LaunchEndings(Endings):
             row, share = np.array([1.0, 0.0]), (bound - first) / (before - first)
             guess = segment.a.x + share * (segment.b.x - segment.a.x)
             last = self.curve.certify(correct(self.curve, guess, row, bound, segment.a.tangent))
-            reason = f"it leaves the launch speeds asked for at {self.curve.maps.told('alpha', bound)}"
+            reason = f"it leaves the launch speeds asked for at {self.curve.maps.in_words('alpha', bound)}"
             return LaunchSegment(self.curve, segment.a, last), End("left", reason)
         return segment, end
 
     def _jump(self, segment: Segment) -> tuple[Segment, End] | None:
-        """The branch up to where the map jumps between two points, of which it joins two curves, and that end."""
+        """The branch up to a jump of the map between two points on different curves, and that end; None without one."""
         before, behind, maps = segment.a, segment.b, self.curve.maps
         chord = (behind.x - before.x) / self.curve.scale
         size, impacts = float(np.linalg.norm(chord)), before.point.impacts
@@ -272,7 +272,7 @@ class LaunchEndings(Endings):
 
 def place_in_words(maps: MapsAlong, point: Any) -> str:
     """Where a point of a branch is, in words."""
-    return f"{maps.told(maps.name, point.value, 9)}, {maps.told('alpha', point.alpha, 9)}"
+    return f"{maps.in_words(maps.name, point.value, 9)}, {maps.in_words('alpha', point.alpha, 9)}"
 
 
 class LaunchTracer(Tracer):
@@ -289,7 +289,7 @@ class BranchTracer:
     """Follows the branches of one period.
 
     maps, between, period : as of a `LaunchCurve`
-    values : of the parameter, that are hit exactly on the way
+    values : of the parameter that get an exact point
     longest : the longest distance of two points, as a share of the ranges
     """
 
@@ -302,7 +302,7 @@ class BranchTracer:
         self.options = Options(at=values, longest=longest, most=LONGEST_BRANCH, step_control=STEPS_OF_BRANCHES)
 
     def start(self, alpha: float, value: float) -> PeriodicLaunch:
-        """A periodic launch that has been found at a value of the parameter."""
+        """The point of a periodic launch found at a value of the parameter."""
         return self.curve.at(np.array([alpha, value]), np.array([0.0, 1.0])).point
 
     def _at_speed(self, x: np.ndarray, before: np.ndarray) -> PeriodicLaunch:
@@ -319,7 +319,7 @@ class BranchTracer:
 
     def start_beside_flip(self, flip: PeriodicLaunch) -> PeriodicLaunch:
         """Hops of twice the period beside those whose multiplier is -1; raises `NoOrbit` where none are found."""
-        # The fixed point moves with the parameter too, and may do so faster, so that there are hops on one side only.
+        # The fixed point moves with the parameter too, possibly faster, so that there are hops on one side only.
         for step in (side * length for length in FIRST_OF_TWO for side in (1, -1)):
             away = np.array([step, 0.0])
             try:
@@ -365,7 +365,7 @@ class BranchTracer:
         yield BranchEnd("stuck", f"it has {LONGEST_BRANCH} points")
 
     def _reached(self, bound: float) -> BranchEnd:
-        return BranchEnd("reached", f"{self.maps.told(self.maps.name, bound)} is reached")
+        return BranchEnd("reached", f"{self.maps.in_words(self.maps.name, bound)} is reached")
 
     def _distance(self, a: CurvePoint, b: CurvePoint) -> float:
         """The distance of two points in shares of the ranges."""
@@ -373,8 +373,8 @@ class BranchTracer:
 
     def _round_corner(self, before: CurvePoint, last: CurvePoint) -> CurvePoint | None:
         """The curve behind a corner of the map, where a small circle round the last point cuts it; None where it does
-        not, or where the map jumps there. The way to the last point is that from an earlier one, since differences
-        reach round the corner."""
+        not, or where the map jumps there. The direction at the last point is that from an earlier one, since
+        differences reach round the corner."""
         distance = self._distance(before, last)
         ahead = ((last.x - before.x) / distance if distance >= AROUND else last.tangent) / self.scale
         sideways = np.array([-ahead[1], ahead[0]])

@@ -1,4 +1,4 @@
-"""Periodic launches of a machine's return maps along a parameter: what is zero at them, and their multiplier.
+"""Periodic launches of a machine's return maps along a parameter: the equation for them, and their multiplier.
 
 A launch of period one, a fixed point, comes back after one hop; a launch of period two after two, and not after one.
 """
@@ -19,16 +19,16 @@ from .return_map import Hops, ReturnMap
 
 INJECT, RESTITUTION = "inject", "restitution"
 DAMPERS_OF_HOPS = ("damping", "drag")  # a machine may have these at 0 without its model having such a parameter
-KEPT_MAPS = 8  # the maps that were asked for last are kept: a step along a branch comes back to its values
+CACHED_MAPS = 8  # the latest maps are cached: a step along a branch returns to its values
 STEP_ALONG = 1e-6  # differences for slopes along the parameter, as a share of its range
 
 
 class MapsAlong:
     """The return maps of a machine along one parameter.
 
-    machine : the machine; its own value of the parameter is not looked at
+    machine : the machine; its own value of the parameter is ignored
     name : "inject", "restitution", or a parameter of the machine
-    low, high : the range of the parameter, outside of which no map is asked for
+    low, high : the range of the parameter, outside of which no map is requested
     inject : injection of all maps, unless it is the parameter
 
     `units` has those of launch speeds ("alpha") and parameters by name; it is empty for a dimensionless machine.
@@ -39,7 +39,7 @@ class MapsAlong:
     def __init__(self, machine: Machine, name: str, low: float, high: float, inject: float, cap: int):
         self.machine, self.name, self.low, self.high, self.cap = machine, name, low, high, cap
         self.inject = inject
-        self._kept: OrderedDict[float, ReturnMap] = OrderedDict()
+        self._cache: OrderedDict[float, ReturnMap] = OrderedDict()
         check_machine(machine, "with_values", "restitution")
         if name not in (known := parameters_of_maps(machine)):
             raise InputError(f"the return map has no parameter '{name}'; it has {', '.join(known)}")
@@ -47,7 +47,7 @@ class MapsAlong:
             speed = machine.units.text(LIFTOFF_SPEED)
             self.units = {**machine_in_words(machine).get("units", {}), "alpha": speed, INJECT: speed}
 
-    def told(self, name: str, number: float, digits: int = 6) -> str:
+    def in_words(self, name: str, number: float, digits: int = 6) -> str:
         """A value of the parameter, or a launch speed "alpha", in words: "inject = 0.12 m/s"."""
         return f"{name} = {number:.{digits}g} {self.units.get(name) or ''}".rstrip()
 
@@ -62,12 +62,12 @@ class MapsAlong:
     def at(self, value: float) -> ReturnMap:
         """The map at a value of the parameter."""
         value = float(value)
-        if value not in self._kept:
+        if value not in self._cache:
             inject = value if self.name == INJECT else self.inject
-            self._kept[value] = ReturnMap(self.machine_at(value), inject, self.cap)
-            if len(self._kept) > KEPT_MAPS:
-                self._kept.popitem(last=False)
-        return self._kept[value]
+            self._cache[value] = ReturnMap(self.machine_at(value), inject, self.cap)
+            if len(self._cache) > CACHED_MAPS:
+                self._cache.popitem(last=False)
+        return self._cache[value]
 
     def hops(self, alpha: np.ndarray, value: float | np.ndarray) -> Hops:
         """The hops from launch speeds (m,); along the injection, which may differ from launch to launch (m,), they are
@@ -132,18 +132,18 @@ class MapsAlong:
         return bool(not following.all() or len(self.at(value).jumps(hops)))
 
     def lossless(self, value: float) -> bool:
-        """Whether nothing is lost or added but by impacts: then every fixed point is a lossless hop."""
+        """Whether energy changes by impacts alone: then every fixed point is a lossless hop."""
         step = self.at(value)
         return step.inject == 0 and step.impacts.model.conservative
 
     def status(self, alpha: float, value: float) -> str:
-        """What becomes of a launch, in the words of `orbits.simulation.impacts.STATUSES`."""
+        """The status of a launch, in the words of `orbits.simulation.impacts.STATUSES`."""
         return str(self.at(value)(np.array([alpha])).status[0])
 
 
 def excess_of(launches: np.ndarray) -> np.ndarray:
-    """What vanishes (m,) at launches of a period, from the launch speeds (m, period + 1) of their hops; NaN where a hop
-    has no next launch.
+    """The function (m,) that is 0 at periodic launches, from the launch speeds (m, period + 1) of their hops; NaN where
+    a hop has no next launch.
 
     Period one: f(a) - a. Period two: 1 + (f(f(a)) - f(a))/(f(a) - a), which has no zeros at fixed points but those with
     the multiplier -1, so that the hops of period two go through a flip as a smooth curve.

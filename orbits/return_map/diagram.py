@@ -1,4 +1,4 @@
-"""A bifurcation diagram of return maps: branches of periodic launches, what happens on them, and the attractor."""
+"""A bifurcation diagram of return maps: branches of periodic launches, their bifurcations, and the attractor."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -11,7 +11,7 @@ from ..io import one_line
 from ..result import Result, Row, known, shown
 
 HOPS_OF = {1: "fixed points", 2: "hops of period two"}
-# Names that the parameter of a diagram cannot have, since it stands beside these in a table or a document.
+# Names that the parameter of a diagram cannot have, since tables and documents have these names too.
 RESERVED_IN_DIAGRAMS = ("branch", "period", "value", "alpha", "other", "multiplier", "stable", "ends", "kind", "note")
 
 WORDS_OF_STABILITY = {True: "stable", False: "unstable", None: "stability unknown"}
@@ -100,7 +100,7 @@ class Branch:
     def parts(self) -> list[tuple[int, int, bool | None]]:
         """The `stretches` by the indices of their first and their last point."""
         before, behind = self.multipliers[:-1], self.multipliers[1:]
-        # A bifurcation, with 1, -1 or no multiplier, counts as what is beside it.
+        # A bifurcation, with 1, -1 or no multiplier, has the stability of the points beside it.
         between = np.where(np.isnan(before), behind, np.where(np.isnan(behind), before, 0.5 * (before + behind)))
         stable = [_settles(each) for each in between.tolist()]
         cuts = [0, *(i for i in range(1, len(stable)) if stable[i] != stable[i - 1]), len(self) - 1]

@@ -1,8 +1,8 @@
-"""The statement of a fixed point of the return map, and of what is a fixed point whose multiplier is -1.
+"""The statement of a fixed point of the return map, and that of a fixed point whose multiplier is -1.
 
 A hop of a machine of two coordinates starts at a lift-off: the gap is closed, and the contact force vanishes, which
-tells the place s of the launch; its rate there is alpha. It flies until the gap closes, lands plastically, and leaves
-at once where the contact would have to pull; so often it bounces. At last it stays in contact until the contact force
+determines the place s of the launch; its rate there is alpha. It flies until the gap closes, lands plastically, and
+leaves immediately where the contact would have to pull: a bounce. At last it stays in contact until the contact force
 vanishes at s again. The next launch speed is the rate there, and an injection added to it. The unknowns
 
     s, alpha, the times T of the flights, the time C of the contact
@@ -34,7 +34,7 @@ from ..exact.refusal import Unproved
 from ..exact.statement import ExactArc, ExactStatement, HalfOrbit, unknown
 
 INJECTION = "inject"
-# What the map's derivative in the last equation is where the multiplier is -1.
+# The map's derivative in the last equation where the multiplier is -1.
 AT_DOUBLING = -2
 
 
@@ -71,7 +71,7 @@ def hop_statement(mechanics: ExactMechanics, bounces: int, inject: ExactExpressi
     half = HalfOrbit(mechanics)
     flights = tuple(f"flight_time_{i + 1}" for i in range(bounces + 1)) if bounces else ("flight_time",)
     contact, times = "contact_time", [unknown(name) for name in flights]
-    (free,), held = half.flight().arcs, half.statement(with_contact=True).arcs[-1]
+    (free,), contact_arc = half.flight().arcs, half.statement(with_contact=True).arcs[-1]
     still = list[Column]([] for _ in free.guards)
     arcs = [replace(free, duration=times[0], guards=[[each] for each in half.lifted], conditions=[half.gap])]
     before = symbols("before", len(free.states))
@@ -84,14 +84,14 @@ def hop_statement(mechanics: ExactMechanics, bounces: int, inject: ExactExpressi
     (place,), (rate,) = mechanics.s, mechanics.w
     launch = half.launch_unknowns
     ends = [place - launch["liftoff"], rate + inject - launch["alpha"]]
-    arcs.append(replace(held, start=landed, before=tuple(before), duration=unknown(contact), conditions=ends))
+    arcs.append(replace(contact_arc, start=landed, before=tuple(before), duration=unknown(contact), conditions=ends))
     unknowns = {**launch, **dict(zip(flights, times, strict=True)), contact: unknown(contact)}
     return HopStatement(half, flights, contact, ExactStatement(unknowns, tuple(arcs)))
 
 
 def _landed(mechanics: ExactMechanics, before: Sequence[ExactExpression]) -> Column:
-    """Place and rate of the contact after a plastic landing in a flight state, coordinates and rates by turns: no
-    impulse but the contact's, so that the momentum along the contact stays."""
+    """Place and rate of the contact after a plastic landing in a flight state, coordinates and rates alternating:
+    the only impulse is the contact's, so that the momentum along the contact is conserved."""
     m = mechanics
     momentum = m.along([inner_product(row, m.v) for row in m.inertia])
     columns = [[row[j] for row in m.embed] for j in range(len(m.s))]
@@ -107,14 +107,14 @@ def _landed(mechanics: ExactMechanics, before: Sequence[ExactExpression]) -> Col
 
 def statement_of_jets(statement: ExactStatement, order: int, pace: Fraction = Fraction(1)) -> ExactStatement:
     """A statement with the derivatives up to an order of its equations along the curve on which "alpha" moves at a
-    pace, and the other unknowns follow it, whose derivatives are unknowns too: "dname", "ddname". The equations of each
+    pace and the other unknowns follow it; their derivatives are unknowns too: "dname", "ddname". The equations of each
     arc are those at its end, with all derivatives, and then those at its start."""
     jets = [dict(statement.unknowns)]
     for k in range(order):
         named = {each: unknown("d" * (k + 1) + each) for each in jets[0]}
         jets.append({**named, "alpha": ZERO if k else exact_number(pace)})
     own = {jets[k][each]: jets[k + 1][each] for k in range(order) for each in jets[0] if not jets[k][each].is_number}
-    arcs, last = list[ExactArc](), _Ends((), [])
+    arcs, last = list[ExactArc](), _EndStates((), [])
     for arc in statement.arcs:
         found, last = _jet(arc, own, order, last)
         arcs.append(found)
@@ -133,7 +133,7 @@ def doubling_statement(base: HopStatement, inject: ExactExpression) -> ExactStat
 
 
 @dataclass(frozen=True)
-class _Ends:
+class _EndStates:
     """The last states of an arc with their derivatives up to some order, and the derivatives of all but the highest of
     these as the unknowns vary, and the time of the arc with them."""
 
@@ -142,9 +142,9 @@ class _Ends:
 
 
 def _jet(
-    arc: ExactArc, own: Mapping[ExactExpression, ExactExpression], order: int, last: _Ends
-) -> tuple[ExactArc, _Ends]:
-    """An arc with the derivatives of its states, for unknowns with these derivatives, and how these states end."""
+    arc: ExactArc, own: Mapping[ExactExpression, ExactExpression], order: int, last: _EndStates
+) -> tuple[ExactArc, _EndStates]:
+    """An arc with the derivatives of its states, for unknowns with these derivatives, and the end states."""
     size = len(arc.states)
     states = [*arc.states, *(symbol(f"{'d' * k}({each.value})") for k in range(1, order + 1) for each in arc.states)]
     lower, higher = states[: order * size], states[size:]
@@ -163,7 +163,7 @@ def _jet(
     conditions = with_derivatives(arc.conditions, [*places, *lower], [*changes, *at_end])
     guards = [with_derivatives(law, [*places, *lower], [*changes, *higher]) for law in arc.guards]
     before = symbols("before", len(states))
-    ends = _Ends(tuple(before), substitute(at_end, dict(zip(states, before, strict=True))))
+    ends = _EndStates(tuple(before), substitute(at_end, dict(zip(states, before, strict=True))))
     found = replace(
         arc, states=states, rates=rates, start=start, guards=guards, conditions=conditions, before=last.states
     )
@@ -186,7 +186,7 @@ def next_jet(
     base: ExactStatement, order: int, slopes: arb_mat, values: Mapping[str, arb], pace: Fraction = Fraction(1)
 ) -> Jet:
     """The derivatives of the order after this one, from enclosures of the unknowns of `statement_of_jets` of a base by
-    name, and of the derivatives of its equations by these unknowns, in their order; further columns are not looked at.
+    name, and of the derivatives of its equations by these unknowns, in their order; further columns are ignored.
 
     Raises `Unproved` where the equations are not proved to determine them."""
     names = [*statement_of_jets(base, order).unknowns]
@@ -221,7 +221,7 @@ def levels_of(base: ExactStatement, order: int) -> dict[str, int]:
 
 
 def _rows_of_order(base: ExactStatement, order: int) -> list[int]:
-    """Where the derivatives of this order of the equations of a base stand among those of `statement_of_jets`."""
+    """The rows of the derivatives of this order of a base's equations among those of `statement_of_jets`."""
     rows, first = list[int](), 0
     for arc in base.arcs:
         for count in (len(arc.conditions), len(arc.guards[0])):

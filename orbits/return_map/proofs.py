@@ -1,4 +1,4 @@
-"""What can be proved of return maps: a fixed point with its multiplier, and where one loses stability by doubling.
+"""Proofs about return maps: a fixed point with its multiplier, and the loss of its stability by period doubling.
 
 The theorems are in `orbits.return_map.proved_map`. Here the numbers that the proofs start from are computed in floats.
 """
@@ -21,7 +21,7 @@ from .return_map import FixedPoint, ReturnMap
 if TYPE_CHECKING:
     from .proved_map import HopGuess
 
-# Newton's steps toward a fixed point from a guess of it, until one is this small relative to the launch speed.
+# The most Newton steps toward a fixed point, and the size of the last one relative to the launch speed.
 MOST_STEPS_TO_FIXED_POINT, FIXED_TO = 20, 1e-13
 
 
@@ -38,7 +38,7 @@ def prove_fixed_point(
     digits, parameters, limit : as in `prove`
 
     The result encloses alpha, the times and the multiplier. The theorem and its proof are described in
-    `orbits.return_map.proved_map`; where something is not proved, the result says what and why. Raises `InputError`
+    `orbits.return_map.proved_map`; where something is not proved, the result states it and why. Raises `InputError`
     without python-flint, for a machine with restitution or friction, for one whose launch is more than a speed, and for
     a lossless hop, which `prove` proves; and `NoOrbit` where a guess leads to no fixed point.
 
@@ -54,7 +54,7 @@ def prove_fixed_point(
     from ..proof.case import checked_digits
     from .proved_map import proof_of_fixed_point
 
-    digits, given = checked_digits(digits), dict(parameters or {})
+    digits, values = checked_digits(digits), dict(parameters or {})
     low, high = exact_bounds("inject", inject)
     if not low > 0:
         raise InputError(f"inject = {inject!r}; it is above 0: without it fixed points are lossless: prove(orbit)")
@@ -66,7 +66,7 @@ def prove_fixed_point(
     with time_limit(limit):
         alpha = finite_number("point", point.alpha if isinstance(point, FixedPoint) else point)
         guess = guessed_hop(machine, alpha, float((low + high) / 2))
-        return proof_of_fixed_point(machine, guess, inject, said, given, digits)
+        return proof_of_fixed_point(machine, guess, inject, said, values, digits)
 
 
 @exclusive
@@ -96,10 +96,10 @@ def prove_doubling(
     from ..proof.case import checked_digits
     from .proved_map import proof_of_doubling
 
-    digits, given = checked_digits(digits), dict(parameters or {})
+    digits, values = checked_digits(digits), dict(parameters or {})
     with time_limit(limit):
         guess = guessed_hop(machine, flip.alpha, flip.value)
-        return proof_of_doubling(machine, guess, (flip.value, flip.alpha), given, digits)
+        return proof_of_doubling(machine, guess, (flip.value, flip.alpha), values, digits)
 
 
 def _check_plastic(machine: Machine) -> None:
@@ -129,6 +129,6 @@ def guessed_hop(machine: Machine, alpha: float, inject: float) -> "HopGuess":
             break
     run = simulate(machine, alpha, hops=1, inject=inject)
     times = [0.0, *(event.time for event in run.events)]
-    lasting = [after - before for before, after in pairwise(times)]
+    durations = [after - before for before, after in pairwise(times)]
     launch = machine.model.launch_at(run(0.0))
-    return HopGuess(launch["liftoff"], alpha, tuple(lasting[:-1]), lasting[-1], inject)
+    return HopGuess(launch["liftoff"], alpha, tuple(durations[:-1]), durations[-1], inject)

@@ -1,4 +1,4 @@
-"""A proved zero of the equations of a hop that comes back, its derivatives, and the conditions of its motion."""
+"""A proved zero of the equations of a periodic hop, its derivatives, and the conditions of its motion."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ from .hop import HopStatement, Jet, levels_of, next_jet, pace_of, statement_of_j
 class ProvedHop:
     """A proved zero.
 
-    base : the statement of a hop that comes back
+    base : the statement of a periodic hop
     further : unknowns by name that are constant along the jets of hops
     equations, root : of the base, or of its doubling
     """
@@ -42,7 +42,7 @@ class ProvedHop:
 
     @property
     def jets(self) -> dict[str, arb]:
-        """Enclosures of the unknowns, of which those that are derivatives are by alpha itself, not at its pace."""
+        """Enclosures of the unknowns, with the derivatives among them by alpha itself, not at its pace."""
         levels, pace = levels_of(self.base.statement, 1), ball_of_fraction(self.base.pace)
         return {name: value / pace ** levels.get(name, 0) for name, value in self.balls.items()}
 
@@ -64,8 +64,8 @@ class ProvedHop:
             return Part(parameters, enclosed, lower_decimal(self.root.unique_within(units)))
 
     def jet(self, order: int, values: Mapping[str, arb]) -> Jet:
-        """The derivatives after this order by alpha, from enclosures of the jet up to it by name. Of the third ones no
-        more than a sign is wanted."""
+        """The derivatives after this order by alpha, from enclosures of the jet up to it by name. Of the third
+        ones only a sign is required."""
         base = self.base.statement
         levels, pace = levels_of(base, order), pace_of(values, base)
         size = ball_of_fraction(pace)
@@ -89,7 +89,7 @@ def proved_hop(
     if depends_on(base.half.mechanics.contact_force, base.half.mechanics.w):
         raise Unproved("the contact force depends on speeds: an injection would move the place of the lift-off")
     centre = [arb(guess[name] / float(base.unit_of(name))) for name in equations.unknowns]
-    if not base.half.mechanics.pieces:  # a single motion comes to a breakpoint in ever shorter steps
+    if not base.half.mechanics.pieces:  # a single motion approaches a breakpoint in ever shorter steps
         centre = polished(equations, centre)
     root = prove_root(equations, [float(value) for value in centre], bits_of_digits(digits))
     equations.check_domains(root.evaluated.passages)
@@ -102,7 +102,7 @@ def proved_hop(
 
 def conditions_of_hop(found: ProvedHop, launched: arb, reasons: list[str]) -> dict[str, str]:
     """The verdict of each condition of theorem 1 of `proved_map`, for the speed of the lift-off before the injection;
-    reasons are added for those that are not proved."""
+    reasons are added for each that is not proved."""
     checks: dict[str, Callable[[], None]] = {"clearance": lambda: _check_flights_of_hop(found)}
     if len(found.base.flights) > 1:
         checks["bounces"] = lambda: _check_bounces(found)

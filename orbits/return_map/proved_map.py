@@ -15,13 +15,14 @@ pieces: continuously differentiable). Its derivative m there is that of `hop`. T
 for |m| < 1, and unstable for |m| > 1.
 
 Proof. At the launch the gap and its first two derivatives are 0 (Lemma 5 of `orbits.proof`), and the third is positive,
-as 1 is proved there by its sign. So each landing is the first zero of the gap in its flight. The machine leaves at once
-by 2, or stays by 3; it lifts off when the force first vanishes, by the equations at the place of the launch, and by 4
-with a speed that opens the gap as at the launch. So the hop is that of the map, and the last equation says that it
-comes back. All of these conditions are strict on the closed times of the hop, but for the beginnings of the flights,
-where the first derivative of the gap that does not vanish is positive up to some time. So they hold for all launches
-near alpha, whose events are simple zeros: their times are analytic functions of alpha by the implicit function theorem.
-Breakpoints of a law are crossed transversally. What is said of stability is true of any differentiable map of the line.
+as 1 is proved there by its sign. So each landing is the first zero of the gap in its flight. The machine leaves
+immediately by 2, or stays by 3; it lifts off when the force first vanishes, by the equations at the place of the
+launch, and by 4 with a speed that opens the gap as at the launch. So the hop is that of the map, and the last equation
+says that it comes back. All of these conditions are strict on the closed times of the hop, but for the beginnings of
+the flights, where the first derivative of the gap that does not vanish is positive up to some time. So they hold for
+all launches near alpha, whose events are simple zeros: their times are analytic functions of alpha by the implicit
+function theorem. Breakpoints of a law are crossed transversally. The statement on stability holds for any
+differentiable map of the line.
 
 Theorem 2. Let the equations and their first derivatives by alpha have a zero with the multiplier -1, for an injection
 that is an unknown, which Krawczyk's operator proves, and the conditions 1 to 4. Let P be the map without injection.
@@ -61,7 +62,7 @@ from ..proof.wording import enclosed_words
 from .hop import INJECTION, HopStatement, Jet, doubling_statement, hop_statement, next_jet, pace_of
 from .proved_hop import ProvedHop, conditions_of_hop, proved_hop
 
-# What a map's own fixed point says is right to within so many roundings of the map, and its multiplier to this share.
+# A fixed point of the map is correct to within this many roundings of the map, and its multiplier to this share.
 FOUND_TO, SLOPE_FOUND_TO = 512 * 2.0**-52, 1e-6
 # A flip is located to this share of a range.
 FLIP_FOUND_TO = 1e-9
@@ -81,7 +82,7 @@ CONDITIONS_OF_HOPS = {
 
 @dataclass(frozen=True)
 class HopGuess:
-    """Guesses of the unknowns of a hop that comes back, in the machine's units.
+    """Guesses of the unknowns of a periodic hop, in the machine's units.
 
     liftoff, alpha : place and speed of the launch
     flights, contact : times of the flights and of the contact
@@ -110,8 +111,7 @@ def proof_of_fixed_point(
     machine: Machine, guess: HopGuess, inject: Decimals, said: tuple[float, float | None] | None,
     parameters: Mapping[str, Decimals], digits: int | None,
 ) -> Proof:  # fmt: skip
-    """The proof of a fixed point near a guess, whose alpha and multiplier are said to be these; see
-    `prove_fixed_point`."""
+    """The proof of a fixed point near a guess, with the claimed alpha and multiplier; see `prove_fixed_point`."""
     injected = exact_bounds(INJECTION, inject)
     return _proof("fixed point", machine, injected, parameters, digits, lambda case: _of_fixed_point(case, guess, said))
 
@@ -120,13 +120,13 @@ def proof_of_doubling(
     machine: Machine, guess: HopGuess, said: tuple[float, float], parameters: Mapping[str, Decimals],
     digits: int | None,
 ) -> Proof:  # fmt: skip
-    """The proof of a doubling near a guess, of which inject and alpha are said; see `prove_doubling`."""
+    """The proof of a doubling near a guess, with the claimed inject and alpha; see `prove_doubling`."""
     return _proof("period doubling", machine, None, parameters, digits, lambda case: _of_doubling(case, guess, said))
 
 
 @dataclass(frozen=True)
 class _Case:
-    """What is to be proved of: the machine as it is stated, and the injection, None where it is an unknown."""
+    """The subject of a proof: the machine as it is stated, and the injection, None where it is an unknown."""
 
     stated: StatedMachine
     inject: Bounds | None
@@ -134,16 +134,16 @@ class _Case:
 
     @property
     def bounds(self) -> dict[str, Bounds]:
-        """Of all parameters by name."""
+        """The bounds of all parameters by name."""
         return {**self.stated.parameters, **({INJECTION: self.inject} if self.inject else {})}
 
     @property
     def intervals(self) -> IntervalParameters:
-        """Those that are intervals."""
+        """The parameters that are intervals."""
         return IntervalParameters(self.bounds)
 
     def hop(self, guess: HopGuess, inject: Bounds | None) -> HopStatement:
-        """The statement of a hop that comes back with an injection; None for an unknown."""
+        """The statement of a periodic hop with an injection; None for an unknown."""
         scale = Scale.of(guess.alpha, guess.flights[0] / 2)
         mechanics = ExactMechanics(self.stated, scale)
         if mechanics.size != 2:
@@ -156,7 +156,7 @@ class _Case:
 
 @dataclass(frozen=True)
 class _Result:
-    """What is proved: the zero, further enclosures and sentences, the conditions, and what is not proved."""
+    """The results of a proof: the zero, further enclosures and sentences, verdicts, and reasons for the rest."""
 
     found: ProvedHop
     enclosures: dict[str, Enclosure]
@@ -208,7 +208,7 @@ def _proof(
 
 
 def _of_fixed_point(case: _Case, guess: HopGuess, said: tuple[float, float | None] | None) -> _Result:
-    """What is proved of a fixed point."""
+    """The results on a fixed point."""
     assert case.inject is not None
     hop = case.hop(guess, case.inject)
     equations = Equations(hop.statement, case.intervals)
@@ -220,15 +220,15 @@ def _of_fixed_point(case: _Case, guess: HopGuess, said: tuple[float, float | Non
     stable = abs(multiplier) < 1
     if not (stable or abs(multiplier) > 1):
         reasons.append(f"stability: the multiplier lies in {enclosures['multiplier']}, which holds 1 or -1")
-    reasons += _wrongly_said(found.ball("alpha"), multiplier, said)
+    reasons += _wrong_claims(found.ball("alpha"), multiplier, said)
     words = f"The multiplier, which is the derivative of the map there, is in {enclosures['multiplier']}"
     if stable or abs(multiplier) > 1:
         words += f": the fixed point is {'asymptotically stable' if stable else 'unstable'}"
     return _Result(found, enclosures, [f"{words}."], conditions, reasons)
 
 
-def _wrongly_said(alpha: arb, multiplier: arb, said: tuple[float, float | None] | None) -> list[str]:
-    """What a fixed point says of itself, and is not so; its error grows where the map runs along the identity line."""
+def _wrong_claims(alpha: arb, multiplier: arb, said: tuple[float, float | None] | None) -> list[str]:
+    """The reasons why a fixed point's claims are wrong; its error grows where the map runs along the identity line."""
     if said is None:
         return []
     (place, slope), reasons = said, list[str]()
@@ -241,7 +241,7 @@ def _wrongly_said(alpha: arb, multiplier: arb, said: tuple[float, float | None] 
 
 
 def _of_doubling(case: _Case, guess: HopGuess, said: tuple[float, float]) -> _Result:
-    """What is proved of a period doubling."""
+    """The results on a period doubling."""
     hop = case.hop(guess, None)
     if hop.half.mechanics.pieces:
         raise InputError("a doubling with a piecewise law cannot be proved: its map is not smooth everywhere")
@@ -287,7 +287,7 @@ def _guessed_jet(case: _Case, guess: HopGuess) -> Jet:
 
 
 def _sentences(case: _Case, result: _Result | None, part: Part | None) -> list[str]:
-    """What is proved, in words."""
+    """The sentences on the results of a proof."""
     inject = "an unknown inject" if case.inject is None else f"inject {range_text(case.inject)}"
     if result is None or part is None:
         return [f"Nothing is proved of a hop that comes back with {inject}."]

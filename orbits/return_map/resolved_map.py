@@ -1,4 +1,4 @@
-"""A return map on a grid that resolves it: where it crosses the identity line, what comes to an interval, and basins.
+"""A return map on a grid that resolves it: its crossings of the identity line, preimages of intervals, and basins.
 
 The map has no slope at lossless launches and humps between them, so that a grid is refined there. The lossless launches
 are found first: under constant gravity all of them, otherwise those of `find`.
@@ -34,7 +34,7 @@ class ResolvedMap:
     """A return map on a grid of launch speeds that resolves it; `following` are the next ones, 0 where there are none.
 
     The grid, from `low` to `high`, is refined toward the lossless launch speeds, where the map has no slope, and toward
-    its extrema: all of them, or with `identity` those that may touch the identity line. Meanwhile `progress` is 0.
+    its extrema: all of them, or with `identity` only those that may touch the identity line. Meanwhile `progress` is 0.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class ResolvedMap:
         self.grid, values = resolved(above, grid, identity)
         self.following = np.nan_to_num(values + slope * self.grid)
         self.next = lambda alpha: np.nan_to_num(return_map(alpha).next)
-        self._passages = dict[float, np.ndarray]()  # where the map passes a level: the levels of a basin come again
+        self._passages = dict[float, np.ndarray]()  # where the map passes a level: the levels of a basin recur
 
     def crossings(self) -> np.ndarray:
         """Launch speeds (k,) at which the map crosses the identity line."""
@@ -83,8 +83,8 @@ class ResolvedMap:
     def basin(
         self, lossless: list[float], hops: int, width: float, progress: Callable | None = None, only: int | None = None
     ) -> Intervals:
-        """The intervals of launch speeds that come to one of the `lossless` ones, of which the lowest begins the grid,
-        within `hops` hops, in a range of this width; with `only` to that of this index."""
+        """The intervals of launch speeds that come to one of the `lossless` ones within `hops` hops, in a range of this
+        width; with `only` to the one with this index. The grid begins at the lowest lossless one."""
         pairs = zip(lossless, [*lossless[1:], float(self.grid[-1])], strict=True)
         intervals, total = [(star, self._end_of_basin(star, end)) for star, end in pairs], 0.0
         intervals = intervals if only is None else intervals[only : only + 1]
@@ -121,7 +121,7 @@ def lossless_speeds(impacts: Impacts, low: float, high: float) -> list[float]:
 
 
 def _orbits_of_families(impacts: Impacts, high: float) -> Iterator[Orbit]:
-    """The orbit that `find` gives of each family, until several in a row lie beyond `high` or do not exist."""
+    """The orbit that `find` returns for each family, until several in a row lie beyond `high` or do not exist."""
     beyond = 0
     for family in count(1):
         try:
@@ -136,7 +136,7 @@ def _orbits_of_families(impacts: Impacts, high: float) -> Iterator[Orbit]:
 
 
 def _all_orbits(impacts, low, high):
-    """All orbits under constant gravity: half a flight lasts a time that is known, until the reduced motion turns."""
+    """All orbits under constant gravity: half a flight lasts a known time, until the reduced motion turns."""
     model, p, names, arc = impacts.model, impacts.p, tuple(impacts.values), impacts.model.reduction.statement.arcs[0]
     flow, (liftoff,) = flow_of(arc.phase, names), model.release(np.array([low]), impacts.values)
 
@@ -167,7 +167,7 @@ def _all_orbits(impacts, low, high):
 
 
 def within(values: np.ndarray, edges: ArrayLike) -> np.ndarray:
-    """Whether values (m,) lie in one of several intervals that ascend and do not overlap."""
+    """Whether values (m,) lie in one of several ascending, disjoint intervals."""
     pairs = np.reshape(edges, (-1, 2))
     i = np.searchsorted(pairs[:, 0], values, side="right") - 1
     return (i >= 0) & (values <= pairs[i, 1]) if len(pairs) else np.zeros(len(values), bool)

@@ -1,8 +1,8 @@
 """The one-step return map: from the launch speed at one lift-off after sustained contact to that at the next.
 
-A hop is a flight, impacts after which the machine leaves at once, and a sustained contact. The loss of a hop is the sum
-of the losses of its impacts. It is not the difference of launch speeds: near a lossless orbit the loss vanishes like
-the power 4/3 of the distance, and the difference would be rounding.
+A hop is a flight, impacts after which the machine leaves immediately, and a sustained contact. The loss of a hop is the
+sum of the losses of its impacts. It is not the difference of launch speeds: near a lossless orbit the loss vanishes
+like the power 4/3 of the distance, and the difference would be rounding.
 """
 
 from collections.abc import Iterator, Mapping
@@ -185,7 +185,7 @@ class ReturnMap:
 
     @in_own_units(lambda hops, step: hops.in_units(step.units), alpha=LIFTOFF_SPEED)
     def _hops(self, alpha: np.ndarray, launches: np.ndarray) -> Hops:
-        """The hops from those launch speeds (...) that are `launches` (...)."""
+        """The hops from the launch speeds (...) where `launches` (...) is true."""
         nothing = np.full(alpha.shape, np.nan)
         hops = Hops(alpha, nothing, nothing.copy(), np.zeros(alpha.shape, int), np.full(alpha.shape, "invalid", STATUS))
         places = np.flatnonzero(launches)
@@ -238,7 +238,7 @@ class ReturnMap:
         and the next launch speed is discontinuous."""
         change = np.abs(np.diff(np.nan_to_num(hops.next)))
         beside = np.maximum(np.append(0.0, change[:-1]), np.append(change[1:], 0.0))
-        # A jump that is smaller than the changes beside it would not be seen in a plot.
+        # A jump smaller than the changes beside it would not be visible in a plot.
         i = np.flatnonzero((np.diff(hops.impacts) != 0) & (change > beside))
         same = lambda alpha, which: np.where(self(alpha).impacts == hops.impacts[i[which]], 1.0, -1.0)  # noqa: E731
         a, b, _, _ = enclosed_sign_changes(same, hops.alpha[i], hops.alpha[i + 1], np.ones(len(i)), -np.ones(len(i)))
@@ -326,12 +326,12 @@ def _checked_grid(low: float, high: float, samples: int) -> tuple[float, float, 
 
 
 def _hops_from(impacts: Impacts, alpha, inject: float, cap: int) -> Hops:
-    """One hop from each of the launch speeds (m,), given up after `cap` impacts, with `inject` added to the next."""
+    """One hop from each of the launch speeds (m,), ended after `cap` impacts, with `inject` added to the next."""
     loss, counts, status, standing = decided_impacts(impacts, alpha, cap)
-    alpha, asked = np.minimum(alpha, FASTEST_LAUNCH), alpha
-    next_speed, left, lifting = np.full(len(alpha), np.nan), alpha**2 - loss, np.flatnonzero(status == "lifts_off")
+    alpha, requested = np.minimum(alpha, FASTEST_LAUNCH), alpha
+    next_speed, remaining, lifting = np.full(len(alpha), np.nan), alpha**2 - loss, np.flatnonzero(status == "lifts_off")
     if impacts.contact.phase.closed_form:  # The force is linear: the energy alone decides whether it vanishes.
-        status[lifting[left[lifting] < 0]] = "rests"
+        status[lifting[remaining[lifting] < 0]] = "rests"
     elif len(lifting):
         status[lifting], ends = impacts.sustained_contacts(standing[lifting])
         ended = status[lifting] == "lifts_off"
@@ -340,10 +340,10 @@ def _hops_from(impacts: Impacts, alpha, inject: float, cap: int) -> Hops:
         status[lifting[~launches]] = "leaves_elsewhere"
         if not impacts.one_liftoff:
             lifting, speed = lifting[launches], speed[launches]
-            left[lifting] = speed**2
-            loss[lifting] = alpha[lifting] ** 2 - left[lifting]
+            remaining[lifting] = speed**2
+            loss[lifting] = alpha[lifting] ** 2 - remaining[lifting]
     lifting = np.flatnonzero(status == "lifts_off")
-    next_speed[lifting] = np.sqrt(np.maximum(left[lifting], 0.0)) + inject
+    next_speed[lifting] = np.sqrt(np.maximum(remaining[lifting], 0.0)) + inject
     stopped = next_speed <= 0
     status[stopped], next_speed[stopped] = "rests", np.nan
-    return Hops(asked, next_speed, loss, counts, status)
+    return Hops(requested, next_speed, loss, counts, status)

@@ -20,15 +20,15 @@ from orbits.show.pages.map_view import MapData, map_data
 from .dials import Dial, dials_of
 from .scene import Scene
 
-FIRST_PIECE, PIECE, LONGEST_FAMILY = 12, 60, 2000  # points of a family until it is shown again, and in all
-BEYOND = 2.0  # the map is drawn up to so many times the hop's launch speed
-SLOWEST_DRAWN = 1e-3  # and from this share of that on
+FIRST_PIECE, PIECE, LONGEST_FAMILY = 12, 60, 2000  # points of a family when it is first shown, per update, in all
+BEYOND = 2.0  # the map is drawn up to this multiple of the hop's launch speed
+SLOWEST_DRAWN = 1e-3  # and from this multiple on
 COBWEB = 80  # hops
 
 
 @dataclass(frozen=True)
 class DialsAnswer:
-    """The sliders of a scene's parameters, which come before its hop, and without one too."""
+    """The sliders of a scene's parameters, which are sent before its hop, also where there is no hop."""
 
     dials: list[Dial]
 
@@ -37,11 +37,11 @@ class DialsAnswer:
 class HopAnswer:
     """A hop as the page shows it.
 
-    scene : with the start that leads to this hop again, where it has one
-    data, law : what the figures show; law None for a machine whose spring's force is not known by itself
-    rows : the certificate, names and texts
+    scene : the scene, whose start, if it has one, leads to this hop again
+    data, law : what the figures show; law is None for a machine whose spring's force is not known on its own
+    rows : the certificate, as names and texts
     alpha : launch speed
-    admissible : whether it is a motion
+    admissible : whether the hop is a motion
     """
 
     scene: Scene
@@ -52,9 +52,9 @@ class HopAnswer:
     admissible: bool
 
 
-def hop_answer(given: Any, scene: Scene, with_dials: bool) -> Iterator[DialsAnswer | HopAnswer]:
-    """The hop of a scene, after the sliders where these are asked for; raises `NoOrbit` where there is none."""
-    machine = scene.build(given)
+def hop_answer(python_machine: Any, scene: Scene, with_dials: bool) -> Iterator[DialsAnswer | HopAnswer]:
+    """The hop of a scene, preceded by the sliders where these are requested; raises `NoOrbit` where there is no hop."""
+    machine = scene.build(python_machine)
     if with_dials:
         yield DialsAnswer(dials_of(machine, scene))
     orbit = _orbit_of_scene(machine, scene)
@@ -69,18 +69,18 @@ def hop_answer(given: Any, scene: Scene, with_dials: bool) -> Iterator[DialsAnsw
 
 
 def start_of(orbit: Any) -> tuple[float, float, float]:
-    """What a scene keeps of an `Orbit`, or of a family's `Point`, to come back to it."""
+    """The start that a scene stores to find an `Orbit`, or a family's `Point`, again."""
     return orbit.liftoff_extension, orbit.alpha, orbit.flight_time / 2
 
 
 @dataclass(frozen=True, eq=False)
 class FamilyAnswer:
-    """A piece of a family and what is known of its ends.
+    """The part of a family that has been computed, and the status of its ends.
 
     of : the scene, with the parameter that the family is followed along
-    values : of it, at the points in their order along the curve, without those of events: no hop is found at a fold
-    starts : of these points, as those of a scene, to go there
-    text : in words, how far it is and how it ends
+    values : of that parameter, at the points in order along the curve, without events, as no hop is found at a fold
+    starts : the starts of these points, each as in a scene
+    text : the extent of the family and how it ends, in words
     """
 
     of: Scene
@@ -90,38 +90,38 @@ class FamilyAnswer:
     text: str
 
     def nearest(self, value: float, alpha: float) -> int:
-        """The number of the point nearest to a place in the figure."""
+        """The index of the point nearest to a position in the figure."""
         places = np.array([self.values, [start[1] for start in self.starts]])
         size = np.abs(places).max(axis=1, keepdims=True)
-        # What hardly varies, as a launch speed that does not depend on the parameter, varies by rounding.
+        # A launch speed that does not depend on the parameter still varies by rounding, which must not set the scale.
         scale = np.maximum(np.ptp(places, axis=1, keepdims=True), 1e-6 * size + 1e-300)
         return int(np.hypot(*((places - [[value], [alpha]]) / scale)).argmin())
 
     def holds(self, scene: Scene) -> bool:
-        """Whether the family is that of a scene's hop."""
+        """Whether this is the family of a scene's hop."""
         return same_family(self.of, scene)
 
     @property
     def along(self) -> str:
-        """The parameter."""
+        """The parameter that the family is followed along."""
         return self.of.along
 
 
 def same_family(scene: Scene, other: Scene) -> bool:
-    """Whether two scenes are followed along the same parameter and differ in that alone."""
+    """Whether two scenes have the same parameter to follow and differ only in its value."""
     return _beside(scene) == _beside(other)
 
 
 def _beside(scene: Scene) -> Scene:
-    """What does not change along a family."""
+    """The part of a scene that does not change along a family."""
     others = {name: value for name, value in scene.numbers.items() if name != scene.along}
     return replace(scene, start=None, launch=None, numbers=others)
 
 
-def family_answers(given: Any, scene: Scene, low: float, high: float) -> Iterator[FamilyAnswer]:
-    """The family through a scene's hop along its parameter, between two values, as it grows from the hop up and then
-    down."""
-    machine, along = scene.build(given), scene.along
+def family_answers(python_machine: Any, scene: Scene, low: float, high: float) -> Iterator[FamilyAnswer]:
+    """The family through a scene's hop along its parameter, between two values, as it grows from the hop upward and
+    then downward."""
+    machine, along = scene.build(python_machine), scene.along
     here = machine.values.get(along)
     if here is None:
         raise InputError(f"this machine has no parameter '{along}' to follow")
@@ -130,10 +130,10 @@ def family_answers(given: Any, scene: Scene, low: float, high: float) -> Iterato
     parts: dict[str, Family] = {}
     for word, stop in ways:
         parts[word] = follow(machine, along, stop, family=hop.family, orbit=hop, most=FIRST_PIECE)
-        yield _family_answer(scene, parts, len(ways))
+        yield _family_result(scene, parts, len(ways))
         while _is_growing(parts[word]):
             parts[word] = follow(machine, along, stop, family=hop.family, resume=parts[word], most=PIECE)
-            yield _family_answer(scene, parts, len(ways))
+            yield _family_result(scene, parts, len(ways))
 
 
 def _is_growing(part: Family) -> bool:
@@ -147,7 +147,7 @@ def _orbit_of_scene(machine: Any, scene: Scene) -> Orbit:
 
 
 def joined_ways(parts: list[Family]) -> Family:
-    """One family of one that goes up from a hop and one that goes down from it, the latter turned round."""
+    """The family upward from a hop and the one downward from it as a single family, the latter reversed."""
     if len(parts) == 1:
         return parts[0]
     up, down = parts
@@ -157,15 +157,15 @@ def joined_ways(parts: list[Family]) -> Family:
     return replace(up, points=(*down.points[:0:-1], *up.points), events=tuple(events))
 
 
-def _family_answer(scene: Scene, parts: dict[str, Family], ways: int) -> FamilyAnswer:
+def _family_result(scene: Scene, parts: dict[str, Family], ways: int) -> FamilyAnswer:
     family = joined_ways(list(parts.values()))
     ended = {word: part for word, part in parts.items() if not _is_growing(part)}
-    told = ". ".join(f"{word}: {part.end.kind}, {part.end.reason}" for word, part in ended.items())
-    text = f"{len(family)} orbits" + (f". {told}." if len(ended) == ways else ", still growing")
+    endings = ". ".join(f"{word}: {part.end.kind}, {part.end.reason}" for word, part in ended.items())
+    text = f"{len(family)} orbits" + (f". {endings}." if len(ended) == ways else ", still growing")
     values, starts = tuple(p.value for p in family.points), tuple(start_of(p) for p in family.points)
     data = family_data(family)
     ends = [(part[-1].value, part[-1].alpha, f"end: {part.end.kind}") for part in ended.values()]
-    # The last event of a family is its end; this one may have two ends, or none yet.
+    # The last event of a family is its end; this family may have two ends, or none yet.
     events = {
         name: [*list(column)[:-1], *(end[k] for end in ends)] for k, (name, column) in enumerate(data.events.items())
     }
@@ -173,10 +173,10 @@ def _family_answer(scene: Scene, parts: dict[str, Family], ways: int) -> FamilyA
     return FamilyAnswer(scene, data, values, starts, text)
 
 
-def map_answers(given: Any, scene: Scene) -> Iterator[MapData]:
-    """The return map around a scene's hop with its cobweb, and then with the basin of lossless hops."""
+def map_answers(python_machine: Any, scene: Scene) -> Iterator[MapData]:
+    """The return map around a scene's hop with its cobweb, then the same with the basin of lossless hops."""
     plain = replace(scene, launch=None, along="")
-    step, low, high = _map_of(given, plain)
+    step, low, high = _map_of(python_machine, plain)
     known = _last_basin[0][1] if _last_basin and _last_basin[0][0] == plain else None
     yield map_data(step, low, high, basin=known, start=scene.launch, hops=COBWEB)
     if known is None and step.machine.model.conservative:
@@ -184,16 +184,16 @@ def map_answers(given: Any, scene: Scene) -> Iterator[MapData]:
         yield map_data(step, low, high, basin=_last_basin[0][1], start=scene.launch, hops=COBWEB)
 
 
-# The basin that was found last and its scene: another cobweb in the same map needs no other.
+# The basin found last and its scene: another cobweb in the same map needs no new basin.
 _last_basin: list[tuple[Scene, list[tuple[float, float]]]] = []
 
 
-def _map_of(given: Any, scene: Scene) -> tuple[ReturnMap, float, float]:
-    """The return map of a scene's machine, and between which launch speeds it is drawn."""
-    machine = scene.build(given)
+def _map_of(python_machine: Any, scene: Scene) -> tuple[ReturnMap, float, float]:
+    """The return map of a scene's machine, and the range of launch speeds in which it is drawn."""
+    machine = scene.build(python_machine)
     alpha = _orbit_of_scene(machine, scene).alpha
     return ReturnMap(machine), SLOWEST_DRAWN * alpha, BEYOND * alpha
 
 
-# What a worker may be asked, by name; each function takes the page's given machine and the arguments of the question.
+# The functions of tasks by name; each takes the page's machine that was made in Python and the task's arguments.
 ANSWERS: dict[str, Callable[..., Iterator[Any]]] = {"hop": hop_answer, "family": family_answers, "map": map_answers}

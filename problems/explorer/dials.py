@@ -1,4 +1,4 @@
-"""The sliders of a machine's parameters: where each begins and ends, and whether it goes by factors."""
+"""The sliders of a machine's parameters: the ends of each, and whether its scale is logarithmic."""
 
 import math
 from dataclasses import dataclass
@@ -9,9 +9,9 @@ from orbits.model.machine import free_parameters, machine_in_words
 
 from .scene import Scene
 
-SPAN = 10.0  # a parameter that is a scale goes this many times down and up
-LARGE = 20.0  # a larger number is taken for a scale too
-# Sliders with ends of their own, and whether these go by factors.
+SPAN = 10.0  # the slider of a scale parameter reaches this factor down and up
+LARGE = 20.0  # a larger number is taken for a scale parameter too
+# Sliders with ends of their own, and whether they are logarithmic.
 WAYS = {"mass_ratio": (0.01, 100.0, True), "link": (0.1, 1.0, True), "rest_angle": (0.5, 3.0, False)}
 
 
@@ -19,9 +19,9 @@ WAYS = {"mass_ratio": (0.01, 100.0, True), "link": (0.1, 1.0, True), "rest_angle
 class Dial:
     """The slider of a parameter.
 
-    name, value, unit : of the parameter; the unit is "" where none is known
+    name, value, unit : of the parameter; the unit is "" where it is unknown
     low, high : the slider's ends; a number that is typed may lie beyond
-    factors : whether equal ways of the slider are equal factors, not equal differences
+    factors : whether equal steps of the slider are equal factors, not equal differences
     """
 
     name: str
@@ -33,7 +33,7 @@ class Dial:
 
 
 def dials_of(machine: Any, scene: Scene) -> list[Dial]:
-    """The sliders of a machine's parameters, which end where there is no such machine any more."""
+    """The sliders of a machine's parameters, with ends at which the machine still exists."""
     units, values = machine_in_words(machine).get("units", {}), machine.values
     names = [name for name in free_parameters(machine) if name in values]
     dials = [_dial(machine, name, values[name], units.get(name, "")) for name in names]
@@ -55,13 +55,13 @@ def _dial(machine: Any, name: str, value: float, unit: str) -> Dial:
 
 
 def _rounded_up(value: float) -> float:
-    """The next number from 1, 2, 5, 10, ... that is not smaller."""
+    """The smallest number of 1, 2, 5, 10, ... that is not less than a value."""
     power = 10.0 ** math.floor(math.log10(value))
     return next(step * power for step in (1, 2, 5, 10) if step * power >= value * (1 - 1e-12))
 
 
 def _edge(machine: Any, name: str, inside: float, end: float) -> float:
-    """The end of a slider, or the last value before it that the machine can have."""
+    """The end of a slider, or the last value found before it that the machine can have."""
     if _exists(machine, name, end):
         return end
     for _ in range(12):

@@ -1,6 +1,6 @@
-"""The fields of the page: what they show of a scene, and the scene after one of them was changed.
+"""The fields of the page: their values for a scene, and the scene after a field was changed.
 
-What a tab sends is not trusted: every value is checked here, or by `Scene`.
+Messages from a tab are not trusted: every value is checked here, or by `Scene`.
 """
 
 from collections.abc import Callable, Mapping
@@ -22,20 +22,20 @@ KINDS_IN_WORDS = {
     "inerter_hopper": "hopper with an inerter",
     "knee_hopper": "hopper with a knee, in SI",
 }
-OFFERED_FAMILIES = 12  # that are offered
-REST_LENGTHS = {False: 10.0, True: 1.0}  # that a spring is given which had none, dimensionless and in SI
+OFFERED_FAMILIES = 12
+REST_LENGTHS = {False: 10.0, True: 1.0}  # defaults for a spring without one, by whether it is in SI
 
 
-def shown_fields(scene: Scene, dials: list[Dial], given: bool) -> dict[str, Any]:
-    """What the fields show of a scene, ready for JSON.
+def shown_fields(scene: Scene, dials: list[Dial], has_python_machine: bool) -> dict[str, Any]:
+    """The values of the fields for a scene, ready for JSON.
 
     dials : of its parameters; their values may be older than the scene
-    given : whether the page has a machine that was made in Python
+    has_python_machine : whether the page has a machine that was made in Python
     """
     rows, fixed = scene.rows, scene.fixed_laws
     shown = [_with_value(dial, scene.numbers.get(dial.name, dial.value)) for dial in dials]
     families = sorted({*range(1, OFFERED_FAMILIES + 1), scene.family})
-    kinds = KINDS_IN_WORDS | ({GIVEN: "as it was given"} if given else {})
+    kinds = KINDS_IN_WORDS | ({GIVEN: "as it was given"} if has_python_machine else {})
     names = [dial.name for dial in dials if dial.name != "restitution"]
     return {
         "scene": {
@@ -70,59 +70,59 @@ def _with_value(dial: Dial, value: float) -> Dial:
     return replace(dial, value=value, low=low, high=max(dial.high, value))
 
 
-def changed(scene: Scene, act: str, told: Mapping[str, Any]) -> Scene:
-    """The scene after a field was changed; raises `InputError` for what it cannot be changed to.
+def changed(scene: Scene, act: str, data: Mapping[str, Any]) -> Scene:
+    """The scene after a field was changed; raises `InputError` for an invalid change.
 
     act : the field
-    told : what the tab sent with it
+    data : what the tab sent with it
     """
     if act not in CHANGES:
         raise InputError(f"the page has no field '{act[:40]}'")
-    return CHANGES[act](scene, told).complete()
+    return CHANGES[act](scene, data).complete()
 
 
-def _to_number(scene: Scene, told: Mapping[str, Any]) -> Scene:
-    name = str(told.get("name"))
+def _to_number(scene: Scene, data: Mapping[str, Any]) -> Scene:
+    name = str(data.get("name"))
     if name != "restitution" and name not in scene.numbers:
         raise InputError(f"this machine has no parameter {name[:40]!r}")
-    return scene.with_numbers(**{name: told.get("value")})  # type: ignore[arg-type]  # the scene checks it
+    return scene.with_numbers(**{name: data.get("value")})  # type: ignore[arg-type]  # the scene checks it
 
 
-def _to_spring(scene: Scene, told: Mapping[str, Any]) -> Scene:
-    return replace(scene, spring=told.get("value"), rows=None, start=None)  # type: ignore[arg-type]
+def _to_spring(scene: Scene, data: Mapping[str, Any]) -> Scene:
+    return replace(scene, spring=data.get("value"), rows=None, start=None)  # type: ignore[arg-type]
 
 
-def _to_gravity(scene: Scene, told: Mapping[str, Any]) -> Scene:
-    return replace(scene, gravity=told.get("value"), start=None)  # type: ignore[arg-type]
+def _to_gravity(scene: Scene, data: Mapping[str, Any]) -> Scene:
+    return replace(scene, gravity=data.get("value"), start=None)  # type: ignore[arg-type]
 
 
-def _to_machine(scene: Scene, told: Mapping[str, Any]) -> Scene:
-    kind, _, si = str(told.get("value")).partition(" ")
+def _to_machine(scene: Scene, data: Mapping[str, Any]) -> Scene:
+    kind, _, si = str(data.get("value")).partition(" ")
     if kind == GIVEN:
         raise InputError("go back to the machine that was given with undo, or by reloading the page without a link")
     return beginning(kind, si == "si")
 
 
-def _to_family(scene: Scene, told: Mapping[str, Any]) -> Scene:
-    return replace(scene, family=told.get("value"), start=None)  # type: ignore[arg-type]  # the scene checks it
+def _to_family(scene: Scene, data: Mapping[str, Any]) -> Scene:
+    return replace(scene, family=data.get("value"), start=None)  # type: ignore[arg-type]  # the scene checks it
 
 
-def _to_floating(scene: Scene, told: Mapping[str, Any]) -> Scene:
+def _to_floating(scene: Scene, data: Mapping[str, Any]) -> Scene:
     numbers = {name: value for name, value in scene.numbers.items() if name != "rest_length"}
-    if told.get("value") is not True:
+    if data.get("value") is not True:
         numbers["rest_length"] = REST_LENGTHS[scene.si]
     return replace(scene, numbers=numbers)
 
 
-def _to_rows(scene: Scene, told: Mapping[str, Any]) -> Scene:
-    return replace(scene, rows=DroppedRows(told.get("name"), told.get("text")), start=None)  # type: ignore[arg-type]
+def _to_rows(scene: Scene, data: Mapping[str, Any]) -> Scene:
+    return replace(scene, rows=DroppedRows(data.get("name"), data.get("text")), start=None)  # type: ignore[arg-type]
 
 
-def _of_rows(name: str) -> Callable[[Scene, Mapping[str, Any]], Scene]:
-    def change(scene: Scene, told: Mapping[str, Any]) -> Scene:
+def _to_option_of_rows(name: str) -> Callable[[Scene, Mapping[str, Any]], Scene]:
+    def change(scene: Scene, data: Mapping[str, Any]) -> Scene:
         if scene.rows is None:
             raise InputError(f"{name} is of measured rows, and there are none")
-        value: Any = None if told.get("value") == "" else told.get("value")
+        value: Any = None if data.get("value") == "" else data.get("value")
         return replace(scene, rows=replace(scene.rows, **{name: value}))
 
     return change
@@ -137,10 +137,10 @@ CHANGES: dict[str, Callable[[Scene, Mapping[str, Any]], Scene]] = {
     "family": _to_family,
     "floating": _to_floating,
     "rows": _to_rows,
-    "rows-away": lambda scene, told: replace(scene, rows=None, start=None),
-    "branch": _of_rows("branch"),
-    "noise": _of_rows("noise"),
-    "along": lambda scene, told: replace(scene, along=str(told.get("value") or "")),
-    "launch": lambda scene, told: replace(scene, launch=told.get("value")),
-    "lowest": lambda scene, told: replace(scene, start=None),
+    "rows-away": lambda scene, data: replace(scene, rows=None, start=None),
+    "branch": _to_option_of_rows("branch"),
+    "noise": _to_option_of_rows("noise"),
+    "along": lambda scene, data: replace(scene, along=str(data.get("value") or "")),
+    "launch": lambda scene, data: replace(scene, launch=data.get("value")),
+    "lowest": lambda scene, data: replace(scene, start=None),
 }

@@ -13,10 +13,10 @@ from orbits.errors import InputError
 from ..machines.files import MASSES, SI_KEYS
 from .scene import LARGEST_ROWS, LINEAR_IN_SI, LOSSES, DroppedRows, Scene, with_surroundings
 
-# Characters of measured rows in a link, packed: browsers and servers take some 60,000 of an address.
+# Characters of packed measured rows in a link; browsers and servers accept addresses of some 60,000.
 LONGEST_ROWS_IN_LINK = 8000
 LONGEST_VALUE = 12_000
-# A parameter's name in a link follows this, so that none is taken for a word of the link's own.
+# The prefix of a parameter's name in a link, so that no parameter is mistaken for a word of `LINK_WORDS`.
 NUMBER = "p."
 LINK_WORDS = (
     "machine",
@@ -35,64 +35,64 @@ LINK_WORDS = (
 
 
 def link_of(scene: Scene) -> tuple[str, bool]:
-    """The scene as the query of an address, and whether all of it is in there: many measured rows are not."""
-    told: dict[str, str] = {"machine": scene.machine}
+    """The scene as the query of an address, and whether it is complete: a link leaves out many measured rows."""
+    args: dict[str, str] = {"machine": scene.machine}
     if scene.si:
-        told["si"] = "1"
+        args["si"] = "1"
     if not scene.fixed_laws:
-        told |= {"spring": scene.spring, "gravity": scene.gravity}
-    told |= {NUMBER + name: repr(value) for name, value in scene.numbers.items()} | {"family": str(scene.family)}
+        args |= {"spring": scene.spring, "gravity": scene.gravity}
+    args |= {NUMBER + name: repr(value) for name, value in scene.numbers.items()} | {"family": str(scene.family)}
     if scene.start is not None:
-        told["start"] = ",".join(map(repr, scene.start))
-    told |= {"along": scene.along} if scene.along else {}
-    told |= {"launch": repr(scene.launch)} if scene.launch is not None else {}
+        args["start"] = ",".join(map(repr, scene.start))
+    args |= {"along": scene.along} if scene.along else {}
+    args |= {"launch": repr(scene.launch)} if scene.launch is not None else {}
     whole = True
     if scene.rows is not None:
         packed = base64.urlsafe_b64encode(zlib.compress(scene.rows.text.encode(), 9)).decode()
         if whole := len(packed) <= LONGEST_ROWS_IN_LINK:
-            told |= {"name": scene.rows.name, "rows": packed}
-            told |= {"branch": scene.rows.branch} if scene.rows.branch else {}
-            told |= {"noise": repr(scene.rows.noise)} if scene.rows.noise is not None else {}
-    return urlencode(told), whole
+            args |= {"name": scene.rows.name, "rows": packed}
+            args |= {"branch": scene.rows.branch} if scene.rows.branch else {}
+            args |= {"noise": repr(scene.rows.noise)} if scene.rows.noise is not None else {}
+    return urlencode(args), whole
 
 
 def scene_of_link(query: Mapping[str, list[bytes]]) -> Scene:
-    """The scene of a query, as a server has its arguments; raises `InputError` for anything that is no scene."""
-    told: dict[str, str] = {}
+    """The scene of a query, as a server receives its arguments; raises `InputError` for an invalid one."""
+    args: dict[str, str] = {}
     for name, values in query.items():
         if len(values) != 1 or len(values[0]) > LONGEST_VALUE:
             raise InputError(f"the link gives '{name[:40]}' more than once, or too long")
         if name not in LINK_WORDS and not name.startswith(NUMBER):
             raise InputError(f"the link has an unknown word '{name[:40]}'; it knows {', '.join(LINK_WORDS)}")
         try:
-            told[name] = values[0].decode("utf-8")
+            args[name] = values[0].decode("utf-8")
         except UnicodeDecodeError:
             raise InputError(f"'{name[:40]}' of the link is no text") from None
     numbers = {
-        name.removeprefix(NUMBER): _number_in_link(name, text) for name, text in told.items() if name.startswith(NUMBER)
+        name.removeprefix(NUMBER): _number_in_link(name, text) for name, text in args.items() if name.startswith(NUMBER)
     }
-    start = tuple(_number_in_link("start", part) for part in told["start"].split(",")) if "start" in told else None
+    start = tuple(_number_in_link("start", part) for part in args["start"].split(",")) if "start" in args else None
     scene = Scene(
-        told.get("machine", "hopper"),
-        _number_in_link("si", told.get("si", "0")) == 1,
-        told.get("spring", "r"),
-        told.get("gravity", "1"),
-        _rows_of(told),
+        args.get("machine", "hopper"),
+        _number_in_link("si", args.get("si", "0")) == 1,
+        args.get("spring", "r"),
+        args.get("gravity", "1"),
+        _rows_of(args),
         numbers,
-        _whole_in_link("family", told.get("family", "1")),
-        start,  # type: ignore[arg-type]  # the scene counts them
-        told.get("along", ""),
-        _number_in_link("launch", told["launch"]) if "launch" in told else None,
+        _whole_in_link("family", args.get("family", "1")),
+        start,  # type: ignore[arg-type]  # the scene checks their number
+        args.get("along", ""),
+        _number_in_link("launch", args["launch"]) if "launch" in args else None,
     )
     return scene.complete()
 
 
-def _rows_of(told: Mapping[str, str]) -> DroppedRows | None:
-    """The measured rows in a link; no more than a table may have are unpacked."""
-    if "rows" not in told:
+def _rows_of(args: Mapping[str, str]) -> DroppedRows | None:
+    """The measured rows in a link; no more characters are unpacked than a table may have."""
+    if "rows" not in args:
         return None
     try:
-        packed = base64.b64decode(told["rows"], altchars=b"-_", validate=True)
+        packed = base64.b64decode(args["rows"], altchars=b"-_", validate=True)
         unpacking = zlib.decompressobj()
         text = unpacking.decompress(packed, LARGEST_ROWS + 1)
         if len(text) > LARGEST_ROWS or not unpacking.eof:
@@ -100,13 +100,13 @@ def _rows_of(told: Mapping[str, str]) -> DroppedRows | None:
         decoded = text.decode("utf-8")
     except (ValueError, zlib.error):
         raise InputError("the measured rows in the link are damaged, or too many") from None
-    noise = _number_in_link("noise", told["noise"]) if "noise" in told else None
-    return DroppedRows(told.get("name", "rows"), decoded, told.get("branch"), noise)
+    noise = _number_in_link("noise", args["noise"]) if "noise" in args else None
+    return DroppedRows(args.get("name", "rows"), decoded, args.get("branch"), noise)
 
 
 def _number_in_link(name: str, text: str) -> float:
     try:
-        return float(text)  # the scene refuses what is not finite
+        return float(text)  # the scene refuses numbers that are not finite
     except ValueError:
         raise InputError(f"'{name[:40]}' of the link is {text[:40]!r}, no number") from None
 
@@ -118,17 +118,17 @@ def _whole_in_link(name: str, text: str) -> int:
     return int(value)
 
 
-def scene_of_statement(told: Mapping[str, Any], family: int = 1) -> Scene:
+def scene_of_statement(stated: Mapping[str, Any], family: int = 1) -> Scene:
     """The scene of a statement of a machine file or of the command line, whose table is read from its file.
 
-    Raises `InputError` for a table that cannot be read; what else is wrong, `Scene.build` says.
+    Raises `InputError` for a table that cannot be read; `Scene.build` refuses other faults.
     """
-    si = told.get("si")
-    machine, spring = told.get("machine", "hopper"), told.get("spring")
+    si = stated.get("si")
+    machine, spring = stated.get("machine", "hopper"), stated.get("spring")
     rows = _rows_from_file(spring) if isinstance(spring, str) and spring.startswith("table:") else None
-    numbers = dict(told.get("parameters", {}))
-    numbers |= {name: told[name] for name in ("mass_ratio", "rest_length", *LOSSES) if told.get(name) is not None}
-    gravity = str(told.get("gravity", "1"))
+    numbers = dict(stated.get("parameters", {}))
+    numbers |= {name: stated[name] for name in ("mass_ratio", "rest_length", *LOSSES) if stated.get(name) is not None}
+    gravity = str(stated.get("gravity", "1"))
     if si is not None:
         numbers |= si
         if "body_radius" in si:
@@ -154,16 +154,16 @@ def machine_file(scene: Scene) -> str:
     statement makes the machine."""
     if scene.fixed_laws:
         raise InputError("a machine that is made in Python has no machine file; the Python lines make it")
-    told = scene.statement()
-    tables = {name: told.pop(name) for name in ("si", "parameters") if name in told}
-    lines = [f"{name} = {_toml(value)}" for name, value in told.items()]
+    stated = scene.statement()
+    tables = {name: stated.pop(name) for name in ("si", "parameters") if name in stated}
+    lines = [f"{name} = {_toml(value)}" for name, value in stated.items()]
     for name, values in tables.items():
         lines += ["", f"[{name}]", *(f"{each} = {_toml(value)}" for each, value in values.items())]
     return "\n".join(lines) + "\n"
 
 
 def _toml(value: Any) -> str:
-    """A text or a number as TOML; JSON's texts are texts of TOML too."""
+    """A string or a number as TOML; a JSON string is a TOML string too."""
     return json.dumps(value) if isinstance(value, str) else repr(float(value))
 
 
@@ -181,19 +181,19 @@ def python_lines(scene: Scene) -> str:
         )
         made = made or "\n# machine: the one that explore was called with\nmachine = machine"
         return f"from orbits import find\n{made}.with_values({numbers})\n{find}"
-    told = scene.statement()
-    si, parameters = told.get("si"), told.get("parameters")
-    kind = told["machine"]
+    stated = scene.statement()
+    si, parameters = stated.get("si"), stated.get("parameters")
+    kind = stated["machine"]
     maker = f"{kind}_in_si" if si is not None else kind.capitalize()
     arguments = []
     if si is not None:
         arguments += [repr(si[name]) for name in MASSES[kind]]
-        arguments += [f"force={told['spring']!r}"] if "spring" in told else []
+        arguments += [f"force={stated['spring']!r}"] if "spring" in stated else []
         arguments += [f"{name}={si[name]!r}" for name in SI_KEYS if name in si]
     else:
-        arguments.append(repr(told["spring"]))
-        arguments += [f"{name}={told[name]!r}" for name in ("mass_ratio", "rest_length") if name in told]
-    arguments += [f"{name}={told[name]!r}" for name in ("gravity", *LOSSES) if name in told]
+        arguments.append(repr(stated["spring"]))
+        arguments += [f"{name}={stated[name]!r}" for name in ("mass_ratio", "rest_length") if name in stated]
+    arguments += [f"{name}={stated[name]!r}" for name in ("gravity", *LOSSES) if name in stated]
     arguments += [f"parameters={parameters!r}"] if parameters else []
     call = f"machine = {maker}({', '.join(arguments)})"
     if len(call) > 100:

@@ -1,13 +1,13 @@
 "use strict";
-// The fields of the page. Whatever is changed is asked of the server as {n, act, ...} in `bridge.asked`; the server
-// answers with the whole state of the page in `bridge.told`, of which nothing is ever taken for HTML but the table of
-// the certificate, whose texts the server has escaped.
+// The fields of the page. A change of a field is sent to the server as {n, act, ...} in `bridge.request`; the server
+// replies with the whole state of the page in `bridge.page_state`. Only the table of the certificate is inserted as
+// HTML; the server has escaped its texts.
 window.startExplorer = (bridge, figures) => {
   const $ = (id) => document.getElementById(id);
   const STEPS = 400, LARGEST_ROWS = 1 << 20, PATIENCE = 700;
   let n = 0, timer = null, state = null;
 
-  // What takes long can be stopped, whether a field, a click on a figure or the page itself has asked for it.
+  // A long computation can be stopped, whether a field, a click on a figure or the page itself has requested it.
   const settled = () => state && state.idle && state.n >= n;
   function offer_stop_later() {
     clearTimeout(timer);
@@ -15,11 +15,11 @@ window.startExplorer = (bridge, figures) => {
   }
   function ask(act, rest = {}) {
     n += 1;
-    bridge.asked = JSON.stringify({n, act, ...rest});
+    bridge.request = JSON.stringify({n, act, ...rest});
     offer_stop_later();
   }
 
-  // Sliders go over whole numbers from 0 to STEPS, and stand for a parameter in equal steps or equal factors.
+  // A slider has the whole numbers from 0 to STEPS, equal steps or equal factors of a parameter.
   const value_at = (dial, place) => {
     const share = place / STEPS;
     const value = dial.factors ? dial.low * (dial.high / dial.low) ** share : dial.low + (dial.high - dial.low) * share;
@@ -64,32 +64,32 @@ window.startExplorer = (bridge, figures) => {
       slider.dial = dial;
       slider.value = place_of(dial, dial.value);
       slider.setAttribute("aria-valuetext", short(dial.value));
-      keep_typing($(`number-${dial.name}`), short(dial.value));
+      update_field($(`number-${dial.name}`), short(dial.value));
     }
   }
 
-  // A field that is being typed in stays as it is, until what the server tells of it changes.
-  function keep_typing(field, text) {
-    if (document.activeElement !== field || field.dataset.told !== text) field.value = text;
-    field.dataset.told = text;
+  // A field that is being typed in is not overwritten until its value on the server changes.
+  function update_field(field, text) {
+    if (document.activeElement !== field || field.dataset.sent !== text) field.value = text;
+    field.dataset.sent = text;
   }
 
   function fill(select, pairs, chosen) {
-    const told = JSON.stringify(pairs);
-    if (select.dataset.pairs != told) {
-      select.dataset.pairs = told;
+    const options = JSON.stringify(pairs);
+    if (select.dataset.pairs != options) {
+      select.dataset.pairs = options;
       select.replaceChildren(...pairs.map(([value, text]) => new Option(text, value)));
     }
     select.value = chosen;
   }
 
   const write = (id, text) => { if ($(id).textContent !== text) $(id).textContent = text; };
-  // A field whose text the server could not take stays as it is too.
+  // A field whose text the server refused is not overwritten either.
   function write_field(id, value, problem) {
     const field = $(id), text = value == null ? "" : String(value);
     field.setAttribute("aria-invalid", problem ? "true" : "false");
-    if (problem) field.dataset.told = text;
-    else keep_typing(field, text);
+    if (problem) field.dataset.sent = text;
+    else update_field(field, text);
   }
 
   function show_fields() {
@@ -112,8 +112,7 @@ window.startExplorer = (bridge, figures) => {
     show_dials(state.dials);
   }
 
-  // The slider goes over the hops of the family in their order along the curve, also beyond a fold, which no parameter
-  // passes.
+  // The slider goes through the hops of the family in order along the curve, also past a fold of the parameter.
   function show_place(place) {
     for (const id of ["place-line", "place-hint"]) $(id).hidden = !place;
     if (!place) return;
@@ -128,8 +127,8 @@ window.startExplorer = (bridge, figures) => {
     $("problem").hidden = !state.problems.page;
     write("status", state.status);
     write("hop-title", state.title);
-    if ($("certificate").dataset.told !== state.table) {
-      $("certificate").dataset.told = state.table;
+    if ($("certificate").dataset.sent !== state.table) {
+      $("certificate").dataset.sent = state.table;
       $("certificate").innerHTML = state.table;
     }
     for (const id of ["family-text", "map-text", "link-text", "python", "file"]) write(id, state[id]);
@@ -151,9 +150,9 @@ window.startExplorer = (bridge, figures) => {
     document.body.dataset.shown = state.shown;
   }
 
-  function told() {
-    if (!bridge.told) return;
-    state = JSON.parse(bridge.told);
+  function receive() {
+    if (!bridge.page_state) return;
+    state = JSON.parse(bridge.page_state);
     show();
   }
 
@@ -231,7 +230,7 @@ window.startExplorer = (bridge, figures) => {
     save(`${name}.${kind}`, await layer.to_blob());
   });
 
-  // What is not seen is not drawn: each figure takes as long to draw as a hop takes to find.
+  // A figure out of view is not drawn: drawing one takes as long as finding a hop.
   const seen = new IntersectionObserver((entries) => {
     for (const {target, isIntersecting} of entries) hold(figures[target.dataset.figure], !isIntersecting);
   }, {rootMargin: "200px"});
@@ -241,13 +240,13 @@ window.startExplorer = (bridge, figures) => {
   };
   for (const place of document.querySelectorAll("[data-figure]")) seen.observe(place);
 
-  // The workers of a page that is left need not go on until its session ends; a browser that keeps the page and brings
-  // it back loads it anew.
-  window.addEventListener("pagehide", () => { bridge.asked = JSON.stringify({n, act: "leave"}); });
+  // The workers of a page that was left are stopped before its session ends; a browser that restores the page from its
+  // cache loads it anew.
+  window.addEventListener("pagehide", () => { bridge.request = JSON.stringify({n, act: "leave"}); });
   window.addEventListener("pageshow", (event) => { if (event.persisted) location.reload(); });
 
-  bridge.properties.told.change.connect(told);
+  bridge.properties.page_state.change.connect(receive);
   bridge.properties.rows.change.connect(() => { if (bridge.rows) save_text(state.scene.rows.name, bridge.rows); });
   window.explorer = {ask, figures, get state() { return state; }, get settled() { return settled(); }};
-  told();
+  receive();
 };

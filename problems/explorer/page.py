@@ -1,4 +1,4 @@
-"""The page of one tab: what is asked in its fields, what its workers answer, and what it then shows."""
+"""The page of one tab: the requests of its fields, the results of its workers, and the figures and fields shown."""
 
 import json
 import time
@@ -35,16 +35,16 @@ FOLDER = Path(__file__).parent
 LONGEST_HISTORY = 200
 GESTURE = 1.0  # seconds: changes of one field that follow sooner are undone together
 ROWS_LEFT_OUT = "The measured rows are too many for a link, which leaves them out: save the machine file and its rows."
-PIECES_KEPT = 8  # of a family that grows: a slider may have been moved before the newest one was there
+MOST_SENT_PIECES = 8  # of a growing family: a slider may have been moved before the newest piece arrived
 CALM = 300  # milliseconds without a change, after which the law is drawn, and the family and the map are computed
 
 
 class Bridge(DataModel):
-    """What a tab and its page tell each other: a field that was changed, everything the fields show, and measured rows
-    to be saved; the first two as JSON."""
+    """The messages between a tab and its page: a field that was changed, the state of all fields, and measured rows to
+    be saved; the first two as JSON."""
 
-    asked = String(default="")
-    told = String(default="")
+    request = String(default="")
+    page_state = String(default="")
     rows = String(default="")
 
 
@@ -52,35 +52,35 @@ class Explorer:
     """The page of one tab.
 
     document : Bokeh's, which shows it
-    scene : what it shows first
-    given : the machine of the page, where no statement makes it
-    problem : in words, what is wrong with the link that was followed; "" if nothing is
+    scene : the scene shown first
+    python_machine : the machine of the page, where no statement makes it
+    problem : the fault of the link that was followed, in words; "" if there is none
     """
 
-    def __init__(self, document: Document, scene: Scene, given: Any = None, problem: str = ""):
-        self._document, self._given = document, given
-        self._wanted, self._shown = scene, scene
+    def __init__(self, document: Document, scene: Scene, python_machine: Any = None, problem: str = ""):
+        self._document, self._python_machine = document, python_machine
+        self._requested, self._shown = scene, scene
         self._history: list[Scene] = []
         self._cause, self._last_change = "", 0.0
         self._problems: dict[str, str] = {}
-        self._failed: dict[str, str] = {}  # of these, why the hop that is wanted is not shown
+        self._failed: dict[str, str] = {}  # of these, why the requested hop is not shown
         self._hop: HopAnswer | None = None
         self._family: FamilyAnswer | None = None
-        self._families_told: deque[tuple[str, FamilyAnswer]] = deque(maxlen=PIECES_KEPT)
-        self._dials: dict[tuple[Any, ...], list[Dial]] = {}  # by what their ends depend on
+        self._sent_families: deque[tuple[str, FamilyAnswer]] = deque(maxlen=MOST_SENT_PIECES)
+        self._dials: dict[tuple[Any, ...], list[Dial]] = {}  # by the key of `_kind_of`, on which their ends depend
         self._texts = {"family": "", "map": ""}
         self._number = self._count = 0
-        self._awaited: Task | None = None  # of which the hop is not shown yet
-        self._around_it: dict[str, Task] = {}  # the newest that was asked around a hop
-        self._pending: Any = None  # what will compute the family and the map
+        self._awaited: Task | None = None  # whose hop is not shown yet
+        self._surrounding_tasks: dict[str, Task] = {}  # the newest family and map requested around a hop
+        self._pending: Any = None  # the callback that will request the family and the map
         self._workers = {
-            "hop": self._worker(self._hop_came),
-            "family": self._worker(self._family_came, calm=True),
-            "map": self._worker(self._map_came, calm=True),
+            "hop": self._worker(self._receive_hop),
+            "family": self._worker(self._receive_family, calm=True),
+            "map": self._worker(self._receive_map, calm=True),
         }
         self._new_figures()
         document.on_session_destroyed(lambda _: self.close())
-        self._ask_hop()
+        self._request_hop()
         if problem:
             self._problems = {"page": problem}
 
@@ -89,18 +89,18 @@ class Explorer:
         for worker in self._workers.values():
             worker.stop()
 
-    def _worker(self, came: Callable[[Task, Any], None], calm: bool = False) -> Worker:
-        """A worker whose answers come to a method in their order, in the thread of the document."""
-        answers = SimpleQueue[tuple[Task, Any]]()  # callbacks from before the session begins come in any order
+    def _worker(self, receive: Callable[[Task, Any], None], calm: bool = False) -> Worker:
+        """A worker whose results are passed to a method in order, in the thread of the document."""
+        results = SimpleQueue[tuple[Task, Any]]()  # callbacks from before the session begins come in any order
 
-        def deliver(question: Task, answer: Any) -> None:
+        def deliver(task: Task, result: Any) -> None:
             context = self._document.session_context
             if context is None or context.destroyed:
                 return  # the tab was closed while this was computed
-            answers.put((question, answer))
-            self._document.add_next_tick_callback(lambda: came(*answers.get()))
+            results.put((task, result))
+            self._document.add_next_tick_callback(lambda: receive(*results.get()))
 
-        return Worker(deliver, self._given, calm)
+        return Worker(deliver, self._python_machine, calm)
 
     # ---- figures
 
@@ -109,7 +109,7 @@ class Explorer:
         self._hops, self._families, self._maps, self._laws = HopFigures(), FamilyFigure(), MapFigure(), LawFigure()
         hops = {name: getattr(self._hops, name) for name in ("machine", "heights", "portrait", "force", "player")}
         figures = {**hops, "family": self._families.figure, "map": self._maps.figure, "law": self._laws.figure}
-        # A click that takes longer is a press. What is asked for after the figures are in the document is not heard.
+        # A longer click is a press. Events requested after the figures are in the document are not received.
         for event in (Tap, Press):
             self._families.figure.on_event(event, self._family_clicked)
             self._maps.figure.on_event(event, self._map_clicked)
@@ -117,10 +117,10 @@ class Explorer:
             for name, figure in figures.items():
                 figure.name = name
                 self._document.add_root(figure)
-        self._bridge.on_change("asked", lambda attribute, old, new: self._asked(new))
+        self._bridge.on_change("request", lambda attribute, old, new: self._receive(new))
         start = CustomJS(args={"bridge": self._bridge, "figures": figures}, code="startExplorer(bridge, figures)")
         self._document.js_on_event("document_ready", start)
-        self._hops.heights.js_on_change("tags", start)  # what no root refers to is not kept equal on both sides
+        self._hops.heights.js_on_change("tags", start)  # a model that no root refers to is not synchronised
         lost = CustomJS(code="document.getElementById('lost').hidden = false")
         self._document.js_on_event("connection_lost", lost)
         self._document.title = "Lossless hops"
@@ -129,13 +129,13 @@ class Explorer:
         needed = Resources(mode="server", root_url="", components=["bokeh", "bokeh-widgets"]).render_js()
         self._document.template_variables.update(**texts, bokeh_needed=needed)
 
-    # ---- what is asked
+    # ---- requests
 
-    def _asked(self, text: str) -> None:
-        """A field was changed: {"n": number of the change, "act": name, ...}, of which nothing is trusted."""
+    def _receive(self, text: str) -> None:
+        """A field was changed: {"n": number of the change, "act": name, ...}, none of which is trusted."""
         try:
-            told = json.loads(text)
-            act, self._number = str(told["act"]), int(told["n"])
+            message = json.loads(text)
+            act, self._number = str(message["act"]), int(message["n"])
         except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
             return
         if act == "leave":
@@ -146,27 +146,27 @@ class Explorer:
         elif act == "stop":
             self._stop()
         elif act == "place":
-            self._place_moved(told)
+            self._place_moved(message)
         elif act == "give-rows":
             if self._shown.rows:
                 self._bridge.rows = ""
                 self._bridge.rows = self._shown.rows.text
         else:
-            self._change(act, told)
-        self._tell()
+            self._change(act, message)
+        self._send_state()
 
-    def _change(self, act: str, told: dict[str, Any]) -> None:
-        """Go to the scene with a change, or say why there is none."""
+    def _change(self, act: str, message: dict[str, Any]) -> None:
+        """Go to the scene with a change, or state why there is none."""
         place = act if act in ("spring", "gravity", "rows") else "page"
         try:
-            scene = changed(self._wanted, act, told)
+            scene = changed(self._requested, act, message)
         except InputError as error:
             self._problems = self._failed | {place: str(error)}
             return
-        self._go(scene, f"{act} {told.get('name', '')}" if act == "number" else act)
+        self._go(scene, f"{act} {message.get('name', '')}" if act == "number" else act)
 
     def _go(self, scene: Scene, cause: str) -> None:
-        before, self._wanted = self._wanted, scene
+        before, self._requested = self._requested, scene
         now = time.monotonic()
         gesture = cause == self._cause and now - self._last_change < GESTURE
         if scene != before and not gesture and self._history[-1:] != [self._shown]:
@@ -174,45 +174,45 @@ class Explorer:
         self._cause, self._last_change = cause, now
         if scene.hop == before.hop and self._hop is not None:
             self._shown, self._problems = self._with_surroundings(self._shown), self._failed
-            self._around_later(now=True)
+            self._schedule_surroundings(now=True)
         else:
-            self._ask_hop()
+            self._request_hop()
 
     def _with_surroundings(self, scene: Scene) -> Scene:
-        """A scene with what is to be shown around the hop now."""
-        return replace(scene, along=self._wanted.along, launch=self._wanted.launch)
+        """A scene with the family parameter and the launch speed that are requested now."""
+        return replace(scene, along=self._requested.along, launch=self._requested.launch)
 
-    def _ask_hop(self) -> None:
+    def _request_hop(self) -> None:
         self._problems = self._failed = {}
-        self._awaited = Task("hop", (self._wanted, not self._dials_for(self._wanted)))
+        self._awaited = Task("hop", (self._requested, not self._dials_for(self._requested)))
         self._workers["hop"].ask(self._awaited)
 
     @staticmethod
     def _kind_of(scene: Scene) -> tuple[Any, ...]:
-        """What the ends of the sliders depend on."""
+        """The properties of a scene on which the ends of the sliders depend."""
         return scene.machine, scene.si, scene.spring, scene.gravity, scene.rows, tuple(scene.numbers)
 
     def _dials_for(self, scene: Scene) -> list[Dial]:
-        """The sliders of a scene, none where they are not known yet."""
+        """The sliders of a scene; none where they are not known yet."""
         return self._dials.get(self._kind_of(scene), [])
 
     def _undo(self) -> None:
-        failed = self._wanted != self._shown
+        failed = self._requested != self._shown
         if not failed and not self._history:
             return
         scene = self._shown if failed else self._history[-1]
         if self._history[-1:] == [scene]:
             self._history = self._history[:-1]
-        self._wanted, self._cause = scene, ""
-        self._ask_hop()
+        self._requested, self._cause = scene, ""
+        self._request_hop()
 
     def _leave(self) -> None:
-        """Compute nothing more for a page that nobody sees, whose session ends some seconds later; what is on its way
-        is not shown, and whatever is asked later begins anew."""
+        """Compute nothing more for a closed page, whose session ends some seconds later; results on their way are not
+        shown, and a later request begins anew."""
         self._forget_pending()
         self.close()
         self._awaited = None
-        self._around_it.clear()
+        self._surrounding_tasks.clear()
 
     def _stop(self) -> None:
         self._workers["hop"].stop()
@@ -220,7 +220,7 @@ class Explorer:
         if self._hop is None:
             self._problems = self._failed = {"page": "Stopped: no hop has been found yet."}
         else:
-            self._wanted, self._failed = self._shown, {}
+            self._requested, self._failed = self._shown, {}
             self._problems = {"page": "Stopped: this is still the hop before."}
 
     def _family_clicked(self, event: Any) -> None:
@@ -228,17 +228,17 @@ class Explorer:
         family = self._family_of(self._shown)
         if family is not None:
             self._go_along(family, family.nearest(event.x, event.y))
-            self._tell()
+            self._send_state()
 
-    def _place_moved(self, told: dict[str, Any]) -> None:
-        """Go to a hop by its number in a piece of the family, which may have grown since."""
-        place, key = told.get("value"), told.get("key")
-        for known, family in self._families_told:
+    def _place_moved(self, message: dict[str, Any]) -> None:
+        """Go to a hop by its index in a piece of the family, which may have grown since."""
+        place, key = message.get("value"), message.get("key")
+        for known, family in self._sent_families:
             if known == key and type(place) is int and 0 <= place < len(family.values) and family.holds(self._shown):
                 self._go_along(family, place)
 
     def _family_of(self, scene: Scene) -> FamilyAnswer | None:
-        """The family that is drawn, if it is that of a scene's hop; another one may be being followed."""
+        """The drawn family, if it is that of a scene's hop; another one may be in computation."""
         family = self._family
         return family if family is not None and family.holds(scene) else None
 
@@ -249,133 +249,133 @@ class Explorer:
     def _map_clicked(self, event: Any) -> None:
         if event.x is not None and event.x > 0:
             self._change("launch", {"value": float(f"{event.x:.6g}")})
-            self._tell()
+            self._send_state()
 
-    # ---- what comes
+    # ---- results
 
-    def _hop_came(self, question: Task, answer: Any) -> None:
-        if self._awaited is None or isinstance(answer, Done):
-            return  # what was on its way when it was stopped is not shown
-        newest = question.number == self._awaited.number
-        if isinstance(answer, HopAnswer):
-            self._show_hop(question, answer)
-        elif isinstance(answer, DialsAnswer):
-            self._dials[self._kind_of(question.arguments[0])] = answer.dials
+    def _receive_hop(self, task: Task, result: Any) -> None:
+        if self._awaited is None or isinstance(result, Done):
+            return  # a result on its way when the task was stopped is not shown
+        newest = task.number == self._awaited.number
+        if isinstance(result, HopAnswer):
+            self._show_hop(task, result)
+        elif isinstance(result, DialsAnswer):
+            self._dials[self._kind_of(task.arguments[0])] = result.dials
             newest = False  # the hop comes after them
         elif newest:
             place = self._cause if self._cause in ("spring", "gravity", "rows") else "page"
-            self._failed = {place: answer.reason}
+            self._failed = {place: result.reason}
             self._problems = self._problems | self._failed
         if newest:
             self._awaited = None
-        self._tell()
+        self._send_state()
 
-    def _show_hop(self, question: Task, answer: HopAnswer) -> None:
-        asked = question.arguments[0]
-        shown = self._with_surroundings(answer.scene)
-        if asked.hop == self._wanted.hop:
-            self._wanted = shown
-        first, self._hop = self._hop is None, answer
-        steady = not first and self._kind_of(self._shown) == self._kind_of(asked)
+    def _show_hop(self, task: Task, result: HopAnswer) -> None:
+        requested = task.arguments[0]
+        shown = self._with_surroundings(result.scene)
+        if requested.hop == self._requested.hop:
+            self._requested = shown
+        first, self._hop = self._hop is None, result
+        steady = not first and self._kind_of(self._shown) == self._kind_of(requested)
         self._shown = shown
         self._count += 1
-        self._hops.show(answer.data, steady)
+        self._hops.show(result.data, steady)
         self._mark()
-        self._around_later()
+        self._schedule_surroundings()
 
     def _mark(self) -> None:
-        """Mark the hop in the family, where that is the family through it."""
+        """Mark the hop in the drawn family, if that is the hop's family."""
         family, hop = self._family_of(self._shown), self._hop
         if family is not None and hop is not None:
             self._families.mark(hop.scene.numbers[family.along], hop.alpha)
         else:
             self._families.mark()
 
-    def _around_later(self, now: bool = False) -> None:
-        """Compute the family and the map once nothing has changed for a while."""
+    def _schedule_surroundings(self, now: bool = False) -> None:
+        """Request the family and the map once nothing has changed for a while."""
         self._forget_pending()
-        self._pending = self._document.add_timeout_callback(self._around, 1 if now else CALM)
+        self._pending = self._document.add_timeout_callback(self._compute_surroundings, 1 if now else CALM)
 
     def _forget_pending(self) -> None:
         if self._pending is not None:
             self._document.remove_timeout_callback(self._pending)
             self._pending = None
 
-    def _around(self) -> None:
+    def _compute_surroundings(self) -> None:
         self._pending = None
         law = self._hop.law if self._hop else None
         self._laws.figure.visible = law is not None
         if law is not None:
             self._laws.show(law)
         self._follow()
-        self._ask_around("map", self._shown)
-        self._tell()
+        self._request("map", self._shown)
+        self._send_state()
 
-    def _ask_around(self, what: str, *arguments: Any) -> None:
-        """Ask for a family or a map; only what comes of this is shown from now on."""
-        self._around_it[what] = Task(what, arguments)
-        self._workers[what].ask(self._around_it[what])
+    def _request(self, name: str, *arguments: Any) -> None:
+        """Request a family or a map; only the results of this task are shown from now on."""
+        self._surrounding_tasks[name] = Task(name, arguments)
+        self._workers[name].ask(self._surrounding_tasks[name])
 
     def _follow(self) -> None:
-        """Follow the family of the hop, unless that is what is shown or is being followed."""
-        scene, asked = self._shown, self._around_it.get("family")
+        """Follow the family of the hop, unless it is already shown or being followed."""
+        scene, current = self._shown, self._surrounding_tasks.get("family")
         bounds = {dial.name: (dial.low, dial.high) for dial in self._dials_for(scene) if dial.name in scene.numbers}
         if scene.along not in bounds:
             self._workers["family"].stop()
-            self._around_it.pop("family", None)
+            self._surrounding_tasks.pop("family", None)
             self._no_family("")
-        elif asked is None or not same_family(asked.arguments[0], scene):
+        elif current is None or not same_family(current.arguments[0], scene):
             self._texts["family"] = "The family is being followed."
-            self._ask_around("family", scene, *bounds[scene.along])
+            self._request("family", scene, *bounds[scene.along])
 
     def _no_family(self, why: str) -> None:
         self._family, self._texts["family"] = None, why
         self._families.figure.visible = False
 
-    def _family_came(self, question: Task, answer: Any) -> None:
-        if question != self._around_it.get("family"):
+    def _receive_family(self, task: Task, result: Any) -> None:
+        if task != self._surrounding_tasks.get("family"):
             return
-        if isinstance(answer, Failure):
-            del self._around_it["family"]
-            self._no_family(f"No family here: {answer.reason}")
-        elif isinstance(answer, FamilyAnswer):
-            steady = self._family is not None and self._family.along == answer.along
-            self._family, self._texts["family"] = answer, answer.text
-            self._families_told.append((f"{question.number} {len(answer.values)}", answer))
+        if isinstance(result, Failure):
+            del self._surrounding_tasks["family"]
+            self._no_family(f"No family here: {result.reason}")
+        elif isinstance(result, FamilyAnswer):
+            steady = self._family is not None and self._family.along == result.along
+            self._family, self._texts["family"] = result, result.text
+            self._sent_families.append((f"{task.number} {len(result.values)}", result))
             self._families.figure.visible = True
-            self._families.show(answer.data, steady)
+            self._families.show(result.data, steady)
             self._mark()
-        self._tell()
+        self._send_state()
 
-    def _map_came(self, question: Task, answer: Any) -> None:
-        if question != self._around_it.get("map"):
+    def _receive_map(self, task: Task, result: Any) -> None:
+        if task != self._surrounding_tasks.get("map"):
             return
-        if isinstance(answer, Failure):
-            self._texts["map"] = f"No map here: {answer.reason}"
+        if isinstance(result, Failure):
+            self._texts["map"] = f"No map here: {result.reason}"
             self._maps.figure.visible = False
-        elif not isinstance(answer, Done):
+        elif not isinstance(result, Done):
             self._maps.figure.visible = True
-            self._maps.show(answer)
-            share = answer.share
+            self._maps.show(result)
+            share = result.share
             found = f"{share or 0:.1%} of these launches come to a lossless hop."
             self._texts["map"] = "The basin is being found." if share is None else found
-        self._tell()
+        self._send_state()
 
-    # ---- what is told
+    # ---- the state sent to the tab
 
     def _place(self) -> dict[str, Any] | None:
-        """Which hop of its family is wanted, by its number among so many; None without one."""
-        scene = self._shown if self._awaited is None else self._wanted
+        """The requested hop's index in its family and the number of hops there; None without a family."""
+        scene = self._shown if self._awaited is None else self._requested
         family, hop = self._family_of(scene), self._hop
         if family is None or hop is None:
             return None
         value, alpha = scene.numbers[family.along], hop.alpha if scene.start is None else scene.start[1]
         at, count = family.nearest(value, alpha), len(family.values)
         text = f"hop {at + 1} of {count}, {family.along} = {value:.6g}, alpha = {alpha:.6g}"
-        return {"at": at, "of": count, "key": self._families_told[-1][0], "text": text}
+        return {"at": at, "of": count, "key": self._sent_families[-1][0], "text": text}
 
-    def _tell(self) -> None:
-        """Tell the tab everything that its fields show."""
+    def _send_state(self) -> None:
+        """Send the tab the state of all its fields."""
         hop, scene = self._hop, self._shown
         link, whole = link_of(scene)
         try:
@@ -383,7 +383,7 @@ class Explorer:
         except InputError as error:
             file = str(error)
         rows = hop.rows if hop else []
-        dials = self._dials_for(self._wanted) or self._dials_for(scene)
+        dials = self._dials_for(self._requested) or self._dials_for(scene)
         failing = "" if hop is None or hop.admissible else ", which is no motion"
         state = {
             "n": self._number,
@@ -393,7 +393,7 @@ class Explorer:
             "title": hop.data.title if hop else "",
             "problems": self._problems,
             "table": html_table(rows, "Certificate"),
-            "undo": bool(self._history) or self._wanted != self._shown,
+            "undo": bool(self._history) or self._requested != self._shown,
             "lowest": scene.start is not None,
             "link": link,
             "link-text": "" if whole else ROWS_LEFT_OUT,
@@ -402,6 +402,6 @@ class Explorer:
             "place": self._place(),
             "python": python_lines(scene),
             "file": file,
-            **shown_fields(self._wanted, dials, self._given is not None),
+            **shown_fields(self._requested, dials, self._python_machine is not None),
         }
-        self._bridge.told = json.dumps(state)
+        self._bridge.page_state = json.dumps(state)

@@ -1,15 +1,15 @@
-"""How the processes of workers are started: by a server that has imported the solver, where there is one."""
+"""How the processes of workers are started: where possible by a server that has imported the solver."""
 
 from typing import Any
 
 from orbits.running import interrupts
 
-# What the server of processes imports before the first one is asked of it.
+# The modules that the server of processes imports before it starts the first process.
 PRELOADED = ["problems.explorer.worker"]
 
 
 def process_context() -> Any:
-    """What makes processes: from a server of their own, and by new interpreters where there is none."""
+    """The context that starts processes: from a server of processes, else by new interpreters."""
     from multiprocessing import get_all_start_methods, get_context
 
     if "forkserver" not in get_all_start_methods():

@@ -1,6 +1,6 @@
-"""What the page shows, as one frozen object, and the machine that it describes.
+"""The scene that the page shows, as one frozen object, and the machine that it describes.
 
-A scene comes from a link, from fields of the page or from a dropped file, of which nothing is trusted: its names,
+A scene comes from a link, from fields of the page or from a dropped file, none of which is trusted: its names,
 numbers and texts are bounded here, its formulas are read by the project's parser alone, and no formula can name a file.
 The rows of a measured spring are part of the scene.
 """
@@ -22,9 +22,9 @@ from ..laws import springs
 from ..machines.files import KINDS, MASSES, SI_KEYS, SI_PARAMETERS, build
 from ..machines.in_si import AnyMachine, MachineInSI
 
-# The machine that `explore` was given, where no statement makes it.
+# A machine passed to `explore` that no statement makes.
 GIVEN = "given"
-# Machines whose laws the page does not change: the functions of `problems` that make them.
+# Machines whose laws the page does not change, by the names of the functions of `problems` that make them.
 WITH_FIXED_LAWS = ("inerter_hopper", "knee_hopper")
 # The spring of a machine in SI whose stiffness is a parameter of its own.
 LINEAR_IN_SI = "stiffness*r"
@@ -32,8 +32,8 @@ LOSSES = ("restitution", "damping", "drag")
 MOST_NUMBERS, LARGEST_SHOWN_FAMILY, LONGEST_LAW = 40, 1000, 2000
 LARGEST_ROWS = 1 << 20  # characters of a dropped table
 NAME = re.compile(r"[A-Za-z_]\w{0,39}", re.ASCII)
-NEW_NUMBER = 0.1  # of a name that a formula has just been given
-# What a machine begins with where nothing else is said.
+NEW_NUMBER = 0.1  # of a parameter that is new in a formula
+# The default scene of each kind of machine.
 BEGINNINGS: dict[tuple[str, bool], dict[str, Any]] = {
     ("hopper", False): {
         "spring": "r + beta*r**3",
@@ -57,7 +57,7 @@ BEGINNINGS: dict[tuple[str, bool], dict[str, Any]] = {
 
 @dataclass(frozen=True)
 class DroppedRows:
-    """A measured spring: the name and the text of its file, and how `springs.table` is to read it."""
+    """A measured spring: the name and the text of its file, and the options with which `springs.table` reads it."""
 
     name: str
     text: str
@@ -78,12 +78,12 @@ class DroppedRows:
     @property
     def spring(self) -> str:
         """The spring that names the file and the options, as the command line and machine files do."""
-        told = {"branch": self.branch, "noise": self.noise}
-        options = "&".join(f"{name}={value}" for name, value in told.items() if value is not None)
+        settings = {"branch": self.branch, "noise": self.noise}
+        options = "&".join(f"{name}={value}" for name, value in settings.items() if value is not None)
         return f"table:{self.name}" + (f"?{options}" if options else "")
 
     def law(self, in_si: bool) -> Law:
-        """The law of the rows; raises `InputError` for what is no table."""
+        """The law of the rows; raises `InputError` for a text that is no table."""
         return _law_of_rows(self.name, self.text, self.branch, self.noise, in_si)
 
 
@@ -97,16 +97,16 @@ def _law_of_rows(name: str, text: str, branch: str | None, noise: float | None, 
 
 @dataclass(frozen=True)
 class Scene:
-    """What the page shows.
+    """The scene that the page shows.
 
     machine : "hopper", "juggler", one of `WITH_FIXED_LAWS`, or `GIVEN`
     si : whether a hopper or a juggler is stated in SI
-    spring, gravity : formulas or names of laws; left aside where the laws are fixed
-    rows : a measured spring, which then takes the place of `spring`
+    spring, gravity : formulas or names of laws; ignored where the laws are fixed
+    rows : a measured spring, which replaces `spring`
     numbers : the parameters by name, those of the formulas among them
     family : of the hop
-    start : lift-off extension, launch speed and half the flight's duration of the hop to start from, where it is not
-        the lowest of its family
+    start : lift-off extension, launch speed and half the flight's duration from which the hop is found, where it is
+        not the lowest of its family
     along : the parameter that the family is followed along, "" for none
     launch : the launch speed from which a cobweb is drawn in the return map
     """
@@ -136,7 +136,7 @@ class Scene:
         whole_number("family", self.family, most=LARGEST_SHOWN_FAMILY)
 
     def _check_numbers(self) -> None:
-        """Keep the numbers as floats; raises `InputError` for what is none, and for too many."""
+        """Convert the numbers to floats; raises `InputError` for values that are no numbers, and for too many."""
         if len(self.numbers) > MOST_NUMBERS:
             raise InputError(f"{len(self.numbers)} parameters are more than the page has sliders for, {MOST_NUMBERS}")
         for name in (*self.numbers, *([self.along] if self.along else [])):
@@ -154,12 +154,12 @@ class Scene:
 
     @property
     def fixed_laws(self) -> bool:
-        """Whether the machine's laws are not to be changed."""
+        """Whether the page does not change the machine's laws."""
         return self.machine not in KINDS
 
     @property
     def hop(self) -> "Scene":
-        """The scene without what is shown around the hop."""
+        """The scene without the family parameter and the launch speed."""
         return replace(self, along="", launch=None)
 
     def with_numbers(self, **numbers: float) -> "Scene":
@@ -167,23 +167,23 @@ class Scene:
         return replace(self, numbers={**self.numbers, **numbers})
 
     def complete(self) -> "Scene":
-        """The scene with exactly the parameters that its machine and its formulas have, new ones with some value.
+        """The scene with exactly the parameters of its machine and its formulas, new ones with default values.
 
         Raises `InputError` for a formula that cannot be read.
         """
         if self.fixed_laws:
             return self
         needed = _own_numbers(self) | _names_in_gravity(self.gravity) | ({} if self.rows else _names_in(self.spring))
-        kept = {name: self.numbers[name] for name in (*LOSSES, "rest_length") if name in self.numbers}
-        # A spring without a slope at rest is given the stiffness that sets the units.
+        optional = {name: self.numbers[name] for name in (*LOSSES, "rest_length") if name in self.numbers}
+        # For a spring without a slope at rest, the stiffness sets the units.
         if self.si and "stiffness" in self.numbers and "stiffness" not in needed and self.spring != LINEAR_IN_SI:
-            kept["stiffness"] = self.numbers["stiffness"]
-        numbers = {name: self.numbers.get(name, value) for name, value in needed.items()} | kept
+            optional["stiffness"] = self.numbers["stiffness"]
+        numbers = {name: self.numbers.get(name, value) for name, value in needed.items()} | optional
         along = self.along if self.along in numbers else ""
         return replace(self, numbers=numbers, along=along)
 
     def statement(self) -> dict[str, Any]:
-        """The scene's machine as a machine file states one, with a file's name in the place of measured rows."""
+        """The scene's machine as a machine file states one, with a file's name in place of measured rows."""
         numbers, masses = dict(self.numbers), MASSES[self.machine]
         own = (*masses, *SI_KEYS[:-1]) if self.si else ("mass_ratio", "rest_length")
         stated = {name: numbers.pop(name) for name in own if name in numbers}
@@ -194,40 +194,40 @@ class Scene:
         if self.gravity == "1":
             del laws["gravity"]
         numbers = {name: value for name, value in numbers.items() if name not in LOSSES}
-        told: dict[str, Any] = {"machine": self.machine, **laws, **losses}
-        told |= {"si": stated} if self.si else stated
-        return told | ({"parameters": numbers} if numbers else {})
+        words: dict[str, Any] = {"machine": self.machine, **laws, **losses}
+        words |= {"si": stated} if self.si else stated
+        return words | ({"parameters": numbers} if numbers else {})
 
-    def build(self, given: Any = None) -> Any:
-        """The machine of the scene, which is `given` with other numbers where no statement makes it; raises
-        `InputError` that names what it cannot be."""
+    def build(self, python_machine: Any = None) -> Any:
+        """The machine of the scene, which is `python_machine` with other numbers where no statement makes it; raises
+        `InputError` that names the invalid part."""
         if self.machine in KINDS:
-            told = self.statement()
-            return build({**told, "spring": self.rows.law(self.si)} if self.rows else told, "this machine")
-        if self.machine == GIVEN and given is None:
+            statement = self.statement()
+            return build({**statement, "spring": self.rows.law(self.si)} if self.rows else statement, "this machine")
+        if self.machine == GIVEN and python_machine is None:
             raise InputError("this link is of a machine made in Python: open it from the page that shows the machine")
-        base = given if self.machine == GIVEN else _with_its_own_laws(self.machine)
+        base = python_machine if self.machine == GIVEN else _with_its_own_laws(self.machine)
         return base.with_values(**{name: value for name, value in self.numbers.items() if name != "restitution"})
 
 
 @lru_cache(maxsize=8)
 def _with_its_own_laws(name: str) -> Any:
-    """A machine with fixed laws, as it begins."""
+    """A machine with fixed laws, with its default parameters."""
     import problems
 
     return getattr(problems, name)()
 
 
 def beginning(machine: str, si: bool = False) -> Scene:
-    """What the page begins with for a kind of machine."""
+    """The scene that the page begins with for a kind of machine."""
     if machine in WITH_FIXED_LAWS:
-        return given_scene(_with_its_own_laws(machine), machine)
+        return scene_with_fixed_laws(_with_its_own_laws(machine), machine)
     if (machine, si) not in BEGINNINGS:
         raise InputError(f"unknown machine {machine[:40]!r}{suggest(machine[:40], (*KINDS, *WITH_FIXED_LAWS))}")
     return Scene(machine, si, **BEGINNINGS[machine, si])
 
 
-def given_scene(machine: Any, name: str = GIVEN) -> Scene:
+def scene_with_fixed_laws(machine: Any, name: str = GIVEN) -> Scene:
     """The scene of a machine whose laws are fixed."""
     from orbits.model.machine import free_parameters
 
@@ -235,15 +235,15 @@ def given_scene(machine: Any, name: str = GIVEN) -> Scene:
 
 
 def with_surroundings(scene: Scene) -> Scene:
-    """A scene with a parameter along which the family is followed: the last one of its laws where these have any, and a
-    rest length last of all, which changes no hop under a constant gravity."""
+    """A scene with a parameter along which the family is followed: the last one of its laws where these have any, and
+    a rest length only if there is no other, as it changes no hop under a constant gravity."""
     names = [name for name in scene.numbers if name not in LOSSES]
     names.sort(key=lambda name: (name not in {"mass_ratio", *SI_PARAMETERS}, name != "rest_length"))
     return replace(scene, along=names[-1]) if names and not scene.along else scene
 
 
 def scene_of_machine(machine: Any) -> Scene:
-    """The scene of any machine: a statement where that makes the same machine, else the given one."""
+    """The scene of any machine: a statement where that makes the same machine, else the machine itself."""
     if isinstance(machine, AnyMachine) and machine.kind in KINDS:
         words = machine.describe()
         si = isinstance(machine, MachineInSI)
@@ -257,11 +257,11 @@ def scene_of_machine(machine: Any) -> Scene:
                 return scene
         except InputError:
             pass  # laws that are Python functions or tables are no formulas
-    return given_scene(machine)
+    return scene_with_fixed_laws(machine)
 
 
 def _own_numbers(scene: Scene) -> dict[str, float]:
-    """The parameters that a machine has beside its laws', with their first values."""
+    """The parameters that a machine has beside those of its laws, with their default values."""
     begun = BEGINNINGS[scene.machine, scene.si]["numbers"]
     varying = scene.gravity.strip() not in ("1", "constant")
     names = (*MASSES[scene.machine], "surface_gravity") if scene.si else ("mass_ratio",)
@@ -272,7 +272,7 @@ def _own_numbers(scene: Scene) -> dict[str, float]:
 
 
 def _names_in(text: str, variable: str = "r", laws: Mapping[str, Any] = springs.NAMED) -> dict[str, float]:
-    """The parameters in a formula or of a named law, with their first values."""
+    """The parameters in a formula or of a named law, with their default values."""
     key = text.strip().replace("-", "_")
     if key in laws:
         return dict(laws[key]().parameters)
@@ -283,7 +283,7 @@ def _names_in(text: str, variable: str = "r", laws: Mapping[str, Any] = springs.
 
 
 def _names_in_gravity(text: str) -> dict[str, float]:
-    """The parameters of a gravity law, whose lengths begin long."""
+    """The parameters of a gravity law, whose default lengths are large."""
     found = _names_in(text, "z", gravities.NAMED)
     named = text.strip().replace("-", "_") in gravities.NAMED
     return found if named else dict.fromkeys(found, 100.0)

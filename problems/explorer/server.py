@@ -17,18 +17,18 @@ if TYPE_CHECKING:
     from .scene import Scene
 
 LOOPBACK = "127.0.0.1"
-HOSTS = (LOOPBACK, "localhost")  # the names by which a browser asks for the page
-# Of one message from a page: measured rows as JSON, whose letters may take six characters each.
+HOSTS = (LOOPBACK, "localhost")  # the names under which a browser requests the page
+# Bytes of one message from a page: measured rows as JSON, in which a letter may take six characters.
 LARGEST_MESSAGE = 8 << 20
 MOST_TABS = 40  # each has a process of its own
 
 
-def serve(scene: "Scene", port: int = 0, given: Any = None) -> tuple[Any, str]:
+def serve(scene: "Scene", port: int = 0, python_machine: Any = None) -> tuple[Any, str]:
     """A server of the page, not started yet, and its address.
 
-    scene : what the page shows first
+    scene : the scene that the page shows first
     port : of the loopback interface; 0 for any that is free
-    given : the machine, where no statement makes it
+    python_machine : the machine, where no statement makes it
 
     Raises `InputError` without the extra `explore`, and where the port is taken.
     """
@@ -55,8 +55,8 @@ def serve(scene: "Scene", port: int = 0, given: Any = None) -> tuple[Any, str]:
     loop = IOLoop.current()
     for name in ("bokeh", "tornado"):
         logging.getLogger(name).setLevel(logging.ERROR)
-    settings.allowed_ws_origin = []  # whatever the environment says, nobody else is let in
-    application = Application(FunctionHandler(_page_of(scene, given)))
+    settings.allowed_ws_origin = []  # no other origin is admitted, whatever the environment sets
+    application = Application(FunctionHandler(_page_of(scene, python_machine)))
     tornado = BokehTornado(
         {"/": application},
         extra_websocket_origins=hosts,
@@ -64,8 +64,8 @@ def serve(scene: "Scene", port: int = 0, given: Any = None) -> tuple[Any, str]:
         check_unused_sessions_milliseconds=2000,
         unused_session_lifetime_milliseconds=5000,
     )
-    # A name that another site lets point to this machine is refused, whatever is asked for.
-    none = Pages([(".*", ErrorHandler, {"status_code": 404})])  # for what no file can be called
+    # A host name that another site points to this computer is refused for every path.
+    none = Pages([(".*", ErrorHandler, {"status_code": 404})])  # for paths that no file can have
     nameless = Rule(PathMatches(".*%00.*"), none)
     own = RuleRouter([nameless, *(Rule(HostMatches(re.escape(name)), tornado) for name in HOSTS)])
     http = HTTPServer(own, max_header_size=1 << 16)
@@ -89,8 +89,8 @@ def _bound(port: int) -> list[socket.socket]:
     return [listening]
 
 
-def _page_of(scene: "Scene", given: Any) -> Callable[[Any], None]:
-    """What fills the document of a tab."""
+def _page_of(scene: "Scene", python_machine: Any) -> Callable[[Any], None]:
+    """The function that fills the document of a tab."""
     tabs = set[str]()
 
     def fill(document: Any) -> None:
@@ -99,7 +99,7 @@ def _page_of(scene: "Scene", given: Any) -> Callable[[Any], None]:
 
         request = document.session_context.request
         if len(tabs) >= MOST_TABS:
-            document.add_root(_page_of_words(f"{MOST_TABS} tabs are open, and no more are served: close some."))
+            document.add_root(_page_of_text(f"{MOST_TABS} tabs are open, and no more are served: close some."))
             return
         try:
             begun, problem = (scene_of_link(request.arguments) if request.arguments else scene), ""
@@ -107,12 +107,12 @@ def _page_of(scene: "Scene", given: Any) -> Callable[[Any], None]:
             begun, problem = scene, f"The link cannot be followed: {error}"
         tabs.add(document.session_context.id)
         document.on_session_destroyed(lambda context: tabs.discard(context.id))
-        Explorer(document, begun, given, problem)
+        Explorer(document, begun, python_machine, problem)
 
     return fill
 
 
-def _page_of_words(text: str) -> Any:
+def _page_of_text(text: str) -> Any:
     """A text as a model of Bokeh."""
     from orbits.show.pages.bokeh_figures import bokeh
 
@@ -120,7 +120,7 @@ def _page_of_words(text: str) -> Any:
 
 
 def run(scene: "Scene", port: int, browser: bool, tell: Callable[[str], None]) -> None:
-    """Serve the page until the program is interrupted, and open it in a browser if asked to."""
+    """Serve the page until the program is interrupted, and open it in a browser if `browser` is true."""
     server, address = serve(scene, port)
     server.start()
     tell(f"{address} shows the page; Ctrl-C ends it")
@@ -137,8 +137,8 @@ def run(scene: "Scene", port: int, browser: bool, tell: Callable[[str], None]) -
         server.stop()
 
 
-async def _what_is_left() -> None:
-    """Wait for what a stopped server still does in the loop of this thread, which is some seconds at most."""
+async def _finish_tasks() -> None:
+    """Wait for the remaining tasks of a stopped server in the loop of this thread, some seconds at most."""
     import asyncio
 
     if tasks := asyncio.all_tasks() - {asyncio.current_task()}:
@@ -155,19 +155,19 @@ class Exploration:
         from .scene import scene_of_machine, with_surroundings
 
         scene = with_surroundings(scene_of_machine(machine))
-        given = machine if scene.fixed_laws else None
+        python_machine = machine if scene.fixed_laws else None
         self.height, self.address = height, ""
         self._ready = threading.Event()
         self._problem: InputError | None = None
-        self._thread = threading.Thread(target=self._serve, args=(scene, given), daemon=True)
+        self._thread = threading.Thread(target=self._serve, args=(scene, python_machine), daemon=True)
         self._thread.start()
         self._ready.wait()
         if self._problem is not None:
             raise self._problem
 
-    def _serve(self, scene: "Scene", given: Any) -> None:
+    def _serve(self, scene: "Scene", python_machine: Any) -> None:
         try:
-            self._server, self.address = serve(scene, 0, given)
+            self._server, self.address = serve(scene, 0, python_machine)
             self._server.start()
         except InputError as error:
             self._problem = error
@@ -176,7 +176,7 @@ class Exploration:
             self._ready.set()
         loop = self._server.io_loop
         loop.start()
-        loop.run_sync(_what_is_left)
+        loop.run_sync(_finish_tasks)
         loop.close()
 
     def close(self) -> None:

@@ -1,8 +1,8 @@
-"""Processes that compute for a page: each answers the newest question, and can be stopped at any moment.
+"""Processes that compute for a page: each computes the newest task, and can be stopped at any moment.
 
-A page is drawn by a server that never computes, so that ten of them do not disturb each other. What is asked while a
-worker computes replaces what was asked before it, so that the moves of a slider never queue; a computation that takes
-long is ended by killing its process, since compiled code heeds nothing else.
+A page is drawn by a server that never computes, so that ten of them do not disturb each other. A task requested while
+a worker computes replaces the one before, so that the moves of a slider never queue; a computation that takes long is
+ended by killing its process, since compiled code responds to nothing else.
 """
 
 import os
@@ -24,13 +24,13 @@ LOST = (
     "the process that computed this has ended: there may be too little memory, or a script has called explore without"
     "  if __name__ == '__main__':"
 )
-# A computation that has taken this long (s) is ended when something newer is asked.
+# A computation that has taken this long (s) is ended when a newer task is requested.
 IMPATIENT = 3.0
 
 
 @dataclass(frozen=True)
 class Task:
-    """What a worker is asked: a name of `answers.ANSWERS` and its arguments; no two have the same number."""
+    """What a worker computes: a name of `answers.ANSWERS` and its arguments; no two tasks have the same number."""
 
     name: str
     arguments: tuple[Any, ...]
@@ -39,148 +39,148 @@ class Task:
 
 @dataclass(frozen=True)
 class Failure:
-    """Why there is no answer, in words."""
+    """Why there is no result, in words."""
 
     reason: str
 
 
 @dataclass(frozen=True)
 class Done:
-    """The end of the answers to a question."""
+    """The end of the results of a task."""
 
 
 class Worker:
-    """A process that answers questions.
+    """A process that computes tasks.
 
-    deliver : called with a question and each of its answers, the last of them `Done` or a `Failure`, in a thread of its
-        own; nothing may come of a question that a newer one has replaced
-    calm : whether it leaves the processor to others, for what goes on in the background
-    given : the machine of the page, where no statement makes it
+    deliver : called with a task and each of its results, the last of them `Done` or a `Failure`, in a thread of its
+        own; a task that a newer one has replaced may have no results
+    calm : whether it runs at low priority, for computations in the background
+    python_machine : the machine of the page, where no statement makes it
     """
 
-    def __init__(self, deliver: Callable[[Task, Any], None], given: Any = None, calm: bool = False):
-        self._deliver, self._given, self._calm = deliver, given, calm
+    def __init__(self, deliver: Callable[[Task, Any], None], python_machine: Any = None, calm: bool = False):
+        self._deliver, self._machine, self._calm = deliver, python_machine, calm
         self._lock = threading.Lock()
         self._process: Any = None
         self._pipe: Any = None
-        self._asked: Task | None = None  # the newest, until its last answer has come
+        self._current: Task | None = None  # the newest, until its last result has come
         self._since = 0.0
 
     @property
     def busy(self) -> float:
-        """For how many seconds it has been computing; 0.0 where it waits."""
-        return time.monotonic() - self._since if self._asked is not None else 0.0
+        """The seconds for which it has been computing; 0.0 while it waits."""
+        return time.monotonic() - self._since if self._current is not None else 0.0
 
-    def ask(self, question: Task) -> None:
-        """Ask for answers to a question, in the place of what was asked before."""
+    def ask(self, task: Task) -> None:
+        """Request the results of a task, in place of the task before."""
         with self._lock:
-            if self._asked is not None and self.busy > IMPATIENT:
+            if self._current is not None and self.busy > IMPATIENT:
                 self._end()
             if self._process is None or not self._process.is_alive():
                 self._begin()
-            if self._asked is None:
+            if self._current is None:
                 self._since = time.monotonic()
-            self._asked = question
-            with suppress(OSError):  # of a process that has just died, which its reader tells
-                self._pipe.send(question)
+            self._current = task
+            with suppress(OSError):  # of a process that has just died, which its reader reports
+                self._pipe.send(task)
 
     def stop(self) -> None:
-        """End what is computed, at once; the next question begins a new process."""
+        """End the computation immediately; the next task begins a new process."""
         with self._lock:
             self._end()
 
     def _begin(self) -> None:
         context = process_context()
         self._pipe, theirs = context.Pipe()
-        self._process = context.Process(target=answer_questions, args=(theirs, self._given, self._calm), daemon=True)
+        self._process = context.Process(target=compute_tasks, args=(theirs, self._machine, self._calm), daemon=True)
         self._process.start()
         theirs.close()
         threading.Thread(target=self._read, args=(self._process, self._pipe), daemon=True).start()
 
     def _end(self) -> None:
         """Kill the process; called with the lock."""
-        process, self._process, self._asked = self._process, None, None
+        process, self._process, self._current = self._process, None, None
         if process is not None:
             process.kill()
             process.join()
 
     def _read(self, process: Any, pipe: Any) -> None:
-        """Deliver what the process sends, until it ends."""
+        """Deliver the results that the process sends, until it ends."""
         while True:
             try:
-                question, answer = pipe.recv()
+                task, result = pipe.recv()
             except (EOFError, OSError):
                 break
-            if self._wanted(process, question, answer):
-                self._deliver(question, answer)
+            if self._is_awaited(process, task, result):
+                self._deliver(task, result)
         pipe.close()
         with self._lock:
-            lost = self._asked if process is self._process else None
+            lost = self._current if process is self._process else None
             if lost is not None:
-                self._asked = self._process = None
+                self._current = self._process = None
         if lost is not None:
             self._deliver(lost, Failure(LOST))
 
-    def _wanted(self, process: Any, question: Task, answer: Any) -> bool:
-        """Whether somebody waits for an answer; its question is settled with the last one."""
-        last = isinstance(answer, Done | Failure)
+    def _is_awaited(self, process: Any, task: Task, result: Any) -> bool:
+        """Whether a result is to be delivered; the last one completes its task."""
+        last = isinstance(result, Done | Failure)
         with self._lock:
             if process is not self._process:
                 return False
-            if self._asked is None or question.number != self._asked.number:
+            if self._current is None or task.number != self._current.number:
                 self._since = time.monotonic()
-                return not last  # an older hop is shown too, so that a slider that is dragged shows what it passes
+                return not last  # an older hop is shown too, so that a dragged slider shows the hops that it passes
             if last:
-                self._asked = None
+                self._current = None
             return True
 
 
 class _Newest:
-    """The newest question of a pipe. Its thread reads on while another computes, and ends the process as soon as the
-    other end of the pipe is closed, also by the death of the server."""
+    """The newest task of a pipe. Its thread reads on while another computes, and ends the process as soon as the other
+    end of the pipe is closed, also by the death of the server."""
 
     def __init__(self, pipe: Any):
-        self._pipe, self._came, self._question = pipe, threading.Event(), None
+        self._pipe, self._came, self._task = pipe, threading.Event(), None
         threading.Thread(target=self._read, daemon=True).start()
 
     def _read(self) -> None:
         try:
             while True:
-                self._question = self._pipe.recv()
+                self._task = self._pipe.recv()
                 self._came.set()
         except (EOFError, OSError):
             os._exit(0)
 
     def wait(self) -> Any:
-        """The newest question, as soon as there is one that was not asked for before."""
+        """The newest task, as soon as there is one that was not returned before."""
         self._came.wait()
         self._came.clear()
-        return self._question
+        return self._task
 
     @property
     def waiting(self) -> bool:
-        """Whether there is a newer question."""
+        """Whether there is a newer task."""
         return self._came.is_set()
 
 
-def answer_questions(pipe: Any, given: Any, calm: bool) -> None:
-    """What a process does: answer the newest question, piece by piece, unless there is a newer one."""
+def compute_tasks(pipe: Any, python_machine: Any, calm: bool) -> None:
+    """Compute the newest task, result by result, until there is a newer one; the work of a process."""
     if calm and hasattr(os, "nice"):
         os.nice(10)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server heeds it, and ends this process
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server handles it, and ends this process
     newest = _Newest(pipe)
     while True:
-        question = newest.wait()
-        for answer in _answers(question, given):
-            pipe.send((question, answer))
-            if newest.waiting and not isinstance(answer, Done | Failure):
+        task = newest.wait()
+        for result in _results_of(task, python_machine):
+            pipe.send((task, result))
+            if newest.waiting and not isinstance(result, Done | Failure):
                 break
 
 
-def _answers(question: Task, given: Any) -> Iterator[Any]:
-    """The answers to a question; an error that is raised on purpose is one in words."""
+def _results_of(task: Task, python_machine: Any) -> Iterator[Any]:
+    """The results of a task; an error is a `Failure` with its message."""
     try:
-        yield from ANSWERS[question.name](given, *question.arguments)
+        yield from ANSWERS[task.name](python_machine, *task.arguments)
     except OrbitsError as error:
         yield Failure(str(error))
     except MemoryError:

@@ -13,7 +13,7 @@ from orbits import find
 from problems import Hopper
 from problems.explorer.page import Explorer
 from problems.explorer.scene import Scene, beginning
-from problems.explorer.worker import _answers
+from problems.explorer.worker import _results_of
 
 pytestmark = pytest.mark.extra("bokeh")
 
@@ -35,7 +35,7 @@ class Inline:
     def let_go(self, pieces: int | None = None):
         """Deliver what was asked, or only so many of its answers."""
         for question in self.kept:
-            for _, answer in zip(range(pieces or 10_000), _answers(question, None), strict=False):
+            for _, answer in zip(range(pieces or 10_000), _results_of(question, None), strict=False):
                 self.came(question, answer)
 
     def stop(self):
@@ -51,17 +51,17 @@ class Tab:
 
     def ask(self, act: str, **rest) -> dict:
         self.n += 1
-        self.page._asked(json.dumps({"n": self.n, "act": act, **rest}))
+        self.page._receive(json.dumps({"n": self.n, "act": act, **rest}))
         return self.told
 
     def rest(self) -> dict:
         """What it is told once nothing has changed for a while, so that the family and the map are there."""
-        self.page._around()
+        self.page._compute_surroundings()
         return self.told
 
     @property
     def told(self) -> dict:
-        return json.loads(self.page._bridge.told)
+        return json.loads(self.page._bridge.page_state)
 
     @property
     def alpha(self) -> float:
@@ -141,9 +141,9 @@ def test_what_comes_after_a_page_was_left_is_not_shown(tab):
     worker.held = True
     page.ask("number", name="beta", value=-0.004)
     question = worker.kept[0]
-    page.page._asked(json.dumps({"n": page.n, "act": "leave"}))
+    page.page._receive(json.dumps({"n": page.n, "act": "leave"}))
     asked = {name: each.asked for name, each in page.workers.items()}
-    for answer in _answers(question, None):  # it was on its way
+    for answer in _results_of(question, None):  # it was on its way
         worker.came(question, answer)
     assert (page.alpha, page.page._pending) == (kept, None)
     assert {name: each.asked for name, each in page.workers.items()} == asked

@@ -116,7 +116,7 @@ class Tab:
 
     def ask(self, act: str, **rest) -> None:
         self._asked += 1
-        bridge_of(self.session).asked = json.dumps({"n": self._asked, "act": act, **rest})
+        bridge_of(self.session).request = json.dumps({"n": self._asked, "act": act, **rest})
         self.session.force_roundtrip()
 
     def told(self) -> dict:
@@ -124,7 +124,7 @@ class Tab:
 
         def settled() -> dict | None:
             with pull_session(self.session.id, self._address) as now:  # a client hears nothing by itself
-                told = json.loads(bridge_of(now).told)
+                told = json.loads(bridge_of(now).page_state)
             return told if told["idle"] and told["n"] == self._asked else None
 
         return wait_for(settled, what="the hop that was asked for is shown")
