@@ -21,7 +21,7 @@ from .seeds import seeds_of
 
 # Parameters of the same optimum, found from different starts, agree to this share of their units.
 SAME_DESIGN = 1e-3
-FURTHER_STARTS = 3  # further starts that are tried when no number is asked for and the first start leads to no optimum
+FURTHER_STARTS = 3  # further starts that are tried by default when the first start leads to no optimum
 
 
 class NoOptimum(NoOrbit):
@@ -110,7 +110,7 @@ def _global_best(machine: Machine, problem: DesignProblem, family: int, seed: in
 
 
 def _same_design(problem: DesignProblem, best: Design, other: Mapping[str, float]) -> bool:
-    """Whether a start led to the best design, whatever the parameters without effect are."""
+    """Whether a start led to the best design, apart from the parameters without effect."""
     a, b = (np.array([parameters[name] for name in problem.names]) for parameters in (best.parameters, other))
     idle = np.isin(problem.names, best.idle)
     return bool((idle | (np.abs(a - b) <= SAME_DESIGN * problem.units(a))).all())
