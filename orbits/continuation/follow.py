@@ -56,8 +56,8 @@ def follow(
 
     machine : as in `find`
     along : name of the parameter: "mass_ratio", "rest_length", or one of the spring's or gravity's
-    stop : its last value, in the machine's units; or a pair of bounds, the second of which is the last value and the
-        first a bound on the other side of the start
+    stop : its last value, in the machine's units; or a pair of bounds: a bound on the other side of the start, and the
+        last value
     start : its first value, by default the machine's own; the curve ends where it returns to this value, unless there
         is another bound
     family : number of the family, from 1

@@ -19,7 +19,7 @@ BEND = 0.3
 def hermite(size: int, behind: int, ahead: int) -> MappedFunction:
     """(points (size, behind + ahead) along a curve, tangents there, which of them to use, row (size,), level) -> the
     point at that level, in Lagrange's form, and the number of points used: on either side of the place between `behind`
-    and `ahead`, those that the curve passes before it turns round."""
+    and `ahead`, the points that the curve passes before it turns round."""
     count = behind + ahead
     xs, tangents, row = ca.SX.sym("x", size, count), ca.SX.sym("t", size, count), ca.SX.sym("row", size)
     use, level = ca.SX.sym("use", count), ca.SX.sym("level")

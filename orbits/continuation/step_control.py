@@ -229,10 +229,10 @@ class Stepper:
         self._correction(ends[-1], points, guesses, lengths)
         return points
 
-    def _targets(self, before: Points, ends: Sequence[StepEnd], with_values: bool) -> tuple[np.ndarray, ...]:
+    def _targets(self, before: Points, ends: Sequence[StepEnd], with_at: bool) -> tuple[np.ndarray, ...]:
         """The equations to solve on the steps from the last point before to their ends, in order: the step (q,), and
-        guess (q, n + 1), row (q, n + 1), level (q,) and parts (q,) as in `correct_all`; with those at the requested
-        values of the parameter if `with_values`."""
+        guess (q, n + 1), row (q, n + 1), level (q,) and parts (q,) as in `correct_all`; if `with_at`, also those at
+        the requested values of the parameter."""
         chain, first = (*before, *ends), len(before) - 1
         xs, tangents = np.array([point.x for point in chain]), np.array([point.tangent for point in chain])
         side, n, each = self.control.neighbours, xs.shape[1], np.arange(len(ends))
@@ -242,7 +242,7 @@ class Stepper:
         starts, parts = np.einsum("gi,gi->g", rows, xs[first:-1]), np.array([end.parts for end in ends])
         steps = np.repeat(np.arange(len(parts)), parts - 1)
         shares = np.concatenate([np.arange(1, count) / count for count in parts])
-        passed, values = self._passed(xs[first:, -1], tangents[first:, -1], self.asked[: None if with_values else 0])
+        passed, values = self._passed(xs[first:, -1], tangents[first:, -1], self.asked if with_at else self.asked[:0])
         along_parameter = np.tile(np.eye(n)[-1], (len(passed), 1))
         at_values, _ = around(xs, tangents, places[passed], side, side, along_parameter, values)
         taken = np.einsum("qi,qi->q", rows[passed], at_values) - starts[passed]

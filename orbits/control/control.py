@@ -134,7 +134,7 @@ class Control(Result, what="control", document_is_whole=True, in_line=("status",
     def __call__(self, t: ArrayLike) -> np.ndarray:
         """The `states` (..., n) at times (...), from 0 to `end`; where two stages meet, those of the later one.
 
-        Raises `InputError` for other times, and for what is not a number.
+        Raises `InputError` for other times, and for anything but numbers.
         """
         return self._along(t, lambda leg, since: leg.path(since)[..., [leg.states.index(name) for name in self.states]])
 

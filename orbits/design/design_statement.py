@@ -48,7 +48,7 @@ class Place:
     """The place of an extreme."""
 
     extreme: str  # its name
-    index: int  # which of its functions has the largest value
+    index: int  # that of its function with the largest value
     kind: str  # "start", "middle" or "inside" of half the phase
 
     def function(self, model: Model) -> tuple[str, Callable]:
@@ -274,7 +274,7 @@ def expressions(
 ) -> dict[str, Any]:
     """The quantities of these names as expressions.
 
-    extremes : values of those that they are made of, by name, the first at each of their places
+    extremes : values of the extremes that they are made of, by name, the first at each of their places
     u, p : the unknowns of the design statement and the parameters, scalar symbols by name
     ends : the states at the ends of the design statement's arcs, lists of scalar symbols
     """

@@ -60,7 +60,7 @@ class DesignProgram:
 
     quantities, unknowns : names of the quantities in use, and of the unknowns of the design statement
     scales : symbol of the scales of the formulas, the landing jerk and the demands
-    reported, tied : where the quantities, and the differences between two places of an extreme, are among the results
+    reported, tied : the places of the quantities, and of the differences between two places of an extreme, in results
     equations : number of equations that vanish on an orbit
     """
 

@@ -95,7 +95,7 @@ def multistart(
     try:
         best = best_design(machine, problem, family, further, progress)
     except NoOrbit as error:
-        raise _most_telling([first, error]) from None
+        raise _most_informative([first, error]) from None
     return replace(best, starts=(Start(points[0], None, str(first)), *best.starts))
 
 
@@ -140,7 +140,7 @@ def best_design(
         if progress:
             progress((i + 1) / len(points))
     if not optima:
-        raise _most_telling(errors)
+        raise _most_informative(errors)
     best = min(optima, key=lambda optimum: optimum.objective * problem.sign)
     return replace(best, starts=tuple(tried), seconds=time.perf_counter() - began)
 
@@ -158,7 +158,7 @@ def starting_points(machine: Machine, problem: DesignProblem, count: int, seed: 
     return [dict(zip(problem.names, point.tolist(), strict=True)) for point in points]
 
 
-def _most_telling(errors: Sequence[OrbitsError]) -> OrbitsError:
+def _most_informative(errors: Sequence[OrbitsError]) -> OrbitsError:
     """The error to raise when no start leads to an optimum: an objective without bound, else the least violation."""
     for kind in (Unbounded, Infeasible, NoOptimum):
         if alike := [error for error in errors if isinstance(error, kind)]:

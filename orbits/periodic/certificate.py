@@ -245,7 +245,7 @@ class _Curve(NamedTuple):
 
     @property
     def inside(self) -> np.ndarray:
-        """Which places (r,) are not the end of their motion."""
+        """Whether each place (r,) is not the end of its motion."""
         return self.times < self.motions.ends[self.owner] * (1 - MIDDLE)
 
     def at_ends(self, order: int) -> np.ndarray:

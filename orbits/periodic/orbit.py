@@ -179,7 +179,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
     def __call__(self, t: ArrayLike) -> np.ndarray:
         """Flight states (..., n) at times `t` (...): any time, or 0 <= t <= flight_time where there is no period.
 
-        Raises `InputError` for other times, and for what is not a number.
+        Raises `InputError` for other times, and for anything but numbers.
         """
         try:
             times = np.asarray(t, dtype=float)

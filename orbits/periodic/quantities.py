@@ -40,7 +40,7 @@ def _stroke(model: Model, cycles: Cycles) -> np.ndarray:
     return stroke
 
 
-# In the order of every table; "rises" are as many as the machine has heights.
+# In the order of every table; there is one of the "rises" for each height of the machine.
 QUANTITIES: dict[str, OrbitQuantity] = {
     "alpha": OrbitQuantity(lambda model, cycles: cycles.u["alpha"], "alpha", "launch_speed"),
     "flight_time": OrbitQuantity(lambda model, cycles: cycles.flight_times, "flight time", "flight_time"),

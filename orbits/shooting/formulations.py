@@ -160,7 +160,7 @@ class Cycles:
 
     @cached_property
     def halves_per_flight(self) -> int:
-        """How many of the `halves` belong to each flight: 1 where the other one is its mirror image, else 2."""
+        """The number of `halves` of each flight: 1 where the other one is its mirror image, else 2."""
         return len(self.halves) // len(self)
 
     @cached_property

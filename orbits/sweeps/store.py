@@ -59,7 +59,7 @@ class Store:
         return done
 
     def statuses(self) -> dict[str, int]:
-        """How many of the members that are done have each status."""
+        """The number of finished members of each status."""
         with self._using("read"):
             return dict(self.connection.execute("SELECT status, COUNT(*) FROM members GROUP BY status"))
 
@@ -221,7 +221,7 @@ def _read(connection: sqlite3.Connection, columns: Mapping[str, type]) -> Table:
 
 
 def _tables_of(connection: sqlite3.Connection) -> int:
-    """How many tables a database has."""
+    """The number of tables of a database."""
     return connection.execute("SELECT COUNT(*) FROM sqlite_master").fetchone()[0]
 
 

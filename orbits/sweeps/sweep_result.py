@@ -148,7 +148,7 @@ class Sweep(Result, what="sweep", document_is_whole=True):
         return quantiles
 
     def summary(self) -> dict[str, Any]:
-        """How many members have each status, and the quantiles of their numbers, as "alpha 5%"."""
+        """The number of members of each status, and the quantiles of their numbers, as "alpha 5%"."""
         return {"count": self.count, "done": len(self), **self.statuses(), **super().summary()}
 
     def _line(self) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from .sweep_result import QUANTILES, Sweep
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Uncertainty(Result, what="uncertainty", in_line=("share", "mean"), printed_digits=6):
-    """How a machine's uncertain parameters spread the quantities of its orbit.
+    """The spread of the quantities of a machine's orbit due to its uncertain parameters.
 
     mean, deviation, quantiles : by quantity, over the members whose orbit is a motion; the quantiles by share, as "5%"
     linear : the standard deviation by quantity to first order, from exact sensitivities
