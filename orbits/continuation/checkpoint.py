@@ -1,4 +1,4 @@
-"""A family as it grows, in memory and on disk: every point is in its file as soon as it is found."""
+"""A family while it is followed, in memory and on disk: every point is in its file as soon as it is found."""
 
 import os
 import sys
@@ -24,14 +24,14 @@ from .tracer import Tracer
 
 @cache
 def versions() -> dict[str, str]:
-    """The versions of the packages that compute."""
+    """The versions of Python and of the packages that compute the results."""
     return {n: version(n) for n in ("persistent-orbits", "casadi", "numpy")} | {"python": sys.version.split()[0]}
 
 
 def collect_family(
     tracer: Tracer, resume: Family | None = None, output: str | Path | None = None, progress: Progress = None
 ) -> Family:
-    """The family that a run finds; the others as in `follow`."""
+    """The family that a run finds; the other arguments as in `follow`."""
     family = _begun(tracer, resume)
     points, events, end, before = [*family.points], [*family.events], family.end, len(family.points)
     with Lines(family, resume, output) as lines, interrupts.deferred():
@@ -51,7 +51,7 @@ def collect_family(
 
 
 def _until_time_is_over(tracer: Tracer) -> Iterator[CurvePoint | Event | End]:
-    """What a run finds; with an end where its time is over."""
+    """The items of a run; with an end "interrupted" when its time limit is reached."""
     try:
         for item in tracer:
             yield item
@@ -61,14 +61,14 @@ def _until_time_is_over(tracer: Tracer) -> Iterator[CurvePoint | Event | End]:
 
 
 def _begun(tracer: Tracer, resume: Family | None) -> Family:
-    """What there is of a family before its run."""
+    """The family before its run: without points, or with those of the family that is resumed."""
     curve, options = tracer.curve, tracer.options
     settings = {"start": tracer.start, "behind": tracer.behind, "stop": tracer.stop}
     settings |= {"family": tracer.first.point.family, "method": curve.method, "longest": options.longest}
     settings |= {"at": list(options.at), "watch": list(options.watch), "stop_inadmissible": options.stop_inadmissible}
     machine = machine_in_words(curve.machine) if resume is None else resume.machine
-    # The run solves the last point of a resumed family again, and finds the events after it again. An event that was
-    # asked for is the last point itself and stays.
+    # The run solves the last point of a resumed family again, and finds the events after it again. An event at a
+    # requested value is the last point itself and stays.
     points, earlier = (resume.points[:-1], resume.events) if resume else ((), ())
     events = tuple(event for event in earlier if event.after < len(points) + (event.kind == "asked"))
     end = End("interrupted", UNFINISHED)
@@ -76,10 +76,10 @@ def _begun(tracer: Tracer, resume: Family | None) -> Family:
 
 
 class Lines:
-    """The file of a family that grows, with what there is of it already; it does nothing without an `output`.
+    """The file of a family that grows, with the points found so far; it has no effect without an `output`.
 
-    Where the output is another file than the one that is resumed, it grows beside it, as NAME.part.jsonl, and takes its
-    place once it has come to its end: an interrupt or a full disk leaves both.
+    Where the output exists and is not the file that is resumed, the lines are written beside it, to NAME.part.jsonl,
+    which replaces it once the family has ended: an interrupt or a full disk leaves both.
     """
 
     def __init__(self, family: Family, resume: Family | None, output: str | Path | None):
@@ -93,10 +93,10 @@ class Lines:
         with writing("family", self.path) as target:
             target.write_text("".join(map(self.sealing.line, lines)), encoding="utf-8")
         with refusing("family", self.path):
-            self.file = FileIO(self.path, "ab")  # without a buffer, which would be tried again as it is closed
+            self.file = FileIO(self.path, "ab")  # without a buffer, which would be written again as it is closed
 
     def add(self, record: str) -> None:
-        """Write a further record, which is in the file when this returns."""
+        """Write a further record; it is in the file when this method returns."""
         if self.file is not None:
             with refusing("family", self.path):
                 rest = self.sealing.line(record).encode()
@@ -120,7 +120,7 @@ class Lines:
 
 
 def _is_in(resume: Family | None, path: Path) -> bool:
-    """Whether a file has no more than the family that is resumed."""
+    """Whether a file has no points besides those of the family that is resumed."""
     with suppress(InputError):
         points = Family.load(path).points if resume else ()
         return resume is not None and points == resume.points[: len(points)]

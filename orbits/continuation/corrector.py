@@ -21,7 +21,7 @@ MEMORY = 4
 
 def correct(curve: Curve, guess: Array, row: Array, level: float, before: Array) -> CurvePoint:
     """The point of the curve where row . X = level, by Newton's method from `guess`; its tangent points onward from the
-    tangent `before`. Raises `NoOrbit` where Newton's method does not converge at once."""
+    tangent `before`. Raises `NoOrbit` where Newton's method does not converge directly."""
     return correct_all(curve, guess[None], row[None], np.array([level]), before[None])[0]
 
 
@@ -43,9 +43,9 @@ def correct_all(
 def _solutions(
     curve: Curve, guesses: Array, rows: Array, levels: Array, least: int = 1, with_motions: bool = True
 ) -> Solutions:
-    """The curve at levels (m,) of rows (m, n + 1) near guesses (m, n + 1), by at least so many Newton steps; with the
-    motions and the equations there where these are asked for."""
-    # Where the level is a value of the parameter, the point has exactly that value.
+    """The curve at levels (m,) of rows (m, n + 1) near guesses (m, n + 1), by at least `least` Newton steps; with the
+    motions and the equations there if `with_motions`."""
+    # Where the level is a value of the parameter, the point must have exactly that value.
     xs, at_value = guesses.copy(), (rows[:, -1] == 1.0) & ~rows[:, :-1].any(axis=1)
     xs[at_value, -1] = levels[at_value]
     if kernel := curve.kernel:
@@ -56,7 +56,7 @@ def _solutions(
 
 
 def _solve_step_by_step(curve: Curve, xs: Array, rows: Array, levels: Array, least: int) -> Solutions:
-    """`_solutions` with one Newton step after the other, for all motions that there are; raises their errors."""
+    """`_solutions` by one Newton step at a time, for motions of any kind; raises the errors of the motions."""
     sizes, last = curve.size(xs), np.inf
     for taken in range(1, MOST_NEWTON_STEPS + 1):
         evaluation = curve.evaluate(xs)
@@ -83,7 +83,7 @@ def newton_steps(evaluation: Evaluation, xs: Array, rows: Array, levels: Array) 
 
 
 def _onward(curve: Curve, xs: Array, directions: Array, before: Array) -> Array:
-    """Directions (m, n + 1) of the curve as tangents of length 1, which point onward from those `before`."""
+    """Directions (m, n + 1) of the curve as tangents of length 1, oriented onward from the tangents `before`."""
     scaled = directions / (sizes := curve.size(xs))
     sides = np.sign(np.einsum("mi,mi->m", scaled / sizes, before))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -96,8 +96,8 @@ def _onward(curve: Curve, xs: Array, directions: Array, before: Array) -> Array:
 def predict_and_correct(
     curve: Curve, ends: Sequence[CurvePoint | StepEnd], length: float, value: float | None = None
 ) -> tuple[StepEnd, Array, int]:
-    """A step of given length from the last of some points, or of about that length to a given value of the parameter:
-    its end, its prediction (n + 1,), and how many of the points that is interpolated from. Raises `NoOrbit`."""
+    """A step of length `length` from the last of some points, or of about that length to a `value` of the parameter:
+    its end, its prediction (n + 1,), and the number of points that the predictor uses. Raises `NoOrbit`."""
     last = ends[-1]
     row = last.tangent / curve.size(last.x) ** 2
     level = np.array([row @ last.x + length])
@@ -106,7 +106,7 @@ def predict_and_correct(
     places = np.array([len(ends)]), MEMORY, 0, row[None], level
     (guess,), (rests,) = around(xs, tangents, *places)
     guess += last.tangent * (target - closing @ guess) / (closing @ last.tangent)
-    # The second step makes the tangent, from which the next ones are predicted, as exact as the point.
+    # The second Newton step makes the tangent, from which the next points are predicted, as exact as the point.
     targets = closing[None], np.array([target])
     _, xs, directions, growths, _ = _solutions(curve, guess[None], *targets, least=2, with_motions=False)
     (tangent,) = _onward(curve, xs, directions, last.tangent[None])

@@ -26,12 +26,12 @@ from ..units import Units, without_units
 from .point import RESERVED_NAMES, Point, point_in_units
 from .predictor import around
 
-# A point is at a fold where the tangent has a smaller share than this along the parameter. The value of the parameter
-# does not fix the orbit there, and its error is measured across the curve.
+# A point is at a fold where the tangent's component along the parameter is a smaller share than this. The value of the
+# parameter does not determine the orbit there, and its error is measured across the curve.
 AT_A_FOLD = 1e-3
 # Functions of an orbit whose zeros are events, by name.
 Watch = Mapping[str, Callable[[Orbit], float]]
-# Test functions of a certified orbit, which change their sign at the event. They give None where they are not defined.
+# Test functions of a certified orbit, which change their sign at the event. They are None where they are not defined.
 TEST_FUNCTIONS: dict[str, Callable[[Point], float | None]] = {
     "grazing": lambda point: 1.0 if (least := point.certificate.clearance) is None else least,
     "masses touch": lambda point: point.certificate.smallest_separation,
@@ -43,7 +43,7 @@ TEST_FUNCTIONS: dict[str, Callable[[Point], float | None]] = {
 
 
 def _leaves_law(point: Point) -> bool:
-    """Whether the contact has no end since a law, as a measured table, has no value any more."""
+    """Whether the contact has no end because the motion leaves the range of a law, such as a measured table."""
     return any(OUT_OF_LAW in violation for violation in point.certificate.violations)
 
 
@@ -57,7 +57,7 @@ class CurvePoint(NamedTuple):
     x : (n + 1,), the unknowns and the parameter's value
     tangent : (n + 1,), of length 1 in units of the curve's size
     branch_test : determinant of the Jacobian bordered by the tangent, which changes its sign at a branch point
-    evaluation, place : the equations at several solved points, and which of them this one is
+    evaluation, place : the equations at several solved points, and the index of this point among them
     length : length of the curve from the point before
     parts : number of points that the step ending here is divided into; 0 at a point that does not end a step
     certified : the orbit without its motion, None before it is certified
@@ -112,7 +112,7 @@ class StepEnd(NamedTuple):
 
 
 class Curve:
-    """The curve F(u, value) = 0 of a machine's orbits along a parameter, whose whole way `span` is its unit."""
+    """The curve F(u, value) = 0 of a machine's orbits along a parameter, whose whole range `span` is its unit."""
 
     def __init__(self, machine: Machine, along: str, method: str, span: float):
         self.machine, self.along, self.method, self.span = machine, along, method, span
@@ -121,7 +121,7 @@ class Curve:
         self.place = self.names.index(along)
 
     def size(self, x: np.ndarray) -> np.ndarray:
-        """What counts as one unit of each component at points (..., n + 1)."""
+        """The unit of each component at points (..., n + 1)."""
         size = np.abs(x)
         size[..., :-1] = np.maximum(size[..., :-1], 0.1 * size[..., :-1].max(-1, keepdims=True))
         size[..., -1] = self.span
@@ -155,7 +155,7 @@ class Curve:
         return np.append(self.equations.multiple_shooting(x[:-1], self.parameters_at(x[None])[0])[0], x[-1])
 
     def certify(self, point: CurvePoint) -> CurvePoint:
-        """The point, certified; raises the error when it cannot be."""
+        """The point, certified; raises the error when it cannot be certified."""
         if point.certified:
             return point
         certified, error = self.certify_all([point])
@@ -164,7 +164,7 @@ class Curve:
         return certified[0]
 
     def certify_all(self, points: Sequence[CurvePoint]) -> tuple[list[CurvePoint], OrbitsError | None]:
-        """The points, certified, up to the first that cannot be, and its error."""
+        """The points, certified, up to the first that cannot be certified, and its error."""
         if not points:
             return [], None
         solved, closing = self.solutions(points)
@@ -176,8 +176,8 @@ class Curve:
         return [point._replace(certified=orbit) for point, orbit in zip(points, orbits, strict=False)], refused.get(end)
 
     def solutions(self, points: Sequence[CurvePoint]) -> tuple[Solved, np.ndarray]:
-        """The solutions (m, n) of the machine's own equations at points, and the rows (m, n + 1) that close these
-        equations when errors are measured."""
+        """The solutions (m, n) of the machine's own equations at points, and the rows (m, n + 1) that complete these
+        equations for the measurement of errors."""
         xs = np.array([point.x for point in points])
         across, ps = np.array([point.tangent for point in points]) / self.size(xs) ** 2, self.parameters_at(xs)
         folds = np.abs(across[:, -1]) * self.span < AT_A_FOLD
@@ -194,7 +194,7 @@ class Curve:
         return Solved(self.machine.model, self.method, self.equations_of_orbits, us, ps, evaluation)
 
     def _points(self, points: Sequence[CurvePoint], cycles: Cycles, certificates: Sequence[Certificate]) -> list[Point]:
-        """What is certified of the first of some points."""
+        """The certified orbits of the first of some points."""
         xs, tangents = (np.array([getattr(point, name) for point in points]) for name in ("x", "tangent"))
         also = {name: cycles.p[name].tolist() for name in self.varied(self.parameters) if name != self.along}
         others = [dict(zip(also, row, strict=True)) for row in zip(*also.values(), strict=True)] or [{}] * len(points)
@@ -208,8 +208,8 @@ class Curve:
         )
 
     def _refused(self, ps: np.ndarray) -> dict[int, OrbitsError]:
-        """By index why the machine cannot have some of the parameters (m, np)."""
-        # Whatever lies between two sets of parameters that a machine can have, it can have too.
+        """The errors, by index, of those parameters (m, np) that are inadmissible for the machine."""
+        # Parameters between two sets of values that the machine admits are admissible too.
         if len(ps) > 2 and not (self._refused(ps.min(0)[None]) or self._refused(ps.max(0)[None])):
             return {}
         refused = {}
@@ -232,21 +232,21 @@ class Curve:
         return units({**self.machine.values, **point.also, self.along: point.value})
 
     def without_units(self, value: float) -> AbstractContextManager[None]:
-        """Where the curve is solved near a value of its parameter; see `without_units` of the units."""
+        """The context in which the curve is solved near a value of its parameter; see `without_units` of the units."""
         units = self.machine.model.units
         return without_units(units and units({**self.machine.values, self.along: value}))
 
     def in_units(self, point: Point) -> Point:
-        """A dimensionless point in the machine's units: in SI where it is stated so."""
+        """A dimensionless point in the machine's units: in SI for a machine in SI."""
         return point_in_units(point, self.units_at(point))
 
     def dimensionless(self, point: Point) -> Point:
-        """A point in the machine's units without these, as the curve takes it."""
+        """A point in the machine's units converted to the dimensionless form of the curve."""
         units = self.units_at(point)
         return point_in_units(point, units and units.inverse())
 
     def certify_at(self, point: CurvePoint, value: float) -> CurvePoint:
-        """A point whose parameter is `value` but for rounding, certified with exactly that value."""
+        """A point whose parameter is `value` up to rounding, certified with exactly that value."""
         return self.certify(point._replace(x=np.append(point.x[:-1], value), certified=None))
 
 
@@ -257,7 +257,7 @@ def interpolated(points: Sequence[CurvePoint | StepEnd], row: np.ndarray, levels
 
 
 def check_followed(machine: Machine, *names: str) -> None:
-    """Raise `InputError` for a name that is none of the machine's parameters, or that a table of orbits has already."""
+    """Raise `InputError` for a name that is no parameter of the machine, or that is a column of a table of orbits."""
     check_parameters(machine, *names)
     for name in names:
         if name in RESERVED_NAMES:
@@ -265,7 +265,7 @@ def check_followed(machine: Machine, *names: str) -> None:
 
 
 def machine_at(machine: Machine, point: Point, along: str, method: str | None) -> tuple[Machine, str]:
-    """The machine at a point of its family along a parameter, and the method: the simplest when None is given."""
+    """The machine at a point of its family along a parameter, and the method: the simplest for None."""
     check_followed(machine, along)
     if not isinstance(point, Point):
         raise InputError("where to begin is the `point` of a family's event")

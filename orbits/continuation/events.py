@@ -21,21 +21,21 @@ from .curve import TEST_FUNCTIONS, Curve, CurvePoint, Watch, interpolated
 
 # An event is located to this share of the chord between two points, where rounding begins to show.
 WIDTH = 1e-13
-# A branch point, where the equations are singular, is interpolated from points at once and twice this share beside it.
+# A branch point, where the equations are singular, is interpolated from points at one and two times this share from it.
 BRANCH_OFFSET = 0.01
 # A value of the parameter is approached from within the segment by at least this share of the chord.
 INSIDE = 1e-9
 
 
 class Segment:
-    """The curve between two of its neighbouring points, both certified; a place on it is its share of the chord."""
+    """The curve between two neighbouring certified points; a place on it is stated as its share of the chord."""
 
     def __init__(self, curve: Curve, a: CurvePoint, b: CurvePoint):
         self.curve, self.a, self.b = curve, a, b
 
     @staticmethod
     def may_happen(points: Sequence[CurvePoint], asked: tuple[float, ...], watch: Watch) -> np.ndarray:
-        """Whether an event may lie between each certified point but the first and the one before, (m - 1,)."""
+        """Whether an event may lie between each pair of neighbouring certified points, (m - 1,)."""
         if watch:
             return np.ones(len(points) - 1, bool)
         orbits, values = [point.point for point in points], np.array([point.x for point in points])[:, -1:]
@@ -47,13 +47,13 @@ class Segment:
 
     @cached_property
     def row(self) -> np.ndarray:
-        """Measures the share of the chord, (n + 1,)."""
+        """The row (n + 1,) that measures the share of the chord."""
         size = self.curve.size(self.a.x)
         chord = (self.b.x - self.a.x) / size
         return chord / (chord @ chord) / size
 
     def __call__(self, share: float) -> CurvePoint:
-        """The curve at a share of the chord, not certified between the ends."""
+        """The point of the curve at a share of the chord; between the ends it is not certified."""
         if share in (0.0, 1.0):
             return (self.a, self.b)[int(share)]
         level = float(self.row @ self.a.x) + share
@@ -70,11 +70,11 @@ class Segment:
 
     @cached_property
     def fold(self) -> float | None:
-        """The share of the chord at which the parameter turns round."""
+        """The share of the chord at which the parameter has a fold."""
         return self.zero(lambda point: float(point.tangent[-1]))
 
     def zero(self, test: Callable[[CurvePoint], float | None], width: float = WIDTH) -> float | None:
-        """The share of the chord at which a test function changes its sign, zero being positive; None without one."""
+        """The share of the chord at which a test function changes its sign, zero counting as positive; None without."""
         first, last = test(self.a), test(self.b)
         if first is None or last is None or (first >= 0) == (last >= 0):
             return None
@@ -95,11 +95,11 @@ class Segment:
         except NoOrbit:
             if (at_value := self.zero(lambda point: point.value - value)) is None:
                 raise
-            near = self(at_value)  # beside a fold the value does not fix the orbit, but its place on the curve does
+            near = self(at_value)  # near a fold the value does not determine the orbit, but its share of the chord does
         return self.curve.certify_at(near, value)
 
     def events(self, asked: tuple[float, ...], watch: Watch) -> list[tuple[str, CurvePoint]]:
-        """The events by kind and point, in order along the curve; `asked` are values of the parameter to stop at."""
+        """The events by kind and point, in order along the curve; `asked` are the requested values of the parameter."""
         if not self.may_happen((self.a, self.b), asked, watch).any():
             return []
         located = [(kind, share, self.curve.certify(point)) for kind, share, point in self._sign_changes(watch)]
@@ -135,12 +135,12 @@ class Segment:
         tangent = beside[1].tangent + beside[2].tangent
         return share, CurvePoint(x, tangent / np.linalg.norm(tangent / size), 0.0, evaluation, 0)
 
-    def _passed(self, asked: tuple[float, ...]) -> list[float]:
+    def _passed(self, values: tuple[float, ...]) -> list[float]:
         low, high = sorted((self.a.value, self.b.value))
-        return [value for value in asked if low < value < high]
+        return [value for value in values if low < value < high]
 
     def _test(self, kind: str, watch: Watch, point: CurvePoint) -> float | None:
-        """The test function of an event, at a point that is certified for it."""
+        """The test function of an event, at a point that is certified first."""
         point = self.curve.certify(point)
         if kind == "family":
             return 1.0 if point.point.family == self.a.point.family else -1.0
@@ -150,8 +150,8 @@ class Segment:
 
 
 def watched(name: str, function: Callable[[Orbit], float | bool | None], orbit: Orbit) -> float | None:
-    """A watched quantity of an orbit; None where the function gives None, divides by zero or asks for what the orbit
-    does not have. A truth value counts as 1 or -1. Raises `InputError` when it is not a number."""
+    """A watched quantity of an orbit; None where the function returns None, divides by zero or requests a quantity that
+    the orbit does not have. A truth value counts as 1 or -1. Raises `InputError` when it is not a number."""
     try:
         value = function(orbit)
     except (OrbitsError, ZeroDivisionError):

@@ -26,13 +26,13 @@ from .point import KNOWN, SIDES, End, Event, Point, check_points, json_line, poi
 from .proved_curve import branch_claim
 from .table import names_of_motions, numbers_of_motions
 
-# Why a family that is read has no end.
+# The reason why a family from an unfinished file has no end.
 UNFINISHED = "its file ends before it does: resume it to go on"
-# Seconds that the proof of a curve may take unless more are allowed.
+# Default time limit of the proof of a curve, in seconds.
 LIMIT_OF_BRANCH = 600.0
 # Endings of the files that a family is saved to; the first is lines of JSON, which grow point by point.
 FAMILY_ENDINGS = (".jsonl", *ENDINGS)
-# What is read of a saved family at most: some 100,000 points, and lines far longer than any that is written.
+# The largest file and line of a saved family that are read: some 100,000 points, and far longer lines than are written.
 LARGEST_FILE, LONGEST_LINE = 128 * MEGABYTE, 4 * MEGABYTE
 
 
@@ -49,8 +49,8 @@ class Sealing:
         return to_json(document) + "\n"
 
     def opened(self, document: Any, number: int) -> Any:
-        """The record of the next line; raises `ValueError` where it, or one before it, was changed. The files of
-        earlier versions have no digests."""
+        """The record of the next line; raises `ValueError` where this line, or one before it, was changed. The files
+        of earlier versions have no digests."""
         stated = document.get(DIGEST) if isinstance(document, Mapping) else None
         if (stated is None) != (self.before is None) and number > 1:
             raise ValueError(f"line {number} was changed after it was written, or lines before it are missing")
@@ -63,7 +63,7 @@ class Sealing:
 
 
 class _Machine(SavedLaws):
-    """What a family's heading must say of its machine."""
+    """The required data of the machine in a family's heading."""
 
     machine: str
     parameters: Mapping[str, float]
@@ -71,7 +71,7 @@ class _Machine(SavedLaws):
 
 
 class _Settings(TypedDict):
-    """What a family that is resumed must say of how it was followed."""
+    """The settings required of a family that is resumed."""
 
     start: float
     family: int
@@ -160,7 +160,7 @@ class Family(
         return self._of_motions(self.source, points)[name] if points else np.zeros(0)
 
     def _of_motions(self, machine: Machine | None, points: Sequence[Point]) -> dict[str, np.ndarray]:
-        """What the motions at points of the curve tell, by name; nothing without the machine."""
+        """The quantities of the motions at points of the curve, by name; empty without the machine."""
         if machine is None or not points:
             return {}
         check_parameters(machine, self.name)
@@ -169,16 +169,16 @@ class Family(
 
     def table(self, machine: Machine | None = None, *, events: bool = False) -> dict[str, Any]:
         """The quantities of the points as columns: the parameters, the numbers and the sides of the certificate, and
-        "violations", which say what makes an orbit no motion.
+        "violations", the reasons why an orbit is not a motion.
 
-        machine : that the family was followed with; where it is stated, also what the motions tell: the stroke and the
-            rises of the heights
+        machine : that the family was followed with; if it is stated, the columns include the quantities of the motions:
+            the stroke and the rises of the heights
         events : whether the points of the events are among the rows, in order along the curve; "event" is then the kind
             of each, "" at other points
         """
         rows = list[tuple[Point, str]]()
         for point, event in self.in_order() if events else ((point, None) for point in self.points):
-            if event and event.kind == "asked" and rows:  # its point is the one before
+            if event and event.kind == "asked" and rows:  # its point is the previous row
                 rows.pop()
             rows.append((point, event.kind if event else ""))
         points = [point for point, _ in rows]
@@ -191,8 +191,8 @@ class Family(
         return data | {"violations": ["; ".join(point.violations) for point in points]}
 
     def dataframe(self, machine: Machine | None = None) -> Any:
-        """The `table` with its events, and with what the motions say where the machine is at hand, as a
-        `pandas.DataFrame`; the others as in `Result.dataframe`."""
+        """The `table` with its events, and with the quantities of the motions where the machine is known, as a
+        `pandas.DataFrame`; otherwise as in `Result.dataframe`."""
         return super().dataframe(machine or self.source, events=True)
 
     def at(self, value: float) -> list[Point]:
@@ -244,7 +244,7 @@ class Family(
         return prove_claims(claims, digits, motion, workers, LIMIT if limit is None else limit)
 
     def _branch_claim(self, machine: Machine) -> BranchClaim:
-        """What the family says of a curve from its first point to its last."""
+        """The claim of the family that its orbits form a curve from its first point to its last."""
         if not self.points:
             raise InputError("this family has no points of which a curve could be proved")
         ends = self._claim(machine, self.points[0]), self._claim(machine, self.points[-1])
@@ -252,7 +252,7 @@ class Family(
         return branch_claim(machine, self.name, self.settings["method"], tuple(names), self.points, ends)
 
     def _claim(self, machine: Machine, point: Point) -> Claim:
-        """What a point says of the machine there."""
+        """The claim of a point about the machine there."""
         here = machine.with_values(**{**point.also, self.name: point.value})
         model = here.model
         names = model.reduction.statement.unknowns if model.reduction else model.half_unknowns
@@ -285,7 +285,7 @@ class Family(
         return f"{head}, along {self.name}: {len(self)} orbits"
 
     def _rows(self) -> Iterator[Row]:
-        """The way along the curve, the errors, each event, the end."""
+        """The start and stop of the curve, the errors, each event, the end."""
         if not self.points:
             return
         unit, speed = (f" {self.unit_of(name)}".rstrip() for name in (self.name, "alpha"))
@@ -329,8 +329,8 @@ class Family(
         return orbit_from(here, self.settings["method"], point.u, bare.error)
 
     def save(self, path: str | Path) -> Path:
-        """Write the family to .jsonl, a line for each point and event, as a run writes it; the others as in
-        `Result.save`. Both .jsonl and .json are to load and to resume."""
+        """Write the family to .jsonl, a line for each point and event, as a run writes it; other endings as in
+        `Result.save`. Both .jsonl and .json can be loaded and resumed."""
         if Path(path).suffix.lower() != ".jsonl":
             return super().save(path)
         with writing(self.what, path) as target:
@@ -351,9 +351,9 @@ class Family(
 
     @classmethod
     def _read(cls, machine: Any, file: BinaryIO) -> "Family":
-        """The family in an open file, of lines or of one document; a last line that was cut short is left out."""
+        """The family in an open file, of lines or of one document; a truncated last line is left out."""
         if str(file.name).lower().endswith(".json"):
-            with suppress(json.JSONDecodeError):  # in files of earlier versions it is lines too
+            with suppress(json.JSONDecodeError):  # earlier versions wrote lines to .json too
                 if "items" in (document := json.load(file)):
                     if DIGEST not in document:
                         warn_of_no_digest(file.name)
@@ -392,7 +392,7 @@ class Family(
 
     @property
     def dataset(self) -> Any:
-        """The table along "point", with the parameter as a coordinate and all else of the family as attributes."""
+        """The table along "point", with the parameter as a coordinate and the rest of the family as attributes."""
         settings = {name: to_json(getattr(self, name)) for name in ("settings", "versions")}
         settings |= {"events": to_json([asdict(event) for event in self.events]), "end": to_json(asdict(self.end))}
         return super().dataset.assign_attrs(settings).set_coords(self.name)
@@ -400,7 +400,7 @@ class Family(
 
 def _modernised(family: Family) -> Family:
     """A family of a machine in SI, with the numbers of its points in SI: in old files, which state no units of their
-    parameters, they are without dimensions."""
+    parameters, these numbers are dimensionless."""
     if "units" in family.machine:
         return family
     units = saved_units({name: family.machine[f"unit_{name}"] for name in ("length", "time", "force")})
@@ -414,7 +414,7 @@ def _modernised(family: Family) -> Family:
 
 
 def _lines(file: BinaryIO) -> Iterator[str]:
-    """The lines of a file; the last one may be cut within a character, and none is longer than a point can be."""
+    """The lines of a file; the last one may be cut within a character. Raises `ValueError` for too long a line."""
     while line := file.readline(LONGEST_LINE + 1):
         if len(line) > LONGEST_LINE:
             raise ValueError(f"a line has more than {LONGEST_LINE} bytes")

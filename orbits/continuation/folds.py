@@ -29,7 +29,7 @@ class _FoldCurve(Curve):
     def __init__(self, machine: Machine, along: str, across: str, method: str, span: float):
         super().__init__(machine, across, method, span)
         self.folded = self.names.index(along)
-        # A parameter that passes zero is measured by its first value, or by 1 when that is zero itself.
+        # The unit of a parameter that passes zero is its first value, or 1 when the first value is zero.
         self.least = 0.1 * abs(self.parameters[self.folded]) or 1.0
         self.equations = shooting_equations(fold_statement(self.equations_of_orbits.statement, along), self.names)
 
@@ -50,7 +50,7 @@ class _FoldCurve(Curve):
         return {**super().varied(p), self.names[self.folded]: float(p[self.folded])}
 
     def solutions(self, points: Sequence[CurvePoint]) -> tuple[Solved, np.ndarray]:
-        """As of any curve, with the errors measured across the family that folds: along it only the orbit changes."""
+        """As on any curve, with the errors measured across the family that folds: along it only the orbit changes."""
         names, xs = self.equations_of_orbits.statement.unknowns, np.array([point.x for point in points])
         us, ps = xs[:, : len(names)], self.parameters_at(xs)
         evaluation = self.equations_of_orbits.evaluate_all(us, ps, (self.names[self.folded],))

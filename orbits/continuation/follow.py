@@ -1,4 +1,4 @@
-"""Follow a family of lossless orbits along a parameter, past folds, to its end; or another one from a branch point."""
+"""Follow a family of lossless orbits along a parameter, past folds, to its end; or a curve from a branch point."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import fields, replace
@@ -56,8 +56,8 @@ def follow(
 
     machine : as in `find`
     along : name of the parameter: "mass_ratio", "rest_length", or one of the spring's or gravity's
-    stop : its last value, in the machine's units; or a pair of bounds, the second of which is the last value and the
-        first a bound on the other side of the start
+    stop : its last value, in the machine's units; or a pair of bounds: a bound on the other side of the start, and the
+        last value
     start : its first value, by default the machine's own; the curve ends where it returns to this value, unless there
         is another bound
     family : number of the family, from 1
@@ -112,14 +112,14 @@ def trace(
 
 
 def _presented(curve: Curve, item: CurvePoint | Event | End) -> Orbit | Event | End:
-    """An item of a run as its user gets it."""
+    """An item of a run in the form that is returned to the user."""
     if isinstance(item, CurvePoint):
         return curve.orbit(item)
     return replace(item, point=curve.in_units(item.point)) if isinstance(item, Event) else item
 
 
 def _orbits(tracer: Tracer) -> Iterator[Orbit | Event | End]:
-    """The items of a run, its points as orbits; between two, an interrupt is raised and other threads may compute."""
+    """The items of a run, its points as orbits; between items interrupts are raised and other threads may compute."""
     items, item = iter(tracer), None
     while not isinstance(item, End):
         with LOCK, running("trace"), interrupts.deferred():
@@ -177,7 +177,7 @@ def follow_branch(
 
 
 def _first_point(curve: Curve, x, direction, row, first_step: float) -> CurvePoint:
-    """The first point of the other curve, one step from `x` across, a shorter one where that leads elsewhere."""
+    """The first point of the other curve, one step across from `x`, or a shorter step where that leads elsewhere."""
     for length in first_step * np.logspace(0, -3, 4):
         try:
             step = correct(curve, x + length * direction, row, row @ x + length, direction)
@@ -211,7 +211,7 @@ def orbit_at(machine: Machine, point: Point, along: str, method: str | None = No
 
 
 def bounds_of(along: str, start: float, stop: Any, at: Sequence[float] = ()) -> tuple[float, float]:
-    """The bounds behind the start and ahead of it, of which `stop` states one or both; the values `at` lie between."""
+    """The bounds behind the start and ahead of it; `stop` states one or both. The values `at` must lie between them."""
     behind, ahead = stop if isinstance(stop, tuple | list) and len(stop) == 2 else (start, stop)
     behind, ahead = finite_number("stop", behind), finite_number("stop", ahead)
     if start == ahead:
@@ -251,8 +251,8 @@ def _begin(machine, along, start, stop, family, orbit, method, options: Options,
 
 
 def _of_family(machine: Machine, family: int, method: str | None) -> Solved:
-    """The solution of the orbit that `find` gives for a family. Where the first that is solved for is
-    taken for the lowest, it is certified with the points that follow."""
+    """The solution of the orbit that `find` returns for a family. Where the first solution is taken for the lowest
+    orbit, it is certified together with the points that follow."""
     search = machine.model.search and machine.model.search(machine.values)
     if search is None or search.single:
         try:
@@ -270,7 +270,7 @@ def start_tracer(curve: Curve, x: np.ndarray, start: float, behind: float, stop:
     with interrupts.deferred(), curve.without_units(start):
         along_parameter = np.eye(len(x))[-1]
         first = correct(curve, x, along_parameter, start, along_parameter * np.sign(stop - start))
-        if options.stop_inadmissible or options.watch:  # otherwise it is certified in one call with those that follow
+        if options.stop_inadmissible or options.watch:  # otherwise it is certified together with the next points
             first = curve.certify(first)
         for name, function in options.watch.items():
             watched(name, function, curve.orbit(first))
@@ -278,7 +278,7 @@ def start_tracer(curve: Curve, x: np.ndarray, start: float, behind: float, stop:
 
 
 def _resumed(machine, along: str, behind: float, stop: float, resume: Family, options: Options) -> Tracer:
-    """A run from the last point of a family, in the direction that it was going."""
+    """A run from the last point of a family, in the direction in which the family was followed."""
     _check_resumable(machine, along, behind, stop, resume)
     last, curve = resume.points[-1], Curve(machine, along, resume.settings["method"], abs(stop - behind))
     _check_unknowns(last, curve)
@@ -290,14 +290,14 @@ def _resumed(machine, along: str, behind: float, stop: float, resume: Family, op
 
 
 def _check_unknowns(point: Point, curve: Curve) -> None:
-    """Raise `InputError` where a point of a family is no solution of a curve's equations, for it has other unknowns."""
+    """Raise `InputError` where a point of a family does not have the unknowns of a curve's equations."""
     names = curve.equations.statement.unknowns
     if len(point.u) != len(names):
         raise InputError(f"a point of the family has {len(point.u)} unknowns, its equations {', '.join(names)}")
 
 
 def _check_resumable(machine: Machine, along: str, behind: float, stop: float, resume: Family) -> None:
-    """Raise `InputError` where a family is another machine's, or has nothing left to follow."""
+    """Raise `InputError` where a family belongs to another machine, or has already reached its end."""
     mine, theirs = machine_in_words(machine), dict(resume.machine)
     for name in (along, "parameters"):
         mine.pop(name, None), theirs.pop(name, None)

@@ -1,4 +1,4 @@
-"""How a curve of orbits ends: at a bound, closed, lost, or on its way to infinity or to nothing."""
+"""How a curve of orbits ends: at a bound, closed, lost, or as its orbits tend to infinity or shrink to nothing."""
 
 from collections.abc import Sequence
 
@@ -20,8 +20,8 @@ CLEAR, ARRIVED = 0.1, 1e-6
 POWERS = ([0, 1, 2, 3, 4, 5], [0, 2, 3, 4, 5, 6])
 # The error is taken as this many times the change by the last term, since the terms left out may be larger.
 CAUTION = 3
-# A flight that shrinks to nothing with the launch speed has less than this share of its time when the speed has less
-# than the reciprocal of `StepControl.escape_ratio`.
+# A flight shrinks to nothing with the launch speed if it lasts less than this share of its first time when the speed is
+# less than the reciprocal of `StepControl.escape_ratio` of its first value.
 SHRUNK = 0.3
 # The curve may pass its first point on a chord that begins within this many lengths of the step from it, in the
 # parameter; these are about the chord's.
@@ -37,7 +37,7 @@ def limit(history: History, bounds: tuple[float, float], power: int) -> tuple[fl
     It is extrapolated by powers of alpha, with the first or without, by the series whose last term matters less.
     """
     alpha, value = np.array(history).T
-    # Where a launch has several speeds, this one may have changed its sign on the way.
+    # Where a launch has several speeds, this one may have changed its sign along the curve.
     since = np.append(0, np.flatnonzero(alpha[:-1] * alpha[-1] <= 0) + 1)[-1]
     alpha, value = alpha[since:], value[since:]
     scale = (alpha / alpha[-1]) ** power
@@ -48,7 +48,7 @@ def limit(history: History, bounds: tuple[float, float], power: int) -> tuple[fl
         error, end = min(found)
         ahead, behind = end - value[-1], value[-1] - value[int(np.abs(np.log(scale / widest)).argmin())]
         towards = error < CLEAR * abs(ahead) and ahead * behind >= 0
-        arrived = abs(ahead) + error < ARRIVED * np.ptp(value)  # where rounding says on which side the limit lies
+        arrived = abs(ahead) + error < ARRIVED * np.ptp(value)  # rounding then decides on which side the limit lies
         inside = bounds[0] - error <= end <= bounds[1] + error
         return (end, error) if inside and (towards or arrived) else None
     # Few points are left where long steps lead to a limit by which the parameter hardly changes any more.
@@ -77,8 +77,8 @@ class Endings:
         self.stop_inadmissible, self.control = options.stop_inadmissible, options.step_control
 
     def may_end(self, points: Sequence[CurvePoint]) -> np.ndarray:
-        """Whether the curve may end between each of the certified points but the first and the one before, or there,
-        (m - 1,); where it turns round between them, that is an event."""
+        """Whether the curve may end between each certified point but the first and the previous one, or at that point,
+        (m - 1,); a fold between them is an event."""
         values, lengths = np.array([point.x for point in points])[:, -1], np.array([point.length for point in points])
         orbits, first, ratio = [point.point for point in points[1:]], self.origin, self.control.escape_ratio
         alpha, time = np.array([(orbit.alpha, orbit.flight_time) for orbit in orbits]).reshape(-1, 2).T
@@ -91,10 +91,10 @@ class Endings:
         return ends | np.array([self.stop_inadmissible and not orbit.admissible for orbit in orbits], bool)
 
     def cut(self, segment: Segment) -> tuple[Segment, End | None]:
-        """The segment up to where the curve ends on it, and that end; all of it and None where the curve goes on."""
+        """The segment up to the end of the curve on it, and that end; the whole segment and None without an end."""
         curve, a, b = self.curve, segment.a, segment.b
-        if again := self._closing(segment):
-            return type(segment)(curve, a, again), End("closed", "the curve comes back to its first orbit")
+        if first := self._closing(segment):
+            return type(segment)(curve, a, first), End("closed", "the curve comes back to its first orbit")
         if self._within(b) and segment.fold is not None:  # the fold in between may lie beyond a bound
             fold = segment(segment.fold)
             b = b if self._within(fold) else fold
@@ -112,7 +112,7 @@ class Endings:
         return self.bounds[0] < point.value < self.bounds[1]
 
     def _closing(self, segment: Segment) -> CurvePoint | None:
-        """The first point of all, if the curve passes it again on a segment."""
+        """The first point of the curve, if the curve passes it again on a segment."""
         a, b, curve = segment.a, segment.b, self.curve
         if a.point is self.origin or abs(self.start - a.value) > CLOSING * b.length * curve.span:
             return None
@@ -127,7 +127,7 @@ class Endings:
         return curve.certify_at(point, self.start) if same and onward else None
 
     def far(self, last: CurvePoint, history: History) -> End | None:
-        """The end of a curve that goes to infinity or to nothing before the parameter gets to a bound."""
+        """The end of a curve that goes to infinity or to nothing before the parameter reaches a bound."""
         orbit, first, ratio = last.point, self.origin, self.control.escape_ratio
         place = f"near {self.curve.along} = {last.value:.6g}"
         if last.amplification > self.control.largest_amplification:
@@ -142,7 +142,7 @@ class Endings:
             if abs(orbit.liftoff_extension) > ratio * (1 + abs(first.liftoff_extension)):
                 return End("degenerate", f"the spring no longer lifts the foot {place}", *found)
             return End("escaped", "the launch speed grows without bound", *found)
-        # Where a launch has several speeds, this one may vanish in a flight that goes on.
+        # Where a launch has several speeds, this one may vanish without the flight's shrinking.
         shrunk = time < SHRUNK
         ends = speed < 1 / ratio and (shrunk or self.curve.machine.model.one_speed)
         if ends and (found := limit(history, self.bounds, 1)):
@@ -151,8 +151,8 @@ class Endings:
         return None
 
     def lost(self, error: OrbitsError | str, last: CurvePoint, history: History) -> End:
-        """The end of a curve that cannot be followed beyond its last point. The reason is the error of a curve that
-        stays bounded; of one that escapes the limit says more."""
+        """The end of a curve that cannot be followed beyond its last point. The reason is the error where the curve
+        stays bounded; where it escapes, the limit is more informative."""
         alpha, value = last.point.alpha, last.value
         units, speed = self.curve.units_at(last.point), Quantity(alpha, LIFTOFF_SPEED)
         where = Message("{name} = {value:.10g}, alpha = {alpha:.10g}", name=self.curve.along, value=value, alpha=speed)

@@ -1,4 +1,4 @@
-"""What a family is made of: its points, the events between them, and the end; and their lines in a file."""
+"""The parts of a family: its points, the events between them, and its end; and their lines in a file."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
@@ -10,7 +10,7 @@ from ..periodic.orbit import certificate_in_units
 from ..periodic.quantities import CERTIFIED, QUANTITIES
 from ..units import Units
 
-# Unknowns and tangents whose largest component is smaller, or larger than its inverse, are none.
+# Unknowns and tangents whose largest component is smaller than this, or larger than its inverse, are invalid.
 SMALLEST_SIZE = 1e-100
 
 
@@ -63,8 +63,8 @@ MOTION_COLUMNS = (*(each.name for each in fields(Point) if each.name in QUANTITI
 NUMBERS = (*MOTION_COLUMNS, *(name for name in CERTIFIED if name not in ("loss_error", "alpha_noise")))
 SIDES = ("stable_side", "bounce_side")
 COLUMNS = (*NUMBERS, *SIDES)
-KNOWN = (*NUMBERS, "period")  # at every point; what its motion tells besides is in `table`
-# Names that no parameter can have, since it stands beside these in a table or a document.
+KNOWN = (*NUMBERS, "period")  # at every point; further quantities of its motion are in `table`
+# Names that no parameter can have, since a table or a document has columns of these names.
 RESERVED_NAMES = (*COLUMNS, "value", "kind", "after", "violations", "point", "event")
 
 
@@ -116,7 +116,7 @@ def json_line(item: Point | Event | End) -> str:
 
 
 def check_points(points: Sequence[Point], events: Sequence[Event]) -> None:
-    """Raise `ValueError` where points have other numbers of unknowns than they should, or events no place."""
+    """Raise `ValueError` where a point has a wrong number of unknowns or invalid numbers, or an event no place."""
     for point in (*points, *(event.point for event in events)):
         if not point.u or len(point.u) != len((points or [point])[0].u) or len(point.tangent) != len(point.u) + 1:
             counts = f"{len(point.u)} unknowns u, and a tangent of {len(point.tangent)}"

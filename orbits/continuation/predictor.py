@@ -10,16 +10,16 @@ import numpy as np
 
 from ..symbolic.calls import MappedFunction
 
-# A point lies beyond a bend and is not used where its tangent advances along the row by less than this share of what
-# the tangent of the nearest point advances by.
+# A point lies beyond a bend, and is not used, where the component of its tangent along the row is less than this share
+# of the component of the nearest point's tangent.
 BEND = 0.3
 
 
 @lru_cache(maxsize=32)
 def hermite(size: int, behind: int, ahead: int) -> MappedFunction:
     """(points (size, behind + ahead) along a curve, tangents there, which of them to use, row (size,), level) -> the
-    point at that level, in Lagrange's form, and the number of points used: as many on either side of the place between
-    `behind` and `ahead` as the curve passes without turning round."""
+    point at that level, in Lagrange's form, and the number of points used: on either side of the place between `behind`
+    and `ahead`, the points that the curve passes before it turns round."""
     count = behind + ahead
     xs, tangents, row = ca.SX.sym("x", size, count), ca.SX.sym("t", size, count), ca.SX.sym("row", size)
     use, level = ca.SX.sym("use", count), ca.SX.sym("level")
@@ -30,7 +30,7 @@ def hermite(size: int, behind: int, ahead: int) -> MappedFunction:
             straight = rates[nearest] * rates[i] > BEND * rates[nearest] ** 2
             onward = side * rates[nearest] * (places[i] - places[i - side]) > 0
             used[i] = ca.logic_and(ca.logic_and(used[i], used[i - side]), ca.logic_and(straight, onward))
-    # Differences from the first point keep every component exact that does not change along the curve.
+    # With differences from the first point, components that do not change along the curve stay exact.
     point = xs[:, 0]
     for i in range(count):
         weight, inverses = ca.SX(1.0), ca.SX(0.0)
@@ -48,7 +48,7 @@ def around(
     xs: np.ndarray, tangents: np.ndarray, i: np.ndarray, behind: int, ahead: int, rows: np.ndarray, levels: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Points (q, n) at levels (q,) of rows (q, n) on interpolants of a chain of points (c, n) with tangents, each of up
-    to `behind` points before a place i (q,) of the chain and `ahead` from there on; and how many (q,) each uses."""
+    to `behind` points before a place i (q,) of the chain and `ahead` from there on; and the numbers (q,) of points."""
     if not len(i):
         return np.empty((0, xs.shape[1])), np.empty(0)
     indices = i[:, None] + np.arange(-behind, ahead)

@@ -1,4 +1,4 @@
-"""What a family says of a curve of orbits, for its proof as one."""
+"""The claim of a family that its orbits form one continuous curve, as input to its proof."""
 
 from collections.abc import Sequence
 
@@ -16,10 +16,10 @@ from .point import Point
 def branch_claim(
     machine: Machine, along: str, method: str, names: Sequence[str], points: Sequence[Point], ends: tuple[Claim, Claim]
 ) -> BranchClaim:
-    """What points in order along a curve say of it.
+    """The claim of points in order along a curve.
 
     names : of the unknowns of the points
-    ends : what the first and the last point say
+    ends : the claims of the first and the last point
 
     Raises `InputError` for fewer than two points, for a machine in SI, and where further parameters vary.
     """

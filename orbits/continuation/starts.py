@@ -1,5 +1,5 @@
-"""Starts for `find_all` of machines whose launch is more than a speed: their hops with linear springs, led to the
-springs' own laws."""
+"""Starts for `find_all` of machines whose launch has more unknowns than a speed: their hops with linear springs,
+followed to the springs' own laws."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -16,28 +16,28 @@ from ..periodic.find import find
 from ..periodic.linear_hops import linear_hops
 from .follow import follow
 
-# The springs' own laws are brought in along this parameter, from 0 to 1.
+# The homotopy parameter, which goes from straight lines at 0 to the springs' own laws at 1.
 LAW_SHARE = "share_of_the_springs_own_law"
-# The longest step along it, as a share, and the most points: hops that need more are left out, and so are hops that
-# have not come this far after the first points.
+# The longest step along it, as a share, and the most points: hops that need more points are left out, and so are hops
+# that have not reached the least share after the first points.
 LONGEST_LAW_STEP, MOST_LAW_POINTS = 0.1, 200
 FIRST_LAW_POINTS, LEAST_LAW_SHARE = 40, 1e-5
-# A hop of the own laws that differs by less than this share, in its launch and in its times, from a linear one is taken
-# for the one that this leads to.
+# A hop of the own laws that differs by less than this share, in its launch and in its times, from a linear hop is taken
+# for the continuation of that hop.
 SAME_HOP = 0.1
-SAME_START = 1e-6  # two hops whose unknowns differ by a smaller share are one
-# The zero of a law is looked for so far from rest, in units of the length in which its slope would undo its force.
+SAME_START = 1e-6  # two hops whose unknowns differ by a smaller share are the same
+# The zero of a law is searched up to this distance from rest, in units of the force divided by its slope at rest.
 FURTHEST_ZERO, ZERO_SAMPLES = 4.0, 801
 
 
 class _StraightLine(NamedTuple):
-    """The force slope (r - zero) near which a law is where it has no force."""
+    """The force slope (r - zero), to which a law is tangent at a zero of its force."""
 
     slope: float
     zero: float
 
     def law(self, place: int) -> Law:
-        """It as the law of the spring at a place among the others."""
+        """The straight line as the law of the spring with index `place`."""
         slope, zero = f"slope_{place}", f"zero_{place}"
         return from_formula(f"{slope}*(r - {zero})", "r", {slope: self.slope, zero: self.zero})
 
@@ -67,17 +67,17 @@ def starts(machine: Mechanism, half_contact: float, half_flight: float, seed: in
         return found
     mixed, own = machine.with_springs([_mixed(law, line) if line else law for law, line in pairs]), list[dict]()
     for start in found:
-        if led := _found_at_once(machine, start, own) or _led_to_own_laws(mixed, start):
-            own.append(led)
+        if hop := _found_directly(machine, start, own) or _followed_to_own_laws(mixed, start):
+            own.append(hop)
     return own
 
 
 def _springs_of(machine: Mechanism) -> list[Spring]:
-    """The springs of a machine whose hops linear ones may lead to; raises `InputError` for another machine."""
+    """The springs of a machine whose hops may be followed from linear ones; raises `InputError` for another machine."""
     if not isinstance(machine, Mechanism):
         raise InputError(f"starts are those of a Mechanism, not of a {type(machine).__name__}")
     springs = [element for element in machine.elements if isinstance(element, Spring)]
-    told = "starts are led there from linear hops; give find a start instead, such as that of start_from_rest"
+    remedy = "starts are led there from linear hops; give find a start instead, such as that of start_from_rest"
     for element in machine.elements:
         if isinstance(element, Damper | Force):
             raise InputError(
@@ -85,14 +85,14 @@ def _springs_of(machine: Mechanism) -> list[Spring]:
             )
     for spring in springs:
         if spring.force.pieces:
-            raise InputError(f"spring '{spring.force.text}' is in pieces: {told}")
+            raise InputError(f"spring '{spring.force.text}' is in pieces: {remedy}")
     if machine.gravity.degree() > 0:
-        raise InputError(f"gravity '{machine.gravity.text}' varies: {told}")
+        raise InputError(f"gravity '{machine.gravity.text}' varies: {remedy}")
     return springs
 
 
 def _straight_line(law: Law) -> _StraightLine:
-    """The straight line along a law at the zero of its force that is nearest to its rest."""
+    """The tangent of a law at the zero of its force that is nearest to its rest."""
     from scipy.optimize import brentq  # takes long to import
 
     rest = law.rest()
@@ -153,9 +153,9 @@ def _mixed(law: Law, line: _StraightLine) -> Law:
     return Law(law.text, "r", expression, {**law.parameters, LAW_SHARE: 0.0})
 
 
-def _found_at_once(machine: Mechanism, start: Mapping[str, float], known: Sequence[dict]) -> dict[str, float] | None:
-    """The start of the hop of the own laws that is found from one of straight lines; None where there is none, where
-    it is far from that one, and where it is known."""
+def _found_directly(machine: Mechanism, start: Mapping[str, float], known: Sequence[dict]) -> dict[str, float] | None:
+    """The start of the hop of the own laws that Newton's method finds from a hop of straight lines; None where there is
+    none, where it is far from that hop, and where it is known already."""
     try:
         orbit = find(machine, start=start)
     except NoOrbit:
@@ -171,8 +171,8 @@ def _found_at_once(machine: Mechanism, start: Mapping[str, float], known: Sequen
     return own if near and not is_known else None
 
 
-def _led_to_own_laws(mixed: Mechanism, start: Mapping[str, float]) -> dict[str, float] | None:
-    """The start of the hop to which one of the straight springs leads, None where that ends on the way."""
+def _followed_to_own_laws(mixed: Mechanism, start: Mapping[str, float]) -> dict[str, float] | None:
+    """The start of the hop that is followed from one of the straight springs; None where the family ends before."""
     try:
         orbit = find(mixed, start=start)
         for most in (FIRST_LAW_POINTS, MOST_LAW_POINTS):

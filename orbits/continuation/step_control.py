@@ -1,8 +1,8 @@
-"""Steps along a curve of orbits, with step-size control, and the points between their ends; what a run is asked for.
+"""Steps along a curve of orbits, with step-size control, and the points between their ends; the options of a run.
 
-A step of length s along the unit tangent t from X0 solves F(X) = 0, t . (X - X0) = s. A correction that is large for it
-may have led to another curve, so a shorter step is tried; at least at one point in each step, too, the interpolant
-through the ends of the steps must lead to the curve.
+A step of length s along the unit tangent t from X0 solves F(X) = 0, t . (X - X0) = s. A correction that is large
+relative to s may have led to another curve, so a shorter step is tried. At one point or more in each step, Newton's
+method must also converge to the curve from the interpolant through the ends of the steps.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -16,15 +16,15 @@ from .corrector import MEMORY, correct, correct_all, predict_and_correct
 from .curve import TEST_FUNCTIONS, Curve, CurvePoint, StepEnd, Watch, interpolated
 from .predictor import around
 
-# Events that are no test function's, whose names the functions of a user cannot have.
+# Events without a test function of the orbit. The functions of a user cannot have these names.
 OTHER_EVENTS = ("fold", "branch point", "family", "asked")
-# The largest step is at least this many times as long as the shortest, so that step-size control has some play.
+# The largest step is at least this many times as long as the shortest, so that step-size control has some range.
 LEAST_PLAY = 10
 Points = Sequence[CurvePoint | StepEnd]
 
 
 def _between(low: float, high: float, default: float) -> Any:
-    """A field with its default and bounds; a whole number where the default is one."""
+    """A field with its default and bounds; a whole number where the default is a whole number."""
     return field(default=default, metadata={"bounds": (low, high)})
 
 
@@ -102,7 +102,7 @@ class StepControl:
 
 @dataclass(frozen=True)
 class Options:
-    """What a run is asked for, as in `follow`."""
+    """The options of a run, as in `follow`."""
 
     at: tuple[float, ...] = ()
     watch: Watch = field(default_factory=dict)
@@ -113,10 +113,10 @@ class Options:
 
 
 def checked_options(*args: Any, **options: Any) -> Options:
-    """The `Options` of these values, where `watch` may be None; raises `InputError` for what cannot be meant."""
-    asked = Options(*args, **options)
-    at, longest, control = asked.at, asked.longest, asked.step_control
-    watch = {} if asked.watch is None else asked.watch
+    """The `Options` of these values, where `watch` may be None; raises `InputError` for an invalid value."""
+    unchecked = Options(*args, **options)
+    at, longest, control = unchecked.at, unchecked.longest, unchecked.step_control
+    watch = {} if unchecked.watch is None else unchecked.watch
     if not isinstance(at, Iterable) or isinstance(at, str):
         raise InputError(f"at = {at!r}; it is a list of values")
     if not isinstance(watch, Mapping):
@@ -126,12 +126,12 @@ def checked_options(*args: Any, **options: Any) -> Options:
     at = tuple(sorted({finite_number("at", value) for value in at}))
     if not (shortest := LEAST_PLAY * control.shortest_step) <= finite_number("longest", longest) <= 1:
         raise InputError(f"longest = {longest:g}; a step is a share of the way, from {shortest:g} to 1")
-    most = whole_number("most", asked.most, "points")
+    most = whole_number("most", unchecked.most, "points")
     for name, function in watch.items():
         if not callable(function) or name in (*TEST_FUNCTIONS, *OTHER_EVENTS):
             raise InputError(f"watch '{name}' is a function of the orbit, under a name of its own")
-    stops = bool(asked.stop_inadmissible)
-    return replace(asked, at=at, watch=dict(watch), longest=float(longest), most=most, stop_inadmissible=stops)
+    stops = bool(unchecked.stop_inadmissible)
+    return replace(unchecked, at=at, watch=dict(watch), longest=float(longest), most=most, stop_inadmissible=stops)
 
 
 class Stepper:
@@ -158,7 +158,7 @@ class Stepper:
         return new, length, None
 
     def _step(self, ends: Points, length: float, alone: bool) -> tuple[StepEnd, float]:
-        """The end of a step and the length of the next; a rejected step is halved. Raises the last one's reason."""
+        """The end of a step and the length of the next; a rejected step is halved. Raises the error of the last one."""
         failure: OrbitsError = NoOrbit("no step is short enough")
         rate = ends[-1].tangent[-1]
         bound = self.bounds[int(rate > 0)]
@@ -168,7 +168,7 @@ class Stepper:
                 if 0 < left <= length:
                     try:
                         return self._accepted(ends, length, left, alone, bound)
-                    except OrbitsError:  # the curve turns before the bound, or passes it elsewhere
+                    except OrbitsError:  # the curve folds before the bound, or crosses it elsewhere
                         return self._accepted(ends, length, min(length, left + self.longest), alone)
                 return self._accepted(ends, length, length, alone)
             except OrbitsError as error:
@@ -179,14 +179,14 @@ class Stepper:
             raise failure from None
 
     def _accepted(self, ends: Points, planned: float, length: float, alone: bool, value: float | None = None):
-        """The end of a step of given length, or of about that to a value of the parameter, and the length of the next;
-        `planned` is the length that step-size control allowed. Raises `NoOrbit` for a rejected step."""
+        """The end of a step of length `length`, or of about that length to a value of the parameter, and the length of
+        the next; `planned` is the length that step-size control allowed. Raises `NoOrbit` for a rejected step."""
         control = self.control
         end, guess, rests = predict_and_correct(self.curve, ends, length, value)
         moved = self._correction(ends[-1], [end], guess[None], np.array([length]))
         parts = max(2, int(np.ceil(length / self.longest)))
         end = end._replace(length=length / parts, parts=parts)
-        if alone:  # otherwise the points between the ends of several steps are solved together later
+        if alone:  # otherwise the points between the ends of several steps are later solved together
             self.points_between(ends, [end], 1)
         # The interpolant of k points with tangents has an error of order 2k in the step.
         ratio = (control.target_correction / max(moved * np.sqrt(end.amplification), 1e-300)) ** (1 / (2 * rests))
@@ -194,7 +194,7 @@ class Stepper:
         return end, min(max(planned, length) * ratio, max(control.longest_step, self.longest))
 
     def _rescued(self, last: CurvePoint | StepEnd) -> StepEnd:
-        """The point a first step away, by the curve's own last resort at a fixed value of the parameter."""
+        """The point one first step away, solved by Ipopt at a fixed value of the parameter as a last resort."""
         curve, length, row = self.curve, self.control.first_step, last.tangent / self.curve.size(last.x) ** 2
         if abs(last.tangent[-1]) < self.control.steepest_rate * curve.span:
             raise NoOrbit("the parameter's value does not fix the orbit here")
@@ -206,8 +206,8 @@ class Stepper:
         return StepEnd(point.x, point.tangent, point.amplification, along_parameter, length)
 
     def _correction(self, last: CurvePoint | StepEnd, points: Points, guesses, lengths) -> float:
-        """The largest correction from guesses (m, n + 1) to points `lengths` (m,) apart; raises `NoOrbit` when that, or
-        an angle between neighbouring tangents, is too large for one curve."""
+        """The largest correction from guesses (m, n + 1) to points `lengths` (m,) apart; raises `NoOrbit` when this
+        correction, or an angle between neighbouring tangents, is too large for one curve."""
         sizes = self.curve.size(guesses)
         moved = np.linalg.norm((np.array([point.x for point in points]) - guesses) / sizes, axis=1)
         tangents = np.array([point.tangent for point in (last, *points)])
@@ -220,8 +220,8 @@ class Stepper:
         return float(moved.max())
 
     def points_between(self, ends: Points, new: Sequence[StepEnd], batch_size: int) -> list[CurvePoint]:
-        """The points from the last of `ends` to the `new` ends and these; raises `NoOrbit` when one may lie on another
-        curve."""
+        """The points after the last of `ends`, up to and including the `new` ends; raises `NoOrbit` when one of them
+        may lie on another curve."""
         steps, guesses, rows, levels, parts = self._targets(ends[-self.control.neighbours :], new, batch_size > 1)
         tangents = np.array([point.tangent for point in (ends[-1], *new)])[steps]
         lengths = np.array([end.length for end in new])[steps]
@@ -229,10 +229,10 @@ class Stepper:
         self._correction(ends[-1], points, guesses, lengths)
         return points
 
-    def _targets(self, before: Points, ends: Sequence[StepEnd], asked: bool) -> tuple[np.ndarray, ...]:
-        """Where the curve is solved on the steps from the last point before to their ends, in order: the step (q,), and
-        guess (q, n + 1), row (q, n + 1), level (q,) and parts (q,) as in `correct_all`; where `asked`, at the values
-        asked for too."""
+    def _targets(self, before: Points, ends: Sequence[StepEnd], with_at: bool) -> tuple[np.ndarray, ...]:
+        """The equations to solve on the steps from the last point before to their ends, in order: the step (q,), and
+        guess (q, n + 1), row (q, n + 1), level (q,) and parts (q,) as in `correct_all`; if `with_at`, also those at
+        the requested values of the parameter."""
         chain, first = (*before, *ends), len(before) - 1
         xs, tangents = np.array([point.x for point in chain]), np.array([point.tangent for point in chain])
         side, n, each = self.control.neighbours, xs.shape[1], np.arange(len(ends))
@@ -242,7 +242,7 @@ class Stepper:
         starts, parts = np.einsum("gi,gi->g", rows, xs[first:-1]), np.array([end.parts for end in ends])
         steps = np.repeat(np.arange(len(parts)), parts - 1)
         shares = np.concatenate([np.arange(1, count) / count for count in parts])
-        passed, values = self._passed(xs[first:, -1], tangents[first:, -1], self.asked if asked else self.asked[:0])
+        passed, values = self._passed(xs[first:, -1], tangents[first:, -1], self.asked if with_at else self.asked[:0])
         along_parameter = np.tile(np.eye(n)[-1], (len(passed), 1))
         at_values, _ = around(xs, tangents, places[passed], side, side, along_parameter, values)
         taken = np.einsum("qi,qi->q", rows[passed], at_values) - starts[passed]
@@ -263,8 +263,8 @@ class Stepper:
         return tuple(np.concatenate(group)[order] for group in groups)
 
     @staticmethod
-    def _passed(values: np.ndarray, rates: np.ndarray, asked: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The steps (h,) on which the parameter passes a value asked for without turning round, and that value (h,)."""
+    def _passed(values: np.ndarray, rates: np.ndarray, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The steps (h,) on which the parameter passes a requested value without a fold, and that value (h,)."""
         a, b, onward = values[:-1, None], values[1:, None], (rates[:-1] * rates[1:] > 0)[:, None]
-        steps, which = np.nonzero((np.minimum(a, b) < asked) & (asked < np.maximum(a, b)) & onward)
-        return steps, asked[which]
+        steps, which = np.nonzero((np.minimum(a, b) < wanted) & (wanted < np.maximum(a, b)) & onward)
+        return steps, wanted[which]

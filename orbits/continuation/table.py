@@ -1,4 +1,4 @@
-"""Quantities of a family's orbits that its points do not keep: of many orbits at once, from their motions."""
+"""Quantities of a family's orbits that are not stored in its points: of many orbits together, from their motions."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -26,8 +26,8 @@ def numbers_of_motions(
     """The quantities `names_of_motions` (m,) at points of a family, NaN where an orbit does not have one; in the
     machine's units.
 
-    method : by which the family was followed
-    values : of the parameters that vary along the family, at each point
+    method : the method by which the family was followed
+    values : the parameters that vary along the family, at each point
 
     Raises `InputError` for points of another method.
     """

@@ -1,7 +1,7 @@
 """A run along a curve of orbits: batches of points, their certificates, the events between them, and the end.
 
-In one batch `step_control` takes several steps, which `predictor` and `corrector` find. Then `curve`
-certifies the points, `events` locates what happens between them, `limits` tests for the end, `checkpoint` collects.
+In one batch `step_control` takes several steps, which `predictor` and `corrector` compute. Then `curve` certifies the
+points, `events` locates the events between them, `limits` tests for the end, and `checkpoint` collects the results.
 """
 
 from collections.abc import Iterator, Sequence
@@ -18,23 +18,23 @@ from .step_control import Options, Stepper
 
 # A batch is split at a change of family only where its points lie farther apart than this many shortest steps.
 RESOLVED = 10
-# Steps of all motions in one batch, whose arrays then stay in the processor's cache; and the points of a small batch.
+# Integration steps of all motions in one batch, whose arrays then fit into the cache; and the points of a small batch.
 STEPS_OF_BATCH, SMALL_BATCH = 12_000, 8
 
 
 class AnotherFamily(NoOrbit):
-    """The next point is of another family, and too far from the last to tell where that begins."""
+    """The next point is of another family, and too far from the last point to locate where that family begins."""
 
 
 class TracerState(NamedTuple):
-    """What is known of a run before its next batch."""
+    """The state of a run before its next batch."""
 
     last: CurvePoint
     ends: Sequence[CurvePoint]  # of the last steps, the last of them `last`
     length: float  # of the next step
     batch_size: int  # number of points to solve and certify at a time
     before: int = 0  # number of points before `last`
-    rejections: float = 0.0  # of points, less those that accepted points have offset
+    rejections: float = 0.0  # number of rejected points, less the number that accepted points have offset
 
 
 class Batch(NamedTuple):
@@ -48,10 +48,10 @@ class Batch(NamedTuple):
 
 
 class Tracer:
-    """A run along a curve from its point `first` towards `stop`, with another bound `behind`.
+    """A run along a curve from its point `first` towards the bound `stop`, with another bound `behind`.
 
-    Where a point cannot be certified, or is of another family, the steps are taken again from before it, shorter and
-    one at a time. `earlier` are the points before the first, in a family that is resumed.
+    Where a point cannot be certified, or is of another family, the steps are repeated from the point before it, shorter
+    and one at a time. `earlier` are the points before the first, in a family that is resumed.
     """
 
     segments: type[Segment] = Segment
@@ -65,7 +65,7 @@ class Tracer:
         length = min(self.control.first_step, options.longest)
         self._state = TracerState(first, (first,), length, min(self._largest_batch(first), options.most))
         self._batch: Batch | None = None
-        if first.certified is None:  # it is certified in one call with those that follow it
+        if first.certified is None:  # the first point is certified in one call with the points that follow it
             batch = self._next_batch(self._state)
             if batch.rejection and not batch.certified:
                 raise batch.rejection
@@ -115,25 +115,25 @@ class Tracer:
             batch = None
 
     def _quiet(self, last: CurvePoint, points: Sequence[CurvePoint]) -> list[bool]:
-        """Of each of the points whether nothing can happen from the one before up to it, as is mostly so."""
+        """For each point, whether neither an event nor the end can lie between the previous point and it, as usual."""
         points = [last, *points]
         busy = self.endings.may_end(points) | self.segments.may_happen(points, self.options.at, self.options.watch)
         return (~busy).tolist()
 
     def _next_batch(self, state: TracerState) -> Batch:
-        """The next points, certified, after the state's last point if that is not certified yet."""
+        """The next points, certified; the state's last point comes first if it is not certified yet."""
         ends, length, failure = self.stepper.steps(state.ends, state.length, state.batch_size)
-        points, kept = self._solvable(state, ends)
-        if left := ends[kept:]:
-            failure, length = None, left[0].length * left[0].parts * (1.0 if kept else 0.5)
+        points, solved = self._solvable(state, ends)
+        if left := ends[solved:]:
+            failure, length = None, left[0].length * left[0].parts * (1.0 if solved else 0.5)
         points = points if state.last.certified else [state.last, *points]
         certified, rejection = self._certified(state, points)
-        if rejection:  # what fails after it may not, once the steps to it are shorter
+        if rejection:  # a later failure may not recur once the steps to the rejected point are shorter
             failure, length = None, 0.5 * points[len(certified)].length
         return Batch(certified, rejection, failure, length, whole=not left)
 
     def _solvable(self, state: TracerState, ends: Sequence[StepEnd]) -> tuple[list[CurvePoint], int]:
-        """The points of the first steps and the number of these, which is halved until the curve can be solved."""
+        """The points of the first steps and the number of these steps, which is halved until the points are solved."""
         count = len(ends)
         while count:
             try:
@@ -143,7 +143,7 @@ class Tracer:
         return [], 0
 
     def _certified(self, state: TracerState, points: list[CurvePoint]) -> tuple[list[CurvePoint], OrbitsError | None]:
-        """The points that are certified, up to the first that is not or is of another family; and its error."""
+        """The certified points, up to the first that cannot be certified or is of another family; and its error."""
         certified, error = self.curve.certify_all(points)
         families = [point.point.certificate.family for point in certified]
         before = [state.last.point.certificate.family] if state.last.certified else families[:1]
@@ -153,26 +153,26 @@ class Tracer:
         return certified, error
 
     def _onward(self, last: CurvePoint, point: CurvePoint, before: int) -> tuple[list, CurvePoint, int, End | None]:
-        """The items from the point `last`, number `before`, on to the next one or to the end of the curve, events
-        included; the last point among them; how many are points; and the end, if any."""
-        asked, items, index = self.options.at, list[CurvePoint | Event](), before
+        """The points and events after the point `last`, number `before`, up to the next point or to the end of the
+        curve; the last point among them; how many are points; and the end, if any."""
+        values, items, index = self.options.at, list[CurvePoint | Event](), before
         segment, end = self.endings.cut(self.segments(self.curve, last, point))
-        for kind, event in segment.events(asked, self.options.watch):
+        for kind, event in segment.events(values, self.options.watch):
             if kind == "asked":
                 index += 1
                 items.append(event)
             items.append(Event(kind, index, event.point))
         items.append(segment.b)
-        if not end and segment.b.value in asked:
+        if not end and segment.b.value in values:
             items.append(Event("asked", index + 1, segment.b.point))
         return items, segment.b, index + 1 - before, end
 
     def _after(self, state: TracerState, batch: Batch, ends: list[CurvePoint]) -> TracerState:
-        """The state after a batch: longer batches if nothing was rejected, else shorter steps one at a time."""
+        """The state after a batch: longer batches if no point was rejected, else shorter steps one at a time."""
         control, size, rejections = self.control, 1, state.rejections
         if batch.rejection:
-            # A change of family is approached by halving the step some twenty times, however well the curve is
-            # followed.
+            # A change of family is approached by halving the step some twenty times, which does not mean that the curve
+            # is hard to follow.
             worse = 0 if isinstance(batch.rejection, AnotherFamily) else 1
             rejections = max(rejections - len(batch.certified) / control.recovery, 0.0) + worse
             ends = ends if ends[-1] is state.last else [*ends, state.last]
@@ -181,6 +181,6 @@ class Tracer:
         return TracerState(state.last, ends[-MEMORY:], batch.length, size, state.before, rejections)
 
     def _largest_batch(self, point: CurvePoint) -> int:
-        """The most points of a batch whose motions are about as long as that of a point."""
+        """The largest number of points in a batch whose motions are about as long as that of a point."""
         steps = sum(int(motions.counts[point.place]) for motions in point.evaluation.trajectories)
         return min(self.control.largest_batch, max(SMALL_BATCH, STEPS_OF_BATCH // max(steps, 1)))

@@ -1,4 +1,4 @@
-"""Motions found by optimal control: evaluated, printed, plotted, tabled, saved and loaded, and stated in SI."""
+"""Motions found by optimal control: evaluated, printed, plotted, tabulated, saved and loaded, and stated in SI."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -29,7 +29,7 @@ class ControlledLeg(Leg):
 
     @classmethod
     def of_saved(cls, document: Mapping[str, Any]) -> "ControlledLeg":
-        """The stage of what its `saved` is, whose parts fit each other; raises `ValueError`."""
+        """The stage from its document in a file; raises `ValueError` where its parts contradict each other."""
         kinds = {"phase": str, "start": float, "path": Trajectory, "inputs": Trajectory, "states": tuple[str, ...]}
         leg = cls(**{name: conform(document[name], kind, name) for name, kind in kinds.items()})
         rest = leg.path.names[len(leg.states) :]
@@ -77,7 +77,7 @@ class Control(Result, what="control", document_is_whole=True, in_line=("status",
         expression
     error : the most by which the states of the accurate motion, relative to their size, or its cost differ from those
         of the nonlinear program
-    coarseness : the share of the cost by which the last halving of the intervals changed it, NaN if they were kept.
+    coarseness : relative change of the cost by the last halving of the intervals, NaN if they were not halved.
         Violation and error are those of this motion and do not say what finer inputs would save
     iterations, rounds : Ipopt's iterations, and the solves in which they were taken
     seconds : time taken in all
@@ -106,7 +106,7 @@ class Control(Result, what="control", document_is_whole=True, in_line=("status",
         return self.bare or self
 
     def __getstate__(self) -> dict[str, Any]:
-        """What is pickled: all but the nonlinear program. As a guess the copy starts a solve from its motion."""
+        """The pickled state: all but the nonlinear program. As a guess the copy starts a solve from its motion."""
         return {each.name: getattr(self, each.name) for each in fields(self)} | {"answer": None}
 
     machine = property(lambda self: {})  # a motion is of stages
@@ -134,7 +134,7 @@ class Control(Result, what="control", document_is_whole=True, in_line=("status",
     def __call__(self, t: ArrayLike) -> np.ndarray:
         """The `states` (..., n) at times (...), from 0 to `end`; where two stages meet, those of the later one.
 
-        Raises `InputError` for other times, and for what is not a number.
+        Raises `InputError` for other times, and for anything but numbers.
         """
         return self._along(t, lambda leg, since: leg.path(since)[..., [leg.states.index(name) for name in self.states]])
 
@@ -175,7 +175,7 @@ class Control(Result, what="control", document_is_whole=True, in_line=("status",
 
     def table(self, t: ArrayLike | None = None) -> dict[str, np.ndarray]:
         """Columns (k,) by name at times (k,), evenly spaced by default: "time", "stage", the states, the inputs, and
-        the "running cost", what the stages have cost so far without what their ends cost."""
+        the "running cost", the cost of the stages so far without the costs at their ends."""
         t = times_within(np.linspace(0.0, self.end, TABLE_ROWS) if t is None else t, self.end, self._second).ravel()
         states, inputs = self(t), self.inputs_at(t)
         stages = np.array([leg.phase for leg in self.legs])[index_of_legs(self.legs, t)]
@@ -194,7 +194,7 @@ class Control(Result, what="control", document_is_whole=True, in_line=("status",
         return shown("control_figures").plot_control(self, axes)
 
     def document(self) -> dict[str, Any]:
-        """The motion as JSON-ready data, with all that a file of it has."""
+        """The motion as JSON-ready data, with all fields of its file."""
         legs = [{**vars(leg), "path": leg.path.saved(), "inputs": leg.inputs.saved()} for leg in self.legs]
         own = {name: getattr(self, name) for name in ("status", *CONTROL_NUMBERS, "iterations", "rounds", "parameters")}
         coarseness = None if np.isnan(self.coarseness) else self.coarseness
@@ -222,7 +222,7 @@ class Control(Result, what="control", document_is_whole=True, in_line=("status",
         return "motion of locally least cost"
 
     def _rows(self) -> Iterator[Row]:
-        """Its stages, its cost and errors, how it was found."""
+        """The stages, the cost and the errors, and the work of the search."""
         unit = f" {self.units['cost']}" if self.units else ""
         for i, leg in enumerate(self.legs):
             times = {f"start of stage {i}": leg.start, f"duration of stage {i}": leg.duration}
@@ -245,7 +245,7 @@ def _units_of(legs: tuple[ControlledLeg, ...]) -> dict[str, str]:
 def control_in_units(
     control: Control, units: Units, cost: Dimension, parameters: Mapping[str, float], own: Mapping[str, Dimension]
 ) -> Control:
-    """A dimensionless motion in these units, with the parameters given.
+    """A dimensionless motion in these units, with these parameters.
 
     cost : its dimension; own : those of inputs and path expressions, by name
     """

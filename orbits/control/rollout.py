@@ -72,7 +72,7 @@ class MotionRollout:
 
 
 def roll_out(solution: WarmStart, cost: float, fixed: np.ndarray) -> MotionRollout:
-    """Integrate a solution, whose cost in the nonlinear program is given, at the given parameters `fixed`."""
+    """Integrate a solution, whose `cost` is that of the nonlinear program, at the fixed parameters' values `fixed`."""
     problem, x = solution.problem, solution.x
     values = np.concatenate([fixed, x[len(x) - len(problem.free) :]])
     pairs = zip(problem.stages, problem.unpack(x), strict=True)
@@ -87,7 +87,7 @@ def roll_out(solution: WarmStart, cost: float, fixed: np.ndarray) -> MotionRollo
 
 
 def _roll_out_stage(stage: Stage, names: tuple[str, ...], values, unknowns: StageUnknowns) -> StageRollout:
-    """Integrate a stage of a solution accurately, with parameters `names` of the given values."""
+    """Integrate a stage of a solution accurately, with parameters `names` of these `values`."""
     flow, (duration, nodes, coefficients) = stage_flow(stage, names), unknowns
     size, h, x, cost = len(stage.phase.states), duration / stage.intervals, nodes[:, 0], 0.0
     paths, blocks, ends = [], [], [x]
@@ -113,8 +113,8 @@ def _overstepped(stage: Stage, named: dict[str, float], coefficients: np.ndarray
     """The most by which inputs with these coefficients (m, N) leave their bounds, 0 where they do not."""
     most = 0.0
     for name, rows in stage.input_rows().items():
-        given, values = stage.inputs[name], coefficients[rows]
-        low, high = (float(bound(named)) if callable(bound) else bound for bound in (given.low, given.high))
+        control, values = stage.inputs[name], coefficients[rows]
+        low, high = (float(bound(named)) if callable(bound) else bound for bound in (control.low, control.high))
         most = max(most, float((low - values).max()), float((values - high).max()))
     return most
 
@@ -122,7 +122,7 @@ def _overstepped(stage: Stage, named: dict[str, float], coefficients: np.ndarray
 def _input_polynomials(rollout: StageRollout) -> Trajectory:
     """The inputs of a stage as polynomials of its time."""
     stage, (duration, _, coefficients) = rollout.stage, rollout.unknowns
-    n, most = stage.intervals, 1 + max((given.degree for given in stage.inputs.values()), default=0)
+    n, most = stage.intervals, 1 + max((control.degree for control in stage.inputs.values()), default=0)
     monomial, h = np.zeros((n, len(stage.inputs), most)), duration / n
     for i, rows in enumerate(stage.input_rows().values()):
         bernstein, degree = coefficients[rows], rows.stop - rows.start - 1

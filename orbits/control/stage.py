@@ -55,8 +55,8 @@ class Stage:
     final : (x, p) -> the cost at the end
     above : (x, p) -> expressions that are not negative at the end
 
-    Stages compare by identity: what is compiled for them is stored for the next call. `steer` raises `InputError` for
-    a stage with invalid numbers, bounds or functions, and for a piecewise law.
+    Stages compare by identity: the functions compiled for them are stored for the next call. `steer` raises
+    `InputError` for a stage with invalid numbers, bounds or functions, and for a piecewise law.
 
     >>> from orbits import Input, Phase, Stage
     >>> cart = Phase("cart", ("x", "v"), lambda x, p, q: [x[1], p["f"]])
@@ -81,47 +81,47 @@ class Stage:
     @property
     def coefficient_names(self) -> tuple[str, ...]:
         """Names of the Bernstein coefficients of all inputs, in their order."""
-        return tuple(f"{name}[{k}]" for name, given in self.inputs.items() for k in range(given.degree + 1))
+        return tuple(f"{name}[{k}]" for name, control in self.inputs.items() for k in range(control.degree + 1))
 
     def input_rows(self) -> dict[str, slice]:
         """The rows of each input among the coefficients of all inputs."""
-        ends = np.cumsum([given.degree + 1 for given in self.inputs.values()]).tolist()
+        ends = np.cumsum([control.degree + 1 for control in self.inputs.values()]).tolist()
         return {name: slice(a, b) for name, a, b in zip(self.inputs, [0, *ends], ends, strict=False)}
 
 
 @lru_cache(maxsize=64)
 def interval_phase(stage: Stage) -> Phase:
-    """The phase of a stage over one interval, whose time is the share of the interval that has passed. It has two more
-    states, a clock with that share and the running cost, and watches the expressions that stay positive."""
+    """The phase of a stage over one interval, whose time is the elapsed share of the interval. It has two more states,
+    a clock with that share and the running cost, and watches the path expressions."""
     size = len(stage.phase.states)
 
     def with_inputs(x, p):
         clock, named = x[size], dict(p)
-        for name, given in stage.inputs.items():
-            d = given.degree
+        for name, control in stage.inputs.items():
+            d = control.degree
             shapes = [comb(d, k) * clock**k * (1 - clock) ** (d - k) for k in range(d + 1)] if d else [1.0]
             named[name] = sum(p[f"{name}[{k}]"] * shape for k, shape in enumerate(shapes))
         return x[:size], named
 
     def rates(x, p, q):
         states, named = with_inputs(x, p)
-        given = [*stage.phase.field(states, named, q)]
-        if len(given) != size:
-            raise InputError(f"the field of the {stage.phase.name} gives {len(given)} rates for {size} states")
+        field = [*stage.phase.field(states, named, q)]
+        if len(field) != size:
+            raise InputError(f"the field of the {stage.phase.name} gives {len(field)} rates for {size} states")
         length = p[INTERVAL_LENGTH]
-        return [*(length * rate for rate in given), 1.0, length * stage.running(states, named, q)]
+        return [*(length * rate for rate in field), 1.0, length * stage.running(states, named, q)]
 
     watch = {name: lambda x, p, q, of=of: of(*with_inputs(x, p), q) for name, of in stage.path.items()}
     return Phase(stage.phase.name, (*stage.phase.states, "clock", "cost"), rates, watch, reaches=stage.phase.reaches)
 
 
 def stage_flow(stage: Stage, names: tuple[str, ...]) -> Flow:
-    """The flow of `interval_phase`; its parameters are the problem's, the interval's length, and coefficients."""
+    """The flow of `interval_phase`; its parameters are the problem's, the interval's length and the coefficients."""
     return flow_of(interval_phase(stage), (*names, INTERVAL_LENGTH, *stage.coefficient_names))
 
 
 def check_stage(number: int, stage: Stage, parameters: Collection[str]) -> None:
-    """Raise `InputError` for a stage without a meaning; `parameters` are the names of the problem's."""
+    """Raise `InputError` for an invalid stage; `parameters` are the names of the problem's parameters."""
     where = f"stage {number} ({stage.phase.name})"
     if check_range(f"{where}: duration", stage.duration)[0] <= 0:
         raise InputError(f"{where}: duration from {stage.duration[0]:g}; it is above 0")
@@ -131,11 +131,11 @@ def check_stage(number: int, stage: Stage, parameters: Collection[str]) -> None:
     for name in (*stage.phase.states, *stage.inputs):
         if name in COLUMNS_OF_CONTROL:
             raise InputError(f"{where}: '{name}' is a column of the motion's table already; rename the state or input")
-    for name, given in stage.inputs.items():
+    for name, control in stage.inputs.items():
         if name in parameters:
             raise InputError(f"{where}: '{name}' is both an input and a parameter; rename one")
-        check_range(f"{where}: input '{name}'", given.numbers)
-        whole_number(f"{where}: degree of input '{name}'", given.degree, "powers", 0)
+        check_range(f"{where}: input '{name}'", control.numbers)
+        whole_number(f"{where}: degree of input '{name}'", control.degree, "powers", 0)
 
 
 def check_range(what: str, bounds: Any) -> tuple[float, float]:

@@ -102,7 +102,7 @@ def steer(
 
 
 def _check(stages, parameters: Mapping, free: Mapping, tolerance: float) -> None:
-    """Raise `InputError` for arguments without a meaning."""
+    """Raise `InputError` for invalid arguments."""
     finest = STEER_OPTIONS.finest_tolerance
     if not finite_number("tolerance", tolerance) >= finest:
         raise InputError(f"tolerance = {tolerance:g}; rounding allows for {finest:g} or more")
@@ -119,7 +119,7 @@ def _check(stages, parameters: Mapping, free: Mapping, tolerance: float) -> None
 
 
 def _halved(found: Control, stages, parameters, free, tolerance: float, refine: float) -> Control:
-    """The motion on intervals halved until its cost settles."""
+    """The motion on intervals that are halved until its cost converges."""
     for _ in range(STEER_OPTIONS.halvings):
         stages = tuple(replace(stage, intervals=2 * stage.intervals) for stage in stages)
         finer = _steer(stages, parameters, free, found, tolerance)
@@ -135,7 +135,7 @@ def _halved(found: Control, stages, parameters, free, tolerance: float, refine: 
 
 
 def _steer(stages, parameters: Mapping, free: Mapping, guess, tolerance: float) -> Control:
-    """The motion on the intervals as they are."""
+    """The motion on the stated intervals."""
     try:
         problem = transcription(stages, tuple(parameters), tuple(free), (1,) * len(stages), ())
     except KeyError as error:
@@ -178,7 +178,7 @@ def _steer(stages, parameters: Mapping, free: Mapping, guess, tolerance: float) 
 
 
 def _warm_or_cold_start(problem: Transcription, guess, free: Mapping, bounds, fixed) -> WarmStart:
-    """The start of the first solve: the answer of a `Control` of the same problem, or a cold start from a guess."""
+    """The start of the first solve: the solution of a `Control` of the same problem, or a cold start from a guess."""
     known = guess.answer if isinstance(guess, Control) else None
     if known is not None and known.problem.stages == problem.stages and known.problem.names == problem.names:
         return known
@@ -214,14 +214,14 @@ def _refined(current: WarmStart, motion: MotionRollout, tolerance: float) -> War
 
 
 def _unknowns_of_guess(problem: Transcription, guess, free: Mapping, bounds) -> np.ndarray:
-    """The unknowns (n,) of a problem that a guess means, a `Guess` for each stage or a `Control`; `free` names the free
-    parameters, and `bounds` are those of all unknowns."""
-    given = guess.legs if isinstance(guess, Control) else guess
-    if not isinstance(given, tuple | list) or not all(isinstance(one, Guess | ControlledLeg) for one in given):
+    """The unknowns (n,) of a problem for a guess, a `Guess` for each stage or a `Control`; `free` names the free
+    parameters, and `bounds` are the bounds of all unknowns."""
+    guesses = guess.legs if isinstance(guess, Control) else guess
+    if not isinstance(guesses, tuple | list) or not all(isinstance(one, Guess | ControlledLeg) for one in guesses):
         raise InputError(f"guess = {guess!r}; it is a Guess for each stage, or a Control")
-    if len(given) != len(problem.stages):
-        raise InputError(f"the guess has {len(given)} stages where there are {len(problem.stages)}")
-    parts = [_sampled(stage, one) for stage, one in zip(problem.stages, given, strict=True)]
+    if len(guesses) != len(problem.stages):
+        raise InputError(f"the guess has {len(guesses)} stages where there are {len(problem.stages)}")
+    parts = [_sampled(stage, one) for stage, one in zip(problem.stages, guesses, strict=True)]
     low, high = (bound[len(bound) - len(free) :] for bound in bounds)
     middle = np.where(np.isfinite(low + high), 0.5 * (low + high), np.where(np.isfinite(low), low, high))
     middle = np.where(np.isfinite(middle), middle, 0.0)
@@ -232,21 +232,21 @@ def _unknowns_of_guess(problem: Transcription, guess, free: Mapping, bounds) -> 
     return x
 
 
-def _sampled(stage, given):
-    """The unknowns of a stage that a guess of it means."""
+def _sampled(stage, guess):
+    """The unknowns of a stage, sampled from a guess for it."""
     where, size, n = f"the guess of the {stage.phase.name}", len(stage.phase.states), stage.intervals
-    if isinstance(given, ControlledLeg):
-        inputs = {name: given.input_of(name) for name in stage.inputs if name in given.inputs.names}
-        given = Guess(given.duration, lambda t, path=given.path: path(t)[:size], inputs)
-    duration = finite_number(f"{where}: duration", given.duration)
-    if strange := given.inputs.keys() - stage.inputs.keys():
+    if isinstance(guess, ControlledLeg):
+        inputs = {name: guess.input_of(name) for name in stage.inputs if name in guess.inputs.names}
+        guess = Guess(guess.duration, lambda t, path=guess.path: path(t)[:size], inputs)
+    duration = finite_number(f"{where}: duration", guess.duration)
+    if strange := guess.inputs.keys() - stage.inputs.keys():
         raise InputError(f"{where} is of an input '{min(strange)}': it has none such")
-    nodes = np.array([np.asarray(given.states(t), dtype=float) for t in np.linspace(0, duration, n + 1)])
+    nodes = np.array([np.asarray(guess.states(t), dtype=float) for t in np.linspace(0, duration, n + 1)])
     if nodes.shape != (n + 1, size):
         raise InputError(f"{where} is not {size} numbers, {', '.join(stage.phase.states)}")
     rows = []
     for name, control in stage.inputs.items():
-        value = given.inputs.get(name, 0.0)
+        value = guess.inputs.get(name, 0.0)
         for share in np.linspace(INSET, 1 - INSET, control.degree + 1) if control.degree else (0.5,):
             times = (np.arange(n) + share) * duration / n
             rows.append([float(value(t)) if callable(value) else float(value) for t in times])
@@ -299,7 +299,7 @@ def _reason_of_failure(problem: Transcription, found: Minimum) -> str | Message:
 
 
 def _bounds_in_the_way(problem: Transcription, found: Minimum) -> list[str]:
-    """The bounds that an iteration ended at, in words; of inputs those at which most of their intervals are."""
+    """The active bounds at the end of an iteration, in words; of inputs, those active on most of their intervals."""
     short, inputs = [], []
     for i, (stage, part) in enumerate(zip(problem.stages, problem.unpack(found.x), strict=True), start=1):
         if _shortest(stage, part):

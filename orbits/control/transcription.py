@@ -13,9 +13,9 @@ from ..symbolic.kept import kept
 from ..symbolic.taylor_series import taylor_coefficients
 from .stage import Stage, stage_flow
 
-# Order of the Taylor steps, which cost half of those of the accurate flow; where it is too low the steps are halved.
+# Order of the Taylor steps, half as costly as those of the accurate flow; where it is too low the steps are halved.
 CONTROL_ORDER = 12
-# Options of Ipopt with which it ends where it stalls: with large states rounding keeps it from its own tolerances.
+# Options with which Ipopt ends where it stalls: with large states, rounding prevents it from reaching its tolerances.
 STALLS = {
     "ipopt.acceptable_iter": 15,
     "ipopt.acceptable_tol": 1e-6,
@@ -61,15 +61,15 @@ def advance(stage: Stage, names: tuple[str, ...], substeps: int) -> ca.Function:
 
 @kept
 def _conditions(stage: Stage, names: tuple[str, ...], size_before: int) -> ca.Function:
-    """(first state, last state, last state before, parameters) -> zeros at the start, zeros at the end, what is above
-    zero there, final cost, and bounds of inputs, infinite where they are numbers."""
+    """(first state, last state, last state before, parameters) -> zeros at the start, zeros at the end, expressions
+    that are not negative there, final cost, and bounds of inputs, infinite where they are numbers."""
     size = len(stage.phase.states)
     first, last, before, p = (ca.SX.sym("x", k) for k in (size, size, size_before, len(names)))
     named = dict(zip(names, ca.vertsplit(p), strict=True))
     start = stage.start(ca.vertsplit(first), ca.vertsplit(before), named)
     end, above, final = (of(ca.vertsplit(last), named) for of in (stage.end, stage.above, stage.final))
     lows, highs = (
-        ca.vertcat(*[of(named) if callable(of := getattr(given, side)) else none for given in stage.inputs.values()])
+        ca.vertcat(*[of(named) if callable(of := getattr(each, side)) else none for each in stage.inputs.values()])
         for side, none in (("low", -np.inf), ("high", np.inf))
     )
     results = [ca.vertcat(*start), ca.vertcat(*end), ca.vertcat(*above), final, lows, highs]
@@ -79,7 +79,7 @@ def _conditions(stage: Stage, names: tuple[str, ...], size_before: int) -> ca.Fu
 class Transcription:
     """The nonlinear program of stages; its unknowns are the `StageUnknowns` of each, then the free parameters.
 
-    names : names of the parameters, those given and then those free
+    names : names of the parameters, first the fixed and then the free ones
     substeps : number of steps in an interval, of each stage
     exchange_points : (stage, interval) of further points at which path expressions are constrained; the share of the
         interval at which each point lies is a parameter
@@ -99,9 +99,9 @@ class Transcription:
         self._minimiser = self._build()
 
     def _build(self) -> Minimiser:
-        """The nonlinear program, with the given parameters, the shares and the cost's unit as its parameters."""
-        given, freed, shares = (ca.MX.sym("p", len(each)) for each in (self.fixed, self.free, self.exchange_points))
-        p, unit, cost, data = ca.vertcat(given, freed), ca.MX.sym("unit"), ca.MX(0), []
+        """The nonlinear program, with the fixed parameters, the shares and the cost's unit as its parameters."""
+        fixed, freed, shares = (ca.MX.sym("p", len(each)) for each in (self.fixed, self.free, self.exchange_points))
+        p, unit, cost, data = ca.vertcat(fixed, freed), ca.MX.sym("unit"), ca.MX(0), []
         parts = [(ca.MX.sym("T"), ca.MX.sym("x", n, N + 1), ca.MX.sym("w", m, N)) for n, N, m in self.shapes]
         for i, part in enumerate(parts):
             stage_cost, stage_data = self._build_stage(i, part, parts[i - 1][1][:, -1], p)
@@ -113,7 +113,7 @@ class Transcription:
             for j, name in enumerate(self.stages[i].path):
                 self._constrain(path[j], i, f"'{name}'", inner=True)
         unknowns = ca.veccat(*[symbol for part in parts for symbol in part], freed)
-        return Minimiser(unknowns, ca.vertcat(given, shares, unit), cost / unit, ca.vertcat(*self._constraints), STALLS)
+        return Minimiser(unknowns, ca.vertcat(fixed, shares, unit), cost / unit, ca.vertcat(*self._constraints), STALLS)
 
     def _build_stage(self, i: int, part, before: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX]:
         """Cost, and the parameters of each interval, of a stage that follows the state `before`."""
@@ -129,15 +129,15 @@ class Transcription:
         for k, name in enumerate(stage.path):
             self._constrain(path[k, :-1].T, i, f"'{name}'", inner=True)
         for k, (name, rows) in enumerate(stage.input_rows().items()):
-            given, values = stage.inputs[name], ca.vec(w[rows, :])
-            if callable(given.low):
+            control, values = stage.inputs[name], ca.vec(w[rows, :])
+            if callable(control.low):
                 self._constrain(values - lows[k], i, f"the lower bound of input '{name}'")
-            if callable(given.high):
+            if callable(control.high):
                 self._constrain(highs[k] - values, i, f"the upper bound of input '{name}'")
         return ca.sum2(costs) + final, data
 
     def _constrain(self, values: ca.MX, stage: int, what: str, most: float = np.inf, inner: bool = False) -> None:
-        """Keep `values` between 0 and `most`; `inner` ones are path expressions within a stage."""
+        """Constrain `values` to lie between 0 and `most`; `inner` ones are path expressions within a stage."""
         if inner:
             self.inner_paths += range(len(self.labels), len(self.labels) + values.numel())
         self.labels += [f"{what} of stage {stage + 1} ({self.stages[stage].phase.name})"] * values.numel()
@@ -177,13 +177,13 @@ class Transcription:
         return float(self._minimiser.conditions(x, p, 0.0)[0])
 
     def minimise(self, x: np.ndarray, p: np.ndarray, bounds: tuple, multipliers: Multipliers | None) -> Minimum:
-        """The minimum near `x`; `p` holds the given parameters, the shares of the exchange points, and the cost's unit,
-        and the iteration starts from the `multipliers` of a minimum nearby, or cold."""
+        """The minimum near `x`; `p` contains the fixed parameters, the shares of the exchange points, and the cost's
+        unit, and the iteration starts from the `multipliers` of a minimum nearby, or cold."""
         least, most = np.array(self._limits).T
         return self._minimiser(x, p, bounds, (least, most), multipliers)
 
     def end_conditions(self, values: np.ndarray, ends: Sequence) -> Iterator[tuple]:
-        """Of each stage what `_conditions` gives for parameters and the stages' (first, last) states."""
+        """For each stage, the values of `_conditions` at parameters and at the stages' (first, last) states."""
         for i, stage in enumerate(self.stages):
             before = ends[i - 1][1]
             yield _conditions(stage, self.names, len(before))(*ends[i], before, values)

@@ -1,6 +1,6 @@
-"""The quantities of an orbit that a design may ask for, and the boundary value statement that gives them.
+"""The quantities of an orbit that a design may use, and the boundary value statement that determines them.
 
-Names are those of an orbit's JSON document. A quantity is read at one place of the motion, or is made of extremes.
+Names are those of an orbit's JSON document. A quantity is evaluated at one place of the motion, or is made of extremes.
 These are located on an orbit by samples; the design statement then has an arc that ends where an extreme is stationary,
 so that its value is exact and has derivatives.
 """
@@ -26,7 +26,7 @@ from ..symbolic.kept import kept
 from ..units import Message, in_units
 
 VARIATIONAL = ("landing_sensitivity", "loss_coefficient")  # these need the variation of the flight with alpha
-# The extremes that a quantity is the sum of, each with its sign; a rise has one of its own name.
+# The extremes whose sum is a quantity, each with its sign; a rise has one extreme, of its own name.
 COMPOSITION = {
     "stroke": {"longest": 1, "shortest": 1},
     "clearance": {"gap": -1},
@@ -35,20 +35,20 @@ COMPOSITION = {
     "largest_contact_force": {"peak": 1},
     "largest_spring_force": {"tension": 1},
 }
-# Extremes of which only local maxima after the start count, and what the error says of an orbit without one.
+# Extremes for which only local maxima after the start count, and the text of the error for an orbit without one.
 ABSENT = {
     "gap": "clearance: the gap has no lowest point inside the flight",
     "force": "smallest_contact_force: the force has no lowest value inside the contact",
 }
-SAMPLES_PER_STEP = 24  # samples per step of a trajectory among which an extreme is looked for; it is then found exactly
+SAMPLES_PER_STEP = 24  # samples per step of a trajectory by which an extreme is bracketed before it is found exactly
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where an extreme is taken."""
+    """The place of an extreme."""
 
     extreme: str  # its name
-    index: int  # which of its functions has the largest value
+    index: int  # that of its function with the largest value
     kind: str  # "start", "middle" or "inside" of half the phase
 
     def function(self, model: Model) -> tuple[str, Callable]:
@@ -135,7 +135,7 @@ def locate(machine: Machine, orbit: Orbit, name: str) -> tuple[Place, float] | N
             continue
         i = int(candidates[np.argmax(values[candidates])])
         if best is None or values[i] > largest:
-            # In the middle everything is stationary that depends on positions alone.
+            # In the middle all functions of positions alone are stationary.
             kind = "start" if i == 0 else "middle" if i >= count - 1 else "inside"
             time = _stationary_time(function, data, path, *t[[i - 1, i + 1]].tolist()) if kind == "inside" else t[i]
             best, largest = (Place(name, index, kind), float(time)), values[i]
@@ -195,7 +195,7 @@ def design_statement(model: Model, variational: bool, places: tuple[Place, ...])
     arcs = [_variational(model, arc) if variational else arc, contact]
     arcs += [_to_place(model, place, time) for time, place in inside.items()]
     if model.reduction and any(place.kind == "middle" and place.function(model)[0] == "flight" for place in places):
-        # The reduced state does not tell the flight state in the middle, so the flight itself is integrated to there.
+        # The reduced state does not determine the flight state in the middle, so the flight itself is integrated to it.
         arcs.append(Arc(model.flight, lambda u, before, p: model.launch(u, p), arc.duration, lambda u, x, p: []))
     return Statement("design", (*base.unknowns, "contact", *inside), tuple(arcs), (*base.durations, "contact", *inside))
 
@@ -274,7 +274,7 @@ def expressions(
 ) -> dict[str, Any]:
     """The quantities of these names as expressions.
 
-    extremes : values of those that they are made of, by name, the first at each of their places
+    extremes : values of the extremes that they are made of, by name, the first at each of their places
     u, p : the unknowns of the design statement and the parameters, scalar symbols by name
     ends : the states at the ends of the design statement's arcs, lists of scalar symbols
     """

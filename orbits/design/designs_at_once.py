@@ -1,4 +1,4 @@
-"""Many designs of a machine at once: the orbit of each, its quantities, and why some have none."""
+"""Many designs of a machine together: the orbit of each, its quantities, and the reasons why some have none."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -17,14 +17,14 @@ from ..symbolic.formula import Formula
 from ..units import Units, in_units
 from .sensitivities import quantities
 
-# What becomes of a design.
+# The statuses of a design.
 DESIGN_STATUSES = ("certified", "inadmissible", "no orbit", "failed")
 
 
 class Designs(NamedTuple):
     """Designs (m,) of a machine: its parameters (m, k) by `names`, and numbers (m,) of their orbits by name, NaN where
-    there is none: alpha, flight_time, error, family and the quantities asked for; their statuses and the reasons for
-    those that are not certified."""
+    there is none: alpha, flight_time, error, family and the requested quantities; their statuses, and the reasons for
+    the statuses other than "certified"."""
 
     names: tuple[str, ...]
     values: np.ndarray
@@ -42,7 +42,7 @@ def solved_designs(
 ) -> Designs:
     """The orbits of a family for designs (m, k), with formulas of their quantities and parameters by name.
 
-    Those that can be are solved together, the others one by one by `find`, and a design does not depend on the others.
+    Designs are solved together where possible, else one by one by `find`, and none depends on the others.
     """
     count, columns = len(values), ("alpha", "flight_time", "error", "family", *formulas)
     numbers = {name: np.full(count, np.nan) for name in columns}
@@ -74,7 +74,7 @@ def _solved_in_lanes(machine: Machine, designs: Designs, family: int, formulas: 
         ps[:, places] = designs.values[left]
         try:
             parts, absent = lowest_orbits(base.model, tuple(base.values), ps, family)
-        except Exception:  # a defect that one design meets: each of them is then asked for alone
+        except Exception:  # a defect that one design causes: each of them is then solved alone
             continue
         for orbits in parts:
             _fill_in(designs, left[orbits.which], base.model, orbits, formulas)
@@ -107,7 +107,7 @@ def _fill_in(
 
 
 def _units_at(model: Model, p: Mapping[str, float]) -> Units | None:
-    """The units of a machine with these parameters; None where it is stated without."""
+    """The units of a machine with these parameters; None for a dimensionless machine."""
     return model.units and model.units(p)
 
 
@@ -123,7 +123,7 @@ def _solve_alone(machine: Machine, designs: Designs, i: int, family: int, formul
     except OrbitsError as error:
         designs.statuses[i], designs.reasons[i] = "no orbit", str(error)
         return
-    except Exception as error:  # a defect that one design meets, which is not to cost the others their answers
+    except Exception as error:  # a defect that one design causes, which must not prevent the results of the others
         designs.statuses[i], designs.reasons[i] = "failed", f"{type(error).__name__}: {error}"
         return
     found = (orbit.alpha, orbit.flight_time, orbit.error, orbit.family)
@@ -147,5 +147,5 @@ def _judge(designs: Designs, i: int, violations: Sequence[str]) -> None:
 
 
 def _finite(values: Any) -> Any:
-    """The values, NaN for those that are not finite."""
+    """The values, with NaN in place of values that are not finite."""
     return np.where(np.isfinite(values), values, np.nan)

@@ -1,9 +1,9 @@
 """From one orbit to a local optimum of a design, by nonlinear programs on the meshes of certified orbits.
 
 Each round solves the nonlinear program on the mesh of the current orbit, within a trust region of the parameters. The
-orbit is then corrected at the new parameters by its own equations, and certified. What the certificate finds nearly
-violated is demanded from then on, and an extreme that has moved to another place is taken there. The search ends where
-a round leads nowhere else and the optimality conditions hold.
+orbit is then corrected at the new parameters by its own equations, and certified. Conditions that the certificate finds
+nearly violated become demands from then on, and an extreme that has moved to another place is evaluated there. The
+search ends where a round no longer changes the design and the optimality conditions hold.
 """
 
 import time
@@ -25,13 +25,13 @@ from .optimality import Design, optimum_at
 from .problem import DesignProblem, Outputs
 
 # The cost of a nonlinear program is the objective, with the constraints held; or the violations and a little of the
-# objective, until the constraints are met; or the violations alone, to see whether they can be met at all.
+# objective, until the constraints are met; or the violations alone, to determine whether they can be met at all.
 OBJECTIVE, PENALISED, FEASIBILITY = Weights(1.0, 0.0), Weights(1e-3, 1.0), Weights(0.0, 1.0)
 MOST_ROUNDS = 25  # nonlinear programs solved from one start, at most
 LEAST_REACH = 1e-4  # smallest trust region, as a share of the parameters' range
-MOST_COLLAPSES = 6  # rounds that lead into a contact without end, before the objective counts as unbounded
-# An orbit so many times as fast or long as the first escapes, if the parameters change by no more than the share REST
-# of their values and of their distances to the bounds. Where the search cannot go on, a smaller ratio is enough.
+MOST_COLLAPSES = 6  # rounds that lead to a contact without end, before the objective counts as unbounded
+# An orbit this many times as fast or long as the first escapes, if the parameters change by no more than the share REST
+# of their values and of their distances to the bounds. Where the search cannot continue, a smaller ratio is enough.
 ESCAPE_RATIO, LOSS_RATIO, REST = 10.0, 2.0, 1e-2
 # The mesh is fine enough if the correction changes the unknowns by less than the share AGREEMENT plus SWING times the
 # share by which a parameter was rounded or put on its bound. A correction by a larger share leads to another orbit.
@@ -58,12 +58,12 @@ class LocalSearch:
 
     problem: DesignProblem
     first: Orbit  # the orbit at the start
-    sizes: np.ndarray  # what counts as one unit of each constraint, see `_constraint_sizes`
-    flat: np.ndarray  # which parameters (k,) nothing depended on at the start
-    machine: Machine  # the current one, as the next two
+    sizes: np.ndarray  # the unit of each constraint, see `_constraint_sizes`
+    flat: np.ndarray  # whether each parameter (k,) had no effect at the start
+    machine: Machine  # the current machine; the next two fields are current too
     orbit: Orbit
     point: DesignPoint  # the objective and the constraints at the current orbit
-    demands: tuple[str, ...]  # quantities that are kept positive
+    demands: tuple[str, ...]  # quantities that are constrained to be positive
     ties: Ties = field(default_factory=dict)  # extremes that are held equal at several places
     visited: tuple[tuple, ...] = ()  # the places of the extremes at earlier orbits
     reach: float = 1.0  # the trust region, as a share of the parameters' range
@@ -98,7 +98,7 @@ class LocalSearch:
 
 
 def local_optimum(machine: Machine, orbit: Orbit, problem: DesignProblem) -> Design:
-    """The local optimum that an orbit leads to; raises `NoOrbit` with the reason when it leads to none."""
+    """The local optimum found from an orbit; raises `NoOrbit` with the reason when none is found."""
     search = _initial_search(machine, orbit, problem)
     for _ in range(MOST_ROUNDS):
         interrupts.heed()
@@ -139,7 +139,7 @@ def _next(search: LocalSearch) -> LocalSearch | Design:
 
 
 def _accepted(search: LocalSearch, moved: LocalSearch, minimum: Minimum, stopped: bool, converged: bool):
-    """The search after a round that led to another orbit, or the optimum if it led nowhere else."""
+    """The search after a round that led to another orbit, or the optimum if the round did not change the design."""
     same = (moved.point.places, moved.point.demands) == (search.point.places, search.point.demands)
     settled = converged and same and moved.orbit.admissible
     if search.weights.violation:
@@ -151,7 +151,7 @@ def _accepted(search: LocalSearch, moved: LocalSearch, minimum: Minimum, stopped
         return _rejected(moved, f"the optimality conditions are off by {optimum.kkt:.1e}")
     if not same:
         moved = _with_ties(search, moved, converged)
-    # A nonlinear program does not hold beyond where extremes move to other places, so the trust region shrinks then.
+    # A nonlinear program is not valid once extremes move to other places, so the trust region then shrinks.
     return replace(moved, reach=search.reach / 2 if stopped and not same else min(1.0, 2 * search.reach))
 
 
@@ -208,7 +208,7 @@ def _toward_feasibility(moved: LocalSearch, settled: bool, before: DesignPoint) 
 
 
 def _with_ties(search: LocalSearch, moved: LocalSearch, converged: bool) -> LocalSearch:
-    """The search with the places of its extremes; an extreme that alternates between two is held at both."""
+    """The search with the places of its extremes; an extreme that alternates between two places is held at both."""
     places, ties = moved.point.places, dict(search.ties)
     if converged and places in search.visited and moved.point.demands == search.point.demands:
         left = {place: time for place, time in search.point.place_times.items() if place not in places}
@@ -224,15 +224,15 @@ def _point_at(machine, orbit, problem: DesignProblem, demands: tuple[str, ...], 
 
 
 def _demands(orbit: Orbit, demands: tuple[str, ...]) -> tuple[str, ...]:
-    """The demands, and what the orbit has too little of to be a motion."""
+    """The demands, and the quantities of the orbit that are too small, or nearly so, for a motion."""
     names = ("clearance", "smallest_separation", "smallest_contact_force")
     margins = {name: getattr(orbit.certificate, name) for name in names if name not in demands}
     return (*demands, *(name for name, x in margins.items() if x is not None and x < 2 * DEMAND_MARGIN))
 
 
 def _constraint_sizes(machine: Machine, problem: DesignProblem, point: DesignPoint) -> np.ndarray:
-    """What counts as one unit of each constraint: the largest of its bounds and of the terms that it compares; where
-    that is zero, its value, or what the parameters change it by. These are kept: shrinking sizes never show it met."""
+    """The unit of each constraint: the largest of its bounds and of the terms that it compares; where that is zero, its
+    value, or its change by the parameters. The units stay fixed: with shrinking units it would never count as met."""
     known, theta, sizes = machine.values | point.quantities, point.theta, []
     ranges = np.where(theta, np.abs(theta), np.subtract(problem.high, problem.low))
     for constraint, value, slope in zip(problem.constraints, point.values[1:], point.slopes[1:], strict=False):

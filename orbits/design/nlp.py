@@ -25,14 +25,14 @@ from ..units import DIMENSIONS, LENGTH, Units
 from .design_statement import ABSENT, Place, expressions, extreme_values, extremes_of, locate, without_contact
 from .problem import Outputs
 
-# What is demanded of a motion stays this far above zero, in the machine's units: a motion that just touches is refused.
+# Demands on a motion stay this far above zero, in the machine's units: a motion that just touches is refused.
 DEMAND_MARGIN = 1e-9
-LEAST_JERK = 1e-6  # the landing jerk keeps this share of its value at the guess: without it no landing is lossless
-NODE_RANGE = 4.0  # the shooting nodes stay this near to their guess, in their sizes: far from an orbit states run off
+LEAST_JERK = 1e-6  # lower bound of the landing jerk, as a share of its value at the guess: a lossless landing needs it
+NODE_RANGE = 4.0  # bound of the shooting nodes about their guess, in their sizes: far from an orbit states run away
 # The guess is already an orbit, so the barrier starts small, and is lowered soon and fast, which saves one iteration in
 # seven; and so small a program can be solved to rounding.
 DESIGN_OPTIONS = {
-    "calc_lam_p": False,  # not in use, and CasADi would complain of it where a formula has no value
+    "calc_lam_p": False,  # not used, and CasADi would warn of it where a formula has no value
     "ipopt.tol": 1e-13,
     "ipopt.compl_inf_tol": 1e-13,
     "ipopt.max_iter": 80,
@@ -60,7 +60,7 @@ class DesignProgram:
 
     quantities, unknowns : names of the quantities in use, and of the unknowns of the design statement
     scales : symbol of the scales of the formulas, the landing jerk and the demands
-    reported, tied : where the quantities, and the differences between two places of an extreme, are among the results
+    reported, tied : the places of the quantities, and of the differences between two places of an extreme, in results
     equations : number of equations that vanish on an orbit
     """
 
@@ -91,7 +91,7 @@ class DesignProgram:
         held = ca.vertcat(mesh.equations, ties, constraints, scaled[1 + m :])
         unknowns = ca.vertcat(state, excess, shortfall)
         program = ca.Function("program", [unknowns, parameters], [cost, held])
-        # The solver's unknowns are these divided by a scale, which is a further parameter.
+        # The solver's unknowns are these unknowns divided by a scale, which is a further parameter.
         z, scale = ca.MX.sym("z", unknowns.numel()), ca.MX.sym("scale", unknowns.numel())
         cost, held = program.call([z * scale, parameters], True)
         self.solver = Minimiser(z, ca.vertcat(parameters, scale), cost, held, DESIGN_OPTIONS)
@@ -132,20 +132,20 @@ def _results(model, statement, names, outputs, places):
     return ca.Function("results", [u, p, *ends], columns)
 
 
-# The nonlinear program, kept for the next call with the same arguments.
+# The nonlinear program, cached for the next call with the same arguments.
 design_program = kept(DesignProgram)
 
 
 @dataclass(frozen=True, eq=False)
 class DesignPoint:
-    """The outputs at one orbit: the nonlinear program with everything that it needs to be solved from there."""
+    """The outputs at one orbit: the nonlinear program with all data for its solution from there."""
 
     program: DesignProgram
-    places: tuple[Place, ...]  # where the extremes are taken
+    places: tuple[Place, ...]  # the places of the extremes
     p: dict[str, float]  # the parameters by name
     u: np.ndarray  # the unknowns of the design statement
     trajectory: MeshTrajectory  # of that statement
-    demands: tuple[str, ...]  # those of the outputs that the orbit has
+    demands: tuple[str, ...]  # the demands of the outputs that the orbit has
 
     @property
     def theta(self) -> np.ndarray:
@@ -160,7 +160,7 @@ class DesignPoint:
 
     @property
     def sizes(self) -> list[float]:
-        """What the dimensionless landing jerk and demands are in units of; 1 for a dimensionless machine."""
+        """The units of the dimensionless landing jerk and demands; 1 for a dimensionless machine."""
         units = self.program.units(self.p) if self.program.units else Units(1.0, 1.0, 1.0)
         return [units.of(DIMENSIONS[name]) for name in ("landing_jerk", *self.demands)]
 
@@ -200,10 +200,10 @@ class DesignPoint:
     def minimise(
         self, bounds: Range, units: np.ndarray, reach: float, limits: Range, scales: np.ndarray, weights: Weights
     ) -> Minimum:
-        """The nonlinear program solved from here.
+        """Solve the nonlinear program from this point.
 
-        bounds, units : (low, high) of the parameters, already within the trust region; what counts as one unit of each
-        reach : the trust region; by this share may the times and the launch speed change, at most by a factor of 2
+        bounds, units : (low, high) of the parameters, already within the trust region; the unit of each
+        reach : the trust region: the share by which the times and the launch speed may change, at most by a factor of 2
         limits : (low, high) of the constraints, in scaled units
         scales, weights : of the formulas, the landing jerk and the demands; of the cost
 
@@ -214,7 +214,7 @@ class DesignPoint:
         size, node_size = np.maximum(np.abs(self.u), 0.1 * np.abs(self.u).max()), self.trajectory.sizes
         guess = np.concatenate([theta, self.u, nodes, slacks])
         scale = np.concatenate([units, size, node_size, np.ones(2 * m)])
-        # A mesh serves motions that last up to so many times as long. The first unknown is the lift-off extension and
+        # A mesh serves motions that last up to this many times as long. The first unknown is the lift-off extension and
         # may have either sign; all others are times and a speed.
         factor, free, span = 1 + min(reach, 1.0), [np.inf], NODE_RANGE * node_size
         lower = np.concatenate([bounds[0], np.negative(free), self.u[1:] / factor, nodes - span, slacks])
@@ -236,9 +236,9 @@ class DesignPoint:
 
 
 def design_point(machine: Machine, orbit: Orbit, outputs: Outputs, ties: Ties | None = None) -> DesignPoint:
-    """The outputs at a dimensionless orbit of a machine; the formulas' numbers are in SI where it is stated so.
+    """The outputs at a dimensionless orbit of a machine; the formulas' numbers are in SI for a machine in SI.
 
-    ties : extremes, by name, that are taken at further places too, where they are to be equal
+    ties : extremes, by name, that are evaluated at further places too, where they are constrained to be equal
     Raises `NoOrbit` for a contact that does not end, or an extreme that the orbit does not have.
     """
     model, p = machine.model, dict(machine.values)

@@ -36,8 +36,8 @@ class Active:
 
 @dataclass(frozen=True)
 class Start:
-    """A start: its parameters, and the objective and the optimum's parameters that it led to, or None and the reason
-    why it led to no optimum."""
+    """A start: its parameters, and the objective and the parameters of the optimum found from it, or None and the
+    reason why no optimum was found."""
 
     parameters: Mapping[str, float]
     objective: float | None
@@ -106,7 +106,7 @@ class Design(Result, what="design"):
         return f"{self.verb} {self.text}: {self.objective:.12g}" + (" (SI)" if self.units else "")
 
     def _rows(self) -> Iterator[Row]:
-        """Parameters, quantities, what holds it, how it was found; and then its orbit."""
+        """Parameters, quantities, active constraints, the work of the search; and then its orbit."""
         for name, value in {**self.parameters, **self.quantities, **self.parameters}.items():
             yield Row.of(name, float(value), self.unit_of(name))._replace(heading=name)
         for each in self.active:
@@ -139,8 +139,8 @@ class Design(Result, what="design"):
 
     @classmethod
     def of_saved(cls, document: Any, machine: Machine | None = None) -> "Design":
-        """The design of what `saved` made, of a machine with any values of the parameters that were free; raises
-        `ValueError` where parts of it do not fit each other."""
+        """The design from what `saved` returned, of a machine with any values of the parameters that were free; raises
+        `ValueError` where its parts contradict each other."""
         goal = conform(document["objective"], _SavedObjective, "objective")
         own = cls._fields_in({**document, "text": goal["formula"], "objective": goal["value"]})
         return cls(source=is_of(machine, own["orbit"].machine, own["parameters"]), **own)
@@ -154,7 +154,7 @@ class _SavedObjective(TypedDict):
 
 
 class _ActiveRow(NamedTuple):
-    """An active constraint: its gradient (k,), pointing outwards, in scaled units; what one scaled unit of it is; and
+    """An active constraint: its gradient (k,), pointing outwards, in scaled units; the size of its scaled unit; and
     whether it is an equation, so that its multiplier may be negative."""
 
     text: str
@@ -169,12 +169,12 @@ def optimum_at(
     """The local optimum with its optimality conditions, all recomputed at the certified orbit.
 
     point : the objective, the constraints and the demands at that orbit
-    scales : of these, as in `DesignPoint.minimise`
-    flat : which parameters (k,) none of them depended on at the start
+    scales : the scales of these, as in `DesignPoint.minimise`
+    flat : whether each parameter (k,) had no effect on any of them at the start
     """
     units, size = problem.units(point.theta), abs(scales[0])
     rows, violation = _active_constraints(problem, point, scales)
-    # Where two places have the same extreme, each may be the one that is the larger.
+    # Where two places have the same extreme, either one may be the larger.
     tied = point.slopes[point.program.tied] * units / size
     ties = [_ActiveRow("an extreme at two places", row, size, True) for row in tied]
     rows = [*_active_bounds(problem, point.theta), *rows, *ties]
@@ -188,7 +188,7 @@ def optimum_at(
 
 
 def _active_bounds(problem: DesignProblem, theta: np.ndarray) -> list[_ActiveRow]:
-    """The bounds that the parameters are on."""
+    """The active bounds of the parameters."""
     rows, directions = [], np.eye(len(theta))
     for i, (name, unit) in enumerate(zip(problem.names, problem.units(theta), strict=True)):
         for side, bound, relation in ((-1.0, problem.low[i], ">="), (1.0, problem.high[i], "<=")):
@@ -213,7 +213,7 @@ def _active_constraints(problem: DesignProblem, point: DesignPoint, scales: np.n
 
 
 def _idle(problem: DesignProblem, flat: np.ndarray) -> tuple[str, ...]:
-    """The parameters that no formula names and that nothing depends on: the derivatives are zero by structure."""
+    """The parameters that no formula names and that have no effect: the derivatives are zero by structure."""
     named = problem.formula.names.union(*(constraint.formula.names for constraint in problem.constraints))
     idle = tuple(name for name, still in zip(problem.names, flat, strict=True) if still and name not in named)
     if len(idle) == len(problem.names):

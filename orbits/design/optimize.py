@@ -21,7 +21,7 @@ from .seeds import seeds_of
 
 # Parameters of the same optimum, found from different starts, agree to this share of their units.
 SAME_DESIGN = 1e-3
-FURTHER_STARTS = 3  # further starts that are tried when no number is asked for and the first start leads to no optimum
+FURTHER_STARTS = 3  # further starts that are tried by default when the first start leads to no optimum
 
 
 class NoOptimum(NoOrbit):
@@ -95,7 +95,7 @@ def multistart(
     try:
         best = best_design(machine, problem, family, further, progress)
     except NoOrbit as error:
-        raise _most_telling([first, error]) from None
+        raise _most_informative([first, error]) from None
     return replace(best, starts=(Start(points[0], None, str(first)), *best.starts))
 
 
@@ -110,7 +110,7 @@ def _global_best(machine: Machine, problem: DesignProblem, family: int, seed: in
 
 
 def _same_design(problem: DesignProblem, best: Design, other: Mapping[str, float]) -> bool:
-    """Whether a start led to the best design, whatever the parameters without effect are."""
+    """Whether a start led to the best design, apart from the parameters without effect."""
     a, b = (np.array([parameters[name] for name in problem.names]) for parameters in (best.parameters, other))
     idle = np.isin(problem.names, best.idle)
     return bool((idle | (np.abs(a - b) <= SAME_DESIGN * problem.units(a))).all())
@@ -140,7 +140,7 @@ def best_design(
         if progress:
             progress((i + 1) / len(points))
     if not optima:
-        raise _most_telling(errors)
+        raise _most_informative(errors)
     best = min(optima, key=lambda optimum: optimum.objective * problem.sign)
     return replace(best, starts=tuple(tried), seconds=time.perf_counter() - began)
 
@@ -158,7 +158,7 @@ def starting_points(machine: Machine, problem: DesignProblem, count: int, seed: 
     return [dict(zip(problem.names, point.tolist(), strict=True)) for point in points]
 
 
-def _most_telling(errors: Sequence[OrbitsError]) -> OrbitsError:
+def _most_informative(errors: Sequence[OrbitsError]) -> OrbitsError:
     """The error to raise when no start leads to an optimum: an objective without bound, else the least violation."""
     for kind in (Unbounded, Infeasible, NoOptimum):
         if alike := [error for error in errors if isinstance(error, kind)]:

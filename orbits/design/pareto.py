@@ -1,4 +1,4 @@
-"""Pareto fronts: the designs of which none is better than another in both of two objectives."""
+"""Pareto fronts: designs such that none is better than another in both of two objectives."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -20,15 +20,15 @@ from .sensitivities import quantities, sensitivities
 
 SAME_OBJECTIVE = 1e-9  # objectives that differ by a smaller share are the same: constraints are met to about this
 WORTH = 1e-4  # an end of the front is moved if the other objective gains this share while its own stays the same
-PROBE = 1e-3  # how far an end of a front is probed for that, as a share of the parameters' range
-# Over the probe an objective with a slope changes by PROBE, one that is only curved by PROBE**2. It counts as flat if
+PROBE = 1e-3  # distance over which an end of a front is probed for that, as a share of the parameters' range
+# Over the probe an objective with a slope changes by PROBE, one with curvature alone by PROBE**2. It counts as flat if
 # it changes by less than this share of the latter.
 FLAT_CHANGE = 0.1
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Front(Result, what="front"):
-    """Designs of which none is better than another in both objectives, in ascending order of the first objective.
+    """Designs such that none is better than another in both objectives, in ascending order of the first objective.
 
     texts : the two objectives, both minimised
     designs : each certified
@@ -89,8 +89,8 @@ class Front(Result, what="front"):
 
     @classmethod
     def of_saved(cls, document: Any, machine: Machine | None = None) -> "Front":
-        """The front of what `saved` made, of a machine with any values of the parameters that were free; raises
-        `ValueError` where parts of it do not fit each other."""
+        """The front from what `saved` returned, of a machine with any values of the parameters that were free; raises
+        `ValueError` where its parts contradict each other."""
         designs = tuple(Design.of_saved(point, machine) for point in document["points"])
         if not designs or any(design.pair is None for design in designs):
             raise ValueError("it has no designs with two objectives")
@@ -163,7 +163,7 @@ def pareto(
 
 
 def _corner(end: Design, other: DesignProblem, index: int, family: int, texts: tuple[str, str]) -> Design:
-    """An end of the front, where the objective of this index is least, and for the same value of it the other one."""
+    """An end of the front: the objective of this index is least, and the other one is least at that value."""
     if not _flat(end, other, index, texts):
         return end
     own, rival = _objectives(end)[index], _objectives(end)[1 - index]
@@ -178,7 +178,7 @@ def _corner(end: Design, other: DesignProblem, index: int, family: int, texts: t
 
 def _flat(end: Design, problem: DesignProblem, index: int, texts: tuple[str, str]) -> bool:
     """Whether the objective of this index stays the same over a short distance along which the other one falls fastest,
-    with what is active at an end kept active."""
+    with the active constraints of an end held active."""
     span = np.subtract(problem.high, problem.low)
     active = {constraint.text for constraint in end.active}
     held = [constraint.formula.text for constraint in problem.constraints if constraint.text in active]
@@ -188,7 +188,7 @@ def _flat(end: Design, problem: DesignProblem, index: int, texts: tuple[str, str
     on_bounds = np.eye(len(span))[(theta == problem.low) | (theta == problem.high)]
     fixed = np.vstack([rows[1:], on_bounds])
     direction = -rows[0] + (fixed.T @ np.linalg.lstsq(fixed.T, rows[0], rcond=None)[0] if len(fixed) else 0.0)
-    # A direction that is rounding of the slope is none: the other objective cannot fall.
+    # A direction that is only rounding of the slope does not count: the other objective cannot fall.
     if np.linalg.norm(direction) <= 1e-6 * np.linalg.norm(rows[0]):
         return False
     probe = np.clip(theta + PROBE * span * direction / np.linalg.norm(direction), problem.low, problem.high)

@@ -23,7 +23,7 @@ _MIRRORED = {"<=": ">=", ">=": "<=", "==": "=="}
 
 @dataclass(frozen=True)
 class Constraint:
-    """low <= formula <= high, as stated in `text`; one bound may be infinite, and both are the same for an equation."""
+    """low <= formula <= high, as stated in `text`; one bound may be infinite, and both are equal for an equation."""
 
     text: str
     formula: Formula
@@ -31,7 +31,7 @@ class Constraint:
     high: float
 
     def violation(self, value: float) -> float:
-        """By how much a value of the formula violates the constraint; 0 where it holds."""
+        """The amount by which a value of the formula violates the constraint; 0 where it holds."""
         return max(self.low - value, value - self.high, 0.0)
 
 
@@ -49,12 +49,12 @@ class DesignProblem:
 
     @property
     def verb(self) -> str:
-        """What is done with the objective."""
+        """The sense of the optimisation, "minimise" or "maximise"."""
         return "minimise" if self.sign > 0 else "maximise"
 
     @property
     def wide(self) -> np.ndarray:
-        """Which parameters (k,) have bounds that span decades; their changes are measured as shares of their values."""
+        """Whether each parameter (k,) has bounds that span decades; its changes are then measured as shares of it."""
         low, high = np.array(self.low), np.array(self.high)
         return (low > 0) & (high >= WIDE * low)
 
@@ -78,7 +78,7 @@ class DesignProblem:
         return places, np.where(self.wide, positive * ratio**places, low + places * (high - low))
 
     def units(self, theta: np.ndarray) -> np.ndarray:
-        """What counts as one unit of each parameter at values (k,): the distance between its bounds, or its value."""
+        """The unit of each parameter at values (k,): the distance between its bounds, or its value."""
         return np.where(self.wide, np.abs(theta), np.subtract(self.high, self.low))
 
     def within(self, theta: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
@@ -91,7 +91,7 @@ class DesignProblem:
 
 @dataclass(frozen=True)
 class Outputs:
-    """What is to be expressed of an orbit."""
+    """The outputs to be expressed for an orbit."""
 
     formulas: tuple[Formula, ...]  # of quantities and parameters, the objective first
     over: tuple[str, ...]  # names of the parameters that vary
@@ -104,14 +104,14 @@ class Outputs:
         return [name for name in quantity_names(model, p) if name in used]
 
     def statement(self, model: Model, p: Mapping, places: tuple[Place, ...]) -> Statement:
-        """The boundary value problem of an orbit that gives them, with the extremes at these places."""
+        """The boundary value problem of an orbit that determines them, with the extremes at these places."""
         return design_statement(model, any(name in VARIATIONAL for name in self.quantities(model, p)), places)
 
 
 def design_problem(
     machine: Machine, minimise: str | None, maximise: str | None, over: Mapping, subject_to: Sequence[str]
 ) -> DesignProblem:
-    """The checked problem of the arguments of `optimize`; raises `InputError` that says what is wrong with them."""
+    """The checked problem of the arguments of `optimize`; raises `InputError` that states the reason."""
     check_parameters(machine)
     if (minimise is None) == (maximise is None):
         raise InputError("a design minimises or maximises one objective: give one of the two")
@@ -137,7 +137,7 @@ def design_problem(
 
 
 def formula_names(machine: Machine) -> list[str]:
-    """What a formula of a design may name: quantities of the orbit and parameters of the machine."""
+    """The names that a formula of a design may use: quantities of the orbit and parameters of the machine."""
     if set(machine.model.launch_unknowns) - {"liftoff", "alpha"}:
         launch = "its launch has more unknowns than the lift-off extension and the speed"
         raise InputError(f"a {machine.model.name} cannot be designed: {launch}")
@@ -185,7 +185,7 @@ def parse_constraint(text: str, known: Collection[str]) -> Constraint:
 
 
 def _bounded(text, formulas, numbers, relations):
-    """The formula that a constraint bounds, a side of it or the difference of its sides, and the bounds."""
+    """The formula that a constraint bounds, one of its sides or the difference of its sides, and the bounds."""
     relation, (left, *_, right) = relations[0], numbers
     if len(relations) == 2:
         if left is None or right is None or relations not in (["<=", "<="], [">=", ">="]):

@@ -1,4 +1,4 @@
-"""Where the local searches of a design begin: a sample of designs over the bounds, and the lowest places among them.
+"""The starts of the local searches of a design: a sample of designs over the bounds, and the lowest designs among them.
 
 Each sampled design leads to the best of its neighbours that is better than itself, and so on, down to one that is
 better than all of its neighbours: there a local search begins. Source: Torn and Viitanen, "Topographical global
@@ -14,9 +14,9 @@ from ..model.machine import Machine
 from .designs_at_once import Designs, solved_designs
 from .problem import DesignProblem
 
-# Designs of the sample, neighbours that a design is held against, and local searches at most.
+# Number of designs of the sample, of neighbours with which a design is compared, and of local searches at most.
 SAMPLED_DESIGNS, NEIGHBOURS, MOST_SEARCHES = 256, 8, 8
-# A violation of the constraints, in their spread over the sample, weighs so many times the objective in its spread.
+# Weight of a violation of the constraints, in their spread over the sample, relative to the objective in its spread.
 VIOLATION_WEIGHT = 10.0
 
 
@@ -45,7 +45,7 @@ def seeds_of(machine: Machine, problem: DesignProblem, family: int, seed: int) -
 
 
 def _merit(problem: DesignProblem, designs: Designs, which: np.ndarray) -> np.ndarray:
-    """How good (k,) designs are, lower is better: the objective, and how far the constraints are missed."""
+    """The merit (k,) of designs, lower is better: the objective, and the violations of the constraints."""
     merit = problem.sign * _in_spread(designs.numbers["objective"][which])
     for constraint in problem.constraints:
         value = designs.numbers[constraint.text][which]
@@ -64,7 +64,7 @@ def _in_spread(values: np.ndarray) -> np.ndarray:
 
 
 def _roots(places: np.ndarray, merit: np.ndarray) -> np.ndarray:
-    """For each of some places (k, d) in the unit cube the one (k,) that steps to better neighbours lead to."""
+    """For each of some places (k, d) in the unit cube, the place (k,) reached by steps to better neighbours."""
     distances = np.linalg.norm(places[:, None] - places[None], axis=2)
     near = np.argsort(distances, axis=1, kind="stable")[:, : NEIGHBOURS + 1]  # the place itself is the first
     best = near[np.arange(len(near)), merit[near].argmin(axis=1)]

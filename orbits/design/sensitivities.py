@@ -1,4 +1,4 @@
-"""Quantities of a given orbit, and their exact derivatives by the parameters of its machine."""
+"""Quantities of an orbit, and their exact derivatives by the parameters of its machine."""
 
 from collections.abc import Sequence
 from typing import TypeAlias
@@ -14,7 +14,7 @@ from .design_statement import extremes_of, locate, quantity_names
 from .nlp import DesignPoint, design_point
 from .problem import Outputs, formula_names, known_formula
 
-# Names that are asked for, None for all.
+# Requested names, None for all.
 Names: TypeAlias = Sequence[str] | None
 
 
@@ -67,7 +67,7 @@ def sensitivities(
         names = free_parameters(machine)
     elif isinstance(names, str):
         raise InputError(f"the names of parameters are a list: ['{names}']")
-    # The machine says, in its own words, which of its parameters follow from others.
+    # The machine itself determines which of its parameters follow from others.
     machine.with_values(**{name: machine.values[name] for name in names if name in machine.values})
     check_parameters(machine, *names)
     quantities = _requested(machine, orbit, quantities)

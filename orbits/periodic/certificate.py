@@ -1,4 +1,4 @@
-"""The certificate of an orbit: what its motions alone say of it after it was solved, and what makes it no motion."""
+"""The certificate of an orbit: its properties computed from its motions alone, and the violated conditions."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -32,16 +32,16 @@ LARGEST_MIDDLE = 0.1
 # The gap is stationary at the end of a half flight when its rate there, times the time of that half, is below this
 # share of the largest gap: in a mirrored motion the rate vanishes but for rounding, which is far smaller.
 STATIONARY = 1e-6
-# Roundings of the loss coefficient beside those that its parts share with alpha, in units of the last place.
+# Rounding of the loss coefficient besides the errors that its parts share with alpha, in units of the last place.
 LOSS_ROUNDING = 16
 # Up to this many polynomials are searched together; of more, the arrays leave the processor's cache.
 MOST_TOGETHER = 500
-Violation = tuple[int, str]  # the index of the orbit, and what is wrong in words
+Violation = tuple[int, str]  # the index of the orbit, and the violation in words
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """What was checked of an orbit after it was found; lengths, times and forces are in the machine's units.
+    """The results of the checks of an orbit after it was found; lengths, times and forces are in the machine's units.
 
     family : counted on the orbit: the stationary points of the extension after lift-off up to mid-flight, less one
     residual : largest of the equations that were solved
@@ -92,7 +92,7 @@ class Certificate:
 
 
 def certify(model: Model, cycles: Cycles) -> tuple[list[Certificate], dict[int, NoOrbit]]:
-    """The certificates of solved orbits (m,) of one model, and by index why some can have none."""
+    """The certificates of solved orbits (m,) of one model, and the errors, by index, of orbits that can have none."""
     curves = _curves(model, cycles)
     jerk, clearance, collisions = _gaps(model, cycles, curves["gap"])
     separation, meetings = _separations(model, cycles, curves)
@@ -120,7 +120,7 @@ def certify(model: Model, cycles: Cycles) -> tuple[list[Certificate], dict[int, 
     with np.errstate(all="ignore"):
         share = 4 / 3 * cycles.slope_error / np.abs(cycles.gap_slope) + LOSS_ROUNDING * EPS
         losses_off = np.where((loss == NONE) | ~np.isfinite(share), NONE, loss * share)
-    # Of a loss that may be 0 no side is known.
+    # The sides of a loss that may be 0 are not known.
     known = (loss != NONE) & (losses_off != NONE) & (losses_off < loss)
     sides = zip(known.tolist(), (cycles.gap_slope > 0).tolist(), strict=True)
     bounce = [("below" if rises else "above") if one else None for one, rises in sides]
@@ -162,8 +162,8 @@ def _losses(model: Model, cycles: Cycles, jerk: np.ndarray, power: np.ndarray) -
 
 
 def _landing_states(model: Model, cycles: Cycles) -> np.ndarray:
-    """The flight states (n, m) at landing: mirror images of those at launch, or the starts of what is followed from
-    landing backwards."""
+    """The flight states (n, m) at landing: mirror images of those at launch, or the starts of the halves that are
+    integrated from landing backwards."""
     first = cycles.halves.first[cycles.halves_per_flight - 1 :: cycles.halves_per_flight]
     states = cycles.halves.coefficients[first, : len(model.flight.states), 0].T
     return states if model.reversor is None else np.array(model.reversor)[:, None] * states
@@ -179,8 +179,8 @@ def gradients(phase: Phase, gradient: Callable, parameters: tuple[str, ...]) -> 
 
 
 def _energy_changes(model: Model, cycles: Cycles) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The largest changes of energy on each half of a flight and on its contact, (m, halves + 1); how much of them the
-    rounding of the states explains, of the same shape; and the energy's gradients (m, n) at launch."""
+    """The largest changes of energy on each half of a flight and on its contact, (m, halves + 1); the part of them that
+    the rounding of the states explains, of the same shape; and the energy's gradients (m, n) at launch."""
     changes, floors = np.zeros((2, len(cycles), cycles.halves_per_flight + 1))
     *flown, starts = _work(model.flight, model.flight_gradient, cycles.halves, cycles.p_of_halves)
     changes[:, :-1], floors[:, :-1] = (values.reshape(len(cycles), -1) for values in flown)
@@ -203,8 +203,8 @@ def _works(phase: Phase, gradient: Callable, parameters: tuple[str, ...]) -> Ele
 
 
 def _work(phase: Phase, gradient: Callable, motions: Trajectories, p: Mapping) -> tuple[np.ndarray, ...]:
-    """The largest work (m,) of the gradient along each motion, on the straight lines between the ends of its steps; how
-    much of that is rounding (m,); and the gradient at its start (m, n)."""
+    """The largest work (m,) of the gradient along each motion, on the straight lines between the ends of its steps; the
+    part of it that is rounding (m,); and the gradient at its start (m, n)."""
     flow, names, first = flow_of(phase, tuple(p)), tuple(p), motions.first
     data, states = flow.mesh_data(motions, vectors(p, len(motions))), motions.coefficients[:, : flow.size, 0]
     works, rates = _works(phase, gradient, names)(states, motions.step_ends[:, : flow.size], data)
@@ -245,7 +245,7 @@ class _Curve(NamedTuple):
 
     @property
     def inside(self) -> np.ndarray:
-        """Which places (r,) are not the end of their motion."""
+        """Whether each place (r,) is not the end of its motion."""
         return self.times < self.motions.ends[self.owner] * (1 - MIDDLE)
 
     def at_ends(self, order: int) -> np.ndarray:
@@ -259,9 +259,9 @@ class _Curve(NamedTuple):
 def _searched(sought: Mapping[str, tuple[Trajectories, np.ndarray, bool, int, bool]]) -> dict[str, _Curve]:
     """Functions on motions with their zeros or stationary points, which are all found in one search.
 
-    sought : by name the motions, the function (N, K + 1) on them, whether its rate's zeros are sought or its own, the
-        order of the zero of what is searched at the start of each motion, which is divided out exactly, and whether
-        only rising zeros count
+    sought : by name the motions, the function (N, K + 1) on them, whether the zeros of its rate are sought or its own,
+        the order of the zero of the searched function at the start of each motion, which is divided out exactly, and
+        whether only rising zeros count
     """
     if len(sought) > 1 and sum(len(series) for _, series, *_ in sought.values()) > MOST_TOGETHER:
         return {name: _searched({name: one})[name] for name, one in sought.items()}
@@ -293,7 +293,7 @@ def extremes(motions: Trajectories, series: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def _curves(model: Model, cycles: Cycles) -> dict[str, _Curve]:
-    """The functions on the motions that a certificate looks at: gap, force, -force ("peak") and separations with their
+    """The functions on the motions that a certificate checks: gap, force, -force ("peak") and separations with their
     minima, the extension with its stationary points, and the force with its zeros ("pull")."""
     halves, contacts, distance = cycles.halves, cycles.contacts, model.separation(cycles.p_of_halves)
     # Each half starts from a zero of order three of the gap, so of order two of its rate, and the contact force from a
@@ -322,7 +322,7 @@ def count_families(model: Model, halves: Trajectories, per_flight: int) -> list[
 def _families(extension: _Curve, per_flight: int) -> list[int]:
     """`count_families` from the stationary points of the extension; the one left out is mid-flight."""
     rest, rate, ends = np.abs(extension.at_ends(1)), np.abs(extension.at_ends(2)), extension.motions.ends
-    # Rounding moves mid-flight where the motion nearly hangs there.
+    # Rounding moves mid-flight where the extension is nearly constant there.
     moved = np.divide(2 * rest, rate, out=np.zeros(len(ends)), where=rate > 0)
     middle = np.clip(moved, MIDDLE * ends, LARGEST_MIDDLE * ends)
     owner = extension.owner[extension.times < (ends - middle)[extension.owner]] // per_flight
@@ -330,7 +330,7 @@ def _families(extension: _Curve, per_flight: int) -> list[int]:
 
 
 def _gaps(model: Model, cycles: Cycles, gap: _Curve) -> tuple[np.ndarray, np.ndarray, list[Violation]]:
-    """Jerks of the gap at lift-off (m,), its lowest interior minima (m,), `NONE` without one, and what they violate."""
+    """Jerks of the gap at lift-off (m,), its lowest interior minima (m,), `NONE` without one, and their violations."""
     halves = cycles.halves
     jerk = (6 * gap.series[halves.first, 3]).reshape(-1, cycles.halves_per_flight).min(1)
     # The end of a half, mid-flight, may be a minimum too.

@@ -1,4 +1,4 @@
-"""The way from solved unknowns to certified orbits: error bounds, cycles and certificates of m solutions together."""
+"""From solved unknowns to certified orbits: error bounds, cycles and certificates of m solutions together."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -56,7 +56,7 @@ class Solved:
 
 
 def solve_from(machine: Machine, method: str, u: ndarray) -> Solved:
-    """The solution that a method's corrector comes to from unknowns (n,); raises `NoOrbit` where it comes to none."""
+    """The solution to which a method's corrector converges from unknowns (n,); raises `NoOrbit` without convergence."""
     equations, p = equations_of(machine.model, method, tuple(machine.values)), vector(machine.values)
     u, evaluation = corrector(method, equations)(u, p)
     return Solved(machine.model, method, equations, u[None], p[None], evaluation)
@@ -70,7 +70,7 @@ def corrector(method: str, equations: Shooting) -> Callable:
 def known_solutions(
     model: Model, method: str, names: tuple[str, ...], us: ndarray, ps: ndarray, errors: ndarray
 ) -> Solved:
-    """Solutions that are known, with the bounds (m,) on their errors.
+    """Known solutions, with the bounds (m,) on their errors.
 
     us : unknowns (m, n), with any further ones after those of an orbit
     ps : parameters (m, np) of these names
@@ -94,7 +94,7 @@ class Certified(NamedTuple):
     certificates: list[Certificate]
 
     def only(self, chosen: ndarray) -> "Certified":
-        """Those of a mask (k,), or in an order."""
+        """The orbits selected by a mask (k,), or by indices in an order."""
         return self._replace(which=self.which[chosen], places=self.places[chosen])
 
     @property
@@ -109,10 +109,10 @@ def certified(
     quickly: bool = False,
     refused: Mapping[int, OrbitsError] | None = None,
 ) -> tuple[Certified | None, dict[int, OrbitsError]]:
-    """The solutions that can be certified, None where none can, and by index why the others cannot.
+    """The solutions that can be certified, None without any, and the errors, by index, of the others.
 
     closing, quickly : as in `error_bounds`
-    refused : by index the solutions that are out of the question already, and why
+    refused : the errors, by index, of solutions that are excluded already
     """
     why, errors, left = dict(refused or {}), solved.errors, np.arange(len(solved.us))
     if errors is None:
@@ -174,7 +174,7 @@ def orbit_from(machine: Machine, method: str, u: tuple[float, ...] | ndarray, er
 
 
 def _skipped(model: Model, p: Mapping, method: str, compiled: bool) -> tuple[str, ...]:
-    """What the method did without, in words."""
+    """The steps that the method did not need, in words."""
     few, share = method in ("relative", "half orbit"), "only its first half" if model.reversor else "once"
     integrated = f"{share}, for its duration and the checks, not for the search"
     skipped = {

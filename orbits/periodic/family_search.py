@@ -1,10 +1,10 @@
-"""Where the lossless orbits of a family lie: a search over launch speeds, by one scalar equation.
+"""The launch speeds of a family's lossless orbits: a search by one scalar equation.
 
 In a flight of an orbit of family n the extension turns for the n-th time after its first turn where the flight is half
-over. How late that turn comes, the lateness, follows from the launch speed alone: under constant gravity it is a time,
-since half the flight takes a known one; else it is minus the speed that both masses then share, since in mid-flight it
-vanishes. The cells between sampled launch speeds are halved until the lateness cannot vanish in any of them, or changes
-its sign once, as far as its second differences tell.
+over. The delay of that turn, the lateness, follows from the launch speed alone: under constant gravity it is a time,
+since half the flight takes a known time; else it is minus the speed that both masses then share, since in mid-flight it
+vanishes. The cells between sampled launch speeds are halved until, according to its second differences, the lateness
+cannot vanish in any of them, or changes its sign once.
 """
 
 from collections.abc import Sequence
@@ -21,27 +21,27 @@ from ..numerics.roots import enclosed_sign_changes
 from ..shooting.formulations import columns, equations_of, reduction_of
 from .guess import BEND_SAFETY, SLOWEST_LAUNCH, times_of_turns
 
-# The grid is uniform up to so many times the launch speed of a linear spring, with at most so many launches; beyond,
-# neighbours have this ratio, since the lateness then goes with the speed. So many launches lead up to its first speed.
+# The grid is uniform up to this multiple of the launch speed of a linear spring, with a largest number of launches;
+# beyond, neighbours have a constant ratio, since the lateness then scales with the speed. Slow launches precede it.
 UNIFORM_TO, MOST_UNIFORM, SPEED_RATIO, SLOW_LAUNCHES = 2.5, 2000, 1.05, 20
 # A cell that is narrower than this share of its speed is not halved: there the lateness jumps, or it touches zero, and
 # then it is below this share of scale and speed.
 NARROWEST_CELL, TOUCHING_ZERO = 1e-6, 1e-9
-# The cell in which the extension begins to escape is narrower than this share of its speed before it is judged.
+# The cell in which the extension begins to escape is narrower than this share of its speed before it is classified.
 NARROW_ESCAPE = 1e-3
-# On the way to launches that have no turn any more the lateness may grow without bounds: as a logarithm by at most 50
-# times what it changes in the cell before, down to neighbouring numbers, and as a fourth root by at most 1e4 times.
+# Towards launches without a turn the lateness may grow without bounds: as a logarithm by at most 50 times its change in
+# the previous cell, down to neighbouring numbers, and as a fourth root by at most 1e4 times that change.
 STEEPEST_END = 1e4
-# After so many launches no cell is halved any more.
+# After this many launches no more cells are halved.
 MOST_SEARCHED = 20_000
-# A turn that does not come within this time, in multiples of the scale and the launch speed together, is that late.
+# The lateness of a turn that does not occur within this time, in multiples of the sum of scale and launch speed.
 LATEST_TURN = 10.0
 
 
 class Cells(NamedTuple):
-    """Where the orbits of one machine lie: cells (k, 2) of launch speeds that hold one or may touch one, and where (k,)
-    in them it is about; the speeds that were searched, the number of launches, and whether the search was stopped with
-    cells that may hold a further orbit."""
+    """The locations of one machine's orbits: cells (k, 2) of launch speeds that contain one or may touch one, and its
+    approximate speed (k,) in each; the range of speeds that was searched, the number of launches, and whether the
+    search was stopped with cells that may contain a further orbit."""
 
     cells: np.ndarray
     abouts: np.ndarray
@@ -54,8 +54,8 @@ class Lateness:
     """The lateness of one family of machines (m,) of one model as a function of the launch speed.
 
     ps : parameters (m, np), which `names` names; a piecewise field, and one in closed form, take a single machine
-    paces : the scale of times (m,) over that of launch speeds, in which late times are told
-    searches : how each of them is searched
+    paces : the scale of times (m,) over that of launch speeds, the unit of the lateness of times
+    searches : the settings of each machine's search
     liftoffs : the extensions (m,) at lift-off, where they are known; without damping they do not depend on the speed
     """
 
@@ -75,11 +75,11 @@ class Lateness:
 
     def __call__(self, alphas: np.ndarray, which: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """The lateness (k,) at launch speeds (k,) of the machines `which` (k,), the first one for None, and the times
-        (k,) of the family's turn, NaN where none comes."""
+        (k,) of the family's turn, NaN where there is none."""
         return self._followed(alphas, np.zeros(len(alphas), int) if which is None else which)[:2]
 
     def _followed(self, alphas: np.ndarray, which: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Lateness and times (k,), and which motions (k,) break off, as they run away or come to a singularity."""
+        """Lateness and times (k,), and whether each motion (k,) breaks off: it runs away or reaches a singularity."""
         u, p = self._unknowns(alphas, which), self._parameters(which)
         limit = LATEST_TURN * self.paces[which] * (self.scales[which] + alphas)
         states = columns(self.arc.start(u, np.zeros(0), p))
@@ -100,7 +100,7 @@ class Lateness:
         return np.column_stack([u[name] for name in self.statement.unknowns])
 
     def speeds(self, search: Search, fastest: float | None = None) -> np.ndarray:
-        """The launch speeds at which a search begins; `fastest` is the last where that is not to be the usual one."""
+        """The launch speeds at which a search begins; `fastest` replaces the default of the last one."""
         scale, family = search.scale, self.family
         top = UNIFORM_TO * (family + 0.5) * np.pi * scale
         step = max(search.spacing * scale, top / MOST_UNIFORM)
@@ -116,10 +116,10 @@ class Lateness:
         return float(enclosed_sign_changes(lambda alphas, _: self(alphas)[0], *cell[:, None], *late[:, None])[0][0])
 
     def cells(self, fastest: float | None = None, below: np.ndarray | None = None) -> list[Cells]:
-        """Where the orbits of each machine lie; `below` launch speeds (m,), where these are known to be all that is
-        asked for."""
+        """The cells of each machine's orbits; only `below` launch speeds (m,) where these are stated, since faster
+        orbits are then not requested."""
         count, first = len(self.searches), [self.speeds(search, fastest) for search in self.searches]
-        if below is not None:  # what a cell may hold is judged by its neighbours too
+        if below is not None:  # the classification of a cell needs its neighbours too
             first = [speeds[: np.searchsorted(speeds, end) + 2] for speeds, end in zip(first, below, strict=True)]
         owners, speeds, late = self._first_values(first)
         launches, stopped = np.bincount(owners, minlength=count), np.zeros(count, bool)
@@ -143,15 +143,15 @@ class Lateness:
         """
         counts, speeds = np.array(list(map(len, each))), np.concatenate(each)
         owners, first = np.repeat(np.arange(len(each)), counts), np.cumsum(counts) - counts
-        late, asked = np.full(len(speeds), np.inf), np.ones(len(speeds), bool)
+        late, returns = np.full(len(speeds), np.inf), np.ones(len(speeds), bool)
         if self.reduction and len(each) > 1:
-            low, high = first - 1, first + counts  # it does not escape, and it does
+            low, high = first - 1, first + counts  # the extension does not escape at `low`, and escapes at `high`
             while len(i := np.flatnonzero(high - low > 1)):
                 middle = (low[i] + high[i]) // 2
                 escapes = self._followed(speeds[middle], i)[2]
                 low[i[~escapes]], high[i[escapes]] = middle[~escapes], middle[escapes]
-            asked = np.arange(len(speeds)) < high[owners]
-        late[asked] = self._values(speeds[asked], owners[asked])
+            returns = np.arange(len(speeds)) < high[owners]
+        late[returns] = self._values(speeds[returns], owners[returns])
         return owners, speeds, late
 
     def _values(self, alphas: np.ndarray, which: np.ndarray) -> np.ndarray:
@@ -197,7 +197,7 @@ class Lateness:
 
 
 def _open_cells(owners: np.ndarray, speeds: np.ndarray, late: np.ndarray) -> np.ndarray:
-    """The cells between launches (N,) in which the lateness may still do anything."""
+    """The cells between launches (N,) in which the number of zeros of the lateness is not settled."""
     _, settled = _judged(owners, speeds, late)
     return np.flatnonzero(~settled & (np.diff(speeds) > NARROWEST_CELL * speeds[1:]))
 
@@ -224,8 +224,8 @@ def _cells_of(
 
 
 def _breaks_off(owners: np.ndarray, speeds: np.ndarray, late: np.ndarray, scales: np.ndarray) -> np.ndarray:
-    """Between which launches (N,), as near to each other as they are sampled, a turn that is too early ceases to come
-    without being late before, as where a flight ends at a singularity: there the lateness jumps over zero."""
+    """Whether between neighbouring launches (N,), sampled as closely as possible, a turn that is too early disappears
+    without having become late, as where a flight ends at a singularity: there the lateness jumps over zero."""
     never, near = late > 0.99 * LATEST_TURN * (scales[owners] + speeds), np.diff(speeds) <= NARROWEST_CELL * speeds[1:]
     within = (owners[1:] == owners[:-1]) & np.isfinite(late[1:]) & np.isfinite(late[:-1])
     change = np.append(np.inf, np.abs(np.subtract(late[1:], late[:-1], out=np.full(len(within), np.inf), where=within)))
@@ -233,19 +233,19 @@ def _breaks_off(owners: np.ndarray, speeds: np.ndarray, late: np.ndarray, scales
 
 
 def _judged(owners: np.ndarray, speeds: np.ndarray, late: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Whether the lateness changes its sign in each cell between launches (N,), and whether it then does so once, else
-    not at all; between launches of two machines there is none, and it does nothing.
+    """Whether the lateness changes its sign in each cell between launches (N,), and whether it is settled to do so
+    once, else not at all; between launches of two machines there is no cell, and no change.
 
-    Where the extension escapes the lateness is infinite, and it stays so. On the way there it grows without bounds as a
-    logarithm: in a narrow cell where that begins, it does not vanish if it rises before, and bends less than would
-    bring it to zero.
+    Where the extension escapes, and at all faster launches, the lateness is infinite. Towards these it grows without
+    bounds as a logarithm: in a narrow cell where the escape begins, it does not vanish if it rises before, and its
+    curvature is too small to bring it to zero.
     """
     same, escapes = owners[1:] == owners[:-1], np.isinf(late)
     inside, widths = same & ~escapes[1:] & ~escapes[:-1], np.where(same, np.diff(speeds), 1.0)
     changes, slopes = same & ((late[1:] >= 0) != (late[:-1] >= 0)), np.diff(np.where(escapes, 0.0, late)) / widths
     bends, middle = np.full(len(speeds), np.inf), np.flatnonzero(inside[1:] & inside[:-1]) + 1
     bends[middle] = np.abs(slopes[middle] - slopes[middle - 1]) / (0.5 * (widths[middle] + widths[middle - 1]))
-    # The first and the last launch of a machine, and the last before the extension escapes, bend as those beside them.
+    # The first and last launch of a machine, and the last before the escape, take the curvature of their neighbours.
     first = np.flatnonzero(inside & ~np.append(False, inside[:-1]))
     last = np.flatnonzero(inside & ~np.append(inside[1:], False)) + 1
     bends[first], bends[last] = bends[first + 1], bends[last - 1]

@@ -77,7 +77,7 @@ def find(
 
 @in_own_units(lambda orbit, machine: orbit_of(machine, orbit), start=())
 def _found_from(machine: Machine, family: int | None, start: Any, method: str | None, progress: Progress) -> Orbit:
-    """The orbit of a family, or the one that a start leads to."""
+    """The orbit of a family, or the orbit found from a start."""
     if start is None:
         return lowest_of_family(machine, family or 1, method, progress)
     began = time.perf_counter()
@@ -168,10 +168,10 @@ def lowest_of_family(machine: Machine, family: int, method: str | None, progress
             refusal = error
         if orbits and (search is None or search.single or orbits[0].method == "closed form"):
             return orbits[0]
-        progress = None  # the search comes after what was reported
+        progress = None  # the search follows after progress was reported
     try:
-        said = "" if refusal is None else str(in_units(refusal, None))
-        others = _all_of_family(machine, family, method, None, progress, said)
+        reported = "" if refusal is None else str(in_units(refusal, None))
+        others = _all_of_family(machine, family, method, None, progress, reported)
         orbits += tuple(other for other in others if not any(_same(orbit, other) for orbit in orbits))
     except NoOrbit as none:
         if not orbits:
@@ -181,7 +181,7 @@ def lowest_of_family(machine: Machine, family: int, method: str | None, progress
 
 
 def _solved_for(machine: Machine, family: int, method: str | None, progress: Progress = None) -> Orbit:
-    """The certified orbit that a family's guess leads to; raises `NoOrbit` where that is of another family."""
+    """The certified orbit found from a family's guess; raises `NoOrbit` where it is of another family."""
     began = time.perf_counter()
     orbit = certified_orbit(machine, solve_family(machine, family, method, progress), began=began)
     if orbit.family != family:
@@ -193,7 +193,7 @@ def _all_of_family(
     machine: Machine, family: int, method: str | None, fastest: float | None = None, progress: Progress = None,
     refusal: str = "",
 ) -> tuple[Orbit, ...]:  # fmt: skip
-    """All orbits of a family, as in `find_all`; what is said with a `refusal` already is not said again."""
+    """All orbits of a family, as in `find_all`; a reason that is part of `refusal` already is not repeated."""
     model, p = machine.model, machine.values
     if not (model.search and model.reversor):
         raise InputError(f"the families of a {model.name} are not searched: give find_all starts")
@@ -225,7 +225,7 @@ def _all_of_family(
 
 
 def none_found(cells: Cells, refused: str = "") -> NoOrbit:
-    """The error of a search that finds no orbit; `refused` is what it says of those that it had to refuse."""
+    """The error of a search that finds no orbit; `refused` is the part of its message on refused orbits."""
     text = "a search from launch speed {low:.3g} to {high:.4g}{stopped} finds none{refused}"
     stopped = f", stopped after {cells.launches} launches," if cells.stopped else ""
     low, high = (Quantity(speed, LIFTOFF_SPEED) for speed in cells.searched)
@@ -233,7 +233,7 @@ def none_found(cells: Cells, refused: str = "") -> NoOrbit:
 
 
 def with_search(error: NoOrbit, none: NoOrbit) -> NoOrbit:
-    """The error of a family of which the guess led to no orbit, and of which a search found none either."""
+    """The error of a family if neither the guess nor a search leads to an orbit."""
     if in_units(none, None) in in_units(error, None):
         return error
     return type(error)(Message("{error}; {none}", error=error, none=none))
@@ -242,7 +242,7 @@ def with_search(error: NoOrbit, none: NoOrbit) -> NoOrbit:
 def _orbit_in_cell(machine: Machine, lateness: Lateness, cell: np.ndarray, about: float) -> Orbit | None:
     """The orbit of a lateness's family in a cell (2,) of launch speeds, about a speed in it; None where it has none.
 
-    Raises `NoOrbit` where the orbit cannot be certified, and where Newton's method does not come to one.
+    Raises `NoOrbit` where the orbit cannot be certified, and where Newton's method does not converge to one.
     """
     for alpha in (about, None):
         began = time.perf_counter()
@@ -294,7 +294,7 @@ def _same(a: Orbit, b: Orbit) -> bool:
 
 
 def _stated_unknowns(model: Model, start: Orbit | Mapping[str, float]) -> dict[str, float]:
-    """The unknowns that a start states, by name; raises `InputError` for a start that is none."""
+    """The unknowns that a start states, by name; raises `InputError` for an invalid start."""
     if isinstance(start, Orbit):
         if start.flight.names[: len(model.flight.states)] != model.flight.states:
             raise InputError(f"start is an orbit of another machine, with the states {', '.join(start.flight.names)}")
@@ -304,7 +304,7 @@ def _stated_unknowns(model: Model, start: Orbit | Mapping[str, float]) -> dict[s
         return unknowns | ({} if start.contact_time is None else {"contact_duration": start.contact_time / 2})
     if not isinstance(start, Mapping):
         raise InputError(f"start = {start!r}; it is an orbit, or a mapping of unknowns to numbers")
-    # Two unknowns may be stated although not every statement asks for them.
+    # Two unknowns may be stated although not every statement has them.
     if unknown := [name for name in start if name not in {*model.half_unknowns, "contact_duration", "unfolding"}]:
         raise InputError(f"start has '{unknown[0]}'; the unknowns are {', '.join(model.half_unknowns)}")
     stated = {"unfolding": 0.0, **{name: finite_number(f"start '{name}'", value) for name, value in start.items()}}
@@ -326,7 +326,7 @@ def dimensionless_start(start: Any, machine: Machine) -> Any:
 
 
 def family_number(family: int) -> int:
-    """The number of a family; raises `InputError` for what is none."""
+    """The number of a family; raises `InputError` for an invalid number."""
     if isinstance(family, bool) or not isinstance(family, int | np.integer) or not 1 <= family <= LARGEST_FAMILY:
         raise InputError(f"family = {family!r}; a family is a whole number from 1 to {LARGEST_FAMILY}")
     return int(family)

@@ -1,4 +1,4 @@
-"""The statement of a fold: where two orbits of a family meet and vanish as a parameter goes on.
+"""The statement of a fold: where two orbits of a family meet and vanish as a parameter is varied.
 
 At a fold F(u, a) = 0 and F_u v = 0 for a direction v: one boundary-value statement on phases with twice the states, the
 motion and its first variation. Shooting differentiates it as any other: the second derivatives of F are exact.
@@ -68,7 +68,7 @@ def _doubled(arc: Arc, unknowns: tuple[str, ...], along: str, before: int) -> Ar
 
 
 def _with_variation(expressions: Sequence, symbols: Sequence, direction: Sequence) -> list:
-    """Expressions, and after them their derivatives in a direction of the symbols that they are made of."""
+    """Expressions, and after them their derivatives in a direction of the symbols that they depend on."""
     if (values := ca.vertcat(*expressions)).numel() == 0:
         return []
     derivatives = ca.densify(ca.jacobian(values, ca.vertcat(*symbols)) @ ca.vertcat(*direction))

@@ -23,18 +23,18 @@ from ..units import SPEED, Message, Quantity
 SLOWEST_LAUNCH = 1e-3
 # Accuracy of the estimate, as a share of half an oscillation; Newton's method does the rest.
 ACCURACY = 1e-3
-# The estimate is as accurate as this share of how far the equation goes beyond zero, as another root may be close.
+# The estimate is as accurate as this share of the equation's value beyond zero, as another root may be close.
 DEPTH = 0.01
 # Shortest step of the search, as a share of the speed.
 SHORTEST_STEP = 0.02
 # Longest step of the search, as a share of the speed, for a spring with a barrier that can be crossed: where a hop just
-# crosses it the lateness has a narrow peak, and between two of them it may come below zero.
+# crosses it the lateness has a narrow peak, and between two peaks it may fall below zero.
 LONGEST_AT_BARRIERS = 0.1
-# Extensions outward on either side, in units of length and multiples of the family, at which a barrier shows.
+# Extensions outward on either side, in units of length and multiples of the family, at which barriers are detected.
 BARRIER_EXTENSIONS = np.outer([1.0, -1.0], np.geomspace(0.3, 300.0, 100)).ravel()
-# Between samples the lateness may bend this many times as much as their second differences say.
+# Between samples the curvature of the lateness may be this many times as large as their second differences indicate.
 BEND_SAFETY = 4.0
-# Time followed in search of two turns, per 1 + launch speed; a spring that takes longer does not return.
+# Integration time in search of two turns, per 1 + launch speed; a spring that takes longer does not return.
 LONGEST_FLIGHT = 1e3
 SPEED_OF_EXTENSION = Affine((0.0, 1.0))  # of the relative motion
 
@@ -43,9 +43,9 @@ class Guesses(NamedTuple):
     """The guesses of many machines with parameters (m,).
 
     unknowns : by name (m,), NaN where there is none
-    own : which of them (m,) can be looked at together, by this model
-    single : whose family (m,) has one orbit as far as `Model.search` tells
-    refused : by index why a machine has no guess
+    own : whether each machine (m,) can be solved together with the others, by this model
+    single : whether the family of each machine (m,) has one orbit according to `Model.search`
+    refused : the reasons, by index, why a machine has no guess
     """
 
     unknowns: Mapping[str, Any]
@@ -104,8 +104,8 @@ def guesses(relative: Relative, family: int, p: Mapping[str, np.ndarray]) -> Gue
 
 
 class _Sample(NamedTuple):
-    """The equation at a launch speed: the time by which the family's turn comes after mid-flight, infinite when it
-    never comes, and half the period of the extension."""
+    """The equation at a launch speed: the time from mid-flight to the family's turn, infinite if there is no such turn,
+    and half the period of the extension."""
 
     alpha: float
     lateness: float
@@ -113,8 +113,8 @@ class _Sample(NamedTuple):
 
 
 class _End(NamedTuple):
-    """What a search ends with: the launch speed, NaN where there is none; and the last one that was too fast for the
-    extension to come back, NaN where it always did."""
+    """The result of a search: the launch speed, NaN where there is none; and the last launch speed that was too fast
+    for the extension to return, NaN where it always returned."""
 
     alpha: float
     lost: float = np.nan
@@ -125,14 +125,14 @@ def lowest_launch_speeds(
     barriers: np.ndarray,
 ) -> tuple[np.ndarray, dict[int, NoOrbit]]:  # fmt: skip
     """The lowest launch speeds (m,) whose half flight ends on the family's turn: time alpha = first turn + family half
-    periods; NaN where there is none, and by index why not.
+    periods; NaN where there is none, and the reasons by index.
 
     The time of that turn depends on alpha alone, so this is one scalar equation for any spring, and the family is right
-    by construction. Each search takes the same launches as alone.
+    by construction. Each search takes the same launches as it would alone.
 
     p : parameters (m,) by name
     liftoffs : the extensions (m,) at lift-off
-    scales : the speeds (m,) in whose multiples the searches go
+    scales : the speeds (m,) in whose multiples the searches proceed
     barriers : which springs (m,) are among `crossable_barriers`
     """
     flow, ps = flow_of(relative.phase, tuple(p)), vectors(p, len(scales))
@@ -177,10 +177,10 @@ def times_of_turns(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The times (count, m) of the first zero of a rate on motions from states (m, n), and from each zero to the next.
 
-    longest : times (m,) within which each of them has to come; those that do not are NaN
+    longest : times (m,) within which each zero has to occur; a time is NaN otherwise
 
-    Returns also the states (m, n) at the last zero that comes, and which motions (m,) break off, as they run away or
-    come to a singularity.
+    Returns also the states (m, n) at the last zero that occurs, and whether each motion (m,) breaks off, because it
+    runs away or reaches a singularity.
     """
     times, states, going = np.full((count, len(starts)), np.nan), np.array(starts), np.arange(len(starts))
     broken = np.zeros(len(starts), bool)
@@ -199,7 +199,7 @@ def _refusals(
     relative: Relative, p: Mapping[str, np.ndarray], family: int, liftoffs: np.ndarray, ends: list[_End],
     scales: np.ndarray,
 ) -> list[NoOrbit]:  # fmt: skip
-    """Why springs with parameters (m,) by name have no orbit, whose searches end so."""
+    """The errors of springs with parameters (m,) by name that have no orbit, from the ends of their searches."""
     lost, errors = np.array([end.lost for end in ends]), dict[int, FlowError]()
     if len(known := np.flatnonzero(np.isfinite(lost))):
         those = {name: values[known] for name, values in p.items()}
@@ -228,7 +228,7 @@ def _search(family: int, scale: float, barrier: bool) -> Generator[float, _Sampl
     samples = [_Sample(0.0, 1.0)]
     fastest, slowest = FASTEST * family * scale, SLOWEST_LAUNCH * scale
     no_return = np.inf  # the lowest speed from which the extension does not come back
-    alpha, lost = 2 * family * scale, np.nan  # rather low for most springs; where it is too fast, from the slowest
+    alpha, lost = 2 * family * scale, np.nan  # low for most springs; if too fast, the search starts at the slowest
     while alpha < fastest and samples[-1].alpha < (1 - 1e-4) * no_return:
         new = yield alpha
         lost = lost if np.isfinite(new.lateness) else alpha
@@ -254,10 +254,10 @@ def _search(family: int, scale: float, barrier: bool) -> Generator[float, _Sampl
 
 
 def crossable_barriers(slopes: np.ndarray) -> np.ndarray:
-    """Which springs (m,) with these slopes (m, k) at `BARRIER_EXTENSIONS` have a barrier that a hop can cross.
+    """Whether springs with these slopes (m, k) at `BARRIER_EXTENSIONS` have a barrier (m,) that a hop can cross.
 
-    There the force falls and then rises again, further out on the same side. Where it only falls, what crosses the
-    barrier escapes.
+    There the force falls and then rises again, further out on the same side. Where it only falls, a motion that crosses
+    the barrier escapes.
     """
     outward = slopes.reshape(len(slopes), 2, -1)
     return np.any((outward[..., :-1] < 0) & (outward[..., 1:] > 0), axis=(1, 2))
@@ -266,7 +266,7 @@ def crossable_barriers(slopes: np.ndarray) -> np.ndarray:
 def half_oscillation(
     flow: Flow, ps: np.ndarray, starts: np.ndarray, longest: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """`half_oscillations` of one spring, whose motion takes fewer calls alone than among others."""
+    """`half_oscillations` of one spring, whose motion takes fewer calls alone than in a batch."""
     turns, clock, crossings = [], [0.0], Crossings()
 
     def second_turn(coefficients, steps):
@@ -297,7 +297,7 @@ def _estimated_root(early: _Sample, late: _Sample) -> Generator[float, _Sample, 
     except StopIteration as end:
         root = end.value
     # The parabola of the speed over the last three values is far more accurate than the secant, often so much that
-    # Newton's method takes one step. Where it leads far from the secant's root, it tells nothing.
+    # Newton's method takes one step. Where it leads far from the secant's root, it is not used.
     values = {each.lateness: each.alpha for each in seen[-3:] if np.isfinite(each.lateness)}
     if len(values) < 3:
         return root
@@ -319,9 +319,9 @@ def _next_speed(samples: list[_Sample], scale: float, barrier: bool, no_return: 
 
 
 def _golden_section(a: _Sample, b: _Sample) -> Generator[float, _Sample, _Sample]:
-    """The least sample that is known when it is not above zero, when the minimum between two samples cannot come to
-    zero, as far as second differences tell, or when half the digits of its speed are known, as no more are determined;
-    yields launch speeds and is sent samples there."""
+    """The lowest sample so far, once it is not above zero, once the minimum between two samples cannot reach zero
+    according to second differences, or once half the digits of its speed are known, as no more are determined; yields
+    launch speeds and is sent samples there."""
     ratio = (np.sqrt(5) - 1) / 2
     left = yield b.alpha - ratio * (b.alpha - a.alpha)
     right = yield a.alpha + ratio * (b.alpha - a.alpha)
@@ -336,8 +336,8 @@ def _golden_section(a: _Sample, b: _Sample) -> Generator[float, _Sample, _Sample
 
 
 def _may_come_to_zero(*samples: _Sample) -> bool:
-    """Whether lateness that is above zero at samples may vanish between them, where it bends at most `BEND_SAFETY`
-    times as much as their second differences say."""
+    """Whether lateness that is above zero at samples may vanish between them, if its curvature is at most `BEND_SAFETY`
+    times that of their second differences."""
     alphas, lateness = np.array([[each.alpha, each.lateness] for each in samples]).T
     widths, least = np.diff(alphas), lateness.min()
     with np.errstate(invalid="ignore"):  # some lateness may be infinite

@@ -1,4 +1,4 @@
-"""Orbits from guesses: under gravity that varies they are led there from constant gravity."""
+"""Orbits from guesses: under varying gravity by a homotopy from constant gravity."""
 
 from collections.abc import Callable, Mapping
 
@@ -26,7 +26,7 @@ def solve_by_homotopy(
     model: Model, equations: Shooting, correct: Callable, family: int, p: Mapping[str, float],
     progress: Callable[[float], None] | None,
 ) -> tuple[np.ndarray, Evaluation]:  # fmt: skip
-    """The solution (n,) of a model's equations from its guess, and these there, with the homotopy parameter led from 0
+    """The solution (n,) of a model's equations from its guess, and the equations there, by a homotopy parameter from 0
     to 1 by step-size control.
 
     correct : (u, parameters) -> the solution near u and the equations there
@@ -72,7 +72,7 @@ def solve_by_homotopy(
 
 
 def _corrected(model: Model, equations: Shooting, correct, predicted, family, p) -> tuple[np.ndarray, Evaluation]:
-    """The solution near a predicted point; raises `NoOrbit` where it is far from it or of another family."""
+    """The solution near a predicted point; raises `NoOrbit` where it is far from that point or of another family."""
     unknowns = equations.statement.unknowns
     positive = [unknowns.index(name) for name in ("alpha", "duration")]
     if not (predicted[positive] > 0).all():  # this refuses NaN too

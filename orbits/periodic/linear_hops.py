@@ -18,15 +18,15 @@ from ..errors import InputError, NoOrbit, finite_number
 from ..model.modes import SLOWEST_SQUARE, linear_modes
 from ..numerics.roots import Array
 
-# Newton's method starts together from this many quasi-random pairs of half times, and is repeated until so many batches
-# for each coordinate, in a row, bring no new root. After this many steps hardly any start still converges.
+# Newton's method starts together from this many quasi-random pairs of half times, and is repeated until this many
+# successive batches for each coordinate bring no new root. After this many steps hardly any start still converges.
 BATCH, IDLE_BATCHES, NEWTON_STEPS = 1024, 2, 20
-# Each start weighs the equations by its own random factors, up to this one and down to its reciprocal: the roots are
+# Each start weights the equations by its own random factors, up to this one and down to its reciprocal: the roots are
 # the same, but a root that few starts find with one set of factors is found by many with another.
 LARGEST_FACTOR = 1e3
-# Shares of the times: a start with a smaller step has converged; roots that are closer are one.
+# Shares of the times: a start with a smaller step has converged; roots that are closer are the same.
 CONVERGED_STEP, SAME_ROOT = 1e-8, 1e-7
-# After so many steps more, without factors, a root is known to rounding; its residual is a share of the largest terms.
+# After these further steps, without factors, a root is known to rounding; its residual is a share of the largest terms.
 POLISHING_STEPS, LARGEST_RESIDUAL = 3, 1e-9
 # Of half times, as a share of the longest; shorter hops have shrunk to nothing, a root for many contacts.
 SHORTEST_PHASE = 1e-3
@@ -49,16 +49,16 @@ def linear_hops(
     half_flight: float,
     seed: int = 0,
 ) -> list[LinearHop]:
-    """The lossless hops of M y'' = -K y + f, by their times. They are roots of the equations: whether the gap stays
-    open in flight, and is pressed together in contact, is not asked.
+    """The lossless hops of M y'' = -K y + f, by their times. They are roots of the equations: it is not checked whether
+    the gap stays open in flight and is pressed together in contact.
 
     inertia, stiffness, load : M, K (n, n) and f (n,), as for `linear_modes`
     gap : weights (n,) of the gap weights . y
-    half_contact, half_flight : the longest half times that are looked for
+    half_contact, half_flight : the longest half times that are searched
     seed : of the quasi-random pairs of times from which Newton's method starts, until they find nothing new; for many
         coordinates another seed may find some more
 
-    Raises `InputError` for what is no such mechanism, and `NoOrbit` where a motion feels neither spring nor gap.
+    Raises `InputError` for an invalid mechanism, and `NoOrbit` where a motion changes neither spring nor gap.
     """
     from scipy.stats import qmc  # takes long to import
 
@@ -79,13 +79,13 @@ def linear_hops(
 
 
 def _distinct(roots: Array) -> Array:
-    """Pairs of times (r, 2) without those that repeat an earlier one but for rounding."""
+    """Pairs of times (r, 2) without repetitions of an earlier pair up to rounding."""
     near = (np.abs(roots[:, None] - roots) <= SAME_ROOT * roots).all(2)
     return roots[~np.tril(near, -1).any(1)]
 
 
 class _Solved(NamedTuple):
-    """What the best amplitudes make of times (m, 2).
+    """The equations at times (m, 2) with the best amplitudes.
 
     coordinates, speeds : (m, n) of the modes of flight at lift-off
     left, slopes : (m, 2) and (m, 2, 2), the two equations that are left, and, where they hold, their derivatives by the
@@ -126,7 +126,7 @@ class _HopEquations:
         self.pull, self.push = -of_gap * self.squares / unit, of_gap @ self.loads / unit
 
     def solved(self, times: Array, factors: Array | float = 1.0) -> _Solved:
-        """The equations at times (m, 2), weighed by factors (m, n + 1), with the amplitudes that solve them best."""
+        """The equations at times (m, 2), weighted by factors (m, n + 1), with the amplitudes that solve them best."""
         n, k, angles, flown = self.size, self.flight.thrown, times[:, :1] * self.rates, times[:, 1:]
         # The modes of flight have speeds c q' - s squares q + s loads after a time T.
         c, s = np.ones((len(times), n)), np.repeat(flown, n, axis=1)
@@ -155,7 +155,7 @@ class _HopEquations:
     def roots(self, times: Array, factors: Array, longest: Array) -> Array:
         """The roots (r, 2) up to the longest times to which Newton's method converges from times (m, 2)."""
         found, farthest = [], 0.5 / np.sqrt(self.flight.square)  # less than a period of the equations
-        with np.errstate(all="ignore"):  # starts that come to where the equations are singular are dropped
+        with np.errstate(all="ignore"):  # starts that reach a singularity of the equations are dropped
             for _ in range(NEWTON_STEPS):
                 change = self._newton_step(times, factors)
                 times = times + np.clip(change, -farthest, farthest)

@@ -1,4 +1,4 @@
-"""How hops beside a lossless one come back: with a loss of C |d|**(4/3), or of 10 C where they land with a bounce.
+"""The return of hops near a lossless hop: with a loss of C |d|**(4/3), or of 10 C where they land with a bounce.
 
 A plastic landing only loses, so that the next launch speed is never above the last: a lossless hop attracts from above
 and repels from below. Which side has the bounce depends on the sign of the gap's derivative by alpha at landing: where
@@ -12,7 +12,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-# The imaginary part of a complex step: so small that its square vanishes beside any number.
+# The imaginary part of a complex step: so small that its square vanishes relative to any number.
 COMPLEX_STEP = 1e-30
 
 
@@ -20,8 +20,8 @@ def loss_coefficient(impact_mass: Any, jerk: Any, gap_slope: Any, power: Any) ->
     """C of the one-step map alpha + d -> alpha + d - C |d|**(4/3) on the side without a bounce, of numbers, arrays or
     CasADi expressions.
 
-    Beside a lossless landing the gap goes like gap_slope d - jerk t**3/6. The speed that it has left where it vanishes
-    is lost, and the launch energy changes by `power` with alpha.
+    Near a lossless landing the gap varies as gap_slope d - jerk t**3/6. Its remaining speed where it vanishes is lost,
+    and `power` is the derivative of the launch energy by alpha.
     """
     return impact_mass * jerk**2 / 8 * (6 * gap_slope / jerk) ** (4 / 3) / power
 

@@ -24,24 +24,24 @@ from ..units import UNIT_TEXTS, SavedUnits, Units, in_units, saved_units
 from .certificate import Certificate
 from .quantities import CERTIFIED, QUANTITIES
 
-# What is said of the side of a bounce.
+# The notes of a table on the side of a bounce.
 ATTRACTS = {"below": "   (attracts from above; 10 C below)", "above": "   (attracts from above, with 10 C; C below)"}
-# A number that a file tells twice is the same to this share.
-TOLD_TWICE = 1e-9
-# What follows in the document of an orbit.
+# Two statements of a number in a file agree if their relative difference is no larger.
+SAME_NUMBER = 1e-9
+# The fields of an orbit's document after those of the machine.
 DOCUMENT_FIELDS = (
     *("family", "known_in_family", "alpha", "flight_time", "contact_time", "admissible", "violations", "rises"),
     *(name for name in CERTIFIED if name != "family"),
     *("stable_side", "bounce_side", "unfolding", "liftoff_extension", "state_mid_flight", "method", "skipped"),
     "seconds",
 )
-# What is in the file of an orbit beside the machine.
+# The fields of an orbit's file besides those of the machine.
 OTHER_FIELDS = {*DOCUMENT_FIELDS, "format", "motion", "units", "si", "bare"}
 
 
 @dataclass(frozen=True)
 class Shape:
-    """How the stored half motions make a whole cycle, and what of it to show.
+    """The construction of a whole cycle from the stored half motions, and the parts of it to show.
 
     reversor, contact_reversor : signs of the states under time reversal, None where whole motions are stored
     embed : (n, m) matrix from contact to flight states
@@ -59,7 +59,7 @@ class Shape:
 
 
 def _mirrored(path: Trajectory, t: np.ndarray, duration: float, signs: tuple[int, ...] | None) -> np.ndarray:
-    """States at times `t` of a motion whose first half is `path` and whose second its image under `signs`, if any."""
+    """States at times `t` of a motion with the first half `path`; its image under `signs`, if any, is the second."""
     t = np.clip(t, 0, duration)
     if signs is None:
         return path(t)
@@ -81,7 +81,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
     shape : how the whole cycle is built from the halves
     method, skipped : the method that found it, and the steps that were not needed for this machine
     seconds : wall time of the search and the certificate
-    scales : what the dimensionless numbers stand for; None for a machine that is stated without units. The numbers of
+    scales : the units of the dimensionless numbers; None for a machine that is stated without units. The numbers of
         an orbit with scales are in SI, except `residual`, `energy_drift` and `unfolding`, which are dimensionless
     bare : the same orbit without units, None where there are none
     known_in_family : the number of orbits of its family that a search over launch speeds has found, this one included;
@@ -119,7 +119,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
         return vars(self) | {"source": None}
 
     def __eq__(self, other: object) -> bool:
-        """Whether all that a file would say of them is the same, but for the time that the search took."""
+        """Whether the files of both orbits would be the same, except for the time of the search."""
         if not isinstance(other, Orbit):
             return NotImplemented
         return self is other or self._without_time() == other._without_time()
@@ -128,7 +128,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
         return hash((self.alpha, self.flight_time, self.contact_time))
 
     def _without_time(self) -> str:
-        """What a file would say of it, without the time that the search took."""
+        """The content of a file of the orbit, without the time of the search."""
         document = self.saved()
         for each in (document, document.get("bare", {})):
             each.pop("seconds", None)
@@ -179,7 +179,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
     def __call__(self, t: ArrayLike) -> np.ndarray:
         """Flight states (..., n) at times `t` (...): any time, or 0 <= t <= flight_time where there is no period.
 
-        Raises `InputError` for other times, and for what is not a number.
+        Raises `InputError` for other times, and for anything but numbers.
         """
         try:
             times = np.asarray(t, dtype=float)
@@ -189,7 +189,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
             raise InputError("times must be finite numbers")
         shape = self.shape
         if self.contact is None or self.contact_time is None:
-            # The end of the flight may be asked for through a time that is rounded.
+            # The end of the flight may be requested by a rounded time.
             if times.size and not (times.min() >= 0 and times.max() <= self.flight_time * (1 + 1e-12)):
                 unit = " s" if self.scales else ""
                 raise InputError(f"the contact never ends: times lie between 0 and {self.flight_time:g}{unit}")
@@ -281,8 +281,8 @@ class Orbit(Result, what="orbit", printed_digits=15):
         return f"lossless orbit of family {self.family}: {machine['machine']}, {laws}"
 
     def _rows(self) -> Iterator[Row]:
-        """The machine, then the certificate: speed, times, distances, forces, what a hop beside it loses, errors,
-        whether it is a motion, and in rows named `VIOLATED` why not."""
+        """The machine, then the certificate: speed, times, distances, forces, the loss of a neighbouring hop, errors,
+        whether it is a motion, and, in rows named `VIOLATED`, the reasons why not."""
         c, units, own = self.certificate, self.units, machine_numbers(self.machine)
         if own:
             texts = [f"{name} = {{:g}} {unit}".rstrip() for name, (_, unit) in own.items()]
@@ -341,13 +341,13 @@ class Orbit(Result, what="orbit", printed_digits=15):
 
     @classmethod
     def _read(cls, machine: Any, file: BinaryIO) -> "Orbit":
-        """The orbit in an open file. What a changed file says is still a start for `find`, which measures it anew."""
+        """The orbit in an open file. A changed file is refused, but is still a start for `find`, which solves anew."""
         try:
             document = read_sealed(file)
         except Changed as error:
             raise ValueError(f"{error}, as find(machine, start=FILE) does") from None
         orbit = cls.of_saved(document)
-        _check_told_twice(orbit.document(), document)
+        _check_consistent(orbit.document(), document)
         return orbit
 
     @classmethod
@@ -364,7 +364,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
                 raise ValueError("its violations in SI and without units are not as many")
             return replace(orbit, certificate=replace(orbit.certificate, violations=tuple(data["violations"])))
         orbit = cls._stated(data)
-        # A file of an orbit in SI that says no units has dimensionless numbers, from before results were in SI.
+        # A file of an orbit in SI without units has dimensionless numbers: earlier versions had no results in SI.
         if "units" not in data:
             orbit = replace(orbit, certificate=with_note(orbit.certificate))
             return orbit_in_units(orbit, units, orbit.machine)
@@ -392,8 +392,8 @@ class Orbit(Result, what="orbit", printed_digits=15):
 
 
 def start_in_file(path: str | Path) -> Orbit:
-    """What the file of an orbit says, also where it was changed after it was written: a start for `find`, of which
-    nothing else is to be believed."""
+    """The orbit in a file, also if the file was changed after it was written: it is to be used as a start for `find`
+    only, since none of its numbers are reliable."""
 
     def parsed(file: BinaryIO) -> Orbit:
         document = json.load(file)
@@ -414,7 +414,7 @@ class _SavedShape(TypedDict):
 
 
 class _SavedMotion(TypedDict):
-    """What a saved orbit has beside its document."""
+    """The data of a saved orbit besides its document."""
 
     shape: _SavedShape
     flight: Trajectory
@@ -427,7 +427,7 @@ SavedLaws = TypedDict("SavedLaws", {"spring": str, "gravity": str})  # noqa: UP0
 
 
 class SavedOrbit(SavedLaws):
-    """A saved orbit, as far as it is read; the fields of `Certificate` stand beside these."""
+    """The fields that are read from a saved orbit, besides the fields of `Certificate`."""
 
     format: str
     machine: str
@@ -447,29 +447,29 @@ class SavedOrbit(SavedLaws):
     motion: _SavedMotion
 
 
-def _check_told_twice(document: Mapping[str, Any], data: Mapping[str, Any]) -> None:
-    """Raise `ValueError` where a file tells a number otherwise than what else it says of its orbit."""
+def _check_consistent(document: Mapping[str, Any], data: Mapping[str, Any]) -> None:
+    """Raise `ValueError` where the data of a file contradict the document of the orbit that was read from it."""
     if data["motion"]["units"] and "units" not in data:
         return  # an old file, whose numbers have no units
     sides = () if "bounce_side" in data else ("stable_side",)  # in old files the side without a bounce
     for name in DOCUMENT_FIELDS:
-        if name in data and name not in (*sides, "seconds") and not _told_alike(data[name], document[name]):
+        if name in data and name not in (*sides, "seconds") and not _agree(data[name], document[name]):
             raise ValueError(f"it says {name} = {data[name]!r}, and by its motion that is {document[name]!r}")
 
 
-def _told_alike(one: Any, other: Any) -> bool:
-    """Whether two parts of documents are equal, numbers but for roundings."""
+def _agree(one: Any, other: Any) -> bool:
+    """Whether two parts of documents are equal, numbers up to rounding."""
     if isinstance(one, Mapping) and isinstance(other, Mapping):
-        return one.keys() == other.keys() and all(_told_alike(one[name], other[name]) for name in one)
+        return one.keys() == other.keys() and all(_agree(one[name], other[name]) for name in one)
     if isinstance(one, list | tuple) and isinstance(other, list | tuple):
-        return len(one) == len(other) and all(map(_told_alike, one, other))
+        return len(one) == len(other) and all(map(_agree, one, other))
     if isinstance(one, int | float) and isinstance(other, int | float):
-        return abs(one - other) <= TOLD_TWICE * max(abs(one), abs(other))
+        return abs(one - other) <= SAME_NUMBER * max(abs(one), abs(other))
     return bool(one == other)
 
 
 def orbit_of(machine: Machine, orbit: Orbit) -> Orbit:
-    """A dimensionless orbit of a machine in the machine's own units: in SI where it is stated so."""
+    """A dimensionless orbit of a machine in the machine's own units: in SI for a machine in SI."""
     if machine.units is None:
         return orbit
     return replace(orbit_in_units(orbit, machine.units, machine_in_words(machine)), source=machine)
@@ -500,7 +500,7 @@ def certificate_in_units(certificate: Certificate, units: Units) -> Certificate:
 
 
 def with_note(certificate: Certificate) -> Certificate:
-    """The certificate in an old file of a machine in SI, whose violations tell numbers without units."""
+    """The certificate in an old file of a machine in SI, whose violations state numbers without units."""
     return replace(certificate, violations=tuple(f"{each} (without units)" for each in certificate.violations))
 
 
@@ -517,7 +517,7 @@ def _machine_of(data: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _shape_of(data: _SavedShape, flight: Trajectory, contact: Trajectory | None) -> Shape:
-    """A shape whose states are those of the motions; raises `ValueError`."""
+    """A shape for the states of the motions; raises `ValueError` where it does not fit them."""
     embed, signs = data["embed"], (data["reversor"], data["contact_reversor"])
     sizes = embed.shape if embed.ndim == 2 and embed.dtype.kind in "fi" and np.isfinite(embed).all() else (0, 0)
     heights = {name: height_of(height, flight.names[: sizes[0]]) for name, height in data["heights"].items()}

@@ -1,7 +1,7 @@
 """The orbits of many machines that differ in numbers alone: guessed, solved, measured and certified together.
 
-Each is found as `find` finds it, from its own guess, so that no result depends on the other members. Where that does
-not lead to a certified orbit of the family at once, `find` is left to decide.
+Each is found as `find` finds it, from its own guess, so that no result depends on the other members. Where this does
+not lead directly to a certified orbit of the family, the machine is left to `find`.
 """
 
 from contextlib import suppress
@@ -35,8 +35,8 @@ class _Family(NamedTuple):
 def lowest_orbits(
     model: Model, names: tuple[str, ...], ps: np.ndarray, family: int
 ) -> tuple[list[Certified], dict[int, NoOrbit]]:
-    """The orbits of a family of least launch speed for machines with parameters (m, np), and by index of a machine why
-    it has none; machines that are in neither are for `find` to decide, by which the others are the same."""
+    """The orbits of a family of least launch speed for machines with parameters (m, np), and the errors, by index, of
+    machines without an orbit; the machines in neither are left to `find`, which agrees with these results."""
     method = iterative(method_of(model))
     equations = equations_of(model, method, names)
     searched_at_once = not model.is_guessed and model.search is not None and model.reversor is not None
@@ -64,7 +64,7 @@ def lowest_orbits(
 
 
 def _no_guesses(model: Model, names: tuple[str, ...], ps: np.ndarray) -> Guesses:
-    """For machines (m, np) whose families are searched at once: where they lift off, and no launch speeds."""
+    """The guesses of machines (m, np) whose families are searched directly: their lift-offs, without launch speeds."""
     liftoff, none = np.full(len(ps), np.nan), np.full(len(ps), np.nan)
     for i, p in enumerate(ps.tolist()):
         with suppress(OrbitsError):
@@ -74,7 +74,7 @@ def _no_guesses(model: Model, names: tuple[str, ...], ps: np.ndarray) -> Guesses
 
 
 def _from_guesses(sought: _Family, guess: Guesses) -> Certified | None:
-    """The orbits that the guesses lead to."""
+    """The orbits found from the guesses."""
     which = np.flatnonzero(np.isfinite(guess.unknowns["alpha"]) & guess.own)
     if not len(which):
         return None
@@ -86,8 +86,8 @@ def _from_guesses(sought: _Family, guess: Guesses) -> Certified | None:
 def _from_search(
     sought: _Family, left: np.ndarray, found: np.ndarray, guess: Guesses
 ) -> tuple[Certified | None, dict[int, float], dict[int, NoOrbit]]:
-    """The orbits that a search of some machines (k,) finds; by machine the lowest launch speed, of these and of those
-    `found` (m,), where all below it is known; and why machines have no orbit, of those whose guess was refused.
+    """The orbits that a search of some machines (k,) finds; by machine the lowest launch speed of these and of `found`
+    (m,), where all orbits below it are known; and the errors of machines without an orbit whose guess was refused.
 
     A machine is left out where the search was stopped, or where a cell that may hold a lower orbit led to none.
     """
@@ -98,7 +98,7 @@ def _from_search(
     cells = lateness.cells(below=found[left])
     owners = np.repeat(np.arange(len(left)), [len(each.cells) for each in cells])
     bounds, abouts = (np.concatenate([each[i] for each in cells]) for i in (0, 1))
-    # A cell about the orbit that is found holds that one, and those beyond are not sought for.
+    # A cell about the orbit found already contains that orbit, and the cells beyond it are not solved.
     own, (low, high) = found[left[owners]], bounds.T
     resolved = np.where((low <= own) & (own <= high), own, np.inf)
     lowest, absent = dict[int, float](), dict[int, NoOrbit]()
@@ -149,8 +149,8 @@ def _kernel_of(model: Model, equations: Shooting) -> tuple[NewtonKernel, int]:
 def _solved_together(
     model: Model, equations: Shooting, us: np.ndarray, ps: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, Evaluation | None]:
-    """Which of the guesses (m, n) lead to a solution, these (k, n), and the equations there; the homotopy, if any, is
-    taken in one step, which is the first that `find` tries."""
+    """The indices of the guesses (m, n) that lead to a solution, these solutions (k, n), and the equations there; the
+    homotopy, if any, is taken in one step, which is the first that `find` tries."""
     kernel, place = _kernel_of(model, equations)
     if model.homotopy is None:
         found = _at_value(kernel, us, ps, place, with_motions=True)
@@ -171,7 +171,7 @@ def _solved_together(
 
 
 def _at_value(kernel: NewtonKernel, us: np.ndarray, ps: np.ndarray, place: int, with_motions: bool) -> Solutions:
-    """The solutions that Newton's method comes to from guesses (m, n), all parameters (m, np) held."""
+    """The solutions to which Newton's method converges from guesses (m, n), with fixed parameters (m, np)."""
     xs = np.column_stack([us, ps[:, place]])
     rows, units = np.zeros(xs.shape), np.maximum(np.abs(xs), SMALLEST_UNIT)
     rows[:, -1] = 1.0

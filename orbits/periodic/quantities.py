@@ -1,4 +1,4 @@
-"""The quantities of an orbit: what tables call each of them, and how m orbits have it; dimensions are in `units`."""
+"""The quantities of an orbit: the name of each in tables, and its values for m orbits; dimensions are in `units`."""
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
@@ -18,9 +18,9 @@ class OrbitQuantity:
 
     of : (model, cycles) -> the values (m,) of cycles, `NONE` where there is none; None where the certificate has it, or
         a design alone computes it
-    words : what the table of an orbit calls it; "" where it has no row there
-    in_si : what its key among the main results in SI begins with; "" where it is none of them
-    bound : whether it only says how far another one can be off
+    words : its name in the table of an orbit; "" where it has no row there
+    in_si : the beginning of its key among the main results in SI; "" where it is not one of them
+    bound : whether it is only a bound on the error of another quantity
     """
 
     of: Callable[[Model, Cycles], np.ndarray] | None = None
@@ -40,7 +40,7 @@ def _stroke(model: Model, cycles: Cycles) -> np.ndarray:
     return stroke
 
 
-# In the order of every table; "rises" are as many as the machine has heights.
+# In the order of every table; there is one of the "rises" for each height of the machine.
 QUANTITIES: dict[str, OrbitQuantity] = {
     "alpha": OrbitQuantity(lambda model, cycles: cycles.u["alpha"], "alpha", "launch_speed"),
     "flight_time": OrbitQuantity(lambda model, cycles: cycles.flight_times, "flight time", "flight_time"),
@@ -68,9 +68,9 @@ QUANTITIES: dict[str, OrbitQuantity] = {
     "alpha_noise": OrbitQuantity(bound=True),
 }
 CERTIFIED = tuple(name for name in QUANTITIES if name in Certificate.__dataclass_fields__)
-# Those of the motion that every result has.
+# The quantities of the motion that every result has.
 OF_MOTION = tuple(name for name, each in QUANTITIES.items() if each.of and each.in_si)
-# Those that a design may ask for, besides the rise of each height, and those of them that m orbits have at once.
+# The quantities that a design may use, besides the rise of each height, and those computed for m orbits together.
 DESIGNED = tuple(name for name, each in QUANTITIES.items() if name in DIMENSIONS and not each.bound)
 OF_MANY = tuple(name for name in DESIGNED if QUANTITIES[name].of or name in CERTIFIED)
 
@@ -83,7 +83,7 @@ def motion_numbers(model: Model, cycles: Cycles) -> dict[str, list[Any]]:
 def numbers_of(
     model: Model, cycles: Cycles, certificates: Sequence[Certificate], units: Units | None, names: Collection[str]
 ) -> dict[str, np.ndarray]:
-    """The numbers (m,) of orbits by name, of those names that are quantities or rises: NaN where an orbit has none, and
+    """The numbers (m,) of orbits by name, for names that are quantities or rises: NaN where an orbit has none, and
     in SI by units (m,)."""
     heights, found = model.rises(cycles.p_of_halves), dict[str, np.ndarray]()
     for name in names:

@@ -1,4 +1,4 @@
-"""How far the launch speed of a solved orbit can be off; only the inverse Jacobian of its equations is reused."""
+"""The bound on the error of a solved orbit's launch speed; only the inverse Jacobian of its equations is reused."""
 
 import casadi as ca
 import numpy as np
@@ -19,7 +19,7 @@ from .single_shooting import Evaluation, Shooting
 # Rounding errors of n steps add up at random, like the square root of n, and by their bias, like n. The two are equal
 # at a number of steps whose square root is this.
 RANDOM_STEPS = 20.0
-# The random growth of rounding errors covers a growth of differences over the flight up to this factor by itself.
+# The random growth of rounding errors alone covers a growth of differences over the flight up to this factor.
 SHEAR = 4.0
 # Order-8 steps are taken in one call, their number a multiple of this, so that few functions are built.
 STEPS_PER_CALL = 32
@@ -30,7 +30,7 @@ NINTH_TERM = 0.01
 # Errors that defects of the integration steps bound are multiplied by this: in long flights through hard bends of a law
 # alpha was off by up to 2.7 times the bound in 1 of some hundred orbits, against quadrature in 34 digits.
 DEFECTS_SAFETY = 3.0
-# So many standard deviations of noise change an orbit linearly, and by far more than rounding.
+# This many standard deviations of noise change an orbit linearly, and by far more than rounding.
 SMALL_NOISE = 1e-3
 EPS = float(np.finfo(float).eps)
 Rows = ndarray | None
@@ -43,7 +43,7 @@ NARROW = (
 def error_bounds(
     equations: Shooting, us: ndarray, ps: ndarray, evaluation: Evaluation, closing: Rows = None, quickly: bool = False
 ) -> tuple[ndarray, dict[int, NoOrbit]]:
-    """Bounds (m,) on the errors of the unknown "alpha" in solutions (m, n), and by index why some cannot be certified.
+    """Bounds (m,) on the errors of the unknown "alpha" in solutions (m, n), and errors, by index, of the uncertifiable.
 
     ps : parameters (m, np)
     evaluation : the equations at the solutions
@@ -52,14 +52,14 @@ def error_bounds(
     quickly : where the flow allows it, integrate the field along each step's polynomial by Gauss's rule, and carry the
         steps' defects to the end of the arc; else, integrate the motion again by another method with smaller steps
 
-    The residuals found so go through the inverse Jacobian. Added is the rounding that both integrations may share: half
-    a unit in the last place of the state a step, adding up at random, through the same inverse, and grown by the flow
-    where that grows differences (in a long flight a nonlinear spring turns a change of amplitude into one of phase); or
-    a whole unit carried from each step by the flow, where that is more.
+    These residuals are multiplied by the inverse Jacobian. The rounding that both integrations may share is added: half
+    a unit in the last place of the state per step, accumulated at random, through the same inverse, and amplified where
+    the flow amplifies differences (in a long flight a nonlinear spring turns a change of amplitude into one of phase);
+    or a whole unit carried from each step by the flow, where that is more.
     """
     n, index, jacobian = equations.size, equations.statement.unknowns.index("alpha"), evaluation.jacobian
     square = jacobian if closing is None else np.concatenate([jacobian, closing[:, None]], axis=1)
-    # The row of alpha in the inverse; the leading axis tells older NumPy that the right side is one matrix for all.
+    # The row of alpha in the inverse; with the leading axis older NumPy takes the right side as one matrix for all.
     inverse = solve(square.swapaxes(1, 2), np.eye(square.shape[1])[None, :, [index]])[:, :n, 0]
     weights = _weights_of_steps(equations, evaluation, inverse)
     # Near an unstable equilibrium a change grows and shrinks again, and derivatives lose their rank to rounding.
@@ -73,7 +73,7 @@ def error_bounds(
             moves[i] = inverse[i] @ equations.residual(us[i], ps[i], evaluation[i].trajectories, _end_by_another_method)
         except NoOrbit as error:
             refused[i] = error
-    # The residuals have roundings of their own, of the size of what they measure: twice as much covers these.
+    # The residuals have rounding errors of their own, as large as the errors they measure: the factor 2 covers these.
     found, alpha = 2 * np.abs(moves), us[:, index]
     shared = np.maximum(_grown_rounding(equations, evaluation, inverse), _carried_rounding(evaluation, weights))
     floor = shared + np.spacing(alpha)
@@ -85,7 +85,7 @@ def error_bounds(
 
 
 def _grown_rounding(equations: Shooting, evaluation: Evaluation, inverse: ndarray) -> ndarray:
-    """Errors (m,) of alpha by the rounding of all steps at random, grown as differences of the unknowns are."""
+    """Errors (m,) of alpha by the random rounding of all steps, amplified as differences of the unknowns are."""
     rounding = np.zeros(len(inverse))
     for flow, motions, transition, start in zip(
         equations.flows, evaluation.trajectories, evaluation.transitions, evaluation.starts, strict=True
@@ -142,7 +142,7 @@ def _largest_growth(equations: Shooting, evaluation: Evaluation) -> ndarray:
 
 
 def _carried_rounding(evaluation: Evaluation, weights: list[Rows]) -> ndarray:
-    """Errors (m,) of alpha by one unit in the last place of the state a step."""
+    """Errors (m,) of alpha by one unit in the last place of the state per step."""
     squares, counts = np.zeros(len(evaluation.residual)), np.ones(len(evaluation.residual))
     for motions, back in zip(evaluation.trajectories, weights, strict=True):
         if back is not None:
@@ -152,7 +152,7 @@ def _carried_rounding(evaluation: Evaluation, weights: list[Rows]) -> ndarray:
 
 
 def _moves_by_defects(flow: Flow, motions: Trajectories, ps: ndarray, back: ndarray) -> ndarray:
-    """How far (m,) the defects of the steps move alpha."""
+    """The changes (m,) of alpha by the defects of the steps."""
     c = motions.coefficients[:, : flow.size]
     # One product of two matrices is many times faster than one for each step.
     terms = (c * motions.of_steps[:, None]).reshape(-1, c.shape[2])
@@ -176,8 +176,8 @@ def _end_by_another_method(flow: Flow, start: ndarray, p: ndarray, path: Traject
     """The end of a motion by order-8 Runge-Kutta steps where Taylor steps found it, else by scipy's DOP853."""
     data = flow.mesh_data(Trajectories.of([path]), p[None]).T
     if flow.method != "Runge-Kutta":
-        # So many that the error, for k of them k**-8 times the ninth Taylor term, is below rounding; at least
-        # 8, since a feature of the law between fewer samples could be missed.
+        # The number k of steps is such that their error, k**-8 times the ninth Taylor term, is below rounding; at
+        # least 8, since a feature of the law between fewer samples could be missed.
         c = np.abs(path.coefficients[:, : flow.size])
         ninth = c[:, :, 9].max(1) * path.steps**9 / np.maximum(c[:, :, 0].max(1), 1e-300)
         counts = np.clip(np.ceil((ninth / (NINTH_TERM * EPS)) ** (1 / 8)), 8, 2000).astype(int)

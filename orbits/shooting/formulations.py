@@ -1,4 +1,4 @@
-"""What is solved for an orbit of a model, which statement a method takes, and what its solutions mean."""
+"""The equations of an orbit of a model, the statement of each method, and the interpretation of its solutions."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -27,8 +27,8 @@ METHODS = ("closed form", "relative", "half orbit", "shooting")  # the simplest 
 LARGEST_UNFOLDING = 1e-9
 # A contact lasts longer than the flight by at most about the square root of the mass ratio: a longer one does not end.
 LONGEST_CONTACT = 1e7
-# A change of alpha, as a share of it, changes the derivatives at landing by at most so many times that, times the
-# square of the motion's amplification: measured, on motions that amplify changes up to 1e5-fold.
+# A relative change of alpha changes the derivatives at landing by at most this factor times that change, times the
+# square of the motion's amplification: measured on motions that amplify changes up to 1e5-fold.
 SLOPE_CHANGE = 240.0
 
 
@@ -38,7 +38,7 @@ def reduction_of(model: Model, method: str) -> Reduction | None:
 
 
 def method_of(model: Model, method: str | None = None) -> str:
-    """The method that is asked for, or for None the simplest that the model allows; raises `InputError` for one that it
+    """The requested method, or for None the simplest that the model allows; raises `InputError` for a method that it
     does not allow."""
     reduction = model.reduction
     needs = {
@@ -70,7 +70,7 @@ def equations_of(model: Model, method: str, parameters: tuple[str, ...]) -> Shoo
 
 @lru_cache(maxsize=64)
 def half_orbit(model: Model) -> Statement:
-    """Half of an orbit that is its own mirror image: from the launch set to a state that the reversor leaves alone.
+    """Half of an orbit that is its own mirror image: from the launch set to a state that is fixed by the reversor.
 
     The unknowns are those of the launch and half the flight time. Where a launch has more of them than extension and
     speed, the contact after the mirrored landing has to reach such a state too, and half its time is a further unknown.
@@ -138,8 +138,8 @@ class Cycles:
     gap_slope, slope_error : (m,), derivative with respect to alpha of the gap at the orbit's landing time, and an
         estimate of its error
     residual, error : (m,), the largest residual of the equations, and the bound on the error of alpha
-    with_contact : (k,), the orbits whose contact ends; `contacts` are theirs, each up to its middle or, where nothing
-        mirrors it, up to lift-off
+    with_contact : (k,), the orbits whose contact ends; `contacts` are their contacts, each up to its middle or, where
+        nothing mirrors it, up to lift-off
     without_contact : by index of the others, the reason why their contact does not end
     """
 
@@ -160,7 +160,7 @@ class Cycles:
 
     @cached_property
     def halves_per_flight(self) -> int:
-        """How many of the `halves` belong to each flight: 1 where the other one is its mirror image, else 2."""
+        """The number of `halves` of each flight: 1 where the other one is its mirror image, else 2."""
         return len(self.halves) // len(self)
 
     @cached_property
@@ -170,7 +170,7 @@ class Cycles:
 
     @cached_property
     def contact_times(self) -> ndarray:
-        """Times (m,) of whole contacts, `NONE` for those that do not end."""
+        """Times (m,) of whole contacts, `NONE` for contacts that do not end."""
         times = np.full(len(self), NONE)
         if self.contacts:
             times[self.with_contact] = self.contacts.ends * (2 // self.halves_per_flight)
@@ -190,12 +190,12 @@ class Cycles:
 def interpret(
     model: Model, method: str, equations: Shooting, us: ndarray, ps: ndarray, evaluation: Evaluation, errors: ndarray
 ) -> Cycles:
-    """What solutions (m, n) of a method's equations with parameters (m, np), their `evaluation` and the bounds on their
-    errors of alpha (m,) mean, with the contacts."""
+    """The cycles, with the contacts, of solutions (m, n) of a method's equations with parameters (m, np), their
+    `evaluation` and the bounds (m,) on their errors of alpha."""
     u = dict(zip(equations.statement.unknowns, us.T, strict=True))
     p = dict(zip(equations.parameters, ps.T, strict=True))
     flight, halves, gap_slope, growth = _flights(model, method, u, p, evaluation)
-    # The derivatives change with what alpha may be off by.
+    # The derivatives change with the error of alpha.
     slope_error = SLOPE_CHANGE * growth * evaluation.amplification**2 * errors / u["alpha"]
     contacts = _contacts(model, u, p, u.get("contact_duration", LONGEST_CONTACT * (1 + flight.ends)))
     residual = np.abs(evaluation.residual).max(1)
@@ -203,7 +203,7 @@ def interpret(
 
 
 def refused_by_unfolding(equations: Shooting, us: ndarray) -> dict[int, NoOrbit]:
-    """By index why solutions (m, n) of unfolded equations are no orbits: the unfolding pumps energy."""
+    """Errors, by index, of solutions (m, n) of unfolded equations that are not orbits: the unfolding pumps energy."""
     u = dict(zip(equations.statement.unknowns, us.T, strict=True))
     pumped, refused = np.abs(u.get("unfolding", np.zeros(1))) * u.get("duration", 0.0), dict[int, NoOrbit]()
     for i in np.flatnonzero(pumped > LARGEST_UNFOLDING).tolist():
@@ -213,7 +213,7 @@ def refused_by_unfolding(equations: Shooting, us: ndarray) -> dict[int, NoOrbit]
 
 
 def _flights(model: Model, method: str, u: Mapping, p: Mapping, evaluation: Evaluation):
-    """The `flight`, the `halves` and the `gap_slope` of `Cycles`, and how large (m,) the state's derivatives grow."""
+    """The `flight`, the `halves` and the `gap_slope` of `Cycles`, and the largest derivative (m,) of the state."""
     motions, alpha = evaluation.trajectories[0], list(u).index("alpha")
     if reduction := reduction_of(model, method):
         of_steps = ({name: values[motions.owner] for name, values in each.items()} for each in (u, p))
@@ -236,15 +236,15 @@ def landing_gap_slope(model: Model, change: Iterable, p: Mapping) -> Any:
 
 
 def halved(flights: Trajectories) -> Trajectories:
-    """The halves of whole flights: of each the first, and the second from landing backwards."""
+    """The halves of whole flights: of each flight the first half, and the second from landing backwards."""
     return Trajectories.of([half for path in flights for half in path.split(path.times[-1] / 2)])
 
 
 def _landing_by(
     alpha: int, evaluation: Evaluation, reversor: tuple[int, ...], liftoff: int = 0, slope: Any = None
 ) -> ndarray:
-    """Derivatives (m, states) of the state at landing by the unknown number `alpha`, with which the one that is number
-    `liftoff` changes by slopes (m,); the second half of the motion is the mirror image of the first, and so is its
+    """Derivatives (m, states) of the state at landing by the unknown with index `alpha`, on which that with index
+    `liftoff` depends with slopes (m,); the second half of the motion is the mirror image of the first, and so is its
     transition matrix."""
     first, start, mirror = evaluation.transitions[0], evaluation.starts[0][:, :, [alpha]], np.array(reversor)[:, None]
     if slope is not None:
@@ -253,7 +253,7 @@ def _landing_by(
 
 
 def contact_force_row(contact: Phase) -> Affine:
-    """The contact force as a function of the rows of a trajectory in contact: its states, then what is watched."""
+    """The contact force as a function of the rows of a trajectory in contact: its states, then watched quantities."""
     row = (*contact.states, *contact.watch).index(CONTACT_FORCE)
     return Affine((0.0,) * row + (1.0,))
 
@@ -272,7 +272,7 @@ def _contacts(model: Model, u: Mapping, p: Mapping, limits: ndarray):
     found: dict[int, Any] = {i: contact for i, contact in ended if contact.times[-1] < limits[i]}
     rest = np.array(sorted({*range(len(starts))} - found.keys()), int)
     if len(rest) and model.one_speed and flow.smooth and not flow.phase.closed_form:
-        # A contact that never ends takes thousands of steps, so that it is told without keeping them.
+        # A contact that never ends takes thousands of steps, so that it is detected without storing them.
         times, *_ = first_zeros(flow, starts[rest], ps[rest], end[0], limits[rest], end[1])
         found |= dict.fromkeys(rest[~np.isfinite(times)].tolist(), model.violations["end"])
     for i in {*range(len(starts))} - found.keys():

@@ -13,13 +13,13 @@ from ..model.phase import Statement
 
 # A duration stays above this share of its guess: a solver that shrinks it to zero collapses the phase.
 SHORTEST_DURATION = 1e-3
-# A mesh has this many times the steps that its trajectory needs and a few more, so that it serves the neighbours too.
+# A mesh has this many times the steps of its trajectory and a few more, so that it serves neighbouring motions too.
 # The number of steps is a multiple of `STEP_GROUP`, so that graphs are built for few different numbers.
 MESH_RESERVE, SPARE_MESH_STEPS, STEP_GROUP = 1.1, 1, 4
 
 
 def boundary_functions(statement: Statement, parameters: tuple[str, ...]) -> list[tuple[ca.Function, ca.Function]]:
-    """For each arc of a statement, where it starts and which residuals belong to its ends.
+    """For each arc of a statement, its start and the residuals at its ends.
 
     The first function is (u, end of the arc before, p) -> (start, duration). The second is (u, start, end, p, q) ->
     residuals of the guard and of the conditions.
@@ -122,7 +122,7 @@ def _legs(flow: Flow, path: Trajectory, p: np.ndarray) -> tuple[np.ndarray, list
 @dataclass(frozen=True, eq=False)
 class MeshTrajectory:
     """The trajectory of a statement on a mesh, as values for the symbols of a `ShootingMesh` with these `counts`;
-    `sizes` are what counts as one unit of each of the `nodes`."""
+    `sizes` are the units of the `nodes`."""
 
     counts: tuple[int, ...]
     data: np.ndarray
@@ -131,7 +131,7 @@ class MeshTrajectory:
 
 
 def trajectory_on_mesh(statement: Statement, u: dict[str, float], p: dict[str, float]) -> MeshTrajectory:
-    """The trajectory of a statement at unknowns and parameters by name, on a mesh that serves its neighbours too."""
+    """The trajectory of a statement at unknowns and parameters by name, on a mesh that serves neighbouring ones too."""
     counts, data, nodes, sizes = [], [], [], []
     before: list[float] = []
     for arc in statement.arcs:

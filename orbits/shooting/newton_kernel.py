@@ -1,4 +1,4 @@
-"""Newton's method for many points of a curve at once: in each lane the motions, their closing and the steps."""
+"""Newton's method for many points of a curve together: in each lane the motions, the equations at their ends, steps."""
 
 from typing import NamedTuple
 
@@ -15,14 +15,14 @@ from .single_shooting import LAST_STEP, SMALL_STEP, STALLED_RATIO, Evaluation, S
 
 # Newton steps of a corrector that converges, with some to spare.
 MOST_NEWTON_STEPS = 8
-# What a lane is doing: it takes Newton steps, follows the solution to record it, has done so, or has failed.
+# The state of a lane: it takes Newton steps, integrates the solution to record it, has recorded it, or has failed.
 SOLVING, RECORDING, DONE, FAILED = 0, 1, 2, -1
 
 
 class Solutions(NamedTuple):
-    """Which of the points (k,) are solved for, the points X (k, n + 1) that solve the equations, the directions
+    """The indices (k,) of the solved points, the points X (k, n + 1) that solve the equations, the directions
     (k, n + 1) of the curve there, the growths (k,) of a small change over their motions, and the equations there, None
-    where these are not asked for."""
+    where they are not requested."""
 
     which: Array
     xs: Array
@@ -32,14 +32,14 @@ class Solutions(NamedTuple):
 
 
 class NewtonPlaces(NamedTuple):
-    """Where z, what a lane holds between two steps of a motion, holds what beside that motion."""
+    """The places in z, the data of a lane between two steps of a motion, of the entries beside that motion."""
 
     point: slice  # X = (u, value)
     direction: slice  # of the curve there
     last: int  # the size of the last Newton step
     growth: int  # of a small change over the motion
     taken: int  # the number of Newton steps
-    doing: int  # what the lane is doing
+    doing: int  # the state of the lane
     duration: int  # of the motion
 
 
@@ -48,8 +48,8 @@ class NewtonKernel:
     the parameter `along` varies.
 
     Steps of the motion are iterated; where one ends, the next Newton step begins another motion. The argument z is that
-    of the motion, then what `places` says. The data are the row, the level, what is one unit of each component of X,
-    the parameters, the least number of Newton steps, and whether the motion of the solution is asked for.
+    of the motion, then the entries at `places`. The data are the row, the level, the unit of each component of X, the
+    parameters, the least number of Newton steps, and whether the motion of the solution is requested.
     """
 
     def __init__(self, equations: Shooting, along: str):
@@ -66,8 +66,8 @@ class NewtonKernel:
     def __call__(
         self, xs: Array, rows: Array, levels: Array, units: Array, ps: Array, least: int, with_motions: bool
     ) -> Solutions:
-        """The solutions near points xs (m, n + 1) with parameters (m, np) where rows . X = levels, by at least so many
-        Newton steps; the points left out have to be solved for by themselves."""
+        """The solutions near points xs (m, n + 1) with parameters (m, np) where rows . X = levels, by at least `least`
+        Newton steps; the points left out have to be solved one by one."""
         at, motion, control, (states, columns) = self.places, self.motion, self.flow.control, self.seeds.shape
         begin = self.equations.beginnings[0](xs[:, :-1], xs[:, :0], ps)[0][:, :, 0]
         z = np.zeros((len(xs), self.kernel.sizes_in[0]))
@@ -80,8 +80,8 @@ class NewtonKernel:
         owner, begins = np.repeat(np.arange(len(z)), counts), begins_of_steps(steps[:, 0], counts)
         solved[owner[steps[:, 0] <= control.shortest_step * np.maximum(begins, 1.0)]] = False
         if not solved.all():
-            kept = solved[owner]
-            c, before, begins, counts = c[kept], before[kept], begins[kept], counts[solved]
+            of_solved = solved[owner]
+            c, before, begins, counts = c[of_solved], before[of_solved], begins[of_solved], counts[solved]
             z, ps = z[solved], ps[solved]
         xs, directions, growths, ends = z[:, at.point], z[:, at.direction], z[:, at.growth], z[:, motion.state]
         which = np.flatnonzero(solved)
@@ -96,12 +96,12 @@ class NewtonKernel:
         return Solutions(which, xs, directions, growths, evaluation)
 
     def _function(self, motion_function: ca.Function, parameter_seeds: Array) -> ca.Function:
-        """What the kernel iterates."""
+        """The function that the kernel iterates."""
         at, motion, shape = self.places, self.motion, self.seeds.shape
-        given = self.size, 1, self.size, len(self.equations.parameters), 1, 1
-        z, data = ca.MX.sym("z", at.duration + 1), ca.MX.sym("data", sum(given))
+        sizes = self.size, 1, self.size, len(self.equations.parameters), 1, 1
+        z, data = ca.MX.sym("z", at.duration + 1), ca.MX.sym("data", sum(sizes))
         x, doing = z[at.point], z[at.doing]
-        row, level, unit, p, *options = ca.vertsplit(data, np.cumsum([0, *given]).tolist())
+        row, level, unit, p, *options = ca.vertsplit(data, np.cumsum([0, *sizes]).tolist())
         parameters = ca.vertsplit(p)
 
         def parameters_at(point: ca.MX) -> ca.MX:
@@ -116,7 +116,7 @@ class NewtonKernel:
         does = ca.if_else(solves, does, ca.if_else(ended, DONE, doing))
         known = ca.if_else(solves, found, z[at.point.start : at.doing])
         restarts = ca.logic_and(solves, ca.logic_or(does == SOLVING, does == RECORDING))
-        x = known[: self.size]  # known are the places from the point up to what the lane is doing
+        x = known[: self.size]  # known are the places from the point up to the state of the lane
         begin = self.equations.ends[0][0].function(x[:-1], ca.MX(0, 1), parameters_at(x))[0]
         start = ca.vertcat(begin[:-1], ca.vec(ca.DM(self.seeds)), begin[-1], LONGEST_STEP)
         duration = ca.if_else(restarts, begin[-1], z[at.duration])
@@ -127,7 +127,7 @@ class NewtonKernel:
 
     def _newton(self) -> ca.Function:
         """(X, parameters, end of the motion, its transition, row, level, unit, size of the last Newton step, number of
-        steps, the least, whether its motion is asked for) -> what z holds then, and what the lane does next."""
+        steps, the least, whether its motion is requested) -> the new entries of z, and the next state of the lane."""
         closing = self.equations.closing((self.along,)).function
         x, row, unit = (ca.SX.sym(name, self.size) for name in ("x", "row", "unit"))
         p, end, transition, _, q, slopes = (ca.SX.sym("a", *closing.size_in(i)) for i in range(1, 7))
@@ -158,5 +158,5 @@ def _solved(system: ca.SX) -> ca.SX:
     return ca.vertcat(*[row[n:] / row[j] for j, row in enumerate(rows)])
 
 
-# The kernel of a statement's equations and a parameter, kept for the next call with the same.
+# The kernel of a statement's equations and a parameter, cached for the next call with the same arguments.
 newton_kernel = kept(NewtonKernel)

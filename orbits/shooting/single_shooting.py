@@ -26,12 +26,12 @@ LAST_STEP = 1e-8
 # A relative step below the first number that shrinks by no more than the second is rounding. Newton steps towards a
 # distant solution, in a motion that amplifies small changes, shrink by a half each, which is why the ratio is larger.
 SMALL_STEP, STALLED_RATIO = 1e-9, 0.7
-# Unknowns smaller than this are measured in units of it, since a relative step means nothing at 0.
+# Unknowns smaller than this are measured in this unit, since a relative step has no meaning at 0.
 SMALLEST_UNIT = 1e-3
 # A step leaves at least this share of a duration, so that no arc collapses.
 DURATION_LEFT = 0.2
-# An accepted step reduces the residual to this share, but for residuals below the second number, beside the unknowns:
-# there the full steps converge. A step is halved at most so often.
+# An accepted step reduces the residual to this share, except for residuals below the second number, relative to the
+# unknowns: there the full steps converge. The third number is the largest number of halvings of a step.
 REDUCTION, SMALL_RESIDUAL, MOST_STEP_HALVINGS = 0.9, 1e-6, 12
 
 
@@ -43,7 +43,7 @@ class Evaluation:
     jacobian : (n, n + k), with respect to the unknowns and to the k varied parameters
     trajectories : one `Trajectory`, of m points one `Trajectories`, per arc, with its sensitivities to its start and to
         the varied parameters
-    transitions : derivatives (states, states + k) of each arc's end at fixed duration, by the same
+    transitions : derivatives (states, states + k) of each arc's end at fixed duration, by its start and the parameters
     starts : derivatives (states + k, n + k) of the same, by the unknowns and the varied parameters
     residual_by_end : derivatives (rows, states) of the residuals that belong to each arc by its end
     """
@@ -69,7 +69,7 @@ class Evaluation:
 
 
 def joined(evaluations: Sequence[Evaluation]) -> Evaluation:
-    """One evaluation at the points of several."""
+    """One evaluation at the points of several evaluations."""
     if len(evaluations) == 1:
         return evaluations[0]
     combined: dict[str, Any] = {}
@@ -165,7 +165,7 @@ class Shooting:
         end, the data of the piece where it starts and their derivatives by p) -> residual, jacobian, and for each arc
         the derivatives of its start and those of the residuals by its end."""
         n, k = self.size, len(vary)
-        # Derivatives that nothing needs are left out, since some are not numbers (r**n by n where r < 0).
+        # Unneeded derivatives are left out, since some are not numbers (r**n by n where r < 0).
         du, dp, dvaried = (ca.sparsify(ca.DM(each)) for each in self.seeds(vary)[:3])
         u, p, before, dbefore = ca.SX.sym("u", n), ca.SX.sym("p", len(self.parameters)), ca.SX(0, 1), ca.SX(0, n + k)
         arguments, residuals, jacobians, results = [u, p], [], [], []
@@ -212,11 +212,11 @@ class Shooting:
             except NoOrbit:
                 if size > SMALL_STEP:
                     raise
-                return us[0] + step, self.evaluate_all(us + step, ps)  # what is left of the residual is rounding
+                return us[0] + step, self.evaluate_all(us + step, ps)  # the remaining residual is rounding
         raise NoOrbit(f"the {self.statement.name} equations did not converge (last relative step {size:.1e})")
 
     def _damped(self, us, ps, step, evaluation: Evaluation) -> tuple[np.ndarray, Evaluation]:
-        """The point (1, n) that a step leads to, halved until the residual shrinks, and the equations there."""
+        """The point (1, n) after a Newton step, halved until the residual shrinks, and the equations there."""
         size, durations = np.linalg.norm(evaluation.residual), self.durations
         accepted = max(REDUCTION * size, SMALL_RESIDUAL * (1 + np.abs(us).max()))
         for _ in range(MOST_STEP_HALVINGS):
@@ -238,10 +238,10 @@ class Shooting:
         """
         problem = MultipleShooting(self, np.asarray(u, float), p)
         solution = solve_equations(problem.unknowns, problem.equations, problem.guess, problem.lower, problem.scale)
-        return self.newton(solution[: self.size], p)  # Ipopt ends at its tolerance, this at rounding
+        return self.newton(solution[: self.size], p)  # Ipopt ends at its tolerance, Newton's method at rounding
 
 
-# The equations of a statement, kept for the next call with the same statement.
+# The equations of a statement, cached for the next call with the same statement.
 shooting_equations = kept(Shooting)
 
 

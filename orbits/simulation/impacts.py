@@ -1,9 +1,9 @@
 """Impacts of a machine in flight, and the sustained contact that may follow.
 
 An impact of restitution e turns the speed s of the gap into -e s. With e = 0 the machine stays in contact where the
-contact force presses, and leaves at once where the contact would have to pull. A contact ends where its force vanishes.
-For most springs that happens on the launch set. A spring whose force does not rise all the way may also let go
-elsewhere, or at the extension of a launch while it moves down.
+contact force presses, and leaves immediately where the contact would have to pull. A contact ends where its force
+vanishes. For most springs that happens on the launch set. With a spring whose force is not monotonic, the contact may
+also end elsewhere, or at the extension of a launch while the machine moves down.
 """
 
 from collections.abc import Callable, Mapping
@@ -28,7 +28,7 @@ from ..shooting.formulations import contact_force_row, vector
 from ..symbolic.calls import ElementwiseFunction
 from ..units import LIFTOFF_SPEED, Message, Quantity
 
-# How a hop ends other than by "lifts_off" (of a map) and "done" (of a simulation).
+# The endings of a hop other than "lifts_off" (of a map) and "done" (of a simulation).
 STATUSES = {
     "rests": "the contact never ends, or the launch speed with the injection is not above 0",
     "leaves_elsewhere": "the contact ends where no launch does: a simulation flies on from there, a map has no next",
@@ -43,15 +43,15 @@ STATUSES = {
 }
 STATUS = f"<U{max(map(len, STATUSES))}"  # the type of arrays of statuses
 FASTEST_LAUNCH = 1e15  # a launch speed beyond this has no digits left for the motion between two impacts
-# With restitutions from here on the end of many bounces is compared with that of another launch, which is faster by a
-# share beyond the roundings of a flight. States that differ by a larger share than the last belong to other motions.
+# From this restitution on, the end of many bounces is compared with that of a neighbouring launch, faster by a relative
+# difference beyond the roundings of a flight. States with a relative difference above the last belong to other motions.
 MANY_BOUNCES, NEIGHBOUR, PARTED = 0.5, 1e-14, 1e-4
-CAP = 10_000  # a hop is given up after this many impacts
+CAP = 10_000  # a hop is abandoned after this many impacts
 LIFTOFF_ORDER = 3  # order of the gap's zero at a lift-off
 TURNS = 3  # after this many zeros of its speed a contact never ends, see `ContactEnd`
-# A landing in closed form is searched from so many reciprocals of the frequency before it may come.
+# A landing in closed form is searched from this many reciprocals of the frequency before it may occur.
 BEFORE_LANDING = 0.01
-# A contact whose rates are all below this is at rest. An overdamped contact gets there without turning.
+# A contact whose rates are all below this is at rest. An overdamped contact reaches rest without turning.
 STILL_RATE = 1e-12
 SAME_LIFTOFF = 1e-12  # extensions at lift-off that differ by a smaller share are rounding
 
@@ -62,7 +62,7 @@ class ImpactOptions:
 
     longest_flight: float = 1e4  # a flight that lasts longer, in its ballistic times, does not end
     longest_contact: float = 1e6  # a contact that lasts longer, which grows as sqrt(mass ratio), does not end
-    batch_contact: float = 1e3  # contacts are followed as a batch up to this time, what has not ended then one by one
+    batch_contact: float = 1e3  # contacts are integrated as a batch up to this time, unfinished ones then one by one
     # Bounces are summed as a geometric series once the pressing acceleration changes by less than this share while they
     # last. Their effect on the rest of the motion is of third order in that time.
     summed_change: float = 1e-8
@@ -76,11 +76,11 @@ class ImpactOptions:
 class ContactEnd:
     """A `stop` of the contact's flow: at lift-off, or as soon as it is known that lift-off never comes.
 
-    speed : the coordinate of the contact that is its speed; None where rest is not looked for
+    speed : the coordinate of the contact that is its speed; None where rest is not searched
     outcome : "lifts_off", "rests", or None while the contact lasts
 
     Trajectories of one coordinate do not cross in the phase plane. Once the speed has changed its sign three times,
-    what follows stays, with damping or without, inside what the contact has passed, and it never ends.
+    the rest of the trajectory, with damping or without, stays inside the part passed so far, and it never ends.
     """
 
     def __init__(self, contact: Flow, speed: Affine | None):
@@ -107,14 +107,14 @@ class ContactEnd:
 class Impacts:
     """The impacts and contacts of a machine with its restitution, at its own parameters or at other `values` of them.
 
-    bounce_order : order of the gap's zero where the machine leaves at once after an impact
+    bounce_order : order of the gap's zero where the machine leaves immediately after an impact
     flight, contact : the flows of the two phases
     gap : the gap as a function of the flight state
     contact_force, force_index : the contact force as a function of the rows of the contact's motion, and its place
         among the quantities that the contact watches
     onto_contact : matrix (k, n) from flight states with closed gap to contact states
 
-    Raises `InputError` for what is no machine with a restitution.
+    Raises `InputError` for anything but a machine with a restitution.
     """
 
     def __init__(self, machine: Machine, values: Mapping | None = None, options: ImpactOptions | None = None):
@@ -141,8 +141,8 @@ class Impacts:
         return first_zeros(self.flight, x, self.p, self.gap, limit, order, ahead=ahead)
 
     def landing(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """The effect of impacts at flight states (m, n) with closed gap: whether (m,) sustained contact follows, at
-        once or after infinitely many bounces; the states (m, n) after the impact, which move away where the machine
+        """The effect of impacts at flight states (m, n) with closed gap: whether (m,) sustained contact follows,
+        immediately or after infinitely many bounces; the states (m, n) after the impact, which move away where it
         bounces; the loss of energy (m,); and the time (m,) that infinitely many bounces take."""
         e, speed, direction = self.restitution, x @ self.gap_speed, self.direction(x)
         stuck = x - speed[:, None] * direction
@@ -171,7 +171,7 @@ class Impacts:
 
     @cached_property
     def change_after(self) -> ca.Function:
-        """(flight state, a small change of it, how many times its gap speed an impact takes away) -> the change after
+        """(flight state, a small change of it, the multiple of its gap speed that impacts remove) -> the change after
         the impact, whose direction may depend on where it happens."""
         x, change, factor = self.flight.vector_field.x, ca.SX.sym("change", self.flight.size), ca.SX.sym("factor")
         direction = ca.vertcat(*self.model.impact(ca.vertsplit(x), self.values))
@@ -190,19 +190,19 @@ class Impacts:
         return (jerk > 0) | ((jerk == 0) & (snap > 0))
 
     def longest_flight(self, x: np.ndarray) -> np.ndarray:
-        """The time () or (m,) after which a flight from states (n,) or (m, n) is said not to end."""
+        """The time () or (m,) after which a flight from states (n,) or (m, n) counts as endless."""
         # NumPy takes nine times as long along the short axis.
         return self.options.longest_flight * (1 + np.abs(x.T.copy()).max(0))
 
     def longest_contact(self, y: np.ndarray) -> float:
-        """The time after which a contact from a state (k,) is said not to end."""
+        """The time after which a contact from a state (k,) counts as endless."""
         return float(self.options.longest_contact * (1 + np.abs(y).max()))
 
     def sustained_contact(self, y: np.ndarray, left: float = np.inf) -> tuple[Trajectory | None, str | None, str]:
         """Follow the contact from a state (k,) for at most the time `left`: its motion, its outcome and the reason.
 
-        The outcome is "lifts_off", a status, or None when the time is up; that it rests is only looked for when the
-        time is not limited. The motion is None where it could not be followed.
+        The outcome is "lifts_off", a status, or None at the end of the time; rest is only searched when the time is not
+        limited. The motion is None where it could not be integrated.
         """
         endless = left == np.inf
         limit = self.longest_contact(y) if endless else left
@@ -232,7 +232,7 @@ class Impacts:
         return outcome, ends
 
     def liftoff(self, ys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Speeds (m,) of contact states (m, k) whose force vanishes, and whether (m,) each is the launch so fast."""
+        """Speeds (m,) of contact states (m, k) whose force vanishes, and whether (m,) each is the launch with it."""
         speed, x = self.model.contact_speed(ys), ys @ self.model.embed.T
         if not self.model.one_speed:
             return speed, np.zeros(len(ys), bool)
@@ -281,7 +281,7 @@ class Impacts:
 
     @cached_property
     def one_liftoff(self) -> bool:
-        """Whether the energy at lift-off tells the launch speed: it is conserved, and all launches have one
+        """Whether the energy at lift-off determines the launch speed: it is conserved, and all launches have the same
         configuration."""
         if not self.model.conservative:
             return False
@@ -290,7 +290,7 @@ class Impacts:
 
     @cached_property
     def launch_inertia(self) -> float:
-        """Twice the part of the energy at launch that its speed makes, over the square of that; for an inertia that
+        """Twice the part of the energy at launch due to its speed, over the square of the speed; for an inertia that
         varies, at the configuration of the launch with speed 1, which is that of all where there is `one_liftoff`."""
         (liftoff,) = self.model.release(np.ones(1), self.values)
         launch = np.array(self.model.launch({"liftoff": liftoff, "alpha": 1.0 + 1e-30j}, self.values), dtype=complex)
@@ -302,12 +302,12 @@ class Impacts:
 
 
 def decided_impacts(impacts: Impacts, alpha: np.ndarray, cap: int) -> tuple[np.ndarray, ...]:
-    """The impacts of hops with launch speeds (m,), of which each is given up after `cap`.
+    """The impacts of hops with launch speeds (m,); each hop is abandoned after `cap` impacts.
 
     Returns the losses (m,) of the launch speed's square, the numbers (m,) of impacts, the statuses (m,), and the
     contact states (m, k) where sustained contact begins, with the status "lifts_off". The status is "undecided" where
-    another launch, faster by some roundings, comes to another motion after many bounces. It is not where the energy
-    that is left by then is too little for any launch, so that the machine rests in any case.
+    another launch, faster by some roundings, leads to another motion after many bounces. It is not "undecided" where
+    the remaining energy is too little for any launch, so that the machine rests in any case.
     """
     if impacts.restitution < MANY_BOUNCES:
         return _flights_and_impacts(impacts, alpha, cap)
@@ -328,7 +328,7 @@ def decided_impacts(impacts: Impacts, alpha: np.ndarray, cap: int) -> tuple[np.n
 
 def _flights_and_impacts(impacts: Impacts, alpha, cap: int, watch: Callable | None = None):
     """Losses, numbers of impacts, statuses (m,) and contact states (m, k) up to sustained contact ("lifts_off");
-    `watch` is called after every impact with the states (m, n), kept in contact, and the losses so far (m,)."""
+    `watch` is called after every impact with the states (m, n), constant in contact, and the losses so far (m,)."""
     m = len(alpha)
     loss, counts, status = np.zeros(m), np.zeros(m, int), np.full(m, "no_launch", dtype=STATUS)
     state, standing = impacts.launch(np.minimum(alpha, FASTEST_LAUNCH)), np.zeros((m, impacts.contact.size))
@@ -359,7 +359,7 @@ def _flights_and_impacts(impacts: Impacts, alpha, cap: int, watch: Callable | No
 
 
 def status_of_failure(error: FlowError, phase: str) -> str:
-    """The status of a machine whose flight or contact could not be followed to its end."""
+    """The status of a machine whose flight or contact could not be integrated to its end."""
     if isinstance(error, OutOfRange):
         return "out_of_range"
     if isinstance(error, RunsAway) and phase == "flight":
@@ -368,13 +368,13 @@ def status_of_failure(error: FlowError, phase: str) -> str:
 
 
 def no_launch(alpha: float) -> Message:
-    """Why a machine does not leave the ground at a launch speed."""
+    """The reason why a machine does not leave the ground at a launch speed."""
     text = "alpha = {alpha:g} is no launch: the damper is too strong for the contact to open"
     return Message(text, alpha=Quantity(alpha, LIFTOFF_SPEED))
 
 
 def injected(inject: object, unit: float = 1.0) -> float:
-    """What is added to launch speeds, checked; launch speeds are in this unit."""
+    """The checked addition to launch speeds, which are in this unit."""
     if abs(number := finite_number("inject", inject)) > FASTEST_LAUNCH * unit:
         raise InputError(f"inject = {number:g}; it is at most {FASTEST_LAUNCH * unit:g}, as a launch speed is")
     return number

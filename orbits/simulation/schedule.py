@@ -29,16 +29,16 @@ class Schedule:
         self.columns = np.array(rows, dtype=float).reshape(len(rows), whole).T  # (k + 2, np)
 
     def __call__(self, now: float) -> tuple[np.ndarray, float]:
-        """The parameters (np,) that hold from a time on, and the time until which they hold."""
+        """The parameters (np,) in force from a time on, and the time until which they are in force."""
         index = int(np.searchsorted(self.times, now + SIMULTANEOUS * (1.0 + now), side="right"))
         return self.columns[index], float(self.times[index]) if index < len(self.times) else np.inf
 
 
 def parsed_schedule(schedule: Any) -> Inputs:
-    """A schedule as arrays; raises `InputError` where it is none."""
+    """A schedule as arrays; raises `InputError` for an invalid schedule."""
     try:
-        given, changes = schedule
-        times = np.asarray(given, dtype=float)
+        instants, changes = schedule
+        times = np.asarray(instants, dtype=float)
         inputs = {name: np.asarray(values, dtype=float) for name, values in changes.items()}
     except (TypeError, ValueError, AttributeError):
         times, inputs = np.zeros(()), {}
@@ -53,7 +53,7 @@ def parsed_schedule(schedule: Any) -> Inputs:
 
 
 def check_scheduled(inputs: Inputs, names: Sequence[str]) -> None:
-    """Raise `InputError` where a schedule changes what is none of the parameters that may be."""
+    """Raise `InputError` where a schedule changes anything but the parameters that may be scheduled."""
     if unknown := [name for name in inputs[1] if name not in names]:
         there = f"there are {', '.join(names)}" if names else "this machine has none that may change in time"
         raise InputError(f"schedule: the machine has no parameter '{unknown[0]}', or it sets the units; {there}")

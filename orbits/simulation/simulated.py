@@ -162,13 +162,13 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
             yield Row(each.kind, values, ("{:.9g}", "{:.9g}", "{:.6g}"))
 
     def summary(self) -> dict[str, Any]:
-        """How it ended and its launch speeds, and the numbers of the events."""
+        """The status, the launch speeds, and the numbers of the events."""
         ended = {"status": self.status, "reason": self.reason, "end": self.end}
         launches = {f"launch {i}": speed for i, speed in enumerate(known(self.launches))}
         return {**ended, "smallest_separation": self.smallest_separation, **launches, **super().summary()}
 
     def _notes(self) -> list[str]:
-        """What is to be said of the whole."""
+        """The notes on the whole motion."""
         speed, second, metre = (f" {self.unit_of(n)}".rstrip() for n in ("launches", "end", "smallest_separation"))
         speeds, why = ", ".join(f"{alpha:.10g}" for alpha in self.launches), f": {self.reason}" if self.reason else ""
         notes = [f"launch speeds {speeds}{speed}", f"{self.status} at time {self.end:.9g}{second}{why}"]
@@ -201,12 +201,12 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
 
 
 def index_of_legs(legs: Sequence[Leg], t: np.ndarray) -> np.ndarray:
-    """Which of the legs (...) a motion is on at times (...); where two meet, the later one."""
+    """The indices (...) of the legs of a motion at times (...); where two meet, that of the later one."""
     return np.clip(np.searchsorted([leg.start for leg in legs], t, side="right") - 1, 0, None)
 
 
 def times_within(t: ArrayLike, end: float, second: str = "") -> np.ndarray:
-    """Times (...) that lie between 0 and the end of a motion; raises `InputError` for others and for what is no number.
+    """Times (...) that lie between 0 and the end of a motion; raises `InputError` for any others.
 
     second : the unit of time in the message
     """

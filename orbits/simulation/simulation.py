@@ -83,7 +83,7 @@ def simulate(
 
 
 def _checked_state(machine: Machine, state: ArrayLike) -> np.ndarray:
-    """A flight state (n,); raises `InputError` where it is none."""
+    """A flight state (n,); raises `InputError` for an invalid one."""
     names = machine.model.flight.states
     with suppress(TypeError, ValueError):
         x = np.array(state, dtype=float)
@@ -93,12 +93,12 @@ def _checked_state(machine: Machine, state: ArrayLike) -> np.ndarray:
 
 
 def _state_without(state: np.ndarray | None, machine: Any) -> np.ndarray | None:
-    """A flight state (n,) of a machine with units without them."""
+    """A flight state (n,) of a machine with units, made dimensionless."""
     return None if state is None else state / machine.units.of_states(machine.model.flight.states)
 
 
 def _inputs_without(inputs: Inputs | None, machine: Any) -> Inputs | None:
-    """A schedule's inputs for a machine with units without them."""
+    """A schedule's inputs for a machine with units, made dimensionless."""
     if inputs is None:
         return None
     check_scheduled(inputs, [*machine.scheduled])
@@ -112,7 +112,7 @@ def _simulated(
     machine: Machine, alpha: Any, state: np.ndarray | None, hops: int | None, time: float, inject: float, cap: int,
     inputs: Inputs | None,
 ) -> Simulation:  # fmt: skip
-    """The simulation of a machine, by checked arguments."""
+    """The simulation of a machine, from checked arguments."""
     impacts = Impacts(machine)
     if inject != 0 and not impacts.model.one_speed:
         name = impacts.model.name
@@ -147,7 +147,7 @@ def _initial_state(impacts: Impacts, p, alpha, state) -> tuple[np.ndarray, float
 
 
 def _launch_state(impacts: Impacts, launch) -> tuple[np.ndarray, float]:
-    """The flight state (1, n) of a launch, given by its speed or by its unknowns, and its speed."""
+    """The flight state (1, n) of a launch, which is stated by its speed or by its unknowns; and its speed."""
     names = impacts.model.launch_unknowns
     if isinstance(launch, Mapping):
         if unknown := sorted(set(names) ^ launch.keys()):
@@ -214,7 +214,7 @@ class _Run:
         return ("cap" if self.impact_count >= self.cap else None), after, False
 
     def undecided(self) -> bool:
-        """Whether rounding decides how the hop ends that has just landed, as the map tells of hops from launches."""
+        """Whether rounding decides how the hop ends that has just landed, by the test of the map for hops."""
         impacts, alpha = self.impacts, np.array(self.launches[-1:])
         if impacts.restitution < MANY_BOUNCES or not (alpha > 0).any() or not impacts.model.one_speed:
             return False
@@ -257,19 +257,19 @@ class _Run:
         return ("done" if self.liftoff_count == self.hops else None), after
 
     def order_of_liftoff(self, x) -> int:
-        """The order of the gap's zero in a state of lift-off: 2 where new inputs pull at once, else `LIFTOFF_ORDER`."""
+        """The order of the gap's zero at lift-off: 2 where new inputs pull immediately, else `LIFTOFF_ORDER`."""
         pulls = len(self.inputs.times) > 0 and self.impacts.pressing(x[None])[0] < -TOUCHING * (1 + np.abs(x).max())
         return 2 if pulls else LIFTOFF_ORDER
 
     def update_parameters(self) -> float:
-        """Take the parameters that the schedule sets now; returns the time until which they hold."""
+        """Use the parameters that the schedule sets now; returns the time until which they are in force."""
         p, until = self.inputs(self.now)
         if (p != self.impacts.p).any():
             self.impacts = Impacts(self.impacts.machine, dict(zip(self.impacts.values, p.tolist(), strict=True)))
         return until
 
     def add_leg(self, phase: str, path: Trajectory, status: str | None, until: float | None = None) -> str | None:
-        """Keep a leg, which ends at `until` if that is given; returns "done" if the time is up, else `status`."""
+        """Store a leg, which ends at `until` if not None; returns "done" at the end of the time, else `status`."""
         self.legs.append(Leg(phase, self.now, path))
         lasted = float(path.times[-1])
         over = until is None and (lasted >= self.time - self.now or self.now + lasted >= self.time)
@@ -277,5 +277,5 @@ class _Run:
         return "done" if over else status
 
     def add_event(self, kind: str, before, after, loss: float, wait: float = 0.0):
-        """Keep an event that happens `wait` after the end of the last leg."""
+        """Store an event that happens `wait` after the end of the last leg."""
         self.events.append(ContactEvent(kind, self.now + wait, before, after, self.impacts.energy(before), loss))

@@ -1,4 +1,4 @@
-"""Designs of experiments: the values of the parameters at which a sweep asks for orbits."""
+"""Designs of experiments: the values of the parameters at which a sweep computes orbits."""
 
 import csv
 from ast import literal_eval
@@ -13,17 +13,17 @@ from ..errors import InputError, finite_number, whole_number
 from ..io import MEGABYTE, read_file
 
 SAMPLINGS = ("grid", "sobol", "lhs", "random")
-# Members of a sweep at most: their columns in memory take some hundred bytes each.
+# Largest number of members of a sweep: their columns in memory take some hundred bytes each.
 MOST_MEMBERS = 10_000_000
-# A table's column whose values have so large a ratio spans decades.
+# A table's column spans decades from this ratio of its largest to its smallest value on.
 DECADES = 100.0
-# A table of designs that is larger is refused before it is read.
+# A table of designs larger than this is refused before it is read.
 LARGEST_TABLE = 1024 * MEGABYTE
 
 
 @dataclass(frozen=True)
 class Axis:
-    """What is asked of one parameter: a list of `values`, a frozen `distribution` of `scipy.stats`, or a range."""
+    """The values of one parameter: a list of `values`, a frozen `distribution` of `scipy.stats`, or a range."""
 
     values: tuple[float, ...] = ()
     distribution: Any = None
@@ -33,14 +33,14 @@ class Axis:
 
     @property
     def stated(self) -> list[Any]:
-        """What was asked, as JSON-ready data."""
+        """The list, the distribution or the range, as JSON-ready data."""
         if self.distribution is not None:
             return [self.distribution.dist.name, *map(repr, (self.distribution.args, self.distribution.kwds))]
         return list(self.values) or [self.low, self.high, *(["log"] if self.logarithmic else [])]
 
     @property
     def kind(self) -> str:
-        """What `stated` states."""
+        """The kind of data in `stated`."""
         return "distribution" if self.distribution is not None else "values" if self.values else "range"
 
     @classmethod
@@ -72,7 +72,7 @@ class Members:
 
     values : (m, number of names)
     shape : the numbers of values along each parameter, whose product is m, for a grid; None for any other design
-    axes : what was asked of each parameter; empty for a table
+    axes : the axis of each parameter; empty for a table
     drawn : how they were drawn, in words
     """
 
@@ -87,7 +87,7 @@ class Members:
 
     @property
     def logarithmic(self) -> list[str]:
-        """The names of the parameters that are asked for over decades, or that a table has over decades."""
+        """The names of the parameters with a logarithmic range, or whose column in a table spans decades."""
         if self.axes:
             return [name for name, axis in zip(self.names, self.axes, strict=True) if axis.logarithmic]
         low, high = self.values.min(axis=0), self.values.max(axis=0)
@@ -103,7 +103,7 @@ def members_of(
 ) -> Members:
     """The members of a sweep over some of the parameters `allowed`; the others as in `sweep`.
 
-    Raises `InputError` that names what cannot be meant.
+    Raises `InputError` that names the invalid argument.
     """
     table = samples is not None and not isinstance(samples, int | np.integer | float | tuple)
     if table:
@@ -164,7 +164,7 @@ def _grid(axes: Mapping[str, Axis], samples: Any) -> Members:
             columns.append(np.array(axis.values))
             continue
         count = whole_number("samples", count, f"values of '{name}' on the grid", most=MOST_MEMBERS)
-        # The ends of a distribution may be infinite, so that its values lie in the middle of equal shares.
+        # The ends of a distribution may be infinite; its values then lie at the midpoints of equal shares.
         shares = np.linspace(0, 1, count) if np.isfinite(axis.at(np.array([0.0, 1.0]))).all() else None
         columns.append(axis.at((np.arange(count) + 0.5) / count if shares is None or count == 1 else shares))
     shape = tuple(map(len, columns))
@@ -186,7 +186,7 @@ def _shares(sampling: str, count: int, dimensions: int, seed: int) -> np.ndarray
         return np.random.default_rng(seed).random((count, dimensions))
     if sampling == "lhs":
         return qmc.LatinHypercube(dimensions, seed=seed).random(count)
-    # Sobol's sequence is drawn by powers of two, of which the first points are taken.
+    # Sobol's sequence is drawn up to the next power of two, and its first points are taken.
     return qmc.Sobol(dimensions, seed=seed).random_base2((count - 1).bit_length())[:count]
 
 
@@ -251,15 +251,15 @@ def _text_lines(file: BinaryIO) -> Iterator[str]:
 
 
 def as_numbers(name: str, column: Iterable[Any], table: str = "samples") -> np.ndarray:
-    """A column of a table as numbers (m,); raises `InputError` with the first that is none."""
-    given = column if isinstance(column, np.ndarray) and column.dtype.kind == "f" else list(column)
+    """A column of a table as numbers (m,); raises `InputError` with the first value that is not a finite number."""
+    entries = column if isinstance(column, np.ndarray) and column.dtype.kind == "f" else list(column)
     try:
-        values = np.array([np.nan if isinstance(value, bool) else float(value) for value in given])
+        values = np.array([np.nan if isinstance(value, bool) else float(value) for value in entries])
     except (TypeError, ValueError):
-        values = np.array([_as_number(value) for value in given])
+        values = np.array([_as_number(value) for value in entries])
     if not np.isfinite(values).all():
         row = int(np.argmin(np.isfinite(values)))
-        raise InputError(f"{table}: row {row + 1} of column '{name}' is {given[row]!r}, which is no finite number")
+        raise InputError(f"{table}: row {row + 1} of column '{name}' is {entries[row]!r}, which is no finite number")
     return values
 
 

@@ -26,12 +26,12 @@ from .question import CHUNK, Question, Table
 MOST_CRASHES = 3
 # Chunks that wait at every worker, so that none is idle.
 QUEUED = 2
-# The number of an executor's workers where it does not tell it.
+# The number of workers assumed for an executor that does not state it.
 MANY_WORKERS = 16
-# Seconds between looks for an interrupt while workers compute.
-LOOK = 0.5
-# Options of the C library's `mallopt` and the bytes that a worker keeps at hand; see `_keep_memory`.
-KEPT = {-1: 16 * MEGABYTE, -3: 4 * MEGABYTE}  # M_TRIM_THRESHOLD, M_MMAP_THRESHOLD
+# Seconds between checks for an interrupt while workers compute.
+CHECK_INTERVAL = 0.5
+# Options of the C library's `mallopt` with their thresholds in bytes; see `_retain_freed_memory`.
+MALLOC_THRESHOLDS = {-1: 16 * MEGABYTE, -3: 4 * MEGABYTE}  # M_TRIM_THRESHOLD, M_MMAP_THRESHOLD
 
 
 class Chunk(NamedTuple):
@@ -49,7 +49,7 @@ def chunks_of(question: Question, done: np.ndarray) -> list[Chunk]:
 
 
 def check_executor(executor: Any, workers: int | None) -> None:
-    """Raise `InputError` for what is no executor, or no number of workers of one."""
+    """Raise `InputError` for an invalid executor, or an invalid number of its workers."""
     if executor is None and workers not in (None, 1):
         raise InputError(f"workers = {workers}: they are processes, with executor='processes'")
     if executor not in (None, "processes") and not hasattr(executor, "submit"):
@@ -59,7 +59,7 @@ def check_executor(executor: Any, workers: int | None) -> None:
 
 
 def solved_chunks(question: Question, chunks: list[Chunk], executor: Any, workers: int | None) -> Iterator[Table]:
-    """The answers of the chunks as they come.
+    """The results of the chunks, each as soon as it is solved.
 
     executor : None for this process, "processes" for `workers` processes of this machine (None: one for each core), or
         an executor of `concurrent.futures`, such as Dask's `Client.get_executor()`
@@ -69,10 +69,10 @@ def solved_chunks(question: Question, chunks: list[Chunk], executor: Any, worker
             interrupts.heed()
             yield solve_chunk(question, chunk.members, question.values_of(chunk.members))
         return
-    # Every call has the parameters of its own members; with those of all, a million of them would be sent every time.
+    # Every call sends the parameters of its own members only: a sweep may have a million members.
     members = replace(question.members, values=question.members.values[:0], axes=())
     payload = _pickled(replace(question, members=members), executor)
-    with _Processes(workers) if executor == "processes" else _Given(executor, workers) as pool:
+    with _Processes(workers) if executor == "processes" else _UserExecutor(executor, workers) as pool:
         yield from _solved_by(pool, payload, question, chunks)
 
 
@@ -98,28 +98,28 @@ _last: tuple[bytes, Question] | None = None
 
 
 def _unpickled(payload: bytes) -> Question:
-    """The question of a payload, kept for the next chunk, since all of them have the same."""
+    """The question of a payload, cached for the next chunk, since all chunks have the same question."""
     global _last
     if _last is None or _last[0] != payload:
-        _keep_memory()
+        _retain_freed_memory()
         _last = payload, pickle.loads(payload)
     return _last[1]
 
 
-def _keep_memory() -> None:
-    """Let the C library keep some freed memory for the next arrays. Dask tells it in its workers to give everything
-    back at once, and to ask for it again took a quarter of their time."""
+def _retain_freed_memory() -> None:
+    """Let the C library retain some freed memory for the next arrays. Dask configures it in its workers to return all
+    memory to the system immediately, and to allocate it again took a quarter of their time."""
     try:
         mallopt = ctypes.CDLL(None).mallopt
     except (AttributeError, OSError, TypeError):
         return  # another C library
-    for option, size in KEPT.items():
+    for option, size in MALLOC_THRESHOLDS.items():
         mallopt(option, size)
 
 
 def _begin_worker(alive: Any) -> None:
-    """What a process of the pool does first: leave interrupts to the process that sweeps, and end as soon as that one
-    closes its end of the pipe `alive`, also by its death, which would leave the worker waiting for ever."""
+    """Initialise a process of the pool: it leaves interrupts to the sweeping process, and ends as soon as that process
+    closes its end of the pipe `alive`, also by its death, after which the worker would otherwise wait for ever."""
 
     def watch() -> None:
         alive.poll(None)
@@ -130,9 +130,9 @@ def _begin_worker(alive: Any) -> None:
 
 
 class _Processes:
-    """A pool of processes that is made anew where one of them has died, since with one all calls fail."""
+    """A pool of processes that is replaced when one of them has died, since all calls then fail."""
 
-    one_fate = True
+    all_calls_fail = True
 
     def __init__(self, workers: int | None):
         # A server that imports the toolkit once gives processes faster than new interpreters, and, unlike a fork of
@@ -179,9 +179,9 @@ class _Processes:
         """A call in one of the processes."""
         return self.pool.submit(*call)
 
-    def look_after(self) -> None:
-        """End the pool where a process has died that it does not tell of: it waits for the rest of a result for ever
-        when the process has died in the middle of sending it."""
+    def end_if_stuck(self) -> None:
+        """End the pool if a process has died and the pool does not report it: it waits for ever for the rest of a
+        result when the process has died in the middle of sending it."""
         if not all(process.is_alive() for process in self._workers()):
             self._end()
 
@@ -189,10 +189,10 @@ class _Processes:
         return list((self.pool._processes or {}).values())
 
     def _end(self) -> None:
-        """Kill the processes, and take the pool's own end of the pipe of results from it, so that it sees their end.
+        """Kill the processes, and close the pool's own end of the pipe of results, so that it detects their end.
 
-        These members of the pool are private. Before Python 3.14 it has no public way to kill its workers, and none to
-        give up a result of which a part has come.
+        These attributes of the pool are private. Before Python 3.14 it has no public way to kill its workers, and none
+        to abandon a result that has been received in part.
         """
         for process in self._workers():
             process.kill()
@@ -204,16 +204,16 @@ class _Processes:
         self.pool = self._started()
 
 
-class _Given:
-    """An executor of the user's, whose workers somebody else replaces."""
+class _UserExecutor:
+    """An executor supplied by the user, whose dead workers are not replaced here."""
 
-    one_fate = False
+    all_calls_fail = False
 
     def __init__(self, executor: Any, workers: int | None):
         self.executor, self.size = executor, workers or int(getattr(executor, "_max_workers", 0)) or MANY_WORKERS
         self.futures = WeakSet[Any]()
 
-    def __enter__(self) -> "_Given":
+    def __enter__(self) -> "_UserExecutor":
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -226,11 +226,11 @@ class _Given:
         self.futures.add(future)
         return future
 
-    def look_after(self) -> None:
-        """Do nothing: that is the executor's."""
+    def end_if_stuck(self) -> None:
+        """Do nothing: the executor supervises its own workers."""
 
     def renew(self) -> None:
-        """Do nothing where the executor still takes calls; raise `InputError` for one that is broken."""
+        """Do nothing if the executor still accepts calls; raise `InputError` if it is broken."""
         try:
             self.executor.submit(int).result()
         except RuntimeError as error:
@@ -238,10 +238,10 @@ class _Given:
 
 
 def _solved_by(pool: Any, payload: bytes, question: Question, chunks: list[Chunk]) -> Iterator[Table]:
-    """The answers of the chunks by a pool's workers.
+    """The results of the chunks, solved by a pool's workers.
 
-    Where a worker dies, the chunks that were being solved are suspects, which are tried again alone once all others are
-    done. A chunk that kills its worker then is solved a member at a time, and a member that kills three has failed.
+    When a worker dies, the chunks that were being solved are suspects, which are retried alone once all others are
+    done. A chunk that kills its worker then is solved member by member, and a member that kills three has failed.
     """
     from concurrent.futures import FIRST_COMPLETED, wait
 
@@ -249,7 +249,7 @@ def _solved_by(pool: Any, payload: bytes, question: Question, chunks: list[Chunk
     alone = False
     while waiting or running or suspects:
         interrupts.heed()
-        if not running:  # a chunk that is tried alone stays so, however long it takes
+        if not running:  # a chunk that is retried alone stays alone, however long it takes
             alone = not waiting
         source, most = (suspects, 1) if alone else (waiting, QUEUED * pool.size)
         crashed = False
@@ -258,15 +258,15 @@ def _solved_by(pool: Any, payload: bytes, question: Question, chunks: list[Chunk
                 members = source[0].members
                 running[pool.submit(solve_pickled, payload, members, question.values_of(members))] = source[0]
                 source.popleft()
-            except RuntimeError as error:  # a worker has died that the futures have not told of yet
+            except RuntimeError as error:  # a worker has died, and the futures have not reported it yet
                 if not _died(error):
                     raise
                 crashed = True
-        finished, _ = wait(running, timeout=LOOK, return_when=FIRST_COMPLETED)
+        finished, _ = wait(running, timeout=CHECK_INTERVAL, return_when=FIRST_COMPLETED)
         if not finished:
-            pool.look_after()
+            pool.end_if_stuck()
         crashed = crashed or any(_died(future.exception()) for future in finished)
-        if crashed and pool.one_fate:
+        if crashed and pool.all_calls_fail:
             finished, _ = wait(running)
         for future in finished:
             chunk = running.pop(future)
@@ -276,15 +276,15 @@ def _solved_by(pool: Any, payload: bytes, question: Question, chunks: list[Chunk
             elif not _died(reason):
                 raise reason
             else:
-                suspects.extend(again := _tried_again(chunk, alone))
-                if not again:
+                suspects.extend(retries := _retries(chunk, alone))
+                if not retries:
                     yield failed_table(question, chunk.members, f"it crashed its worker {MOST_CRASHES} times")
         if crashed:
             pool.renew()
 
 
-def _tried_again(chunk: Chunk, alone: bool) -> list[Chunk]:
-    """What is tried after a worker has died over a chunk; nothing for a member that has killed too many."""
+def _retries(chunk: Chunk, alone: bool) -> list[Chunk]:
+    """The chunks to retry after a worker has died over a chunk; none for a member that has killed too many workers."""
     if not alone:
         return [chunk]
     if len(chunk.members) > 1:
@@ -293,7 +293,7 @@ def _tried_again(chunk: Chunk, alone: bool) -> list[Chunk]:
 
 
 def _died(error: BaseException | None) -> bool:
-    """Whether an error says that a worker has died: that of a pool of processes, or Dask's after some attempts."""
+    """Whether an error reports that a worker has died: that of a pool of processes, or Dask's after some attempts."""
     from concurrent.futures import BrokenExecutor
 
     return isinstance(error, BrokenExecutor) or type(error).__name__ == "KilledWorker"

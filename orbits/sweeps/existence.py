@@ -1,8 +1,8 @@
 """Where the orbits of a family exist in two parameters, and where they are motions.
 
-The orbits of a grid of machines say it roughly. Wherever two neighbours in a row of the grid differ, the boundary
-between them is then located by bisection, for all pairs of neighbours together; where that is asked for, also between
-the rows.
+The orbits of a grid of machines give a first approximation. Wherever two neighbours in a row of the grid differ in
+status, the boundary between them is then located by bisection, for all pairs of neighbours together; if requested,
+also between the rows.
 """
 
 from collections import Counter
@@ -35,9 +35,9 @@ WITH_ORBIT = ("certified", "inadmissible")
 
 @dataclass(frozen=True, eq=False)
 class Boundaries:
-    """Where neighbours on the grid differ: the nodes (k, 2) before each boundary by their places along and across,
-    whether it lies in a row (k,), else between two, the points (k, 2), the statuses (k, 2) before and behind, and
-    whether the point is located (k,), else it is the middle of the neighbours."""
+    """The boundaries between neighbours on the grid: the nodes (k, 2) before each boundary by their indices along and
+    across, whether it lies in a row (k,), else between two, the points (k, 2), the statuses (k, 2) before and behind,
+    and whether the point is located (k,), else it is the midpoint of the neighbours."""
 
     in_row: np.ndarray
     located: np.ndarray
@@ -267,14 +267,14 @@ def _located(
     low, high = (np.column_stack([share[k] for share, k in zip(shares, at.T, strict=True)])
                  for at in (nodes, nodes + steps))  # fmt: skip
     parts = np.column_stack([statuses[tuple(at.T)] for at in (nodes, nodes + steps)])
-    began, done, told = perf_counter(), 0, Counter[str]()
+    began, done, counts = perf_counter(), 0, Counter[str]()
     while len(wide := np.flatnonzero(((high - low).max(axis=1, initial=0) > LOCATED_TO) & (in_row | both_ways))):
         interrupts.heed()
         middle = 0.5 * (low[wide] + high[wide])
         found = statuses_at(middle)
         before, behind = (found == parts[wide, side] for side in (0, 1))
         other = ~(before | behind)
-        # A third status parts the pair in two: the one from it on is new.
+        # A third status divides the pair into two; the second one, which begins with that status, is appended.
         nodes, in_row = (np.concatenate([each, each[wide[other]]]) for each in (nodes, in_row))
         added = np.column_stack([found[other], parts[wide[other], 1]])
         tops = high[wide[other]]
@@ -282,10 +282,10 @@ def _located(
         parts[wide[other], 1] = found[other]
         low, high = np.concatenate([low, middle[other]]), np.concatenate([high, tops])
         parts = np.concatenate([parts, added])
-        done, told = done + len(wide), told + Counter(found.tolist())
+        done, counts = done + len(wide), counts + Counter(found.tolist())
         rounds = np.log2(np.maximum((high - low)[in_row | both_ways].max(axis=1) / LOCATED_TO, 1.0))
         left, seconds = int(np.ceil(rounds).sum()), perf_counter() - began
-        show(SweepProgress(done, done + left, dict(told), seconds, left * seconds / done))
+        show(SweepProgress(done, done + left, dict(counts), seconds, left * seconds / done))
     return Boundaries(in_row, in_row | both_ways, nodes, 0.5 * (low + high), parts)
 
 

@@ -42,7 +42,7 @@ def sobol_indices(
 
 def _indices(names: Sequence[str], values: np.ndarray, generator: np.random.Generator) -> dict[str, dict[str, float]]:
     """The indices of each parameter from values (d + 2, n) at the points A, B and A with each column of B, with the
-    ends of the interval that samples drawn anew from these give (SciPy's own are drawn without a seed)."""
+    ends of the confidence interval from resampling these values (SciPy's own resampling takes no seed)."""
     drawn = generator.integers(0, values.shape[1], (RESAMPLES, values.shape[1]))
     whole, others = _first_and_total(values), np.array([_first_and_total(values[:, these]) for these in drawn])
     ends = np.quantile(others, [0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2], axis=0)
@@ -60,7 +60,7 @@ def _first_and_total(values: np.ndarray) -> np.ndarray:
     """Sobol's indices (2, d) of first and total order by SciPy; 0 for values that are all the same."""
     from scipy import stats
 
-    if len(values) == 3:  # of one parameter all of the variance is its own, for which SciPy has no answer
+    if len(values) == 3:  # a single parameter causes all of the variance, a case that SciPy does not cover
         return np.full((2, 1), float(np.ptp(values[:2]) > 0))
     parts = {"f_A": values[:1], "f_B": values[1:2], "f_AB": values[2:, None]}
     with np.errstate(all="ignore"):

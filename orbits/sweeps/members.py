@@ -1,4 +1,4 @@
-"""What the members of a sweep answer: a chunk of them solved together, and by `find` those that ask for more."""
+"""The results of the members of a sweep: a chunk is solved together, and by `find` the members that need more."""
 
 import numpy as np
 
@@ -14,14 +14,14 @@ from .question import LAUNCH_SPEED, Question, Table, empty_table
 
 @exclusive
 def solve_chunk(question: Question, members: np.ndarray, values: np.ndarray) -> Table:
-    """The answers of some members (k,) of a question, with their parameters (k, n); its own are not looked at."""
+    """The results of some members (k,) of a question, with their parameters (k, n); the question's own are not used."""
     table = _unanswered(question, members, values)
     {"find": _found, "map": _launched, "fixed_points": _fixed}[question.outcome](question, table)
     return table
 
 
 def failed_table(question: Question, members: np.ndarray, reason: str) -> Table:
-    """The answers of members over which the worker has died."""
+    """The table of members whose worker has died."""
     table = _unanswered(question, members, question.values_of(members))
     table.columns["status"][:], table.columns["reason"][:] = "failed", reason
     return table

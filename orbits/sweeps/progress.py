@@ -1,4 +1,4 @@
-"""The line that tells how far a sweep has come, on a terminal and in notebooks."""
+"""The line that shows the progress of a sweep, on a terminal and in notebooks."""
 
 import sys
 import time
@@ -10,7 +10,7 @@ PAUSE = 0.2
 
 
 def on_screen(progress: Callable[[Any], None] | bool | None) -> Callable[[Any], None]:
-    """What is called with the progress of a sweep: the user's function, a line on the screen, or nothing."""
+    """The function to call with the progress of a sweep: the user's, one that prints a line, or one without effect."""
     if callable(progress):
         return progress
     if progress is False or (progress is None and not (sys.stderr.isatty() or "ipykernel" in sys.modules)):

@@ -1,4 +1,4 @@
-"""What a sweep asks of its members, and the table of what they answer."""
+"""The question of a sweep, and the table of the results of its members."""
 
 import hashlib
 from collections.abc import Mapping, Sequence
@@ -17,11 +17,11 @@ from ..running.exclusive import exclusive
 from .designs import Axis, Members
 
 OUTCOMES = ("find", "map", "fixed_points")
-# The members of a chunk, which is solved together and stored at once: enough that calls of machine code are full, few
-# enough that a crash costs seconds. It is part of the question, since the last digit of an answer might depend on it.
+# Number of members of a chunk, solved and stored together: enough that calls of machine code are full, few enough that
+# a crash costs seconds. It is part of the question, since the last digit of a result might depend on it.
 CHUNK = 1024
-LAUNCH_SPEED = "alpha"  # the name by which a sweep of the return map asks for a launch speed
-# Columns of every answer, by outcome, with their types; an integer that is missing is NaN.
+LAUNCH_SPEED = "alpha"  # the name of a launch speed in a sweep of the return map
+# Columns of every result, by outcome, with their types; a missing integer is NaN.
 COLUMNS_OF: dict[str, dict[str, type]] = {
     "find": {"alpha": float, "flight_time": float, "error": float, "family": int},
     "map": {"next": float, "loss": float, "impacts": int},
@@ -30,14 +30,14 @@ COLUMNS_OF: dict[str, dict[str, type]] = {
 
 
 class Table(NamedTuple):
-    """Answers of some members: their places (k,) among all, and columns (k,) by name, numbers or texts."""
+    """Results of some members: their indices (k,) among all, and columns (k,) by name, numbers or texts."""
 
     members: np.ndarray
     columns: dict[str, np.ndarray]
 
 
 def empty_table(count: int, columns: Mapping[str, type]) -> Table:
-    """A table of so many members whose numbers are NaN and whose texts are empty."""
+    """A table of `count` members whose numbers are NaN and whose texts are empty."""
     filled = {
         name: np.full(count, "", dtype=object) if kind is str else np.full(count, np.nan)
         for name, kind in columns.items()
@@ -47,14 +47,14 @@ def empty_table(count: int, columns: Mapping[str, type]) -> Table:
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """What is asked of every member.
+    """The results requested of every member.
 
     machine : the machine, whose parameters the members replace
     members : the values of the parameters
-    families : the families that are asked for; every design is asked once for each
+    families : the requested families; every design has a member for each
     quantities : further columns, names of quantities or formulas of them
     outcome : one of `OUTCOMES`
-    between : launch speeds between which fixed points are looked for
+    between : launch speeds between which fixed points are searched
     """
 
     machine: Machine
@@ -72,13 +72,13 @@ class Question:
         return self.members.values[members // len(self.families)]
 
     def columns(self) -> dict[str, type]:
-        """The columns of the answer, with their types."""
+        """The columns of the result, with their types."""
         parameters = dict.fromkeys(self.members.names, float)
         own = {**COLUMNS_OF[self.outcome], **dict.fromkeys(self.quantities, float)}
         return {**parameters, **own, "status": str, "reason": str}
 
     def document(self) -> dict[str, Any]:
-        """The question as JSON-ready data, the values of its members by their hash."""
+        """The question as JSON-ready data, with a hash of the values of its members."""
         return {
             "machine": machine_in_words(self.machine),
             "parameters": list(self.members.names),
@@ -99,7 +99,7 @@ class Question:
 
 
 class SavedQuestion(TypedDict):
-    """What is read of a question's document in a store."""
+    """The fields that are read from a question's document in a store."""
 
     machine: Mapping[str, Any]
     parameters: tuple[str, ...]
@@ -111,7 +111,7 @@ class SavedQuestion(TypedDict):
 
 
 def question_again(machine: Machine, document: Mapping[str, Any], values: np.ndarray) -> Question:
-    """The question of a machine whose document this is, with the values (m, n) of its members."""
+    """The question rebuilt from its document, with its machine and the values (m, n) of its members."""
     names = tuple(document["parameters"])
     stated = zip(document["axes"], names, strict=False)  # a table of samples has no axes
     axes = [Axis.of_stated(kind, document["over"][name]) for kind, name in stated]
@@ -127,7 +127,7 @@ def question_again(machine: Machine, document: Mapping[str, Any], values: np.nda
 def question_of(
     machine: Machine, members: Members, family: Any, quantities: Sequence[str], outcome: str, between: Any
 ) -> Question:
-    """The question of `sweep`; raises `InputError` that names what cannot be meant."""
+    """The question of `sweep`; raises `InputError` that names the invalid argument."""
     check_machine(machine, "with_values")
     if outcome not in OUTCOMES:
         raise InputError(f"outcome = {outcome!r}; it is one of {', '.join(OUTCOMES)}")
@@ -154,7 +154,7 @@ def question_of(
 
 
 def _check_quantities(machine: Machine, quantities: Sequence[str]) -> None:
-    """Raise `InputError`, in one line, for a quantity that is none."""
+    """Raise `InputError`, in one line, for an unknown quantity."""
     known = formula_names(machine) if quantities else ()
     for text in quantities:
         try:
@@ -165,7 +165,7 @@ def _check_quantities(machine: Machine, quantities: Sequence[str]) -> None:
 
 
 def _speeds(between: Any) -> tuple[float, float]:
-    """Two launch speeds that go up."""
+    """Two launch speeds in ascending order."""
     if not isinstance(between, tuple | list | np.ndarray) or len(between) != 2:
         raise InputError(f"between = {between!r}; it is (low, high), two launch speeds")
     low, high = (finite_number("between", speed) for speed in between)

@@ -1,7 +1,7 @@
 """The store of a sweep: one SQLite file that no crash can spoil.
 
-The file has the question, and a row for each member that is done. The members of a chunk come in one transaction, so
-that a process that is killed loses the chunks that it was working on and no other. The file may be read meanwhile.
+The file has the question, and a row for each member that is done. The members of a chunk are written in one
+transaction: a killed process loses the chunks that it was working on and no other. The file may be read meanwhile.
 """
 
 import json
@@ -27,11 +27,11 @@ READ_AT_ONCE = 10_000
 
 
 class Store:
-    """The store of a question's answers in a file, which is made where there is none."""
+    """The store of a question's results in a file, which is created if it does not exist."""
 
     def __init__(self, path: str | Path, question: Question, resume: bool = True):
-        """Open the store of a question; without `resume` a file that is there is refused. Raises `InputError` for a
-        file that is no store, that is spoilt, or that holds the answers to another question."""
+        """Open the store of a question; without `resume` an existing file is refused. Raises `InputError` for a file
+        that is no store, that is spoilt, or that holds the results of another question."""
         self.path, self.question = Path(path), question
         known = self.path.exists() and not _has_no_table(self.path)
         if known and not resume:
@@ -55,11 +55,11 @@ class Store:
             selected = ", ".join(["member", *_names_in_file(columns), *_digest_column(self.connection)])
             for row in self.connection.execute(f"SELECT {selected} FROM members"):
                 if _is_unspoilt(row, len(columns)) and row[0] < len(done):
-                    done[row[0]] = True  # a spoilt one is computed again
+                    done[row[0]] = True  # a spoilt member is computed again
         return done
 
     def statuses(self) -> dict[str, int]:
-        """How many of the members that are done have each status."""
+        """The number of finished members of each status."""
         with self._using("read"):
             return dict(self.connection.execute("SELECT status, COUNT(*) FROM members GROUP BY status"))
 
@@ -91,7 +91,7 @@ class Store:
         self.connection.close()
 
     def _keep_journal(self) -> None:
-        """Journal writes ahead. While another process does the same, SQLite refuses that at once, without a timeout."""
+        """Journal writes ahead. While another process does the same, SQLite refuses immediately, without a timeout."""
         until = time.monotonic() + PATIENCE
         while True:
             try:
@@ -103,8 +103,8 @@ class Store:
             time.sleep(0.01)
 
     def _make(self) -> None:
-        asked = self.question.columns()
-        kinds = zip(_names_in_file(asked), _sql_types(asked).values(), strict=True)
+        requested = self.question.columns()
+        kinds = zip(_names_in_file(requested), _sql_types(requested).values(), strict=True)
         columns = ", ".join(f"{name} {kind}" for name, kind in kinds)
         self.connection.execute("BEGIN IMMEDIATE")
         if _tables_of(self.connection):  # another process has begun the same store meanwhile
@@ -118,7 +118,7 @@ class Store:
         self.connection.execute("COMMIT")
 
     def _check_question(self) -> None:
-        """Raise `InputError` where the store holds the answers to another question."""
+        """Raise `InputError` where the store holds the results of another question."""
         document = question_in(self.path)
         if document != json.loads(to_json(self.question.document())):
             other = _other_question(document, self.question)
@@ -126,8 +126,8 @@ class Store:
 
     @contextmanager
     def _using(self, what: str) -> Iterator[None]:
-        """Where the file is read or written: what SQLite says is an `InputError` that names the file and what is
-        safe."""
+        """Read or write the file in this context: an error of SQLite becomes an `InputError` that names the file and
+        the data that are safe."""
         try:
             yield
         except sqlite3.Error as error:
@@ -136,7 +136,7 @@ class Store:
 
 
 def _has_no_table(path: Path) -> bool:
-    """Whether a file is empty, or a database without a table: that of a process that was killed as it made a store."""
+    """Whether a file is empty, or a database without a table, as left by a process killed while it made a store."""
     if not path.is_file() or path.stat().st_size == 0:
         return path.is_file()
     try:
@@ -174,7 +174,7 @@ def question_in(path: str | Path) -> dict[str, Any]:
 
 
 def read_store(path: str | Path, columns: Mapping[str, type]) -> Table:
-    """The members that are done in a store, with these columns."""
+    """The members that are done in a store, with the named columns."""
     try:
         with _database_at(path) as connection:
             return _read(connection, columns)
@@ -184,8 +184,8 @@ def read_store(path: str | Path, columns: Mapping[str, type]) -> Table:
 
 @contextmanager
 def _database_at(path: str | Path) -> Iterator[sqlite3.Connection]:
-    """A database that is there already, to read only. It is not opened as one that cannot be written: SQLite would
-    then neither take back what a killed process has half done nor remove the files that it makes beside it."""
+    """An existing database, for reading only. It is not opened in SQLite's read-only mode, which would neither roll
+    back the unfinished transaction of a killed process nor remove the auxiliary files of the database."""
     connection = sqlite3.connect(f"{Path(path).absolute().as_uri()}?mode=rw", timeout=PATIENCE, uri=True)
     try:
         connection.execute("PRAGMA query_only=ON")
@@ -206,12 +206,12 @@ def _read(connection: sqlite3.Connection, columns: Mapping[str, type]) -> Table:
         members, *values = zip(*part, strict=True)
         last = first + len(part)
         table.members[first:last] = members
-        for (name, column), given in zip(table.columns.items(), values, strict=False):  # the digests come last
+        for (name, column), entries in zip(table.columns.items(), values, strict=False):  # the digests come last
             if columns[name] is str:
-                shared = {text: text for text in given}  # a million members have few different texts
-                column[first:last] = [shared[text] for text in given]
+                shared = {text: text for text in entries}  # a million members have few different texts
+                column[first:last] = [shared[text] for text in entries]
             else:
-                column[first:last] = np.array(given, dtype=float)  # None is NaN
+                column[first:last] = np.array(entries, dtype=float)  # None is NaN
         first = last
     if first < count:
         raise InputError(
@@ -221,7 +221,7 @@ def _read(connection: sqlite3.Connection, columns: Mapping[str, type]) -> Table:
 
 
 def _tables_of(connection: sqlite3.Connection) -> int:
-    """How many tables a database has."""
+    """The number of tables of a database."""
     return connection.execute("SELECT COUNT(*) FROM sqlite_master").fetchone()[0]
 
 
@@ -232,13 +232,13 @@ def _digest_column(connection: sqlite3.Connection) -> list[str]:
 
 
 def _digest_of_row(row: Sequence[Any]) -> str:
-    """What tells the values of a member from any others."""
+    """The digest of the values of a member."""
     plain = [None if isinstance(value, float) and value != value else value for value in row]
     return digest(plain)[:16]
 
 
 def _is_unspoilt(row: Sequence[Any], columns: int) -> bool:
-    """Whether a member is as it was written, if it has a digest."""
+    """Whether a member agrees with its digest; true for a member without one."""
     try:
         return len(row) == 1 + columns or row[-1] == _digest_of_row(row[:-1])
     except TypeError:  # bytes where a text or a number was
@@ -246,7 +246,7 @@ def _is_unspoilt(row: Sequence[Any], columns: int) -> bool:
 
 
 def _storable(column: np.ndarray) -> list:
-    """The values of a column as SQLite takes them; SQLite makes NULL of NaN."""
+    """The values of a column as SQLite takes them; SQLite stores NaN as NULL."""
     return column.tolist()
 
 
@@ -255,7 +255,7 @@ def _sql_types(columns: Mapping[str, type]) -> dict[str, str]:
 
 
 def _names_in_file(columns: Iterable[str]) -> list[str]:
-    """The names of columns in a file, where SQLite does not tell small letters from large ones."""
+    """The names of columns in a file, in which SQLite does not distinguish upper and lower case."""
     names, taken = list[str](), {"member"}
     for i, name in enumerate(columns):
         names.append(f'"{name} ({i})"' if name.lower() in taken else f'"{name}"')
@@ -264,15 +264,15 @@ def _names_in_file(columns: Iterable[str]) -> list[str]:
 
 
 def _other_question(document: Mapping[str, Any], question: Question) -> str:
-    """How the question in a store and another one differ, in words."""
+    """The difference between the question in a store and another question, in words."""
     had: Any = document
-    asked, place = json.loads(to_json(question.document())), "its"
-    while isinstance(had, Mapping) and isinstance(asked, Mapping):
-        name = next((name for name in {**asked, **had} if had.get(name) != asked.get(name)), None)
+    wanted, place = json.loads(to_json(question.document())), "its"
+    while isinstance(had, Mapping) and isinstance(wanted, Mapping):
+        name = next((name for name in {**wanted, **had} if had.get(name) != wanted.get(name)), None)
         if name is None:
             return "it has further parts"
-        had, asked, place = had.get(name), asked.get(name), f"{place} {name}"
-    return f"{place} is {_short(had)}, and {_short(asked)} is asked"
+        had, wanted, place = had.get(name), wanted.get(name), f"{place} {name}"
+    return f"{place} is {_short(had)}, and {_short(wanted)} is asked"
 
 
 def _short(value: Any) -> str:

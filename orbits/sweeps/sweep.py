@@ -1,4 +1,4 @@
-"""Many orbits of one machine over its parameters: asked for once, computed anywhere, kept as they come."""
+"""Many orbits of one machine over its parameters: requested once, computed anywhere, stored as they are found."""
 
 import time
 from collections import Counter
@@ -103,12 +103,12 @@ def sweep(
         executor = client.get_executor()
     check_executor(executor, workers)
     show = on_screen(progress)
-    kept = None
+    opened = None
     if store is not None:
         from .store import Store  # imports the database
 
-        kept = Store(store, question, resume)
-    return _computed(question, kept, executor, workers, show)
+        opened = Store(store, question, resume)
+    return _computed(question, opened, executor, workers, show)
 
 
 @exclusive
@@ -124,7 +124,7 @@ def _check_domain(machine: Machine, members: Members) -> None:
             return error
         return None
 
-    # Whatever lies between two sets of parameters that a machine can have, it can have too.
+    # Parameters between two sets of values that the machine admits are admissible too.
     if not names or not (refusal(values.min(0)) or refusal(values.max(0))):
         return
     for i, row in enumerate(values):
@@ -136,7 +136,7 @@ def _check_domain(machine: Machine, members: Members) -> None:
 def _computed(
     question: Question, store: "Store | None", executor: Any, workers: int | None, show: Callable[[SweepProgress], None]
 ) -> Sweep:
-    """The answer, with what a store has already."""
+    """The result, including the members already in the store."""
     began, count = time.perf_counter(), len(question)
     done = np.zeros(count, dtype=bool) if store is None else store.done()
     table = None if store else empty_table(count, question.columns())
@@ -159,24 +159,24 @@ def _computed(
             table = store.read()
         return Sweep.of(question, table)
     except (KeyboardInterrupt, TimeOver) as stop:
-        said = f"{stop}; " if isinstance(stop, TimeOver) else ""
+        cause = f"{stop}; " if isinstance(stop, TimeOver) else ""
         if store is None:
-            raise type(stop)(f"{said}nothing is kept: name a store to keep what is done") from None
-        kept, way = f"{int(done.sum())} of {count} members are in {store.path}", "in the command with --resume"
-        raise type(stop)(f"{said}{kept}: the same sweep with this store goes on from there, {way}") from None
+            raise type(stop)(f"{cause}nothing is kept: name a store to keep what is done") from None
+        stored, way = f"{int(done.sum())} of {count} members are in {store.path}", "in the command with --resume"
+        raise type(stop)(f"{cause}{stored}: the same sweep with this store goes on from there, {way}") from None
     finally:
         if store is not None:
             store.close()
 
 
 @solves_again
-def _again(question: Question, samples: Mapping[str, Any], quantities: Sequence[str], **options: Any) -> Sweep:
-    """The sweep of other members of the same machine and family as a question's."""
+def _further_sweep(question: Question, samples: Mapping[str, Any], quantities: Sequence[str], **options: Any) -> Sweep:
+    """The sweep of other members of the machine and family of a question."""
     return sweep(question.machine, None, samples, family=question.families[0], quantities=quantities, **options)
 
 
 def _put(table: Table, part: Table) -> None:
-    """Write the answers of some members into the table of all."""
+    """Write the results of some members into the table of all."""
     table.members[part.members] = part.members
     for name, column in part.columns.items():
         table.columns[name][part.members] = column

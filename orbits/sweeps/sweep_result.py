@@ -20,20 +20,20 @@ from ..units import DIMENSIONS_OF_HOPS, UNIT_TEXTS, unit_text
 from .question import COLUMNS_OF, Question, SavedQuestion, Table, question_again
 
 TEXTS = ("status", "reason")  # columns that are no numbers
-# Shares of the members below the quantiles that a summary tells.
+# Shares of the members below the quantiles of a summary.
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sweep(Result, what="sweep", document_is_whole=True):
-    """The members of a sweep and what is found of them; a column goes by its name, `sweep["alpha"]`.
+    """The members of a sweep and their results; a column is accessed by its name, `sweep["alpha"]`.
 
     parameters : names of the parameters that differ
-    index : the members (k,) that are here, of `count` in all; fewer where a store is read before its sweep has ended
-    columns : (k,) by name: the parameters, what was asked for, the status and the reason; NaN where there is none
+    index : the available members (k,) of `count` in all; fewer where a store is read before its sweep has ended
+    columns : (k,) by name: the parameters, the requested results, the status and the reason; NaN where there is none
     about : the question in words and numbers
     source : the machine whose parameters the members replace; None where a file is read without it
-    question : what was computed; None where a file is read without its machine
+    question : the question of the sweep; None where a file is read without its machine
     again : (question, table of parameters, quantities, **options) -> the sweep of these members; set by
         the module `sweep`, which imports this one
     """
@@ -54,10 +54,10 @@ class Sweep(Result, what="sweep", document_is_whole=True):
 
     @classmethod
     def load(cls, path: str | Path, machine: Machine | None = None) -> "Sweep":
-        """The members that `save` wrote to .json, or those that a store has, also while a sweep goes on.
+        """The members that `save` wrote to .json, or the members in a store, also while a sweep is running.
 
-        machine : the one that was swept, with which `orbit` finds members and `sensitivity` solves further ones; the
-            store does not have it
+        machine : the machine of the sweep, with which `orbit` finds members and `sensitivity` solves further ones; it
+            is not in the store
 
         Raises `InputError` when the file is not a store, was changed, or is of another machine.
         """
@@ -67,7 +67,7 @@ class Sweep(Result, what="sweep", document_is_whole=True):
 
         about = question_in(path)
         try:
-            return cls._again(about, read_store(path, _columns_of_members(about)), machine)
+            return cls._of_table(about, read_store(path, _columns_of_members(about)), machine)
         except ValueError as error:
             raise InputError(f"the store {path}: {error}") from None
 
@@ -80,10 +80,10 @@ class Sweep(Result, what="sweep", document_is_whole=True):
             name: np.array([row[name] for row in rows], object if kind is str else float)
             for name, kind in kinds.items()
         }
-        return cls._again(data["about"], Table(np.array([row["index"] for row in rows], np.int64), columns), machine)
+        return cls._of_table(data["about"], Table(np.array([row["index"] for row in rows], np.int64), columns), machine)
 
     @classmethod
-    def _again(cls, about: Mapping[str, Any], table: Table, machine: Machine | None) -> "Sweep":
+    def _of_table(cls, about: Mapping[str, Any], table: Table, machine: Machine | None) -> "Sweep":
         """The sweep of a question in words, with the table of its members."""
         names, question = tuple(about["parameters"]), None
         if machine is not None:
@@ -148,7 +148,7 @@ class Sweep(Result, what="sweep", document_is_whole=True):
         return quantiles
 
     def summary(self) -> dict[str, Any]:
-        """How many members have each status, and the quantiles of their numbers, as "alpha 5%"."""
+        """The number of members of each status, and the quantiles of their numbers, as "alpha 5%"."""
         return {"count": self.count, "done": len(self), **self.statuses(), **super().summary()}
 
     def _line(self) -> dict[str, Any]:
@@ -174,7 +174,7 @@ class Sweep(Result, what="sweep", document_is_whole=True):
         return {"member": self.index, **self.columns}
 
     def members(self) -> Iterator[dict[str, Any]]:
-        """The members as JSON-ready data, None for what one does not have."""
+        """The members as JSON-ready data, None for values that a member does not have."""
         whole = {name for name, kind in COLUMNS_OF[self.about["outcome"]].items() if kind is int}
         for i, member in enumerate(self.index.tolist()):
             row: dict[str, Any] = {"index": member}
@@ -201,7 +201,7 @@ class Sweep(Result, what="sweep", document_is_whole=True):
         return int(np.isfinite(first).sum())
 
     def known_statuses(self) -> tuple[str, ...]:
-        """The statuses that a document has also where no member has them."""
+        """The statuses that a document counts even where no member has them."""
         return DESIGN_STATUSES if self.about["outcome"] == "find" else ()
 
     def orbit(self, member: int) -> Orbit:
@@ -282,7 +282,7 @@ class Sweep(Result, what="sweep", document_is_whole=True):
 
 
 def solves_again(function: Callable[..., Sweep]) -> Callable[..., Sweep]:
-    """The same function, which is now what solves further members of a sweep."""
+    """The same function, registered as the one that solves further members of a sweep."""
     Sweep.again = staticmethod(function)
     return function
 

@@ -1,4 +1,4 @@
-"""How sure the quantities of an orbit are when the machine's parameters are not."""
+"""The uncertainty of the quantities of an orbit that follows from uncertain parameters of the machine."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from .sweep_result import QUANTILES, Sweep
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Uncertainty(Result, what="uncertainty", in_line=("share", "mean"), printed_digits=6):
-    """How a machine's uncertain parameters spread the quantities of its orbit.
+    """The spread of the quantities of a machine's orbit due to its uncertain parameters.
 
     mean, deviation, quantiles : by quantity, over the members whose orbit is a motion; the quantiles by share, as "5%"
     linear : the standard deviation by quantity to first order, from exact sensitivities
@@ -81,9 +81,9 @@ def uncertainty(
         name: float(axis.distribution.std()) if axis.distribution is not None else float(np.std(axis.at(_MIDDLES)))
         for name, axis in zip(members.names, members.axes, strict=True)
     }
-    answer = swept(machine, over, samples, sampling="sobol", seed=seed, family=family, quantities=quantities, **options)
-    motions = answer["status"] == "certified"
-    columns = {text: answer[text][motions & np.isfinite(answer[text])] for text in texts}
+    result = swept(machine, over, samples, sampling="sobol", seed=seed, family=family, quantities=quantities, **options)
+    motions = result["status"] == "certified"
+    columns = {text: result[text][motions & np.isfinite(result[text])] for text in texts}
     if empty := [text for text, values in columns.items() if len(values) < 2]:
         raise InputError(f"fewer than two members have '{empty[0]}': the distributions reach where there is no hop")
     quantiles = {
@@ -96,8 +96,8 @@ def uncertainty(
     }
     mean = {text: float(values.mean()) for text, values in columns.items()}
     deviation = {text: float(values.std(ddof=1)) for text, values in columns.items()}
-    return Uncertainty(mean, deviation, quantiles, linear, float(motions.mean()), answer)
+    return Uncertainty(mean, deviation, quantiles, linear, float(motions.mean()), result)
 
 
-# Middles of equal shares, by which the deviation of a range or a list is taken.
+# Midpoints of equal shares, at which the deviation of a range or a list is computed.
 _MIDDLES = (np.arange(10_000) + 0.5) / 10_000

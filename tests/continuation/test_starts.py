@@ -41,7 +41,7 @@ def test_a_law_with_a_length_at_rest(law):
 def test_hops_of_own_laws_are_found_at_once_where_they_are_near(monkeypatch):
     machine = plate(Spring("body - foot", CUBIC))
     at_once = starts(machine, *LONGEST)
-    monkeypatch.setattr(room, "_found_at_once", lambda *given: None)
+    monkeypatch.setattr(room, "_found_directly", lambda *given: None)
     same(at_once, starts(machine, *LONGEST))
     for start in at_once:
         orbit = find(machine, start=start)
@@ -64,7 +64,7 @@ def test_runs_that_crawl_are_given_up(monkeypatch):
 
     monkeypatch.setattr(room, "follow", counted)
     monkeypatch.setattr(room, "FIRST_LAW_POINTS", 3)
-    monkeypatch.setattr(room, "_found_at_once", lambda *given: None)
+    monkeypatch.setattr(room, "_found_directly", lambda *given: None)
     monkeypatch.setattr(room, "LEAST_LAW_SHARE", 1.1)
     assert starts(plate(Spring("body - foot", CUBIC)), *LONGEST) == []
     assert {*asked} == {3}

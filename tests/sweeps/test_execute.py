@@ -60,7 +60,7 @@ def test_a_member_does_not_depend_on_the_others():
 
 
 def test_a_member_that_kills_its_workers_has_failed_and_no_other(monkeypatch):
-    monkeypatch.setattr("orbits.sweeps.execute.LOOK", 0.01)  # the crash comes after many looks
+    monkeypatch.setattr("orbits.sweeps.execute.CHECK_INTERVAL", 0.01)  # the crash comes after many checks
     table = {"beta": [*np.linspace(0.01, 0.1, 5), DEADLY, *np.linspace(0.15, 0.3, 4)]}
     found = sweep(
         DeadlyHopper("cubic"), None, table, quantities=["largest_spring_force"], executor="processes", workers=2
@@ -150,7 +150,7 @@ def test_a_worker_that_dies_as_it_sends_its_answer_is_noticed():
         deadline = time.monotonic() + 20
         while not future.done() and time.monotonic() < deadline:
             time.sleep(0.5)
-            pool.look_after()
+            pool.end_if_stuck()
         assert isinstance(future.exception(0), BrokenExecutor)
         pool.renew()
         assert pool.submit(abs, -3).result(20) == 3
