@@ -30,7 +30,7 @@ class Inertia:
         moving = [(mass, ca.sparsify(ca.densify(gradient))) for mass, gradient in parts]
         moving = [(mass, gradient) for mass, gradient in moving if gradient.nnz()]
         together = list[tuple[ca.SX, ca.SX]]()
-        for mass, gradient in moving:  # those that move along one function are one
+        for mass, gradient in moving:  # masses that move along one function are one
             same = [i for i, (_, other) in enumerate(together) if ca.is_equal(gradient, other, 2)]
             if same:
                 together[same[0]] = (together[same[0]][0] + mass, gradient)
