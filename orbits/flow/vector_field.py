@@ -30,7 +30,7 @@ class FlowControl:
     singular_step: float = 1e-3  # a state runs away to infinity in longer steps, in shorter ones into a singularity
     look_ahead: int = 12  # steps of one call while a stop is looked for, which are most of an oscillation
     max_block: int = 512  # most steps of one call, which bounds the memory that it takes
-    rounding: float = 1e-14  # what is left of a duration is dropped when it is less than this share of it
+    rounding: float = 1e-14  # the rest of a duration is dropped when it is less than this share of it
 
 
 FLOW_CONTROL = FlowControl()

@@ -127,10 +127,10 @@ def _refuse_coordinates_in(m: Any) -> None:
             raise InputError(f"{what} '{expression}' depends on the coordinate '{found[0]}': {remedy}")
 
 
-def joined_values(brought: Iterable[tuple[str, Mapping[str, float]]], stated: Mapping[str, float]) -> dict[str, float]:
-    """The values of the parameters that laws (text, values) bring, with the `stated` ones; raises `InputError`
+def joined_values(brought: Iterable[tuple[str, Mapping[str, float]]], numbers: Mapping[str, float]) -> dict[str, float]:
+    """The values of the parameters that laws (text, values) bring, with the stated `numbers`; raises `InputError`
     where two of them give one name different values."""
-    values, owners = dict(stated), dict.fromkeys(stated, "parameters")
+    values, owners = dict(numbers), dict.fromkeys(numbers, "parameters")
     own = dict[str, float]()
     for text, law in brought:
         for name, value in law.items():
@@ -139,7 +139,7 @@ def joined_values(brought: Iterable[tuple[str, Mapping[str, float]]], stated: Ma
                 raise InputError(f"parameter '{name}' has two values, {apart}: give both the same, or rename one")
             values[name] = own[name] = value
             owners.setdefault(name, f"the law '{text}'")
-    return {**own, **stated}
+    return {**own, **numbers}
 
 
 def refuse_names_of_parameters(mechanism: Any, names: Iterable[str], used: Collection[str]) -> None:

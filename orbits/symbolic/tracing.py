@@ -137,6 +137,6 @@ def _confirmed_formula(function: Callable[[list], Any], names: Sequence[str]) ->
                 expected = formula(**{name: named[name] for name in formula.names})
             if not np.isclose(found, expected, rtol=TRACED_TO, atol=TRACED_TO, equal_nan=True):
                 return None
-    except Exception:  # whatever a function of the user does with what is no number
+    except Exception:  # whatever a function of the user does with values that are no numbers
         return None
     return text

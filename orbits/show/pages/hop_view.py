@@ -26,7 +26,7 @@ from .bokeh_figures import (
 )
 from .player import new_player
 
-# The number of times at which a hop of family n is sampled: for any family, for each n, and at most.
+# The number of times at which a hop of family n is sampled: a constant, plus a multiple of n, up to a bound.
 TIMES, TIMES_EACH, MOST_TIMES = 160, 40, 1200
 CENTRE_OF_MASS = "centre of mass"
 
