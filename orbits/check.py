@@ -1,4 +1,4 @@
-"""A machine held against mechanics: what its model declares, its orbit and its hops."""
+"""Checks of a machine against mechanics: what its model declares, its orbit and its hops."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ PARTS = ("model", "values", "with_values", "describe", "units", "restitution", "
 TOLERANCE, LARGEST_DIFFERENCE = 1e-11, 1e-6
 # The launch of the hops that are followed, as a share of an orbit's: on its stable side, with a large loss.
 BESIDE_ORBIT, HOPS = 1.05, 2
-# A guess lies so near to the orbit that it leads to: it may be one of a machine a little simpler.
+# A guess lies this near to the orbit that it leads to: it may be one of a machine a little simpler.
 LARGEST_MISS = 0.3
 # The launch speed of the hops of a machine without orbits; and the slowest searched for orbits, in the search's scale.
 WITHOUT_ORBIT, SLOWEST_SEARCHED = 2.0, 1e-3
@@ -107,13 +107,13 @@ def check(machine: Machine, *, start: Orbit | Mapping[str, float] | None = None)
 
 
 def _wrong_results(machine: Machine) -> dict[str, str]:
-    """What is wrong with what the methods of a machine give, in words by name."""
+    """The faults in the results of a machine's methods, in words by name."""
     found, words = dict[str, str](), machine.describe()
     if absent := [name for name in MACHINE_FIELDS if not isinstance(words, Mapping) or name not in words]:
         found["describe"] = f"it says no '{absent[0]}'"
     try:
-        again = machine.with_values()
-        if again.values != dict(machine.values) or again.model.name != machine.model.name:
+        copy = machine.with_values()
+        if copy.values != dict(machine.values) or copy.model.name != machine.model.name:
             found["with_values"] = "without values it does not give the same machine"
     except Exception as error:
         found["with_values"] = f"it cannot be called without values ({type(error).__name__}: {error})"

@@ -1,4 +1,4 @@
-"""What every result does, in one place: a result says what it has, and `Result` prints, shows, tables, saves and loads.
+"""Common to all results: a result declares what it has, and `Result` prints, shows, tables, saves and loads it.
 
 The room `show`, which draws results, stands above all of them: `shown` is the one way up to it, taken when something is
 drawn.
@@ -89,13 +89,13 @@ class Row(NamedTuple):
         return cls(name.replace("_", " ").replace("liftoff", "lift-off"), {name: value}, (f"{{}}{unit}{after}",))
 
     def texts(self, digits: int) -> tuple[str, ...]:
-        """The row as texts; its numbers have so many digits unless their cell says otherwise."""
+        """The row as texts; its numbers have this number of digits unless their cell says otherwise."""
         values = (_Shown(value, digits) for value in self.values.values())
         return number_text(self.heading, digits=digits), *"\0".join(self.cells).format(*values).split("\0")
 
 
 class Result:
-    """What can be done with a result, whatever it is of. Each verb means one thing for all results:
+    """The methods of all results. Each verb means one thing for all of them:
 
     machine : the machine in words and numbers, as it describes itself; empty where the result has none. Where the
         machine itself is at hand, it is `source`
@@ -164,7 +164,7 @@ class Result:
         return []
 
     def _line(self) -> Mapping[str, Any]:
-        """What stands in the one line of its `repr`."""
+        """The contents of the one line of its `repr`."""
         return {name.split(".")[-1]: attrgetter(name)(self) for name in self.in_line}
 
     def __repr__(self) -> str:
@@ -248,7 +248,7 @@ class Result:
 
     @classmethod
     def form(cls) -> str:
-        """What a file of such a result says in "format"."""
+        """The "format" that a file of such a result states."""
         return f"persistent-orbits {cls.what} 1"
 
     def saved(self) -> dict[str, Any]:
@@ -385,8 +385,8 @@ def _picture(title: str, draw: Callable[..., Any]) -> str:
     except Exception as error:  # the table is worth showing without its picture
         reason = str(error) or type(error).__name__
         return f'<p style="{NOTE}">no picture: {escape(reason)}</p>'
-    look = "flex:1 1 300px;min-width:0;max-width:600px;width:100%;height:auto"
-    return f'<img alt="{escape(title)}" style="{look}" src="data:image/png;base64,{data}">'
+    style = "flex:1 1 300px;min-width:0;max-width:600px;width:100%;height:auto"
+    return f'<img alt="{escape(title)}" style="{style}" src="data:image/png;base64,{data}">'
 
 
 def _small_png(figure: Any) -> bytes:

@@ -44,16 +44,16 @@ DIMENSIONS: dict[str, Dimension] = {
     "landing_sensitivity": (1, 1, 0, 0, -1),
     **dict.fromkeys(("loss_coefficient", "loss_error"), (0, 1 / 3, 0, 0, -1 / 3)),
 }
-# Those of the hops of a return map.
+# Dimensions of the quantities of a return map's hops.
 DIMENSIONS_OF_HOPS: dict[str, Dimension] = {
     **{"alpha": LIFTOFF_SPEED, "next": LIFTOFF_SPEED, "loss": LIFTOFF_SPEED_SQUARED},
 }
-# Dimensions of unknowns, beside the flight states, that a launch or half an orbit is told by.
+# Dimensions of unknowns, beside the flight states, that determine a launch or half an orbit.
 UNKNOWNS: dict[str, Dimension] = {
     **dict.fromkeys(("duration", "contact_duration"), TIME),
     **{"alpha": LIFTOFF_SPEED, "liftoff": EXTENSION, "unfolding": ()},
 }
-# A power is told as a fraction where one with such a denominator is the same: those of formulas have nine digits.
+# A power is written as a fraction where one with such a denominator is the same: those of formulas have nine digits.
 LARGEST_DENOMINATOR, SAME_POWER = 12, 2e-9
 # The powers of a unit in a file, of which there are few, stay far from the bounds of numbers.
 SMALLEST_SAVED = 1e-50
@@ -208,7 +208,7 @@ class Quantity(NamedTuple):
 
 
 class Message(str):
-    """A text that tells numbers with dimensions, which `in_units` tells in SI.
+    """A text with numbers that have dimensions, which `in_units` states in SI.
 
     pattern : as for `str.format`
     parts : what its names stand for: quantities, numbers without dimension, texts, other messages, or errors for what
@@ -219,7 +219,7 @@ class Message(str):
     parts: dict[str, Any]
 
     def __new__(cls, pattern: str, /, **parts: Any) -> Self:
-        parts = {name: _said(part) for name, part in parts.items()}  # no error is kept, nor what it refers to
+        parts = {name: _said(part) for name, part in parts.items()}  # no error is stored, nor what it refers to
         text = super().__new__(cls, pattern.format(**parts))
         text.pattern, text.parts = pattern, parts
         return text
@@ -239,7 +239,7 @@ class Message(str):
 
 
 def _said(part: Any) -> Any:
-    """What an error says, whole; anything else as it is."""
+    """The message of an error, whole; anything else as it is."""
     return (part.args or ("",))[0] if isinstance(part, OrbitsError) else part
 
 
@@ -252,13 +252,13 @@ def in_units(part: Any, units: Units | None) -> Any:
 def described(names: Sequence[str], x: ArrayLike) -> Message:
     """The names of states and their numbers (n,)."""
     numbers = zip(names, np.ravel(x).tolist(), strict=False)
-    told = [(name, Quantity(value, name)) for name, value in numbers]
-    return Message.joined(", ", [Message("{name} = {value:.6g}", name=name, value=value) for name, value in told])
+    quantities = [(name, Quantity(value, name)) for name, value in numbers]
+    return Message.joined(", ", [Message("{name} = {value:.6g}", name=name, value=value) for name, value in quantities])
 
 
 @contextmanager
 def without_units(units: Units | None) -> Iterator[None]:
-    """Where a machine with units is computed without: an error tells its quantities in the machine's units."""
+    """Where a machine with units is computed without: an error states its quantities in the machine's units."""
     try:
         yield
     except OrbitsError as error:

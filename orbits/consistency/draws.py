@@ -13,7 +13,7 @@ from ..model.model import CONTACT_FORCE, Model
 from ..model.phase import Phase
 from ..symbolic.calls import MappedFunction
 
-# States and launches of a draw. States lie so far around a launch, in units of the extension there and of the unit of
+# States and launches of a draw. States lie this far around a launch, in units of the extension there and of the unit of
 # speed; the smallest are for laws that are not defined far from it.
 STATES, LAUNCHES, SPREADS, SEED = 12, 3, (1.0, 0.3, 0.1), 20250101
 # Where the laws are not defined so far from it, positions are drawn nearer.
@@ -121,11 +121,11 @@ class Graphs:
         return Draw(p, x[good], y[also], flown, held, stood, mirrored, back, released, unknowns, length, self)
 
     def in_flight(self, x: np.ndarray, p: Mapping[str, float]) -> dict[str, np.ndarray]:
-        """ByName in flight at states (N, n), not numbers outside the range of a law in pieces."""
+        """Values by name in flight at states (N, n), not numbers outside the range of a law in pieces."""
         return self.flight(x, p, data_of_pieces(self.model.flight, x, p))
 
     def in_contact(self, y: np.ndarray, p: Mapping[str, float]) -> dict[str, np.ndarray]:
-        """ByName in contact at states (N, m)."""
+        """Values by name in contact at states (N, m)."""
         return self.contact(y, p, data_of_pieces(self.model.contact, y, p))
 
     def _unknowns(self) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""What follows from mechanics about the fields of a model, each as a relation that holds or does not.
+"""Relations between the fields of a model that follow from mechanics, each of which holds or does not.
 
 y are the positions, v their speeds, a the gap's weights of the positions, d the impact's change of the speeds, M the
 inertia: the derivative of the energy's gradient by v. In a plastic impact, M d = m a with a . d = 1, where m is the
@@ -19,14 +19,14 @@ from ..model.phase import Affine
 from ..model.state_formula import StateFormula
 from .draws import Draw, Expressions, coordinates, reversor_of
 
-# What holds in exact arithmetic does so to this share of the terms: rounding is far below, a slip of the pen far above.
+# A relation that is exact holds to this share of its terms: rounding is far below, a mistake in a model far above.
 LARGEST_DEVIATION = 1e-8
 CENTRE = "centre of mass"
 
 
 @dataclass(frozen=True)
 class Relation:
-    """Something that follows: in words, the fields of the model that it joins, and by which share it does not hold."""
+    """A relation: in words, the fields of the model that it joins, and by which share it does not hold."""
 
     words: str
     fields: tuple[str, ...]
@@ -77,7 +77,7 @@ def motion(model: Model, draw: Draw) -> Iterator[Relation]:
 
 
 def energy(model: Model, draw: Draw) -> Iterator[Relation]:
-    """The gradients of the energy: along the fields, of each other, and of what impacts change."""
+    """The gradients of the energy: along the fields, of each other, and of the changes by impacts."""
     terms = {"flight": draw.flown, "contact": draw.stood}
     works = {where: at["gradient"] * at["field"] for where, at in terms.items()}
     change = {where: share(work.sum(1), work) for where, work in works.items()}
@@ -145,7 +145,7 @@ def reversal(model: Model, draw: Draw) -> Iterator[Relation]:
 
 
 def geometry(model: Model, draw: Draw) -> Iterator[Relation]:
-    """What is a position, what is a speed, and where the gap is closed."""
+    """Which states are positions, which are speeds, and where the gap is closed."""
     _, rates = coordinates(model.flight)
     p, embed, gap = draw.p, np.asarray(model.embed, float), model.gap(draw.p)
     positions = {"gap": gap, "extension": model.extension, "separation": model.separation(p)}

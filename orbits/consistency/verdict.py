@@ -1,7 +1,7 @@
-"""A hand-written model held against what follows from it: at a few random states and parameters, without integration.
+"""Consistency of a hand-written model, checked at a few random states and parameters, without integration.
 
-Each relation names the fields of the model that it joins. Where one does not hold, one of its fields is wrong; which of
-them, the other relations tell: a wrong field breaks those that it is in, and the fields that are right are in relations
+Each relation names the fields of the model that it joins. Where one does not hold, one of its fields is wrong; the
+other relations show which: a wrong field breaks those that it is in, and the fields that are right are in relations
 that hold.
 """
 
@@ -57,7 +57,7 @@ _consistent: WeakSet[Model] = WeakSet()
 
 
 def check_consistency(model: Model, values: Mapping[str, float]) -> None:
-    """Raise `InconsistentModel` for a model whose fields contradict each other; each model is looked at once."""
+    """Raise `InconsistentModel` for a model whose fields contradict each other; each model is checked once."""
     if model.derived or model in _consistent:
         return
     relations = algebraic_relations(model, values)

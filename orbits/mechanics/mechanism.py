@@ -113,12 +113,12 @@ class Mechanism(Stated):
 
     @exclusive
     def __post_init__(self) -> None:
-        self._keep(
+        self._store(
             coordinates=listed("coordinates", self.coordinates), elements=listed("elements", self.elements),
             knees=tuple(listed("knees", knee) for knee in listed("knees", self.knees)),
             angles=listed("angles", self.angles),
         )  # fmt: skip
-        self._keep(inertia=self._rows(), heights=self.heights or self._lengths())
+        self._store(inertia=self._rows(), heights=self.heights or self._lengths())
         refuse_misstated(self)
         numbers = {name: number(name, value) for name, value in self.parameters.items()}
         laws, elements = [self._law(self.gravity, "z", numbers)], list[Element]()
@@ -129,7 +129,7 @@ class Mechanism(Stated):
             elements.append(element)
         values = joined_values(((key.text, own) for key, own in laws), numbers)
         rates = {rate: 0.0 for rate in self.actuators.values() if rate not in values}
-        self._keep(
+        self._store(
             elements=tuple(elements), gravity=laws[0][0], parameters=values | rates, actuators=self.actuators,
             words=self.words, rest=self.rest, restitution=coefficient_of_restitution(self.restitution),
         )  # fmt: skip

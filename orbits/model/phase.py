@@ -35,7 +35,7 @@ class Affine:
     """The affine function weights . x + offset of a state x (n,).
 
     weights : one for each state
-    offset : a number; for m trajectories at once a weight or the offset may be an array (m,), as `Trajectories.series`
+    offset : a number; for m trajectories together a weight or the offset may be an array (m,), as `Trajectories.series`
         takes them"""
 
     weights: tuple[Algebraic, ...]
@@ -59,7 +59,7 @@ class Affine:
         return [self.weights, self.offset]
 
     def series(self, coefficients: np.ndarray) -> np.ndarray:
-        """Taylor coefficients (..., K + 1) from those of rows (..., rows, K + 1), of which the first n are states."""
+        """Taylor coefficients (..., K + 1) from those of rows (..., rows, K + 1) that begin with the n states."""
         values = np.array(self.weights) @ coefficients[..., : len(self.weights), :]
         values[..., 0] += self.offset
         return values

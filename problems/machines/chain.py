@@ -78,7 +78,7 @@ class Chain(Stated):
         if piecewise := [law.text for law in springs if law.pieces]:
             raise InputError(f"spring '{piecewise[0]}' is piecewise; a chain takes smooth ones")
         known = self._common_parameters(springs, _mass_names(len(masses)))
-        self._keep(masses=masses, springs=springs, restitution=restitution, parameters=known)
+        self._store(masses=masses, springs=springs, restitution=restitution, parameters=known)
 
     def _common_parameters(self, springs: tuple[Law, ...], masses: tuple[str, ...]) -> dict[str, float]:
         """The parameters of all springs; raises `InputError` for unknown, reserved and ambiguous names."""

@@ -121,13 +121,13 @@ class MachineInSI(TwoMasses):
 
     @exclusive
     def __post_init__(self) -> None:
-        self._keep(masses={name: number(name, mass, low=0) for name, mass in self.masses.items()})
+        self._store(masses={name: number(name, mass, low=0) for name, mass in self.masses.items()})
         for name in ("surface_gravity", "stiffness"):
-            self._keep(**{name: number(name, getattr(self, name), low=0)})
+            self._store(**{name: number(name, getattr(self, name), low=0)})
         if BODY_RADIUS in self.gravity.parameters:
             number(BODY_RADIUS, self.gravity.parameters[BODY_RADIUS], low=0)
         number("mass_ratio", self.mass_ratio, low=0)
-        self._keep_common()
+        self._store_common()
         laws = [] if self.spring is None else [*self.spring.parameters]
         refuse_taken(RESERVED, [*laws, *self.gravity.parameters], "the machine's own name")
         self.dimensionless()  # raises the errors of the machine itself

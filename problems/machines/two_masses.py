@@ -42,12 +42,12 @@ class TwoMasses(Stated):
         """Whether the machine loses energy otherwise than by impacts."""
         return self.damping > 0 or self.drag > 0
 
-    def _keep_common(self) -> None:
+    def _store_common(self) -> None:
         """Keep length and losses as numbers; raises `InputError` that names what they cannot be."""
         length = self.rest_length if self.rest_length is None else number("rest_length", self.rest_length, low=0)
-        self._keep(rest_length=length, restitution=coefficient_of_restitution(self.restitution))
+        self._store(rest_length=length, restitution=coefficient_of_restitution(self.restitution))
         for name in DAMPERS:
-            self._keep(**{name: number(name, getattr(self, name))})
+            self._store(**{name: number(name, getattr(self, name))})
             if getattr(self, name) < 0:
                 raise InputError(f"{name} = {getattr(self, name):g} is below 0: it would drive the machine")
 
@@ -98,11 +98,11 @@ class TwoMassMachine(TwoMasses):
 
     @exclusive
     def __post_init__(self) -> None:
-        self._keep(mass_ratio=number("mass_ratio", self.mass_ratio, *MASS_RATIOS))
-        self._keep_common()
+        self._store(mass_ratio=number("mass_ratio", self.mass_ratio, *MASS_RATIOS))
+        self._store_common()
         spring, gravity = self._laws()
         parameters = joined_values(((law.text, law.parameters) for law in (spring, gravity)), {})
-        self._keep(spring=spring, gravity=gravity, parameters=parameters)
+        self._store(spring=spring, gravity=gravity, parameters=parameters)
         if self.rest_length is None and self.varying_gravity:
             high = "the upper mass is as high as its coordinate and the rest length together"
             raise InputError(f"gravity '{gravity.text}' varies with height, and {high}: give the rest length")
