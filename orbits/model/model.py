@@ -185,7 +185,7 @@ class Model(metaclass=_Following):
         """The expressions that vanish at a lossless landing in state x: the gap, its speed and its acceleration.
 
         Where the contact has one coordinate, the last follows from the launched coordinate, whose value is as at
-        lift-off. This condition replaces it also where a law is in pieces, since the piece that holds is not known here.
+        lift-off. This condition replaces it also where a law is in pieces, as the piece that holds is not known here.
         """
         weights, states = self.gap(p).weights, self.flight.states
         of_speed = [weights[states.index(name[:-1])] if name.endswith("'") else 0.0 for name in states]

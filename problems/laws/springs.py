@@ -273,7 +273,7 @@ def table_options(text: str) -> tuple[str, dict[str, Any]]:
 
 
 def _columns_of(source: Any, label: str) -> tuple[np.ndarray, np.ndarray]:
-    """Extensions and forces (n,) of two sequences; raises `InputError` for what are none."""
+    """Extensions and forces (n,) of two sequences; raises `InputError` for anything else."""
     try:
         r, force = (np.asarray(column, dtype=float) for column in source)
     except (TypeError, ValueError):

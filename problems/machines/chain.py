@@ -27,7 +27,7 @@ from orbits.model.model import Model
 from orbits.running.exclusive import exclusive, exclusive_property
 
 from ..laws.springs import as_spring
-from .parameters import given_numbers, refuse_taken
+from .parameters import checked_numbers, refuse_taken
 
 MOST_MASSES = 12
 WORDS_OF_CHAINS = {
@@ -68,13 +68,13 @@ class Chain(Stated):
 
     @exclusive
     def __post_init__(self) -> None:
-        parameters = given_numbers(self.parameters)
+        parameters = checked_numbers(self.parameters)
         masses = tuple(mass_parameters(self.masses, 2, MOST_MASSES).values())
         restitution = coefficient_of_restitution(self.restitution)
-        given = self.springs if isinstance(self.springs, list | tuple) else [self.springs] * (len(masses) - 1)
-        if len(given) != len(masses) - 1:
-            raise InputError(f"{len(masses)} masses are joined by {len(masses) - 1} springs, not {len(given)}")
-        springs = tuple(as_spring(law, parameters, shared=True) for law in given)
+        laws = self.springs if isinstance(self.springs, list | tuple) else [self.springs] * (len(masses) - 1)
+        if len(laws) != len(masses) - 1:
+            raise InputError(f"{len(masses)} masses are joined by {len(masses) - 1} springs, not {len(laws)}")
+        springs = tuple(as_spring(law, parameters, shared=True) for law in laws)
         if piecewise := [law.text for law in springs if law.pieces]:
             raise InputError(f"spring '{piecewise[0]}' is piecewise; a chain takes smooth ones")
         known = self._common_parameters(springs, _mass_names(len(masses)))
@@ -175,7 +175,7 @@ def _mass_names(count: int) -> tuple[str, ...]:
 
 
 def mass_parameters(masses: Sequence[float], fewest: int, most: int) -> dict[str, float]:
-    """The masses of a column by name; raises `InputError` for what is no list of so many masses above 0."""
+    """The masses of a column by name; raises `InputError` unless it is a list of so many masses above 0."""
     if np.ndim(masses) != 1:
         raise InputError(f"masses = {masses!r}; they are a list of masses, from the top")
     if not fewest <= len(masses) <= most:

@@ -27,7 +27,7 @@ from ..laws.gravity import as_gravity
 from ..laws.springs import as_spring
 from .hopper import Hopper
 from .juggler import Juggler
-from .parameters import given_numbers, refuse_taken
+from .parameters import checked_numbers, refuse_taken
 from .two_masses import DAMPERS, TwoMasses, TwoMassMachine
 
 STANDARD_GRAVITY = 9.80665
@@ -188,7 +188,7 @@ class MachineInSI(TwoMasses):
 
     @property
     def _names(self) -> tuple[bool, str, str, str]:
-        """What tells the units as functions of the parameters, see `_units_by`."""
+        """The arguments of `_units_by`, which determine the units as functions of the parameters."""
         upper, lower = self.masses
         return issubclass(self.base, Hopper), upper, lower, self._stiffness_name
 
@@ -291,7 +291,7 @@ def _units_by(hopper: bool, upper: str, lower: str, stiffness: str) -> Callable[
 
 
 def _restated(units: Units, p: Mapping[str, Any]) -> dict[str, Any]:
-    """Rest length and dampers in these units, of those that are stated."""
+    """Rest length and dampers in these units, where they are stated."""
     damper = units.of(DIMENSIONS_OF_PARAMETERS["damping"])
     sizes = {"rest_length": units.length, **dict.fromkeys(DAMPERS, damper)}
     return {name: None if p[name] is None else p[name] / size for name, size in sizes.items() if name in p}
@@ -315,31 +315,31 @@ def _machine(
     body_radius: float | None, gravity: Any, parameters: Any, **numbers: Any,
 ) -> MachineInSI:  # fmt: skip
     """The machine of what was stated; `numbers` are further fields of it."""
-    given = given_numbers(parameters or {})
-    law, stiffness = _spring(force, stiffness, given)
-    pull = _gravity_law(gravity, body_radius, given)
+    values = checked_numbers(parameters or {})
+    law, stiffness = _spring(force, stiffness, values)
+    pull = _gravity_law(gravity, body_radius, values)
     known = [*(law.parameters if law else ()), *pull.parameters]
-    if unknown := [name for name in given if name not in known]:
+    if unknown := [name for name in values if name not in known]:
         raise InputError(f"neither formula has a parameter '{unknown[0]}'{suggest(unknown[0], stated(known))}")
     return MachineInSI(base, masses, law, stiffness, pull, **numbers)
 
 
-def _gravity_law(gravity: Any, body_radius: float | None, given: Mapping[str, float]) -> Law:
+def _gravity_law(gravity: Any, body_radius: float | None, values: Mapping[str, float]) -> Law:
     """The law of gravity in SI."""
     if body_radius is None:
-        return as_gravity("1" if gravity is None else gravity, given, shared=True)
+        return as_gravity("1" if gravity is None else gravity, values, shared=True)
     if gravity is not None:
         raise InputError("give body_radius or gravity, not both")
     return gravities.formula("1/(1 + z/body_radius)**2", body_radius=number(BODY_RADIUS, body_radius, low=0))
 
 
-def _spring(force: Any, stiffness: float | None, given: Mapping[str, float]) -> tuple[Law | None, float]:
+def _spring(force: Any, stiffness: float | None, values: Mapping[str, float]) -> tuple[Law | None, float]:
     """The law in SI, None where it is linear, and the stiffness that sets the units."""
     if force is None:
         if stiffness is None:
             raise InputError("a spring in SI needs its stiffness (N/m) or its force law")
         return None, number("stiffness", stiffness, low=0)
-    law = as_spring(force, given, in_si=True, shared=True)
+    law = as_spring(force, values, in_si=True, shared=True)
     slope = float(law.with_slope(law.rest())[1])
     if stiffness is not None:
         k = number("stiffness", stiffness, low=0)

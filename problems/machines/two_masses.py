@@ -1,4 +1,4 @@
-"""What a machine of two masses is stated by: a spring, a gravity, a ratio of masses, and what damps it."""
+"""The statement of a machine of two masses: a spring, a gravity, a ratio of masses, and what damps it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -17,7 +17,7 @@ from orbits.symbolic.formula import suggest
 
 from ..laws.gravity import as_gravity
 from ..laws.springs import as_spring
-from .parameters import given_numbers, refuse_taken
+from .parameters import checked_numbers, refuse_taken
 
 # Beyond these bounds one of the two masses is lost in rounding.
 MASS_RATIOS = (1e-12, 1e12)
@@ -28,7 +28,7 @@ END, RATE = "u", "w"
 
 
 class TwoMasses(Stated):
-    """What machines of two masses have in common, dimensionless or in SI."""
+    """The common parts of machines of two masses, dimensionless or in SI."""
 
     # Parameters that it takes besides its `values`, which have no damping of 0 and no missing length.
     further_parameters: ClassVar[tuple[str, ...]] = (*DAMPERS, "rest_length")
@@ -43,7 +43,7 @@ class TwoMasses(Stated):
         return self.damping > 0 or self.drag > 0
 
     def _store_common(self) -> None:
-        """Keep length and losses as numbers; raises `InputError` that names what they cannot be."""
+        """Store length and losses as numbers; raises `InputError` that names an invalid one."""
         length = self.rest_length if self.rest_length is None else number("rest_length", self.rest_length, low=0)
         self._store(rest_length=length, restitution=coefficient_of_restitution(self.restitution))
         for name in DAMPERS:
@@ -109,11 +109,11 @@ class TwoMassMachine(TwoMasses):
 
     def _laws(self) -> tuple[Law, Law]:
         """The two laws, each with its own parameters; raises `InputError` for unknown and reserved names."""
-        given = given_numbers(self.parameters)
-        spring, gravity = as_spring(self.spring, given, shared=True), as_gravity(self.gravity, given, shared=True)
+        values = checked_numbers(self.parameters)
+        spring, gravity = as_spring(self.spring, values, shared=True), as_gravity(self.gravity, values, shared=True)
         known = {**spring.parameters, **gravity.parameters}
-        refuse_taken((*OWN_PARAMETERS, "gravity_share"), [*known, *given], "the machine's own name")
-        if unknown := [name for name in given if name not in known]:
+        refuse_taken((*OWN_PARAMETERS, "gravity_share"), [*known, *values], "the machine's own name")
+        if unknown := [name for name in values if name not in known]:
             raise InputError(f"neither formula has a parameter '{unknown[0]}'{suggest(unknown[0], stated(known))}")
         return spring, gravity
 
@@ -177,9 +177,9 @@ class TwoMassMachine(TwoMasses):
     def __repr__(self) -> str:
         laws = {"spring": self.spring.text, "gravity": self.gravity.text}
         own = {name: self.parameters[name] for name in stated(self.parameters)}
-        told = {**laws, **own, **self.__getstate__(), **laws}
+        stated_fields = {**laws, **own, **self.__getstate__(), **laws}
         plain = {each.name: each.default for each in fields(self)} | {"spring": None, "parameters": self.parameters}
-        shown = {name: value for name, value in told.items() if name not in plain or value != plain[name]}
+        shown = {name: value for name, value in stated_fields.items() if name not in plain or value != plain[name]}
         return one_line(self, shown)
 
     def describe(self) -> dict[str, Any]:
