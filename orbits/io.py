@@ -29,7 +29,7 @@ MEGABYTE = 1 << 20
 # The most characters of a value in the one line that describes a result, and of that line.
 LONGEST_VALUE, LONGEST_LINE = 100, 195
 DIGEST = "digest"  # the key of a document that has its own
-# What a document says where one of these is expected, and how a message calls it.
+# The names, in messages, of the types that an entry of a document has to have.
 WORDS = {float: "a finite number", int: "a whole number", str: "a text", bool: "true or false"}
 
 
@@ -44,7 +44,7 @@ def version(package: str) -> str:
 
 
 def extra_package(package: str, what: str, extra: str = "data") -> Any:
-    """A package that one of the extras installs; raises `InputError`, saying what it is needed for, where it is
+    """A package that one of the extras installs; raises `InputError`, stating its purpose, where it is
     missing."""
     try:
         return import_module(package)
@@ -141,7 +141,7 @@ def unsealed(document: Any, before: str = "") -> Any:
 
 
 def read_sealed(file: BinaryIO) -> Any:
-    """The JSON document of a file, held against its digest."""
+    """The JSON document of a file, checked against its digest."""
     document = json.load(file)
     if not isinstance(document, Mapping) or DIGEST not in document:
         warn_of_no_digest(file.name)
@@ -189,7 +189,7 @@ def _is_full(path: Path) -> bool:
 @contextmanager
 def writing(what: str, path: str | Path) -> Iterator[Path]:
     """The path to write a file to: beside the file that it then replaces in one step with its mode, so that whatever
-    fails, the old file stays as it was. A link stays one, and what is no file, as a pipe, or is open already, as
+    fails, the old file stays as it was. A link stays one, and a path that is no file, as a pipe, or is open already, as
     /dev/stdout, is written to directly. Failures are as with `refusing`.
     """
     with refusing(what, path):
@@ -244,9 +244,9 @@ def check_path(path: str | Path, endings: tuple[str, ...]) -> Path:
 
 
 def read_file(path: str | Path, complaint: str, parse: Callable[[BinaryIO], Read], most: int = 32 * MEGABYTE) -> Read:
-    """What `parse` makes of a file; whatever is wrong with it is an `InputError` that begins with the `complaint`.
+    """The result of `parse` for a file; whatever is wrong with it is an `InputError` that begins with the `complaint`.
 
-    most : bytes; a larger file is refused, since what is parsed takes some twenty times its file's memory
+    most : bytes; a larger file is refused, since a parsed file takes some twenty times its file's memory
     """
     try:
         if os.path.exists(path) and not os.path.isfile(path):
@@ -316,7 +316,7 @@ def _items(value: Any, inner: tuple, name: str) -> list:
 
 
 def _array(value: Any, name: str) -> np.ndarray:
-    """An array of numbers, of which None is NaN, or of texts, or of true and false."""
+    """An array of numbers, where None is NaN, or of texts, or of true and false."""
     try:
         array = np.array(value)
         return np.array(value, dtype=float) if array.dtype.kind == "O" else array

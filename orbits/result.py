@@ -84,7 +84,7 @@ class Row(NamedTuple):
 
     @classmethod
     def of(cls, name: str, value: Any, unit: str = "", after: str = "") -> "Row":
-        """The row of one value, with its unit and what is said after it; its heading is the name in words."""
+        """The row of one value, with its unit and the text after it; its heading is the name in words."""
         unit = f" {unit}" if unit and value is not None else ""
         return cls(name.replace("_", " ").replace("liftoff", "lift-off"), {name: value}, (f"{{}}{unit}{after}",))
 
@@ -218,7 +218,7 @@ class Result:
 
     def variable(self, name: str, column: Any, dims: Any, shape: Sequence[int] = (-1,)) -> tuple[str, tuple]:
         """A column by a name that NetCDF takes, as a variable of a dataset: of these dimensions, None as "", and with
-        what is said of it."""
+        its description."""
         values = np.asarray(column)
         if values.dtype == object:
             values = np.array(["" if each is None else str(each) for each in values.ravel()])
@@ -252,20 +252,20 @@ class Result:
         return f"persistent-orbits {cls.what} 1"
 
     def saved(self) -> dict[str, Any]:
-        """The document of a file of the result, and what it does not say of its fields, for `of_saved`."""
+        """The document of a file of the result, and the fields that it lacks, for `of_saved`."""
         whole = self.document_is_whole or type(self).document is Result.document
         return {"format": self.form(), **self.document(), **({} if whole else {"fields": stored(self)})}
 
     @classmethod
     def of_saved(cls, document: Any, machine: Any = None) -> Any:
-        """The result of what `saved` made; raises `ValueError` where parts of it do not fit each other, or where it is
-        of another machine."""
+        """The result of a document by `saved`; raises `ValueError` where parts of it do not fit each other, or it is
+        that of another machine."""
         whole = cls._conform(document, Mapping[str, Any])
         return cls(**cls._fields_in(whole.get("fields", whole), machine))
 
     @classmethod
     def _fields_in(cls, data: Mapping[str, Any], machine: Any = None) -> dict[str, Any]:
-        """The fields of the result in a document, each held against its type."""
+        """The fields of the result in a document, each checked against its type."""
         own, kinds = dict[str, Any](), get_type_hints(cls)
         for each in fields(cls):  # type: ignore[arg-type]
             name, kind = each.name, kinds[each.name]
@@ -296,7 +296,7 @@ class Result:
 
     @classmethod
     def _conform(cls, document: Any, kind: Any) -> Any:
-        """The document of a file of such a result, held against its type; raises `ValueError` for another format."""
+        """The document of a file of such a result, checked against its type; raises `ValueError` for another format."""
         data = conform(document, kind)
         if data.get("format") != cls.form():
             raise ValueError(f"format {data.get('format')!r}, expected {cls.form()!r}")
@@ -339,7 +339,7 @@ def stored(value: Any) -> Any:
 
 
 def known(numbers: Any) -> list[float | None]:
-    """Numbers (m,) for JSON, None for those that are not finite."""
+    """Numbers (m,) for JSON, None for numbers that are not finite."""
     return [value if np.isfinite(value) else None for value in np.ravel(numbers).tolist()]
 
 

@@ -73,7 +73,7 @@ def _form_checks(model: Model, p: Mapping[str, float]) -> Iterator[tuple[str, Ca
 def _form_checks_of_phase(
     where: str, phase: Phase, arguments: tuple, p: Mapping[str, float]
 ) -> Iterator[tuple[str, Callable[[], str]]]:
-    """The same of a phase; `arguments` are those of its field."""
+    """The form checks of a phase; `arguments` are those of its field."""
     yield f"{where}.field", lambda: _scalars(phase.field(*arguments), len(phase.states))
     yield f"{where}.watch", lambda: _scalars(values := [each(*arguments) for each in phase.watch.values()], len(values))
     yield f"{where}.pieces", lambda: _pieces(phase, arguments[1])

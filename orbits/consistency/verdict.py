@@ -23,7 +23,7 @@ from .shortcuts import SHORT_CUTS
 
 # How far, as a share, parameters are drawn around the machine's own.
 PARAMETER_SPREAD = 0.02
-SHORT_CUT = 0.1  # what a relation that holds speaks for a short cut, compared with what it speaks for other fields
+SHORT_CUT = 0.1  # how much a relation that holds speaks for a short cut, compared with other fields
 MOST_SUSPECTS = 3  # where more fields are wrong, all that do not fit are named
 
 
@@ -36,7 +36,7 @@ def suspects(relations: list[Relation]) -> tuple[str, ...]:
         return ()
     names, speaks = sorted(set[str]().union(*broken)), defaultdict[str, float](float)
     for each in (each for each in relations if each.holds):
-        # What joins the fields of one phase holds with the data of any piece, and does not speak for the pieces.
+        # A relation between the fields of one phase holds with the data of any piece, so it does not speak for pieces.
         for name in each.fields if "release" in each.fields else [n for n in each.fields if ".pieces" not in n]:
             speaks[name] += (SHORT_CUT if "closed_form" in name or "reduction" in name else 1.0) / len(each.fields)
     for count in range(1, MOST_SUSPECTS + 1):
@@ -111,7 +111,7 @@ def _parameters(model: Model, values: Mapping[str, float]) -> Iterator[dict[str,
 def _relations_at(model: Model, graphs: Graphs, p: Mapping[str, float]) -> list[Relation]:
     """The relations at one draw of the parameters; none where the machine cannot have them, nor its laws."""
     try:
-        with np.errstate(all="ignore"):  # what is no number deviates without bound
+        with np.errstate(all="ignore"):  # a deviation that is no number counts as unbounded
             draw = graphs.draw(p)
             return [_with_pieces(model, each) for kind in (*MECHANICS, *SHORT_CUTS) for each in kind(model, draw)]
     except OrbitsError:

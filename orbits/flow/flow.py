@@ -194,7 +194,7 @@ class Flow:
         return lengths, side, False
 
     def failure(self, what: str, t: float, x: Array) -> Message:
-        """What happens to a motion in a state at a time, in words."""
+        """The message about what happens to a motion in a state at a time."""
         text, time = "the {name} {what} at time {time:.6g}, at {place}", Quantity(t, TIME)
         return Message(text, name=self.phase.name, what=what, time=time, place=described(self.phase.states, x))
 
@@ -214,7 +214,7 @@ class Flow:
         return ca.vertsplit(x), dict(zip(self.parameters, entries[:named], strict=True)), entries[named:]
 
     def closed_form(self, p: Array) -> Modes:
-        """The exact flow at parameters (np,); that of the last ones is kept."""
+        """The exact flow at parameters (np,); that of the latest parameters is stored."""
         assert self.phase.closed_form is not None
         values, last = tuple(p), self._last_form
         if last is None or last[0] != values:
@@ -239,7 +239,7 @@ class Flow:
         return any(isinstance(stepper, TaylorStepper) and stepper.kernel.compiled for stepper in self.steppers.values())
 
     def stepper(self, columns: int, varied: tuple[int, ...] = ()) -> TaylorStepper | RungeKuttaStepper:
-        """The stepper for so many columns of sensitivities, built on first use; only the rows `varied` of the seeds of
+        """The stepper for `columns` sensitivities, built on first use; only the rows `varied` of the seeds of
         parameters and data of a piece are not zero."""
         if (columns, varied) not in self.steppers:
             form = TaylorStepper if self.vector_field.has_series else RungeKuttaStepper

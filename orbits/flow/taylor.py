@@ -27,7 +27,7 @@ HIGHEST_ORDER = 3
 
 
 class Motions(NamedTuple):
-    """Motions of given durations, in N Taylor steps altogether.
+    """Motions of stated durations, in N Taylor steps altogether.
 
     ends, variations : states (m, n) at their ends, and their derivatives (m, n, columns)
     steps, coefficients, slopes : (N,), (N, rows, K + 1) and (N, n, columns, K + 1) of one motion after the other
@@ -74,8 +74,8 @@ class TaylorStepper:
     """Takes Taylor steps with the sensitivities of the states.
 
     `step_function` makes one step: (z, data) -> (z after it, coefficients (K + 1, n + m) of the n states and m watched
-    quantities, those of the sensitivities (K + 1, n columns), lengths taken and tried (2,)). Its argument z is what
-    `places` says, and `data` are the parameters and their seeds. A rejected step has length 0, and the next one tries
+    quantities, those of the sensitivities (K + 1, n columns), lengths taken and tried (2,)). Its argument z is as
+    `places` states, and `data` are the parameters and their seeds. A rejected step has length 0, and the next one tries
     half its length or less.
 
     The sensitivities solve the variational equations dx' = f_x dx + f_p dp. The series of f_x and f_p are found once,
@@ -301,7 +301,7 @@ def _time_within(c: ca.SX, weights: tuple[float, ...], reach: float) -> ca.SX:
 def _defect(graph: VectorField, terms: ca.SX, h: ca.SX) -> ca.SX:
     """The largest defect of the polynomial in the differential equation at the quarters of the step, times its length.
 
-    It shows what a series cannot know where a law is flat to the last digit, as a saturated spring is.
+    It shows what a series cannot show where a law is flat to the last digit, as a saturated spring is.
     """
     orders, defects = np.arange(TAYLOR_ORDER + 1), [ca.SX(0)]  # A state whose rate is another state has no defect.
     rows = [i for i, rate in enumerate(ca.vertsplit(graph.field(graph.x, graph.p)[0])) if not rate.is_symbolic()]

@@ -75,7 +75,7 @@ class Trajectory:
 
     @classmethod
     def of_saved(cls, document: Any) -> "Trajectory":
-        """The motion of what `saved` made, whose arrays fit each other; raises `ValueError`."""
+        """The motion of a document that `saved` made, whose arrays fit each other; raises `ValueError`."""
         data = conform(document, _SavedTrajectory)
         times, coefficients, names = data["times"], data["coefficients"], data["names"]
         if coefficients is None:

@@ -77,7 +77,7 @@ def first_zeros(
     skip : orders (m,) of the zeros at the start, which are divided out exactly
     rising : count only changes from minus to plus
     ahead : times (m,) until which the function is known to be positive, of motions in closed form; 0 where it is not
-    over : another affine function and a number: a motion on which that function has so many changes of sign never has
+    over : another affine function and a number: a motion on which that function changes sign this many times never has
         the zero. It is only used for motions that take Taylor steps together.
     told : whether each `FlowError` states its reason
 

@@ -33,7 +33,7 @@ Parameters: TypeAlias = Mapping[str, Algebraic]
 Values = Mapping[str, float] | None
 Named = Mapping[str, Callable]
 # Parameters whose names begin so are 0 on every machine; each stands for a change of a measured law by one standard
-# deviation of what noise does to it, independently of the others.
+# deviation of the effect of noise on it, independently of the others.
 NOISE = "_noise"
 # Parameters of a law in SI that is brought to a dimensionless machine's units.
 UNIT_LENGTH, UNIT_FORCE = "unit_length", "unit_force"
@@ -97,7 +97,7 @@ class Key(NamedTuple):
     reach: float = math.inf
     written: Written | None = None
 
-    @lru_cache(maxsize=256)  # noqa: B019 -- equal keys share the answer
+    @lru_cache(maxsize=256)  # noqa: B019 -- equal keys share the result
     def degree(self) -> int:
         """0 for a constant and 1 for a straight line whatever the parameters, 2 for anything else."""
         if self.pieces is not None:
@@ -431,8 +431,8 @@ def _function_expression(function: Callable, variable: str, names: tuple[str, ..
             ca.GlobalOptions.setNumpyMode(1)  # NumPy's functions then give CasADi expressions, without a warning
         value = ca.SX(function(x, **p))
     except Exception as error:
-        said = " ".join(str(error).split())[:80]
-        kind = type(error).__name__ + (f": {said}" if said else "")
+        message = " ".join(str(error).split())[:80]
+        kind = type(error).__name__ + (f": {message}" if message else "")
         raise InputError(f"the law '{name}' fails on a symbolic argument ({kind}); {HOW_TO_WRITE}") from error
     finally:
         if mode is not None:
@@ -449,7 +449,7 @@ def _break_table(breaks: tuple[float, ...]) -> Callable:
 
 @lru_cache(maxsize=256)
 def _graph_expression(graph: str, names: tuple[str, ...]) -> Callable:
-    """The expression of a serialized graph; equal graphs give the same object, which shares what is built from it."""
+    """The expression of a serialized graph; equal graphs give the same object, which shares all that is built on it."""
     function = ca.Function.deserialize(graph)
     value = lambda x, p, q: function(x, *(p[name] for name in names))  # noqa: E731
     return Expression(value, _graph_expression, graph, names)

@@ -143,7 +143,7 @@ class InContact:
 class Mechanics:
     """The equations of motion of a mechanism.
 
-    coordinates, elements, gravity, gap : what they follow from
+    coordinates, elements, gravity, gap : the statement from which they follow
     in_flight, in_contact : the equations of both phases
     laws : the keys of the springs' laws, none as long as they make no difference
     """

@@ -41,7 +41,7 @@ class Launch:
 
 
 def launch_of(mechanics: Mechanics, alone: "Alone | None", level: str, rest: Scalar) -> Launch | None:
-    """How a machine is launched, None where its contact has several coordinates.
+    """The launches of a machine, None where its contact has several coordinates.
 
     alone : the extension that moves alone, None where none does
     level : the value of the springs' force at lift-off, in words
@@ -220,7 +220,7 @@ def _is_level(mechanics: Mechanics) -> bool:
 
 
 def _scales_at(mechanics: Mechanics, start: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """A unit of the contact force, and the rate of a launch: what follows at lift-off from the slopes at rest.
+    """A unit of the contact force, and the rate of a launch: both follow at lift-off from the slopes at rest.
 
     With the acceleration F of the launched coordinate in flight, the contact force lambda vanishes at the extension
     r = -lambda/lambda', and there the contact and the flight have one acceleration, the rate = -(F + F' r). In the unit

@@ -76,7 +76,7 @@ class Mechanism(Stated):
         drawn from the height of the name `lower`, None for the ground, to that of the name `upper`
     actuators : names of displacements that may occur in extensions, each with the name of its rate, a parameter that
         is 0 unless `parameters` has it
-    words : the name of the "liftoff" force in messages, and what they say of a violated "gap", "pull", "separation" and
+    words : the name of the "liftoff" force in messages, and the texts of a violated "gap", "pull", "separation" and
         "end"
 
     Raises `InputError` for an unknown name, for statements that do not describe a mechanism, and for masses, inertias,
@@ -207,7 +207,7 @@ class Mechanism(Stated):
 
     @exclusive_property
     def structure(self) -> Structure:
-        """The mechanism without its numbers; what is built from it is shared by all that differ in numbers only."""
+        """The mechanism without its numbers; mechanisms that differ in numbers only share objects built from it."""
         elements, gravity = self.elements, self.gravity
         springs = [element for element in elements if isinstance(element, Spring)]
         if springs and self.parameters.keys() >= set(self.names):

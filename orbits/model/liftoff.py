@@ -32,7 +32,7 @@ class Liftoff:
     name : the force that lift-off waits for, in words
     scale : p -> (unit, zero, place) for messages: a value phi of the law is the force unit * (phi - zero), and its
         extension is counted from that place
-    named : what messages call the law
+    named : the name of the law in messages
     """
 
     load: float

@@ -21,7 +21,7 @@ def is_used(coefficient: Algebraic) -> bool:
 
 
 def weighted_sum(weights: Scalars, values: Scalars) -> Algebraic:
-    """The sum of products, without those whose weight is 0."""
+    """The sum of products, without terms whose weight is 0."""
     total: Algebraic = None
     for weight, value in zip(weights, values, strict=False):
         if is_used(weight):
@@ -95,7 +95,7 @@ class Phase:
     reaches : coordinates, each by its weights of the first states, with the largest distance that an integration step
         may go along it, since a Taylor series does not detect a narrow bump of a law ahead of it
 
-    Phases and statements compare by identity, since what is built from them is stored as long as they exist.
+    Phases and statements compare by identity, since objects built from them are stored as long as they exist.
     """
 
     name: str

@@ -94,7 +94,7 @@ class Relative:
     gravity : key of the law of gravity where that varies
     liftoff : the constant load and the name of the force that lift-off waits for
     rate : p -> the rate, None where it is 1
-    damping : p -> what a launch speed of 1 adds to phi at lift-off
+    damping : p -> the amount that a launch speed of 1 adds to phi at lift-off
     by_speed : the name of the parameter of the law that is the launch speed; None where it does not depend on that
     rest : p -> the value of the launched coordinate where the extension is 0
     own : p -> the parameters of all of these functions, for a model with other parameters
@@ -143,7 +143,7 @@ class Relative:
         wavy = in_spring.bends > MOST_BENDS or around.bends > 1
         bump = in_spring.bends > 1 and in_spring.length < UNBENT * unit
         single = not (wavy or bump)
-        # Where gravity varies or steps are kept short, the fastest flights would take most of the search's time.
+        # Where gravity varies or steps are short, the fastest flights would take most of the search's time.
         fastest = FASTEST if single and not gravity and law.reach == math.inf else FASTEST_IN_DETAIL
         spacing = float(np.clip(finest, *SPACINGS))
         return Search(

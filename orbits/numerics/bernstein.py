@@ -16,7 +16,7 @@ from .roots import CLOSED, MOST_ITERATIONS, Array
 _Crossed = list[tuple[int, float]]
 _Places = tuple[Array, Array, Array]
 
-# Halving stops here: 2**-40 of a step is less than double precision can tell apart at a grazing pair.
+# Halving stops here: 2**-40 of a step is less than double precision can resolve at a grazing pair.
 MOST_HALVINGS = 40
 # Up to this many roots are found faster one by one: a single root takes 20 microseconds, and 200 with arrays.
 FEW = 6

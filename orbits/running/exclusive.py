@@ -25,7 +25,7 @@ _R = TypeVar("_R")
 
 
 def threads() -> int:
-    """How many threads share the points of a call: the environment's ORBITS_THREADS, 1 where it says nothing."""
+    """The number of threads that share the points of a call: the environment's ORBITS_THREADS, by default 1."""
     text = os.environ.get("ORBITS_THREADS") or "1"
     count = int(text) if text.isascii() and text.isdigit() and len(text) < 9 else 0
     if not 1 <= count <= MOST_THREADS:

@@ -13,12 +13,12 @@ from .plot import COLOURS, cobweb, finished, new_axes, plain, sampled_map, title
 
 IDENTITY: dict[str, Any] = {"color": "0.6", "lw": 0.8, "zorder": 1}
 # Markers of fixed points: full where they attract, open where they do not, half where they attract from above only.
-LOOKS_OF_POINTS: dict[str, dict[str, Any]] = {
+STYLES_OF_POINTS: dict[str, dict[str, Any]] = {
     "stable": {"mfc": "0.15"},
     "unstable": {"mfc": "white"},
     "lossless, attracts from above": {"fillstyle": "right", "mfc": "0.15", "markerfacecoloralt": "white"},
 }
-LOOKS_OF_STABILITY: dict[bool | None, dict[str, Any]] = {
+STYLES_OF_STABILITY: dict[bool | None, dict[str, Any]] = {
     True: {"lw": 2},
     False: {"lw": 1.3, "ls": (0, (4, 2))},
     None: {"lw": 1.3, "ls": (0, (1, 2))},
@@ -81,7 +81,7 @@ def _stability(point: Any) -> str:
 
 def _mark(axes: Axes, points: list[tuple[float, str]]) -> None:
     """Mark fixed points on the identity line, each kind with one entry in the legend."""
-    for kind, style in LOOKS_OF_POINTS.items():
+    for kind, style in STYLES_OF_POINTS.items():
         if here := [alpha for alpha, other in points if other == kind]:
             axes.plot(here, here, "o", ms=6, mec="0.15", mew=1.2, zorder=4, label=kind, **style)
 
@@ -128,7 +128,7 @@ def plot_bifurcations(diagram: Any, axes: Axes | None = None) -> Axes:
             label, part = f"{words}, {WORDS_OF_STABILITY[stable]}", slice(first, last + 1)
             for alphas in branch.alphas[part].T:
                 style = {"color": colour, "label": None if label in known else label, "zorder": 2}
-                axes.plot(branch.values[part], alphas, **style, **LOOKS_OF_STABILITY[stable])
+                axes.plot(branch.values[part], alphas, **style, **STYLES_OF_STABILITY[stable])
                 known.add(label)
     for event in diagram.events:
         name = None if event.kind in known else event.kind

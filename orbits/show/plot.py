@@ -118,7 +118,7 @@ def plot_orbit(orbit: Any, axes: Axes | None = None) -> Axes:
 
 
 def _style(name: str) -> dict[str, Any]:
-    """How the height of a mass is drawn: full, and that of the centre of mass dashed."""
+    """The style of a mass's height: full, and that of the centre of mass dashed."""
     return {"lw": 1.2, "ls": (0, (5, 2))} if name == "centre of mass" else {"lw": 2}
 
 

@@ -26,7 +26,7 @@ MAP = "viridis"  # of colours; it is read in print and by colour-blind readers
 LEVELS = 8  # contours of a map
 NOTHING = "0.93"  # the grey of parameters without an orbit
 # Styles of the parts of a diagram, by the status of the members there, and of the edges between them.
-LOOKS: dict[str, dict[str, Any]] = {
+STYLES: dict[str, dict[str, Any]] = {
     "certified": {"fc": COLOURS[0], "ec": COLOURS[0], "lw": 0.2, "label": "motions"},
     "inadmissible": {"fc": PALE, "ec": PALE, "lw": 0.2, "label": NO_MOTIONS},
     "no orbit": {"fc": NOTHING, "ec": NOTHING, "lw": 0.5, "label": NO_ORBITS, "zorder": 1.5},
@@ -115,7 +115,7 @@ def plot_existence(diagram: Any, quantity: str | None = None, axes: Axes | None 
 
     axes, sweep = axes or new_axes(6.4, 4.8), diagram.grid
     cells = list(_cells_of_diagram(diagram))
-    styles = LOOKS if quantity is None else {status: LOOKS[status] for status in ("no orbit", "failed")}
+    styles = STYLES if quantity is None else {status: STYLES[status] for status in ("no orbit", "failed")}
     if quantity is not None:
         x, y, z = (sweep[name].reshape(sweep.about["shape"]) for name in (*sweep.parameters, quantity))
         drawn = axes.pcolormesh(x, y, _beyond_edges(z), cmap=MAP, shading="nearest", rasterized=True)

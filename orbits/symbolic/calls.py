@@ -113,7 +113,7 @@ class MappedFunction:
 class ElementwiseFunction(MappedFunction):
     """An SX function of vectors at several points: arguments (m, size) make results (m, rows).
 
-    Each of its instructions works on all points at once, ten to seventy times as fast as point after point; with few
+    Each of its instructions works on all points together, ten to seventy times as fast as point after point; with few
     points that is no faster, and takes longer to build.
     """
 

@@ -1,4 +1,4 @@
-"""The only module that calls Ipopt: its options, and what its return statuses mean for the user."""
+"""The only module that calls Ipopt: its options, and the meaning of its return statuses for the user."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -14,7 +14,7 @@ from .kept import weigh
 
 Pair = tuple[Array, Array]
 
-# What Ipopt's return statuses mean where the equations are not solved, and what to do.
+# The meaning of Ipopt's return statuses where the equations are not solved, and the remedy.
 REASONS = {
     "Infeasible_Problem_Detected": "no solution of the equations near the starting guess; start from a nearer machine",
     "Maximum_Iterations_Exceeded": "no convergence; start from a nearer machine",
@@ -43,7 +43,7 @@ FEASIBLE, STATIONARY_GRADIENT = 1e-9, 1e-7
 NEARLY = 1e-6
 # With all but the first of these, Ipopt stalls at rounding: a point is a minimum where the recomputed conditions hold.
 ENDED = "Solve_Succeeded", "Search_Direction_Becomes_Too_Small", "Solved_To_Acceptable_Level", "Restoration_Failed"
-# What the end of an iteration without a minimum means, by the `kind` of a `Minimum`.
+# The meaning of the end of an iteration without a minimum, by the `kind` of a `Minimum`.
 ENDS = {
     "infeasible": "no solution near the starting guess",
     "bottomless": "the cost has no lower bound",

@@ -1,4 +1,4 @@
-"""Caches of what is built for a machine, bounded in number, and all together in memory."""
+"""Caches of objects that are built for a machine, bounded in number, and all together in memory."""
 
 import gc
 from collections.abc import Callable, Iterable

@@ -38,7 +38,7 @@ _memory = threading.local()  # the array `records` of each thread, which is reus
 
 
 class Iterated(NamedTuple):
-    """What a `Kernel` returns. A point that has less than the most records and yet is going has used up its
+    """The result of a `Kernel`. A point that has less than the most records and yet is going has used up its
     `LONGEST_RUN`."""
 
     z: np.ndarray  # (m, size), the last z
@@ -51,7 +51,7 @@ class Kernel:
     """A function of vectors iterated at several points, at each until it says that it is done.
 
     The function takes (z, data, ...) to (z after it, records ..., whether to record them, whether to go
-    on), all dense. Its iterations are interpreted until that has taken as long as compiling it, and what is compiled is
+    on), all dense. Its iterations are interpreted until that has taken as long as compiling it, and compiled code is
     optimised when it has run for as long as that takes: so nothing is compiled for a few points. Each number is the
     same either way, and with any number of threads.
     """

@@ -185,7 +185,7 @@ class NormalForms:
             return False
 
     def _clearing(self, *polynomials: Polynomial) -> Polynomial:
-        """What makes the exponents of generators whose squares have rules at least 0: the rules hold for these."""
+        """A factor that makes exponents of generators with rules for squares at least 0: the rules hold for these."""
         terms = [dict(term) for polynomial in polynomials for term in polynomial]
         lowest = {i: min((term.get(i, 0) for term in terms), default=0) for i in sorted(self.squares)}
         return {tuple((i, -e) for i, e in lowest.items() if e < 0): 1}

@@ -107,7 +107,7 @@ class _Separated(NamedTuple):
 def _separated(rates: ca.SX, x: ca.SX, p: ca.SX) -> _Separated:
     """The derivative of rates (n,) by the state, separated.
 
-    A sum, or a multiple by what does not change with the state, is taken apart; a sum of nonlinear functions of one
+    A sum, or a multiple by a factor without the state, is taken apart; a sum of nonlinear functions of one
     argument is one function.
     """
     instructions = single_assignment(ca.Function("rates", [x, p], [ca.densify(rates)]))
@@ -170,7 +170,7 @@ def _degree(op: int, degrees: Sequence[int]) -> int:
 
 
 class _Series(list):
-    """The coefficients found so far of one result, with what its recursion needs besides."""
+    """The coefficients found so far of one result, with the other series that its recursion needs."""
 
     def __init__(self, coefficients: Sequence[ca.SX] = (), still: bool = False):
         super().__init__(coefficients)

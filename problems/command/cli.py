@@ -42,7 +42,7 @@ Completion of commands and options by the shell, from a line in its start file:
 """
 # A map of more launches is printed as a summary.
 LONGEST_TABLE = 100
-# How many orbits are drawn small above the figure of a family.
+# The number of orbits drawn small above the figure of a family.
 THUMBNAILS = 6
 
 
@@ -485,7 +485,7 @@ def explore_command(family: int, no_browser: bool, port: int, **stated: Any) -> 
 
 
 def main() -> None:
-    """Run the command; what goes wrong is one message and an exit code, never a traceback."""
+    """Run the command; an error is one message and an exit code, never a traceback."""
     try:
         code = orbits.main(prog_name="orbits", standalone_mode=False) or 0
     except click.exceptions.NoArgsIsHelpError as error:
@@ -494,8 +494,8 @@ def main() -> None:
     except click.ClickException as error:
         code = _failed(error.format_message(), error.exit_code)
     except (click.Abort, KeyboardInterrupt) as error:
-        said = str(error.__cause__ or error)  # click makes its own of an interrupt
-        code = _failed(": ".join(filter(None, ("interrupted", said))), 130)
+        reason = str(error.__cause__ or error)  # click makes its own of an interrupt
+        code = _failed(": ".join(filter(None, ("interrupted", reason))), 130)
     except BrokenPipeError:
         sys.stderr.close()  # the reader of the output has closed it
         code = 0

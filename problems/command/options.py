@@ -395,7 +395,7 @@ def progress(doing: str = "searching") -> Iterator[Callable[[float], None] | Non
     thread = threading.Thread(target=show, daemon=True)
     thread.start()
     logger = logging.getLogger("orbits")
-    logger.disabled = True  # what it says is on the line already
+    logger.disabled = True  # its messages are on the line already
     try:
         yield lambda value: share.__setitem__(0, value)
     finally:

@@ -110,7 +110,7 @@ def text_of(path: Path) -> str:
         try:
             return data.decode("utf-8-sig")
         except UnicodeDecodeError:
-            return data.decode("cp1252")  # what test machines under Windows write
+            return data.decode("cp1252")  # as test machines under Windows write
     except (OSError, ValueError) as error:
         if isinstance(error, InputError):
             raise
@@ -210,7 +210,7 @@ def _words(cell: str) -> list[str]:
 
 
 def _count_of_words(cell: str) -> int:
-    """How many words name a column, without its unit."""
+    """The number of words that name a column, without its unit."""
     return sum(word not in UNIT_WORDS for word in _words(re.sub(r"[\[(][^\])]*[\])]", " ", cell)))
 
 

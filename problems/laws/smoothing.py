@@ -48,7 +48,7 @@ class MeasuredRows(NamedTuple):
 
 
 class SmoothCurve(NamedTuple):
-    """A smooth curve through rows: forces (n,) at ascending extensions (n,), and what noise does to them.
+    """A smooth curve through rows: forces (n,) at ascending extensions (n,), and the effect of noise on them.
 
     changes : (k, n), independent changes of the forces by one standard deviation each
     note : what was done to the rows, in words
@@ -179,8 +179,8 @@ def _smoothed(rows: MeasuredRows, noise: float | None) -> SmoothCurve | None:
     nodes = np.linspace(r[0], r[-1], int(count)) if smooth else np.r_[r[0], x[1:-1], r[-1]]
     at_nodes = CubicSpline(x, modes / root[:, None], bc_type="natural")(nodes)
     changes = sigma * (np.sqrt(factors) * at_nodes).T[:MOST_DIRECTIONS]
-    how = f"{w.sum():.0f} rows smoothed, noise {sigma:.3g} {'estimated' if noise is None else 'stated'}"
-    return SmoothCurve(nodes, at_nodes @ (factors * z), changes, how)
+    note = f"{w.sum():.0f} rows smoothed, noise {sigma:.3g} {'estimated' if noise is None else 'stated'}"
+    return SmoothCurve(nodes, at_nodes @ (factors * z), changes, note)
 
 
 def _directions(r: np.ndarray) -> np.ndarray:
@@ -213,7 +213,7 @@ def _loop_width(up: tuple[np.ndarray, np.ndarray], down: tuple[np.ndarray, np.nd
 
     if min(len(up[0]), len(down[0])) < FEWEST_ON_BRANCH:
         return 0.0
-    # Both ways round, what straight lines between the rows of a curved law are off by cancels.
+    # Both ways round, the errors of straight lines between the rows of a curved law cancel.
     a, b = above(up, down), -above(down, up)
     widths = np.r_[a, b]
     if len(widths) < 2 * FEWEST_ON_BRANCH:

@@ -1,4 +1,4 @@
-"""A chain: N masses in a column joined by springs, of which the lowest lands plastically.
+"""A chain: N masses in a column joined by springs; the lowest mass lands plastically.
 
 Units: whatever the masses, the springs' forces and their extensions are stated in, with gravity 1. Flight state
 (y1, y1', ..., yN, yN'), from the top, positions counted from the unstretched column with its lowest mass on the ground;
@@ -175,7 +175,7 @@ def _mass_names(count: int) -> tuple[str, ...]:
 
 
 def mass_parameters(masses: Sequence[float], fewest: int, most: int) -> dict[str, float]:
-    """The masses of a column by name; raises `InputError` unless it is a list of so many masses above 0."""
+    """The masses of a column by name; raises `InputError` unless it is a list of `fewest` to `most` masses above 0."""
     if np.ndim(masses) != 1:
         raise InputError(f"masses = {masses!r}; they are a list of masses, from the top")
     if not fewest <= len(masses) <= most:

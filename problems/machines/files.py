@@ -138,7 +138,7 @@ def statement_for_file(machine: AnyMachine) -> dict[str, Any] | None:
 
 
 def machine_stated(statement: dict[str, Any]) -> AnyMachine:
-    """The machine of what `statement_for_file` returned; raises `InputError`, also where it refers to another file."""
+    """The machine of a statement by `statement_for_file`; raises `InputError`, also where it refers to another file."""
     _check_keys("the machine", statement, KEYS)
     if str(statement.get("spring", "")).startswith("table:"):
         raise InputError("the machine's spring is in another file, which is not read")

@@ -314,7 +314,7 @@ def _machine(
     base: type[TwoMassMachine], masses: dict[str, float], force: Any, stiffness: float | None,
     body_radius: float | None, gravity: Any, parameters: Any, **numbers: Any,
 ) -> MachineInSI:  # fmt: skip
-    """The machine of what was stated; `numbers` are further fields of it."""
+    """The machine of these statements; `numbers` are further fields of it."""
     values = checked_numbers(parameters or {})
     law, stiffness = _spring(force, stiffness, values)
     pull = _gravity_law(gravity, body_radius, values)
@@ -344,8 +344,8 @@ def _spring(force: Any, stiffness: float | None, values: Mapping[str, float]) ->
     if stiffness is not None:
         k = number("stiffness", stiffness, low=0)
         if 0 < slope < float("inf") and abs(slope / k - 1) > 1e-6:
-            said = f"the spring '{law.text}' has stiffness {slope:g} N/m at rest, not {k:g}"
-            raise InputError(f"{said}: state it in N of m, and leave stiffness out")
+            conflict = f"the spring '{law.text}' has stiffness {slope:g} N/m at rest, not {k:g}"
+            raise InputError(f"{conflict}: state it in N of m, and leave stiffness out")
         return law, k
     if slope < 0:
         raise InputError(f"the spring '{law.text}' has slope {slope:g} at rest: {WRONG_SIGN}")

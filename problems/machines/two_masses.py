@@ -1,4 +1,4 @@
-"""The statement of a machine of two masses: a spring, a gravity, a ratio of masses, and what damps it."""
+"""The statement of a machine of two masses: a spring, a gravity, a ratio of masses, and its damping."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace

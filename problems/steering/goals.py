@@ -229,10 +229,10 @@ class _Hop:
         flight = result.legs[0].path
         coefficients = flight.coefficients[:, : len(self.driven.model.flight.states)]
         series = self.driven.model.extension.series(coefficients)
-        turns, wanted = len(piecewise_roots(derivative(series), flight.steps)), 2 * self.orbit.family + 1
-        if abs(turns - wanted) > (0 if self.lossless else 1):
+        turns, expected = len(piecewise_roots(derivative(series), flight.steps)), 2 * self.orbit.family + 1
+        if abs(turns - expected) > (0 if self.lossless else 1):
             raise NoOrbit(
-                f"the answer's extension turns {turns} times in flight, that of family {self.orbit.family} {wanted} "
+                f"the answer's extension turns {turns} times in flight, that of family {self.orbit.family} {expected} "
                 "times: it is another kind of hop; start from the answer for a machine, or a launch, nearer to the "
                 "lossless orbit's"
             )
@@ -355,7 +355,7 @@ def _growing_swings(orbit: Orbit, rest: float, pumps: int) -> list[Guess]:
 
 @lru_cache(maxsize=32)
 def _hop_stages(model, gap, intervals, times, limits, cost, lossless, periodic) -> tuple[Stage, Stage]:
-    """Flight and contact, as `steer` takes them; the same hop has the same stages, with what is compiled for them.
+    """Flight and contact, as `steer` takes them; the same hop has the same stages, with their compiled functions.
 
     A hop that is not periodic goes from the parameter "launch" to "aim".
     """

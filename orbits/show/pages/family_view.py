@@ -146,6 +146,6 @@ class FamilyFigure:
 
     def marks(self, value: float | None = None, quantity: float | None = None) -> list[Change]:
         """The changes that `mark` makes."""
-        seen = value is not None and quantity is not None
-        place = {"value": [value], "quantity": [quantity]} if seen else empty_columns("value", "quantity")
-        return [(self._here, "data", place), (self._items[2], "visible", seen)]
+        marked = value is not None and quantity is not None
+        place = {"value": [value], "quantity": [quantity]} if marked else empty_columns("value", "quantity")
+        return [(self._here, "data", place), (self._items[2], "visible", marked)]

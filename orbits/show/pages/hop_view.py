@@ -124,11 +124,11 @@ class HopFigures:
 
     def __init__(self) -> None:
         new = bokeh("models").ColumnDataSource
-        masses, joints, seen = ("time", "height", "speed", "colour", "name"), ("lower", "upper"), ("xs", "ys")
+        masses, joints, paths = ("time", "height", "speed", "colour", "name"), ("lower", "upper"), ("xs", "ys")
         self._masses, self._centre = new(empty_columns(*masses)), new(empty_columns("time", "height"))
         self._force, self._contact = new(empty_columns("time", "force")), new(empty_columns("start", "end"))
         self._motion = new(empty_columns("drawn"))
-        self._springs, self._knees = new(empty_columns(*joints, *seen)), new(empty_columns(*joints, "link", *seen))
+        self._springs, self._knees = new(empty_columns(*joints, *paths)), new(empty_columns(*joints, "link", *paths))
         self._bodies = new(empty_columns(*masses, "x", "y", "marker", "size", "aside", "align", "force"))
         self.machine, self.heights = self._new_machine(), self._new_heights()
         self.portrait, self.force = self._new_portrait(), self._new_force()

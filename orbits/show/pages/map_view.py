@@ -114,5 +114,5 @@ class MapFigure:
         unit = f" ({data.unit})" if data.unit else ""
         changes += [(self.figure.xaxis[0], "axis_label", "launch speed" + unit)]
         changes += [(self.figure.yaxis[0], "axis_label", "next launch speed" + unit)]
-        seen = {"cobweb": data.web.size > 0, "comes to a lossless hop": len(basin) > 0}
-        return [*changes, *((self._items[name], "visible", is_seen) for name, is_seen in seen.items())]
+        shown = {"cobweb": data.web.size > 0, "comes to a lossless hop": len(basin) > 0}
+        return [*changes, *((self._items[name], "visible", is_shown) for name, is_shown in shown.items())]
