@@ -30,8 +30,8 @@ HIDING_BUMPS = {getattr(ca, f"OP_{name}") for name in ("DIV", "INV", "POW", "CON
 # series sees one from nine widths away, and from six its force is below rounding. No bound is set for lengths above
 # this share of the unit: the steps are as short without one.
 STEP_LENGTHS, NARROW_SHARE = 10.0, 0.2
-# Differences of slopes below this multiple of their rounding are rounding. A law whose slope is this many times their
-# order has a singularity there, and beyond it another branch.
+# Differences of slopes below this multiple of their rounding are rounding. Where a slope is this many times 1 over the
+# unit of length, the law has a singularity, and beyond it another branch.
 SLOPE_ROUNDING, SINGULAR_SLOPE = 1e3 * float(np.finfo(float).eps), 1e6
 
 
@@ -180,7 +180,7 @@ def _sampled_slopes(key: Key, values: np.ndarray, low: np.ndarray, high: np.ndar
 
 
 def _lengths_and_bends(slopes: np.ndarray, units: np.ndarray, spacing: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The features (m,) of laws with slopes (m, n) at places so far (m,) apart, in units of length (m,)."""
+    """The features (m,) of laws with slopes (m, n) at places with these distances (m,), in units of length (m,)."""
     floor = SLOPE_ROUNDING * np.maximum(np.abs(slopes), 1 / units[:, None])
     change = slopes[:, 1:] - slopes[:, :-1]
     rises = [row[beyond] > 0 for row, beyond in zip(change, np.abs(change) > floor[:, 1:], strict=True)]

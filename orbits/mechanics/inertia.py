@@ -56,7 +56,7 @@ class Inertia:
         return self._inverse @ forces
 
     def _alone(self, forces: ca.SX) -> ca.SX:
-        """As many masses as coordinates: each is accelerated alone, and what its own gradient is in the forces
+        """As many masses as coordinates: each is accelerated alone, and the multiple of its own gradient in the forces
         cancels."""
         columns = ca.horzcat(*self.gradients)
         alone = ca.solve(columns, ca.sparsify(forces)) / ca.repmat(ca.vertcat(*self.masses), 1, forces.shape[1])

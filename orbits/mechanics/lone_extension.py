@@ -212,7 +212,7 @@ def _for_steps(value: Algebraic) -> Algebraic:
 
 
 def _is_level(mechanics: Mechanics) -> bool:
-    """Whether the contact force has no part of a gravity that varies, but that on the ground."""
+    """Whether gravity enters the contact force by its value on the ground alone, even where it varies."""
     c, contact = mechanics.coordinates, mechanics.in_contact
     pulls = zip(contact.terms, contact.force_coefficients.exact, strict=True)
     heights = (term.place for term, coefficient in pulls if term.what == "gravity" and coefficient != 0)

@@ -139,9 +139,9 @@ class Kernel:
     def _iterated(self, inputs: list[np.ndarray], ends: np.ndarray, capacity: int) -> list[list[np.ndarray]]:
         """Iterate points until they end or come to their bounds, with room for `capacity` records of each.
 
-        Changed are the first of the inputs, to the last z, and `ends` (m, 3), from the most records, 1 and the most
-        iterations of each point to how many records it has, whether it has ended, and how many iterations it took.
-        Returned are the records, in parts for some points after the others.
+        This changes the first of the inputs to the last z, and `ends` (m, 3) from the most records, 1 and the most
+        iterations of each point to the number of its records, whether it has ended, and the number of its iterations.
+        Returns the records, in parts for some points after the others.
         """
         count, first, cost, parts = len(ends), 0, 0.0, list[list[np.ndarray]]()
         while self._code is None and first < count:

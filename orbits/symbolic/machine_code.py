@@ -240,8 +240,8 @@ class _Iteration(_Code):
     """The code of `run(arrays, strides, count)`, which iterates a function at `count` points.
 
     The arrays are the function's inputs, its records, and three numbers of each point: the most records, 1 and the most
-    iterations. Written over are the first input, by the last z, and these numbers, by how many records there are,
-    whether the point has ended, and how many iterations it took.
+    iterations. The code overwrites the first input by the last z, and these numbers by the number of records, whether
+    the point has ended, and the number of its iterations.
     """
 
     def text(self, function: ca.Function) -> str:
