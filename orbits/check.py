@@ -1,4 +1,4 @@
-"""A machine held against mechanics: what its model declares, its orbit and its hops."""
+"""Checks of a machine against mechanics: what its model declares, its orbit and its hops."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -26,11 +26,11 @@ from .simulation.simulation import simulate
 # All parts of a machine.
 PARTS = ("model", "values", "with_values", "describe", "units", "restitution", "rest_length")
 # Motions are integrated again by SciPy's DOP853 with this relative tolerance, and agree to the second number, beside
-# what the motion amplifies, and where the field has corners.
+# the amplification of errors by the motion, and where the field has corners.
 TOLERANCE, LARGEST_DIFFERENCE = 1e-11, 1e-6
 # The launch of the hops that are followed, as a share of an orbit's: on its stable side, with a large loss.
 BESIDE_ORBIT, HOPS = 1.05, 2
-# A guess lies so near to the orbit that it leads to: it may be one of a machine a little simpler.
+# A guess lies this near to the orbit that it leads to: it may be one of a machine a little simpler.
 LARGEST_MISS = 0.3
 # The launch speed of the hops of a machine without orbits; and the slowest searched for orbits, in the search's scale.
 WITHOUT_ORBIT, SLOWEST_SEARCHED = 2.0, 1e-3
@@ -65,7 +65,7 @@ class Checked(Result, what="check", printed_digits=2):
         return list(self.left_out)
 
     def table(self) -> dict[str, list[Any]]:
-        """The relations as columns: in words, their deviations, what is allowed, and their fields."""
+        """The relations as columns: in words, their deviations, the allowed ones, and their fields."""
         columns = zip(*((r.words, r.deviation, r.bound, ", ".join(r.fields)) for r in self.relations), strict=True)
         return dict(zip(("relation", "deviation", "bound", "fields"), map(list, columns), strict=True))
 
@@ -107,13 +107,13 @@ def check(machine: Machine, *, start: Orbit | Mapping[str, float] | None = None)
 
 
 def _wrong_results(machine: Machine) -> dict[str, str]:
-    """What is wrong with what the methods of a machine give, in words by name."""
+    """The faults in the results of a machine's methods, in words by name."""
     found, words = dict[str, str](), machine.describe()
     if absent := [name for name in MACHINE_FIELDS if not isinstance(words, Mapping) or name not in words]:
         found["describe"] = f"it says no '{absent[0]}'"
     try:
-        again = machine.with_values()
-        if again.values != dict(machine.values) or again.model.name != machine.model.name:
+        copy = machine.with_values()
+        if copy.values != dict(machine.values) or copy.model.name != machine.model.name:
             found["with_values"] = "without values it does not give the same machine"
     except Exception as error:
         found["with_values"] = f"it cannot be called without values ({type(error).__name__}: {error})"
@@ -123,18 +123,18 @@ def _wrong_results(machine: Machine) -> dict[str, str]:
 def _along_motions(machine: Machine, start: Orbit | Mapping[str, float] | None, left_out: list[str]) -> list[Relation]:
     """The relations along an orbit and along hops beside it."""
     model, graphs = machine.model, Graphs(machine.model, tuple(machine.values))
-    found, orbit = [*_of_pieces(machine, graphs)], None
+    found, orbit = [*_piece_relations(machine, graphs)], None
     if not model.conservative:
         left_out.append("no orbit was looked at: the machine is not conservative")
     elif all(each.holds for each in found):
         try:
             guessed = guess(model, 1, _plain_values(machine)) if start is None and model.is_guessed else None
-            found += [] if guessed is None else [_of_guess(machine, guessed)]
+            found += [] if guessed is None else [_guess_relation(machine, guessed)]
             orbit = find(machine, start=start) if all(each.holds for each in found) else None
         except NoOrbit as error:
             left_out.append(f"no orbit was looked at: {error}")
         if orbit:
-            found += [*_of_orbit(machine, orbit, graphs), *_of_search(machine, orbit, guessed)]
+            found += [*_orbit_relations(machine, orbit, graphs), *_search_relations(machine, orbit, guessed)]
     if not all(each.holds for each in found) or (orbit is None and not model.one_speed):
         return found
     launch = BESIDE_ORBIT * orbit.alpha if orbit else WITHOUT_ORBIT
@@ -143,8 +143,8 @@ def _along_motions(machine: Machine, start: Orbit | Mapping[str, float] | None, 
     except (InputError, NoOrbit) as error:
         left_out.append(f"no hop was looked at: {error}")
         return found
-    found += _of_hops(machine, run, graphs)
-    return [*found, *_of_map(machine, run)] if model.one_speed else found
+    found += _hop_relations(machine, run, graphs)
+    return [*found, *_map_relations(machine, run)] if model.one_speed else found
 
 
 def _plain_values(machine: Machine) -> dict[str, float]:
@@ -153,14 +153,14 @@ def _plain_values(machine: Machine) -> dict[str, float]:
     return {**machine.values, homotopy: 0.0} if homotopy else dict(machine.values)
 
 
-def _of_guess(machine: Machine, guessed: object) -> Relation:
-    """The form of what a model guesses."""
+def _guess_relation(machine: Machine, guessed: object) -> Relation:
+    """The form of a model's guess."""
     names = ("duration", *machine.model.launch_unknowns)
     fine = isinstance(guessed, Mapping) and all(np.isfinite(guessed.get(name, np.nan)) for name in names)
     return Relation("guess states the launch and the half flight", ("guess",), 0.0 if fine else np.inf)
 
 
-def _of_pieces(machine: Machine, graphs: Graphs) -> Iterator[Relation]:
+def _piece_relations(machine: Machine, graphs: Graphs) -> Iterator[Relation]:
     """At the breakpoints of a field, the pieces on both sides agree."""
     p, rng = machine.values, np.random.default_rng(1)
     for where, graph in (("flight", graphs.flight), ("contact", graphs.contact)):
@@ -180,7 +180,7 @@ def _fields_of(where: str) -> tuple[str, ...]:
     return f"{where}.field", f"{where}.closed_form", f"{where}.pieces"
 
 
-def _of_orbit(machine: Machine, orbit: Orbit, graphs: Graphs) -> Iterator[Relation]:
+def _orbit_relations(machine: Machine, orbit: Orbit, graphs: Graphs) -> Iterator[Relation]:
     """An orbit's flight from launch to landing and its contact, integrated again; and the other way to find it."""
     model, begins, lands, half = machine.model, orbit(0.0), orbit(orbit.flight_time), orbit.flight_time / 2
     middle = _integrated(machine, graphs, model.flight, begins, half)
@@ -201,7 +201,7 @@ def _of_orbit(machine: Machine, orbit: Orbit, graphs: Graphs) -> Iterator[Relati
         yield Relation(words, ("reduction.statement", "reduction.phase"), off / orbit.alpha, bound)
 
 
-def _of_search(machine: Machine, orbit: Orbit, guessed: Mapping[str, float] | None) -> Iterator[Relation]:
+def _search_relations(machine: Machine, orbit: Orbit, guessed: Mapping[str, float] | None) -> Iterator[Relation]:
     """How near the guess was to the orbit, where both are of one scene, and the range in which a family is searched."""
     model = machine.model
     if guessed and not model.homotopy:
@@ -215,7 +215,7 @@ def _of_search(machine: Machine, orbit: Orbit, guessed: Mapping[str, float] | No
         yield Relation("search has a range with the orbit in it", ("search",), 0.0 if fine else np.inf)
 
 
-def _of_hops(machine: Machine, run: Simulation, graphs: Graphs) -> Iterator[Relation]:
+def _hop_relations(machine: Machine, run: Simulation, graphs: Graphs) -> Iterator[Relation]:
     """Each leg of a simulation integrated again."""
     model, worst = machine.model, {"flight": 0.0, "contact": 0.0}
     for leg, event in zip(run.legs, run.events, strict=False):
@@ -228,7 +228,7 @@ def _of_hops(machine: Machine, run: Simulation, graphs: Graphs) -> Iterator[Rela
         yield Relation(f"the {where} of hops is that {INTEGRATED}", _fields_of(where), off, LARGEST_DIFFERENCE)
 
 
-def _of_map(machine: Machine, run: Simulation) -> Iterator[Relation]:
+def _map_relations(machine: Machine, run: Simulation) -> Iterator[Relation]:
     """The return map against the simulation, which it must not differ from."""
     launches = run.launches[np.isfinite(run.launches)]
     hops = ReturnMap(machine)(launches[:-1])

@@ -5,7 +5,7 @@ from numbers import Real
 import numpy as np
 
 LONGEST_MESSAGE = 300  # characters
-# What stays of a longer message, which quotes what it was given: its beginning and its end, where the remedy stands.
+# What stays of a longer message, which quotes its input: its beginning and its end, where the remedy stands.
 HEAD, TAIL = 180, 110
 
 
@@ -15,7 +15,7 @@ def shortened(message: str) -> str:
 
 
 def cut_in_the_middle(text: str, longest_head: int, longest_tail: int) -> str:
-    """A text's beginning and end, of at most so many characters each. A word that the cut goes through is left out,
+    """A text's beginning and end, of at most these numbers of characters. A word that the cut goes through is left out,
     unless it is most of what there is."""
     head, tail = text[:longest_head], text[-longest_tail:]
     whole_head, whole_tail = head.rpartition(" ")[0], tail.partition(" ")[2]

@@ -1,5 +1,5 @@
-"""Files: names to write to checked, results as JSON, documents read and held against their types, and versions; and
-the one line in which a result tells what it is."""
+"""Files: names to write to checked, results as JSON, documents read and checked against their types, and versions; and
+the one line that describes a result."""
 
 import csv
 import hashlib
@@ -26,10 +26,10 @@ from .errors import InputError, cut_in_the_middle
 
 Read = TypeVar("Read")
 MEGABYTE = 1 << 20
-# Characters of a value in the one line that tells a result, and of that line.
-LONGEST_TOLD, LONGEST_TOLD_LINE = 100, 195
+# The most characters of a value in the one line that describes a result, and of that line.
+LONGEST_VALUE, LONGEST_LINE = 100, 195
 DIGEST = "digest"  # the key of a document that has its own
-# What a document says where one of these is expected, and how a message calls it.
+# The names, in messages, of the types that an entry of a document has to have.
 WORDS = {float: "a finite number", int: "a whole number", str: "a text", bool: "true or false"}
 
 
@@ -44,7 +44,7 @@ def version(package: str) -> str:
 
 
 def extra_package(package: str, what: str, extra: str = "data") -> Any:
-    """A package that one of the extras installs; raises `InputError`, saying what it is needed for, where it is
+    """A package that one of the extras installs; raises `InputError`, stating its purpose, where it is
     missing."""
     try:
         return import_module(package)
@@ -62,15 +62,15 @@ def in_words(values: Mapping[str, Any]) -> list[str]:
 def one_line(result: Any, values: Mapping[str, Any]) -> str:
     """A result in one line of fewer than 200 characters: its type, and some of its values by name, the first as many
     as there is room for, long ones without their middle."""
-    told = [each if len(each) <= LONGEST_TOLD else cut_in_the_middle(each, 70, 25) for each in in_words(values)]
-    name, kept = type(result).__name__, len(told)
-    while kept > 1 and len(f"{name}({', '.join(told[:kept])}, ...)") > LONGEST_TOLD_LINE:
-        kept -= 1
-    return f"{name}({', '.join([*told[:kept], *(['...'] if kept < len(told) else [])])})"
+    texts = [each if len(each) <= LONGEST_VALUE else cut_in_the_middle(each, 70, 25) for each in in_words(values)]
+    name, count = type(result).__name__, len(texts)
+    while count > 1 and len(f"{name}({', '.join(texts[:count])}, ...)") > LONGEST_LINE:
+        count -= 1
+    return f"{name}({', '.join([*texts[:count], *(['...'] if count < len(texts) else [])])})"
 
 
 def fields_in_line(result: Any, *names: str) -> str:
-    """A result in one line: its type, and those of its attributes."""
+    """A result in one line: its type, and these attributes."""
     return one_line(result, {name: getattr(result, name) for name in names})
 
 
@@ -87,7 +87,7 @@ def to_json(value: Any) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """What `json` does not know, as what it knows."""
+    """A value that `json` cannot write, as one that it can."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if isinstance(value, Mapping):
@@ -141,7 +141,7 @@ def unsealed(document: Any, before: str = "") -> Any:
 
 
 def read_sealed(file: BinaryIO) -> Any:
-    """The JSON document of a file, held against its digest."""
+    """The JSON document of a file, checked against its digest."""
     document = json.load(file)
     if not isinstance(document, Mapping) or DIGEST not in document:
         warn_of_no_digest(file.name)
@@ -188,8 +188,8 @@ def _is_full(path: Path) -> bool:
 
 @contextmanager
 def writing(what: str, path: str | Path) -> Iterator[Path]:
-    """The path to write a file to: beside the file that it then replaces at once and with its mode, so that whatever
-    fails, the old file stays as it was. A link stays one, and what is no file, as a pipe, or is open already, as
+    """The path to write a file to: beside the file that it then replaces in one step with its mode, so that whatever
+    fails, the old file stays as it was. A link stays one, and a path that is no file, as a pipe, or is open already, as
     /dev/stdout, is written to directly. Failures are as with `refusing`.
     """
     with refusing(what, path):
@@ -223,7 +223,7 @@ def _is_open_already(path: Path) -> bool:
 
 
 def check_ending(path: str | Path, endings: tuple[str, ...]) -> Path:
-    """The path of a file to write; raises `InputError` when its ending is none of those given."""
+    """The path of a file to write; raises `InputError` when its ending is none of these."""
     path = Path(path)
     if endings and path.suffix.lower() not in endings:
         raise InputError(f"'{path}' cannot be written: its name needs an ending, {' or '.join(endings)}")
@@ -231,7 +231,7 @@ def check_ending(path: str | Path, endings: tuple[str, ...]) -> Path:
 
 
 def check_path(path: str | Path, endings: tuple[str, ...]) -> Path:
-    """The path of a file to write, with one of the endings if any are given; raises `InputError` where its ending, its
+    """The path of a file to write, with one of the endings if there are any; raises `InputError` where its ending, its
     folder or its permissions rule that out."""
     path = check_ending(path, endings)
     if not path.parent.is_dir():
@@ -244,9 +244,9 @@ def check_path(path: str | Path, endings: tuple[str, ...]) -> Path:
 
 
 def read_file(path: str | Path, complaint: str, parse: Callable[[BinaryIO], Read], most: int = 32 * MEGABYTE) -> Read:
-    """What `parse` makes of a file; whatever is wrong with it is an `InputError` that begins with the `complaint`.
+    """The result of `parse` for a file; whatever is wrong with it is an `InputError` that begins with the `complaint`.
 
-    most : bytes; a larger file is refused, since what is parsed takes some twenty times its file's memory
+    most : bytes; a larger file is refused, since a parsed file takes some twenty times its file's memory
     """
     try:
         if os.path.exists(path) and not os.path.isfile(path):
@@ -316,7 +316,7 @@ def _items(value: Any, inner: tuple, name: str) -> list:
 
 
 def _array(value: Any, name: str) -> np.ndarray:
-    """An array of numbers, of which None is NaN, or of texts, or of true and false."""
+    """An array of numbers, where None is NaN, or of texts, or of true and false."""
     try:
         array = np.array(value)
         array = np.array(value, dtype=float) if array.dtype.kind == "O" else array

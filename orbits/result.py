@@ -1,4 +1,4 @@
-"""What every result does, in one place: a result says what it has, and `Result` prints, shows, tables, saves and loads.
+"""Common to all results: a result declares what it has, and `Result` prints, shows, tables, saves and loads it.
 
 The room `show`, which draws results, stands above all of them: `shown` is the one way up to it, taken when something is
 drawn.
@@ -85,18 +85,18 @@ class Row(NamedTuple):
 
     @classmethod
     def of(cls, name: str, value: Any, unit: str = "", after: str = "") -> "Row":
-        """The row of one value, with its unit and what is said after it; its heading is the name in words."""
+        """The row of one value, with its unit and the text after it; its heading is the name in words."""
         unit = f" {unit}" if unit and value is not None else ""
         return cls(name.replace("_", " ").replace("liftoff", "lift-off"), {name: value}, (f"{{}}{unit}{after}",))
 
     def texts(self, digits: int) -> tuple[str, ...]:
-        """The row as texts; its numbers have so many digits unless their cell says otherwise."""
+        """The row as texts; its numbers have this number of digits unless their cell says otherwise."""
         values = (_Shown(value, digits) for value in self.values.values())
         return number_text(self.heading, digits=digits), *"\0".join(self.cells).format(*values).split("\0")
 
 
 class Result:
-    """What can be done with a result, whatever it is of. Each verb means one thing for all results:
+    """The methods of all results. Each verb means one thing for all of them:
 
     machine : the machine in words and numbers, as it describes itself; empty where the result has none. Where the
         machine itself is at hand, it is `source`
@@ -165,7 +165,7 @@ class Result:
         return []
 
     def _line(self) -> Mapping[str, Any]:
-        """What stands in the one line of its `repr`."""
+        """The contents of the one line of its `repr`."""
         return {name.split(".")[-1]: attrgetter(name)(self) for name in self.in_line}
 
     def __repr__(self) -> str:
@@ -219,7 +219,7 @@ class Result:
 
     def variable(self, name: str, column: Any, dims: Any, shape: Sequence[int] = (-1,)) -> tuple[str, tuple]:
         """A column by a name that NetCDF takes, as a variable of a dataset: of these dimensions, None as "", and with
-        what is said of it."""
+        its description."""
         values = np.asarray(column)
         if values.dtype == object:
             values = np.array(["" if each is None else str(each) for each in values.ravel()])
@@ -249,24 +249,24 @@ class Result:
 
     @classmethod
     def form(cls) -> str:
-        """What a file of such a result says in "format"."""
+        """The "format" that a file of such a result states."""
         return f"persistent-orbits {cls.what} 1"
 
     def saved(self) -> dict[str, Any]:
-        """The document of a file of the result, and what it does not say of its fields, for `of_saved`."""
+        """The document of a file of the result, and the fields that it lacks, for `of_saved`."""
         whole = self.document_is_whole or type(self).document is Result.document
         return {"format": self.form(), **self.document(), **({} if whole else {"fields": stored(self)})}
 
     @classmethod
     def of_saved(cls, document: Any, machine: Any = None) -> Any:
-        """The result of what `saved` made; raises `ValueError` where parts of it do not fit each other, or where it is
-        of another machine."""
+        """The result of a document by `saved`; raises `ValueError` where parts of it do not fit each other, or it is
+        that of another machine."""
         whole = cls._conform(document, Mapping[str, Any])
         return cls(**cls._fields_in(whole.get("fields", whole), machine))
 
     @classmethod
     def _fields_in(cls, data: Mapping[str, Any], machine: Any = None) -> dict[str, Any]:
-        """The fields of the result in a document, each held against its type."""
+        """The fields of the result in a document, each checked against its type."""
         own, kinds = dict[str, Any](), get_type_hints(cls)
         for each in fields(cls):  # type: ignore[arg-type]
             name, kind = each.name, kinds[each.name]
@@ -297,7 +297,7 @@ class Result:
 
     @classmethod
     def _conform(cls, document: Any, kind: Any) -> Any:
-        """The document of a file of such a result, held against its type; raises `ValueError` for another format."""
+        """The document of a file of such a result, checked against its type; raises `ValueError` for another format."""
         data = conform(document, kind)
         if data.get("format") != cls.form():
             raise ValueError(f"format {data.get('format')!r}, expected {cls.form()!r}")
@@ -340,7 +340,7 @@ def stored(value: Any) -> Any:
 
 
 def known(numbers: Any) -> list[float | None]:
-    """Numbers (m,) for JSON, None for those that are not finite."""
+    """Numbers (m,) for JSON, None for numbers that are not finite."""
     return [value if np.isfinite(value) else None for value in np.ravel(numbers).tolist()]
 
 
@@ -386,8 +386,8 @@ def _picture(title: str, draw: Callable[..., Any]) -> str:
     except Exception as error:  # the table is worth showing without its picture
         reason = str(error) or type(error).__name__
         return f'<p style="{NOTE}">no picture: {escape(reason)}</p>'
-    look = "flex:1 1 300px;min-width:0;max-width:600px;width:100%;height:auto"
-    return f'<img alt="{escape(title)}" style="{look}" src="data:image/png;base64,{data}">'
+    style = "flex:1 1 300px;min-width:0;max-width:600px;width:100%;height:auto"
+    return f'<img alt="{escape(title)}" style="{style}" src="data:image/png;base64,{data}">'
 
 
 def _small_png(figure: Any) -> bytes:

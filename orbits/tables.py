@@ -6,7 +6,7 @@ from typing import Any
 
 # Rows of this name say in words what makes an orbit no motion.
 VIOLATED = "violated"
-DIGITS = 7  # what a table on a page shows; the printed one shows all that is known
+DIGITS = 7  # of numbers in a table on a page; the printed one shows all that are known
 WIDTH_OF_NAMES = 24  # column of names in a printed table, so that those of several results stand alike
 # The colours are those of the page around, so that a table is legible on a light page and on a dark one.
 RULE = "1px solid rgba(128,128,128,0.35)"
@@ -18,7 +18,7 @@ NUMBER_CELL = f"{VALUE_CELL};white-space:nowrap;font-variant-numeric:tabular-num
 
 
 def number_text(value: Any, unit: str = "", digits: int = DIGITS) -> str:
-    """A number with so many digits and its unit, "-" for None; anything else as it is, without a unit."""
+    """A number with `digits` digits and its unit, "-" for None; anything else as it is, without a unit."""
     if value is None:
         return "-"
     if isinstance(value, bool) or not isinstance(value, int | float):
@@ -54,11 +54,11 @@ def html_table(rows: Sequence[Sequence[str]], title: str, heads: Sequence[str] =
     Every text is escaped.
     """
     above = "".join(f'<th scope="col" style="{NAME_CELL};font-weight:600">{escape(text)}</th>' for text in heads)
-    lines, look = [f'<table style="{TABLE}">'], NUMBER_CELL if heads else VALUE_CELL
+    lines, style = [f'<table style="{TABLE}">'], NUMBER_CELL if heads else VALUE_CELL
     if title:
         lines.append(f'<caption style="{CAPTION}">{escape(title)}</caption>')
     lines.append(f"<thead><tr>{above}</tr></thead><tbody>" if heads else "<tbody>")
     for name, *values in rows:
-        cells = "".join(f'<td style="{look}">{escape(text)}</td>' for text in values)
+        cells = "".join(f'<td style="{style}">{escape(text)}</td>' for text in values)
         lines.append(f'<tr><th scope="row" style="{NAME_CELL}">{escape(name)}</th>{cells}</tr>')
     return "".join([*lines, "</tbody></table>"])

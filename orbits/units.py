@@ -1,4 +1,4 @@
-"""Units: what the numbers of a machine that is stated in SI stand for, and the one place that converts results.
+"""Units: the meaning of the numbers of a machine that is stated in SI, and the one place that converts results.
 
 The engine computes without dimensions. A result's number has a dimension by its name (`DIMENSIONS`), a state by the
 apostrophe at the end of a speed's name. Where a machine has `Units`, its public results are converted to SI by them,
@@ -44,16 +44,16 @@ DIMENSIONS: dict[str, Dimension] = {
     "landing_sensitivity": (1, 1, 0, 0, -1),
     **dict.fromkeys(("loss_coefficient", "loss_error"), (0, 1 / 3, 0, 0, -1 / 3)),
 }
-# Those of the hops of a return map.
+# Dimensions of the quantities of a return map's hops.
 DIMENSIONS_OF_HOPS: dict[str, Dimension] = {
     **{"alpha": LIFTOFF_SPEED, "next": LIFTOFF_SPEED, "loss": LIFTOFF_SPEED_SQUARED},
 }
-# Dimensions of unknowns, beside the flight states, that a launch or half an orbit is told by.
+# Dimensions of unknowns, beside the flight states, that determine a launch or half an orbit.
 UNKNOWNS: dict[str, Dimension] = {
     **dict.fromkeys(("duration", "contact_duration"), TIME),
     **{"alpha": LIFTOFF_SPEED, "liftoff": EXTENSION, "unfolding": ()},
 }
-# A power is told as a fraction where one with such a denominator is the same: those of formulas have nine digits.
+# A power is written as a fraction where one with such a denominator is the same: those of formulas have nine digits.
 LARGEST_DENOMINATOR, SAME_POWER = 12, 2e-9
 # The powers of a unit in a file, of which there are few, stay far from the bounds of numbers.
 SMALLEST_SAVED = 1e-50
@@ -107,7 +107,7 @@ class Units:
         return {name: self.text(dimension) for name, dimension in dimensions.items()}
 
     def unusual_texts(self) -> dict[str, str]:
-        """Those of `texts`, hops included, that differ from the units of a machine whose launch speed is in m/s."""
+        """The entries of `texts`, hops included, that differ from those of a machine whose launch speed is in m/s."""
         known = {**DIMENSIONS, **DIMENSIONS_OF_HOPS}
         return {name: text for name, text in self.texts(known).items() if text != unit_text(known[name])}
 
@@ -118,7 +118,7 @@ class Units:
 
     def without(self, what: str, unknowns: Mapping[str, Any]) -> dict[str, float]:
         """Unknowns of a launch or half an orbit, by name, converted from these units to dimensionless ones; raises
-        `InputError` for what is not a number."""
+        `InputError` for a value that is not a number."""
         return {name: finite_number(f"{what} '{name}'", unknowns[name]) / self.of(str(name)) for name in unknowns}
 
     def convert(self, record: Record, **own: Dimension) -> Record:
@@ -208,7 +208,7 @@ class Quantity(NamedTuple):
 
 
 class Message(str):
-    """A text that tells numbers with dimensions, which `in_units` tells in SI.
+    """A text with numbers that have dimensions, which `in_units` states in SI.
 
     pattern : as for `str.format`
     parts : what its names stand for: quantities, numbers without dimension, texts, other messages, or errors for what
@@ -219,7 +219,7 @@ class Message(str):
     parts: dict[str, Any]
 
     def __new__(cls, pattern: str, /, **parts: Any) -> Self:
-        parts = {name: _said(part) for name, part in parts.items()}  # no error is kept, nor what it refers to
+        parts = {name: _message_of(part) for name, part in parts.items()}  # no error is stored, nor what it refers to
         text = super().__new__(cls, pattern.format(**parts))
         text.pattern, text.parts = pattern, parts
         return text
@@ -238,27 +238,27 @@ class Message(str):
         return Message(self.pattern, **{name: in_units(part, units) for name, part in self.parts.items()})
 
 
-def _said(part: Any) -> Any:
-    """What an error says, whole; anything else as it is."""
+def _message_of(part: Any) -> Any:
+    """The message of an error, whole; anything else as it is."""
     return (part.args or ("",))[0] if isinstance(part, OrbitsError) else part
 
 
 def in_units(part: Any, units: Units | None) -> Any:
     """A message, what an error says, or a quantity, in these units; anything else as it is."""
-    part = _said(part)
+    part = _message_of(part)
     return part.in_units(units) if units and isinstance(part, Message | Quantity) else part
 
 
 def described(names: Sequence[str], x: ArrayLike) -> Message:
     """The names of states and their numbers (n,)."""
     numbers = zip(names, np.ravel(x).tolist(), strict=False)
-    told = [(name, Quantity(value, name)) for name, value in numbers]
-    return Message.joined(", ", [Message("{name} = {value:.6g}", name=name, value=value) for name, value in told])
+    quantities = [(name, Quantity(value, name)) for name, value in numbers]
+    return Message.joined(", ", [Message("{name} = {value:.6g}", name=name, value=value) for name, value in quantities])
 
 
 @contextmanager
 def without_units(units: Units | None) -> Iterator[None]:
-    """Where a machine with units is computed without: an error tells its quantities in the machine's units."""
+    """Where a machine with units is computed without: an error states its quantities in the machine's units."""
     try:
         yield
     except OrbitsError as error:
@@ -300,7 +300,7 @@ def in_own_units(
 
 
 def _without(units: Units, name: str, dimension: Dimension, argument: Any) -> Any:
-    """An argument of this name and dimension without units; what has no numbers stays, for the function to refuse."""
+    """An argument of this name and dimension without units; one without numbers stays, for the function to refuse."""
     if hasattr(argument, "dimensionless"):
         return argument.dimensionless()
     if hasattr(argument, "in_units"):

@@ -1,1 +1,1 @@
-"""Models that are written by hand, held against what follows from them."""
+"""Consistency checks of models that are written by hand."""

@@ -1,4 +1,4 @@
-"""What the engine accepts as a machine: its parts are there and well-formed, and its model agrees with itself."""
+"""What the engine accepts as a machine: its parts are there and well-formed, and its model is consistent."""
 
 from collections.abc import Mapping
 from math import isfinite
@@ -14,7 +14,7 @@ from .verdict import check_consistency
 
 def check_machine(machine: Any, *also: str) -> None:
     """Raise `InputError` where something is no machine, naming the parts that are missing or malformed; `also` names
-    further parts needed. A model that was written by hand is looked at once, as by `check_consistency`."""
+    further parts needed. A model that was written by hand is checked once, as by `check_consistency`."""
     names, model = ("model", "values", "units", "describe", *also), getattr(machine, "model", None)
     if isinstance(model, Model) and model.derived and all(hasattr(machine, name) for name in names):
         return
@@ -30,7 +30,7 @@ def refuse(machine: Any, wrong: Mapping[str, str]) -> None:
 
 
 def wrong_parts(machine: Any, *names: str) -> dict[str, str]:
-    """What is wrong with the parts of a machine, in words by name, which are empty where one is missing."""
+    """The faults in the parts of a machine, in words by name; the words are empty where a part is missing."""
     found = {name: "" for name in names if not hasattr(machine, name)}
     if "model" not in found and not isinstance(machine.model, Model):
         found["model"] = f"it is a {type(machine.model).__name__}, not a Model"

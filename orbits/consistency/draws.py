@@ -13,7 +13,7 @@ from ..model.model import CONTACT_FORCE, Model
 from ..model.phase import Phase
 from ..symbolic.calls import MappedFunction
 
-# States and launches of a draw. States lie so far around a launch, in units of the extension there and of the unit of
+# States and launches of a draw. States lie this far around a launch, in units of the extension there and of the unit of
 # speed; the smallest are for laws that are not defined far from it.
 STATES, LAUNCHES, SPREADS, SEED = 12, 3, (1.0, 0.3, 0.1), 20250101
 # Where the laws are not defined so far from it, positions are drawn nearer.

@@ -1,4 +1,4 @@
-"""What follows from mechanics about the fields of a model, each as a relation that holds or does not.
+"""Relations between the fields of a model that follow from mechanics, each of which holds or does not.
 
 y are the positions, v their speeds, a the gap's weights of the positions, d the impact's change of the speeds, M the
 inertia: the derivative of the energy's gradient by v. In a plastic impact, M d = m a with a . d = 1, where m is the
@@ -19,14 +19,14 @@ from ..model.phase import Affine
 from ..model.state_formula import StateFormula
 from .draws import Draw, Expressions, coordinates, reversor_of
 
-# What holds in exact arithmetic does so to this share of the terms: rounding is far below, a slip of the pen far above.
+# A relation that is exact holds to this share of its terms: rounding is far below, a mistake in a model far above.
 LARGEST_DEVIATION = 1e-8
 CENTRE = "centre of mass"
 
 
 @dataclass(frozen=True)
 class Relation:
-    """Something that follows: in words, the fields of the model that it joins, and by which share it does not hold."""
+    """A relation: in words, the fields of the model that it joins, and by which share it does not hold."""
 
     words: str
     fields: tuple[str, ...]
@@ -77,7 +77,7 @@ def motion(model: Model, draw: Draw) -> Iterator[Relation]:
 
 
 def energy(model: Model, draw: Draw) -> Iterator[Relation]:
-    """The gradients of the energy: along the fields, of each other, and of what impacts change."""
+    """The gradients of the energy: along the fields, of each other, and of the changes by impacts."""
     terms = {"flight": draw.flown, "contact": draw.stood}
     works = {where: at["gradient"] * at["field"] for where, at in terms.items()}
     change = {where: share(work.sum(1), work) for where, work in works.items()}
@@ -145,7 +145,7 @@ def reversal(model: Model, draw: Draw) -> Iterator[Relation]:
 
 
 def geometry(model: Model, draw: Draw) -> Iterator[Relation]:
-    """What is a position, what is a speed, and where the gap is closed."""
+    """Which states are positions, which are speeds, and where the gap is closed."""
     _, rates = coordinates(model.flight)
     p, embed, gap = draw.p, np.asarray(model.embed, float), model.gap(draw.p)
     positions = {"gap": gap, "extension": model.extension, "separation": model.separation(p)}
@@ -172,8 +172,8 @@ def geometry(model: Model, draw: Draw) -> Iterator[Relation]:
 def distances(model: Model, draw: Draw) -> Iterator[Relation]:
     """Gap, separation, extension and knees lie between heights."""
     p, (at, rates) = draw.p, coordinates(model.flight)
-    seen = {name: _values_and_slopes(height, draw) for name, height in model.heights(p).items()}
-    masses = [each for name, each in seen.items() if name != CENTRE]
+    sampled = {name: _values_and_slopes(height, draw) for name, height in model.heights(p).items()}
+    masses = [each for name, each in sampled.items() if name != CENTRE]
     pairs = [*masses, *(upper - lower for upper, lower in combinations(masses, 2))]
     words, gap = "the gap is between two of the heights, or one and the ground", _values_and_slopes(model.gap(p), draw)
     off = min(_apart(gap, each) for each in pairs)
@@ -188,17 +188,17 @@ def distances(model: Model, draw: Draw) -> Iterator[Relation]:
             words = "the separation changes as that of two of the heights, or of one and the ground"
         most = min(_apart(_values_and_slopes(apart, draw), each, most=not model.derived) for each in pairs)
         yield Relation(words, ("separation", "heights"), most)
-    ends = [seen[upper] - (seen[lower] if lower else 0.0) for lower, upper in model.springs]
+    ends = [sampled[upper] - (sampled[lower] if lower else 0.0) for lower, upper in model.springs]
     if ends and not model.derived:
         words = "the extension is that between the ends of one of the springs"
         least = min(_apart(_values_and_slopes(model.extension, draw), each) for each in ends)
         yield Relation(words, ("extension", "heights", "springs"), least)
     for lower, upper, length in model.knees(p) if model.knees else ():
-        by = np.abs(seen[upper] - (seen[lower] if lower else 0.0))[:, 0]
+        by = np.abs(sampled[upper] - (sampled[lower] if lower else 0.0))[:, 0]
         words = "a knee's ends are at most its two links apart"
         yield Relation(words, ("knees", "heights"), share(np.maximum(by - 2 * length, 0.0), 2 * length))
-    if CENTRE in seen:
-        yield from _centre_of_mass(np.array(masses), seen[CENTRE], _inertias(draw.flown, rates), at)
+    if CENTRE in sampled:
+        yield from _centre_of_mass(np.array(masses), sampled[CENTRE], _inertias(draw.flown, rates), at)
 
 
 def _values_and_slopes(function: Affine | StateFormula, draw: Draw) -> np.ndarray:
@@ -211,16 +211,16 @@ def _values_and_slopes(function: Affine | StateFormula, draw: Draw) -> np.ndarra
     return Expressions([x, ca.SX(0, 1)], {"seen": ca.horzcat(value, ca.jacobian(value, x)).T})(draw.x, {})["seen"]
 
 
-def _apart(seen: np.ndarray, between: np.ndarray, most: bool = False) -> float:
+def _apart(function: np.ndarray, between: np.ndarray, most: bool = False) -> float:
     """By how much a function of the state differs from the distance of two heights: in its slopes and, with `most`,
     by how much its value is above."""
-    (value, *slopes), (distance, *own) = seen.T, between.T
+    (value, *slopes), (distance, *own) = function.T, between.T
     above = share(np.maximum(value - distance, 0.0), value, distance) if most else 0.0
     return max(share(np.subtract(slopes, own), own), above)
 
 
 def _centre_of_mass(masses: np.ndarray, centre: np.ndarray, inertia: np.ndarray, at: list[int]) -> Iterator[Relation]:
-    """The mean of the masses' heights by what they weigh in the kinetic energy of a motion of all together."""
+    """The mean of the masses' heights by their weights in the kinetic energy of a motion of all together."""
     heights, slopes = masses[:, :, 0].T[:, :, None], masses[:, :, 1:][:, :, at].swapaxes(0, 1)
     rank = np.linalg.matrix_rank(slopes).min()
     apart = rank == min(slopes.shape[1:])

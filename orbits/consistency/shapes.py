@@ -1,4 +1,4 @@
-"""The fields of a hand-written model, called once: whether each is there, is called as `Model` says, and gives what it
+"""The fields of a hand-written model, called once: whether each is there, is called as `Model` says, and returns as it
 should."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -19,17 +19,17 @@ REASONS_IN_WORDS = ("gap", "pull", "separation", "end")
 
 
 def malformed(model: Model, values: Mapping[str, float]) -> dict[str, str]:
-    """What is wrong with the form of a model's fields, in words by the field's name."""
+    """The faults in the form of a model's fields, in words by the field's name."""
     phases = {"flight.states": model.flight, "contact.states": model.contact}
     if found := {name: text for name, phase in phases.items() if (text := _phase(phase))}:
         return found
     if text := _unknowns(model):
         return {"launch_unknowns": text}
-    for name, look in _looks(model, values):
+    for name, check in _form_checks(model, values):
         if name in ("springs", "knees") and "heights" in found:
             continue
         try:
-            text = look()
+            text = check()
         except OrbitsError as error:
             text = "" if name == "release" else str(error)  # a machine may have no launch at a speed, and says so
         except Exception as error:
@@ -39,13 +39,13 @@ def malformed(model: Model, values: Mapping[str, float]) -> dict[str, str]:
     return found
 
 
-def _looks(model: Model, p: Mapping[str, float]) -> Iterator[tuple[str, Callable[[], str]]]:
-    """The name of each field with a function that says what is wrong with its form, "" where nothing is."""
+def _form_checks(model: Model, p: Mapping[str, float]) -> Iterator[tuple[str, Callable[[], str]]]:
+    """The name of each field with a function that states the fault in its form, "" where there is none."""
     n, m = len(model.flight.states), len(model.contact.states)
     known = dict(zip(p, _scalar_symbols(len(p)), strict=True))
     flown, stood = _arguments(model.flight, known), _arguments(model.contact, known)
-    yield from _looks_at_phase("flight", model.flight, flown, p)
-    yield from _looks_at_phase("contact", model.contact, stood, p)
+    yield from _form_checks_of_phase("flight", model.flight, flown, p)
+    yield from _form_checks_of_phase("contact", model.contact, stood, p)
     yield "contact.watch", lambda: "" if CONTACT_FORCE in model.contact.watch else f"it has no '{CONTACT_FORCE}'"
     yield "flight_gradient", lambda: _scalars(model.flight_gradient(*flown), n)
     yield "tension", lambda: _scalars([model.tension(*flown)], 1) if model.tension else ""
@@ -70,10 +70,10 @@ def _looks(model: Model, p: Mapping[str, float]) -> Iterator[tuple[str, Callable
         yield name, partial(str, "" if fine else "it is no function")
 
 
-def _looks_at_phase(
+def _form_checks_of_phase(
     where: str, phase: Phase, arguments: tuple, p: Mapping[str, float]
 ) -> Iterator[tuple[str, Callable[[], str]]]:
-    """The same of a phase; `arguments` are those of its field."""
+    """The form checks of a phase; `arguments` are those of its field."""
     yield f"{where}.field", lambda: _scalars(phase.field(*arguments), len(phase.states))
     yield f"{where}.watch", lambda: _scalars(values := [each(*arguments) for each in phase.watch.values()], len(values))
     yield f"{where}.pieces", lambda: _pieces(phase, arguments[1])
@@ -84,7 +84,7 @@ def _scalar_symbols(count: int) -> list[ca.SX]:
 
 
 def _arguments(phase: Phase, known: Parameters) -> tuple[Scalars, Parameters, Scalars]:
-    """What the field of a phase is called with."""
+    """The arguments of the field of a phase."""
     return _scalar_symbols(len(phase.states)), known, _scalar_symbols(phase.pieces.size if phase.pieces else 0)
 
 

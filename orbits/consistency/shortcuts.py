@@ -1,4 +1,4 @@
-"""What follows about the short cuts of a model: the flows in closed form, and the reduction to fewer states."""
+"""Relations for the short cuts of a model: the flows in closed form, and the reduction to fewer states."""
 
 from collections.abc import Callable, Iterator
 
@@ -11,11 +11,11 @@ from ..model.relative import Reduction
 from .draws import Draw, Expressions, coordinates, data_count, data_of_pieces, named, reversor_of
 from .relations import Relation, share
 
-# A closed form is held against its Taylor series of this order after this time, where these agree to rounding.
+# A closed form is compared with its Taylor series of this order after this time, where these agree to rounding.
 SERIES_ORDER, SERIES_TIME = 16, 0.05
 # A difference quotient of the gap has this error, as a share of it.
 LARGEST_QUOTIENT, STEP = 1e-6, 1e-4
-FAMILIES = (1, 2)  # whose exact orbits are looked at
+FAMILIES = (1, 2)  # whose exact orbits are checked
 NEWTON_STEPS_TO_MIDDLE = 6
 AtStates = Callable[[np.ndarray, np.ndarray], dict[str, np.ndarray]]
 

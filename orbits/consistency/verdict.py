@@ -1,7 +1,7 @@
-"""A hand-written model held against what follows from it: at a few random states and parameters, without integration.
+"""Consistency of a hand-written model, checked at a few random states and parameters, without integration.
 
-Each relation names the fields of the model that it joins. Where one does not hold, one of its fields is wrong; which of
-them, the other relations tell: a wrong field breaks those that it is in, and the fields that are right are in relations
+Each relation names the fields of the model that it joins. Where one does not hold, one of its fields is wrong; the
+other relations show which: a wrong field breaks those that it is in, and the fields that are right are in relations
 that hold.
 """
 
@@ -23,26 +23,26 @@ from .shortcuts import SHORT_CUTS
 
 # How far, as a share, parameters are drawn around the machine's own.
 PARAMETER_SPREAD = 0.02
-SHORT_CUT = 0.1  # what a relation that holds speaks for a short cut, compared with what it speaks for other fields
+SHORT_CUT = 0.1  # the evidence of a relation that holds for a short cut, compared with that for other fields
 MOST_SUSPECTS = 3  # where more fields are wrong, all that do not fit are named
 
 
 def suspects(relations: list[Relation]) -> tuple[str, ...]:
-    """The fewest fields that explain all relations that do not hold; of several such sets the one for which the least
-    speaks: a relation that holds speaks for its fields, the more the fewer they are, and little for short cuts, which
-    are doubted before what they shorten."""
+    """The fewest fields that explain all relations that do not hold; of several such sets that with the least evidence
+    for its fields: a relation that holds is evidence for its fields, the more the fewer they are, and little for short
+    cuts, which are doubted before what they shorten."""
     broken = [{*each.fields} for each in relations if not each.holds]
     if not broken:
         return ()
-    names, speaks = sorted(set[str]().union(*broken)), defaultdict[str, float](float)
+    names, evidence = sorted(set[str]().union(*broken)), defaultdict[str, float](float)
     for each in (each for each in relations if each.holds):
-        # What joins the fields of one phase holds with the data of any piece, and does not speak for the pieces.
+        # A relation between the fields of one phase holds with the data of any piece, so it is no evidence for pieces.
         for name in each.fields if "release" in each.fields else [n for n in each.fields if ".pieces" not in n]:
-            speaks[name] += (SHORT_CUT if "closed_form" in name or "reduction" in name else 1.0) / len(each.fields)
+            evidence[name] += (SHORT_CUT if "closed_form" in name or "reduction" in name else 1.0) / len(each.fields)
     for count in range(1, MOST_SUSPECTS + 1):
         sets = [each for each in combinations(names, count) if all(fields & {*each} for fields in broken)]
         if sets:
-            return min(sets, key=lambda each: (sum(speaks[name] for name in each), each))
+            return min(sets, key=lambda each: (sum(evidence[name] for name in each), each))
     return tuple(names)
 
 
@@ -57,7 +57,7 @@ _consistent: WeakSet[Model] = WeakSet()
 
 
 def check_consistency(model: Model, values: Mapping[str, float]) -> None:
-    """Raise `InconsistentModel` for a model whose fields contradict each other; each model is looked at once."""
+    """Raise `InconsistentModel` for a model whose fields contradict each other; each model is checked once."""
     if model.derived or model in _consistent:
         return
     relations = algebraic_relations(model, values)
@@ -111,7 +111,7 @@ def _parameters(model: Model, values: Mapping[str, float]) -> Iterator[dict[str,
 def _relations_at(model: Model, graphs: Graphs, p: Mapping[str, float]) -> list[Relation]:
     """The relations at one draw of the parameters; none where the machine cannot have them, nor its laws."""
     try:
-        with np.errstate(all="ignore"):  # what is no number deviates without bound
+        with np.errstate(all="ignore"):  # a deviation that is no number counts as unbounded
             draw = graphs.draw(p)
             return [_with_pieces(model, each) for kind in (*MECHANICS, *SHORT_CUTS) for each in kind(model, draw)]
     except OrbitsError:

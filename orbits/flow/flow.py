@@ -25,9 +25,9 @@ from .taylor import TaylorStepper
 from .trajectory import Trajectories, Trajectory, begins_of_steps
 from .vector_field import FLOW_CONTROL, TAYLOR_ORDER, VectorField, rows_used
 
-# What is said of a motion that needs a law where it has no value.
+# The message about a motion that needs a law where it has no value.
 OUT_OF_LAW = "leaves the law's range"
-# Shares of a duration that are rounding: what is no step of its own in closed form, and no difference of two times.
+# Shares of a duration that are rounding: of a remaining time in closed form, and of a difference of two times.
 STEP_ROUNDING, SAME_TIME = 1e-12, 1e-15
 LARGEST_BLOCK = 4000  # steps in closed form that are searched in one call
 # (coefficients (m, rows, K + 1), steps (m,)) -> the step and the time in it at which to stop, None to go on.
@@ -36,7 +36,7 @@ StopTest = Callable[[Array, Array], tuple[int, float] | None]
 
 @kept
 def flow_of(phase: Phase, parameters: tuple[str, ...]) -> "Flow":
-    """The flow of a phase, kept for the next call with the same phase."""
+    """The flow of a phase, stored for the next call with the same phase."""
     return Flow(phase, parameters)
 
 
@@ -153,7 +153,7 @@ class Flow:
             x = c[count - 1, : self.size, 0] + c[count - 1, : self.size, 1:] @ power
             if dc is not None and columns:
                 slopes.append(dc[:count])
-                with np.errstate(all="ignore"):  # They may overflow; who uses them checks that they are finite.
+                with np.errstate(all="ignore"):  # They may overflow; the callers check that they are finite.
                     variations = dc[count - 1, ..., 0] + dc[count - 1, ..., 1:] @ power
             h = steps[count - 1]
             if np.abs(x).max() > self.control.runaway:
@@ -194,7 +194,7 @@ class Flow:
         return lengths, side, False
 
     def failure(self, what: str, t: float, x: Array) -> Message:
-        """What happens to a motion in a state at a time, in words."""
+        """The message about what happens to a motion in a state at a time."""
         text, time = "the {name} {what} at time {time:.6g}, at {place}", Quantity(t, TIME)
         return Message(text, name=self.phase.name, what=what, time=time, place=described(self.phase.states, x))
 
@@ -214,7 +214,7 @@ class Flow:
         return ca.vertsplit(x), dict(zip(self.parameters, entries[:named], strict=True)), entries[named:]
 
     def closed_form(self, p: Array) -> Modes:
-        """The exact flow at parameters (np,); that of the last ones is kept."""
+        """The exact flow at parameters (np,); that of the latest parameters is stored."""
         assert self.phase.closed_form is not None
         values, last = tuple(p), self._last_form
         if last is None or last[0] != values:
@@ -239,7 +239,7 @@ class Flow:
         return any(isinstance(stepper, TaylorStepper) and stepper.kernel.compiled for stepper in self.steppers.values())
 
     def stepper(self, columns: int, varied: tuple[int, ...] = ()) -> TaylorStepper | RungeKuttaStepper:
-        """The stepper for so many columns of sensitivities, built on first use; only the rows `varied` of the seeds of
+        """The stepper for `columns` sensitivities, built on first use; only the rows `varied` of the seeds of
         parameters and data of a piece are not zero."""
         if (columns, varied) not in self.steppers:
             form = TaylorStepper if self.vector_field.has_series else RungeKuttaStepper

@@ -27,7 +27,7 @@ HIGHEST_ORDER = 3
 
 
 class Motions(NamedTuple):
-    """Motions of given durations, in N Taylor steps altogether.
+    """Motions of stated durations, in N Taylor steps altogether.
 
     ends, variations : states (m, n) at their ends, and their derivatives (m, n, columns)
     steps, coefficients, slopes : (N,), (N, rows, K + 1) and (N, n, columns, K + 1) of one motion after the other
@@ -45,7 +45,7 @@ class Motions(NamedTuple):
 
 
 class Places(NamedTuple):
-    """Where z, what is known of a motion between two steps, holds what; without watched functions it ends with the
+    """The layout of z, the state of a motion between two steps; without watched functions it ends with the
     longest step to try."""
 
     state: slice  # (n,)
@@ -74,8 +74,8 @@ class TaylorStepper:
     """Takes Taylor steps with the sensitivities of the states.
 
     `step_function` makes one step: (z, data) -> (z after it, coefficients (K + 1, n + m) of the n states and m watched
-    quantities, those of the sensitivities (K + 1, n columns), lengths taken and tried (2,)). Its argument z is what
-    `places` says, and `data` are the parameters and their seeds. A rejected step has length 0, and the next one tries
+    quantities, those of the sensitivities (K + 1, n columns), lengths taken and tried (2,)). Its argument z is as
+    `places` states, and `data` are the parameters and their seeds. A rejected step has length 0, and the next one tries
     half its length or less.
 
     The sensitivities solve the variational equations dx' = f_x dx + f_p dp. The series of f_x and f_p are found once,
@@ -134,9 +134,9 @@ class TaylorStepper:
 
         z : (m, n + 6 + q) as `watched_state` makes it; p (m, np) or (1, np)
         weights, offsets : (m, q, rows) and (m, q), of the q functions
-        turns : where it is given, the second function ends no motion before its sign at the ends of steps has changed
-            so often
-        most : all steps are recorded, and at most so many are taken; where it is None, only those are recorded in which
+        turns : if not 0, the second function ends no motion before its sign at the ends of steps has changed
+            this number of times
+        most : all steps are recorded, and at most this number is taken; if None, the steps alone are recorded in which
             a function may change its sign, by Bernstein exclusion
 
         Returns z when each has ended; the steps that are recorded; the number (m,) of these of each motion; and whether
@@ -185,7 +185,7 @@ def _progress(n: int, size: int) -> ca.Function:
 
 
 def _watch_function(stepper: TaylorStepper, size: int, turns: int) -> ca.Function:
-    """A step of `TaylorStepper.watch` with so many functions and turns, as a `Kernel` iterates it."""
+    """A step of `TaylorStepper.watch` with `size` functions and these turns, as a `Kernel` iterates it."""
     at, rows, count = stepper.places, stepper.rows, stepper.step_function.numel_in(1)
     z, data = ca.MX.sym("z", at.signs.start + size), ca.MX.sym("p", count + size * (rows + 1) + 2)
     p, tests, limit, all_steps = data[:count], data[count:-2], data[-2], data[-1]
@@ -195,7 +195,7 @@ def _watch_function(stepper: TaylorStepper, size: int, turns: int) -> ca.Functio
     may_change, signs, turned = _may_change_sign(rows, size, turns > 0)(c, made[0], tests, z[at.order], z[at.signs])
     found = ca.logic_and(inside, may_change)
     new = ca.vertcat(after, z[at.time] + made[0], 0, found, z[at.changes] + turned, signs)
-    # A motion that runs away stays where it was, so that it can be followed from there by itself.
+    # A motion that runs away stays where it was, so that it can be followed from there alone.
     new = ca.if_else(inside, new, ca.vertcat(z[at.state], after[at.left :], z[at.time :]))
     goes = ca.logic_and(ca.logic_and(goes, ca.logic_not(found)), new[at.time] < limit)
     goes = ca.logic_and(goes, made[1] > FLOW_CONTROL.shortest_step * z[at.time])
@@ -210,7 +210,7 @@ def _watch_function(stepper: TaylorStepper, size: int, turns: int) -> ca.Functio
 def _may_change_sign(rows: int, size: int, counts: bool) -> ca.Function:
     """(coefficients (K + 1, rows), step, weights (rows, size) and offsets (size,), order of the first function's zero,
     signs (size,) before) -> whether an affine function may change its sign in the step, the signs after it, and whether
-    the second is another then. With `counts` the second function may change it, else this is not looked at.
+    that of the second has changed. With `counts` the second function may change it, else this is not checked.
 
     As in `numerics.bernstein`: a polynomial has no zero where its Bernstein coefficients have one sign, and the sign at
     the start is that at the end of the step before.
@@ -277,7 +277,7 @@ def _length_function(graph: VectorField, columns: int, varied: int) -> ca.Functi
     size = ca.fmax(ca.norm_inf(ca.vec(c[:2, :])), TINY)  # The size of a motion at rest at the origin would be 0.
     powers = symbolic_powers(h)
     accepted = _defect(graph, ca.diag(powers) @ c, h) <= LARGEST_DEFECT * size
-    # A step that is far too long for the rate of the state is shortened at once instead of halved many times.
+    # A step that is far too long for the rate of the state is shortened in one go instead of halved many times.
     shorter = 0.5 * ca.fmin(h, ca.sqrt(h * size / ca.norm_inf(c[1, :])))
     taken, next_longest = ca.if_else(accepted, h, 0), ca.if_else(accepted, LONGEST_STEP, shorter)
     results = [powers, left - taken, next_longest, ca.vertcat(taken, h)]
@@ -301,7 +301,7 @@ def _time_within(c: ca.SX, weights: tuple[float, ...], reach: float) -> ca.SX:
 def _defect(graph: VectorField, terms: ca.SX, h: ca.SX) -> ca.SX:
     """The largest defect of the polynomial in the differential equation at the quarters of the step, times its length.
 
-    It shows what a series cannot know where a law is flat to the last digit, as a saturated spring is.
+    It shows what a series cannot show where a law is flat to the last digit, as a saturated spring is.
     """
     orders, defects = np.arange(TAYLOR_ORDER + 1), [ca.SX(0)]  # A state whose rate is another state has no defect.
     rows = [i for i, rate in enumerate(ca.vertsplit(graph.field(graph.x, graph.p)[0])) if not rate.is_symbolic()]

@@ -75,7 +75,7 @@ class Trajectory:
 
     @classmethod
     def of_saved(cls, document: Any) -> "Trajectory":
-        """The motion of what `saved` made, whose arrays fit each other; raises `ValueError`."""
+        """The motion of a document that `saved` made, whose arrays fit each other; raises `ValueError`."""
         data = conform(document, _SavedTrajectory)
         times, coefficients, names = data["times"], data["coefficients"], data["names"]
         if coefficients is None:
@@ -98,7 +98,7 @@ class _SavedTrajectory(TypedDict):
 
 
 def begins_of_steps(steps: Array, counts: Array) -> Array:
-    """The times (N,) at which steps (N,) begin, of motions of so many steps (m,) each, one after the other."""
+    """The times (N,) at which steps (N,) begin, of motions with these numbers of steps (m,), one after the other."""
     if len(counts) == 1:
         begins = np.zeros(len(steps))
         steps[:-1].cumsum(out=begins[1:])
@@ -177,13 +177,13 @@ class Trajectories:
         return Trajectory(np.concatenate([starts, [ends]]), coefficients, self.names, moving)
 
     def with_rows(self, coefficients: Array, names: tuple[str, ...]) -> "Trajectories":
-        """Motions in the same steps with other rows, given by their names, without variations."""
+        """Motions in the same steps with other rows, of these names, without variations."""
         other = Trajectories(self.starts, self.ends, coefficients, self.counts, names)
         other.of_steps = self.of_steps  # is costlier than all else here
         return other
 
     def only(self, names: tuple[str, ...]) -> "Trajectories":
-        """The motions of the first rows alone, given by their names, without variations."""
+        """The motions of the first rows alone, of these names, without variations."""
         return self.with_rows(self.coefficients[:, : len(names)], names)
 
     def series(self, quantity: Affine | StateFormula, embed: np.ndarray | None = None) -> np.ndarray:
@@ -224,7 +224,7 @@ class Trajectories:
         return self.until_next(self.coefficients[:, :, 0], self.finals)
 
     def until_next(self, values: np.ndarray, finals: np.ndarray) -> np.ndarray:
-        """What holds (N, ...) at the ends of the steps, from the `values` (N, ...) at their starts and the `finals`
+        """The values (N, ...) at the ends of the steps, from the `values` (N, ...) at their starts and the `finals`
         (m, ...) at the ends of the motions."""
         ends = np.empty_like(values)
         ends[:-1], ends[self.last] = values[1:], finals

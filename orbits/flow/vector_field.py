@@ -28,9 +28,9 @@ class FlowControl:
     max_calls: int = 10_000  # calls, of one or more steps each, after which a search of motions together ends
     runaway: float = 1e20  # a state with a component larger than this has run away
     singular_step: float = 1e-3  # a state runs away to infinity in longer steps, in shorter ones into a singularity
-    look_ahead: int = 12  # steps of one call while a stop is looked for, which are most of an oscillation
+    look_ahead: int = 12  # steps of one call while a stop is searched for, which are most of an oscillation
     max_block: int = 512  # most steps of one call, which bounds the memory that it takes
-    rounding: float = 1e-14  # what is left of a duration is dropped when it is less than this share of it
+    rounding: float = 1e-14  # the rest of a duration is dropped when it is less than this share of it
 
 
 FLOW_CONTROL = FlowControl()
@@ -68,7 +68,7 @@ class VectorField:
 
     @cached_property
     def step(self) -> ca.Function:
-        """One step of given length, a function (x, h, p) -> x for equations that other solvers differentiate."""
+        """One step of length h, a function (x, h, p) -> x for equations that other solvers differentiate."""
         h, few = ca.SX.sym("h"), STEP_ORDER + 1
         if not self.has_series:
             return ca.Function("step", [self.x, h, self.p], [runge_kutta(self, self.x, h)])

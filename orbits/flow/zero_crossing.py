@@ -14,13 +14,13 @@ from .taylor import LONGEST_STEP, TaylorStepper, Watched
 from .trajectory import Trajectories, begins_of_steps
 
 # Closed forms are expanded about points this far apart, in units of the oscillation's 1 / frequency. The terms beyond
-# this order are below rounding there, 1 / 19! = 8e-18. So many expansions are searched in one call.
+# this order are below rounding there, 1 / 19! = 8e-18. The last number is that of the expansions searched in one call.
 CLOSED_STEP, CLOSED_ORDER, CLOSED_BLOCK = 1.0, 18, 2
-# After so many of these steps the phase of the oscillation has fewer than four digits left, and the motion is given up.
+# After this number of these steps the phase of the oscillation has fewer than four digits left: the motion is given up.
 MOST_CLOSED_STEPS = 1e12
-# The search goes on so many expansions before the end of what needs none, which is known to rounding.
+# The search resumes this number of expansions before the end of a range without zeros, which is known to rounding.
 EARLY = 0.01
-# The error of all motions that break off for reasons that are not to be told.
+# The error of all motions that break off, where no reasons are requested.
 BREAKS_OFF = FlowError("the motion breaks off")
 
 
@@ -77,15 +77,15 @@ def first_zeros(
     skip : orders (m,) of the zeros at the start, which are divided out exactly
     rising : count only changes from minus to plus
     ahead : times (m,) until which the function is known to be positive, of motions in closed form; 0 where it is not
-    over : another affine function and a number: a motion on which that function has changed its sign so often never has
+    over : another affine function and a number: a motion on which that function changes sign this many times never has
         the zero. It is only used for motions that take Taylor steps together.
-    told : whether each `FlowError` is to tell its reason
+    told : whether each `FlowError` states its reason
 
     Returns times (m,), NaN where it does not happen in time and infinity where it never will; the rows (m, rows) at
     these times; and by index the `FlowError` of each motion that breaks off before.
     """
     ps = np.atleast_2d(p)
-    search = _ZeroSearch(flow, np.asarray(starts, dtype=float), ps, quantity, limit, skip, rising, over, told=told)
+    search = _ZeroSearch(flow, np.asarray(starts, dtype=float), ps, quantity, limit, skip, rising, over, why=told)
     if flow.phase.closed_form:
         search.in_closed_form(np.broadcast_to(ahead, len(search.starts)))
     elif isinstance(flow.stepper(0), TaylorStepper):
@@ -100,10 +100,10 @@ class _ZeroSearch:
     """The search of `first_zeros`, with its arguments and its results `times`, `rows` and `failed`; the parameters are
     (m, np), or (1, np) for all."""
 
-    def __init__(self, flow, starts, ps, quantity, limit, skip=0, rising=False, over=None, all_steps=False, told=True):
+    def __init__(self, flow, starts, ps, quantity, limit, skip=0, rising=False, over=None, all_steps=False, why=True):
         count = len(starts)
         self.flow, self.starts, self.ps, self.over = flow, starts, ps, over
-        self.quantity, self.rising, self.all_steps, self.told = quantity, rising, all_steps, told
+        self.quantity, self.rising, self.all_steps, self.why = quantity, rising, all_steps, why
         self.limit, self.skip = np.broadcast_to(limit, count), np.broadcast_to(skip, count)
         self.times, self.rows = np.full(count, np.nan), np.full((count, len(flow.names)), np.nan)
         self.failed: dict[int, FlowError] = {}
@@ -142,7 +142,7 @@ class _ZeroSearch:
             self.rows[:, i] = self.rows[:, : self.flow.size] @ np.asarray(slopes) + value
 
     def by_taylor_steps(self):
-        """Search motions in lanes, each to the next step in which something may happen, and one by one from a step on
+        """Search motions in lanes, each to the next step in which an event may occur, and one by one from a step on
         that cannot be used."""
         flow, stepper = self.flow, self.flow.stepper(0)
         at = stepper.places
@@ -171,7 +171,7 @@ class _ZeroSearch:
                 self._give_up(remaining[going & ~found & ~never])
                 self._beyond(remaining[broken], *(z[broken, place] for place in (at.state, at.time, at.order)))
             else:
-                self._keep(remaining, steps, counts, found)
+                self._record(remaining, steps, counts, found)
                 last = np.cumsum(counts)[found] - 1
                 steps = Watched(*(values[last] for values in steps))
             remaining, z = remaining[found], z[found]
@@ -186,19 +186,19 @@ class _ZeroSearch:
         for i in remaining.tolist():
             self.failed[i] = FlowError(f"the {self.flow.phase.name} takes too many steps")
 
-    def _keep(self, remaining, steps: Watched, counts, found):
-        """Keep the steps of the motions that have `found` one that may hold a zero."""
+    def _record(self, remaining, steps: Watched, counts, found):
+        """Record the steps of the motions that have `found` one that may hold a zero."""
         owners = np.repeat(remaining, counts)
-        kept = np.repeat(found, counts)
-        self.steps.append((owners[kept], steps.lengths[kept], steps.coefficients[kept]))
+        chosen = np.repeat(found, counts)
+        self.steps.append((owners[chosen], steps.lengths[chosen], steps.coefficients[chosen]))
 
     def _never(self, z: Array) -> Array:
-        """Which motions have passed so many zeros of `over`."""
+        """Which motions have passed the number of zeros of `over` after which the zero is excluded."""
         changes = self.flow.stepper(0).places.changes
         return z[:, changes] >= self.over[1] if self.over else np.zeros(len(z), bool)
 
     def _tests(self, pieces: ActivePieces) -> tuple[Array, Array]:
-        """Weights (m, q, rows) and offsets (m, q) of what may happen: the zero, the breakpoints, and the zero of
+        """Weights (m, q, rows) and offsets (m, q) of the possible events: the zero, the breakpoints, and the zero of
         `over`."""
         count, rows = len(pieces.index), len(self.flow.names)
         tests = [self.quantity] + ([self.over[0]] if self.over else [])
@@ -214,7 +214,7 @@ class _ZeroSearch:
 
     def _beyond(self, indices, x, began, orders):
         """Search the motions `indices` from a step on that cannot be used, with the arguments of `one_by_one`. Most of
-        them break off soon, which is found out together."""
+        them break off soon, which is determined together."""
         if len(indices) and self.flow.smooth:
             ps = self.ps[indices] if len(self.ps) > 1 else self.ps
             errors = self._breaking_off(x, ps, began, self.limit[indices] - began, orders.astype(int))
@@ -237,10 +237,10 @@ class _ZeroSearch:
         away = (np.bincount(owner, ~usable, len(x)) == 0) & ~none & (found.left != 0)
         away &= np.abs(found.ends).max(1) > control.runaway
         if away.any():
-            kept = away[owner]
-            polynomials = PiecewisePolynomials(self.quantity.series(c[kept]), steps[kept], counts[away])
+            chosen = away[owner]
+            polynomials = PiecewisePolynomials(self.quantity.series(c[chosen]), steps[chosen], counts[away])
             away[away.nonzero()[0][polynomials.first_roots(orders[away], self.rising)[0]]] = False
-        if not self.told:
+        if not self.why:
             return dict.fromkeys((none | away).nonzero()[0].tolist(), BREAKS_OFF)
         errors = dict[int, FlowError]()
         for i in none.nonzero()[0].tolist():

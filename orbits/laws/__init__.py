@@ -1,1 +1,1 @@
-"""Laws of a force or of gravity: from formulas, potentials, functions and tables, and what is a feature of them."""
+"""Laws of a force or of gravity: from formulas, potentials, functions and tables, and their features."""

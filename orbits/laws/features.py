@@ -1,4 +1,4 @@
-"""How finely a law varies, looked at before anything is integrated.
+"""How finely a law varies, determined before anything is integrated.
 
 A Taylor series at one extension does not see a bump at another, so that an integration step may leap over it; and where
 a law bends often, a family may have several orbits. Both show in the slopes of the law on a grid.
@@ -15,23 +15,23 @@ import numpy as np
 from ..symbolic.calls import ElementwiseFunction
 from .law import Key, from_key, values_and_slopes
 
-# So many slopes are looked at, up to this distance from rest in units of length, and up to twice the height. A hop of
+# The number of sampled slopes, up to this distance from rest in units of length, and up to twice the height. A hop of
 # the linear spring's third family stays within it.
 LAW_SAMPLES, FARTHEST = 4096, 20.0
 SAMPLED_SHARES = np.linspace(0.0, 1.0, LAW_SAMPLES)
-BLOCK = 16  # laws whose slopes are looked at together, so that these stay in the processor's cache
+BLOCK = 16  # laws whose slopes are sampled together, so that these stay in the processor's cache
 # Slopes below this, or above its inverse, set no unit of length.
 SOFTEST = 1e-12
 # Functions that vanish, or come to a limit, as fast as an exponential: a series far from where they vary shows nothing.
 HIDING = {getattr(ca, f"OP_{name}") for name in ("EXP", "EXPM1", "TANH", "COSH", "SINH", "ERF")}
 # Quotients and powers hide bumps, where a law bends there and back; where it only steepens, there is a pole ahead.
 HIDING_BUMPS = {getattr(ca, f"OP_{name}") for name in ("DIV", "INV", "POW", "CONSTPOW")}
-# A step goes at most so many times the length over which the law varies, which is 0.3 widths of a Gaussian bump: a
+# A step goes at most this many times the length over which the law varies, which is 0.3 widths of a Gaussian bump: a
 # series sees one from nine widths away, and from six its force is below rounding. No bound is set for lengths above
-# this share of the unit: the steps are as short by themselves.
+# this share of the unit: the steps are as short without one.
 STEP_LENGTHS, NARROW_SHARE = 10.0, 0.2
-# Differences of slopes below this multiple of their rounding are rounding. Where a slope is so many times their order,
-# the law has a singularity, and beyond it another branch.
+# Differences of slopes below this multiple of their rounding are rounding. Where a slope is this many times 1 over the
+# unit of length, the law has a singularity, and beyond it another branch.
 SLOPE_ROUNDING, SINGULAR_SLOPE = 1e3 * float(np.finfo(float).eps), 1e6
 
 
@@ -50,7 +50,7 @@ def features(key: Key, unit: float, p: Mapping[str, float]) -> Features:
     """The features of a spring, or of the gravity that varies around a spring, with this `unit_of_length`, as far as a
     hop may lead.
 
-    None are looked for in a law in pieces, whose breakpoints end the steps.
+    A law in pieces is not searched for them, as its breakpoints end the steps.
     """
     if key.pieces is not None or key.degree() < 2:
         return NO_FEATURES
@@ -60,7 +60,7 @@ def features(key: Key, unit: float, p: Mapping[str, float]) -> Features:
 
 
 def ends_of_features(key: Key, p: Mapping[str, Any], unit: Any) -> tuple[Any, Any]:
-    """How far features are looked for on either side, of one law or of many (m,)."""
+    """How far features are searched for on either side, of one law or of many (m,)."""
     if key.variable == "r":
         return -FARTHEST * unit, FARTHEST * unit
     return 0.0 * unit, p.get("rest_length", 0.0) + 2 * FARTHEST * unit
@@ -110,7 +110,7 @@ def unit_of_length(spring: Key, p: Mapping[str, float]) -> float:
 
 @lru_cache(maxsize=256)
 def _operations(key: Key) -> frozenset[int]:
-    """What the slope of a law is computed by; nothing for laws in which no features are looked for."""
+    """The operations that compute the slope of a law; none for a law in which no features are searched for."""
     if key.pieces is not None or key.degree() < 2:
         return frozenset()
     slope = _slopes(key).function
@@ -159,7 +159,7 @@ def features_of_many(key: Key, spring: Key, p: Mapping[str, np.ndarray]) -> tupl
         places, slopes = _sampled_slopes(key, values[rows], low[rows], high[rows])
         with np.errstate(invalid="ignore"):
             plain = (np.abs(slopes) < SINGULAR_SLOPE / units[rows, None]).all(axis=1)
-        # A law that bends at most once needs no closer look unless it may hide something.
+        # A law that bends at most once needs no finer samples unless it may hide something.
         falls = slopes[:, 1:] < slopes[:, :-1]
         turns = np.count_nonzero(falls[:, 1:] != falls[:, :-1], axis=1)
         steady = plain & (not hides) & (turns <= 1)
@@ -180,7 +180,7 @@ def _sampled_slopes(key: Key, values: np.ndarray, low: np.ndarray, high: np.ndar
 
 
 def _lengths_and_bends(slopes: np.ndarray, units: np.ndarray, spacing: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The features (m,) of laws with slopes (m, n) at places so far (m,) apart, in units of length (m,)."""
+    """The features (m,) of laws with slopes (m, n) at places with these distances (m,), in units of length (m,)."""
     floor = SLOPE_ROUNDING * np.maximum(np.abs(slopes), 1 / units[:, None])
     change = slopes[:, 1:] - slopes[:, :-1]
     rises = [row[beyond] > 0 for row, beyond in zip(change, np.abs(change) > floor[:, 1:], strict=True)]

@@ -25,23 +25,23 @@ from ..symbolic.taylor_series import has_taylor_series
 from ..symbolic.tracing import traced
 from ..units import LENGTH, Message, Quantity
 
-# What formulas are evaluated with, in sequences and by name: numbers, arrays (m,) of numbers, or CasADi expressions.
+# Arguments of formulas, in sequences and by name: numbers, arrays (m,) of numbers, or CasADi expressions.
 Algebraic: TypeAlias = Any
 Scalars: TypeAlias = Sequence[Algebraic]
 Parameters: TypeAlias = Mapping[str, Algebraic]
-# What users give for the parameters of a law, and laws by name.
-Given = Mapping[str, float] | None
+# Values of the parameters of a law, and laws by name.
+Values = Mapping[str, float] | None
 Named = Mapping[str, Callable]
 # Parameters whose names begin so are 0 on every machine; each stands for a change of a measured law by one standard
-# deviation of what noise does to it, independently of the others.
+# deviation of the effect of noise on it, independently of the others.
 NOISE = "_noise"
 # Parameters of a law in SI that is brought to a dimensionless machine's units.
 UNIT_LENGTH, UNIT_FORCE = "unit_length", "unit_force"
-# Names by which formulas of a spring ask for the speed of its extension.
+# Names that formulas of a spring may use for the speed of its extension.
 SPEEDS = ("v", "vel", "velocity", "speed", "rdot", "r_dot", "dr", "drdt", "dr_dt", "xdot", "x_dot", "dx", "dxdt")
-# What is said of a spring whose force falls as it is stretched from rest.
+# The message about a spring whose force falls as it is stretched from rest.
 WRONG_SIGN = "is tension positive? A force acts against the extension, as in k*r, and the sign is that of r"
-# Distances from 0 at which a formula without a value there is looked at. Its values come together where those at a
+# Distances from 0 at which a formula without a value there is evaluated. Its values come together where those at a
 # tenth of a distance differ by less than this share.
 NEAR_ZERO, COMES_TOGETHER = (1e-2, 1e-3, 1e-4, 1e-5), 0.2
 HOW_TO_WRITE = "write it with operators and NumPy or CasADi functions, without if or float()"
@@ -97,7 +97,7 @@ class Key(NamedTuple):
     reach: float = math.inf
     written: Written | None = None
 
-    @lru_cache(maxsize=256)  # noqa: B019 -- equal keys share the answer
+    @lru_cache(maxsize=256)  # noqa: B019 -- equal keys share the result
     def degree(self) -> int:
         """0 for a constant and 1 for a straight line whatever the parameters, 2 for anything else."""
         if self.pieces is not None:
@@ -198,7 +198,7 @@ class Law:
         return f"Law({', '.join([repr(self.text), *in_words(named)])})"
 
 
-def from_formula(text: str, variable: str, parameters: Given = None) -> Law:
+def from_formula(text: str, variable: str, parameters: Values = None) -> Law:
     """A law from a formula in its variable; every other name in it is a parameter.
 
     Raises `InputError` for a parameter without a value and for one that the formula does not use.
@@ -220,12 +220,12 @@ def from_formula(text: str, variable: str, parameters: Given = None) -> Law:
     return law
 
 
-def key_of(law: Any, variable: str, given: Given = None) -> Key:
+def key_of(law: Any, variable: str, parameters: Values = None) -> Key:
     """The key of a formula, "potential:FORMULA", a number or a Python function, whose parameters need no values yet."""
     if isinstance(law, Key):
         return law
     if callable(law):
-        return from_function(law, variable, {name: (given or {})[name] for name in _argument_names(law)}).key
+        return from_function(law, variable, {name: (parameters or {})[name] for name in _argument_names(law)}).key
     if not isinstance(law, str | float | int):
         raise InputError(f"{law!r} is no law: it is a formula of {variable}, a law or a function")
     text = str(law).removeprefix("potential:")
@@ -258,7 +258,7 @@ def stated(names: Iterable[str]) -> list[str]:
 
 
 @exclusive
-def from_potential(text: str, variable: str, parameters: Given = None) -> Law:
+def from_potential(text: str, variable: str, parameters: Values = None) -> Law:
     """The law whose potential energy is the formula: its derivative with respect to the variable."""
     potential = from_formula(text, variable, parameters)
     force = _derivative_expression(potential.expression, variable)
@@ -267,7 +267,7 @@ def from_potential(text: str, variable: str, parameters: Given = None) -> Law:
 
 
 @exclusive
-def from_function(function: Callable, variable: str, parameters: Given = None, breakpoints: Sequence = ()) -> Law:
+def from_function(function: Callable, variable: str, parameters: Values = None, breakpoints: Sequence = ()) -> Law:
     """A law from a Python function (x, **parameters) written with operators and NumPy or CasADi functions.
 
     breakpoints : where it is not smooth; integration steps end there
@@ -289,17 +289,17 @@ def from_function(function: Callable, variable: str, parameters: Given = None, b
     return law
 
 
-def from_any(law: Any, variable: str, given: Given, table: Named, what: str, shared: bool = True) -> Law:
+def from_any(law: Any, variable: str, parameters: Values, table: Named, what: str, shared: bool = True) -> Law:
     """A law from a law, a Python function, the name of one in `table`, a formula or "potential:FORMULA".
 
-    given : the values of its parameters; others among them are left aside where they are `shared` with another law
+    parameters : their values; if they are `shared` with another law, those that this law does not have are ignored
     what : "gravity" or "a spring", for the `InputError` that anything else raises
     """
 
     def own(names):
-        if not shared and (unused := sorted((given or {}).keys() - set(names))):
+        if not shared and (unused := sorted((parameters or {}).keys() - set(names))):
             raise InputError(f"this law has no parameter '{unused[0]}'{suggest(unused[0], stated(names))}")
-        return {name: value for name, value in (given or {}).items() if name in names}
+        return {name: value for name, value in (parameters or {}).items() if name in names}
 
     if isinstance(law, Law):
         if law.variable != variable:
@@ -423,7 +423,7 @@ def _derivative_expression(expression: Callable, variable: str) -> Callable:
 
 
 def _function_expression(function: Callable, variable: str, names: tuple[str, ...]) -> Callable:
-    """The expression of a Python function, traced anew each time, since what it closes over may have changed."""
+    """The expression of a Python function, traced anew each time, since the variables that it uses may have changed."""
     (x, p), name = _symbols(variable, names), getattr(function, "__name__", "function")
     mode = ca.GlobalOptions.getNumpyMode() if hasattr(ca.GlobalOptions, "getNumpyMode") else None
     try:
@@ -431,8 +431,8 @@ def _function_expression(function: Callable, variable: str, names: tuple[str, ..
             ca.GlobalOptions.setNumpyMode(1)  # NumPy's functions then give CasADi expressions, without a warning
         value = ca.SX(function(x, **p))
     except Exception as error:
-        said = " ".join(str(error).split())[:80]
-        kind = type(error).__name__ + (f": {said}" if said else "")
+        message = " ".join(str(error).split())[:80]
+        kind = type(error).__name__ + (f": {message}" if message else "")
         raise InputError(f"the law '{name}' fails on a symbolic argument ({kind}); {HOW_TO_WRITE}") from error
     finally:
         if mode is not None:
@@ -449,7 +449,7 @@ def _break_table(breaks: tuple[float, ...]) -> Callable:
 
 @lru_cache(maxsize=256)
 def _graph_expression(graph: str, names: tuple[str, ...]) -> Callable:
-    """The expression of a serialized graph; equal graphs give the same object, which shares what is built from it."""
+    """The expression of a serialized graph; equal graphs give the same object, which shares all that is built on it."""
     function = ca.Function.deserialize(graph)
     value = lambda x, p, q: function(x, *(p[name] for name in names))  # noqa: E731
     return Expression(value, _graph_expression, graph, names)

@@ -1,6 +1,6 @@
 """Numbers that follow from a machine's parameters, and from its configuration where its inertia depends on that.
 
-What they are made of is decided exactly, never by values. Their expressions are quotients of polynomials of symbols,
+Their structure is decided exactly, never by values. Their expressions are quotients of polynomials of symbols,
 roots, sines and other functions over the rational numbers (`symbolic.rational`): the numerals of formulas are the
 decimals that are written, numbers of Python the doubles that they are. So a coefficient is a number, or 0, or does not
 depend on the coordinates, where that is an identity. Rounding comes last, once for each number, so that nothing is
@@ -27,8 +27,8 @@ from ..symbolic.folding import exact_numeral
 from ..symbolic.formula import CONSTANTS
 from ..symbolic.rational import NormalForms, Normalised, normalised, rounded
 
-# Short expressions of these operations, of two arguments or of one given twice, are evaluated one by one on Python's
-# numbers and NumPy's arrays, since a call of a compiled function takes as long as fifty of them.
+# Short expressions of these operations, of two arguments or of one that occurs twice, are evaluated step by step on
+# Python's numbers and NumPy's arrays, since a call of a compiled function takes as long as fifty of them.
 ARITHMETIC: dict[int, Callable] = {
     ca.OP_ADD: operator.add,
     ca.OP_SUB: operator.sub,
@@ -82,7 +82,7 @@ class Numerals:
 
 
 class Symbols:
-    """The symbols of which a machine's expressions are made.
+    """The symbols in a machine's expressions.
 
     place : the coordinates, or those of the contact
     p : the parameters by name
@@ -95,10 +95,10 @@ class Symbols:
 
 
 class Coefficients:
-    """A matrix of expressions of coordinates and parameters; those that are the same everywhere become numbers.
+    """A matrix of expressions of coordinates and parameters; entries that are constant become numbers.
 
     exact : the rational numbers of the entries, which go down the columns; None for one that depends on something
-    constants : the same as doubles, with NaN for those that depend on something
+    constants : the same as doubles, with NaN for an entry that depends on something
     vanish : whether all entries are 0
     by_coordinates : whether an entry depends on coordinates
     """
@@ -141,7 +141,7 @@ class Coefficients:
         return self._matrix(self.constants)
 
     def _values(self, p: list[Algebraic], y: Scalars) -> list[Algebraic]:
-        """Those that are not constant."""
+        """The values of the entries that are not constant."""
         place = list(y) if self.by_coordinates else self._nowhere
         for value in (*p, *place):
             if isinstance(value, EXPRESSIONS):
@@ -161,7 +161,7 @@ class Coefficients:
 
     @cached_property
     def _program(self) -> "Program | None":
-        """The operations one after the other, None where there are many or others than those of arithmetic."""
+        """The operations one after the other, None where there are many, or some are no arithmetic."""
         with LOCK:
             return program_of(self.function) if self.function.n_instructions() <= MOST_OPERATIONS else None
 
@@ -175,9 +175,9 @@ class Coefficients:
 class Program:
     """Operations on numbers and arrays.
 
-    constants : that follow after the arguments in the list of values
+    constants : numbers that follow after the arguments in the list of values
     steps : each operation with the places of its two arguments; its result is added to the list
-    results : their places
+    results : the places of the results
     """
 
     constants: tuple[float, ...]
@@ -221,7 +221,7 @@ def program_of(function: ca.Function) -> Program | None:
 
 
 class Entries:
-    """What the entries of a matrix of expressions are and depend on, decided exactly.
+    """The entries of a matrix of expressions and their dependencies, decided exactly.
 
     exact, constants : as in `Coefficients`
     """
@@ -248,7 +248,7 @@ class Entries:
         return any(self.forms.without(form, coordinates) is None for form in self.found.results)
 
     def _rounded(self, place: int) -> float:
-        """The double of a number, NaN for what is none, or lies outside the range of doubles."""
+        """The double of an entry, NaN where it is no number, or lies outside the range of doubles."""
         value, form = self.exact[place], self.found.results[place]
         if value is None and not self.forms.variables(form):  # a function of numbers, as sqrt(2)
             return float(ca.evalf(self.symbols.numerals.rounded(self.forms.expression(form))))
@@ -260,7 +260,7 @@ class Entries:
     def written(self, place: int) -> tuple[ca.SX, set[int]]:
         """The expression of an entry, and the places of the symbols on which it depends.
 
-        That of the normal form is taken where it is no longer than the one that was derived, and where it alone is free
+        The expression of the normal form is taken where it is no longer than the derived one, or where it alone is free
         of coordinates.
         """
         form, used, rounded = self.found.results[place], self.found.uses[place], self.symbols.numerals.rounded

@@ -1,4 +1,4 @@
-"""The coordinates of a mechanism with their symbols, and what is read off expressions of them, exactly."""
+"""The coordinates of a mechanism with their symbols, and exact properties of expressions of them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -15,7 +15,7 @@ from .elements import Scalar, value_of
 
 @dataclass(frozen=True, eq=False)
 class Coordinates:
-    """The coordinates (n) and the actuators (k) of a mechanism, with the symbols of which its expressions are made.
+    """The coordinates (n) and the actuators (k) of a mechanism, with the symbols in its expressions.
 
     names, actuators : each actuator is the name of a displacement and that of its rate
     p : the parameters
@@ -33,7 +33,7 @@ class Coordinates:
 
     @classmethod
     def of(cls, names: Sequence[str], actuators: Sequence[tuple[str, str]], parameters: Sequence[str]) -> "Coordinates":
-        """Those of these names."""
+        """The coordinates and actuators of these names."""
         y, v = (ca.SX.sym(name, len(names) + len(actuators)) for name in ("y", "v"))
         return cls(tuple(names), tuple(actuators), {name: ca.SX.sym(name) for name in parameters}, Numerals(), y, v)
 

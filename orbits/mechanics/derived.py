@@ -21,7 +21,7 @@ from .terms import GRAVITY_SHARE, Gravity
 @exclusive
 @lru_cache(maxsize=64)
 def derived_model(structure: Structure) -> Model:
-    """The model of a mechanism; raises `InputError` for what is no mechanism."""
+    """The model of a mechanism; raises `InputError` where it is no mechanism."""
     s, parts = structure, _parts_of(structure)
     mechanics, gap = parts.mechanics, parts.gap
     launch = launch_of(mechanics, parts.alone, parts.words["liftoff"], dict(s.rest).get(parts.launched, 0.0))
@@ -94,10 +94,10 @@ def _parts_of(structure: Structure) -> "Parts":
 
 
 def _names_beside_laws(s: Structure) -> set[str]:
-    """The names that a structure asks for beside the laws of its springs."""
+    """The names that a structure uses beside the laws of its springs."""
     expressions = expressions_of(s)
     if any(map(callable, expressions)):
-        return set(s.parameters)  # a function may ask for any of them
+        return set(s.parameters)  # a function may use any of them
     return {name for value in expressions for name in names_in(value)} | {*s.gravity.names, GRAVITY_SHARE}
 
 

@@ -1,4 +1,4 @@
-"""Dimensions of the parameters of a mechanism in SI, as far as its elements tell them."""
+"""Dimensions of the parameters of a mechanism in SI, as far as its elements determine them."""
 
 import math
 from collections import defaultdict
@@ -15,16 +15,16 @@ from .elements import Damper, Inerter, Mass, Spring, Weight, names_in, value_of
 
 
 def dimensions_of_parameters(mechanism: Any) -> dict[str, Dimension]:
-    """Dimensions of those parameters of a `Mechanism` that stand alone for a mass, a length, a coefficient or gravity,
-    or before a power of an extension in a spring's law; not of those that stand for two things of different kinds."""
+    """Dimensions of the parameters of a `Mechanism` that alone are a mass, a length, a coefficient or gravity,
+    or that multiply a power of an extension in a spring's law; none of a parameter with two different dimensions."""
     found = defaultdict[Any, dict[str, Dimension]](dict)
-    for name, dimension in _told(mechanism):
+    for name, dimension in _stated_dimensions(mechanism):
         found[name][unit_text(dimension)] = dimension
     return {name: next(iter(found[name].values())) for name in mechanism.parameters if len(found[name]) == 1}
 
 
-def _told(mechanism: Any) -> Iterator[tuple[Any, Dimension]]:
-    """What stands for something, a parameter's name or another expression, with its dimension, once for each place."""
+def _stated_dimensions(mechanism: Any) -> Iterator[tuple[Any, Dimension]]:
+    """Each parameter's name, or other expression, that has a dimension, with the dimension, once for each place."""
     angles = {*mechanism.angles}
     coordinates = {*mechanism.coordinates, *mechanism.actuators}
     for element in mechanism.elements:
@@ -54,8 +54,8 @@ def _told(mechanism: Any) -> Iterator[tuple[Any, Dimension]]:
 
 
 def _length_or_angle(extension: Any, coordinates: set[str], angles: set[str]) -> Dimension | None:
-    """Whether an extension is a length or an angle, as the coordinates tell to which it is proportional; None where
-    they do not."""
+    """The dimension of an extension, a length or an angle, from the coordinates to which it is proportional; None where
+    they do not determine it."""
     used = names_in(extension) & coordinates
     if not used & angles:
         return LENGTH
@@ -66,12 +66,12 @@ def _length_or_angle(extension: Any, coordinates: set[str], angles: set[str]) ->
 
 
 def coefficient_dimensions(law: Key) -> dict[str, Dimension]:
-    """Dimensions of those parameters of a spring's law that are coefficients of powers of the extension."""
+    """Dimensions of the parameters of a spring's law that are coefficients of powers of the extension."""
     return {name: _of_power(power, turned=False) for name, power in powers_of_coefficients(law).items()}
 
 
 def _of_power(power: float, turned: bool) -> Dimension:
-    """The dimension of what makes a force of this power of a length, or where it is `turned` a torque of an angle's."""
+    """The dimension of the coefficient of this power of a length in a force, or if `turned` of an angle in a torque."""
     return (1, 0, 1, 0, 0, -power) if turned else (-power, *FORCE[1:])
 
 
@@ -95,7 +95,7 @@ def _plain_slope(formula: str, name: str) -> float:
 @exclusive
 @lru_cache(maxsize=256)
 def powers_of_coefficients(law: Key) -> dict[str, float]:
-    """Those parameters of a spring's law that are coefficients of powers of the extension, with the powers."""
+    """The parameters of a spring's law that are coefficients of powers of the extension, with the powers."""
     x, p = ca.SX.sym("x"), {name: ca.SX.sym(name) for name in law.names}
     found: dict[str, float] = {}
     if law.pieces is None:

@@ -1,4 +1,4 @@
-"""The elements of a mechanism: what has inertia, and what exerts a force along an extension or a height.
+"""The elements of a mechanism: inertias, and forces along an extension or a height.
 
 Extensions and heights are formulas of the coordinates and the parameters, numbers, or Python functions (y, p) of both
 by name, written with operators and NumPy or CasADi functions. Masses, inertances and coefficients are formulas, numbers
@@ -117,7 +117,7 @@ def parsed(text: str) -> Formula:
 
 
 def names_in(expression: Any) -> frozenset[str]:
-    """The names that an expression asks for; those that a Python function asks for are not known."""
+    """The names in an expression; the names that a Python function uses are not known."""
     return parsed(expression).names if isinstance(expression, str) else frozenset()
 
 
@@ -130,12 +130,12 @@ def value_of(expression: Scalar, y: Parameters, p: Parameters) -> Algebraic:
 
 
 def fields_of(element: Element) -> list[Any]:
-    """The expressions by which an element is told, without its law."""
+    """The expressions that define an element, without its law."""
     return [getattr(element, name) for name in element.__match_args__ if name != "force"]
 
 
 def expressions_of(stated: Any) -> list[Any]:
-    """The expressions of a `Mechanism`, or of its structure, that may ask for parameters, without the laws."""
+    """The expressions of a `Mechanism`, or of its structure, that may contain parameters, without the laws."""
     elements = [value for element in stated.elements for value in fields_of(element)]
     forces = [element.force for element in stated.elements if isinstance(element, Force)]
     whole = [stated.gap, stated.surface_gravity, stated.energy_unit]

@@ -30,7 +30,7 @@ class Inertia:
         moving = [(mass, ca.sparsify(ca.densify(gradient))) for mass, gradient in parts]
         moving = [(mass, gradient) for mass, gradient in moving if gradient.nnz()]
         together = list[tuple[ca.SX, ca.SX]]()
-        for mass, gradient in moving:  # those that move along one function are one
+        for mass, gradient in moving:  # masses that move along one function are one
             same = [i for i, (_, other) in enumerate(together) if ca.is_equal(gradient, other, 2)]
             if same:
                 together[same[0]] = (together[same[0]][0] + mass, gradient)
@@ -56,7 +56,7 @@ class Inertia:
         return self._inverse @ forces
 
     def _alone(self, forces: ca.SX) -> ca.SX:
-        """As many masses as coordinates: each is accelerated alone, and what its own gradient is in the forces
+        """As many masses as coordinates: each is accelerated alone, and the multiple of its own gradient in the forces
         cancels."""
         columns = ca.horzcat(*self.gradients)
         alone = ca.solve(columns, ca.sparsify(forces)) / ca.repmat(ca.vertcat(*self.masses), 1, forces.shape[1])

@@ -1,6 +1,6 @@
 """The equations of motion of a mechanism, from its kinetic energy and the forces of its elements.
 
-Each element exerts a force f against a function of the coordinates y (n,), of which J (n,) is the gradient, so that in
+Each element exerts a force f against a function of the coordinates y (n,) with the gradient J (n,), so that in
 flight
 
     M y'' = -sum of J f,
@@ -38,10 +38,10 @@ from .terms import Gravity, Term, mass_of, moving_masses, terms_of, with_law
 
 @dataclass(frozen=True, eq=False)
 class ClosedGap:
-    """The gap as a sum of coordinates, and the coordinates that are left while it is closed.
+    """The gap as a sum of coordinates, and the coordinates that remain while it is closed.
 
-    weights : (n,), the largest of which is 1: the contact force is that on its coordinate, which is eliminated
-    left : the places of the others among the coordinates and displacements
+    weights : (n,), the largest being 1: the contact force is the force on its coordinate, which is eliminated
+    left : the places of the remaining ones among the coordinates and displacements
     s : the symbols of these
     """
 
@@ -52,7 +52,7 @@ class ClosedGap:
 
     @classmethod
     def of(cls, c: Coordinates, expression: Scalar) -> "ClosedGap":
-        """That of an expression; raises `InputError` for one that is no sum of coordinates."""
+        """The gap that an expression states; raises `InputError` for one that is no sum of coordinates."""
         weights, at_closed = c.weights(expression), c.at_zero(expression)
         sums = weights is not None and c.vanishes(at_closed) and not any(weights[c.size :])
         if weights is None or not sums or max(weights) <= 0:
@@ -70,7 +70,7 @@ class ClosedGap:
 
     @cached_property
     def embed(self) -> np.ndarray:
-        """The matrix (n + k, n - 1 + k) that makes all coordinates and displacements of those that are left."""
+        """The matrix (n + k, n - 1 + k) from the remaining coordinates and displacements to all of them."""
         place, own = self.weights.index(Fraction(1)), len(self.weights) - 1
         matrix = np.eye(len(self.left) + 1)[:, self.left]
         matrix[place, :own] = -self.numbers[self.left[:own]]
@@ -85,11 +85,11 @@ class ClosedGap:
         return matrix
 
     def inside(self, expression: ca.SX, c: Coordinates) -> ca.SX:
-        """An expression of the coordinates as one of those that are left."""
+        """An expression of the coordinates as one of the remaining ones."""
         return ca.substitute(expression, c.y, ca.densify(ca.sparsify(self.exact_embed) @ self.s))
 
     def weights_inside(self, weights: Sequence[Fraction]) -> list[Fraction]:
-        """The weights of what is left in a sum of all coordinates and displacements."""
+        """The weights of the remaining ones in a sum of all coordinates and displacements."""
         lost = weights[self.weights.index(Fraction(1))]
         gap = [*self.weights, *(Fraction(0) for _ in range(len(weights) - len(self.weights)))]
         return [weights[i] - lost * gap[i] for i in self.left]
@@ -143,7 +143,7 @@ class InContact:
 class Mechanics:
     """The equations of motion of a mechanism.
 
-    coordinates, elements, gravity, gap : what they follow from
+    coordinates, elements, gravity, gap : the statement from which they follow
     in_flight, in_contact : the equations of both phases
     laws : the keys of the springs' laws, none as long as they make no difference
     """
@@ -182,7 +182,7 @@ class Mechanics:
         return self.laws[spring.force]
 
     def inside(self, expression: ca.SX) -> ca.SX:
-        """An expression of the coordinates as one of those of the contact."""
+        """An expression of the coordinates as one of the coordinates of the contact."""
         return self.gap.inside(expression, self.coordinates)
 
     def flight(self, x: Scalars, p: Parameters, q: Scalars) -> list[Algebraic]:
@@ -210,7 +210,7 @@ class Mechanics:
         return [*x[:ends:2], *x[ends:]], [*x[1:ends:2], *moved]
 
     def embedded(self, s: Scalars) -> list[Algebraic]:
-        """All coordinates (n + k), or rates, of those of the contact."""
+        """All coordinates (n + k), or rates, from those of the contact."""
         return [weighted_sum(row, s) for row in self._rows]
 
     @cached_property
@@ -259,7 +259,7 @@ def mechanics_of(
 def forces_of(
     terms: Sequence[Term], rows: Sequence[Scalars], place: tuple[Scalars, Scalars], p: Parameters, q: Scalars
 ) -> list[Algebraic]:
-    """The forces at a place and its rates, of those terms that have a coefficient in one of the rows; 0 for the
+    """The forces at a place and its rates, of the terms that have a coefficient in one of the rows; 0 for the
     others."""
     used = [any(is_used(row[j]) for row in rows) for j in range(len(terms))]
     return [term.force(*place, p, q) if use else 0.0 for term, use in zip(terms, used, strict=True)]
@@ -335,7 +335,7 @@ def _exactly(c: Coordinates, gap: ClosedGap) -> Callable[[ca.SX], ca.SX]:
 
 
 def _merged(c: Coordinates, gap: ClosedGap, symbols: Symbols, terms: Sequence[Term]) -> tuple[list[Term], np.ndarray]:
-    """The terms that differ in contact, and the matrix (terms, different terms) of which belong to which."""
+    """The terms that differ in contact, and the matrix (terms, different terms) that assigns the ones to the others."""
     found: list[tuple[Term, list[int]]] = []
     for i, term in enumerate(terms):
         for other, members in found:

@@ -39,7 +39,7 @@ class Linear:
 
     @classmethod
     def of(cls, mechanics: Mechanics) -> "Linear | None":
-        """Those of a mechanism; None for one that is not linear."""
+        """The linear form of a mechanism; None where it is not linear."""
         c, flight = mechanics.coordinates, mechanics.in_flight
         linear = mechanics.conservative and not mechanics.gravity.varies and not c.actuators
         linear = linear and not c.varies(flight.inertia)

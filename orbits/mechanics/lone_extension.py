@@ -28,7 +28,7 @@ SPEED_OF_LAUNCH = "_launch_speed"
 
 @dataclass(frozen=True)
 class Launch:
-    """What follows for the launches of a machine.
+    """The launches of a machine, as they follow from its mechanics.
 
     relative : the law that is reached at lift-off, and the motion of its extension
     reduction : the smaller statement under constant gravity; None where no extension moves alone
@@ -41,10 +41,10 @@ class Launch:
 
 
 def launch_of(mechanics: Mechanics, alone: "Alone | None", level: str, rest: Scalar) -> Launch | None:
-    """How a machine is launched, None where its contact has several coordinates.
+    """The launches of a machine, None where its contact has several coordinates.
 
     alone : the extension that moves alone, None where none does
-    level : what the springs' force comes to at lift-off, in words
+    level : the value of the springs' force at lift-off, in words
     rest : where the coordinate that is launched rests
     """
     if mechanics.size != 2:
@@ -55,7 +55,7 @@ def launch_of(mechanics: Mechanics, alone: "Alone | None", level: str, rest: Sca
 class Alone:
     """The extension that moves alone, whatever the laws are.
 
-    springs : the springs, each with how its own extension follows from that one: a factor, and an offset
+    springs : the springs, each with the factor and the offset by which its own extension follows from that one
     """
 
     def __init__(self, mechanics: Mechanics, springs: Sequence[tuple[Spring, Fraction, ca.SX]], along: ca.SX):
@@ -86,14 +86,14 @@ class Alone:
         self.damping = self._numbers(
             sum((contact.row[i] * r for i, r in zip(dampers, rates, strict=True)), ca.SX(0)) / multiple
         )
-        # In contact the same phi pulls at the one coordinate s that is left: s'' = fall - pull (phi + load).
+        # In contact the same phi pulls at the one remaining coordinate s: s'' = fall - pull (phi + load).
         pull = c.numerals.number(springs[0][1]) / (pulls[columns[0][0]] * contact.inertia[0, 0])
         fall = pull * sum(pulls[i] for i in weights) - weight.T @ embed[:2, 0] / contact.inertia[0, 0]
         self.held = c.coefficients(ca.horzcat(pull, fall, multiple))
 
     @classmethod
     def of(cls, mechanics: Mechanics) -> "Alone | None":
-        """That of a machine; None where there is none."""
+        """The extension of a machine that moves alone; None where there is none."""
         springs = [element for element in mechanics.elements if isinstance(element, Spring)]
         unusual = any(isinstance(element, Potential | Force) for element in mechanics.elements)
         if (
@@ -124,7 +124,7 @@ class Alone:
         return _Number(self.mechanics.coordinates.coefficients(ca.SX(expression)))
 
     def launch(self, mechanics: Mechanics, level: str) -> Launch:
-        """What follows with the laws of the mechanics."""
+        """The launches with the laws of the mechanics."""
         law, load = self._law(mechanics)
         rate = None if self.rate.constant == 1.0 else self.rate
         gravity = mechanics.gravity.key if mechanics.gravity.varies else None
@@ -212,7 +212,7 @@ def _for_steps(value: Algebraic) -> Algebraic:
 
 
 def _is_level(mechanics: Mechanics) -> bool:
-    """Whether the contact force has no part of a gravity that varies, but that on the ground."""
+    """Whether gravity enters the contact force by its value on the ground alone, even where it varies."""
     c, contact = mechanics.coordinates, mechanics.in_contact
     pulls = zip(contact.terms, contact.force_coefficients.exact, strict=True)
     heights = (term.place for term, coefficient in pulls if term.what == "gravity" and coefficient != 0)
@@ -220,7 +220,7 @@ def _is_level(mechanics: Mechanics) -> bool:
 
 
 def _scales_at(mechanics: Mechanics, start: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """A unit of the contact force, and the rate of a launch: what follows at lift-off from the slopes at rest.
+    """A unit of the contact force, and the rate of a launch: both follow at lift-off from the slopes at rest.
 
     With the acceleration F of the launched coordinate in flight, the contact force lambda vanishes at the extension
     r = -lambda/lambda', and there the contact and the flight have one acceleration, the rate = -(F + F' r). In the unit
@@ -237,7 +237,7 @@ def _scales_at(mechanics: Mechanics, start: ca.SX) -> tuple[ca.SX, ca.SX]:
     ]
     level, slope, fall, stiffness = at_start
     rate = -(fall - stiffness * level / slope)
-    # Without a slope at rest nothing has a scale; what is stated is then taken to be of order 1.
+    # Without a slope at rest there is no scale; the stated numbers are then taken to be of order 1.
     regular = ca.logic_and(ca.fabs(slope) > 1e-12, ca.logic_and(stiffness < -1e-12, rate > 1e-12))
     return ca.if_else(regular, slope * rate / stiffness, 1.0), ca.if_else(regular, rate, 1.0)
 

@@ -10,7 +10,7 @@
     )
     find(hopper)
 
-Everything that the engine asks of a machine follows from that: the equations of motion in flight and in contact,
+All that the engine requires of a machine follows from that: the equations of motion in flight and in contact,
 launch, lift-off and landing, impacts, energy, closed forms, and the extension that moves alone.
 """
 
@@ -76,7 +76,7 @@ class Mechanism(Stated):
         drawn from the height of the name `lower`, None for the ground, to that of the name `upper`
     actuators : names of displacements that may occur in extensions, each with the name of its rate, a parameter that
         is 0 unless `parameters` has it
-    words : the name of the "liftoff" force in messages, and what they say of a violated "gap", "pull", "separation" and
+    words : the name of the "liftoff" force in messages, and the texts of a violated "gap", "pull", "separation" and
         "end"
 
     Raises `InputError` for an unknown name, for statements that do not describe a mechanism, and for masses, inertias,
@@ -113,29 +113,29 @@ class Mechanism(Stated):
 
     @exclusive
     def __post_init__(self) -> None:
-        self._keep(
+        self._store(
             coordinates=listed("coordinates", self.coordinates), elements=listed("elements", self.elements),
             knees=tuple(listed("knees", knee) for knee in listed("knees", self.knees)),
             angles=listed("angles", self.angles),
         )  # fmt: skip
-        self._keep(inertia=self._rows(), heights=self.heights or self._lengths())
+        self._store(inertia=self._rows(), heights=self.heights or self._lengths())
         refuse_misstated(self)
-        given = {name: number(name, value) for name, value in self.parameters.items()}
-        laws, elements = [self._law(self.gravity, "z", given)], list[Element]()
+        numbers = {name: number(name, value) for name, value in self.parameters.items()}
+        laws, elements = [self._law(self.gravity, "z", numbers)], list[Element]()
         for element in self.elements:
             if isinstance(element, Spring):
-                laws.append(self._law(element.force, "r", given))
+                laws.append(self._law(element.force, "r", numbers))
                 element = replace(element, force=laws[-1][0])
             elements.append(element)
-        values = joined_values(((key.text, own) for key, own in laws), given)
+        values = joined_values(((key.text, own) for key, own in laws), numbers)
         rates = {rate: 0.0 for rate in self.actuators.values() if rate not in values}
-        self._keep(
+        self._store(
             elements=tuple(elements), gravity=laws[0][0], parameters=values | rates, actuators=self.actuators,
             words=self.words, rest=self.rest, restitution=coefficient_of_restitution(self.restitution),
         )  # fmt: skip
-        asked = self._asked_names
-        refuse_names_of_parameters(self, [*self.parameters, *(name for key, _ in laws for name in key.names)], asked)
-        if asked <= self.parameters.keys():
+        used = self._used_names
+        refuse_names_of_parameters(self, [*self.parameters, *(name for key, _ in laws for name in key.names)], used)
+        if used <= self.parameters.keys():
             refuse_values(self)
 
     def _lengths(self) -> dict[str, str]:
@@ -144,14 +144,14 @@ class Mechanism(Stated):
         return {name: name for name in lengths or self.coordinates}
 
     @staticmethod
-    def _law(law: Any, variable: str, given: Mapping[str, float]) -> tuple[Key, Mapping[str, float]]:
+    def _law(law: Any, variable: str, parameters: Mapping[str, float]) -> tuple[Key, Mapping[str, float]]:
         """The key of a law, and the values that it brings for its parameters."""
         if isinstance(law, Law):
             if law.variable != variable:
                 raise InputError(f"'{law.text}' is a law of {law.variable}; one of {variable} stands here")
             return law.key, law.parameters
         try:
-            return key_of(law, variable, given), {}
+            return key_of(law, variable, parameters), {}
         except KeyError as error:  # an argument of a Python function
             name = error.args[0]
             raise InputError(f"'{name}' has no value: give parameters={{'{name}': ...}}") from None
@@ -180,13 +180,13 @@ class Mechanism(Stated):
 
     @property
     def _names_beside_springs(self) -> set[str]:
-        """The names of the parameters that formulas and gravity ask for."""
+        """The names of the parameters that formulas and gravity use."""
         found = {name for value in self.expressions for name in names_in(value)}
         return (found | {*self.gravity.names, *self.actuators.values()}) - self.places
 
     @property
-    def _asked_names(self) -> set[str]:
-        """The names of the parameters that formulas and laws ask for."""
+    def _used_names(self) -> set[str]:
+        """The names of the parameters that formulas and laws use."""
         springs = [element.force for element in self.elements if isinstance(element, Spring)]
         return self._names_beside_springs | {name for law in springs for name in law.names} - self.places
 
@@ -198,7 +198,7 @@ class Mechanism(Stated):
     @property
     def names(self) -> tuple[str, ...]:
         """The names of all parameters."""
-        return tuple(sorted(self._asked_names | self.parameters.keys()))
+        return tuple(sorted(self._used_names | self.parameters.keys()))
 
     @property
     def _missing(self) -> list[str]:
@@ -207,7 +207,7 @@ class Mechanism(Stated):
 
     @exclusive_property
     def structure(self) -> Structure:
-        """The mechanism without its numbers; what is built from it is shared by all that differ in numbers only."""
+        """The mechanism without its numbers; mechanisms that differ in numbers only share objects built from it."""
         elements, gravity = self.elements, self.gravity
         springs = [element for element in elements if isinstance(element, Spring)]
         if springs and self.parameters.keys() >= set(self.names):
@@ -272,7 +272,7 @@ class Mechanism(Stated):
         elements = [replace(each, force=next(new)) if isinstance(each, Spring) else each for each in self.elements]
         beside = {name: self.parameters[name] for name in self._names_beside_springs if name in self.parameters}
         other = replace(self, elements=elements, parameters=beside)
-        known = [name for name in self.parameters if other.has_functions or name in other._asked_names]
+        known = [name for name in self.parameters if other.has_functions or name in other._used_names]
         return replace(other, parameters={**{name: self.parameters[name] for name in known}, **other.parameters})
 
     @property
@@ -281,7 +281,7 @@ class Mechanism(Stated):
         return self._si if self.in_si else None
 
     def stated(self) -> Self:
-        """The mechanism itself, which is what a theorem states."""
+        """The mechanism itself, which a theorem states."""
         return self
 
     def dimensionless(self) -> Self:

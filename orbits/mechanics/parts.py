@@ -52,7 +52,7 @@ class Parts:
 
     @classmethod
     def of(cls, s: Structure, mechanics: Mechanics) -> "Parts":
-        """Those of a structure whose springs have no laws yet."""
+        """The parts of a structure whose springs have no laws yet."""
         c, flight, left = mechanics.coordinates, mechanics.in_flight, mechanics.gap.left[: mechanics.size - 1]
         known = [c.names[i] for i in left]
         launched = s.launch or known[-1]
@@ -74,7 +74,7 @@ class Parts:
 
     @property
     def words(self) -> dict[str, str]:
-        """What messages say."""
+        """The words of messages."""
         return {**USUAL_WORDS, **dict(self.structure.words)}
 
     @property
@@ -83,7 +83,7 @@ class Parts:
 
     @property
     def _states_in_contact(self) -> list[str]:
-        """The coordinates that are left in contact, and their speeds."""
+        """The remaining coordinates of the contact, and their speeds."""
         own = self.mechanics.gap.left[: self.mechanics.size - 1]
         return [state for i in own for state in (self.structure.coordinates[i], f"{self.structure.coordinates[i]}'")]
 
@@ -277,8 +277,8 @@ def _drawn(c: Coordinates, s: Structure) -> tuple[tuple[str | None, str], ...]:
 
 
 def _interleaved(weights: Scalars, ends: int, first: int = 0) -> tuple[Algebraic, ...]:
-    """Weights of coordinates, or where `first` is 1 of their rates, as weights of the states, of which the last `ends`
-    have no rates."""
+    """Weights of coordinates, or where `first` is 1 of their rates, as weights of the states; the last `ends`
+    states have no rates."""
     pairs = weights[: len(weights) - ends] if ends and not first else weights
     states = [weight if place == first else 0.0 for weight in pairs for place in (0, 1)]
     return (*states, *(weights[len(weights) - ends :] if ends and not first else [0.0] * ends))

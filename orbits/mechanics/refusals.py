@@ -1,4 +1,4 @@
-"""What is refused of a mechanism as it is stated: names, shapes, and values that no machine has."""
+"""Checks of a mechanism as it is stated: names, shapes, and values that no machine has."""
 
 import difflib
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -13,7 +13,7 @@ from .elements import Damper, Element, Force, Inerter, Mass, Scalar, Weight, fie
 from .structure import USUAL_WORDS
 from .terms import GRAVITY_SHARE
 
-# What names that coordinates cannot have stand for already.
+# Names that coordinates cannot have, with what they denote already.
 TAKEN_NAMES = {
     **dict.fromkeys(("alpha", "liftoff", "duration", "contact_duration", "unfolding"), "an unknown of every orbit"),
     **dict.fromkeys(FUNCTIONS, "a function in formulas"),
@@ -52,11 +52,11 @@ def refuse_misstated(mechanism: Any) -> None:
     _refuse_coordinates_in(m)
 
 
-def listed(what: str, given: Any) -> tuple:
+def listed(what: str, value: Any) -> tuple:
     """Several things as a tuple; raises `InputError` for one alone."""
-    if isinstance(given, str) or not isinstance(given, Iterable):
-        raise InputError(f"{what} = {given!r}; it is a list, as [{given!r}]")
-    return tuple(given)
+    if isinstance(value, str) or not isinstance(value, Iterable):
+        raise InputError(f"{what} = {value!r}; it is a list, as [{value!r}]")
+    return tuple(value)
 
 
 def _refuse_names(names: Sequence[Any]) -> None:
@@ -71,7 +71,7 @@ def _refuse_names(names: Sequence[Any]) -> None:
 
 
 def _refuse_expressions(owner: Any, expressions: Iterable[Any]) -> None:
-    """Refuse what is neither formula, number nor function."""
+    """Refuse an expression that is neither formula, number nor function."""
     for each in expressions:
         if not isinstance(each, str | Real) and not callable(each):
             raise InputError(f"{each!r} in {owner} is neither a formula, nor a number or a function (y, p)")
@@ -100,14 +100,14 @@ def _refuse_keys(m: Any) -> None:
     ):
         if unknown := [name for name in names if name not in known]:
             raise InputError(f"{what}: there is no {kind} '{unknown[0]}'{suggest(str(unknown[0]), known)}")
-    asked = {name for each in m.expressions for name in names_in(each)} if m.actuators else set()
-    if not m.has_functions and (unused := [name for name in m.actuators if name not in asked]):
-        hint = suggest(unused[0], sorted(asked - {*m.coordinates}))
+    used = {name for each in m.expressions for name in names_in(each)} if m.actuators else set()
+    if not m.has_functions and (unused := [name for name in m.actuators if name not in used]):
+        hint = suggest(unused[0], sorted(used - {*m.coordinates}))
         raise InputError(f"no extension has the actuator's displacement '{unused[0]}'{hint}")
 
 
 def _refuse_coordinates_in(m: Any) -> None:
-    """Refuse coordinates in what depends on parameters alone, as far as formulas tell."""
+    """Refuse coordinates in expressions of parameters alone, as far as formulas show them."""
     places = {*m.coordinates, *m.actuators}
     alone: list[tuple[str, Any, str]] = [
         *(("rest", place, "a place of rest is a number or a parameter") for place in m.rest.values()),
@@ -127,10 +127,10 @@ def _refuse_coordinates_in(m: Any) -> None:
             raise InputError(f"{what} '{expression}' depends on the coordinate '{found[0]}': {remedy}")
 
 
-def joined_values(brought: Iterable[tuple[str, Mapping[str, float]]], given: Mapping[str, float]) -> dict[str, float]:
-    """The values of the parameters that laws (text, values) bring, with those that are `given`; raises `InputError`
+def joined_values(brought: Iterable[tuple[str, Mapping[str, float]]], numbers: Mapping[str, float]) -> dict[str, float]:
+    """The values of the parameters that laws (text, values) bring, with the stated `numbers`; raises `InputError`
     where two of them give one name different values."""
-    values, owners = dict(given), dict.fromkeys(given, "parameters")
+    values, owners = dict(numbers), dict.fromkeys(numbers, "parameters")
     own = dict[str, float]()
     for text, law in brought:
         for name, value in law.items():
@@ -139,28 +139,28 @@ def joined_values(brought: Iterable[tuple[str, Mapping[str, float]]], given: Map
                 raise InputError(f"parameter '{name}' has two values, {apart}: give both the same, or rename one")
             values[name] = own[name] = value
             owners.setdefault(name, f"the law '{text}'")
-    return {**own, **given}
+    return {**own, **numbers}
 
 
-def refuse_names_of_parameters(mechanism: Any, names: Iterable[str], asked: Collection[str]) -> None:
-    """Raise `InputError` for parameters whose names are those of coordinates, or that nothing asks for."""
+def refuse_names_of_parameters(mechanism: Any, names: Iterable[str], used: Collection[str]) -> None:
+    """Raise `InputError` for parameters whose names are those of coordinates, or that nothing uses."""
     if taken := sorted(mechanism.places & {*names}):
         raise InputError(f"'{taken[0]}' is a coordinate; call the parameter something else")
-    if GRAVITY_SHARE in asked:
+    if GRAVITY_SHARE in used:
         raise InputError(f"'{GRAVITY_SHARE}' is the mechanism's own name; call the parameter something else")
-    if not mechanism.has_functions and (unused := [name for name in mechanism.parameters if name not in asked]):
-        raise InputError(f"no element has a parameter '{unused[0]}'{suggest(unused[0], stated(asked))}")
+    if not mechanism.has_functions and (unused := [name for name in mechanism.parameters if name not in used]):
+        raise InputError(f"no element has a parameter '{unused[0]}'{suggest(unused[0], stated(used))}")
 
 
 def hint_of_coordinate(name: str, coordinates: Collection[str]) -> str:
-    """What to say of a parameter without a value that looks like a misspelt coordinate, '' for another."""
+    """The hint about a parameter without a value that looks like a misspelt coordinate, '' for another."""
     near = difflib.get_close_matches(name, list(coordinates), n=1, cutoff=NEARLY_THE_SAME)
     return f"'{name}' has no value; did you mean the coordinate '{near[0]}'?" if near else ""
 
 
 def refuse_values(mechanism: Any) -> None:
     """Raise `InputError` for masses, inertias, dampers and gravity of a `Mechanism` that have wrong signs at the values
-    of its parameters; what depends on coordinates, and Python functions, are left out."""
+    of its parameters; expressions of coordinates, and Python functions, are left out."""
     m, p = mechanism, mechanism.parameters
     moving, anything_moves = set[str](), False
     for element in m.elements:
@@ -183,8 +183,8 @@ def refuse_values(mechanism: Any) -> None:
     if surface is not None and m.gravity.pieces is None:
         ground = surface * float(m.gravity.expression(0.0, p, []))
         if not 0 < ground < inf:
-            told = f"'{m.gravity.text}'" if surface == 1 else f"'{m.gravity.text}' times {m.surface_gravity!r}"
-            raise InputError(f"gravity {told} is {ground:g} at z = 0, not above 0: it is counted downwards")
+            law = f"'{m.gravity.text}'" if surface == 1 else f"'{m.gravity.text}' times {m.surface_gravity!r}"
+            raise InputError(f"gravity {law} is {ground:g} at z = 0, not above 0: it is counted downwards")
 
 
 def _refuse_sign(expression: Scalar, m: Any, what: str, owner: Any, above: bool = False) -> float | None:
@@ -193,8 +193,8 @@ def _refuse_sign(expression: Scalar, m: Any, what: str, owner: Any, above: bool 
     value = _value(expression, m.places, m.parameters)
     if value is None or 0 < value < inf or (value == 0 and not above):
         return value
-    told = f"{expression} = " if isinstance(expression, str) else ""
-    raise InputError(f"{told}{value:g}: {what} {owner!r} must be a finite number {'above' if above else 'from'} 0")
+    prefix = f"{expression} = " if isinstance(expression, str) else ""
+    raise InputError(f"{prefix}{value:g}: {what} {owner!r} must be a finite number {'above' if above else 'from'} 0")
 
 
 def _value(expression: Scalar, places: Collection[str], p: Mapping[str, float]) -> float | None:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 from ..laws.law import Key
 from .elements import Element, Scalar
 
-# What a model says where the mechanism has no words of its own.
+# The words of a model where the mechanism has no words of its own.
 USUAL_WORDS = {
     "liftoff": "the force at which the contact opens",
     "gap": "the gap closes in flight",

@@ -1,4 +1,4 @@
-"""Forces of elements, and of what is quadratic in the speeds, as terms of the equations of motion."""
+"""Forces of elements, and forces quadratic in the speeds, as terms of the equations of motion."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ GRAVITY_SHARE = "gravity_share"
 class Term(NamedTuple):
     """One force of a mechanism.
 
-    element : whose force it is, None for what is quadratic in the speeds
+    element : whose force it is, None for a force quadratic in the speeds
     force : (y, v, p, q) -> the force, of coordinates with the actuators' displacements, rates, parameters and data
     gradient : (n + k,), of the function that it acts against, by the coordinates and the displacements
     conservative : whether it is one of the energy's
@@ -49,7 +49,7 @@ class Gravity:
     """The law of a height, with its unit.
 
     key : of the acceleration
-    surface : what the law is multiplied by
+    surface : the factor of the law
     """
 
     key: Key
@@ -87,7 +87,7 @@ def mass_of(c: Coordinates, expression: Scalar) -> ca.SX:
 
 
 def terms_of(c: Coordinates, elements: Sequence[Element], gravity: Gravity, stated: ca.SX) -> list[Term]:
-    """All forces: those of the elements, of springs without laws yet, and what is quadratic in the speeds, `stated`
+    """All forces: those of the elements, of springs without laws yet, and those quadratic in the speeds, `stated`
     being the inertia (n, n) beside that of the elements."""
     ground = gravity.at_ground(c)
     forces = [term for element in elements for term in _terms_of(c, element, gravity, ground)]
@@ -140,8 +140,8 @@ def _terms_of(c: Coordinates, element: Element, gravity: Gravity, ground: ca.SX)
 
 
 def _inertial_terms(c: Coordinates, elements: Sequence[Element], stated: ca.SX) -> Iterator[Term]:
-    """What is quadratic in the speeds: a mass that moves along a function h of the coordinates has the acceleration
-    J^T y'' + v^T (Hessian of h) v; and what a stated inertia that depends on the configuration adds."""
+    """Forces quadratic in the speeds: a mass that moves along a function h of the coordinates has the acceleration
+    J^T y'' + v^T (Hessian of h) v; and the terms of a stated inertia that depends on the configuration."""
     for place, mass in moving_masses(elements):
         bend = ca.bilin(ca.jacobian(c.gradient(place), c.y), c.v, c.v)
         if not c.vanishes(bend, c.symbols(c.y, c.v)):

@@ -1,1 +1,1 @@
-"""What a machine is to the engine: phases, closed forms, and the model of a hybrid machine."""
+"""The engine's description of a machine: phases, closed forms, and the model of a hybrid machine."""

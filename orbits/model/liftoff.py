@@ -10,13 +10,13 @@ from ..errors import InputError, NoOrbit
 from ..laws.law import WRONG_SIGN, Key, Law, values_and_slopes
 from ..units import EXTENSION, FORCE, Message, Quantity
 
-# Below this slope, rounding cannot tell a force that passes the level of lift-off from one that only touches it.
+# Below this slope, rounding cannot distinguish a force that passes the level of lift-off from one that only touches it.
 FLATTEST_LIFTOFF = 1e-14
 # Distances from rest at which the force is sampled: densely where a spring in its own units lifts off.
 SAMPLED_DISTANCES = np.concatenate(
     [[0.0], np.geomspace(1e-9, 1e-3, 50)[:-1], np.geomspace(1e-3, 1e3, 200), np.geomspace(1e3, 1e9, 50)[1:]]
 )
-# Springs whose lift-off is looked for together, so that their sampled forces stay in the processor's cache.
+# Springs whose lift-off is searched for together, so that their sampled forces stay in the processor's cache.
 BLOCK_OF_SPRINGS = 256
 # The dimension of a force's slope; the extension is a length or an angle.
 FORCE_PER_EXTENSION = (0, 0, 1, 0, -1)
@@ -32,7 +32,7 @@ class Liftoff:
     name : the force that lift-off waits for, in words
     scale : p -> (unit, zero, place) for messages: a value phi of the law is the force unit * (phi - zero), and its
         extension is counted from that place
-    named : what messages call the law
+    named : the name of the law in messages
     """
 
     load: float
@@ -64,8 +64,8 @@ class Liftoff:
             within = Message(" within [{low:g}, {high:g}]", **bounds) if np.isfinite([low, high]).any() else ""
             text = self.named + " never reaches {level} ({extreme} {force:.4g}{within}): {why}"
             why = WRONG_SIGN if extreme == "largest tension" and force.value <= 0 else "nothing leaves the ground"
-            told = {"level": self.name, "extreme": extreme, "force": force, "within": within, "why": why}
-            raise NoOrbit(Message(text, law=law.text, **told))
+            parts = {"level": self.name, "extreme": extreme, "force": force, "within": within, "why": why}
+            raise NoOrbit(Message(text, law=law.text, **parts))
         low, high = np.sort(extensions[beyond[0] - 1 : beyond[0] + 1])[:, None]
         return self._checked(law, float(_level_crossings(law.with_slope, np.array([level]), low, high)[0]))
 

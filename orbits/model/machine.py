@@ -1,4 +1,4 @@
-"""What the engine asks of a machine, in one place."""
+"""What the engine requires of a machine, in one place."""
 
 from collections.abc import Mapping
 from dataclasses import fields
@@ -9,7 +9,7 @@ from ..laws.law import NOISE
 from ..units import Units
 from .model import Model
 
-# What describes a machine in a document.
+# The keys that describe a machine in a document.
 MACHINE_FIELDS = ("machine", "spring", "gravity", "mass_ratio", "rest_length", "restitution", "parameters", "laws_in")
 
 
@@ -60,21 +60,21 @@ class Stated:
     """A machine that is printed and pickled as it was stated, without the model that is built from that."""
 
     def __getstate__(self) -> dict[str, Any]:
-        """The fields of the machine; its laws are pickled as what they were made from."""
-        told = {each.name: getattr(self, each.name) for each in fields(cast(Any, self))}
-        return {name: dict(value) if isinstance(value, MappingProxyType) else value for name, value in told.items()}
+        """The fields of the machine; its laws are pickled as the statements that they were made from."""
+        stated = {each.name: getattr(self, each.name) for each in fields(cast(Any, self))}
+        return {name: dict(value) if isinstance(value, MappingProxyType) else value for name, value in stated.items()}
 
     def __setstate__(self, state: Mapping[str, Any]) -> None:
-        self._keep(**state)
+        self._store(**state)
 
-    def _keep(self, **checked: Any) -> None:
+    def _store(self, **checked: Any) -> None:
         """Store fields as they were checked, mappings so that nobody can change them."""
         for name, value in checked.items():
             object.__setattr__(self, name, MappingProxyType(dict(value)) if isinstance(value, Mapping) else value)
 
 
 def machine_in_words(machine: Machine) -> dict[str, Any]:
-    """What describes a machine, with the units of those results that have others because a coordinate is an angle."""
+    """The description of a machine, with the units of those results whose units differ as a coordinate is an angle."""
     words = machine.describe()
     unusual = machine.units.unusual_texts() if machine.units else {}
     return words | {"units": {**words.get("units", {}), **unusual}} if unusual else words

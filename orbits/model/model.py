@@ -1,4 +1,4 @@
-"""What a kind of machine is to the engine: its phases, and what makes a motion of them a lossless orbit."""
+"""The engine's description of a kind of machine: its phases, and the conditions of a lossless orbit."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -38,7 +38,7 @@ class Model(metaclass=_Following):
     set. Energy is conserved in each phase; only its gradient is needed, so that the potential need not be known in
     closed form. The unknowns are a mapping `u`: "liftoff" and "alpha" are the value and the speed of the coordinate
     that is launched, and further unknowns of a launch have the names of contact states. The functions gap, separation,
-    impact_mass, impact, and the contact force are called for m orbits at once, with arrays (m,) in `x` and `p`, and
+    impact_mass, impact, and the contact force are called for m orbits together, with arrays (m,) in `x` and `p`, and
     with CasADi's expressions; so they must not branch on these values. A speed has the name of its coordinate with an
     apostrophe. The launch, lift-off, the landing and the energy in contact follow from the fields, see the methods.
 
@@ -68,7 +68,7 @@ class Model(metaclass=_Following):
     impact : (x, p) -> direction, a list of n, in which an impact changes the flight state x: M^-1 dg on the speeds,
         scaled so that along it the gap's speed changes by 1
     guess : (family, p) -> a launch and the "duration" of the half flight, with the parameter `homotopy` at 0; or the
-        `Relative` motion under constant gravity, from which these follow; None where the families are searched at once,
+        `Relative` motion under constant gravity, from which these follow; None where families are searched directly,
         for which `search` and `release` suffice
     conservative : whether flight and contact conserve the energy
     driven : whether a force may add energy to a machine that is not conservative
@@ -113,7 +113,7 @@ class Model(metaclass=_Following):
     rest: Callable | None = None
     knees: Callable | None = None
     driven: bool = False
-    # What `dataclasses.replace` makes of a model has to be looked at again.
+    # A model that `dataclasses.replace` makes has to be checked again.
     derived: bool = field(default=False, init=False)
 
     def __repr__(self) -> str:
@@ -182,10 +182,10 @@ class Model(metaclass=_Following):
         return self.contact.watch[CONTACT_FORCE](self._released(u), p, q)
 
     def landing(self, u: Parameters, x: Scalars, p: Parameters) -> list[Algebraic]:
-        """What vanishes at a lossless landing in the flight state x: the gap, its speed and its acceleration.
+        """The expressions that vanish at a lossless landing in state x: the gap, its speed and its acceleration.
 
-        Where the contact has one coordinate, the last follows from the place of what was launched, which is as at
-        lift-off. This takes its place too where a law is in pieces, since the piece that holds is not known here.
+        Where the contact has one coordinate, the last follows from the launched coordinate, whose value is as at
+        lift-off. This condition replaces it also where a law is in pieces, as the piece that holds is not known here.
         """
         weights, states = self.gap(p).weights, self.flight.states
         of_speed = [weights[states.index(name[:-1])] if name.endswith("'") else 0.0 for name in states]

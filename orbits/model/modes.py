@@ -20,7 +20,7 @@ from ..io import one_line
 # A squared frequency below this share of the largest one is 0: eigenvalues come with an error of a few roundings,
 # 2e-16, of the largest one. One period of a mode as slow as that is 3e6 of the fastest.
 SLOWEST_SQUARE = 1e-13
-# What holds until a time is only relied on for this share of the time, far from rounding.
+# A bound that holds until a time is only used for this share of the time, far from rounding.
 CLEARLY = 0.99
 # A quantity that rises from a zero for so long, in radians of the fastest mode, is by then far above rounding.
 SHORTEST_RISE = 0.5
@@ -92,11 +92,11 @@ class Modes:
     def along(self, weights: ArrayLike, start: ArrayLike, t: float | np.ndarray, order: int) -> np.ndarray:
         """Taylor coefficients (N, order + 1) of weights . (state, watched ...) about N times `t` (...) after `start`,
         (2n,) or (2n, ...)."""
-        seen = self._seen(weights, start, t)
-        c = np.concatenate([seen.even, seen.odd]).T @ np.concatenate(self._alternating(order))
-        c[:, 0] += seen.base
-        c[:, 1] += seen.slope
-        c[:, 2] -= 0.5 * seen.fall
+        output = self._output(weights, start, t)
+        c = np.concatenate([output.even, output.odd]).T @ np.concatenate(self._alternating(order))
+        c[:, 0] += output.base
+        c[:, 1] += output.slope
+        c[:, 2] -= 0.5 * output.fall
         return c
 
     def series(self, start: ArrayLike, t: float | np.ndarray, order: int) -> np.ndarray:
@@ -121,8 +121,8 @@ class Modes:
         """Times (m,) between which an affine quantity, of `weights` and `offset`, is positive on motions from `starts`
         (2n, m), however the modes swing: the sum of their amplitudes is less than the height of the thrown part's
         parabola. The times are infinity and 0 where nothing is known."""
-        seen = self._seen(quantity.weights, starts)
-        return seen.above(self._amplitudes(seen).sum(0) - quantity.offset)
+        output = self._output(quantity.weights, starts)
+        return output.above(self._amplitudes(output).sum(0) - quantity.offset)
 
     def positive_until(self, quantity: Any, starts: np.ndarray, order: int) -> np.ndarray:
         """Times (m,) until which an affine quantity is known to be positive on motions from `starts` (2n, m), where it
@@ -131,12 +131,12 @@ class Modes:
         With d its derivative of this order at the start, and -bound a lower bound of the next one, the quantity is at
         least t^order (d - bound t / (order + 1)) / order!. `positive_between` may go on from there.
         """
-        seen = self._seen(quantity.weights, starts)
-        amplitudes = self._amplitudes(seen)
-        rises, falls = seen.above(amplitudes.sum(0) - quantity.offset)
-        d = (-self.squares[self.thrown :]) ** (order // 2) @ (seen.odd if order % 2 else seen.even)
-        d += (seen.slope, -seen.fall, 0.0)[order - 1]
-        bound = self.rates ** (order + 1) @ amplitudes + (max(seen.fall, 0.0) if order == 1 else 0.0)
+        output = self._output(quantity.weights, starts)
+        amplitudes = self._amplitudes(output)
+        rises, falls = output.above(amplitudes.sum(0) - quantity.offset)
+        d = (-self.squares[self.thrown :]) ** (order // 2) @ (output.odd if order % 2 else output.even)
+        d += (output.slope, -output.fall, 0.0)[order - 1]
+        bound = self.rates ** (order + 1) @ amplitudes + (max(output.fall, 0.0) if order == 1 else 0.0)
         with np.errstate(all="ignore"):
             until = (order + 1) * d / bound
             until = np.where((rises < falls) & (rises < CLEARLY * until), np.maximum(until, falls), until)
@@ -166,7 +166,7 @@ class Modes:
             w, rise, x, v = (values.reshape(len(values), math.prod(x.shape[1:])) for values in (w, rise, x, v))
         return w, rise, x, v
 
-    def _seen(self, weights: ArrayLike, start: ArrayLike, t: float | np.ndarray | None = None) -> "_Seen":
+    def _output(self, weights: ArrayLike, start: ArrayLike, t: float | np.ndarray | None = None) -> "_Output":
         """weights . (state, watched ...) at N times `t` (...) after `start`, (2n,) or (2n, ...)."""
         size, k, weights = 2 * len(self.squares), self.thrown, np.asarray(weights, dtype=float)
         own, offset = weights[:size], 0.0
@@ -175,7 +175,7 @@ class Modes:
         at_q, at_u = own[::2] @ self.shapes, own[1::2] @ self.shapes
         w, rise, x, v = self._modes(np.asarray(start)) if t is None else self._moved(start, t)
         pull, at_x, at_v = self.loads[:k], at_q[k:, None], at_u[k:, None]
-        return _Seen(
+        return _Output(
             even=at_x * x + at_v * v,
             odd=at_x * v - at_v * self.squares[k:, None] * x,
             base=at_q[:k] @ w + at_u[:k] @ rise + (at_q[k:] @ self.centres + offset),
@@ -183,9 +183,9 @@ class Modes:
             fall=-float(at_q[:k] @ pull),
         )
 
-    def _amplitudes(self, seen: "_Seen") -> np.ndarray:
-        """Amplitudes (s, N) of the modes that swing in what is seen of them."""
-        return np.hypot(seen.even, seen.odd / self.rates[:, None])
+    def _amplitudes(self, output: "_Output") -> np.ndarray:
+        """Amplitudes (s, N) of the modes that swing in an output."""
+        return np.hypot(output.even, output.odd / self.rates[:, None])
 
     def _alternating(self, order: int) -> np.ndarray:
         """Taylor coefficients (2, s, order + 1) of cos(omega t) and sin(omega t) / omega."""
@@ -200,7 +200,7 @@ def _even_and_odd(order: int) -> tuple[np.ndarray, np.ndarray]:
     return k // 2, np.stack([k % 2 == 0, k % 2 == 1])[:, None] / np.cumprod(np.maximum(k, 1.0))
 
 
-class _Seen(NamedTuple):
+class _Output(NamedTuple):
     """A linear function of the motion about N times, split up by the modes.
 
     even, odd : (s, N), the shares of the modes that swing in the value and in the derivative

@@ -21,7 +21,7 @@ def is_used(coefficient: Algebraic) -> bool:
 
 
 def weighted_sum(weights: Scalars, values: Scalars) -> Algebraic:
-    """The sum of products, without those whose weight is 0."""
+    """The sum of products, without terms whose weight is 0."""
     total: Algebraic = None
     for weight, value in zip(weights, values, strict=False):
         if is_used(weight):
@@ -35,7 +35,7 @@ class Affine:
     """The affine function weights . x + offset of a state x (n,).
 
     weights : one for each state
-    offset : a number; for m trajectories at once a weight or the offset may be an array (m,), as `Trajectories.series`
+    offset : a number; for m trajectories together a weight or the offset may be an array (m,), as `Trajectories.series`
         takes them"""
 
     weights: tuple[Algebraic, ...]
@@ -59,7 +59,7 @@ class Affine:
         return [self.weights, self.offset]
 
     def series(self, coefficients: np.ndarray) -> np.ndarray:
-        """Taylor coefficients (..., K + 1) from those of rows (..., rows, K + 1), of which the first n are states."""
+        """Taylor coefficients (..., K + 1) from those of rows (..., rows, K + 1) that begin with the n states."""
         values = np.array(self.weights) @ coefficients[..., : len(self.weights), :]
         values[..., 0] += self.offset
         return values
@@ -95,7 +95,7 @@ class Phase:
     reaches : coordinates, each by its weights of the first states, with the largest distance that an integration step
         may go along it, since a Taylor series does not detect a narrow bump of a law ahead of it
 
-    Phases and statements compare by identity, since what is built from them is stored as long as they exist.
+    Phases and statements compare by identity, since objects built from them are stored as long as they exist.
     """
 
     name: str

@@ -88,15 +88,15 @@ class Reduction:
 
 @dataclass(frozen=True, eq=False)
 class Relative:
-    """What a launch by one law asks for.
+    """The data of a launch by one law.
 
     law : key of the law phi of the extension, which in contact is the coordinate that is launched
     gravity : key of the law of gravity where that varies
-    liftoff : the constant load and the name of what lift-off waits for
+    liftoff : the constant load and the name of the force that lift-off waits for
     rate : p -> the rate, None where it is 1
-    damping : p -> what a launch speed of 1 adds to phi at lift-off
+    damping : p -> the amount that a launch speed of 1 adds to phi at lift-off
     by_speed : the name of the parameter of the law that is the launch speed; None where it does not depend on that
-    rest : p -> the place of what is launched where the extension is 0
+    rest : p -> the value of the launched coordinate where the extension is 0
     own : p -> the parameters of all of these functions, for a model with other parameters
     """
 
@@ -143,7 +143,7 @@ class Relative:
         wavy = in_spring.bends > MOST_BENDS or around.bends > 1
         bump = in_spring.bends > 1 and in_spring.length < UNBENT * unit
         single = not (wavy or bump)
-        # Where gravity varies or steps are kept short, the fastest flights would take most of the search's time.
+        # Where gravity varies or steps are short, the fastest flights would take most of the search's time.
         fastest = FASTEST if single and not gravity and law.reach == math.inf else FASTEST_IN_DETAIL
         spacing = float(np.clip(finest, *SPACINGS))
         return Search(
@@ -210,7 +210,7 @@ def pieces_along(key: Key, coordinate: tuple[float, ...]) -> Pieces | None:
 
 
 def reach_along(key: Key, coordinate: tuple[float, ...]) -> tuple[Reach, ...]:
-    """How far an integration step may go along a key's variable, given by these weights, as a phase's `reaches`."""
+    """How far an integration step may go along a key's variable, which has these weights, as a phase's `reaches`."""
     return ((coordinate, key.reach),) if key.reach < math.inf else ()
 
 

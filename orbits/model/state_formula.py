@@ -25,7 +25,7 @@ class StateFormula:
     text : in the grammar of `orbits.symbolic.formula`, of the names of coordinates and of parameters, as
         "h + 2*l*sin(theta/2)"
     states : names of the n states
-    values : of the parameters in it, numbers or expressions; for m trajectories at once a value may be an array (m,)
+    values : of the parameters in it, numbers or expressions; for m trajectories together a value may be an array (m,)
     sizes, unit : the formula's units of the states (n,) and of the value, in the units of `x` and of the results; by
         default they are the same
 
@@ -70,7 +70,7 @@ class StateFormula:
         )
 
     def series(self, coefficients: np.ndarray) -> np.ndarray:
-        """Taylor coefficients (N, K + 1) from those of rows (N, rows, K + 1), of which the first n are states."""
+        """Taylor coefficients (N, K + 1) from those of rows (N, rows, K + 1) that begin with the n states."""
         count, _, orders = coefficients.shape
         rows = [self.states.index(name) for name in self.coordinates]
         inside = coefficients[:, rows]
@@ -100,12 +100,12 @@ class SavedFormula(TypedDict):
     values: Mapping[str, float]
 
 
-# What `saved` gives of an `Affine` function or of a `StateFormula`, as it is read.
+# The result of `saved` for an `Affine` function or for a `StateFormula`, as it is read.
 SavedHeight: TypeAlias = tuple[tuple[float, ...], float] | SavedFormula
 
 
 def height_of(saved: SavedHeight, states: tuple[str, ...]) -> Affine | StateFormula:
-    """The function of states of these names that was `saved`; raises `InputError` for a formula that is none."""
+    """The function of states of these names that was `saved`; raises `InputError` for an invalid formula."""
     if isinstance(saved, tuple):
         return Affine(*saved)
     return StateFormula(saved["formula"], states, saved["values"])

@@ -16,11 +16,11 @@ from .roots import CLOSED, MOST_ITERATIONS, Array
 _Crossed = list[tuple[int, float]]
 _Places = tuple[Array, Array, Array]
 
-# Halving stops here: 2**-40 of a step is less than double precision can tell apart at a grazing pair.
+# Halving stops here: 2**-40 of a step is less than double precision can resolve at a grazing pair.
 MOST_HALVINGS = 40
 # Up to this many roots are found faster one by one: a single root takes 20 microseconds, and 200 with arrays.
 FEW = 6
-# The size given to a zero that continues negative values, so that it has their sign; it is far below any rounding.
+# The size assigned to a zero that continues negative values, so that it has their sign; it is far below any rounding.
 TINY = 1e-300
 # From this many numbers on, their powers are computed faster by doubling the number of powers.
 MANY = 200
@@ -94,7 +94,7 @@ def piecewise_roots(coefficients: Array, steps: Array, start: int = 0, rising: b
 
 
 class Crossings:
-    """Roots of a continuous piecewise polynomial that is given block after block.
+    """Roots of a continuous piecewise polynomial that comes block after block.
 
     Where two blocks join, as where two pieces do, both sides have one sign, so that no root is lost or found twice.
     """
@@ -118,7 +118,7 @@ def lowest(coefficients: np.ndarray, steps: np.ndarray) -> tuple[float, int, flo
 
 
 class PiecewisePolynomials:
-    """Several continuous piecewise polynomials at once, which takes hardly longer for twenty than for one.
+    """Several continuous piecewise polynomials together, which takes hardly longer for twenty than for one.
 
     coefficients, steps : (N, K + 1) and (N,), of all pieces in order
     counts : (m,), the number of pieces of each polynomial
@@ -277,7 +277,7 @@ def _refine(coefficients, h, low, high, rising, t) -> float:
 
 
 def _refine_together(c, h, low, high, rising, t) -> np.ndarray:
-    """`_refine` for several roots at once; c (m, K + 1), the others (m,)."""
+    """`_refine` for several roots together; c (m, K + 1), the others (m,)."""
     low, high, t, c = low * h, high * h, t * h, np.ascontiguousarray(c.T)
     sign, last = np.where(rising, 1.0, -1.0), np.zeros(len(t))
     for _ in range(MOST_ITERATIONS):

@@ -21,8 +21,8 @@ _Value = TypeVar("_Value")
 _Found = TypeVar("_Found")
 
 
-def answered(search: Generator[_Place, _Value, _Found], function: Callable[[_Place], _Value]) -> _Found:
-    """What a search finds that asks for the values of a function: it yields places, and is sent the values there."""
+def run_search(search: Generator[_Place, _Value, _Found], function: Callable[[_Place], _Value]) -> _Found:
+    """The result of a search, a generator that yields places and is sent the values of the function there."""
     try:
         place = next(search)
         while True:
@@ -35,13 +35,13 @@ def bracketed_root(
     function: Callable[[float], float], a: float, b: float, fa: float, fb: float, enough: float = 0, width: float = 0
 ) -> float:
     """The root of a function between a and b, as `root_search` finds it."""
-    return answered(root_search(a, b, fa, fb, enough, width), function)
+    return run_search(root_search(a, b, fa, fb, enough, width), function)
 
 
 def root_search(
     a: float, b: float, fa: float, fb: float, enough: float = 0, width: float = 0
 ) -> Generator[float, float, float]:
-    """A search, as in `answered`, for the root between a and b, where the function has the values fa and fb of opposite
+    """A search, as in `run_search`, for the root between a and b, where the function has the values fa, fb of opposite
     sign: bisection and secant.
 
     It ends one secant step after a value of at most `enough`, with a bracket of this `width`, or at rounding. Source:
@@ -55,7 +55,7 @@ def root_search(
         if fb == 0 or abs(a - b) <= 2 * least:
             break
         middle = 0.5 * (a + b)
-        # Equal values at b and c are rounding where the points are close: then b is kept and not the middle tried.
+        # Equal values at b and c are rounding where the points are close: then b stays, and the middle is not tried.
         same = middle if abs(b - c) > 2 * wider * least else b
         new = b - fb * (b - c) / (fb - fc) if fb != fc else same
         between = min(b, middle) < new < max(b, middle)

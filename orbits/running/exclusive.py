@@ -25,7 +25,7 @@ _R = TypeVar("_R")
 
 
 def threads() -> int:
-    """How many threads share the points of a call: the environment's ORBITS_THREADS, 1 where it says nothing."""
+    """The number of threads that share the points of a call: the environment's ORBITS_THREADS, by default 1."""
     text = os.environ.get("ORBITS_THREADS") or "1"
     count = int(text) if text.isascii() and text.isdigit() and len(text) < 9 else 0
     if not 1 <= count <= MOST_THREADS:
@@ -34,8 +34,8 @@ def threads() -> int:
 
 
 def exclusive(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """The same function, run by one thread at a time. What the environment says is looked at first, since an error of
-    it inside would pass for one of the problem."""
+    """The same function, run by one thread at a time. The settings of the environment are checked first, as an error in
+    them inside would pass for one of the problem."""
 
     @wraps(function)
     def alone(*arguments: _P.args, **options: _P.kwargs) -> _R:
@@ -58,7 +58,7 @@ class exclusive_property(cached_property):
             return super().__get__(instance, owner)
 
 
-_DYING: deque = deque()  # What CasADi objects refer to that ended in threads without the lock.
+_DYING: deque = deque()  # References of CasADi objects that ended in threads without the lock.
 
 
 def _end(self: Any, dying: deque = _DYING, lock: Any = LOCK) -> None:

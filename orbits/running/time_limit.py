@@ -1,4 +1,4 @@
-"""How long a computation may take: what it would find later is not waited for."""
+"""The time that a computation may take; results that would come later are not waited for."""
 
 import threading
 import time
@@ -12,7 +12,7 @@ LIMIT = 30.0
 
 
 class TimeOver(Exception):
-    """The time is over. It passes through all that takes `NoOrbit` for an answer, and ends in `time_limit`."""
+    """The time is over. It passes through all that takes `NoOrbit` for a result, and ends in `time_limit`."""
 
 
 class _Limit(threading.local):

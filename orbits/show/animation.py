@@ -69,7 +69,7 @@ def _lifted(heights: Mapping, springs, standing: Mapping) -> dict:
     room, near = 1.2 * max(map(np.ptp, heights.values())), 1e-9 * max(map(abs, standing.values()))
     touching = {name: [other for other in heights if abs(standing[name] - standing[other]) <= near] for name in heights}
     lifts = {name: 0 if name in touching[None] else 1 for name in heights}
-    for _ in springs:  # so many passes lift the top of a column that is listed from there
+    for _ in springs:  # one pass for each spring lifts even the top of a column that is listed from the top
         for below, above in springs:
             if above not in touching[None]:
                 lifts |= dict.fromkeys(touching[above], max(lifts[above], lifts[below] + 1))
@@ -96,7 +96,7 @@ def drawn_heights(
 
 
 def drawn_range(heights: Mapping, knees: Iterable[tuple]) -> tuple[float, float]:
-    """The lowest and the highest of what is drawn, with room for a knee at the side too."""
+    """The lowest and the highest height that is drawn, with room for a knee at the side too."""
     low, high = min(map(np.min, heights.values())), max(map(np.max, heights.values()))
     return float(low), float(max([high, *(low + 2 * length for *_, length in knees)]))
 
@@ -128,9 +128,9 @@ def _animate(
     coils = [axes.plot([], [], color="0.35", lw=1.4, zorder=2)[0] for _ in springs]
     legs = [axes.plot([], [], color="0.35", lw=4, zorder=2)[0] for _ in knees]
     count = len(names) - (SPRING_END in names)
-    look = [{"marker": "o", "ms": 18}] * (count - 1) + [{"marker": "_", "ms": 34, "mew": 6}]
-    looks = zip(names, cycle(COLOURS), [*look, {"marker": "_", "ms": 24, "mew": 3}], strict=False)
-    masses = [axes.plot([], [], ls="", color=colour, label=name, zorder=3, **how)[0] for name, colour, how in looks]
+    marks = [{"marker": "o", "ms": 18}] * (count - 1) + [{"marker": "_", "ms": 34, "mew": 6}]
+    drawn = zip(names, cycle(COLOURS), [*marks, {"marker": "_", "ms": 24, "mew": 3}], strict=False)
+    masses = [axes.plot([], [], ls="", color=colour, label=name, zorder=3, **mark)[0] for name, colour, mark in drawn]
     label = axes.set_title("contact", fontsize="small")
     zigzag = np.concatenate([[0, 0], np.tile([0.12, -0.12], 7), [0, 0]])
     axes.legend(frameon=False, fontsize="small", loc="upper right", markerscale=0.4)

@@ -23,8 +23,8 @@ def plot_control(control: Any, axes: Axes | None = None) -> Axes:
     names = tuple(dict.fromkeys(name for leg in control.legs for name in leg.states))
     panels = [axes, *panels_below(axes, 1 if control.inputs else 0)]
     for panel, drawn, of_leg in zip(panels, (names, control.inputs), (_states_of, _inputs_of), strict=False):
-        looks = zip(drawn, cycle([(colour, dash) for dash in DASHES for colour in COLOURS]), strict=False)
-        for name, (colour, dash) in looks:
+        styles = zip(drawn, cycle([(colour, dash) for dash in DASHES for colour in COLOURS]), strict=False)
+        for name, (colour, dash) in styles:
             t, values = _curve(control, name, of_leg)
             panel.plot(t, values, color=colour, ls=dash, lw=1.8, label=plain(control.heading(name)))
         panel.legend(frameon=False, fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
@@ -60,7 +60,7 @@ def _curve(control: Any, name: str, of_leg: Any) -> tuple[np.ndarray, np.ndarray
 
 
 def panels_below(axes: Axes, count: int, height: float = 0.5) -> list[Axes]:
-    """So many panels under some axes, each with this share of their height, in the room that these had.
+    """`count` panels below axes, each with this share of the axes' height, in the room that the axes had.
 
     Raises `InputError` for axes that stand in no grid.
     """

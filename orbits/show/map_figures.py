@@ -12,20 +12,20 @@ from ..units import LIFTOFF_SPEED
 from .plot import COLOURS, cobweb, finished, new_axes, plain, sampled_map, title_of_machine
 
 IDENTITY: dict[str, Any] = {"color": "0.6", "lw": 0.8, "zorder": 1}
-# How fixed points look: full where they attract, open where they do not, half where they attract from above only.
-LOOKS_OF_POINTS: dict[str, dict[str, Any]] = {
+# Markers of fixed points: full where they attract, open where they do not, half where they attract from above only.
+STYLES_OF_POINTS: dict[str, dict[str, Any]] = {
     "stable": {"mfc": "0.15"},
     "unstable": {"mfc": "white"},
     "lossless, attracts from above": {"fillstyle": "right", "mfc": "0.15", "markerfacecoloralt": "white"},
 }
-LOOKS_OF_STABILITY: dict[bool | None, dict[str, Any]] = {
+STYLES_OF_STABILITY: dict[bool | None, dict[str, Any]] = {
     True: {"lw": 2},
     False: {"lw": 1.3, "ls": (0, (4, 2))},
     None: {"lw": 1.3, "ls": (0, (1, 2))},
 }
 LOOKS_OF_EVENTS = {"flip": "o", "fold": "s", "branch point": "D", "border collision": "X"}
 WORDS_OF_PERIODS = {1: "fixed points", 2: "period two"}
-BAR = 0.05  # height of the bar that tells destinations, as a share of the axes
+BAR = 0.05  # height of the bar that shows the destinations, as a share of the axes
 
 
 def plot_map(
@@ -35,7 +35,7 @@ def plot_map(
     """Plot the return map between two launch speeds, with the identity line; return the axes.
 
     step : a `ReturnMap`
-    start : launch speed from which a cobweb of so many `hops` is drawn, None for no cobweb
+    start, hops : launch speed from which a cobweb is drawn, None for no cobweb, and its number of hops
     fixed_points : mark the fixed points of the map too
     """
     axes = _drawn_map(step, low, high, axes or new_axes(5.2, 5.0), samples)
@@ -73,7 +73,7 @@ def _labelled_map(axes: Axes, step: Any, low: float, high: float) -> Axes:
 
 
 def _stability(point: Any) -> str:
-    """How a fixed point of the map is called in a legend."""
+    """The name of a fixed point's stability in a legend."""
     if point.kind == "lossless":
         return "lossless, attracts from above"
     return "stable" if point.multiplier is not None and abs(point.multiplier) < 1 else "unstable"
@@ -81,14 +81,14 @@ def _stability(point: Any) -> str:
 
 def _mark(axes: Axes, points: list[tuple[float, str]]) -> None:
     """Mark fixed points on the identity line, each kind with one entry in the legend."""
-    for kind, look in LOOKS_OF_POINTS.items():
+    for kind, style in STYLES_OF_POINTS.items():
         if here := [alpha for alpha, other in points if other == kind]:
-            axes.plot(here, here, "o", ms=6, mec="0.15", mew=1.2, zorder=4, label=kind, **look)
+            axes.plot(here, here, "o", ms=6, mec="0.15", mew=1.2, zorder=4, label=kind, **style)
 
 
 def plot_basin(step: Any, low: float, high: float, axes: Axes | None, hops: int, samples: int) -> Axes:
-    """Plot which launches between two come to which lossless hop, as a bar below the map, and tell in the legend how
-    much of the range comes to each and in the title how much to any; return the axes.
+    """Plot which launches between two speeds come to which lossless hop, as a bar below the map; the legend states what
+    share of the range comes to each, and the title what share comes to any; return the axes.
 
     step : a `ReturnMap` without injection and damping
     hops, samples : as in `ReturnMap.basin`
@@ -114,7 +114,7 @@ def plot_basin(step: Any, low: float, high: float, axes: Axes | None, hops: int,
 
 def plot_bifurcations(diagram: Any, axes: Axes | None = None) -> Axes:
     """Plot the periodic launches of a `BifurcationDiagram` against its parameter: stable ones as a line, unstable ones
-    dashed, over the launches that are visited in the long run, with what happens marked; return the axes."""
+    dashed, over the launches that are visited in the long run, with its events marked; return the axes."""
     axes = axes or new_axes(6.8, 4.6)
     if not (len(diagram.branches) or len(diagram.visits)):
         raise InputError("there is nothing to draw: no launch comes back in this range")
@@ -127,8 +127,8 @@ def plot_bifurcations(diagram: Any, axes: Axes | None = None) -> Axes:
         for first, last, stable in branch.parts():
             label, part = f"{words}, {WORDS_OF_STABILITY[stable]}", slice(first, last + 1)
             for alphas in branch.alphas[part].T:
-                look = {"color": colour, "label": None if label in known else label, "zorder": 2}
-                axes.plot(branch.values[part], alphas, **look, **LOOKS_OF_STABILITY[stable])
+                style = {"color": colour, "label": None if label in known else label, "zorder": 2}
+                axes.plot(branch.values[part], alphas, **style, **STYLES_OF_STABILITY[stable])
                 known.add(label)
     for event in diagram.events:
         name = None if event.kind in known else event.kind

@@ -22,11 +22,11 @@ from ..units import LIFTOFF_SPEED, Units
 
 FIGURES = (".png", ".pdf", ".svg", ".jpg", ".jpeg", ".eps")
 RESOLUTION = 160  # of figures that are written, in pixels an inch
-# One colour for each role; colour-blind readers can tell them apart too (Okabe and Ito 2008).
+# One colour for each role; colour-blind readers can distinguish them too (Okabe and Ito 2008).
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 SHADE = "#e8e4d8"
 PALE = "#cfdbe6"
-# A legend below axes, in its font sizes: where it begins, to keep clear of the name of the abscissa; how far apart its
+# A legend below axes, in its font sizes: where it begins, clear of the name of the abscissa; how far apart its
 # columns are; the width of a letter; and that of an entry without its letters. Axes get wider by the layout.
 BELOW, APART, LETTER, ENTRY, WIDENED = 4.4, 1.4, 0.52, 4.2, 1.15
 MARKERS = {"fold": "o", "branch point": "s", "grazing": "v", "masses touch": "X", "contact pulls": "^"}
@@ -118,7 +118,7 @@ def plot_orbit(orbit: Any, axes: Axes | None = None) -> Axes:
 
 
 def _style(name: str) -> dict[str, Any]:
-    """How the height of a mass is drawn: full, and that of the centre of mass dashed."""
+    """The style of a mass's height: full, and that of the centre of mass dashed."""
     return {"lw": 1.2, "ls": (0, (5, 2))} if name == "centre of mass" else {"lw": 2}
 
 
@@ -129,7 +129,7 @@ def _cycle(orbit, count: int):
 
 
 def finished(axes: Axes, legend: Mapping | None = None, **labels: Any) -> Axes:
-    """The axes with limits and labels, open above and on the right; with a legend below, or where it is told."""
+    """The axes with limits and labels, open above and on the right; with a legend below, or where `legend` says."""
     axes.set(**labels)
     axes.spines[["top", "right"]].set_visible(False)
     if legend is None:
@@ -141,11 +141,11 @@ def finished(axes: Axes, legend: Mapping | None = None, **labels: Any) -> Axes:
 def legend_below(axes: Axes, of: Axes | None = None) -> Axes:
     """Give axes a legend below them, in as many columns as there is room for; return them.
 
-    of : the axes whose curves with labels it names, if it is not these
+    of : the axes whose labelled curves it names, by default these
     """
     from matplotlib.font_manager import FontProperties
 
-    last = {NO_MOTIONS, NO_ORBITS, *MARKERS}  # curves are named before what is marked on them
+    last = {NO_MOTIONS, NO_ORBITS, *MARKERS}  # curves are named before the marks on them
     entries = list(zip(*(of or axes).get_legend_handles_labels(), strict=True))
     entries.sort(key=lambda entry: entry[1] in last and hasattr(entry[0], "get_marker"))
     inches = WIDENED * axes.get_window_extent().width / axes.figure.dpi
@@ -196,14 +196,14 @@ def plot_family(family: Any, axes: Axes | None = None, quantity: str = "alpha", 
     some, all_are = np.isfinite(motions).any(), not np.isfinite(others).any()
     line = axes.plot(x, motions, lw=2, label=label if some else None)[0]
     if not all_are:
-        look = {"color": line.get_color(), "lw": 1.4, "ls": (0, (4, 2)), "zorder": 1}
+        style = {"color": line.get_color(), "lw": 1.4, "ls": (0, (4, 2)), "zorder": 1}
         name = label if label and not some else None if NO_MOTIONS in known else NO_MOTIONS
-        axes.plot(x, others, label=name, **look)
+        axes.plot(x, others, label=name, **style)
     for i, (_, event) in enumerate(family.in_order()):
         if event and event.kind != "asked":
-            look = {"marker": MARKERS.get(event.kind, "P"), "ls": "", "ms": 6, "mfc": "white", "mew": 1.4, "zorder": 4}
+            style = {"marker": MARKERS.get(event.kind, "P"), "ls": "", "ms": 6, "mfc": "white", "mew": 1.4, "zorder": 4}
             kind = plain(event.kind)
-            axes.plot(x[i], y[i], color="0.15", label=None if kind in known else kind, **look)
+            axes.plot(x[i], y[i], color="0.15", label=None if kind in known else kind, **style)
             known.append(kind)
     axes.set_title(plain(title_of_machine(family.machine)), fontsize="medium", wrap=True)
     across, up = (label_of(family.heading(name)) for name in (family.name, quantity))
@@ -222,7 +222,7 @@ def plain(text: str) -> str:
 
 def family_curve(family: Any, quantity: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """The parameter (k,) at the points and events in order along a family's curve, and the quantity (k,) three times:
-    of all, of orbits that are motions, and of those that are not, NaN elsewhere."""
+    of all orbits, of those that are motions, and of the others, NaN elsewhere."""
     along = family.in_order()  # admissibility changes at an event, not at a point beside it
     x, y = (family.values_at([point for point, _ in along], name) for name in ("value", quantity))
     motion = np.array([point.admissible for point, _ in along], dtype=bool)
@@ -241,7 +241,7 @@ def spread(family: Any, count: int) -> list:
 
 
 def thumbnails(axes: Axes, family: Any, orbits: Iterable[tuple[Any, Any]], quantity: str = "alpha") -> Axes:
-    """Draw small orbits, each given as (point of the family, its `Orbit`), in a row above a family's axes, which are
+    """Draw small orbits, as pairs (point of the family, its `Orbit`), in a row above a family's axes, which are
     alone on their figure, joined to their places on the curve; return the axes."""
     from matplotlib.patches import ConnectionPatch
 
@@ -288,7 +288,7 @@ def sampled_map(step: Any, low: float, high: float, samples: int) -> tuple[np.nd
 
 
 def cobweb(step: Any, start: float, hops: int) -> np.ndarray:
-    """The corners (2, k) of the cobweb of so many hops from a launch speed, fewer where there is no next launch."""
+    """The corners (2, k) of the cobweb of `hops` hops from a launch speed, fewer where there is no next launch."""
     web, here = [(start, start)], float(start)
     for _ in range(hops):
         there = float(step(here).next)

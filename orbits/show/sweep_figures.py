@@ -25,8 +25,8 @@ from .plot import (
 MAP = "viridis"  # of colours; it is read in print and by colour-blind readers
 LEVELS = 8  # contours of a map
 NOTHING = "0.93"  # the grey of parameters without an orbit
-# How parts of a diagram look, by the status of the members there, and the edges between them.
-LOOKS: dict[str, dict[str, Any]] = {
+# Styles of the parts of a diagram, by the status of the members there, and of the edges between them.
+STYLES: dict[str, dict[str, Any]] = {
     "certified": {"fc": COLOURS[0], "ec": COLOURS[0], "lw": 0.2, "label": "motions"},
     "inadmissible": {"fc": PALE, "ec": PALE, "lw": 0.2, "label": NO_MOTIONS},
     "no orbit": {"fc": NOTHING, "ec": NOTHING, "lw": 0.5, "label": NO_ORBITS, "zorder": 1.5},
@@ -64,15 +64,15 @@ def _over_one(sweep: Any, quantity: str, axes: Axes) -> Axes:
         rows = np.flatnonzero(sweep.index % len(families) == k)
         rows = rows[np.argsort(sweep[name][rows], kind="stable")]
         x, y, motion = sweep[name][rows], sweep[quantity][rows], _motions(sweep)[rows]
-        look = {"color": COLOURS[k % len(COLOURS)], **({"marker": "o", "ms": 3} if len(rows) <= 60 else {})}
+        style = {"color": COLOURS[k % len(COLOURS)], **({"marker": "o", "ms": 3} if len(rows) <= 60 else {})}
         others, nothing = ~motion & np.isfinite(y), ~np.isfinite(y)
         names = [f"family {family}" if len(families) > 1 else "motions", NO_MOTIONS, NO_ORBITS]
         known = axes.get_legend_handles_labels()[1]
         own, dotted, ticks = (None if each in known else each for each in names)
         if (shown := motion & ~nothing).any():
-            axes.plot(x, np.where(shown, y, np.nan), label=own, **look)
+            axes.plot(x, np.where(shown, y, np.nan), label=own, **style)
         if others.any():
-            axes.plot(x, np.where(others, y, np.nan), ls=":", label=dotted, **look)
+            axes.plot(x, np.where(others, y, np.nan), ls=":", label=dotted, **style)
         if nothing.any():
             axes.plot(x[nothing], np.zeros(nothing.sum()), "|", color="0.4", ms=6, label=ticks,
                       transform=axes.get_xaxis_transform(), clip_on=False)  # fmt: skip
@@ -115,14 +115,14 @@ def plot_existence(diagram: Any, quantity: str | None = None, axes: Axes | None 
 
     axes, sweep = axes or new_axes(6.4, 4.8), diagram.grid
     cells = list(_cells_of_diagram(diagram))
-    looks = LOOKS if quantity is None else {status: LOOKS[status] for status in ("no orbit", "failed")}
+    styles = STYLES if quantity is None else {status: STYLES[status] for status in ("no orbit", "failed")}
     if quantity is not None:
         x, y, z = (sweep[name].reshape(sweep.about["shape"]) for name in (*sweep.parameters, quantity))
         drawn = axes.pcolormesh(x, y, _beyond_edges(z), cmap=MAP, shading="nearest", rasterized=True)
         axes.figure.colorbar(drawn, ax=axes, label=_axis_label(sweep, quantity))
-    for status, look in looks.items():
+    for status, fill in styles.items():
         if shown := [polygon for polygons, _ in cells for own, polygon in polygons if own == status]:
-            axes.add_collection(PolyCollection(shown, **look))
+            axes.add_collection(PolyCollection(shown, **fill))
     for kind, style in EDGES.items():
         if pieces := [piece for _, lines in cells for own, piece in lines if own == kind]:
             axes.add_collection(LineCollection(pieces, **style, label=kind, capstyle="round"))
@@ -141,7 +141,7 @@ def _beyond_edges(z: np.ndarray) -> np.ndarray:
 
 def _cells_of_diagram(diagram: Any) -> Iterator[tuple[list[Any], list[Any]]]:
     """For each cell of a diagram's grid its polygons, each with the status in it, and its pieces of edges, each with
-    what it is the edge of.
+    the name of its edge.
 
     The boundaries on the sides of a cell are joined, two by a line and more by lines to their middle.
     """
@@ -175,7 +175,7 @@ def _cells_of_diagram(diagram: Any) -> Iterator[tuple[list[Any], list[Any]]]:
 
 
 def _edge_of(pair: tuple[str, str]) -> str:
-    """What a boundary between two statuses is the edge of."""
+    """The name of the edge to which a boundary between two statuses belongs."""
     return "edge of the motions" if "no orbit" not in pair else "edge of the orbits"
 
 
@@ -222,14 +222,14 @@ def _axis_label(sweep: Any, name: str) -> str:
 
 
 def _title_of(sweep: Any) -> str:
-    """Whose orbits a figure shows, in two lines."""
+    """The title of a figure: the machine with its families, and its laws, in two lines."""
     families = ", ".join(map(str, sweep.about["families"])) if sweep.about["outcome"] == "find" else ""
     machine, laws = title_of_machine(sweep.about["machine"]).split(", ", 1)
     return machine + (families and f", family {families}") + "\n" + laws
 
 
 def _scale(axes: Axes, sweep: Any, name: str, which: str) -> None:
-    """A logarithmic axis for a parameter that is asked for over decades."""
+    """A logarithmic axis for a parameter that is swept over decades."""
     if name in sweep.about["logarithmic"]:
         getattr(axes, f"set_{which}scale")("log")
 

@@ -70,7 +70,7 @@ class BufferedFunction:
 def room_for(count: int) -> int:
     """The capacity of a batch of `count` points: `count` rounded up to three leading binary digits.
 
-    So few capacities occur that the function built for each can be kept, and at most a quarter is added.
+    So few capacities occur that the function built for each can be stored, and at most a quarter is added.
     """
     unit = max(1, 1 << (count - 1).bit_length() >> 3)
     return -(-count // unit) * unit
@@ -113,7 +113,7 @@ class MappedFunction:
 class ElementwiseFunction(MappedFunction):
     """An SX function of vectors at several points: arguments (m, size) make results (m, rows).
 
-    Each of its instructions works on all points at once, ten to seventy times as fast as point after point; with few
+    Each of its instructions works on all points together, ten to seventy times as fast as point after point; with few
     points that is no faster, and takes longer to build.
     """
 

@@ -1,4 +1,4 @@
-"""Formulas given as text: parsed by an allow-list to a tree of operations, evaluated with NumPy and CasADi alike.
+"""Formulas from text: parsed by an allow-list to a tree of operations, evaluated with NumPy and CasADi alike.
 
 The grammar has numbers, names, ``+ - * / **``, parentheses and the functions of `FUNCTIONS`. Nothing is ever handed to
 ``eval``; whatever is not on the list is an error that shows the place. Python's own parser gives the precedence.
@@ -43,8 +43,8 @@ class Formula:
     """A parsed formula; call it with a value for every name it uses.
 
     The values may be floats, NumPy arrays (of any common shape) or CasADi SX or MX expressions; the result is of the
-    same kind. Arithmetic without a value gives NaN or inf and no warning: the caller checks. What numerals alone come
-    to is exact before it is rounded, see `folding`; `tree` is the formula as it is written.
+    same kind. Arithmetic without a value gives NaN or inf and no warning: the caller checks. The value of numerals
+    alone is exact before it is rounded, see `folding`; `tree` is the formula as it is written.
     """
 
     text: str
@@ -73,7 +73,7 @@ class Formula:
 
     @property
     def terms(self) -> "list[Formula]":
-        """The terms of the sum that it is, up to their signs; itself where it is no sum."""
+        """The terms of the formula as a sum, up to their signs; the formula itself where it is no sum."""
         terms, waiting = [], [self.tree]
         while waiting:
             if (tree := waiting.pop())[0] in ("+", "-"):
@@ -267,7 +267,7 @@ def symbolic_numerals(symbols: dict[str, casadi.SX], folded: bool = False) -> It
 
     folded : whether the numerals are worked out before; a text may then be a quotient, as "1/3"
 
-    Nothing that is kept for later may be built in the block: it would keep the symbols.
+    Nothing that is stored for later may be built in the block: it would contain the symbols.
     """
     global _numerals, _numerals_folded
     before, _numerals, _numerals_folded = (_numerals, _numerals_folded), symbols, folded

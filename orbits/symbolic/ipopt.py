@@ -1,4 +1,4 @@
-"""The only module that calls Ipopt: its options, and what its return statuses mean for the user."""
+"""The only module that calls Ipopt: its options, and the meaning of its return statuses for the user."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -14,7 +14,7 @@ from .kept import weigh
 
 Pair = tuple[Array, Array]
 
-# What Ipopt's return statuses mean where the equations are not solved, and what to do.
+# The meaning of Ipopt's return statuses where the equations are not solved, and the remedy.
 REASONS = {
     "Infeasible_Problem_Detected": "no solution of the equations near the starting guess; start from a nearer machine",
     "Maximum_Iterations_Exceeded": "no convergence; start from a nearer machine",
@@ -43,7 +43,7 @@ FEASIBLE, STATIONARY_GRADIENT = 1e-9, 1e-7
 NEARLY = 1e-6
 # With all but the first of these, Ipopt stalls at rounding: a point is a minimum where the recomputed conditions hold.
 ENDED = "Solve_Succeeded", "Search_Direction_Becomes_Too_Small", "Solved_To_Acceptable_Level", "Restoration_Failed"
-# What the end of an iteration without a minimum means, by the `kind` of a `Minimum`.
+# The meaning of the end of an iteration without a minimum, by the `kind` of a `Minimum`.
 ENDS = {
     "infeasible": "no solution near the starting guess",
     "bottomless": "the cost has no lower bound",
@@ -86,16 +86,16 @@ def solve_equations(unknowns: ca.MX, equations: ca.MX, guess: Array, lower: Arra
     solver = ca.nlpsol("solver", "ipopt", {"x": z, "f": ca.MX(0), "g": scaled}, options)
     try:
         with interrupts.deferred():
-            answer = solver(x0=guess / scale, lbx=lower / scale, ubx=np.inf, lbg=0, ubg=0)
+            solution = solver(x0=guess / scale, lbx=lower / scale, ubx=np.inf, lbg=0, ubg=0)
     except RuntimeError as error:
         raise NoOrbit("multiple shooting cannot be evaluated; state the machine in units nearer to 1") from error
     interrupts.heed()
     status = solver.stats()["return_status"]
     # Ipopt may report a failure when its step vanishes at rounding: the recomputed residual decides.
-    violation = float(ca.norm_inf(answer["g"]))
+    violation = float(ca.norm_inf(solution["g"]))
     if not violation <= 1e-10:
         raise NoOrbit(f"{REASONS.get(status, 'no convergence')} (equations off by {violation:.1e})")
-    return np.array(answer["x"]).ravel() * scale
+    return np.array(solution["x"]).ravel() * scale
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ class Minimiser:
     def __call__(self, guess: Array, p: Array, bounds: Pair, limits: Pair, multipliers: Pair | None = None) -> Minimum:
         """The minimum near `guess` (n,), with unknowns within `bounds` and constraints within `limits`.
 
-        The iteration starts from the `multipliers` of a similar problem's minimum, if given; the `kind` of the result
+        The iteration starts from the `multipliers` of a similar problem's minimum, if any; the `kind` of the result
         says how it ended. Only a keyboard interrupt is raised.
         """
         if (warm := multipliers is not None) not in self._solvers:
@@ -160,11 +160,11 @@ class Minimiser:
             return replace(nowhere, kind="overdetermined")
         try:
             with interrupts.deferred():
-                answer = solver(x0=guess, p=p, lbx=low, ubx=high, lbg=least, ubg=most, **warm_start)
+                solution = solver(x0=guess, p=p, lbx=low, ubx=high, lbg=least, ubg=most, **warm_start)
         except RuntimeError:
             return replace(nowhere, kind="undefined")
         interrupts.heed()
-        x, lam_x, lam_g = (np.array(answer[name]).ravel() for name in ("x", "lam_x", "lam_g"))
+        x, lam_x, lam_g = (np.array(solution[name]).ravel() for name in ("x", "lam_x", "lam_g"))
         cost, gradient, values = (np.array(value).ravel() for value in self.conditions(x, p, lam_g))
         off = np.maximum(np.maximum(least - values, values - most), 0.0)
         slope = float(np.abs(gradient + lam_x).max(initial=0.0) / (1 + np.abs(lam_g).max(initial=0.0)))

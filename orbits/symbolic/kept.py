@@ -1,4 +1,4 @@
-"""What is built for a machine and kept for the next call: bounded in number, and all together in memory."""
+"""Caches of objects that are built for a machine, bounded in number, and all together in memory."""
 
 import gc
 from collections.abc import Callable, Iterable
@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 import casadi as ca
 
-# All that is kept is let go once about so many bytes have been built since the last time.
+# All caches are cleared once about this number of bytes has been built since the last time.
 BUDGET = 128e6
 # Bytes that an instruction of an SX and of an MX function takes with its graph (fitted to the growth of the process).
 SX_BYTES, MX_BYTES = 90, 1500
@@ -19,15 +19,15 @@ _built = 0.0
 
 
 def kept(function: _F, maxsize: int = 64) -> _F:
-    """The same function, its results kept until `weigh` lets them go; its arguments are hashable."""
+    """The same function with a cache of its results, which `weigh` may clear; its arguments are hashable."""
     _caches.append(lru_cache(maxsize=maxsize)(function))
     return _caches[-1]
 
 
 def weigh(functions: Iterable[ca.Function], size: int = 0) -> None:
-    """Count what the functions take and `size` bytes more; when that is too much, let go of all that is kept.
+    """Count the memory of the functions and `size` bytes more; when that is too much, clear all caches.
 
-    Whoever uses it at the moment has references of his own and goes on; the next call builds it anew.
+    Code that uses a cached result at the moment has a reference of its own and goes on; the next call builds it anew.
     """
     global _built
     parts = {part.__hash__(): part for function in functions for part in (function, *function.find_functions())}

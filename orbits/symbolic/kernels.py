@@ -22,23 +22,23 @@ from .machine_code import MOST_LANES, MachineCode, compile_seconds, say_interpre
 SECONDS_INTERPRETED = 3e-9
 # From this many instructions on, optimised code takes longer to make than it repays.
 LONG = 15_000
-# A point is iterated at most so many times.
+# The most iterations of a point.
 LONGEST_RUN = 100_000
-# After so many iterations it may be seen whether the user interrupts.
+# The number of iterations after which an interrupt of the user may be checked.
 CHECKED = 256
-# A call of machine code, which nothing can interrupt, iterates at most so many points, and for what takes about so many
-# seconds interpreted, a small part of that in machine code; but always `CHECKED` times.
+# The most points of one call of machine code, which nothing can interrupt, and the most seconds that it would take
+# interpreted, a small part of that in machine code; but it always iterates `CHECKED` times.
 MOST_POINTS, LONGEST_CALL = 4096, 2.0
-# So many numbers are recorded at a time, at most.
+# The most numbers that are recorded at a time.
 SCRATCH = 4_000_000
 # Records of a point for which there is room at first; points that need more go on where they stopped.
 FIRST_CAPACITY = 16
 
-_memory = threading.local()  # the array `records` of each thread, which is kept because new memory is slow to write to
+_memory = threading.local()  # the array `records` of each thread, which is reused as new memory is slow to write to
 
 
 class Iterated(NamedTuple):
-    """What a `Kernel` returns. A point that has less than the most records and yet is going has used up its
+    """The result of a `Kernel`. A point that has less than the most records and yet is going has used up its
     `LONGEST_RUN`."""
 
     z: np.ndarray  # (m, size), the last z
@@ -50,8 +50,8 @@ class Iterated(NamedTuple):
 class Kernel:
     """A function of vectors iterated at several points, at each until it says that it is done.
 
-    The function takes (z, data, ...) to (z after it, what is to be recorded ..., whether to record it, whether to go
-    on), all dense. Its iterations are interpreted until that has taken as long as compiling it, and what is compiled is
+    The function takes (z, data, ...) to (z after it, records ..., whether to record them, whether to go
+    on), all dense. Its iterations are interpreted until that has taken as long as compiling it, and compiled code is
     optimised when it has run for as long as that takes: so nothing is compiled for a few points. Each number is the
     same either way, and with any number of threads.
     """
@@ -67,7 +67,7 @@ class Kernel:
         self.optimisation_budget = compile_seconds(length, optimised=True) if length < LONG else np.inf
         self._interpreted: BufferedFunction | None = None
         self._code: MachineCode | None = None
-        # Room for so many records of a point, learned from earlier calls, which no number depends on.
+        # The number of records of a point with room, learned from earlier calls; no number in a result depends on it.
         self._capacity = FIRST_CAPACITY
 
     @property
@@ -104,7 +104,7 @@ class Kernel:
                     say_interpreted()
 
     def __call__(self, *arguments: np.ndarray, most: int = 2**31) -> Iterated:
-        """Iterate from arguments (m, size), m >= 1, or (1, size) for all points, to at most so many records of each."""
+        """Iterate from arguments (m, size), m >= 1, or (1, size) for all points, to at most `most` records of each."""
         inputs = [np.ascontiguousarray(argument, dtype=float) for argument in arguments]
         count = max(map(len, inputs))
         # Machine code reads arrays without looking where they end.
@@ -137,15 +137,15 @@ class Kernel:
         return Iterated(inputs[0], records, counts, done[:, 1] == 0)
 
     def _iterated(self, inputs: list[np.ndarray], ends: np.ndarray, capacity: int) -> list[list[np.ndarray]]:
-        """Iterate points until they end or come to their bounds, with room for so many records of each.
+        """Iterate points until they end or come to their bounds, with room for `capacity` records of each.
 
-        Changed are the first of the inputs, to the last z, and `ends` (m, 3), from the most records, 1 and the most
-        iterations of each point to how many records it has, whether it has ended, and how many iterations it took.
-        Returned are the records, in parts for some points after the others.
+        This changes the first of the inputs to the last z, and `ends` (m, 3) from the most records, 1 and the most
+        iterations of each point to the number of its records, whether it has ended, and the number of its iterations.
+        Returns the records, in parts for some points after the others.
         """
         count, first, cost, parts = len(ends), 0, 0.0, list[list[np.ndarray]]()
         while self._code is None and first < count:
-            # A call that would use up the budget on its own is compiled for at once.
+            # A call that would use up the budget on its own is compiled for immediately.
             if self.interpretation_budget < cost * (count - first) and self.compile():
                 break
             before = self.interpretation_budget
@@ -235,5 +235,5 @@ class Kernel:
         code.run(pointers, (ctypes.c_int64 * len(strides))(*strides), count)
         if count == 1:
             return [record[0, : int(ends[0, 0])].copy() for record in records]
-        kept = np.arange(capacity) < ends[:, :1]
-        return [record[kept] for record in records]
+        recorded = np.arange(capacity) < ends[:, :1]
+        return [record[recorded] for record in records]

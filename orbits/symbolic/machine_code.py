@@ -1,7 +1,7 @@
 """CasADi functions as vector machine code: several points side by side, each in a lane of the processor's vectors.
 
 An SX function is written as LLVM's intermediate code, one instruction of its graph in one line, and compiled in this
-process by llvmlite; no C compiler is needed and nothing is kept on disk. Sums and products are neither contracted nor
+process by llvmlite; no C compiler is needed and nothing is stored on disk. Sums and products are neither contracted nor
 reordered, so that the results are those of CasADi's virtual machine.
 """
 
@@ -42,7 +42,7 @@ def say_interpreted() -> None:
 
 @cache
 def target() -> tuple[Any, int] | None:
-    """The module of LLVM and how many numbers a vector of this processor holds; None, which is said, without either."""
+    """The module of LLVM and how many numbers a vector of this processor holds; None, with a warning, without both."""
     try:
         import llvmlite.binding as llvm
 
@@ -61,7 +61,7 @@ def _c_library() -> ctypes.CDLL:
 
 
 def compile_seconds(instructions: int, optimised: bool = False) -> float:
-    """About how long it takes to compile so many instructions of a graph (measured on a server core of 2024)."""
+    """About the seconds to compile this number of instructions of a graph (measured on a server core of 2024)."""
     return (5e-5 if optimised else 2.5e-5) * instructions
 
 
@@ -237,11 +237,11 @@ class _Code:
 
 
 class _Iteration(_Code):
-    """The code of `run(arrays, strides, count)`, which iterates a function at so many points.
+    """The code of `run(arrays, strides, count)`, which iterates a function at `count` points.
 
     The arrays are the function's inputs, its records, and three numbers of each point: the most records, 1 and the most
-    iterations. Written over are the first input, by the last z, and these numbers, by how many records there are,
-    whether the point has ended, and how many iterations it took.
+    iterations. The code overwrites the first input by the last z, and these numbers by the number of records, whether
+    the point has ended, and the number of its iterations.
     """
 
     def text(self, function: ca.Function) -> str:
@@ -251,9 +251,9 @@ class _Iteration(_Code):
         index = self._points()
         *inputs, ends = (self.rows(i, index) for i in (*range(n_in), n_in + n_out - 3))
         records = [self.rows(n_in + i, index) for i in range(n_out - 3)]
-        start, *given = [[self.load(rows, j) for j in range(function.nnz_in(i))] for i, rows in enumerate(inputs)]
+        start, *data = [[self.load(rows, j) for j in range(function.nnz_in(i))] for i, rows in enumerate(inputs)]
         bounds = [self(f"fptosi {self.vector} {self.load(ends, j)} to {self.indices}") for j in (0, 2)]
-        self._step(function, start, given, records, bounds)
+        self._step(function, start, data, records, bounds)
         self.do("end:")
         for j in range(len(start)):
             self.store(inputs[0], j, f"%n{j}")
@@ -274,7 +274,7 @@ class _Iteration(_Code):
         inside = self(f"icmp slt {self.indices} {ahead}, {final}")
         return self(f"select {self.masks} {inside}, {self.indices} {ahead}, {self.indices} {final}")
 
-    def _step(self, function: ca.Function, start: list[str], given: list, records: list, bounds: list[str]) -> None:
+    def _step(self, function: ca.Function, start: list[str], data: list, records: list, bounds: list[str]) -> None:
         """The loop over iterations, which ends when no lane is alive; bounded are records and iterations."""
         self.do("br label %step", "step:")
         z = [f"%z{j}" for j in range(len(start))]
@@ -283,7 +283,7 @@ class _Iteration(_Code):
         for name, kind in kinds.items():
             first = "splat (i1 1)" if name == "alive" else "zeroinitializer"
             self.do(f"%{name} = phi {kind} [{first}, %block], [%{name}_next, %go]")
-        after, *values, recorded, going = self.graph(function, [z, *given])
+        after, *values, recorded, going = self.graph(function, [z, *data])
         taken = self(f"and {self.masks} %alive, {self.nonzero(recorded[0])}")
         goes = self(f"and {self.masks} %alive, {self.nonzero(going[0])}")
         self.do(f"br i1 {self.any(taken)}, label %record, label %go", "record:")

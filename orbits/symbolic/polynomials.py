@@ -13,7 +13,7 @@ Monomial: TypeAlias = tuple[tuple[int, int], ...]
 Polynomial: TypeAlias = dict[Monomial, Number]
 
 UNIT_POLYNOMIAL: Polynomial = {(): 1}
-# Quotients of polynomials are worked out up to so many terms.
+# The most terms up to which quotients of polynomials are worked out.
 MOST_TERMS = 120
 
 
@@ -80,7 +80,7 @@ def _dense(term: Monomial, names: Iterable[int]) -> tuple[int, ...]:
 
 
 def primitive(a: Polynomial) -> tuple[Number, Monomial, Polynomial]:
-    """A polynomial as coefficient, monomial and rest, equal for those that differ in the first two alone."""
+    """A polynomial as coefficient, monomial and rest, equal for polynomials that differ in these two alone."""
     names = sorted({i for term in a for i, _ in term})
     low = tuple((i, e) for i in names if (e := min(dict(term).get(i, 0) for term in a)))
     rest = {times(term, to_power(low, -1)): value for term, value in a.items()}

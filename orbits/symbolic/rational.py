@@ -1,6 +1,6 @@
 """Normal forms of expressions: quotients of polynomials over the rational numbers.
 
-What an expression is made of, other than by + - * / and whole powers, is a generator: a symbol, or a function such as
+A part of an expression other than + - * / and whole powers is a generator: a symbol, or a function such as
 sin or exp of a normal form. A polynomial is a mapping from monomials to rational coefficients that are not 0; its
 exponents may be negative, so that only denominators of several terms need a quotient. These are products of factors,
 which are divided out of the numerator wherever that leaves no remainder.
@@ -73,7 +73,7 @@ class Generator:
 
     variables : the symbols on which it depends
     expression : () -> the CasADi expression, in which symbols may stand that cancel
-    square : what its square is, where that is a rule; None for the others
+    square : the expression of its square, where there is a rule; None for the others
     """
 
     variables: frozenset[int]
@@ -185,7 +185,7 @@ class NormalForms:
             return False
 
     def _clearing(self, *polynomials: Polynomial) -> Polynomial:
-        """What makes the exponents of generators whose squares have rules at least 0: the rules are for those."""
+        """A factor that makes exponents of generators with rules for squares at least 0: the rules hold for these."""
         terms = [dict(term) for polynomial in polynomials for term in polynomial]
         lowest = {i: min((term.get(i, 0) for term in terms), default=0) for i in sorted(self.squares)}
         return {tuple((i, -e) for i, e in lowest.items() if e < 0): 1}
@@ -245,7 +245,7 @@ class NormalForms:
         return result
 
     def _squared(self, a: Polynomial, generator: int) -> Polynomial:
-        """A polynomial with the square of a generator replaced by what it is."""
+        """A polynomial with the square of a generator replaced by its rule."""
         result: Polynomial = {}
         for monomial, value in a.items():
             exponent = next((e for i, e in monomial if i == generator), 0)

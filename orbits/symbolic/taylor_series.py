@@ -57,7 +57,7 @@ def composed_coefficients(function: ca.Function, rows: Sequence[Sequence[ca.SX]]
 def variations(field: ca.Function, varied: tuple[int, ...], columns: int, order: int) -> ca.Function:
     """Taylor series of the solution and of columns of its variational equations dx' = f_x dx + f_p dp.
 
-    varied : the rows of dp that are given; the others are zero
+    varied : the rows of dp that are arguments; the others are zero
 
     Returns a function from (x, p, dx (n, columns), dp (rows, columns)) to the coefficients (order + 1, n + m) of
     `taylor_coefficients`, transposed, and to those of the columns, (order + 1, n columns).
@@ -107,7 +107,7 @@ class _Separated(NamedTuple):
 def _separated(rates: ca.SX, x: ca.SX, p: ca.SX) -> _Separated:
     """The derivative of rates (n,) by the state, separated.
 
-    A sum, or a multiple by what does not change with the state, is taken apart; a sum of nonlinear functions of one
+    A sum, or a multiple by a factor without the state, is taken apart; a sum of nonlinear functions of one
     argument is one function.
     """
     instructions = single_assignment(ca.Function("rates", [x, p], [ca.densify(rates)]))
@@ -170,12 +170,12 @@ def _degree(op: int, degrees: Sequence[int]) -> int:
 
 
 class _Series(list):
-    """The coefficients found so far of one result, with what its recursion needs besides."""
+    """The coefficients found so far of one result, with the other series that its recursion needs."""
 
     def __init__(self, coefficients: Sequence[ca.SX] = (), still: bool = False):
         super().__init__(coefficients)
         self.still = still  # whether it does not change with time
-        self.slopes: list[ca.SX] = []  # the multiples j a[j] found so far, kept because many sums use them
+        self.slopes: list[ca.SX] = []  # the multiples j a[j] found so far, stored because many sums use them
         self.partner: list[ca.SX] = []  # the series of a second function that it needs, as the cosine beside the sine
         self.inner: list[_Series] = []  # the series of the instructions of a composed operation
 

@@ -7,12 +7,12 @@ import numpy as np
 
 from .formula import FUNCTIONS, parse
 
-# Places at which a function is held against its formula, and how far rounding may part them there.
+# Places at which a function is compared with its formula, and how far rounding may part them there.
 TRACED_AT, TRACED_TO = (-1.7, -0.3, 0.0, 0.45, 2.3), 1e-9
 
 # How tightly the parts of a formula hold together: sums, products, signs and powers, names and calls.
 SUM, PRODUCT, SIGN, ATOM = range(4)
-# NumPy's functions by name, and what else NumPy does to numbers.
+# NumPy's functions by name, and NumPy's other operations on numbers.
 _CALLS = {numpy: name for name, (numpy, _) in FUNCTIONS.items()}
 _OPERATORS_OF_NUMPY: dict[str, Callable] = {
     "add": lambda a, b: a + b,
@@ -137,6 +137,6 @@ def _confirmed_formula(function: Callable[[list], Any], names: Sequence[str]) ->
                 expected = formula(**{name: named[name] for name in formula.names})
             if not np.isclose(found, expected, rtol=TRACED_TO, atol=TRACED_TO, equal_nan=True):
                 return None
-    except Exception:  # whatever a function of the user does with what is no number
+    except Exception:  # whatever a function of the user does with values that are no numbers
         return None
     return text

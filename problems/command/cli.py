@@ -42,7 +42,7 @@ Completion of commands and options by the shell, from a line in its start file:
 """
 # A map of more launches is printed as a summary.
 LONGEST_TABLE = 100
-# How many orbits are drawn small above the figure of a family.
+# The number of orbits drawn small above the figure of a family.
 THUMBNAILS = 6
 
 
@@ -79,9 +79,9 @@ def find_command(
     from orbits.periodic.find import find
 
     stated_family = click.get_current_context().get_parameter_source("family") is not ParameterSource.DEFAULT
-    asked = family if start is None or stated_family else None
+    requested = family if start is None or stated_family else None
     with options.progress() as report:
-        orbit = find(options.machine_of(**stated), asked, start=start, method=method, progress=report, limit=limit)
+        orbit = find(options.machine_of(**stated), requested, start=start, method=method, progress=report, limit=limit)
     options.write(orbit, as_json, plot, animate, save)
     if explain and not as_json:
         click.echo("  what this scene did not need:")
@@ -274,8 +274,8 @@ def return_map(
     if along is not None:
         if cobweb is not None or whole or start is None or stop is None or len(speeds) < 2:
             raise InputError("--along needs --from V, --to W and a range --alpha A:B:N, and has no --cobweb or --all")
-        asked = {"inject": inject, "cap": cap, "attractor": attractor}
-        diagram = options.diagram_of(along, (start, stop), speeds, stated, asked)
+        settings = {"inject": inject, "cap": cap, "attractor": attractor}
+        diagram = options.diagram_of(along, (start, stop), speeds, stated, settings)
         options.write(diagram, as_json, plot, save=save)
         return
     if any(each is not None for each in (start, stop, attractor, save)):
@@ -350,11 +350,11 @@ def optimize_command(file: str, as_json: bool, plot: str | None, save: str | Non
     from ..machines.files import build, design, read
 
     statement = read(file)
-    machine, asked = build(statement, file), design(statement, file)
-    front = isinstance(asked.get("minimise"), tuple)
+    machine, problem = build(statement, file), design(statement, file)
+    front = isinstance(problem.get("minimise"), tuple)
     with options.progress() as report:
         try:
-            found = (pareto if front else best_design)(machine, **asked, progress=report)
+            found = (pareto if front else best_design)(machine, **problem, progress=report)
         except InputError as error:
             raise InputError(f"{file}: {error}") from None
     if plot is not None:
@@ -407,17 +407,17 @@ def sweep_command(
     if resume and store is None:
         raise InputError("--resume goes on with a store: give --store FILE too")
     machine = options.machine_of(**options.with_first_values(stated, axes, table))
-    answer = sweep(
+    result = sweep(
         machine, axes if table is None else None, samples if table is None else table, sampling=sampling, seed=seed,
         family=options.numbers("--family", families, int), quantities=options.formulas(quantities), outcome=outcome,
         between=None if between is None else tuple(options.numbers("--between", between, float, ":")),
         store=store, resume=resume,
         **options.computed_by(workers),
     )  # fmt: skip
-    options.write(answer, as_json, save=output)
+    options.write(result, as_json, save=output)
     if plot is not None:
-        save_figure(answer.plot(), plot)
-    if not answer.found:
+        save_figure(result.plot(), plot)
+    if not result.found:
         raise click.exceptions.Exit(1)
 
 
@@ -452,12 +452,12 @@ def existence_command(
     if not isinstance(between, tuple) or not isinstance(values, tuple | list):
         raise InputError(f"--along {along!r} is NAME=LOW:HIGH, and --across {across!r} that or NAME=V1,V2,...")
     machine = options.machine_of(**options.with_first_values(stated, {row: between, column: values}, None))
-    asked, counts = options.formulas(quantities), options.numbers("--samples", samples, int)
-    if colour is not None and colour not in ("alpha", "flight_time", "error", *asked):
-        asked.append(colour)
+    requested, counts = options.formulas(quantities), options.numbers("--samples", samples, int)
+    if colour is not None and colour not in ("alpha", "flight_time", "error", *requested):
+        requested.append(colour)
     diagram = existence(
         machine, row, between, column, values, family, samples=counts[0] if len(counts) == 1 else tuple(counts),
-        both_ways=both_ways, quantities=asked, **options.computed_by(workers),
+        both_ways=both_ways, quantities=requested, **options.computed_by(workers),
     )  # fmt: skip
     options.write(diagram, as_json, save=output)
     if plot is not None:
@@ -485,7 +485,7 @@ def explore_command(family: int, no_browser: bool, port: int, **stated: Any) -> 
 
 
 def main() -> None:
-    """Run the command; what goes wrong is one message and an exit code, never a traceback."""
+    """Run the command; an error is one message and an exit code, never a traceback."""
     try:
         code = orbits.main(prog_name="orbits", standalone_mode=False) or 0
     except click.exceptions.NoArgsIsHelpError as error:
@@ -494,8 +494,8 @@ def main() -> None:
     except click.ClickException as error:
         code = _failed(error.format_message(), error.exit_code)
     except (click.Abort, KeyboardInterrupt) as error:
-        said = str(error.__cause__ or error)  # click makes its own of an interrupt
-        code = _failed(": ".join(filter(None, ("interrupted", said))), 130)
+        reason = str(error.__cause__ or error)  # click makes its own of an interrupt
+        code = _failed(": ".join(filter(None, ("interrupted", reason))), 130)
     except BrokenPipeError:
         sys.stderr.close()  # the reader of the output has closed it
         code = 0
@@ -529,7 +529,7 @@ def _failed(message: str, code: int) -> int:
 
 
 def _leave_output() -> None:
-    """Write no more to standard output, which cannot take it; what is left is not tried again at the end."""
+    """Write no more to standard output, which cannot take it; the rest is not tried again at the end."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.__stdout__.fileno())  # type: ignore[union-attr]
 
 

@@ -1,4 +1,4 @@
-"""What the commands share: the options that describe a machine, its losses and the files to write."""
+"""The options that the commands share: those that describe a machine, its losses and the files to write."""
 
 import logging
 import math
@@ -109,7 +109,7 @@ animate_option = file_option("--animate", "animation", "Write an animation (.gif
 def write(
     result: Any, as_json: bool, plot: str | None = None, animate: str | None = None, save: str | None = None
 ) -> None:
-    """Write the files that are asked for, and print the result as one JSON document or in words."""
+    """Write the requested files, and print the result as one JSON document or in words."""
     from orbits.io import to_json
     from orbits.show.plot import save_figure
 
@@ -230,7 +230,7 @@ def launch_speeds(text: str) -> "np.ndarray":
 
 
 def diagram_of(
-    along: str, span: tuple[float, float], speeds: "np.ndarray", stated: dict[str, Any], asked: dict[str, Any]
+    along: str, span: tuple[float, float], speeds: "np.ndarray", stated: dict[str, Any], requested: dict[str, Any]
 ) -> "BifurcationDiagram":
     """The bifurcation diagram of the stated machine along a parameter, between the ends of its range `span`."""
     from orbits.return_map.bifurcations import bifurcations
@@ -240,11 +240,11 @@ def diagram_of(
     known = along in (INJECT, RESTITUTION, *DAMPERS_OF_HOPS)  # without being a parameter of the formulas
     machine = machine_of(**stated, first=None if known else (along, span[0]))
     with progress() as report:
-        return bifurcations(machine, along, span, between, samples=len(speeds), progress=report, **asked)
+        return bifurcations(machine, along, span, between, samples=len(speeds), progress=report, **requested)
 
 
 def proved_curve(
-    along: str, span: tuple[float | None, float], family: int, stated: dict[str, Any], **asked: Any
+    along: str, span: tuple[float | None, float], family: int, stated: dict[str, Any], **requested: Any
 ) -> "Proof":
     """The proof that the orbits of the stated machine along a parameter are one curve over its range `span`; raises
     `NoOrbit` where the family ends before."""
@@ -259,7 +259,7 @@ def proved_curve(
         followed = follow(machine, along, stop, start, family, progress=report)
     if followed.end.kind != "reached":
         raise NoOrbit(f"the family does not come to {along} = {stop:g}: {followed.end.kind}, {followed.end.reason}")
-    return followed.prove(machine, continuous=True, **asked)
+    return followed.prove(machine, continuous=True, **requested)
 
 
 def machine_of(machine: str | None, *arguments: Any, **stated: Any) -> "AnyMachine":
@@ -345,8 +345,8 @@ def with_middles(stated: dict[str, Any], intervals: Sequence[str]) -> dict[str, 
     """The options with the midpoints of --between, for which an orbit is found first."""
     middles = {name: (float(low) + float(high)) / 2 for name, (low, high) in _bounds(intervals)}
     own: dict[str, Any] = {name: middles.pop(name) for name in ("mass_ratio", "rest_length") if name in middles}
-    kept = [setting for setting in stated["settings"] if not any(sets(setting, name) for name in middles)]
-    return {**stated, **own, "settings": (*kept, *(f"{name}={value!r}" for name, value in middles.items()))}
+    others = [setting for setting in stated["settings"] if not any(sets(setting, name) for name in middles)]
+    return {**stated, **own, "settings": (*others, *(f"{name}={value!r}" for name, value in middles.items()))}
 
 
 def _bounds(intervals: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
@@ -394,7 +394,7 @@ def progress(doing: str = "searching") -> Iterator[Callable[[float], None] | Non
     thread = threading.Thread(target=show, daemon=True)
     thread.start()
     logger = logging.getLogger("orbits")
-    logger.disabled = True  # what it says is on the line already
+    logger.disabled = True  # its messages are on the line already
     try:
         yield lambda value: share.__setitem__(0, value)
     finally:

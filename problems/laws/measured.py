@@ -24,10 +24,10 @@ UNIT_WORDS = {unit.lower() for unit in (*METRES, *NEWTONS)}
 COMMENTS = ("#", "%", "//")
 # Words of a header whose column counts tension and extension.
 TENSILE = {"tension", "tensile", "extension", "elongation"}
-# A number whose comma may be that of thousands or of decimals; and how that is told among the decimal marks.
+# A number whose comma may be that of thousands or of decimals; and how that is recorded among the decimal marks.
 THOUSANDS, GROUPED = re.compile(r"\s*[+-]?[1-9]\d{0,2},\d{3}\s*"), ",000"
 FEWEST_ROWS = 4
-# The header is among the first lines, and what is longer than this takes more than some ten seconds to read.
+# The header is among the first lines, and a longer file takes more than some ten seconds to read.
 MOST_LINES_BEFORE_HEADER, MOST_LINES, MOST_BYTES = 200, 1_000_000, 32_000_000
 
 
@@ -96,7 +96,7 @@ def _values(path: Path, lines: list[str], header: _Header) -> np.ndarray:
 
 
 def text_of(path: Path) -> str:
-    """The text of a file of bounded size; raises `InputError` for what is no regular file or no text."""
+    """The text of a file of bounded size; raises `InputError` where it is no regular file or no text."""
     try:
         if path.exists() and not path.is_file():
             raise InputError(f"the table {short(path)} cannot be read: it is no regular file")
@@ -110,7 +110,7 @@ def text_of(path: Path) -> str:
         try:
             return data.decode("utf-8-sig")
         except UnicodeDecodeError:
-            return data.decode("cp1252")  # what test machines under Windows write
+            return data.decode("cp1252")  # as test machines under Windows write
     except (OSError, ValueError) as error:
         if isinstance(error, InputError):
             raise
@@ -143,7 +143,7 @@ def _find_header(path: Path, lines: list[str]) -> _Header:
 
 
 def _headers(lines: list[str], line: int, text: str) -> Iterator[_Header]:
-    """What a line is as a header, for each separator with which it names both columns."""
+    """A line as a header, for each separator with which it names both columns."""
     for delimiter in ("\t", ";", ",", None):
         cells = _cells(text, delimiter)
         named = [[i for i, cell in enumerate(cells) if _names(cell, names)] for names in (EXTENSION_NAMES, FORCE_NAMES)]
@@ -164,7 +164,7 @@ def _headers(lines: list[str], line: int, text: str) -> Iterator[_Header]:
 
 
 def _scales(path: Path, header: _Header, in_si: bool) -> tuple[float, float]:
-    """What multiplies both columns for m and N; raises `InputError` for a unit where there are none, or unknown."""
+    """The factors of both columns for m and N; raises `InputError` for a unit where there are none, or unknown."""
     scales = []
     for column, unit, known in zip(header.columns, header.units, (METRES, NEWTONS), strict=True):
         name, plain = header.cells[column].strip(), unit.strip(" []()")
@@ -210,7 +210,7 @@ def _words(cell: str) -> list[str]:
 
 
 def _count_of_words(cell: str) -> int:
-    """How many words name a column, without its unit."""
+    """The number of words that name a column, without its unit."""
     return sum(word not in UNIT_WORDS for word in _words(re.sub(r"[\[(][^\])]*[\])]", " ", cell)))
 
 
@@ -222,7 +222,7 @@ def _names(cell: str, names: tuple[str, ...]) -> bool:
 
 
 def _unit_in(cell: str, names: tuple[str, ...]) -> str:
-    """The unit in a header's cell: what is in brackets, with them, or else the last word if it is not the name."""
+    """The unit in a header's cell: the text in brackets, with them, or else the last word if it is not the name."""
     if bracketed := re.search(r"[\[(][^\])]*[\])]", cell):
         return bracketed[0]
     last = [word for word in re.split(r"[\s_/,:]+", cell.strip()) if word][-1]
@@ -230,7 +230,7 @@ def _unit_in(cell: str, names: tuple[str, ...]) -> str:
 
 
 def _number(cell: str, marks: set[str]) -> float:
-    """The finite number in a cell, whose decimal mark joins `marks`, of which a table has one; raises `ValueError`.
+    """The finite number in a cell, whose decimal mark joins `marks`; a table has one mark; raises `ValueError`.
 
     A comma that may separate thousands joins them as `GROUPED`.
     """

@@ -8,11 +8,11 @@ from orbits.errors import InputError
 
 from .measured import FEWEST_ROWS
 
-# Of a loop that is seen, each branch has so many rows.
+# The fewest rows on each branch of a detected loop.
 FEWEST_ON_BRANCH = 3
 # Each row between which a spline runs ends an integration step: more would cost minutes and add no digit.
 MOST_ROWS = 500
-# A smoothing spline is found from the means of at most so many neighbouring rows, by an eigendecomposition.
+# A smoothing spline is found from at most this number of means of neighbouring rows, by an eigendecomposition.
 MOST_MEANS = 256
 # An extension that comes back by this share of its range has turned.
 TURN = 0.02
@@ -24,11 +24,11 @@ LOOP_SIGNIFICANCE, LOOP_WIDTH = 6.0, 5e-3
 FREEDOM, LIKELIER, EXACT_ROWS = 0.8, 15.0, 1e-9
 # Extensions that differ by this share of their range or less are the same.
 SAME_EXTENSION = 1e-9
-# Below so many rows noise and shape cannot be told apart.
+# Below this number of rows noise and shape cannot be distinguished.
 FEWEST_NOISY = 12
-# A smoothed curve goes on through so many nodes per degree of freedom, at least and at most so many.
+# The number of nodes of a smoothed curve per degree of freedom, and its bounds.
 NODES_PER_FREEDOM, NODES = 2, (16, 128)
-# Directions of the noise in the curve, the smoothest first: all later ones add a tenth to what an orbit is moved by.
+# Directions of the noise in the curve, the smoothest first: all later ones add a tenth to the change of an orbit.
 MOST_DIRECTIONS = 24
 
 
@@ -48,7 +48,7 @@ class MeasuredRows(NamedTuple):
 
 
 class SmoothCurve(NamedTuple):
-    """A smooth curve through rows: forces (n,) at ascending extensions (n,), and what noise does to them.
+    """A smooth curve through rows: forces (n,) at ascending extensions (n,), and the effect of noise on them.
 
     changes : (k, n), independent changes of the forces by one standard deviation each
     note : what was done to the rows, in words
@@ -64,7 +64,7 @@ def branch_of(r: np.ndarray, force: np.ndarray, sense: float, branch: str | None
     """The rows on a branch of a loop: "loading", where the travel grows, "unloading", or "mean", half way between both.
 
     sense : -1.0 where the travel is a compression
-    Raises `InputError` for a loop of which no branch is named, and for a branch of too few rows.
+    Raises `InputError` for a loop without a named branch, and for a branch of too few rows.
     """
     direction = _directions(r)
     if branch in ("loading", "unloading"):
@@ -104,7 +104,7 @@ def _rows(r: np.ndarray, force: np.ndarray, label: str) -> MeasuredRows:
         raise InputError(f"{label}: {len(counts)} different extensions; a table needs at least {FEWEST_ROWS}")
     means = np.bincount(place, force) / counts
     squares = float(np.sum((force - means[place]) ** 2))
-    # Rows of one force to the last bit are copies, or too coarse to tell their noise: they count as one measurement.
+    # Rows of one force to the last bit are copies, or too coarse to show their noise: they count as one measurement.
     measured = np.where(lowest == highest, 1, counts)
     spare = int(measured.sum()) - len(counts)
     return MeasuredRows(np.bincount(place, r) / counts, means, measured.astype(float), squares, spare)
@@ -132,7 +132,7 @@ def curve_of(rows: MeasuredRows, noise: float | None) -> SmoothCurve:
     The spline minimises sum w_i (f_i - g(r_i))**2/noise**2 + penalty times the integral of g''**2, with weights w, the
     penalty of greatest restricted likelihood (Wahba 1985); its posterior covariance gives the changes (Nychka 1988).
     """
-    if rows.spare < FEWEST_ROWS:  # a few repeated rows tell no noise, but may be an outlier
+    if rows.spare < FEWEST_ROWS:  # a few repeated rows show no noise, but may be an outlier
         rows = rows._replace(squares=0.0, spare=0)
     r, count, fit = rows.extensions, len(rows.extensions), None
     if noise != 0 and (noise is not None or count + rows.spare >= FEWEST_NOISY):
@@ -141,8 +141,8 @@ def curve_of(rows: MeasuredRows, noise: float | None) -> SmoothCurve:
         return fit
     if count <= MOST_ROWS:
         return SmoothCurve(r, rows.forces, np.zeros((0, count)), "")
-    kept = np.linspace(0, count - 1, MOST_ROWS).round().astype(int)
-    return SmoothCurve(r[kept], rows.forces[kept], np.zeros((0, MOST_ROWS)), f"{MOST_ROWS} of {count} rows")
+    chosen = np.linspace(0, count - 1, MOST_ROWS).round().astype(int)
+    return SmoothCurve(r[chosen], rows.forces[chosen], np.zeros((0, MOST_ROWS)), f"{MOST_ROWS} of {count} rows")
 
 
 def _smoothed(rows: MeasuredRows, noise: float | None) -> SmoothCurve | None:
@@ -169,18 +169,18 @@ def _smoothed(rows: MeasuredRows, noise: float | None) -> SmoothCurve | None:
         deviance = size - np.log(lost).sum(1)
         best = int(deviance.argmin())
         gain = deviance[0] - deviance[best]
-    kept = np.r_[1.0, 1.0, 1 - lost[best]]
+    factors = np.r_[1.0, 1.0, 1 - lost[best]]
     sigma = float(np.sqrt(squares[best] / freedom)) if noise is None else noise
-    smooth = kept.sum() < FREEDOM * n
+    smooth = factors.sum() < FREEDOM * n
     noisy = (smooth and gain > LIKELIER) or rows.squares > rows.spare * (EXACT_ROWS * np.ptp(y)) ** 2
     if noise is None and not (noisy and sigma > EXACT_ROWS * np.ptp(y)):
         return None
-    count = np.clip(NODES_PER_FREEDOM * kept.sum(), *NODES)
+    count = np.clip(NODES_PER_FREEDOM * factors.sum(), *NODES)
     nodes = np.linspace(r[0], r[-1], int(count)) if smooth else np.r_[r[0], x[1:-1], r[-1]]
     at_nodes = CubicSpline(x, modes / root[:, None], bc_type="natural")(nodes)
-    changes = sigma * (np.sqrt(kept) * at_nodes).T[:MOST_DIRECTIONS]
-    how = f"{w.sum():.0f} rows smoothed, noise {sigma:.3g} {'estimated' if noise is None else 'stated'}"
-    return SmoothCurve(nodes, at_nodes @ (kept * z), changes, how)
+    changes = sigma * (np.sqrt(factors) * at_nodes).T[:MOST_DIRECTIONS]
+    note = f"{w.sum():.0f} rows smoothed, noise {sigma:.3g} {'estimated' if noise is None else 'stated'}"
+    return SmoothCurve(nodes, at_nodes @ (factors * z), changes, note)
 
 
 def _directions(r: np.ndarray) -> np.ndarray:
@@ -213,7 +213,7 @@ def _loop_width(up: tuple[np.ndarray, np.ndarray], down: tuple[np.ndarray, np.nd
 
     if min(len(up[0]), len(down[0])) < FEWEST_ON_BRANCH:
         return 0.0
-    # Both ways round, what straight lines between the rows of a curved law are off by cancels.
+    # Both ways round, the errors of straight lines between the rows of a curved law cancel.
     a, b = above(up, down), -above(down, up)
     widths = np.r_[a, b]
     if len(widths) < 2 * FEWEST_ON_BRANCH:

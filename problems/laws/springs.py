@@ -232,7 +232,7 @@ def _table_pieces(curve: SmoothCurve) -> tuple[dict[str, float], tuple[int, Call
     """The parameters of a table's law, one for each change that noise makes, and its pieces."""
     x, y = curve.extensions, curve.forces
     rows = _quintic_pieces(x, y)
-    # The same curve has the same names in all springs of a machine, another one has others.
+    # Equal curves have equal names in all springs of a machine, different curves different ones.
     names = tuple(f"{NOISE}_{crc32(rows.tobytes()):08x}_{k}" for k in range(len(curve.changes)))
     # The curve is cut back where it would overshoot: differences follow that, one standard deviation to both sides.
     sides = [[_quintic_pieces(x, y + sign * change) for sign in (1, -1)] for change in curve.changes]
@@ -242,8 +242,8 @@ def _table_pieces(curve: SmoothCurve) -> tuple[dict[str, float], tuple[int, Call
 
 @lru_cache(maxsize=64)
 def _quintic_table(breaks: bytes, rows: bytes, changes: bytes, names: tuple[str, ...]) -> Expression:
-    """The pieces of a measured law from its extensions, the rows of its pieces and what each of the named parameters
-    changes in these; in bytes, so that equal ones compare equal."""
+    """The pieces of a measured law from its extensions, the rows of its pieces and the changes of these by each of the
+    named parameters; in bytes, so that equal ones compare equal."""
     places, data = np.frombuffer(breaks).tolist(), np.frombuffer(rows).reshape(-1, 7)
     moves = dict(zip(names, np.frombuffer(changes).reshape(len(names), *data.shape), strict=True))
 
@@ -273,7 +273,7 @@ def table_options(text: str) -> tuple[str, dict[str, Any]]:
 
 
 def _columns_of(source: Any, label: str) -> tuple[np.ndarray, np.ndarray]:
-    """Extensions and forces (n,) of two sequences; raises `InputError` for what are none."""
+    """Extensions and forces (n,) of two sequences; raises `InputError` for anything else."""
     try:
         r, force = (np.asarray(column, dtype=float) for column in source)
     except (TypeError, ValueError):

@@ -1,1 +1,1 @@
-"""The machines, each a mechanism on a page, and what those of two masses share."""
+"""The machines, each a mechanism on a page, and the common parts of those of two masses."""

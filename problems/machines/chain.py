@@ -1,4 +1,4 @@
-"""A chain: N masses in a column joined by springs, of which the lowest lands plastically.
+"""A chain: N masses in a column joined by springs; the lowest mass lands plastically.
 
 Units: whatever the masses, the springs' forces and their extensions are stated in, with gravity 1. Flight state
 (y1, y1', ..., yN, yN'), from the top, positions counted from the unstretched column with its lowest mass on the ground;
@@ -27,7 +27,7 @@ from orbits.model.model import Model
 from orbits.running.exclusive import exclusive, exclusive_property
 
 from ..laws.springs import as_spring
-from .parameters import given_numbers, refuse_taken
+from .parameters import checked_numbers, refuse_taken
 
 MOST_MASSES = 12
 WORDS_OF_CHAINS = {
@@ -68,17 +68,17 @@ class Chain(Stated):
 
     @exclusive
     def __post_init__(self) -> None:
-        parameters = given_numbers(self.parameters)
+        parameters = checked_numbers(self.parameters)
         masses = tuple(mass_parameters(self.masses, 2, MOST_MASSES).values())
         restitution = coefficient_of_restitution(self.restitution)
-        given = self.springs if isinstance(self.springs, list | tuple) else [self.springs] * (len(masses) - 1)
-        if len(given) != len(masses) - 1:
-            raise InputError(f"{len(masses)} masses are joined by {len(masses) - 1} springs, not {len(given)}")
-        springs = tuple(as_spring(law, parameters, shared=True) for law in given)
+        laws = self.springs if isinstance(self.springs, list | tuple) else [self.springs] * (len(masses) - 1)
+        if len(laws) != len(masses) - 1:
+            raise InputError(f"{len(masses)} masses are joined by {len(masses) - 1} springs, not {len(laws)}")
+        springs = tuple(as_spring(law, parameters, shared=True) for law in laws)
         if piecewise := [law.text for law in springs if law.pieces]:
             raise InputError(f"spring '{piecewise[0]}' is piecewise; a chain takes smooth ones")
         known = self._common_parameters(springs, _mass_names(len(masses)))
-        self._keep(masses=masses, springs=springs, restitution=restitution, parameters=known)
+        self._store(masses=masses, springs=springs, restitution=restitution, parameters=known)
 
     def _common_parameters(self, springs: tuple[Law, ...], masses: tuple[str, ...]) -> dict[str, float]:
         """The parameters of all springs; raises `InputError` for unknown, reserved and ambiguous names."""
@@ -175,7 +175,7 @@ def _mass_names(count: int) -> tuple[str, ...]:
 
 
 def mass_parameters(masses: Sequence[float], fewest: int, most: int) -> dict[str, float]:
-    """The masses of a column by name; raises `InputError` for what is no list of so many masses above 0."""
+    """The masses of a column by name; raises `InputError` unless it is a list of `fewest` to `most` masses above 0."""
     if np.ndim(masses) != 1:
         raise InputError(f"masses = {masses!r}; they are a list of masses, from the top")
     if not fewest <= len(masses) <= most:

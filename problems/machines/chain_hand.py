@@ -27,7 +27,7 @@ from orbits.errors import InputError
 
 from ..laws.springs import as_spring
 from .chain import MOST_MASSES, mass_parameters
-from .parameters import given_numbers, with_given
+from .parameters import checked_numbers, with_parameters
 
 
 def chain_hand(
@@ -49,7 +49,7 @@ def chain_hand(
     >>> len(find_all(juggler, starts(juggler, 4, 4)))
     1
     """
-    given, own = given_numbers(parameters or {}), mass_parameters(masses, 2, MOST_MASSES)
+    values, own = checked_numbers(parameters or {}), mass_parameters(masses, 2, MOST_MASSES)
     names = ["ball", "hand", *(f"y{i}" for i in range(3, len(own) + 1))]
     laws = springs if isinstance(springs, list | tuple) else [springs] * (len(names) - 1)
     if len(laws) != len(names) - 1:
@@ -60,11 +60,11 @@ def chain_hand(
         coordinates=names,
         elements=[
             *(Mass(name, mass) for name, mass in zip(names, own, strict=True)),
-            *(Spring(r, as_spring(law, given, shared=True)) for r, law in zip(extensions, laws, strict=True)),
+            *(Spring(r, as_spring(law, values, shared=True)) for r, law in zip(extensions, laws, strict=True)),
         ],
         gap="ball - hand",
         launch="hand",
-        parameters=with_given(own, given, "a mass"),
+        parameters=with_parameters(own, values, "a mass"),
         restitution=restitution,
         words={
             "liftoff": "zero force",

@@ -46,7 +46,7 @@ LARGEST_MACHINE_FILE = 1 << 14  # of a machine file: reading a longer one may ta
 
 
 class DesignTable(TypedDict, total=False):
-    """The table [design] of a file; `over` is looked at apart, since an error in it shows how it is written."""
+    """The table [design] of a file; `over` is checked separately, since an error in it shows how it is written."""
 
     minimise: str | list[str]
     maximise: str
@@ -73,25 +73,25 @@ def read(path: str | Path) -> dict[str, Any]:
 
 
 def design(statement: dict[str, Any], where: str) -> dict[str, Any]:
-    """What a statement asks to be designed, as arguments of `orbits.optimize`, or of `orbits.pareto` with two
+    """The design problem that a statement states, as arguments of `orbits.optimize`, or of `orbits.pareto` with two
     objectives; raises `InputError` for unknown or missing keys."""
     if "design" not in statement:
         raise InputError(f"{where} has no [design]: state what to minimise or maximise, over which parameters")
     _check_keys(f"{where}, [design]", statement["design"], DesignTable.__annotations__)
-    asked = conform(statement["design"], DesignTable, f"{where}: [design]")
-    if not isinstance(asked.get("over"), dict):
+    problem = conform(statement["design"], DesignTable, f"{where}: [design]")
+    if not isinstance(problem.get("over"), dict):
         raise InputError(f"{where}: [design.over] names the parameters with their bounds, as k = [1e3, 1e5]")
-    if not isinstance(asked.get("minimise"), list):
-        if "points" in asked:
+    if not isinstance(problem.get("minimise"), list):
+        if "points" in problem:
             raise InputError(f"{where}: points belong to a front of two objectives, minimise = [..., ...]")
-        return asked
-    if "maximise" in asked:
+        return problem
+    if "maximise" in problem:
         raise InputError(f"{where}: both objectives of a front are minimised; write '-alpha' for one to be large")
-    return asked | {"minimise": tuple(asked["minimise"])}
+    return problem | {"minimise": tuple(problem["minimise"])}
 
 
 def build(statement: dict[str, Any], where: str = "the options") -> AnyMachine:
-    """The machine of a statement, as `read` gives it; raises `InputError`, whose message begins with `where` it is."""
+    """The machine of a statement, as `read` returns it; raises `InputError`, whose message begins with `where`."""
     try:
         return _build(statement)
     except InputError as error:
@@ -117,8 +117,8 @@ def _build(statement: dict[str, Any]) -> AnyMachine:
 
 
 def statement_for_file(machine: AnyMachine) -> dict[str, Any] | None:
-    """What a file states of a machine, from which `build` makes it again to the last bit; None for a machine that no
-    file states by itself, such as one with a Python function or a table as its spring."""
+    """The statement of a machine for a file, from which `build` makes it again to the last bit; None for one that no
+    file states alone, such as one with a Python function or a table as its spring."""
     law = machine.spring
     own = {name: getattr(machine, name) for name in ("restitution", *DAMPERS)}
     statement: dict[str, Any] = {"machine": machine.kind, "gravity": machine.gravity.text, **own}
@@ -138,7 +138,7 @@ def statement_for_file(machine: AnyMachine) -> dict[str, Any] | None:
 
 
 def machine_stated(statement: dict[str, Any]) -> AnyMachine:
-    """The machine of what `statement_for_file` gave; raises `InputError`, also where it refers to another file."""
+    """The machine of a statement by `statement_for_file`; raises `InputError`, also where it refers to another file."""
     _check_keys("the machine", statement, KEYS)
     if str(statement.get("spring", "")).startswith("table:"):
         raise InputError("the machine's spring is in another file, which is not read")

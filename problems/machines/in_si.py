@@ -27,7 +27,7 @@ from ..laws.gravity import as_gravity
 from ..laws.springs import as_spring
 from .hopper import Hopper
 from .juggler import Juggler
-from .parameters import given_numbers, refuse_taken
+from .parameters import checked_numbers, refuse_taken
 from .two_masses import DAMPERS, TwoMasses, TwoMassMachine
 
 STANDARD_GRAVITY = 9.80665
@@ -121,13 +121,13 @@ class MachineInSI(TwoMasses):
 
     @exclusive
     def __post_init__(self) -> None:
-        self._keep(masses={name: number(name, mass, low=0) for name, mass in self.masses.items()})
+        self._store(masses={name: number(name, mass, low=0) for name, mass in self.masses.items()})
         for name in ("surface_gravity", "stiffness"):
-            self._keep(**{name: number(name, getattr(self, name), low=0)})
+            self._store(**{name: number(name, getattr(self, name), low=0)})
         if BODY_RADIUS in self.gravity.parameters:
             number(BODY_RADIUS, self.gravity.parameters[BODY_RADIUS], low=0)
         number("mass_ratio", self.mass_ratio, low=0)
-        self._keep_common()
+        self._store_common()
         laws = [] if self.spring is None else [*self.spring.parameters]
         refuse_taken(RESERVED, [*laws, *self.gravity.parameters], "the machine's own name")
         self.dimensionless()  # raises the errors of the machine itself
@@ -188,7 +188,7 @@ class MachineInSI(TwoMasses):
 
     @property
     def _names(self) -> tuple[bool, str, str, str]:
-        """What tells the units as functions of the parameters, see `_units_by`."""
+        """The arguments of `_units_by`, which determine the units as functions of the parameters."""
         upper, lower = self.masses
         return issubclass(self.base, Hopper), upper, lower, self._stiffness_name
 
@@ -291,7 +291,7 @@ def _units_by(hopper: bool, upper: str, lower: str, stiffness: str) -> Callable[
 
 
 def _restated(units: Units, p: Mapping[str, Any]) -> dict[str, Any]:
-    """Rest length and dampers in these units, of those that are stated."""
+    """Rest length and dampers in these units, where they are stated."""
     damper = units.of(DIMENSIONS_OF_PARAMETERS["damping"])
     sizes = {"rest_length": units.length, **dict.fromkeys(DAMPERS, damper)}
     return {name: None if p[name] is None else p[name] / size for name, size in sizes.items() if name in p}
@@ -314,38 +314,38 @@ def _machine(
     base: type[TwoMassMachine], masses: dict[str, float], force: Any, stiffness: float | None,
     body_radius: float | None, gravity: Any, parameters: Any, **numbers: Any,
 ) -> MachineInSI:  # fmt: skip
-    """The machine of what was stated; `numbers` are further fields of it."""
-    given = given_numbers(parameters or {})
-    law, stiffness = _spring(force, stiffness, given)
-    pull = _gravity_law(gravity, body_radius, given)
+    """The machine of these statements; `numbers` are further fields of it."""
+    values = checked_numbers(parameters or {})
+    law, stiffness = _spring(force, stiffness, values)
+    pull = _gravity_law(gravity, body_radius, values)
     known = [*(law.parameters if law else ()), *pull.parameters]
-    if unknown := [name for name in given if name not in known]:
+    if unknown := [name for name in values if name not in known]:
         raise InputError(f"neither formula has a parameter '{unknown[0]}'{suggest(unknown[0], stated(known))}")
     return MachineInSI(base, masses, law, stiffness, pull, **numbers)
 
 
-def _gravity_law(gravity: Any, body_radius: float | None, given: Mapping[str, float]) -> Law:
+def _gravity_law(gravity: Any, body_radius: float | None, values: Mapping[str, float]) -> Law:
     """The law of gravity in SI."""
     if body_radius is None:
-        return as_gravity("1" if gravity is None else gravity, given, shared=True)
+        return as_gravity("1" if gravity is None else gravity, values, shared=True)
     if gravity is not None:
         raise InputError("give body_radius or gravity, not both")
     return gravities.formula("1/(1 + z/body_radius)**2", body_radius=number(BODY_RADIUS, body_radius, low=0))
 
 
-def _spring(force: Any, stiffness: float | None, given: Mapping[str, float]) -> tuple[Law | None, float]:
+def _spring(force: Any, stiffness: float | None, values: Mapping[str, float]) -> tuple[Law | None, float]:
     """The law in SI, None where it is linear, and the stiffness that sets the units."""
     if force is None:
         if stiffness is None:
             raise InputError("a spring in SI needs its stiffness (N/m) or its force law")
         return None, number("stiffness", stiffness, low=0)
-    law = as_spring(force, given, in_si=True, shared=True)
+    law = as_spring(force, values, in_si=True, shared=True)
     slope = float(law.with_slope(law.rest())[1])
     if stiffness is not None:
         k = number("stiffness", stiffness, low=0)
         if 0 < slope < float("inf") and abs(slope / k - 1) > 1e-6:
-            said = f"the spring '{law.text}' has stiffness {slope:g} N/m at rest, not {k:g}"
-            raise InputError(f"{said}: state it in N of m, and leave stiffness out")
+            conflict = f"the spring '{law.text}' has stiffness {slope:g} N/m at rest, not {k:g}"
+            raise InputError(f"{conflict}: state it in N of m, and leave stiffness out")
         return law, k
     if slope < 0:
         raise InputError(f"the spring '{law.text}' has slope {slope:g} at rest: {WRONG_SIGN}")

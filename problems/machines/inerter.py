@@ -19,7 +19,7 @@ the time of flight: with x = omega alpha/((1 + M) g)
     tan x = x,
 
 as for the hopper without inerter, only slower: alpha and the time of flight grow with the root of mu + b, heights and
-stretch of the spring in flight with mu + b itself. At an impact (m1 + b) y1' - b y2' is kept, since the ground pushes
+stretch of the spring in flight with mu + b itself. At an impact (m1 + b) y1' - b y2' is conserved, as the ground pushes
 the foot alone; from the foot's speed v the loss is (m2 + b m1/(m1 + b)) v^2/2.
 """
 
@@ -28,7 +28,7 @@ from typing import Any
 
 from orbits import Inerter, Mass, Mechanism, Spring
 
-from .parameters import with_given
+from .parameters import with_parameters
 
 
 def inerter_hopper(
@@ -65,7 +65,7 @@ def inerter_hopper(
         ],
         gap="foot",
         surface_gravity="surface_gravity",
-        parameters=with_given(own | length, parameters),
+        parameters=with_parameters(own | length, parameters),
         heights={
             "body": body,
             "foot": "foot",

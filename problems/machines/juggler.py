@@ -107,7 +107,7 @@ class HeavyHand(TwoMassMachine):
 
 @lru_cache(maxsize=64)
 def _heavy_hand(spring: Key, gravity: Key | None, has_length: bool) -> Model:
-    """The limit of the juggler's model for a ball without mass, its force told by its mass."""
+    """The limit of the juggler's model for a ball without mass, its force divided by its mass."""
     finite = Juggler.mechanism(spring, gravity, has_length, False).model
     force = spring.expression
 

@@ -22,7 +22,7 @@ from orbits.errors import InputError
 from orbits.laws.law import number
 from orbits.mechanics.elements import names_in
 
-from .parameters import with_given
+from .parameters import with_parameters
 
 LEG = "2*link*sin(knee/2)"
 WORDS_OF_KNEES = {
@@ -75,7 +75,7 @@ def knee_hopper(
         ],
         gap="foot",
         surface_gravity="surface_gravity",
-        parameters=with_given(own, parameters),
+        parameters=with_parameters(own, parameters),
         counts="knee",
         heights={"body": f"foot + {LEG}", "foot": "foot"},
         separation=LEG,

@@ -30,7 +30,7 @@ from orbits import Mass, Mechanism, Spring
 
 from ..laws.springs import as_spring
 from .chain import mass_parameters
-from .parameters import given_numbers, with_given
+from .parameters import checked_numbers, with_parameters
 
 
 def plate_hopper(
@@ -53,19 +53,19 @@ def plate_hopper(
     >>> len(find_all(plate, starts(plate, 3, 3))) > 50
     True
     """
-    given = given_numbers({"plate_stiffness": 100.0} if parameters is None else parameters)
+    values = checked_numbers({"plate_stiffness": 100.0} if parameters is None else parameters)
     names, own = ("body", "foot", "plate"), mass_parameters(masses, 3, 3)
     return Mechanism(
         name="hopper on a plate",
         coordinates=names,
         elements=[
             *(Mass(name, mass) for name, mass in zip(names, own, strict=True)),
-            Spring("body - foot", as_spring(spring, given, shared=True)),
-            Spring("plate", as_spring(plate_spring, given, shared=True)),
+            Spring("body - foot", as_spring(spring, values, shared=True)),
+            Spring("plate", as_spring(plate_spring, values, shared=True)),
         ],
         gap="foot - plate",
         launch="body",
-        parameters=with_given(own, given, "a mass"),
+        parameters=with_parameters(own, values, "a mass"),
         restitution=restitution,
         words={
             "liftoff": "the plate falls as fast as the foot",

@@ -1,4 +1,4 @@
-"""What a machine of two masses is stated by: a spring, a gravity, a ratio of masses, and what damps it."""
+"""The statement of a machine of two masses: a spring, a gravity, a ratio of masses, and its damping."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -17,7 +17,7 @@ from orbits.symbolic.formula import suggest
 
 from ..laws.gravity import as_gravity
 from ..laws.springs import as_spring
-from .parameters import given_numbers, refuse_taken
+from .parameters import checked_numbers, refuse_taken
 
 # Beyond these bounds one of the two masses is lost in rounding.
 MASS_RATIOS = (1e-12, 1e12)
@@ -28,7 +28,7 @@ END, RATE = "u", "w"
 
 
 class TwoMasses(Stated):
-    """What machines of two masses have in common, dimensionless or in SI."""
+    """The common parts of machines of two masses, dimensionless or in SI."""
 
     # Parameters that it takes besides its `values`, which have no damping of 0 and no missing length.
     further_parameters: ClassVar[tuple[str, ...]] = (*DAMPERS, "rest_length")
@@ -42,12 +42,12 @@ class TwoMasses(Stated):
         """Whether the machine loses energy otherwise than by impacts."""
         return self.damping > 0 or self.drag > 0
 
-    def _keep_common(self) -> None:
-        """Keep length and losses as numbers; raises `InputError` that names what they cannot be."""
+    def _store_common(self) -> None:
+        """Store length and losses as numbers; raises `InputError` that names an invalid one."""
         length = self.rest_length if self.rest_length is None else number("rest_length", self.rest_length, low=0)
-        self._keep(rest_length=length, restitution=coefficient_of_restitution(self.restitution))
+        self._store(rest_length=length, restitution=coefficient_of_restitution(self.restitution))
         for name in DAMPERS:
-            self._keep(**{name: number(name, getattr(self, name))})
+            self._store(**{name: number(name, getattr(self, name))})
             if getattr(self, name) < 0:
                 raise InputError(f"{name} = {getattr(self, name):g} is below 0: it would drive the machine")
 
@@ -98,22 +98,22 @@ class TwoMassMachine(TwoMasses):
 
     @exclusive
     def __post_init__(self) -> None:
-        self._keep(mass_ratio=number("mass_ratio", self.mass_ratio, *MASS_RATIOS))
-        self._keep_common()
+        self._store(mass_ratio=number("mass_ratio", self.mass_ratio, *MASS_RATIOS))
+        self._store_common()
         spring, gravity = self._laws()
         parameters = joined_values(((law.text, law.parameters) for law in (spring, gravity)), {})
-        self._keep(spring=spring, gravity=gravity, parameters=parameters)
+        self._store(spring=spring, gravity=gravity, parameters=parameters)
         if self.rest_length is None and self.varying_gravity:
             high = "the upper mass is as high as its coordinate and the rest length together"
             raise InputError(f"gravity '{gravity.text}' varies with height, and {high}: give the rest length")
 
     def _laws(self) -> tuple[Law, Law]:
         """The two laws, each with its own parameters; raises `InputError` for unknown and reserved names."""
-        given = given_numbers(self.parameters)
-        spring, gravity = as_spring(self.spring, given, shared=True), as_gravity(self.gravity, given, shared=True)
+        values = checked_numbers(self.parameters)
+        spring, gravity = as_spring(self.spring, values, shared=True), as_gravity(self.gravity, values, shared=True)
         known = {**spring.parameters, **gravity.parameters}
-        refuse_taken((*OWN_PARAMETERS, "gravity_share"), [*known, *given], "the machine's own name")
-        if unknown := [name for name in given if name not in known]:
+        refuse_taken((*OWN_PARAMETERS, "gravity_share"), [*known, *values], "the machine's own name")
+        if unknown := [name for name in values if name not in known]:
             raise InputError(f"neither formula has a parameter '{unknown[0]}'{suggest(unknown[0], stated(known))}")
         return spring, gravity
 
@@ -177,9 +177,9 @@ class TwoMassMachine(TwoMasses):
     def __repr__(self) -> str:
         laws = {"spring": self.spring.text, "gravity": self.gravity.text}
         own = {name: self.parameters[name] for name in stated(self.parameters)}
-        told = {**laws, **own, **self.__getstate__(), **laws}
+        stated_fields = {**laws, **own, **self.__getstate__(), **laws}
         plain = {each.name: each.default for each in fields(self)} | {"spring": None, "parameters": self.parameters}
-        shown = {name: value for name, value in told.items() if name not in plain or value != plain[name]}
+        shown = {name: value for name, value in stated_fields.items() if name not in plain or value != plain[name]}
         return one_line(self, shown)
 
     def describe(self) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """A machine whose spring's end is moved by an actuator, as on the paper's air track (section 10).
 
-The spring acts by phi(r - u), u the displacement of its end, r the extension; its rate w = u' is what is given. The
+The spring acts by phi(r - u), u the displacement of its end, r the extension; its rate w = u' is the input. The
 damper beside the spring works on r' alone. The actuator does work on the machine at the rate -m phi(r - u) w, m the
 mass ratio, in the units of the machine's energy; lift-off is where the contact force vanishes, landing where the gap
 does.
@@ -117,8 +117,8 @@ def actuator_limits(driven: Actuated, rate: float, stroke: float) -> Limits:
     """The limits of a machine with these bounds; raises `InputError` for bounds that are not above 0."""
     for name, bound in (("rate", rate), ("stroke", stroke)):
         if not (bound == np.inf or finite_number(name, bound) > 0):
-            told = Quantity(bound, SPEED if name == "rate" else LENGTH)
-            raise InputError(Message("{name} = {bound:g}: the actuator's bound is above 0", name=name, bound=told))
+            quantity = Quantity(bound, SPEED if name == "rate" else LENGTH)
+            raise InputError(Message("{name} = {bound:g}: the actuator's bound is above 0", name=name, bound=quantity))
     return Limits(float(rate), float(stroke), driven.model.separation(driven.values))
 
 

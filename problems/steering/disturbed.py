@@ -16,7 +16,7 @@ from orbits.units import LIFTOFF_SPEED
 
 from .actuated import Actuated
 
-# A push comes so much later, as a share of its time, that it follows a landing at that time: the first of these is
+# A push comes later by such a share of its time that it follows a landing at that time: the first of these is
 # enough but for a landing at no speed, whose time is known less well.
 JUST_AFTER = (1e-13, 1e-10, 1e-8, 1e-6)
 
@@ -161,7 +161,7 @@ def _later(schedule: Inputs, time: float) -> Inputs:
 
 
 def _one_after_other(first: Simulation, rest: Simulation) -> Simulation:
-    """One simulation of two, of which the second begins when the first one ends."""
+    """Two simulations as one, the second beginning when the first one ends."""
     legs = tuple(replace(leg, start=first.end + leg.start) for leg in rest.legs)
     events = tuple(replace(event, time=first.end + event.time) for event in rest.events)
     launches = np.concatenate([first.launches, rest.launches])

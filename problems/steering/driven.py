@@ -143,7 +143,7 @@ class Driven(Control, what="motion of a driven machine"):
 
     @classmethod
     def of_saved(cls, document: Any, machine: AnyMachine | None = None) -> "Driven":
-        """The motion of what `saved` made, of the machine that it states or of this one; raises `ValueError` where
+        """The motion of a document by `saved`, of the machine that it states or of this one; raises `ValueError` where
         parts of it do not fit each other."""
         data, control = conform(document, _SavedDriven), Control.of_saved(document)
         if machine is None and data["statement"] is not None:
@@ -168,7 +168,7 @@ def _actuator_power(machine: Any, control: Driven, t: np.ndarray) -> np.ndarray:
 
 
 class DrivenMotion(Simulation):
-    """A motion of an actuated machine, whose spring joins what it joins without the actuator."""
+    """A motion of an actuated machine, whose spring joins the same as without the actuator."""
 
     @property
     def springs(self) -> tuple[tuple[str | None, str], ...]:
@@ -197,7 +197,7 @@ class WithMovedEnd(DrivenMotion):
 
 
 class _SavedDriven(TypedDict):
-    """What a file of a `Driven` has beside its `Control`."""
+    """The entries of a file of a `Driven` beside its `Control`."""
 
     machine: Mapping[str, Any]
     statement: Mapping[str, Any] | None

@@ -31,7 +31,7 @@ from .actuated import RATE, Actuated, Limits, actuator_limits, product
 from .driven import Driven
 
 # Positive work is rounded: power P counts as (P + sqrt(P^2 + round^2))/2, with a share of the mean power as `round`.
-# The last of these shares is that of the answer; the earlier ones lead there.
+# The last of these shares is that of the result; the earlier ones lead there.
 ROUNDINGS = (1.0, 0.3, 0.1)
 # Tolerance of least work: quadrature is slow near corners of the power, while the motion itself stays smooth.
 WORK_TOLERANCE = 1e-7
@@ -107,7 +107,7 @@ def keep_hopping(
         return _least_effort(replace(hop, lossless=True), None)
     if cost == "effort":
         return _least_effort(hop, guess)
-    if guess is None:  # the other costs have corners: their search starts from an answer that is near
+    if guess is None:  # the other costs have corners: their search starts from a result that is near
         # With a plastic landing, least effort may be far from least work.
         guess = _least_effort(replace(hop, lossless=lossless or cost == "work"), None)
     return _least_peak(hop, guess) if cost == "peak" else _least_work(hop, guess)
@@ -204,7 +204,7 @@ def work(machine: TwoMassMachine, control: Control) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class _Hop:
-    """A hop of a driven machine near a lossless orbit, with flight and contact in so many intervals."""
+    """A hop of a driven machine near a lossless orbit, with flight and contact in `intervals` together."""
 
     driven: Actuated
     orbit: Orbit
@@ -221,23 +221,23 @@ class _Hop:
         return _hop_stages(model, model.gap(values), counts, times, self.limits, cost, self.lossless, periodic)
 
     def starts(self, launch: float) -> list[Any]:
-        """Guesses of a hop, or functions that give one; from the lossless orbit a plastic landing may not be found."""
+        """Guesses of a hop, or functions that return one; the lossless orbit may not lead to a plastic landing."""
         start = [_lossless_guess(self.driven, self.orbit)]
         return start if self.lossless else [*start, lambda: _undriven_guess(self.driven, launch)]
 
-    def checked(self, answer: Control) -> Control:
-        """The answer, if it turns in flight as often as the orbit; one turn fewer or more if the landing is plastic."""
-        flight = answer.legs[0].path
+    def checked(self, result: Control) -> Control:
+        """The result, if it turns in flight as often as the orbit; one turn fewer or more if the landing is plastic."""
+        flight = result.legs[0].path
         coefficients = flight.coefficients[:, : len(self.driven.model.flight.states)]
         series = self.driven.model.extension.series(coefficients)
-        turns, wanted = len(piecewise_roots(derivative(series), flight.steps)), 2 * self.orbit.family + 1
-        if abs(turns - wanted) > (0 if self.lossless else 1):
+        turns, expected = len(piecewise_roots(derivative(series), flight.steps)), 2 * self.orbit.family + 1
+        if abs(turns - expected) > (0 if self.lossless else 1):
             raise NoOrbit(
-                f"the answer's extension turns {turns} times in flight, that of family {self.orbit.family} {wanted} "
+                f"the answer's extension turns {turns} times in flight, that of family {self.orbit.family} {expected} "
                 "times: it is another kind of hop; start from the answer for a machine, or a launch, nearer to the "
                 "lossless orbit's"
             )
-        return answer
+        return result
 
 
 def _hop(machine, family, orbit, lossless, intervals, rate, stroke) -> _Hop:
@@ -256,16 +256,16 @@ def _least_effort(hop: _Hop, guess: Control | None) -> Control:
 
 
 def _least_peak(hop: _Hop, guess: Control) -> Control:
-    """A periodic hop of locally least peak rate, from an answer nearby."""
+    """A periodic hop of locally least peak rate, from a result nearby."""
     peak = max(float(np.abs(leg.inputs.row(RATE)).max()) for leg in guess.legs)
     guess = replace(guess, parameters={**guess.parameters, "peak": peak})
     stages, free = hop.stages("peak", periodic=True), {"peak": (0.0, np.inf)}
-    answer = hop.checked(steer(stages, hop.driven.still, guess=guess, free=free))
-    return replace(answer, cost=answer.parameters["peak"])
+    result = hop.checked(steer(stages, hop.driven.still, guess=guess, free=free))
+    return replace(result, cost=result.parameters["peak"])
 
 
 def _least_work(hop: _Hop, guess: Control) -> Control:
-    """A periodic hop of locally least positive work, from an answer nearby."""
+    """A periodic hop of locally least positive work, from a result nearby."""
     mean = abs(work(hop.driven.machine, guess)[0]) / guess.end
     for share in ROUNDINGS:
         values = {**hop.driven.still, "round": share * mean}
@@ -275,21 +275,21 @@ def _least_work(hop: _Hop, guess: Control) -> Control:
 
 
 def _cheapest(hop: _Hop, stages, values: dict[str, float], starts: Sequence[Any]) -> Control:
-    """The cheapest answer from several starts; raises the first one's `NoOrbit` if there is none."""
-    answers, reasons = [], []
+    """The cheapest result from several starts; raises the first one's `NoOrbit` if there is none."""
+    results, reasons = [], []
     for start in starts:
         try:
             guess = start if isinstance(start, Control | list) else start()
-            answers.append(hop.checked(steer(stages, values, guess=guess)))
+            results.append(hop.checked(steer(stages, values, guess=guess)))
         except NoOrbit as reason:
             reasons.append(reason)
-    if not answers:
+    if not results:
         raise reasons[0]
-    return min(answers, key=lambda answer: answer.cost)
+    return min(results, key=lambda result: result.cost)
 
 
 def _lossless(machine: TwoMassMachine, family: int, orbit: Orbit | None) -> Orbit:
-    """The orbit without the damping, found if it is not given."""
+    """The orbit without the damping, found if it is None."""
     return orbit or find(machine.with_values(**dict.fromkeys(DAMPERS, 0.0)), family=family)
 
 
@@ -301,7 +301,7 @@ def _contact_time(orbit: Orbit) -> float:
 
 
 def _flight_states(driven: Actuated, leg: Any, t: ArrayLike) -> np.ndarray:
-    """Flight states (..., n) of a leg of an answer at times (...) since its start."""
+    """Flight states (..., n) of a leg of a result at times (...) since its start."""
     embed, rows = driven.model.embed, leg.path(t)
     return rows[..., : len(embed)] if leg.phase == "flight" else rows[..., : embed.shape[1]] @ embed.T
 
@@ -314,7 +314,7 @@ def _lossless_guess(driven: Actuated, orbit: Orbit) -> list[Guess]:
 
 
 def _undriven_guess(driven: Actuated, launch: float) -> list[Guess]:
-    """What the machine does by itself: the flight from a launch, and the next contact, which need not join."""
+    """The motion without control: the flight from a launch, and the next contact, which need not join."""
     run = simulate(driven, launch, hops=1)
     contacts = [leg for leg in run.legs if leg.phase == "contact"]
     if run.status != "done" or not contacts:
@@ -356,7 +356,7 @@ def _growing_swings(orbit: Orbit, rest: float, pumps: int) -> list[Guess]:
 
 @lru_cache(maxsize=32)
 def _hop_stages(model, gap, intervals, times, limits, cost, lossless, periodic) -> tuple[Stage, Stage]:
-    """Flight and contact, as `steer` takes them; the same hop has the same stages, with what is compiled for them.
+    """Flight and contact, as `steer` takes them; the same hop has the same stages, with their compiled functions.
 
     A hop that is not periodic goes from the parameter "launch" to "aim".
     """

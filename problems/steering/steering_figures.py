@@ -1,4 +1,4 @@
-"""Figures of driven machines: heights of the masses, what the actuator does, and what a disturbance changes."""
+"""Figures of driven machines: heights of the masses, inputs of the actuator, and effects of a disturbance."""
 
 from typing import Any
 

@@ -1,1 +1,1 @@
-"""Results on pages: what a notebook shows of them, and figures of Bokeh that move, alone in a file or live."""
+"""Results on pages: cells of notebooks, and animated figures of Bokeh, alone in a file or live."""

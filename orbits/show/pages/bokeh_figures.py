@@ -1,4 +1,4 @@
-"""What the figures of Bokeh have in common: their looks, their tools, and ranges that do not jump."""
+"""Common parts of the Bokeh figures: their styles, their tools, and ranges that do not jump."""
 
 from html import escape
 from importlib import import_module
@@ -8,18 +8,18 @@ import numpy as np
 
 from ...errors import InputError
 
-# A model of Bokeh, the name of one of its properties, and the value it gets.
+# A model of Bokeh, the name of one of its properties, and its new value.
 Change: TypeAlias = tuple[Any, str, Any]
 
 TOOLS = "pan,box_zoom,wheel_zoom,reset,save"
-# What moves in each frame is drawn on a canvas of its own, so that nothing else is drawn again for it.
+# Glyphs that move in each frame are drawn on a canvas of their own, so that nothing else is drawn again for them.
 MOVING = {"level": "overlay"}
 GREY, INK = "#6b6b6b", "#333333"
-# A range stays as long as what it shows fills at least this share of it.
+# A range stays as long as the data fill at least this share of it.
 FILLED = 0.7
-FLAT = 1e-9  # what varies by a smaller share of itself is constant
-MARGIN = 0.06  # beside what is shown, as a share of it
-SPARE = 0.1  # more where something has just grown, which is likely to go on
+FLAT = 1e-9  # values that vary by a smaller share of themselves are constant
+MARGIN = 0.06  # beside the data, as a share of their range
+SPARE = 0.1  # additional margin where the data have just grown and are likely to grow further
 
 
 def bokeh(module: str) -> Any:
@@ -31,7 +31,7 @@ def bokeh(module: str) -> Any:
 
 
 def new_figure(title: str, height: int, **options: Any) -> Any:
-    """A figure of Bokeh as wide as its place, whose axes have fixed ranges unless the options say others.
+    """A figure of Bokeh as wide as its place, whose axes have fixed ranges unless the options state others.
 
     No tool takes a drag or a turn of the wheel before it is chosen, so that a page can be scrolled by touch.
     """
@@ -61,28 +61,28 @@ def legend_above(figure: Any, *items: Any, columns: int = 4) -> None:
 
 
 def empty_columns(*names: str) -> dict[str, list]:
-    """Columns of a source with nothing in them."""
+    """Empty columns of a source."""
     return {name: [] for name in names}
 
 
-def hover(renderers: list[Any], told: list[tuple[str, str]], **options: Any) -> Any:
-    """A tool that tells what is at the pointer; `told` is as for `tip`."""
-    formatters = {text.split("{")[0]: "printf" for _, text in told if "{" in text}
-    return bokeh("models").HoverTool(renderers=renderers, tooltips=tip(told), formatters=formatters, **options)
+def hover(renderers: list[Any], entries: list[tuple[str, str]], **options: Any) -> Any:
+    """A tool that shows the values at the pointer; `entries` is as for `tip`."""
+    formatters = {text.split("{")[0]: "printf" for _, text in entries if "{" in text}
+    return bokeh("models").HoverTool(renderers=renderers, tooltips=tip(entries), formatters=formatters, **options)
 
 
-def tip(told: list[tuple[str, str]]) -> str:
-    """What stands in a tooltip, narrow enough for a phone.
+def tip(entries: list[tuple[str, str]]) -> str:
+    """The text of a tooltip, narrow enough for a phone.
 
-    told : names and texts, where "@name{%.5g}" is a column in the format of C; a text without a name has none
+    entries : names and texts, where "@name{%.5g}" is a column in the format of C; a text without a name has none
     """
-    names = (f"<span style='color:{GREY}'>{escape(name)}</span> " if name else "" for name, _ in told)
-    rows = "".join(f"<div>{name}{text}</div>" for name, (_, text) in zip(names, told, strict=True))
+    names = (f"<span style='color:{GREY}'>{escape(name)}</span> " if name else "" for name, _ in entries)
+    rows = "".join(f"<div>{name}{text}</div>" for name, (_, text) in zip(names, entries, strict=True))
     return f"<div style='max-width:15em;white-space:normal;overflow-wrap:anywhere;color:{INK}'>{rows}</div>"
 
 
 def range_changes(shown: Any, low: float, high: float, steady: bool, margin: float = MARGIN) -> list[Change]:
-    """What makes a `Range1d` show from low to high: nothing for a steady one that shows that already and that is well
+    """The changes that make a `Range1d` show low to high: none for a steady one that shows that already and is well
     filled by it."""
     if (size := high - low) <= FLAT * max(abs(low), abs(high)):  # nothing but rounding
         size = abs(high) or 1.0
@@ -98,14 +98,14 @@ def range_changes(shown: Any, low: float, high: float, steady: bool, margin: flo
 
 
 def apply(changes: list[Change]) -> None:
-    """Give the models those values that they do not have, together where they are on a page already."""
+    """Set those values that the models do not have yet, together where they are on a page already."""
     document = next((model.document for model, _, _ in changes if model.document is not None), None)
     held = document is not None and document.callbacks.hold_value is None
     if document is not None and held:
         document.hold("combine")
     try:
         for model, name, value in changes:
-            if not _equal(getattr(model, name), value):  # Bokeh tells of arrays also where they are equal
+            if not _equal(getattr(model, name), value):  # Bokeh reports a change of arrays also where they are equal
                 setattr(model, name, value)
     finally:
         if document is not None and held:

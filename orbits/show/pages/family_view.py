@@ -1,4 +1,4 @@
-"""A family as a figure of Bokeh: a quantity along the curve, with what happens on it, to hover over and to click."""
+"""A family as a figure of Bokeh: a quantity along the curve, with its events, to hover over and to click."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -21,7 +21,7 @@ from .bokeh_figures import (
     tip,
 )
 
-# How events are marked, alike in each figure of a family.
+# Markers of events, the same in each figure of a family.
 SHAPES = {"fold": "circle", "branch point": "square", "grazing": "inverted_triangle", "masses touch": "x"}
 SHAPES |= {"contact pulls": "triangle", "landing jerk": "square_x", "collapse": "diamond", "family": "star"}
 SHAPES |= {"law ends": "diamond_cross"}
@@ -30,13 +30,13 @@ OTHER_SHAPE, SHAPE_OF_END = "plus", "square_pin"
 
 @dataclass(frozen=True, eq=False)
 class FamilyData:
-    """What the figure of a family shows, as arrays and texts that can be sent to another process.
+    """The data of the figure of a family, as arrays and texts that can be sent to another process.
 
     value, motions, others : (k,) the parameter along the curve, and the quantity where the orbits are motions and where
         they are not, NaN elsewhere
-    points : columns (k,) of the orbits: "value", "quantity", "alpha", and "told", whether they are motions and what
-        happens there
-    events : columns of what happens and of the end: "value", "quantity", "kind"
+    points : columns (k,) of the orbits: "value", "quantity", "alpha", and "told", whether they are motions and which
+        event is there
+    events : columns of the events and of the end: "value", "quantity", "kind"
     labels : of the two axes, with units
     """
 
@@ -49,21 +49,21 @@ class FamilyData:
 
 
 def family_data(family: Any, quantity: str = "alpha") -> FamilyData:
-    """What the figure shows of a `Family`, in SI for a machine that is stated so.
+    """The data of a `Family` for its figure, in SI for a machine that is stated in SI.
 
     quantity : as in `Family.quantity`, which raises `InputError` for an unknown one
     """
     value, whole, motions, others = family_curve(family, quantity)
     along, speed_in = family.in_order(), family.units.get("alpha", "")
-    told = ["a motion" if point.admissible else "; ".join(point.violations) for point, _ in along]
-    told = [text if event is None else f"{event.kind}: {text}" for text, (_, event) in zip(told, along, strict=True)]
+    texts = ["a motion" if point.admissible else "; ".join(point.violations) for point, _ in along]
+    texts = [text if event is None else f"{event.kind}: {text}" for text, (_, event) in zip(texts, along, strict=True)]
     marked = [i for i, (_, event) in enumerate(along) if event and event.kind != "asked"]
     kinds = [along[i][1].kind for i in marked]
     if along:
         marked, kinds = [*marked, len(along) - 1], [*kinds, f"end: {family.end.kind}"]
-        told[-1] += f"; {kinds[-1]}, {ending(family)}"
+        texts[-1] += f"; {kinds[-1]}, {ending(family)}"
     speeds = [number_text(point.alpha, speed_in) for point, _ in along]
-    points = {"value": value, "quantity": whole, "alpha": speeds, "told": told}
+    points = {"value": value, "quantity": whole, "alpha": speeds, "told": texts}
     events = {"value": value[marked], "quantity": whole[marked], "kind": kinds}
     labels = family.heading(family.name), family.heading(quantity).replace("_", " ")
     return FamilyData(value, motions, others, points, events, labels)
@@ -78,7 +78,7 @@ def ending(family: Any) -> str:
 
 
 class FamilyFigure:
-    """The figure of a family, which `show` gives another one.
+    """The figure of a family; `show` replaces the family.
 
     figure : of Bokeh
     points : the source of the orbits, with columns "value" and "quantity"; clicks select from it
@@ -93,12 +93,12 @@ class FamilyFigure:
         self.figure = figure = new_figure("", height)
         line = figure.line("value", "motions", source=self._curve, line_width=2.5, color=COLOURS[0])
         dashed = figure.line("value", "others", source=self._curve, line_width=2, color=COLOURS[0], line_dash=[4, 4])
-        # The orbits themselves would fill the gaps of the dashes: they are seen where the pointer is.
+        # The orbits themselves would fill the gaps of the dashes: they are shown only at the pointer.
         unseen: dict[str, Any] = dict.fromkeys(("line_color", "fill_color", "nonselection_fill_color"))
         unseen |= {"hover_fill_color": COLOURS[0], "hover_line_color": None, "size": 7}
         points = figure.scatter("value", "quantity", source=self.points, **unseen)
-        look = {"marker": "marker", "fill_color": "white", "line_color": INK, "line_width": 1.6, "size": 10}
-        events = figure.scatter("value", "quantity", source=self._events, **look)
+        style = {"marker": "marker", "fill_color": "white", "line_color": INK, "line_width": 1.6, "size": 10}
+        events = figure.scatter("value", "quantity", source=self._events, **style)
         ring = {"size": 16, "fill_color": None, "line_color": COLOURS[1], "line_width": 3}
         here = figure.scatter("value", "quantity", source=self._here, **ring, **MOVING)
         new_item = models.LegendItem
@@ -109,14 +109,14 @@ class FamilyFigure:
         figure.add_tools(self._hover, models.TapTool(renderers=[points]))
 
     def show(self, data: FamilyData, steady: bool = True) -> None:
-        """Show another family in place of the one before; what `mark` has marked is gone.
+        """Show another family in place of the current one; this removes what `mark` has marked.
 
         steady : whether axes stay as they are while the family fills them well
         """
         apply(self.changes(data, steady))
 
     def changes(self, data: FamilyData, steady: bool = True) -> list[Change]:
-        """What `show` changes."""
+        """The changes that `show` makes."""
         across, up = data.labels
         kinds = data.events["kind"]
         markers = [SHAPE_OF_END if kind.startswith("end: ") else SHAPES.get(kind, OTHER_SHAPE) for kind in kinds]
@@ -145,7 +145,7 @@ class FamilyFigure:
         apply(self.marks(value, quantity))
 
     def marks(self, value: float | None = None, quantity: float | None = None) -> list[Change]:
-        """What `mark` changes."""
-        seen = value is not None and quantity is not None
-        place = {"value": [value], "quantity": [quantity]} if seen else empty_columns("value", "quantity")
-        return [(self._here, "data", place), (self._items[2], "visible", seen)]
+        """The changes that `mark` makes."""
+        marked = value is not None and quantity is not None
+        place = {"value": [value], "quantity": [quantity]} if marked else empty_columns("value", "quantity")
+        return [(self._here, "data", place), (self._items[2], "visible", marked)]

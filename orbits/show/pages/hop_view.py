@@ -26,14 +26,14 @@ from .bokeh_figures import (
 )
 from .player import new_player
 
-# Times at which a hop of family n is looked at: so many, and so many more for each family, at most so many.
+# The number of times at which a hop of family n is sampled: a constant, plus a multiple of n, up to a bound.
 TIMES, TIMES_EACH, MOST_TIMES = 160, 40, 1200
 CENTRE_OF_MASS = "centre of mass"
 
 
 @dataclass(frozen=True, eq=False)
 class HopData:
-    """What the figures of a hop show, as arrays and texts that can be sent to another process.
+    """The data of the figures of a hop, as arrays and texts that can be sent to another process.
 
     title : machine, family, speed and laws in two lines
     names : of the m masses, the upper before the lower
@@ -42,11 +42,11 @@ class HopData:
     centre : (k,) the height of the centre of mass; None where there is none
     force : (k,) the contact force; None where there is none
     why : in words, why there is no contact force
-    flight_time : of it
+    flight_time : of the hop
     floating : whether `drawn` are no true heights
     springs : numbers of the masses, lower and upper, that springs join; -1 is the ground
     knees : such numbers with the length of each of the two links
-    span : the lowest and the highest of what is drawn
+    span : the lowest and the highest height that is drawn
     labels : of the axes, by "time", "height", "speed" and "force", with units
     """
 
@@ -73,7 +73,7 @@ class HopData:
 
 
 def hop_data(orbit: Any) -> HopData:
-    """What the figures show of an `Orbit`, in SI for a machine that is stated so."""
+    """The data of an `Orbit` for its figures, in SI for a machine that is stated in SI."""
     count = min(TIMES + TIMES_EACH * orbit.family, MOST_TIMES)
     time, force, why = np.linspace(0, orbit.flight_time, count), None, "the contact never ends"
     if orbit.contact_time is not None:
@@ -113,7 +113,7 @@ def hop_data(orbit: Any) -> HopData:
 
 
 class HopFigures:
-    """Figures of a hop, which `show` gives another one, also one of a machine with other masses.
+    """Figures of a hop; `show` replaces the hop, also by one of a machine with other masses.
 
     machine : the animated machine
     heights : heights of the masses against time, contact shaded
@@ -124,11 +124,11 @@ class HopFigures:
 
     def __init__(self) -> None:
         new = bokeh("models").ColumnDataSource
-        masses, joints, seen = ("time", "height", "speed", "colour", "name"), ("lower", "upper"), ("xs", "ys")
+        masses, joints, paths = ("time", "height", "speed", "colour", "name"), ("lower", "upper"), ("xs", "ys")
         self._masses, self._centre = new(empty_columns(*masses)), new(empty_columns("time", "height"))
         self._force, self._contact = new(empty_columns("time", "force")), new(empty_columns("start", "end"))
         self._motion = new(empty_columns("drawn"))
-        self._springs, self._knees = new(empty_columns(*joints, *seen)), new(empty_columns(*joints, "link", *seen))
+        self._springs, self._knees = new(empty_columns(*joints, *paths)), new(empty_columns(*joints, "link", *paths))
         self._bodies = new(empty_columns(*masses, "x", "y", "marker", "size", "aside", "align", "force"))
         self.machine, self.heights = self._new_machine(), self._new_heights()
         self.portrait, self.force = self._new_portrait(), self._new_force()
@@ -136,14 +136,14 @@ class HopFigures:
         self.player = new_player(self.machine, **shown, springs=self._springs, knees=self._knees)
 
     def show(self, data: HopData, steady: bool = True) -> None:
-        """Show another hop in place of the one before.
+        """Show another hop in place of the current one.
 
         steady : whether axes stay as they are while the hop fills them well
         """
         apply(self.changes(data, steady))
 
     def changes(self, data: HopData, steady: bool = True) -> list[Change]:
-        """What `show` changes, in this order."""
+        """The changes that `show` makes, in this order."""
         stands, nothing = data.end > data.flight_time, np.zeros(0)
         force, centre = (nothing if row is None else row for row in (data.force, data.centre))
         changes: list[Change] = [
@@ -190,12 +190,12 @@ class HopFigures:
         figure.add_layout(models.Span(location=0, dimension="width", line_color=INK, line_width=1.5))
         figure.multi_line("xs", "ys", source=self._springs, line_color=GREY, line_width=2, line_join="round", **MOVING)
         figure.multi_line("xs", "ys", source=self._knees, line_color=GREY, line_width=5, line_join="round", **MOVING)
-        looks = {"color": "colour", "marker": "marker", "size": "size"}
-        drawn = figure.scatter("x", "y", source=self._bodies, line_width=6, **looks, **MOVING)
+        columns = {"color": "colour", "marker": "marker", "size": "size"}
+        drawn = figure.scatter("x", "y", source=self._bodies, line_width=6, **columns, **MOVING)
         text = {"text": "name", "x_offset": "aside", "text_align": "align", "text_color": INK, "text_font_size": "13px"}
         figure.text("x", "y", source=self._bodies, text_baseline="middle", y_offset=-11, **text, **MOVING)
-        told = [("", "@name"), *((name, f"@{name}{{%.5g}}") for name in ("time", "height", "speed"))]
-        figure.add_tools(hover([drawn], told))
+        entries = [("", "@name"), *((name, f"@{name}{{%.5g}}") for name in ("time", "height", "speed"))]
+        figure.add_tools(hover([drawn], entries))
         return figure
 
     def _new_heights(self) -> Any:
@@ -210,16 +210,16 @@ class HopFigures:
         self._contact_item = new(label="contact", renderers=[strip])
         named = new(label={"field": "name"}, renderers=[lines])
         legend_above(figure, named, self._centre_item, self._contact_item)
-        told = [("", "@name"), ("time", "$snap_x{%.5g}"), ("height", "$snap_y{%.5g}")]
-        figure.add_tools(hover([lines], told, mode="vline", line_policy="interp"))
+        entries = [("", "@name"), ("time", "$snap_x{%.5g}"), ("height", "$snap_y{%.5g}")]
+        figure.add_tools(hover([lines], entries, mode="vline", line_policy="interp"))
         return figure
 
     def _new_portrait(self) -> Any:
         figure = new_figure("Phase portrait", 300)
         lines = figure.multi_line("height", "speed", source=self._masses, line_color="colour", line_width=2.5)
         figure.scatter("height", "speed", source=self._bodies, size=9, color="colour", line_color="white", **MOVING)
-        told = [("", "@name"), ("height", "$snap_x{%.5g}"), ("speed", "$snap_y{%.5g}")]
-        figure.add_tools(hover([lines], told, line_policy="interp"))
+        entries = [("", "@name"), ("height", "$snap_x{%.5g}"), ("speed", "$snap_y{%.5g}")]
+        figure.add_tools(hover([lines], entries, line_policy="interp"))
         return figure
 
     def _new_force(self) -> Any:
@@ -227,8 +227,8 @@ class HopFigures:
         self._shade(figure)
         line = figure.line("time", "force", source=self._force, line_color=INK, line_width=2.5)
         figure.scatter("time", "force", source=self._bodies, size=9, color=INK, line_color="white", **MOVING)
-        told = [("time", "@time{%.5g}"), ("force", "@force{%.5g}")]
-        figure.add_tools(hover([line], told, mode="vline"))
+        entries = [("time", "@time{%.5g}"), ("force", "@force{%.5g}")]
+        figure.add_tools(hover([line], entries, mode="vline"))
         return figure
 
     def _shade(self, figure: Any) -> Any:
@@ -237,6 +237,6 @@ class HopFigures:
 
 
 def _joints(joints: tuple, *names: str) -> dict[str, list]:
-    """The columns of springs or knees; where they are drawn is up to the browser."""
+    """The columns of springs or knees; the browser computes where they are drawn."""
     unseen: list[list[float]] = [[] for _ in joints]
     return {name: [joint[i] for joint in joints] for i, name in enumerate(names)} | {"xs": unseen, "ys": unseen}

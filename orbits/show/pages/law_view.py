@@ -14,14 +14,14 @@ from ..plot import COLOURS, SHADE
 from .bokeh_figures import GREY, Change, apply, bokeh, empty_columns, hover, legend_above, new_figure, range_changes
 
 TORQUE = (1, 0, 1)  # the dimension of a force against an angle
-EXTENSIONS = 301  # at which a law is looked at
+EXTENSIONS = 301  # number of extensions at which a law is sampled
 LONGEST_TITLE = 44  # characters that fit above the figure on a phone
-ON_EACH_SIDE = 0.35  # so far beyond the used range on both sides, as a share of it
+ON_EACH_SIDE = 0.35  # margin beyond the used range on both sides, as a share of it
 
 
 @dataclass(frozen=True, eq=False)
 class LawData:
-    """What the figure of a law shows, as arrays and texts that can be sent to another process.
+    """The data of the figure of a law, as arrays and texts that can be sent to another process.
 
     extension, force : (k,) of the spring, NaN where the law has no value; a tension is positive
     used : the smallest and the largest extension of the hop
@@ -39,8 +39,8 @@ class LawData:
 
 
 def law_data(machine: Machine, orbit: Any) -> LawData:
-    """What the figure shows of the springs against the extension that a machine counts, and of its hop, in SI for a
-    machine that is stated so.
+    """The data of the springs over the extension that a machine counts, and of its hop, for the figure; in SI for a
+    machine that is stated in SI.
 
     orbit : an `Orbit` of this machine
 
@@ -72,7 +72,7 @@ def law_data(machine: Machine, orbit: Any) -> LawData:
 
 @exclusive
 def _forces(machine: Machine, extensions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Those of the extensions (m,) for which a law is stated, and the forces (m,) there, NaN where there is none."""
+    """The extensions among these (m,) for which a law is stated, and the forces there, NaN where there is none."""
     model, p = machine.model, machine.values
     if model.tension is None:
         raise InputError("this machine states no force of a spring over its extension")
@@ -93,7 +93,7 @@ def _forces(machine: Machine, extensions: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 class LawFigure:
-    """The figure of a law, which `show` gives another one."""
+    """The figure of a law; `show` replaces the law."""
 
     def __init__(self, height: int = 260) -> None:
         models, new = bokeh("models"), bokeh("models").ColumnDataSource
@@ -103,8 +103,8 @@ class LawFigure:
         strip = figure.vstrip("low", "high", source=self._used, fill_color=SHADE, line_color=None, level="underlay")
         figure.add_layout(models.Span(location=0, dimension="width", line_color=GREY))
         line = figure.line("extension", "force", source=self._curve, line_width=2.5, color=COLOURS[0])
-        look = {"size": 9, "fill_color": COLOURS[1], "line_color": "white"}
-        dot = figure.scatter("extension", "force", source=self._liftoff, **look)
+        style = {"size": 9, "fill_color": COLOURS[1], "line_color": "white"}
+        dot = figure.scatter("extension", "force", source=self._liftoff, **style)
         item = models.LegendItem
         named = {"spring": line, "used by the hop": strip, "lift-off": dot}
         legend_above(figure, *(item(label=name, renderers=[renderer]) for name, renderer in named.items()))
@@ -112,14 +112,14 @@ class LawFigure:
         figure.add_tools(hover([line], tips, mode="vline"))
 
     def show(self, data: LawData, steady: bool = True) -> None:
-        """Show another law in place of the one before.
+        """Show another law in place of the current one.
 
         steady : whether axes stay as they are while the law fills them well
         """
         apply(self.changes(data, steady))
 
     def changes(self, data: LawData, steady: bool = True) -> list[Change]:
-        """What `show` changes."""
+        """The changes that `show` makes."""
         (low, high), (extension, force) = data.used, data.liftoff
         changes: list[Change] = [
             (self._curve, "data", {"extension": data.extension, "force": data.force}),

@@ -25,7 +25,7 @@ MAP_SAMPLES, WEB_HOPS = 1500, 60
 
 @dataclass(frozen=True, eq=False)
 class MapData:
-    """What the figure of a return map shows, as arrays and texts that can be sent to another process.
+    """The data of the figure of a return map, as arrays and texts that can be sent to another process.
 
     low, high : launch speeds between which the map is drawn
     alpha, following : (k,) launch speeds and the next ones, NaN where there is none or the map jumps
@@ -58,10 +58,10 @@ def map_data(
     samples: int = MAP_SAMPLES,
     hops: int = WEB_HOPS,
 ) -> MapData:
-    """What the figure shows of a `ReturnMap` between two launch speeds.
+    """The data of a `ReturnMap` between two launch speeds for the figure.
 
-    basin : the intervals that `ReturnMap.basin` gave, None for none
-    start : launch speed from which a cobweb of so many `hops` is drawn, None for no cobweb
+    basin : the intervals that `ReturnMap.basin` returned, None for none
+    start, hops : launch speed from which a cobweb is drawn, None for no cobweb, and its number of hops
     """
     web = np.zeros((2, 0)) if start is None else cobweb(step, start, hops)
     units = step.machine.units
@@ -71,7 +71,7 @@ def map_data(
 
 
 class MapFigure:
-    """A figure of a return map, which `show` gives another one; `figure` is that of Bokeh."""
+    """A figure of a return map; `show` replaces the map; `figure` is that of Bokeh."""
 
     def __init__(self) -> None:
         models = bokeh("models")
@@ -90,15 +90,15 @@ class MapFigure:
         names = ("map", line), ("next = this", identity), ("cobweb", web), ("comes to a lossless hop", strips)
         self._items = {name: models.LegendItem(label=name, renderers=[drawn]) for name, drawn in names}
         legend_above(figure, *self._items.values(), columns=2)
-        told = [("launch speed", "@alpha{%.6g}"), ("next", "@following{%.6g}")]
-        figure.add_tools(hover([line], told, mode="vline"))
+        entries = [("launch speed", "@alpha{%.6g}"), ("next", "@following{%.6g}")]
+        figure.add_tools(hover([line], entries, mode="vline"))
 
     def show(self, data: MapData, steady: bool = True) -> None:
-        """Show another map in place of the one before; axes stay as they are while it fills them well if `steady`."""
+        """Show another map in place of the current one; if `steady`, axes stay while it fills them well."""
         apply(self.changes(data, steady))
 
     def changes(self, data: MapData, steady: bool = True) -> list[Change]:
-        """What `show` changes."""
+        """The changes that `show` makes."""
         basin = np.zeros((0, 2)) if data.basin is None else data.basin
         most = np.nanmax(data.following, initial=data.high, where=np.isfinite(data.following))
         lines: list[tuple[Any, Any, Any]] = [
@@ -114,5 +114,5 @@ class MapFigure:
         unit = f" ({data.unit})" if data.unit else ""
         changes += [(self.figure.xaxis[0], "axis_label", "launch speed" + unit)]
         changes += [(self.figure.yaxis[0], "axis_label", "next launch speed" + unit)]
-        seen = {"cobweb": data.web.size > 0, "comes to a lossless hop": len(basin) > 0}
-        return [*changes, *((self._items[name], "visible", is_seen) for name, is_seen in seen.items())]
+        shown = {"cobweb": data.web.size > 0, "comes to a lossless hop": len(basin) > 0}
+        return [*changes, *((self._items[name], "visible", is_shown) for name, is_shown in shown.items())]

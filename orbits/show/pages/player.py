@@ -1,15 +1,15 @@
-"""The animation of a hop: what JavaScript draws in the browser, by itself, from heights against time."""
+"""The animation of a hop, which JavaScript draws in the browser alone from heights against time."""
 
 from typing import Any
 
 from .bokeh_figures import bokeh
 
 CYCLES_PER_SECOND = 0.4  # at first
-# One function for everything that calls it: `cause` is "layout", "data", "button" or "place". The state is kept on the
-# source of the motion. What is drawn anew in each frame is changed in place and not told
+# One function for everything that calls it: `cause` is "layout", "data", "button" or "place". The state is on the
+# source of the motion. Glyphs that are redrawn in each frame are changed in place and not reported
 # to a server (`change.emit` and `sync: false`), or there would be a message for each frame.
 PLAY = """
-const player = motion.player ??= {share: 0, last: null, drawn: 0, told: 0, looping: false, place: 0};
+const player = motion.player ??= {share: 0, last: null, drawn: 0, reported: 0, looping: false, place: 0};
 const ZIGZAG = [0, 0, ...Array(7).fill([9, -9]).flat(), 0, 0];
 
 function draw() {
@@ -50,8 +50,8 @@ function draw() {
   for (const source of [springs, knees, bodies]) source.change.emit();
 }
 
-function tell(now) {
-  player.told = now;
+function report(now) {
+  player.reported = now;
   player.place = Math.round(1000 * player.share) / 1000;
   slider.setv({value: player.place}, {sync: false});
 }
@@ -67,7 +67,7 @@ function step(now) {
   if (now - player.drawn > 30) {
     player.drawn = now;
     draw();
-    if (now - player.told > 150) tell(now);
+    if (now - player.reported > 150) report(now);
   }
   requestAnimationFrame(step);
 }
@@ -93,12 +93,12 @@ def new_player(machine: Any, **sources: Any) -> Any:
     """A row of widgets, play and pause, speed, and the place in the cycle, that animates a machine.
 
     machine : the figure
-    sources : "masses", with rows of time, height and speed of each; "motion", with their drawn heights, which is given
+    sources : "masses", with rows of time, height and speed of each; "motion", with their drawn heights, which is set
         last; "force"; "springs" and "knees", with the numbers of the masses that they join, -1 for the ground; and
-        "bodies", what is drawn
+        "bodies", the drawn marks of the masses
 
-    A legend is made anew whenever anything changes that its renderers lead to, and a call leads to all that it is
-    given; so nothing is called by the source of a figure with a legend.
+    Bokeh rebuilds a legend whenever a model that its renderers refer to changes, and a callback refers to all of its
+    arguments; so the source of a figure with a legend has no callback.
     """
     models = bokeh("models")
     button = models.Toggle(label="Pause", active=True, width=64, align="end", name="play")

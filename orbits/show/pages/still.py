@@ -1,4 +1,4 @@
-"""Still pages: one HTML file each, with figures that move and answer, and nothing to load from anywhere."""
+"""Still pages: one HTML file each, with animated and interactive figures, and nothing to load from anywhere."""
 
 from collections.abc import Iterable, Sequence
 from html import escape
@@ -32,8 +32,8 @@ p { margin: 0.3em 0 0.8em; overflow-wrap: anywhere; }
 # A browser loads nothing for a page, whatever its texts say: Bokeh would load a script for texts with TeX in them.
 POLICY = "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; img-src data: blob:"
 ZOOM = "To zoom, choose a tool beside a figure. Point at a curve for its numbers."
-# What the page of a family does when a hop of it is chosen: the value "values[hop][i]" is given to the property
-# "names[i]" of "models[i]". A click moves the slider to the nearest hop, of those that have the quantity.
+# The page of a family when one of its hops is chosen: the value "values[hop][i]" is assigned to the property
+# "names[i]" of "models[i]". A click moves the slider to the nearest hop that has the quantity.
 CHOOSE = """
 values[cb_obj.value].forEach((value, i) => {
   models[i].setv({[names[i]]: value instanceof Map ? Object.fromEntries(value) : value});
@@ -60,7 +60,7 @@ def write_page(path: str | Path, title: str, sections: Sequence[Any]) -> Path:
     sections : one after the other, each (heading, list of parts): texts of HTML, and models of Bokeh, side by side
         where there is room
 
-    Raises `InputError` for a path that is none of a page, and without Bokeh.
+    Raises `InputError` for a path that is no page's, and without Bokeh.
     """
     path = check_path(path, PAGES)
     models = [part for _, parts in sections for part in parts if not isinstance(part, str)]
@@ -100,7 +100,7 @@ def orbit_page(orbit: Any, path: str | Path) -> Path:
 
 
 def family_page(family: Any, path: str | Path, quantity: str, hops: Iterable[tuple[Any, Any]]) -> Path:
-    """Write the page of a `Family`: a quantity along it, what happens on it, and some of its hops, each given as
+    """Write the page of a `Family`: a quantity along it, its events, and some of its hops, as pairs
     (point, its `Orbit`), to choose by a slider or a click. See `write_page`."""
     check_path(path, PAGES)
     shown = FamilyFigure()
@@ -120,11 +120,11 @@ def family_page(family: Any, path: str | Path, quantity: str, hops: Iterable[tup
 def sweep_page(sweep: Any, path: str | Path, quantity: str | None) -> Path:
     """Write the page of a `Sweep`: a quantity over its parameters. See `write_page`."""
     check_path(path, PAGES)
-    figures, told = sweep_figures(sweep, quantity)
+    figures, caption = sweep_figures(sweep, quantity)
     statuses = html_table([(name, str(count)) for name, count in sweep.statuses().items()], "Members by status")
     over, *shares = sweep.heads()
     tables = [statuses, html_table(sweep.rows(), "Quantiles", ["", *shares])] if shares else [statuses]
-    title = "\n".join([sweep.title(), over, told])
+    title = "\n".join([sweep.title(), over, caption])
     return write_page(path, title, [*([("Members", figures)] if figures else []), ("In numbers", tables)])
 
 
@@ -140,7 +140,7 @@ def _animation(figures: HopFigures) -> Any:
 
 
 def _other_figures(figures: HopFigures, *beside: Any) -> list[Any]:
-    """The sections of a hop's other figures, and what stands beside the contact force."""
+    """The sections of a hop's other figures, and the parts beside the contact force."""
     return [("Over a cycle", [figures.heights, figures.portrait]), ("Forces", [figures.force, *beside])]
 
 
@@ -161,7 +161,7 @@ def _event_row(family: Any, event: Any, quantity: str) -> tuple[str, ...]:
 
 
 def _choice(family: Any, quantity: str, shown: FamilyFigure, hops: list[tuple[Any, Any]]) -> list[Any]:
-    """The sections of hops of a family, of which one is shown; none without hops."""
+    """The sections of a family's hops, one of which is shown; none without hops."""
     if not hops:
         return []
     models, figures = bokeh("models"), HopFigures()

@@ -1,4 +1,4 @@
-"""A sweep as figures of Bokeh: a quantity over its parameters, with what each member says to hover over."""
+"""A sweep as figures of Bokeh: a quantity over its parameters, with a tooltip for each member."""
 
 from typing import Any
 
@@ -9,13 +9,13 @@ from ..plot import COLOURS
 from .bokeh_figures import GREY, bokeh, empty_columns, hover, legend_above, new_figure
 
 MOST_SHOWN = 10_000  # members; a page of more would be large, and their marks would cover each other
-LONGEST_REASON = 200  # letters of what is told of one
+LONGEST_REASON = 200  # characters of a member's reason in its tooltip
 MAPPED = "Viridis256"  # colours that are read in print and by colour-blind readers
-MOTIONS = ("certified", "lifts_off")  # statuses of members that are as one wants them
+MOTIONS = ("certified", "lifts_off")  # statuses of members that are motions
 
 
 def sweep_figures(sweep: Any, quantity: str | None = None) -> tuple[list[Any], str]:
-    """Figures of a `Sweep` side by side, and in words what they show of it.
+    """Figures of a `Sweep` side by side, and a sentence on what they show.
 
     quantity : a column of numbers, the first one for None
 
@@ -34,12 +34,12 @@ def sweep_figures(sweep: Any, quantity: str | None = None) -> tuple[list[Any], s
     chosen = np.arange(0, len(sweep), step)
     known = np.isfinite(values[chosen])
     found, nothing = (_source(sweep, quantity, rows) for rows in (chosen[known], chosen[~known]))
-    told = f"{int(known.sum())} of {len(chosen)} members have {sweep.heading(quantity).replace('_', ' ')}"
+    caption = f"{int(known.sum())} of {len(chosen)} members have {sweep.heading(quantity).replace('_', ' ')}"
     if step > 1:
-        told = f"One of {step} members is shown: {told}"
+        caption = f"One of {step} members is shown: {caption}"
     if len(sweep.parameters) == 2:
-        return [_plane(sweep, quantity, found, nothing)], told + "."
-    return [_against(sweep, name, quantity, found) for name in sweep.parameters if known.any()], told + "."
+        return [_plane(sweep, quantity, found, nothing)], caption + "."
+    return [_against(sweep, name, quantity, found) for name in sweep.parameters if known.any()], caption + "."
 
 
 def _source(sweep: Any, quantity: str, rows: np.ndarray) -> Any:
@@ -50,9 +50,9 @@ def _source(sweep: Any, quantity: str, rows: np.ndarray) -> Any:
         )
     status, reason = (sweep[name][rows].astype(str) for name in ("status", "reason"))
     families = np.array(sweep.about["families"])
-    told = [f"{a}: {b[:LONGEST_REASON]}" if b else a for a, b in zip(status.tolist(), reason.tolist(), strict=True)]
+    texts = [f"{a}: {b[:LONGEST_REASON]}" if b else a for a, b in zip(status.tolist(), reason.tolist(), strict=True)]
     columns = {column: sweep[name][rows] for column, name in _columns(sweep).items()}
-    columns |= {"quantity": sweep[quantity][rows], "member": sweep.index[rows], "told": told}
+    columns |= {"quantity": sweep[quantity][rows], "member": sweep.index[rows], "told": texts}
     columns["kind"] = np.where(np.isin(status, MOTIONS), "motions", "no motions").tolist()
     columns["family"] = [_family_name(family) for family in families[sweep.index[rows] % len(families)].tolist()]
     return bokeh("models").ColumnDataSource(columns)
@@ -110,7 +110,7 @@ def _marks(figure: Any, sweep: Any, found: Any, x: str, y: str, colour: Any, fie
 
 
 def _member_tool(sweep: Any, quantity: str | None, renderers: list[Any]) -> Any:
-    """The tool that tells of a member."""
+    """The tooltip of a member."""
     tips = [("member", "@member")] + ([("", "@family")] if len(sweep.about["families"]) > 1 else [])
     tips += [(sweep.heading(name), f"@{column}{{%.6g}}") for column, name in _columns(sweep).items()]
     tips += [(_label(sweep, quantity), "@quantity{%.7g}")] if quantity else []
@@ -118,7 +118,7 @@ def _member_tool(sweep: Any, quantity: str | None, renderers: list[Any]) -> Any:
 
 
 def _empty_figure(sweep: Any, across: str, up: str) -> Any:
-    """A figure with logarithmic axes for parameters that were asked for over decades."""
+    """A figure with logarithmic axes for parameters that are swept over decades."""
     new_range, axes = bokeh("models").DataRange1d, {"x": across, "y": up}
     ranges = {f"{axis}_range": new_range() for axis in axes}
     scales = {
