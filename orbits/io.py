@@ -27,7 +27,7 @@ from .errors import InputError, cut_in_the_middle
 Read = TypeVar("Read")
 MEGABYTE = 1 << 20
 # The most characters of a value in the one line that describes a result, and of that line.
-LONGEST_VALUE, LONGEST_LINE = 100, 195
+LONGEST_ENTRY, LONGEST_ONE_LINE = 100, 195
 DIGEST = "digest"  # the key of a document that has its own
 # The names, in messages, of the types that an entry of a document has to have.
 WORDS = {float: "a finite number", int: "a whole number", str: "a text", bool: "true or false"}
@@ -62,9 +62,9 @@ def in_words(values: Mapping[str, Any]) -> list[str]:
 def one_line(result: Any, values: Mapping[str, Any]) -> str:
     """A result in one line of fewer than 200 characters: its type, and some of its values by name, the first as many
     as there is room for, long ones without their middle."""
-    texts = [each if len(each) <= LONGEST_VALUE else cut_in_the_middle(each, 70, 25) for each in in_words(values)]
+    texts = [each if len(each) <= LONGEST_ENTRY else cut_in_the_middle(each, 70, 25) for each in in_words(values)]
     name, count = type(result).__name__, len(texts)
-    while count > 1 and len(f"{name}({', '.join(texts[:count])}, ...)") > LONGEST_LINE:
+    while count > 1 and len(f"{name}({', '.join(texts[:count])}, ...)") > LONGEST_ONE_LINE:
         count -= 1
     return f"{name}({', '.join([*texts[:count], *(['...'] if count < len(texts) else [])])})"
 

@@ -16,7 +16,7 @@ from .corrector import MEMORY, correct, correct_all, predict_and_correct
 from .curve import TEST_FUNCTIONS, Curve, CurvePoint, StepEnd, Watch, interpolated
 from .predictor import around
 
-# Events without a test function of the orbit. The functions of a user cannot have these names.
+# Events that are not among `TEST_FUNCTIONS`. The functions of a user cannot have these names.
 OTHER_EVENTS = ("fold", "branch point", "family", "asked")
 # The largest step is at least this many times as long as the shortest, so that step-size control has some range.
 LEAST_PLAY = 10

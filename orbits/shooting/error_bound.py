@@ -43,7 +43,7 @@ NARROW = (
 def error_bounds(
     equations: Shooting, us: ndarray, ps: ndarray, evaluation: Evaluation, closing: Rows = None, quickly: bool = False
 ) -> tuple[ndarray, dict[int, NoOrbit]]:
-    """Bounds (m,) on the errors of the unknown "alpha" in solutions (m, n), and errors, by index, of the uncertifiable.
+    """Bounds (m,) on the errors of the unknown "alpha" in solutions (m, n), and by index why some cannot be certified.
 
     ps : parameters (m, np)
     evaluation : the equations at the solutions

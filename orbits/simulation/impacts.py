@@ -2,7 +2,7 @@
 
 An impact of restitution e turns the speed s of the gap into -e s. With e = 0 the machine stays in contact where the
 contact force presses, and leaves immediately where the contact would have to pull. A contact ends where its force
-vanishes. For most springs that happens on the launch set. With a spring whose force is not monotonic, the contact may
+vanishes. For most springs that happens on the launch set. If the spring's force does not rise throughout, contact may
 also end elsewhere, or at the extension of a launch while the machine moves down.
 """
 
