@@ -453,16 +453,16 @@ def _check_consistent(document: Mapping[str, Any], data: Mapping[str, Any]) -> N
         return  # an old file, whose numbers have no units
     sides = () if "bounce_side" in data else ("stable_side",)  # in old files the side without a bounce
     for name in DOCUMENT_FIELDS:
-        if name in data and name not in (*sides, "seconds") and not _agree(data[name], document[name]):
+        if name in data and name not in (*sides, "seconds") and not _same_numbers(data[name], document[name]):
             raise ValueError(f"it says {name} = {data[name]!r}, and by its motion that is {document[name]!r}")
 
 
-def _agree(one: Any, other: Any) -> bool:
+def _same_numbers(one: Any, other: Any) -> bool:
     """Whether two parts of documents are equal, numbers up to rounding."""
     if isinstance(one, Mapping) and isinstance(other, Mapping):
-        return one.keys() == other.keys() and all(_agree(one[name], other[name]) for name in one)
+        return one.keys() == other.keys() and all(_same_numbers(one[name], other[name]) for name in one)
     if isinstance(one, list | tuple) and isinstance(other, list | tuple):
-        return len(one) == len(other) and all(map(_agree, one, other))
+        return len(one) == len(other) and all(map(_same_numbers, one, other))
     if isinstance(one, int | float) and isinstance(other, int | float):
         return abs(one - other) <= SAME_NUMBER * max(abs(one), abs(other))
     return bool(one == other)
