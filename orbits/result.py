@@ -101,13 +101,13 @@ class Result:
     machine : the machine in words and numbers, as it describes itself; empty where the result has none. Where the
         machine itself is at hand, it is `source`
     units : the unit of each quantity by name, "m/s"; empty for a dimensionless machine
-    summary() : the numbers and texts that say what was found, by name; `rows()` is the table of their texts, which
+    summary : the numbers and texts that say what was found, by name; `rows()` is the table of their texts, which
         `str(result)` prints and a notebook shows beside `plot()`
-    table() : the data as columns of one length, by name, with the units of `units`; `dataframe()`, `dataset` and
+    table : the data as columns of one length, by name, with the units of `units`; `dataframe()`, `dataset` and
         the files .csv, .nc and .parquet are made of it
-    document() : the result as JSON-ready data, as the command line prints it
-    save(path) : a file, whose ending says which; `load(path)` reads the .json again, to the last bit
-    page(path) : an HTML file that needs no network
+    document : the result as JSON-ready data, as the command line prints it
+    save : a file, whose ending says which; `load(path)` reads the .json again, to the last bit
+    page : an HTML file that needs no network
 
     A class of results says what it has: `what` such results are called in messages and files; the names `in_line`, the
     `title`, and unless its `table` is short, its `_rows`; `document`, and `of_saved`, which makes it again of what
