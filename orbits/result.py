@@ -285,7 +285,8 @@ class Result:
         """Read a result that `save` wrote to .json.
 
         machine : that the result is of, needed where a file does not hold it: for designs, fronts and simulations, and
-            where a file cannot state it, as with a Python function as its spring
+            where a file cannot state it, as with a Python function as its spring. It becomes the `source` of the
+            result; results without one do not look at it
 
         Raises `InputError` when the file is not one, was changed since, or is of another machine.
         """

@@ -305,6 +305,17 @@ def test_every_table_is_one_of_the_usual_kinds(kind, tmp_path):
     assert len(pandas.read_parquet(result.save(tmp_path / "result.parquet"))) == len(frame)
 
 
+@pytest.mark.parametrize("kind", ["Orbit", "Orbit in SI", "Family"])
+def test_the_machine_of_a_loaded_result_is_its_source(kind, tmp_path):
+    result = made(kind)
+    path, own = result.save(tmp_path / "result.json"), result.source
+    again = type(result).load(path, own)
+    assert again.source.describe() == own.describe()
+    assert again == result
+    with pytest.raises(InputError, match="is not a saved"):
+        type(result).load(path, HeavyHand())
+
+
 def test_a_family_in_one_document_and_in_lines(tmp_path):
     family, path = made("Family"), tmp_path / "family.json"
     assert json.loads(family.save(path).read_text())["along"] == "beta"

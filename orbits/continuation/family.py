@@ -19,7 +19,7 @@ from ..periodic.orbit import Orbit, SavedLaws, with_note
 from ..proof.branch_claim import BranchClaim
 from ..proof.prove import prove_branch, prove_claims
 from ..proof.theorem import Proof
-from ..result import ENDINGS, Result, Row, shown
+from ..result import ENDINGS, Result, Row, is_of, shown
 from ..running.time_limit import LIMIT
 from ..units import saved_units
 from .point import KNOWN, SIDES, End, Event, Point, check_points, json_line, point_in_units
@@ -357,7 +357,7 @@ class Family(
                 if "items" in (document := json.load(file)):
                     if DIGEST not in document:
                         warn_of_no_digest(file.name)
-                    return cls.of_saved(unsealed(document))
+                    return cls.of_saved(unsealed(document), machine)
             file.seek(0)
         sealing, items = Sealing(), list[Any]()
         for number, line in enumerate(_lines(file), start=1):
@@ -371,7 +371,7 @@ class Family(
             if number == 1 and sealing.before is None:
                 warn_of_no_digest(file.name)
         head, *lines = items or [{}]
-        return cls.of_saved({**head, "items": lines})
+        return cls.of_saved({**head, "items": lines}, machine)
 
     @classmethod
     def of_saved(cls, document: Any, machine: Any = None) -> "Family":
@@ -388,6 +388,10 @@ class Family(
         check_points(points, events)
         found = tuple(points), tuple(events), end
         family = cls(head["along"], head["machine"], *found, head["settings"], head["versions"])
+        if machine is not None:  # with the value that its description has of the parameter that varies
+            words = {**family.machine, **family.machine["parameters"]}
+            own = {family.name: words[family.name]} if family.name in words else {}
+            family = replace(family, source=is_of(machine, family.machine, own))
         return _modernised(family) if family.machine.get("laws_in") == "SI" else family
 
     @property

@@ -17,7 +17,7 @@ from ..model.model import Knee
 from ..model.phase import Affine
 from ..model.state_formula import SavedHeight, StateFormula, height_of
 from ..numerics.bernstein import lowest
-from ..result import TABLE_ROWS, Report, Result, Row, shown
+from ..result import TABLE_ROWS, Report, Result, Row, is_of, shown
 from ..shooting.formulations import CONTACT_FORCE
 from ..tables import VIOLATED, machine_numbers
 from ..units import UNIT_TEXTS, SavedUnits, Units, in_units, saved_units
@@ -348,7 +348,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
             raise ValueError(f"{error}, as find(machine, start=FILE) does") from None
         orbit = cls.of_saved(document)
         _check_consistent(orbit.document(), document)
-        return orbit
+        return orbit if machine is None else replace(orbit, source=is_of(machine, orbit.machine))
 
     @classmethod
     def of_saved(cls, document: Any, machine: Any = None) -> "Orbit":
