@@ -7,10 +7,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from ball_systems import THREE_HALVES, fn, power, system_of
-from flint import arb, ctx, fmpq
+from flint import arb, ctx
 
 from orbits.balls.crossing import NO_BREAKPOINTS
 from orbits.balls.enclosure import follow_centre
+from orbits.balls.programs import ball_of_fraction
 from orbits.balls.step import between, picard_coefficients, take_step
 from orbits.exact.refusal import Unproved
 
@@ -155,7 +156,8 @@ def test_coefficients_of_states_in_parts_are_those_of_the_solution(name):
     for row, values in zip(found, exactly, strict=True):
         assert len(row) == 9
         for ball, value in zip(row, values, strict=True):
-            assert ball.contains(fmpq(Fraction(value).numerator, Fraction(value).denominator))
+            with ctx.workprec(300):
+                assert ball.contains(ball_of_fraction(Fraction(value)))
             assert float(ball.rad()) < 1e-20
 
 
