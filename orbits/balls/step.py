@@ -23,7 +23,6 @@ from flint import arb, arb_poly, arb_series, ctx
 from ..exact.refusal import Unproved
 from .programs import UNDEFINED, BallProgram, coefficient
 
-_NULL = arb(0)
 # The step is chosen so that the tube grows at most by about this share of itself.
 STIFFEST = 0.6
 # The factor by which a tried tube is wider than its estimate.
@@ -120,7 +119,7 @@ def picard_coefficients(system: System, centre: Sequence[arb], order: int) -> li
         raise Unproved("the motion comes to where a law has no value") from None
     finally:
         ctx.cap = cap
-    return [row if i in moving else row + [_NULL] * order for i, row in enumerate(found)]
+    return [row if i in moving else row + [arb(0)] * order for i, row in enumerate(found)]
 
 
 def take_step(
@@ -198,7 +197,7 @@ def _remainder(system: System, polynomials: list[arb_poly], h: arb, order: int) 
     try:
         ctx.cap = order + 1
         shift = arb_poly([between(arb(0), h), 1])
-        moved = [arb_series(p(shift).coeffs(), order + 1) if p.degree() > 0 else p(_NULL) for p in polynomials]
+        moved = [arb_series(p(shift).coeffs(), order + 1) if p.degree() > 0 else p(arb(0)) for p in polynomials]
         rests = [coefficient(rate, order) for rate in system.rates([*moved])]
     except UNDEFINED:
         return [arb("inf")] * system.size
