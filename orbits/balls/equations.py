@@ -19,7 +19,7 @@ from ..exact.statement import ExactArc, ExactStatement
 from .crossing import Breakpoints
 from .enclosure import COARSE, Fineness, Passage, Variation, follow_set
 from .programs import BallProgram, ball_of_fraction
-from .step import Part, System, between, widened
+from .step import StatesOfPart, System, between, widened
 
 # Halvings of a step's time after which it stays undecided whether a law has a value there.
 MOST_HALVINGS_OF_DOMAINS = 12
@@ -139,11 +139,11 @@ def system_of(states: list[ExactExpression], rates: list[ExactExpression]) -> Sy
                 places.append((i, j))
                 slopes.append(slope)
     moving = [i for i, rate in enumerate(rates) if rate is not ZERO]
-    parts = list[Part]()
+    parts = list[StatesOfPart]()
     for own in _halves(moving, places) or [moving]:
         inputs = sorted({j for i, j in places if i in own})
         program = BallProgram([states[j] for j in inputs], [rates[i] for i in own])
-        parts.append(Part(tuple(own), tuple(inputs), program))
+        parts.append(StatesOfPart(tuple(own), tuple(inputs), program))
     return System(len(states), BallProgram(states, rates), BallProgram(states, slopes), tuple(places), tuple(parts))
 
 

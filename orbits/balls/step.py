@@ -23,6 +23,7 @@ from flint import arb, arb_poly, arb_series, ctx
 from ..exact.refusal import Unproved
 from .programs import UNDEFINED, BallProgram, coefficient
 
+SPREADING = "the set of motions spreads too far to be enclosed; narrower intervals of parameters would help"
 # The step is chosen so that the tube grows at most by about this share of itself.
 STIFFEST = 0.6
 # The factor by which a tried tube is wider than its estimate.
@@ -52,11 +53,11 @@ class System:
     rates: BallProgram
     slopes: BallProgram
     places: tuple[tuple[int, int], ...]
-    parts: tuple["Part", ...]
+    parts: tuple["StatesOfPart", ...]
 
 
 @dataclass(frozen=True)
-class Part:
+class StatesOfPart:
     """Some of the states of a system, with the program of their rates.
 
     states : places of the states
@@ -144,7 +145,7 @@ def take_step(
         h = h / 2
     if not all(rate.is_finite() for rate in system.rates(centre)):
         raise Unproved("the motion comes to or near where a law has no value")
-    raise Unproved("the set of motions spreads too far to be enclosed; narrower intervals of parameters would help")
+    raise Unproved(SPREADING)
 
 
 def _suggested(system: System, rows: list[list[arb]], longest: arb, order: int, accuracy: float) -> arb:
