@@ -266,14 +266,14 @@ def main(quick: bool = False, only: str | None = None) -> dict[str, int]:
         root, left_out = Path(folder), shutil.ignore_patterns("__pycache__", "pictures", "docs")
         for name in ("orbits", "problems", "studies"):
             shutil.copytree(ROOT / name, root / name, ignore=left_out)
-        faults = {
-            program: FAULTS[program][7:8] if quick else FAULTS[program] for program in ([only] if only else FAULTS)
-        }
+        faults = {only: FAULTS[only]} if only else dict(FAULTS)
+        if quick:
+            faults = {program: each[4:5] for program, each in faults.items()}
         needed = {name for fault in faults.get("second", ()) for name in fault.cases}
         (root / THEOREMS).write_text(json.dumps({name: theorem(name) for name in sorted(needed)}), encoding="utf-8")
-        for program in faults:
+        for program, each in faults.items():
             found = []
-            for fault in faults[program]:
+            for fault in each:
                 words = (of_first if program == "first" else of_second)(root, fault)
                 found.append(words.startswith("caught"))
                 module, text, wrong = fault.change
