@@ -246,7 +246,7 @@ class TestIntervalParameters:
             assert overlap(proof.alpha, prove(orbit, motion=False).alpha)
         assert proof.alpha.width <= 10 * abs(found[-1] - found[0])
 
-    @pytest.mark.parametrize("reach", ["0.001", *(pytest.param(r, marks=SLOW) for r in ("0.01", "0.1", "1"))])
+    @pytest.mark.parametrize("reach", ["0.001", *(pytest.param(r, marks=SLOW) for r in ("0.1", "1"))])
     def test_a_wide_one_is_proved_or_undecided(self, cubic, reach):
         bounds = Decimal("0.3") - Decimal(reach), Decimal("0.3") + Decimal(reach)
         proof = prove(cubic, parameters={"beta": tuple(map(str, bounds))})
