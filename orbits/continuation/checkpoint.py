@@ -44,7 +44,7 @@ def collect_family(
                 events.append(line := replace(item, after=item.after + before, point=point))
             else:
                 line = end = item
-            lines.add(json_line(line))
+            lines.add(line)
             if progress and isinstance(item, CurvePoint):
                 progress((item.value - tracer.start) / (tracer.stop - tracer.start))
     return replace(family, points=tuple(points), events=tuple(events), end=end)
@@ -95,11 +95,11 @@ class Lines:
         with refusing("family", self.path):
             self.file = FileIO(self.path, "ab")  # without a buffer, which would be written again as it is closed
 
-    def add(self, record: str) -> None:
+    def add(self, item: Point | Event | End) -> None:
         """Write a further record; it is in the file when this method returns."""
         if self.file is not None:
             with refusing("family", self.path):
-                rest = self.sealing.line(record).encode()
+                rest = self.sealing.line(json_line(item)).encode()
                 while rest:
                     rest = rest[self.file.write(rest) :]
 
