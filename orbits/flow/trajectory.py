@@ -150,10 +150,13 @@ class Trajectories:
 
     @classmethod
     def joined(cls, parts: Sequence["Trajectories"]) -> "Trajectories":
-        """The motions of all parts, either all with variations or none."""
-        names = ["starts", "ends", "coefficients", "counts"] + ["variations"] * (parts[0].variations is not None)
-        arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
-        return cls(**arrays, names=parts[0].names)
+        """The motions of all parts, either all with variations or none, with as many of their terms as all have."""
+        names = "starts", "ends", "coefficients", "counts"
+        arrays = [np.concatenate([getattr(part, name) for part in parts]) for name in names]
+        moving = [part.variations for part in parts if part.variations is not None]
+        terms = min((each.shape[-1] for each in moving), default=0)
+        variations = np.concatenate([each[..., :terms] for each in moving]) if moving else None
+        return cls(*arrays, parts[0].names, variations)
 
     def __iter__(self) -> Iterator[Trajectory]:
         return (self[i] for i in range(len(self)))
