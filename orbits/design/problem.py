@@ -11,6 +11,7 @@ from ..errors import InputError, finite_number
 from ..model.machine import Machine, free_parameters
 from ..model.model import Model
 from ..model.phase import Statement
+from ..numerics.sobol import sobol_points
 from ..symbolic.formula import Formula, parse, suggest
 from .design_statement import VARIATIONAL, Place, design_statement, quantity_names
 
@@ -69,10 +70,8 @@ class DesignProblem:
     def sampled(self, count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
         """The first points (count, k) of Sobol's sequence in the unit cube, a power of 2, and the values (count, k)
         there; bounds that span decades are sampled by their logarithm."""
-        from scipy.stats import qmc  # it takes longer to import than most designs to solve
-
         low, high = np.array(self.low), np.array(self.high)
-        places = qmc.Sobol(len(low), seed=seed).random(count)
+        places = sobol_points(count, len(low), seed)
         positive = np.where(low > 0, low, 1.0)
         ratio = np.where(self.wide, high / positive, 1.0)
         return places, np.where(self.wide, positive * ratio**places, low + places * (high - low))

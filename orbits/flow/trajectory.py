@@ -152,11 +152,11 @@ class Trajectories:
     def joined(cls, parts: Sequence["Trajectories"]) -> "Trajectories":
         """The motions of all parts, either all with variations or none, with as many of their terms as all have."""
         names = "starts", "ends", "coefficients", "counts"
-        arrays = [np.concatenate([getattr(part, name) for part in parts]) for name in names]
+        arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
         moving = [part.variations for part in parts if part.variations is not None]
         terms = min((each.shape[-1] for each in moving), default=0)
         variations = np.concatenate([each[..., :terms] for each in moving]) if moving else None
-        return cls(*arrays, parts[0].names, variations)
+        return cls(**arrays, names=parts[0].names, variations=variations)
 
     def __iter__(self) -> Iterator[Trajectory]:
         return (self[i] for i in range(len(self)))

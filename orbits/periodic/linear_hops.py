@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from ..errors import InputError, NoOrbit, finite_number
 from ..model.modes import SLOWEST_SQUARE, linear_modes
 from ..numerics.roots import Array
+from ..numerics.sobol import sobol_points
 
 # Newton's method starts together from this many quasi-random pairs of half times, and is repeated until this many
 # successive batches for each coordinate bring no new root. After this many steps hardly any start still converges.
@@ -60,16 +61,15 @@ def linear_hops(
 
     Raises `InputError` for an invalid mechanism, and `NoOrbit` where a motion changes neither spring nor gap.
     """
-    from scipy.stats import qmc  # takes long to import
-
     longest = np.array([finite_number("half_contact", half_contact), finite_number("half_flight", half_flight)])
     if not (longest > 0).all():
         raise InputError(f"half_contact = {half_contact}, half_flight = {half_flight}: both are above 0")
     equations, roots, idle = _HopEquations(inertia, stiffness, load, gap), np.zeros((0, 2)), 0
-    pairs, rng = qmc.Sobol(2, seed=seed), np.random.default_rng(seed)
+    tried, rng = 0, np.random.default_rng(seed)
     while idle < IDLE_BATCHES * equations.size:
         factors = LARGEST_FACTOR ** rng.uniform(-1, 1, (BATCH, equations.size + 1))
-        times = equations.roots(pairs.random(BATCH) * longest, factors, longest)
+        times = equations.roots(sobol_points(BATCH, 2, seed, tried) * longest, factors, longest)
+        tried += BATCH
         before, roots = len(roots), _distinct(np.concatenate([roots, times]))
         idle = idle + 1 if len(roots) == before else 0
     roots = roots[np.lexsort(roots.T[::-1])]

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..errors import InputError, finite_number, whole_number
 from ..io import MEGABYTE, read_file
+from ..numerics.sobol import sobol_points
 
 SAMPLINGS = ("grid", "sobol", "lhs", "random")
 # Largest number of members of a sweep: their columns in memory take some hundred bytes each.
@@ -180,14 +181,13 @@ def _grid(axes: Mapping[str, Axis], samples: Any) -> Members:
 
 def _shares(sampling: str, count: int, dimensions: int, seed: int) -> np.ndarray:
     """Points (count, dimensions) in the unit cube, reproducible by their seed."""
-    from scipy.stats import qmc  # slow to import
-
     if sampling == "random":
         return np.random.default_rng(seed).random((count, dimensions))
-    if sampling == "lhs":
-        return qmc.LatinHypercube(dimensions, seed=seed).random(count)
-    # Sobol's sequence is drawn up to the next power of two, and its first points are taken.
-    return qmc.Sobol(dimensions, seed=seed).random_base2((count - 1).bit_length())[:count]
+    if sampling == "sobol":
+        return sobol_points(count, dimensions, seed)
+    from scipy.stats import qmc  # slow to import
+
+    return qmc.LatinHypercube(dimensions, seed=seed).random(count)
 
 
 def _members_of_table(table: Any, wanted: list[str] | None, allowed: Sequence[str]) -> Members:

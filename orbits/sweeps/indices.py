@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ..errors import InputError, whole_number
+from ..numerics.sobol import sobol_points
 from .question import Question
 
 CONFIDENCE, RESAMPLES = 0.95, 500
@@ -14,15 +15,13 @@ def sobol_indices(
     question: Question | None, quantities: Sequence[str] | None, samples: int, seed: int, solve: Callable
 ) -> dict[str, dict[str, dict[str, float]]]:
     """As `Sweep.sensitivity`; `solve`, (table of parameters, quantities) -> the sweep of these members."""
-    from scipy import stats
-
     if question is None or not question.members.axes or question.outcome != "find" or len(question.families) > 1:
         raise InputError("Sobol's indices are of a sweep of one family over ranges or distributions, with its machine")
     if (samples := whole_number("samples", samples, "samples", least=2)) & (samples - 1):
         raise InputError(f"samples = {samples}; Sobol's indices take a power of 2")
     own, names, axes = ("alpha", "flight_time"), question.members.names, question.members.axes
     texts, count = [*own, *question.quantities] if quantities is None else [*quantities], len(names)
-    shares = stats.qmc.Sobol(2 * count, seed=seed).random(samples)
+    shares = sobol_points(samples, 2 * count, seed)
     a, b = shares[:, :count], shares[:, count:]
     mixed = [np.where(np.arange(count) == i, b, a) for i in range(count)]
     places = np.concatenate([a, b, *mixed])
