@@ -578,7 +578,7 @@ def test_results_have_their_units(orbit):
 def test_units_of_another_system_convert_angles_to_themselves():
     feet = Units(0.3048, 1.0, 1.0, 1.0, ("knee", "liftoff"))
     assert feet.of_states(STATES).tolist() == [0.3048, 0.3048, 1.0, 1.0]
-    assert feet.without("alpha", {"alpha": 3.0, "liftoff": 1.5}) == {"alpha": 3.0, "liftoff": 1.5}
+    assert feet.dimensionless("alpha", {"alpha": 3.0, "liftoff": 1.5}) == {"alpha": 3.0, "liftoff": 1.5}
     body = feet.convert_height(StateFormula(BODY, STATES, {"link": 1.0}), STATES)
     assert float(body(np.array([0.3048, 0.0, 1.0, 0.0]))) == pytest.approx(0.3048 * (1 + 2 * np.sin(0.5)), rel=1e-15)
     aside = replace(feet, angles=("theta",))
