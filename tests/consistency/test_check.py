@@ -9,24 +9,11 @@ from by_hand import by_hand, written
 from conftest import slow_after
 
 import orbits.consistency.verdict as consistency
-from orbits import (
-    Affine,
-    InconsistentModel,
-    InputError,
-    Mass,
-    Mechanism,
-    Model,
-    NoOrbit,
-    Phase,
-    ReturnMap,
-    Spring,
-    check,
-    find,
-    follow,
-    simulate,
-    starts,
-)
+from orbits import InputError, Mechanism, Model, NoOrbit, ReturnMap, check, find, follow, simulate, starts
 from orbits.consistency.verdict import algebraic_relations, suspects
+from orbits.errors import InconsistentModel
+from orbits.mechanics import Mass, Spring
+from orbits.model import Affine, Phase
 from orbits.model.model import FOLLOWING
 from problems import (
     Actuated,

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from conftest import PROVED, middle, slow_after
 
-from orbits import End, Event, Family, InputError, NoOrbit, Orbit, find, follow, follow_branch, orbit_at, trace
+from orbits import Family, InputError, NoOrbit, Orbit, find, follow, follow_branch, orbit_at, trace
+from orbits.continuation import End, Event
 from orbits.continuation.corrector import correct, correct_all, predict_and_correct
 from orbits.continuation.curve import Curve, CurvePoint, interpolated
 from orbits.continuation.events import watched

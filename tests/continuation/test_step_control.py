@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from conftest import PROVED, middle
 
-from orbits import InputError, NoOrbit, StepControl, follow, follow_fold, trace
+from orbits import InputError, NoOrbit, follow, follow_fold, trace
+from orbits.continuation import StepControl
 from orbits.continuation.corrector import predict_and_correct
 from problems import Hopper
 

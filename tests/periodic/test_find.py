@@ -10,7 +10,8 @@ import pytest
 from conftest import PROVED, REFERENCES, machine_of, middle, slow_after
 
 import orbits.periodic.certificate
-from orbits import METHODS, InputError, NoOrbit, find, find_all, follow, sweep, time_limit
+from orbits import InputError, NoOrbit, find, find_all, follow, sweep, time_limit
+from orbits.shooting import METHODS
 from orbits.shooting.formulations import half_orbit, whole_flight
 from problems import Hopper, Juggler
 from problems.laws import gravity, springs

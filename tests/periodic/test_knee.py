@@ -28,7 +28,6 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from orbits import (
-    InconsistentModel,
     InputError,
     NoOrbit,
     Orbit,
@@ -43,6 +42,7 @@ from orbits import (
     sensitivities,
     simulate,
 )
+from orbits.errors import InconsistentModel
 from orbits.model.model import FOLLOWING, Model
 from orbits.model.phase import Affine, Phase
 from orbits.model.state_formula import StateFormula

@@ -8,16 +8,8 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from orbits import (
-    Bifurcation,
-    FixedPoint,
-    InputError,
-    NoOrbit,
-    ReturnMap,
-    find,
-    prove_doubling,
-    prove_fixed_point,
-)
+from orbits import InputError, NoOrbit, ReturnMap, find, prove_doubling, prove_fixed_point
+from orbits.return_map import Bifurcation, FixedPoint
 from orbits.return_map.proofs import guessed_hop
 from orbits.return_map.proved_map import proof_of_fixed_point
 from problems import Chain, Hopper, Juggler, hopper_in_si, inerter_hopper, knee_hopper
