@@ -46,24 +46,25 @@ __all__ = [
     "steer", "sweep", "time_limit", "trace", "uncertainty",
 ]  # fmt: skip
 
-# The rooms of names that were once in this package too, and are imported from it still.
-ROOM_OF = {
+# The rooms or modules of further names, which can be imported from this package too.
+PLACE_OF = {
     **dict.fromkeys(("Damper", "Force", "Inerter", "Mass", "Potential", "Spring", "Weight"), "mechanics"),
-    **dict.fromkeys(("Affine", "Arc", "Modes", "Phase", "Pieces", "Reduction", "StateFormula"), "model"),
-    **dict.fromkeys(("Statement", "linear_modes"), "model"),
+    **dict.fromkeys(("Affine", "Arc", "Modes", "Phase", "Pieces"), "model"),
+    **dict.fromkeys(("Reduction", "StateFormula", "Statement", "linear_modes"), "model"),
     **dict.fromkeys(("Guess", "Input", "Stage"), "control"),
-    **dict.fromkeys(("End", "Event", "Point", "StepControl"), "continuation"),
-    **dict.fromkeys(("Bifurcation", "Branch", "FixedPoint", "Hops"), "return_map"),
     **dict.fromkeys(("FlowError", "InconsistentModel", "OutOfRange"), "errors"),
-    **dict.fromkeys(("Certificate", "fold_statement"), "periodic"),
-    **{"Active": "design", "BranchEnd": "return_map.diagram", "Checked": "check", "Enclosure": "exact"},
-    **{"METHODS": "shooting", "SweepProgress": "sweeps"},
+    **dict.fromkeys(("End", "Event", "Point"), "continuation.point"),
+    **dict.fromkeys(("Bifurcation", "Branch", "BranchEnd"), "return_map.diagram"),
+    **dict.fromkeys(("FixedPoint", "Hops"), "return_map.return_map"),
+    **{"Active": "design.optimality", "Certificate": "periodic.certificate", "Checked": "check"},
+    **{"Enclosure": "exact.bounds", "METHODS": "shooting.formulations", "StepControl": "continuation.step_control"},
+    **{"SweepProgress": "sweeps.sweep", "fold_statement": "periodic.fold_statement"},
 }
 
 
 def __getattr__(name: str) -> Any:
     if name == "__version__":  # takes too long to look up in every process
         return version("persistent-orbits")
-    if name in ROOM_OF:
-        return getattr(import_module(f".{ROOM_OF[name]}", __name__), name)
+    if name in PLACE_OF:
+        return getattr(import_module(f".{PLACE_OF[name]}", __name__), name)
     raise AttributeError(f"module 'orbits' has no attribute '{name}'")

@@ -35,8 +35,7 @@ from orbits.continuation.corrector import newton_steps
 from orbits.continuation.curve import Curve
 from orbits.flow.flow import Flow
 from orbits.flow.runge_kutta import RungeKuttaStepper
-from orbits.shooting import METHODS
-from orbits.shooting.formulations import equations_of
+from orbits.shooting.formulations import METHODS, equations_of
 from orbits.show.plot import save_figure
 from orbits.symbolic.kernels import Kernel
 from problems import Chain, Hopper

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from orbits.result import Axes
-from orbits.shooting import METHODS
+from orbits.shooting.formulations import METHODS
 from orbits.show.plot import COLOURS, legend_below, new_row, save_figure
 
 OURS = (*METHODS, "warm", "Taylor, virtual machine", "Taylor, compiled", "Runge-Kutta of order 8")

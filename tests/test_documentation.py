@@ -20,7 +20,7 @@ from conftest import leave
 
 import orbits
 import problems
-from orbits import ROOM_OF
+from orbits import PLACE_OF
 from problems.laws import springs
 
 ROOT = Path(__file__).parents[1]
@@ -199,7 +199,7 @@ def test_the_mechanism_that_is_shown_has_its_closed_form():
 # Every public name.
 
 PUBLIC = [(package, name) for package in (orbits, problems) for name in package.__all__]
-PUBLIC += [(import_module(f"orbits.{room}"), name) for name, room in ROOM_OF.items() if name != "BranchEnd"]
+PUBLIC += [(import_module(f"orbits.{place}"), name) for name, place in PLACE_OF.items() if name != "BranchEnd"]
 DOCUMENTED = re.compile(r"^\.\. (?:autofunction|autoclass|autoexception|automodule|data):: (\S+)$", flags=re.MULTILINE)
 
 
@@ -209,9 +209,9 @@ def full_name(package, name: str) -> str:
     return thing.__name__ if inspect.ismodule(thing) else f"{package.__name__}.{name}"
 
 
-@pytest.mark.parametrize("name", ROOM_OF)
-def test_names_of_rooms_are_imported_from_the_package_too(name):
-    assert getattr(orbits, name) is getattr(import_module(f"orbits.{ROOM_OF[name]}"), name)
+@pytest.mark.parametrize("name", PLACE_OF)
+def test_further_names_are_imported_from_the_package_too(name):
+    assert getattr(orbits, name) is getattr(import_module(f"orbits.{PLACE_OF[name]}"), name)
     assert name not in orbits.__all__
 
 

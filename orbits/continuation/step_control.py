@@ -60,7 +60,7 @@ class StepControl:
     same_point : relative distance below which two points are the same, so that the curve is closed
 
     >>> from orbits import follow
-    >>> from orbits.continuation import StepControl
+    >>> from orbits.continuation.step_control import StepControl
     >>> from problems import Hopper
     >>> family = follow(Hopper("tanh"), "b", 0.2, start=0.1, step_control=StepControl(first_step=0.01))
     >>> family.end.kind

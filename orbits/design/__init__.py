@@ -1,5 +1,1 @@
 """The best design of a machine: problem, sensitivities, local and multistart optimisation, Pareto fronts."""
-
-from .optimality import Active
-
-__all__ = ["Active"]

@@ -1,5 +1,1 @@
 """Sweeps: many orbits of one machine, over its parameters."""
-
-from .sweep import SweepProgress
-
-__all__ = ["SweepProgress"]

@@ -6,7 +6,7 @@ from conftest import PROVED, middle
 
 from orbits import InputError, follow, follow_fold
 from orbits.model import Arc, Statement
-from orbits.periodic import fold_statement
+from orbits.periodic.fold_statement import fold_statement
 from orbits.shooting.single_shooting import Shooting
 from problems import Hopper
 

@@ -11,8 +11,7 @@ from conftest import PROVED, REFERENCES, machine_of, middle, slow_after
 
 import orbits.periodic.certificate
 from orbits import InputError, NoOrbit, find, find_all, follow, sweep, time_limit
-from orbits.shooting import METHODS
-from orbits.shooting.formulations import half_orbit, whole_flight
+from orbits.shooting.formulations import METHODS, half_orbit, whole_flight
 from problems import Hopper, Juggler
 from problems.laws import gravity, springs
 from studies.stress import random_laws

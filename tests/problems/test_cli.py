@@ -12,7 +12,7 @@ from conftest import Result
 
 from orbits import Orbit, find
 from orbits.io import to_json
-from orbits.shooting import METHODS
+from orbits.shooting.formulations import METHODS
 from problems import hopper_in_si
 
 ALPHA = 4.493409457909064  # tan(alpha) = alpha, eq. (12) of the paper

@@ -13,10 +13,10 @@ from sphinx.addnodes import desc_signature, download_reference, pending_xref
 from sphinx.util.docutils import SphinxRole
 from sphinx.util.nodes import make_refnode
 
-from orbits import ROOM_OF
+from orbits import PLACE_OF
 
-ROOMS = (f"orbits.{room}" for room in ROOM_OF.values())
-PACKAGES = ("orbits", "problems", "problems.steering", "orbits.laws.law", *ROOMS)
+PLACES = (f"orbits.{place}" for place in PLACE_OF.values())
+PACKAGES = ("orbits", "problems", "problems.steering", "orbits.laws.law", *PLACES)
 STUDIES = Path(__file__).parents[2]
 # On this page names are those of modules, some of which functions have too.
 OF_MODULES = "where"
