@@ -3,6 +3,7 @@
 import doctest
 import inspect
 import re
+import runpy
 import shlex
 import shutil
 import subprocess
@@ -322,16 +323,30 @@ class Page(HTMLParser):
 
 
 def built_site(folder: Path, figures_of_site: Path) -> Path:
-    """The built site, with the figures that other tests have drawn; the build ends with an error on any warning."""
+    """The built site, with the figures that other tests have drawn, all others but one being drawn here, where the
+    packages are imported; the build ends with an error on any warning."""
     pytest.importorskip("furo")
     pytest.importorskip("myst_parser")
-    from studies.docs.parts.drawings import place_of
+    from studies.docs.parts.drawings import command_of, drawings_of, place_of
 
+    figures = folder / ".cache" / "figures"
     for drawn in figures_of_site.iterdir():
         code = (drawn / "code").read_text(encoding="utf-8") if (drawn / "code").exists() else ""
-        place = place_of(folder / ".cache" / "figures", "drawn" if code else "study", drawn.name, code)
+        place = place_of(figures, "drawn" if code else "study", drawn.name, code)
         shutil.copytree(drawn, place)
         (place / "done").touch()
+    for kind, argument, code in drawings_of(DOCS)[1:]:
+        place = place_of(figures, kind, argument, code)
+        if not place.exists():
+            place.mkdir(parents=True)
+            with chdir(place), pytest.MonkeyPatch.context() as patch:
+                if kind == "drawn":
+                    exec(code, {"__name__": "__main__"})
+                else:
+                    patch.setattr(sys, "argv", command_of(kind, argument, code)[0])
+                    runpy.run_path(sys.argv[0], run_name="__main__")
+                plt.close("all")
+            (place / "done").touch()
     command = [sys.executable, DOCS / "build.py", "--output", folder]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
     assert done.returncode == 0, done.stdout + done.stderr

@@ -139,7 +139,7 @@ def follow_curve(
     """The steps from the time 0 to 1 of the motions that start within spreads (sets, n) of the polynomials of models
     (n,), the last of which is the widest; raises `Unproved`."""
     m, n = variation.moving, variation.size
-    rates, left = variation.varied[0].rates, arb(1)
+    system, left = variation.varied[0], arb(1)
     frame = arb_mat(m, m, [int(i == j) for i in range(m) for j in range(m)])
     carried = [[TaylorModel.of_curve([arb(int(i == j))]) for j in range(n)] for i in range(m)]
     centres = [[start.on(arb(s)).mid() for start in starts] for s in places()]
@@ -150,7 +150,7 @@ def follow_curve(
         check_proof_time()
         unit = [each for row in frame.tolist() for each in (*row, *[_ZERO_BALL] * (n - m))]
         rows = [
-            [[each.mid() for each in row] for row in picard_coefficients(rates, [*centre, *unit], TIME_DEGREE)]
+            [[each.mid() for each in row] for row in picard_coefficients(system, [*centre, *unit], TIME_DEGREE)]
             for centre in centres
         ]
         begin = [*before, *(TaylorModel.of_curve([each]) for each in unit)]

@@ -17,7 +17,7 @@ from flint import arb, arb_mat, ctx
 
 from ..exact.refusal import Unproved, check_proof_time
 from .crossing import NO_BREAKPOINTS, Breakpoints, advance_step
-from .step import Step, System
+from .step import SPREADING, Step, System
 
 # How derivatives are enclosed: the order of polynomials, their accuracy, and the bits of balls. Coarse ones are
 # multiplied by deviations that are small themselves; fine ones are results.
@@ -26,6 +26,9 @@ COARSE, FINE = (12, 2.0**-30, 64), (18, 2.0**-50, 100)
 # The order of polynomials for the centre, per bit: about half of log 2, where steps cost the least.
 ORDER_PER_BIT = 0.36
 MOST_STEPS = 2000
+# A set that spreads needs ever shorter steps: it is given up where the last steps of this many, at their mean length,
+# would take more than ten times the steps that are left.
+OBSERVED_STEPS = 50
 TOO_LONG = f"the motion takes more than {MOST_STEPS} steps"
 
 
@@ -112,6 +115,10 @@ def follow_set(
     while True:
         if len(pieces) == MOST_STEPS:
             raise Unproved(TOO_LONG)
+        if len(pieces) >= OBSERVED_STEPS:
+            needed = OBSERVED_STEPS * float(1 - at) / float(at - pieces[-OBSERVED_STEPS].begins)
+            if needed > 10 * (MOST_STEPS - len(pieces)):
+                raise Unproved(SPREADING)
         check_proof_time()
         within = inner * radii + error
         deviations = frame * within

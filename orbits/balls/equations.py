@@ -19,7 +19,7 @@ from ..exact.statement import ExactArc, ExactStatement
 from .crossing import Breakpoints
 from .enclosure import COARSE, Fineness, Passage, Variation, follow_set
 from .programs import BallProgram, ball_of_fraction
-from .step import System, between, widened
+from .step import StatesOfPart, System, between, widened
 
 # Halvings of a step's time after which it stays undecided whether a law has a value there.
 MOST_HALVINGS_OF_DOMAINS = 12
@@ -138,7 +138,33 @@ def system_of(states: list[ExactExpression], rates: list[ExactExpression]) -> Sy
             if slope is not ZERO:
                 places.append((i, j))
                 slopes.append(slope)
-    return System(len(states), BallProgram(states, rates), BallProgram(states, slopes), tuple(places))
+    moving = [i for i, rate in enumerate(rates) if rate is not ZERO]
+    parts = list[StatesOfPart]()
+    for own in _halves(moving, places) or [moving]:
+        inputs = sorted({j for i, j in places if i in own})
+        program = BallProgram([states[j] for j in inputs], [rates[i] for i in own])
+        parts.append(StatesOfPart(tuple(own), tuple(inputs), program))
+    return System(len(states), BallProgram(states, rates), BallProgram(states, slopes), tuple(places), tuple(parts))
+
+
+def _halves(moving: list[int], places: list[tuple[int, int]]) -> list[list[int]] | None:
+    """The moving states in two parts such that the rates of each depend on no state of its own part, from the places
+    of the derivatives that are not zero; None where there are no such parts."""
+    side, neighbours = dict[int, bool](), {i: list[int]() for i in moving}
+    for i, j in places:
+        if j in neighbours:
+            neighbours[i].append(j)
+            neighbours[j].append(i)
+    for first in moving:
+        waiting = [(first, side.get(first, False))]
+        while waiting:
+            i, at = waiting.pop()
+            if i not in side:
+                side[i] = at
+                waiting += [(j, not at) for j in neighbours[i]]
+            elif side[i] != at:
+                return None
+    return [part for part in ([i for i in moving if side[i] is at] for at in (False, True)) if part]
 
 
 def _dense_program(outputs: Sequence[ExactExpression], inputs: Sequence[ExactExpression]) -> BallProgram:

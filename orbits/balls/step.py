@@ -13,7 +13,8 @@ on [0, h] and lies in the tube (an argument by continuity; Moore, Kearfott, Clou
 2009, chapter 10).
 """
 
-from collections.abc import Callable, Sequence
+import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +23,7 @@ from flint import arb, arb_poly, arb_series, ctx
 from ..exact.refusal import Unproved
 from .programs import UNDEFINED, BallProgram, coefficient
 
+SPREADING = "the set of motions spreads too far to be enclosed; narrower intervals of parameters would help"
 # The step is chosen so that the tube grows at most by about this share of itself.
 STIFFEST = 0.6
 # The factor by which a tried tube is wider than its estimate.
@@ -43,12 +45,28 @@ class System:
     rates : program of n rates
     slopes : program of the derivatives of the rates by the states that are not zero throughout
     places : row and column of each of these derivatives
+    parts : the moving states: all in one part, or in two where the rates of each depend on no state of its own part,
+        as those of positions and of speeds without damping
     """
 
     size: int
     rates: BallProgram
     slopes: BallProgram
     places: tuple[tuple[int, int], ...]
+    parts: tuple["StatesOfPart", ...]
+
+
+@dataclass(frozen=True)
+class StatesOfPart:
+    """Some of the states of a system, with the program of their rates.
+
+    states : places of the states
+    inputs : places of the states that the rates depend on, in the program's order
+    """
+
+    states: tuple[int, ...]
+    inputs: tuple[int, ...]
+    rates: BallProgram
 
 
 @dataclass(frozen=True)
@@ -83,22 +101,26 @@ def between(low: arb, high: arb) -> arb:
     return low.union(high)
 
 
-def picard_coefficients(rates: Callable, centre: Sequence[arb], order: int) -> list[list[arb]]:
-    """Taylor coefficients (n, order + 1) of the solution from a centre (n,): Picard's iteration on series, which
-    determines one more coefficient each time."""
+def picard_coefficients(system: System, centre: Sequence[arb], order: int) -> list[list[arb]]:
+    """Taylor coefficients (n, order + 1) of the solution from a centre (n,): Picard's iteration on series. Each
+    evaluation of the rates of a part determines one more coefficient than the states that they depend on have."""
     found = [[value] for value in centre]
+    moving = {i for part in system.parts for i in part.states}
     cap = ctx.cap
     try:
-        for k in range(order):
-            ctx.cap = k + 1
-            series = [arb_series(row, k + 1) for row in found]
-            for row, rate in zip(found, rates([*series]), strict=True):
-                row.append(coefficient(rate, k) / (k + 1))
+        for part in itertools.cycle(system.parts):
+            known = min((len(found[j]) for j in part.inputs if j in moving), default=order)
+            ctx.cap = known = min(known, order)
+            values = [arb_series(found[j][:known], known) if j in moving else centre[j] for j in part.inputs]
+            for i, rate in zip(part.states, part.rates(values), strict=True):
+                found[i] += [coefficient(rate, k) / (k + 1) for k in range(len(found[i]) - 1, known)]
+            if all(len(found[i]) > order for i in moving):
+                break
     except UNDEFINED:
         raise Unproved("the motion comes to where a law has no value") from None
     finally:
         ctx.cap = cap
-    return found
+    return [row if i in moving else row + [arb(0)] * order for i, row in enumerate(found)]
 
 
 def take_step(
@@ -107,7 +129,7 @@ def take_step(
 ) -> Step:  # fmt: skip
     """A step of at most the longest length from the states within a spread (n,) of a centre (n,), of a polynomial of
     this order whose last term is about the accuracy; raises `Unproved` where no step is short enough."""
-    rows = picard_coefficients(system.rates, centre, order)
+    rows = picard_coefficients(system, centre, order)
     h = _suggested(system, rows, longest, order, accuracy)
     polynomials = [arb_poly(row) for row in rows]
     sizes = _sizes(rows)
@@ -123,7 +145,7 @@ def take_step(
         h = h / 2
     if not all(rate.is_finite() for rate in system.rates(centre)):
         raise Unproved("the motion comes to or near where a law has no value")
-    raise Unproved("the set of motions spreads too far to be enclosed; narrower intervals of parameters would help")
+    raise Unproved(SPREADING)
 
 
 def _suggested(system: System, rows: list[list[arb]], longest: arb, order: int, accuracy: float) -> arb:
@@ -176,7 +198,7 @@ def _remainder(system: System, polynomials: list[arb_poly], h: arb, order: int) 
     try:
         ctx.cap = order + 1
         shift = arb_poly([between(arb(0), h), 1])
-        moved = [arb_series(p(shift).coeffs(), order + 1) for p in polynomials]
+        moved = [arb_series(p(shift).coeffs(), order + 1) if p.degree() > 0 else p(arb(0)) for p in polynomials]
         rests = [coefficient(rate, order) for rate in system.rates([*moved])]
     except UNDEFINED:
         return [arb("inf")] * system.size

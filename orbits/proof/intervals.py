@@ -44,8 +44,12 @@ def _proof_of(
     if not _contain(stated, own):
         return whole
     parts = _parts(claim, stated, own, (digits, motion, loss), HALVINGS_OF_INTERVALS)
-    if parts is None:
-        return whole
+    if not parts[-1].proved:  # its reason may be another one, such as the time limit
+        said = " ".join(whole.reasons)
+        others = [
+            f"in a part of the intervals: {each}" for each in parts[-1].reasons if each.partition(": ")[2] not in said
+        ]
+        return replace(whole, reasons=(*whole.reasons, *others), seconds=time.perf_counter() - began)
     seconds = time.perf_counter() - began
     parameters_stated = {name: bounds_of_fractions(bounds) for name, bounds in stated.parameters.items()}
     return replace(_joined(parts, stated), parameters=parameters_stated, seconds=seconds)
@@ -62,9 +66,9 @@ def _contain(stated: StatedMachine, own: Mapping[str, Bounds]) -> bool:
 
 def _parts(
     claim: Claim, stated: StatedMachine, own: Mapping[str, Bounds], options: tuple[int | None, bool, bool], depth: int
-) -> list[Proof] | None:
-    """Proofs of halves of the widest interval, and of their halves where needed; None where one fails. The orbit's
-    numbers are compared with the parts that contain its machine's own values."""
+) -> list[Proof]:
+    """Proofs of halves of the widest interval, and of their halves where needed, up to the first part that is not
+    proved. The orbit's numbers are compared with the parts that contain its machine's own values."""
     found = list[Proof]()
     widest = max(stated.wide, key=lambda name: _relative_width(stated.parameters[name]))
     low, high = stated.parameters[widest]
@@ -72,15 +76,10 @@ def _parts(
     for ends in ((low, middle), (middle, high)):
         half = _with_parameter(stated, widest, ends)
         proof = whole_proof(claim, half, *options, about_claim=_contain(half, own))
-        if proof.proved:
-            found.append(proof)
-            continue
-        if depth == 1 or REFUTED in proof.conditions.values():
-            return None
-        deeper = _parts(claim, half, own, options, depth - 1)
-        if deeper is None:
-            return None
-        found += deeper
+        last = proof.proved or depth == 1 or REFUTED in proof.conditions.values()
+        found += [proof] if last else _parts(claim, half, own, options, depth - 1)
+        if not found[-1].proved:
+            break
     return found
 
 

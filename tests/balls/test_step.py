@@ -1,5 +1,7 @@
 """Rigorous steps against closed forms."""
 
+import math
+from fractions import Fraction
 from itertools import pairwise
 
 import numpy as np
@@ -9,7 +11,8 @@ from flint import arb, ctx
 
 from orbits.balls.crossing import NO_BREAKPOINTS
 from orbits.balls.enclosure import follow_centre
-from orbits.balls.step import between, take_step
+from orbits.balls.programs import ball_of_fraction
+from orbits.balls.step import between, picard_coefficients, take_step
 from orbits.exact.refusal import Unproved
 
 GROWTH = system_of(1, lambda x: [x[0]])
@@ -115,3 +118,50 @@ def test_a_step_from_where_a_law_has_no_value_is_refused(law, place):
 def test_a_spread_that_holds_a_pole_is_refused(spread):
     with pytest.raises(Unproved):
         stepped(system_of(1, lambda x: [1 / x[0]]), [0.5], spread)
+
+
+# Systems by the states that are in one part, with their Taylor coefficients from a start by hand.
+FACTORIALS = [math.factorial(k) for k in range(9)]
+PARTS = {
+    # x = cos t, v = -sin t; positions and speeds take turns.
+    "undamped": (
+        lambda x: [x[1], -x[0]], [1, 0], [{0}, {1}],
+        [[(-1) ** (k // 2) * Fraction(1 - k % 2, f) for k, f in enumerate(FACTORIALS)],
+         [(-1) ** (k // 2 + 1) * Fraction(k % 2, f) for k, f in enumerate(FACTORIALS)]],
+    ),
+    # Critical damping: x = t exp(-t), v = (1 - t) exp(-t).
+    "damped": (
+        lambda x: [x[1], -x[0] - 2 * x[1]], [0, 1], [{0, 1}],
+        [[(-1) ** (k + 1) * Fraction(k, f) for k, f in enumerate(FACTORIALS)],
+         [(-1) ** k * Fraction(k + 1, f) for k, f in enumerate(FACTORIALS)]],
+    ),
+    # A constant factor, and two oscillations that do not depend on each other.
+    "factor": (
+        lambda x: [x[2] * x[1], -x[2] * x[0], 0, x[2]], [1, 0, 2, 5], [{0, 3}, {1}],
+        [[(-1) ** (k // 2) * Fraction((1 - k % 2) * 2**k, f) for k, f in enumerate(FACTORIALS)],
+         [(-1) ** (k // 2 + 1) * Fraction(k % 2 * 2**k, f) for k, f in enumerate(FACTORIALS)],
+         [2, *[0] * 8],
+         [5, 2, *[0] * 7]],
+    ),
+    "ring": (lambda x: [x[1], x[2], x[0]], [1, 1, 1], [{0, 1, 2}], [[Fraction(1, f) for f in FACTORIALS]] * 3),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_coefficients_of_states_in_parts_are_those_of_the_solution(name):
+    rates, start, parts, exactly = PARTS[name]
+    system = system_of(len(start), rates)
+    assert [{*part.states} for part in system.parts] == parts
+    found = picard_coefficients(system, [arb(value) for value in start], 8)
+    for row, values in zip(found, exactly, strict=True):
+        assert len(row) == 9
+        for ball, value in zip(row, values, strict=True):
+            with ctx.workprec(300):
+                assert ball.contains(ball_of_fraction(Fraction(value)))
+            assert float(ball.rad()) < 1e-20
+
+
+def test_a_division_by_a_constant_that_may_be_0_has_no_coefficients():
+    system = system_of(2, lambda x: [1 / x[1], 0])
+    with pytest.raises(Unproved, match="no value"):
+        take_step(system, [arb(1), arb(0, 1)], [arb(0)] * 2, arb(1), 10, 1e-10)

@@ -49,3 +49,9 @@ def test_the_only_solution_near_enclosures_that_are_rounded_outward():
     assert proof.proved, proof.reasons
     assert float(proof.uniqueness_radius) > 0
     assert not check(json.loads(json.dumps(proof.document())))
+
+
+def test_a_proof_in_parts_that_runs_out_of_time_says_so():
+    proof = prove(find(CUBIC), parameters={"beta": ("0.29", "0.31")}, limit=2.5)
+    assert not proof.proved
+    assert any("it takes more than 2.5 s" in reason for reason in proof.reasons)

@@ -74,15 +74,19 @@ def kept(app) -> Path:
     return Path(app.doctreedir).parent / "figures"
 
 
-def draw_all(app) -> None:
-    """Draw the figures of all pages, as many at a time as there are cores."""
-    places = [
+def drawings_of(pages: Path) -> list[tuple[str, str, str]]:
+    """Kind, argument and code of all drawings of the pages in a folder."""
+    return [
         (kind, argument.strip(), body)
-        for page in sorted(Path(app.srcdir).rglob("*.md"))
+        for page in sorted(pages.rglob("*.md"))
         for kind, argument, body in PLACES.findall(page.read_text(encoding="utf-8"))
     ]
+
+
+def draw_all(app) -> None:
+    """Draw the figures of all pages, as many at a time as there are cores."""
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        for drawing in [pool.submit(draw, kept(app), *place) for place in places]:
+        for drawing in [pool.submit(draw, kept(app), *each) for each in drawings_of(Path(app.srcdir))]:
             drawing.exception()  # the directive says it, with its place
 
 
