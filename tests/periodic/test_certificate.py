@@ -16,8 +16,8 @@ from orbits.flow.flow import flow_of
 from orbits.model.model import as_derived
 from orbits.numerics.roots import solve
 from orbits.periodic.local_law import by_launch_speed, launch_power
-from orbits.shooting import METHODS, error_bound
-from orbits.shooting.formulations import landing_gap_slope
+from orbits.shooting import error_bound
+from orbits.shooting.formulations import METHODS, landing_gap_slope
 from problems import HeavyHand, Hopper, Juggler
 from problems.laws import springs
 
