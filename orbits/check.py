@@ -14,7 +14,7 @@ from .errors import InconsistentModel, InputError, NoOrbit
 from .model.machine import MACHINE_FIELDS, Machine, dimensionless, machine_in_words
 from .model.phase import Phase
 from .model.relative import Search
-from .periodic.find import dimensionless_start, find
+from .periodic.find import find
 from .periodic.guess import guess
 from .periodic.orbit import Orbit
 from .result import Result
@@ -99,7 +99,7 @@ def check(machine: Machine, *, start: Orbit | Mapping[str, float] | None = None)
             known = {each.words for each in relations}
             own = algebraic_relations(bare.model, bare.values)
             relations += [each for each in own if each.words not in known or not each.holds]
-            start = dimensionless_start(start, machine)
+            start = machine.units.dimensionless("start", start)
         relations += _along_motions(bare, start, left_out)
     if not all(each.holds for each in relations):
         raise inconsistent(machine.model.name, relations)

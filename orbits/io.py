@@ -130,29 +130,26 @@ class Changed(ValueError):
 
 
 def unsealed(document: Any, before: str = "") -> Any:
-    """A document without its digest; raises `Changed` where its content is not the one that was written. Files of
-    earlier versions have none."""
-    if not isinstance(document, Mapping) or DIGEST not in document:
-        return document
-    content = {name: value for name, value in document.items() if name != DIGEST}
-    if document[DIGEST] != digest(content, before):
+    """A document without its digest; raises `Changed` where its content is not the one that was written."""
+    parts = document.items() if isinstance(document, Mapping) else ()
+    content = {name: value for name, value in parts if name != DIGEST}
+    if len(content) == len(parts) or document[DIGEST] != digest(content, before):
         raise Changed("it was changed or cut after it was written: take a copy from before, or compute it anew")
     return content
 
 
 def read_sealed(file: BinaryIO) -> Any:
     """The JSON document of a file, checked against its digest."""
-    document = json.load(file)
-    if not isinstance(document, Mapping) or DIGEST not in document:
-        warn_of_no_digest(file.name)
-    return unsealed(document)
+    return unsealed(json.load(file))
 
 
-def warn_of_no_digest(path: str | Path) -> None:
-    """Say, through the logger "orbits", that whether a file was changed cannot be checked."""
-    logging.getLogger("orbits").warning(
-        "%s has no digest, as files of earlier versions: its content is unchecked", path
-    )
+def has_digest(document: Any, path: str | Path) -> bool:
+    """Whether an orbit or the first line of a family has a digest. Those of version 0.1.0 have none, and the logger
+    "orbits" says that they are not checked."""
+    if found := isinstance(document, Mapping) and DIGEST in document:
+        return found
+    logging.getLogger("orbits").warning("%s has no digest, as files of version 0.1.0: its content is unchecked", path)
+    return False
 
 
 def write_table(names: Sequence[str], rows: Iterable[Sequence], path: str | Path, what: str) -> Path:

@@ -116,10 +116,20 @@ class Units:
         own = {"contact force": FORCE, **(own or {})}
         return np.array([self.of(own.get(name) or name) for name in names])
 
-    def without(self, what: str, unknowns: Mapping[str, Any]) -> dict[str, float]:
-        """Unknowns of a launch or half an orbit, by name, converted from these units to dimensionless ones; raises
-        `InputError` for a value that is not a number."""
-        return {name: finite_number(f"{what} '{name}'", unknowns[name]) / self.of(str(name)) for name in unknowns}
+    def dimensionless(self, name: str, argument: Any, dimension: Dimension = ()) -> Any:
+        """An argument of this name and dimension in these units, made dimensionless; one without numbers stays, for the
+        function to refuse. A mapping has unknowns of a launch or half an orbit by name; raises `InputError` where one
+        is not a number."""
+        if hasattr(argument, "dimensionless"):
+            return argument.dimensionless()
+        if hasattr(argument, "in_units"):
+            return argument.in_units(self.inverse())
+        if isinstance(argument, Mapping):
+            return {key: finite_number(f"{name} '{key}'", argument[key]) / self.of(str(key)) for key in argument}
+        if isinstance(argument, tuple | list):
+            return type(argument)(self.dimensionless(name, each, dimension) for each in argument)
+        known = isinstance(argument, Real | np.ndarray) and not isinstance(argument, bool)
+        return argument / self.of(dimension) if known else argument
 
     def convert(self, record: Record, **own: Dimension) -> Record:
         """A frozen record of dimensionless numbers, converted to SI where the name is known; `own` has further
@@ -274,7 +284,7 @@ def in_own_units(
     arguments are converted to the units of the machine's dimensionless self, and results and errors back.
 
     result : the dimension of the numbers in the result, or (result, machine) -> the result in the machine's units
-    arguments : by name the dimension of each that has one, or (argument, machine) -> the argument without units
+    arguments : by name the dimension of each that has one, or (argument, machine) -> the argument made dimensionless
     """
 
     def of_the_machine(function: Callable[_Arguments, _Outcome]) -> Callable[_Arguments, _Outcome]:
@@ -288,7 +298,7 @@ def in_own_units(
             bound = parameters.bind(machine.dimensionless(), *positional[1:], **named)
             for name in arguments.keys() & bound.arguments.keys():
                 own, argument = arguments[name], bound.arguments[name]
-                bare = own(argument, machine) if callable(own) else _without(units, name, own, argument)
+                bare = own(argument, machine) if callable(own) else units.dimensionless(name, argument, own)
                 bound.arguments[name] = bare
             with without_units(units):
                 found: Any = function(*bound.args, **bound.kwargs)
@@ -297,20 +307,6 @@ def in_own_units(
         return converted
 
     return of_the_machine
-
-
-def _without(units: Units, name: str, dimension: Dimension, argument: Any) -> Any:
-    """An argument of this name and dimension without units; one without numbers stays, for the function to refuse."""
-    if hasattr(argument, "dimensionless"):
-        return argument.dimensionless()
-    if hasattr(argument, "in_units"):
-        return argument.in_units(units.inverse())
-    if isinstance(argument, Mapping):
-        return units.without(name, argument)
-    if isinstance(argument, tuple | list):
-        return type(argument)(_without(units, name, dimension, each) for each in argument)
-    known = isinstance(argument, Real | np.ndarray) and not isinstance(argument, bool)
-    return argument / units.of(dimension) if known else argument
 
 
 def _all_powers(dimension: Dimension) -> tuple[float, ...]:

@@ -30,12 +30,12 @@ import casadi as ca
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from orbits import METHODS, InputError, ReturnMap, find, follow, orbit_at
+from orbits import InputError, ReturnMap, find, follow, orbit_at
 from orbits.continuation.corrector import newton_steps
 from orbits.continuation.curve import Curve
 from orbits.flow.flow import Flow
 from orbits.flow.runge_kutta import RungeKuttaStepper
-from orbits.shooting.formulations import equations_of
+from orbits.shooting.formulations import METHODS, equations_of
 from orbits.show.plot import save_figure
 from orbits.symbolic.kernels import Kernel
 from problems import Chain, Hopper

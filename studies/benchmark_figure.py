@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from orbits import METHODS
 from orbits.result import Axes
+from orbits.shooting.formulations import METHODS
 from orbits.show.plot import COLOURS, legend_below, new_row, save_figure
 
 OURS = (*METHODS, "warm", "Taylor, virtual machine", "Taylor, compiled", "Runge-Kutta of order 8")

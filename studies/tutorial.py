@@ -12,7 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from orbits import Inerter, Mass, Mechanism, ReturnMap, Spring, check, find, follow, multiplier, optimize, simulate
+from orbits import Mechanism, ReturnMap, check, find, follow, multiplier, optimize, simulate
+from orbits.mechanics import Inerter, Mass, Spring
 from orbits.show.plot import save_figure
 
 

@@ -180,5 +180,5 @@ def any_digest(monkeypatch):
         plain = isinstance(document, dict)
         return {name: value for name, value in document.items() if name != "digest"} if plain else document
 
-    for module in ("orbits.io", "orbits.continuation.family"):
+    for module in ("orbits.io", "orbits.continuation.family", "orbits.periodic.orbit"):
         monkeypatch.setattr(f"{module}.unsealed", without_digest)

@@ -8,6 +8,8 @@ from collections import defaultdict
 from functools import cache
 from pathlib import Path
 
+from orbits import PLACE_OF
+
 ROOT = Path(__file__).parent.parent
 RANK = {"orbits": 0, "problems": 1, "studies": 2}
 # The rooms of the engine from the ground up: each imports only from itself and from rooms before it.
@@ -141,9 +143,17 @@ def test_no_circles_and_few_floors():
     assert max(heights(rooms).values()) <= MOST_FLOORS
 
 
-def test_a_rooms_face_is_its_docstring():
-    faces = {name_of(path): tree_of(path).body for path in sorted((ROOT / "orbits").glob("*/__init__.py"))}
-    wrong = [name for name, body in faces.items() if len(body) != 1 or not isinstance(body[0], ast.Expr)]
+def test_a_rooms_face_is_its_docstring_and_names_of_its_modules():
+    """The names are those that `orbits.PLACE_OF` says are there."""
+    wrong = []
+    for path in (ROOT / "orbits").glob("*/__init__.py"):
+        first, *others = tree_of(path).body
+        names = sorted(name for name, place in PLACE_OF.items() if place == path.parent.name)
+        imports = [each for each in others[:-1] if isinstance(each, ast.ImportFrom) and each.level == 1]
+        shown = sorted(alias.name for each in imports for alias in each.names)
+        listed = ast.literal_eval(others[-1].value) if others and isinstance(others[-1], ast.Assign) else []
+        plain = isinstance(first, ast.Expr) and len(others) == len(imports) + bool(listed)
+        wrong += [] if plain and names == shown == sorted(listed) else [name_of(path)]
     assert not wrong, wrong
 
 

@@ -21,6 +21,7 @@ from conftest import leave
 
 import orbits
 import problems
+from orbits import PLACE_OF
 from problems.laws import springs
 
 ROOT = Path(__file__).parents[1]
@@ -199,6 +200,7 @@ def test_the_mechanism_that_is_shown_has_its_closed_form():
 # Every public name.
 
 PUBLIC = [(package, name) for package in (orbits, problems) for name in package.__all__]
+PUBLIC += [(import_module(f"orbits.{place}"), name) for name, place in PLACE_OF.items() if name != "BranchEnd"]
 DOCUMENTED = re.compile(r"^\.\. (?:autofunction|autoclass|autoexception|automodule|data):: (\S+)$", flags=re.MULTILINE)
 
 
@@ -206,6 +208,12 @@ def full_name(package, name: str) -> str:
     """Where a public name is described: a module that is public by a shorter name, under its own."""
     thing = getattr(package, name)
     return thing.__name__ if inspect.ismodule(thing) else f"{package.__name__}.{name}"
+
+
+@pytest.mark.parametrize("name", PLACE_OF)
+def test_further_names_are_imported_from_the_package_too(name):
+    assert getattr(orbits, name) is getattr(import_module(f"orbits.{PLACE_OF[name]}"), name)
+    assert name not in orbits.__all__
 
 
 def test_every_public_name_has_a_page():
@@ -286,8 +294,9 @@ def test_examples_in_docstrings_run(name, tmp_path, monkeypatch):
 
 
 def test_main_names_have_an_example():
+    homes = {name: package for package, name in PUBLIC}
     for name in WITH_EXAMPLES:
-        thing: object = problems if name.split(".")[0] in problems.__all__ else orbits
+        thing: object = homes[name.split(".")[0]]
         for part in name.split("."):
             thing = getattr(thing, part)
         assert ">>>" in (inspect.getdoc(thing) or ""), name

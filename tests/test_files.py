@@ -12,7 +12,7 @@ from io import FileIO
 
 import pytest
 
-from orbits import Family, InputError, Orbit, Sweep, find, follow, prove, sweep
+from orbits import Family, InputError, Orbit, Sweep, find, follow, prove, simulate, sweep
 from orbits.io import digest, sealed, to_json, unsealed, writing
 from problems import Hopper
 
@@ -246,7 +246,7 @@ class TestDigests:
         path.write_text("".join(lines[:-1]) + lines[-1][:20])
         assert "ends before it does" in Family.load(path).end.reason
 
-    def test_files_of_earlier_versions_are_read(self, tmp_path, orbit, family, caplog):
+    def test_files_of_the_first_version_are_read(self, tmp_path, orbit, family, caplog):
         path = orbit.save(tmp_path / "orbit.json")
         path.write_text(json.dumps(unsealed(json.loads(path.read_text()))))
         assert Orbit.load(path).alpha == orbit.alpha
@@ -254,6 +254,13 @@ class TestDigests:
         path.write_text("\n".join(family.records()))
         assert Family.load(path).points == family.points
         assert caplog.text.count("has no digest") == 2
+
+    def test_other_files_without_a_digest_are_refused(self, tmp_path, family):
+        for result in (family, simulate(Hopper(), 4.6, hops=1)):
+            path = result.save(tmp_path / "result.json")
+            path.write_text(json.dumps(unsealed(json.loads(path.read_text()))))
+            with pytest.raises(InputError, match="was changed or cut after it was written"):
+                type(result).load(path)
 
     def test_a_spoilt_member_of_a_store_is_refused_and_computed_again(self, tmp_path):
         machine, store = Hopper("cubic", rest_length=9.0), tmp_path / "store.db"

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from legibility import faults, smallest_text
 
-from orbits import Mass, Mechanism, Spring, find, follow, orbit_at, pareto, simulate, starts
+from orbits import Mechanism, find, follow, orbit_at, pareto, simulate, starts
+from orbits.mechanics import Mass, Spring
 from orbits.show import animation, plot
 from problems import Chain, Hopper, Juggler, chain_hand, hopper_in_si, plate_hopper
 

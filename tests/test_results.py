@@ -16,12 +16,8 @@ import pytest
 from scipy.stats import norm
 
 from orbits import (
-    Guess,
-    Input,
     InputError,
-    Phase,
     ReturnMap,
-    Stage,
     bifurcations,
     check,
     existence,
@@ -38,7 +34,9 @@ from orbits import (
 )
 from orbits.continuation import checkpoint
 from orbits.continuation.family import Family
+from orbits.control import Guess, Input, Stage
 from orbits.io import to_json
+from orbits.model import Phase
 from orbits.result import Result
 from problems import Actuated, Chain, HeavyHand, Hopper, Juggler, hopper_in_si, juggler_in_si, steering
 from problems.laws import gravity, springs

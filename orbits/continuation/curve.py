@@ -5,7 +5,6 @@ X = (u, value), measured in units of its own size.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager
 from itertools import groupby
 from typing import NamedTuple
 
@@ -22,7 +21,7 @@ from ..periodic.quantities import motion_numbers
 from ..shooting.formulations import Cycles, equations_of, iterative, method_of
 from ..shooting.newton_kernel import NewtonKernel, newton_kernel
 from ..shooting.single_shooting import Evaluation, joined
-from ..units import Units, without_units
+from ..units import Units
 from .point import RESERVED_NAMES, Point, point_in_units
 from .predictor import around
 
@@ -225,24 +224,19 @@ class Curve:
         machine = self.machine.with_values(**self.varied(self.parameters_at(point.x[None])[0]))
         return orbit_from(machine, self.method, point.x[:-1], point.point.error)
 
-    def units_at(self, point: Point) -> Units | None:
-        """The units at a point of the curve; None for a dimensionless machine."""
-        if not (units := self.machine.model.units):
-            return None
-        return units({**self.machine.values, **point.also, self.along: point.value})
-
-    def without_units(self, value: float) -> AbstractContextManager[None]:
-        """The context in which the curve is solved near a value of its parameter; see `without_units` of the units."""
+    def units_at(self, value: float, also: Mapping[str, float] | None = None) -> Units | None:
+        """The units at a value of the parameter, and at others that vary along the curve; None for a dimensionless
+        machine."""
         units = self.machine.model.units
-        return without_units(units and units({**self.machine.values, self.along: value}))
+        return units and units({**self.machine.values, **(also or {}), self.along: value})
 
     def in_units(self, point: Point) -> Point:
         """A dimensionless point in the machine's units: in SI for a machine in SI."""
-        return point_in_units(point, self.units_at(point))
+        return point_in_units(point, self.units_at(point.value, point.also))
 
     def dimensionless(self, point: Point) -> Point:
         """A point in the machine's units converted to the dimensionless form of the curve."""
-        units = self.units_at(point)
+        units = self.units_at(point.value, point.also)
         return point_in_units(point, units and units.inverse())
 
     def certify_at(self, point: CurvePoint, value: float) -> CurvePoint:

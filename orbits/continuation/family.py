@@ -12,7 +12,7 @@ import numpy as np
 from ..consistency.accepted import check_parameters
 from ..errors import InputError
 from ..exact.claim import CONTACT_DURATION, Claim
-from ..io import DIGEST, MEGABYTE, conform, sealed, to_json, unsealed, warn_of_no_digest, writing
+from ..io import DIGEST, MEGABYTE, conform, has_digest, sealed, to_json, unsealed, writing
 from ..model.machine import Machine
 from ..periodic.certified import orbit_from
 from ..periodic.orbit import Orbit, SavedLaws, with_note
@@ -49,13 +49,13 @@ class Sealing:
         return to_json(document) + "\n"
 
     def opened(self, document: Any, number: int) -> Any:
-        """The record of the next line; raises `ValueError` where this line, or one before it, was changed. The files
-        of earlier versions have no digests."""
+        """The record of the next line; raises `ValueError` where this line, or one before it, was changed. The lines
+        of version 0.1.0 have no digests."""
         stated = document.get(DIGEST) if isinstance(document, Mapping) else None
         if (stated is None) != (self.before is None) and number > 1:
             raise ValueError(f"line {number} was changed after it was written, or lines before it are missing")
         try:
-            content = unsealed(document, self.before or "")
+            content = document if stated is None else unsealed(document, self.before or "")
         except ValueError as error:
             raise ValueError(f"line {number}, or a line before it: {error}") from None
         self.before = stated
@@ -353,10 +353,8 @@ class Family(
     def _read(cls, machine: Any, file: BinaryIO) -> "Family":
         """The family in an open file, of lines or of one document; a truncated last line is left out."""
         if str(file.name).lower().endswith(".json"):
-            with suppress(json.JSONDecodeError):  # earlier versions wrote lines to .json too
+            with suppress(json.JSONDecodeError):  # version 0.1.0 wrote lines to .json too
                 if "items" in (document := json.load(file)):
-                    if DIGEST not in document:
-                        warn_of_no_digest(file.name)
                     return cls.of_saved(unsealed(document), machine)
             file.seek(0)
         sealing, items = Sealing(), list[Any]()
@@ -367,9 +365,9 @@ class Family(
                 if number > 1 and next(file, None) is None:
                     break
                 raise
+            if number == 1:
+                has_digest(item, file.name)
             items.append(sealing.opened(item, number))
-            if number == 1 and sealing.before is None:
-                warn_of_no_digest(file.name)
         head, *lines = items or [{}]
         return cls.of_saved({**head, "items": lines}, machine)
 
@@ -403,8 +401,8 @@ class Family(
 
 
 def _modernised(family: Family) -> Family:
-    """A family of a machine in SI, with the numbers of its points in SI: in old files, which state no units of their
-    parameters, these numbers are dimensionless."""
+    """A family of a machine in SI, with the numbers of its points in SI: in files of version 0.1.0, which state no
+    units of their parameters, these numbers are dimensionless."""
     if "units" in family.machine:
         return family
     units = saved_units({name: family.machine[f"unit_{name}"] for name in ("length", "time", "force")})

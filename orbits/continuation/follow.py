@@ -162,7 +162,7 @@ def follow_branch(
     curve = Curve(machine, along, method, abs(stop - branch.value))
     x = np.array([*branch.u, branch.value])
     size = curve.size(x)
-    with interrupts.deferred(), curve.without_units(branch.value):
+    with interrupts.deferred(), without_units(curve.units_at(branch.value)):
         *_, first, second = np.linalg.svd(curve.evaluate(x[None]).jacobian[0] * size)[2]
         own = branch.tangent / size
         across = first * (second @ own) - second * (first @ own)
@@ -206,7 +206,7 @@ def orbit_at(machine: Machine, point: Point, along: str, method: str | None = No
     """
     machine, method = machine_at(machine, point, along, method)
     curve, x, row = Curve(machine, along, method, 1.0), np.array([*point.u, point.value]), np.array(point.tangent)
-    with interrupts.deferred(), curve.without_units(point.value):
+    with interrupts.deferred(), without_units(curve.units_at(point.value)):
         return curve.orbit(curve.certify_at(correct(curve, x, row, row @ x, row), point.value))
 
 
@@ -267,7 +267,7 @@ def _of_family(machine: Machine, family: int, method: str | None) -> Solved:
 
 def start_tracer(curve: Curve, x: np.ndarray, start: float, behind: float, stop: float, options: Options) -> Tracer:
     """A run from near `x` (n + 1,), where the parameter has the value `start`, towards `stop`."""
-    with interrupts.deferred(), curve.without_units(start):
+    with interrupts.deferred(), without_units(curve.units_at(start)):
         along_parameter = np.eye(len(x))[-1]
         first = correct(curve, x, along_parameter, start, along_parameter * np.sign(stop - start))
         if options.stop_inadmissible or options.watch:  # otherwise it is certified together with the next points
@@ -284,7 +284,7 @@ def _resumed(machine, along: str, behind: float, stop: float, resume: Family, op
     _check_unknowns(last, curve)
     x, tangent = np.array([*last.u, last.value]), np.array(last.tangent)
     row = tangent / curve.size(x) ** 2
-    with interrupts.deferred(), curve.without_units(last.value):
+    with interrupts.deferred(), without_units(curve.units_at(last.value)):
         first = curve.certify_at(correct(curve, x, row, row @ x, tangent), last.value)
     return Tracer(curve, first, behind, stop, options, [curve.dimensionless(point) for point in resume.points[:-1]])
 

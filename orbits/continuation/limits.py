@@ -154,7 +154,7 @@ class Endings:
         """The end of a curve that cannot be followed beyond its last point. The reason is the error where the curve
         stays bounded; where it escapes, the limit is more informative."""
         alpha, value = last.point.alpha, last.value
-        units, speed = self.curve.units_at(last.point), Quantity(alpha, LIFTOFF_SPEED)
+        units, speed = self.curve.units_at(last.value, last.point.also), Quantity(alpha, LIFTOFF_SPEED)
         where = Message("{name} = {value:.10g}, alpha = {alpha:.10g}", name=self.curve.along, value=value, alpha=speed)
         where = in_units(where, units)
         if abs(alpha / self.origin.alpha) > self.control.running_ratio and (found := limit(history, self.bounds, -1)):

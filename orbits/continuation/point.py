@@ -94,8 +94,9 @@ class Event:
 class End:
     """How the curve ends.
 
-    kind : "reached", "escaped", "closed", "degenerate", "stopped", "stuck", or "interrupted" by a time limit or in an
-        unfinished file
+    kind : "reached" (a bound of the parameter), "escaped", "closed", "degenerate", "stopped", "stuck", or "interrupted"
+        by a time limit or in an unfinished file; in a bifurcation diagram also "left" (the range of launch speeds),
+        "flip", "jump" (the map is not continuous there) or "no launch" (beyond it a hop has no next launch)
     reason : in words
     limit, limit_error : the extrapolated value that the parameter tends to as the orbit escapes or shrinks to nothing,
         and an estimate of its error; None otherwise

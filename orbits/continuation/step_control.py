@@ -59,7 +59,8 @@ class StepControl:
     least_progress : share of the parameter's range within which a lost curve counts as not begun
     same_point : relative distance below which two points are the same, so that the curve is closed
 
-    >>> from orbits import StepControl, follow
+    >>> from orbits import follow
+    >>> from orbits.continuation.step_control import StepControl
     >>> from problems import Hopper
     >>> family = follow(Hopper("tanh"), "b", 0.2, start=0.1, step_control=StepControl(first_step=0.01))
     >>> family.end.kind

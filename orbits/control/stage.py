@@ -58,7 +58,8 @@ class Stage:
     Stages compare by identity: the functions compiled for them are stored for the next call. `steer` raises
     `InputError` for a stage with invalid numbers, bounds or functions, and for a piecewise law.
 
-    >>> from orbits import Input, Phase, Stage
+    >>> from orbits.control import Input, Stage
+    >>> from orbits.model import Phase
     >>> cart = Phase("cart", ("x", "v"), lambda x, p, q: [x[1], p["f"]])
     >>> Stage(cart, 4, (0.5, 2), {"f": Input(-1, 1)}, end=lambda x, p: [x[0] - 1, x[1]]).coefficient_names
     ('f[0]',)

@@ -82,7 +82,9 @@ def steer(
     `InputError` for invalid arguments and for bounds that conflict, and `NoOrbit`, with the reason, where there is no
     such motion, a stage collapses or runs away, the cost has no lower bound, or none is found from the guess.
 
-    >>> from orbits import Guess, Input, Phase, Stage, steer
+    >>> from orbits import steer
+    >>> from orbits.control import Guess, Input, Stage
+    >>> from orbits.model import Phase
     >>> cart = Phase("cart", ("x", "v"), lambda x, p, q: [x[1], p["f"]])
     >>> ends = {"start": lambda x, before, p: x, "end": lambda x, p: [x[0] - 1, x[1]]}
     >>> stage = Stage(cart, 4, (1, 1), {"f": Input(degree=1)}, **ends, running=lambda x, p, q: p["f"] ** 2)

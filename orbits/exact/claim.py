@@ -81,7 +81,7 @@ def claim_of(orbit: Orbit, machine: Machine | None, varied: Sequence[str] = ()) 
 
 def _contradictions(claimed: Mapping[str, Any], described: Mapping[str, Any], varied: Sequence[str]) -> list[str]:
     """The claims of an orbit that contradict its machine, in words."""
-    # Other entries of a description, such as masses in SI, are missing in old files; units follow from varied numbers.
+    # Others, such as masses in SI, are missing in files of version 0.1.0; units follow from varied numbers.
     others = [name for name in described if name in claimed and not (varied and name.startswith("unit"))]
     names = dict.fromkeys((*DESCRIBED, *others))
     pairs = [(name, claimed.get(name), described.get(name)) for name in names if name not in (*NOT_DESCRIBED, *varied)]

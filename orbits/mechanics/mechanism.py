@@ -1,6 +1,7 @@
 """A machine stated by its mechanics: coordinates, elements and one gap that lands plastically.
 
-    from orbits import Inerter, Mass, Mechanism, Spring, find
+    from orbits import Mechanism, find
+    from orbits.mechanics import Inerter, Mass, Spring
 
     hopper = Mechanism(
         coordinates=("body", "foot"),
@@ -82,7 +83,8 @@ class Mechanism(Stated):
     Raises `InputError` for an unknown name, for statements that do not describe a mechanism, and for masses, inertias,
     dampers and gravity of a wrong sign as soon as all parameters have values.
 
-    >>> from orbits import Mass, Mechanism, Spring, find
+    >>> from orbits import Mechanism, find
+    >>> from orbits.mechanics import Mass, Spring
     >>> masses = [Mass("body", "m1"), Mass("foot", "m2")]
     >>> elements, numbers = [*masses, Spring("body - foot", "k*r")], {"m1": 1.0, "m2": 1.0, "k": 1.0}
     >>> hopper = Mechanism(("body", "foot"), elements, gap="foot", parameters=numbers, gravity=1.0)

@@ -4,10 +4,11 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, TypeAlias
+from typing import Any, Self, TypeAlias
 
 import numpy as np
 
+from ..errors import InputError
 from ..io import fields_in_line
 from ..laws.law import Algebraic, Parameters, Scalars
 from .phase import Affine, Phase, weighted_sum
@@ -19,19 +20,19 @@ from .state_formula import StateFormula
 Knee: TypeAlias = tuple[str | None, str, float]
 # The quantity that the contact of every model watches, which opens where it vanishes.
 CONTACT_FORCE = "contact force"
-# Arguments of a model written by hand that follow from the others: they are accepted and not used.
-FOLLOWING = frozenset({"launch", "touchdown", "liftoff", "landing", "contact_gradient", "contact_speed"})
-
-
-class _Following(type):
-    """Makes a model without the arguments that follow from the others."""
-
-    def __call__(cls, *stated: Any, **named: Any) -> Any:
-        return super().__call__(*stated, **{name: part for name, part in named.items() if name not in FOLLOWING})
+# What no model states, and the fields from which it follows.
+FOLLOWING = {
+    "launch": "contact, launch_unknowns and embed",
+    "touchdown": "contact, launch_unknowns, reversor and embed",
+    "liftoff": "launch_unknowns and the contact force that contact watches",
+    "landing": "gap, flight, launch_unknowns and embed",
+    "contact_gradient": "flight_gradient and embed",
+    "contact_speed": "contact and launch_unknowns",
+}
 
 
 @dataclass(frozen=True, eq=False)
-class Model(metaclass=_Following):
+class Model:
     """A kind of machine whose plastic contact can be lossless; its functions take the parameters as a mapping `p`.
 
     A lossless cycle is a flight from the launch set to its image under the reversor, then a contact back to the launch
@@ -40,7 +41,8 @@ class Model(metaclass=_Following):
     that is launched, and further unknowns of a launch have the names of contact states. The functions gap, separation,
     impact_mass, impact, and the contact force are called for m orbits together, with arrays (m,) in `x` and `p`, and
     with CasADi's expressions; so they must not branch on these values. A speed has the name of its coordinate with an
-    apostrophe. The launch, lift-off, the landing and the energy in contact follow from the fields, see the methods.
+    apostrophe. The launch, lift-off, the landing and the energy in contact follow from the fields, see the methods; a
+    model that states one of them raises `InputError`.
 
     flight, contact : the two phases; the contact watches a quantity named "contact force", which vanishes at lift-off
     launch_unknowns : names of the unknowns of a launch: "liftoff", "alpha", and the contact states except the value and
@@ -115,6 +117,12 @@ class Model(metaclass=_Following):
     driven: bool = False
     # A model that `dataclasses.replace` makes has to be checked again.
     derived: bool = field(default=False, init=False)
+
+    def __new__(cls, *stated: Any, **named: Any) -> Self:
+        for name, fields_of in FOLLOWING.items():
+            if name in named:
+                raise InputError(f"a model states no '{name}', which follows from its {fields_of}: leave it out")
+        return super().__new__(cls)
 
     def __repr__(self) -> str:
         return fields_in_line(self, "name")

@@ -250,7 +250,7 @@ def linear_modes(
 
     Raises `InputError` for matrices without these properties, and where no mode oscillates.
 
-    >>> from orbits import linear_modes
+    >>> from orbits.model import linear_modes
     >>> modes = linear_modes([[1.0]], [[4.0]], [0.0])
     >>> modes.rates.tolist()  # of one mass on a spring
     [2.0]

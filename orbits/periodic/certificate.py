@@ -83,7 +83,7 @@ class Certificate:
 
     def __post_init__(self) -> None:
         if self.stable_side and self.bounce_side is None:
-            # Files of earlier versions name one side alone, the one without a bounce.
+            # Files of version 0.1.0 name one side alone, the one without a bounce.
             object.__setattr__(self, "bounce_side", "below" if self.stable_side == "above" else "above")
             object.__setattr__(self, "stable_side", "above")
 

@@ -273,7 +273,8 @@ def solve_family(machine: Machine, family: int, method: str | None, progress: Pr
 def solve_near(machine: Machine, start: Orbit | Mapping[str, float], method: str | None) -> Solved:
     """The solution that a method finds from a start, as in `find`."""
     method = iterative(method_of(machine.model, method))
-    stated = _stated_unknowns(machine.model, dimensionless_start(start, machine))
+    bare = machine.units.dimensionless("start", start) if machine.units else start
+    stated = _stated_unknowns(machine.model, bare)
     names = equations_of(machine.model, method, tuple(machine.values)).statement.unknowns
     if missing := [name for name in names if name not in stated]:
         raise InputError(f"start has no '{missing[0]}'; the unknowns are {', '.join(names)}")
@@ -296,6 +297,7 @@ def _same(a: Orbit, b: Orbit) -> bool:
 def _stated_unknowns(model: Model, start: Orbit | Mapping[str, float]) -> dict[str, float]:
     """The unknowns that a start states, by name; raises `InputError` for an invalid start."""
     if isinstance(start, Orbit):
+        start = start.dimensionless()
         if start.flight.names[: len(model.flight.states)] != model.flight.states:
             raise InputError(f"start is an orbit of another machine, with the states {', '.join(start.flight.names)}")
         unknowns = model.launch_at(start.flight.coefficients[0, :, 0].tolist()) | {"alpha": start.alpha}
@@ -314,15 +316,6 @@ def _stated_unknowns(model: Model, start: Orbit | Mapping[str, float]) -> dict[s
             time, most = (Quantity(number, TIME) for number in times)
             raise InputError(Message(text, name=name, time=time, most=most))
     return stated
-
-
-def dimensionless_start(start: Any, machine: Machine) -> Any:
-    """A start in the units of the engine: those of a machine in SI are in SI."""
-    if isinstance(start, Orbit):
-        return start.dimensionless()
-    if machine.units is None or not isinstance(start, Mapping):
-        return start
-    return machine.units.without("start", start)
 
 
 def family_number(family: int) -> int:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..flow.trajectory import Trajectory
-from ..io import DIGEST, Changed, conform, read_file, read_sealed, to_json
+from ..io import DIGEST, Changed, conform, has_digest, read_file, to_json, unsealed
 from ..model.machine import MACHINE_FIELDS, Machine, machine_in_words
 from ..model.model import Knee
 from ..model.phase import Affine
@@ -343,7 +343,8 @@ class Orbit(Result, what="orbit", printed_digits=15):
     def _read(cls, machine: Any, file: BinaryIO) -> "Orbit":
         """The orbit in an open file. A changed file is refused, but is still a start for `find`, which solves anew."""
         try:
-            document = read_sealed(file)
+            document = json.load(file)
+            document = unsealed(document) if has_digest(document, file.name) else document
         except Changed as error:
             raise ValueError(f"{error}, as find(machine, start=FILE) does") from None
         orbit = cls.of_saved(document)
@@ -357,19 +358,16 @@ class Orbit(Result, what="orbit", printed_digits=15):
         units = data["motion"]["units"] and saved_units(data["motion"]["units"])
         if units is None:
             return cls._stated(data)
-        if "bare" in data:  # The motion is that of the dimensionless orbit.
-            bare = cls._conform({**data["bare"], "format": cls.form(), "motion": data["motion"]}, SavedOrbit)
-            orbit = orbit_in_units(cls._stated(bare), units, _machine_of(data))
-            if len(data["violations"]) != len(orbit.violations):
-                raise ValueError("its violations in SI and without units are not as many")
-            return replace(orbit, certificate=replace(orbit.certificate, violations=tuple(data["violations"])))
-        orbit = cls._stated(data)
-        # A file of an orbit in SI without units has dimensionless numbers: earlier versions had no results in SI.
-        if "units" not in data:
+        if "units" not in data:  # Version 0.1.0 had no results in SI: the numbers are dimensionless.
+            orbit = cls._stated(data)
             orbit = replace(orbit, certificate=with_note(orbit.certificate))
             return orbit_in_units(orbit, units, orbit.machine)
-        converted = orbit_in_units(orbit, units.inverse(), orbit.machine)
-        return replace(orbit, scales=units, bare=replace(converted, scales=None, bare=None))
+        # The motion is that of the dimensionless orbit.
+        bare = cls._conform({**data["bare"], "format": cls.form(), "motion": data["motion"]}, SavedOrbit)
+        orbit = orbit_in_units(cls._stated(bare), units, _machine_of(data))
+        if len(data["violations"]) != len(orbit.violations):
+            raise ValueError("its violations in SI and without units are not as many")
+        return replace(orbit, certificate=replace(orbit.certificate, violations=tuple(data["violations"])))
 
     @classmethod
     def _stated(cls, data: Mapping[str, Any]) -> "Orbit":
@@ -450,8 +448,8 @@ class SavedOrbit(SavedLaws):
 def _check_consistent(document: Mapping[str, Any], data: Mapping[str, Any]) -> None:
     """Raise `ValueError` where the data of a file contradict the document of the orbit that was read from it."""
     if data["motion"]["units"] and "units" not in data:
-        return  # an old file, whose numbers have no units
-    sides = () if "bounce_side" in data else ("stable_side",)  # in old files the side without a bounce
+        return  # a file of version 0.1.0, whose numbers have no units
+    sides = () if "bounce_side" in data else ("stable_side",)  # of version 0.1.0, the side without a bounce
     for name in DOCUMENT_FIELDS:
         if name in data and name not in (*sides, "seconds") and not _same_numbers(data[name], document[name]):
             raise ValueError(f"it says {name} = {data[name]!r}, and by its motion that is {document[name]!r}")
@@ -500,7 +498,7 @@ def certificate_in_units(certificate: Certificate, units: Units) -> Certificate:
 
 
 def with_note(certificate: Certificate) -> Certificate:
-    """The certificate in an old file of a machine in SI, whose violations state numbers without units."""
+    """The certificate in a file of version 0.1.0 of a machine in SI, whose violations state numbers without units."""
     return replace(certificate, violations=tuple(f"{each} (without units)" for each in certificate.violations))
 
 

@@ -28,7 +28,7 @@ from .loss import launch_expressions
 # The precision of the motions in bits; sets of launches are wider by far than its roundings.
 BITS_OF_LAUNCHES = 64
 # The most attempts to enclose the places of all launches, and the factor by which each is widened.
-MOST_WIDENED, ROOM_OF_PLACES = 12, 1.25
+MOST_WIDENED, PLACE_OF_PLACES = 12, 1.25
 # Parts of each step, on which signs of the states are checked one by one.
 PARTS_OF_PIECE = 8
 
@@ -92,7 +92,7 @@ def _widened_ball(value: arb) -> arb:
     """A wider ball, which also holds the ball's bounds as decimals."""
     return (
         value.mid()
-        + ROOM_OF_PLACES * (value - value.mid())
+        + PLACE_OF_PLACES * (value - value.mid())
         + arb(0, (1 + abs(value)).abs_upper() * 2.0**-BITS_OF_LAUNCHES)
     )
 

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ..continuation.point import End
 from ..errors import InputError, NoOrbit, finite_number, whole_number
 from ..model.machine import Machine, machine_in_words
 from ..periodic.find import Progress
@@ -16,7 +17,7 @@ from ..running.exclusive import exclusive
 from ..simulation.impacts import CAP
 from .branches import BESIDE_LOSSLESS, SAME_PLACE, BranchTracer, FoundEvent, PeriodicLaunch
 from .cycles import INJECT, MapsAlong
-from .diagram import RESERVED_IN_DIAGRAMS, Bifurcation, BifurcationDiagram, Branch, BranchEnd
+from .diagram import RESERVED_IN_DIAGRAMS, Bifurcation, BifurcationDiagram, Branch
 from .resolved_map import ROUNDED
 
 SECTIONS, ATTRACTOR = 9, 400
@@ -48,7 +49,7 @@ def bifurcations(
     progress : called with the completed share
 
     Launch speeds and the injection are in the machine's units. Folds and flips are located to some 1e-11 of the range,
-    in addition to the error of the map. A branch ends where the map is not continuous, as its `BranchEnd` says. Raises
+    in addition to the error of the map. A branch ends where the map is not continuous, as its `End` says. Raises
     `InputError` for an invalid range or name, and where every fixed point is a lossless hop, which `follow` follows.
     """
     low, high = _range("span", span)
@@ -159,14 +160,14 @@ class _Search:
             if _ends_as(items, "flip") and (other := _flip_beside([first, *items], flips, flip)):
                 ended.append(other)
                 items.insert(-1, _twice(other, first))
-            self._store(2, [BranchEnd("flip", "a flip of the fixed points"), _twice(flip, first), first, *items])
+            self._store(2, [End("flip", "a flip of the fixed points"), _twice(flip, first), first, *items])
 
     def _store(self, period: int, items: list) -> None:
         """Store a branch from its points, events and ends in order."""
-        ends = [item for item in items if isinstance(item, BranchEnd)]
+        ends = [item for item in items if isinstance(item, End)]
         items = _with_events_at_points(items)
         points = [(x, x.multiplier) if isinstance(x, PeriodicLaunch) else (x.point, _slope(x))
-                  for x in items if not isinstance(x, BranchEnd)]  # fmt: skip
+                  for x in items if not isinstance(x, End)]  # fmt: skip
         self.events += [(len(self.branches), item) for item in items if isinstance(item, FoundEvent)]
         values, alphas, slopes = zip(*((p.value, p.alphas, slope) for p, slope in points), strict=True)
         columns = np.array(values), np.array(alphas), np.array(slopes)
@@ -192,7 +193,7 @@ class _Search:
 def _with_events_at_points(items: list) -> list:
     """The items of a branch in order, where points exactly at a multiplier of 1 or -1 become events if the multiplier
     passes it there; the tracer finds those between points."""
-    items, places = list(items), [i for i, item in enumerate(items) if not isinstance(item, BranchEnd)]
+    items, places = list(items), [i for i, item in enumerate(items) if not isinstance(item, End)]
     for before, i, behind in zip(places, places[1:], places[2:], strict=False):
         point = items[i]
         if isinstance(point, FoundEvent) or point.multiplier not in (1.0, -1.0):
@@ -210,7 +211,7 @@ def _with_events_at_points(items: list) -> list:
 
 def _ends_as(items: list, kind: str) -> bool:
     """Whether traced items end in this way."""
-    return isinstance(items[-1], BranchEnd) and items[-1].kind == kind
+    return isinstance(items[-1], End) and items[-1].kind == kind
 
 
 def _twice(flip: PeriodicLaunch, along: PeriodicLaunch) -> PeriodicLaunch:

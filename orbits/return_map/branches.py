@@ -24,7 +24,6 @@ from ..numerics.roots import bracketed_root
 from ..running import interrupts
 from ..simulation.impacts import STATUSES
 from .cycles import INJECT, MapsAlong, excess_of
-from .diagram import BranchEnd
 
 Vector = np.ndarray
 # Fixed points beside a lossless hop are searched for at this distance, as a share of the range.
@@ -333,7 +332,7 @@ class BranchTracer:
 
     def trace(
         self, start: PeriodicLaunch, side: int, first_step: float = STEPS_OF_BRANCHES.first_step
-    ) -> Iterator[PeriodicLaunch | FoundEvent | BranchEnd]:
+    ) -> Iterator[PeriodicLaunch | FoundEvent | End]:
         """The points and events from one, in order along its tangent (`side` 1) or against it (-1); an end is last."""
         options = replace(self.options, step_control=replace(STEPS_OF_BRANCHES, first_step=first_step))
         low, high, earlier, count = self.maps.low, self.maps.high, list[Any](), 0
@@ -352,7 +351,7 @@ class BranchTracer:
                 elif isinstance(item, Event) and item.kind != "asked":
                     yield FoundEvent(item.kind, cast(Any, item.point))
                 elif isinstance(item, End) and item.kind not in ("stuck", "stopped"):
-                    yield self._reached(last.value) if item.kind == "reached" else BranchEnd(item.kind, item.reason)
+                    yield self._reached(last.value) if item.kind == "reached" else item
                     return
             if (behind := self._round_corner(before, last)) is None:
                 yield self._why_stuck(last)
@@ -362,10 +361,10 @@ class BranchTracer:
                 yield FoundEvent("border collision", last.point)
             here, earlier, options = behind, [start], self.options
             yield here.point
-        yield BranchEnd("stuck", f"it has {LONGEST_BRANCH} points")
+        yield End("stuck", f"it has {LONGEST_BRANCH} points")
 
-    def _reached(self, bound: float) -> BranchEnd:
-        return BranchEnd("reached", f"{self.maps.in_words(self.maps.name, bound)} is reached")
+    def _reached(self, bound: float) -> End:
+        return End("reached", f"{self.maps.in_words(self.maps.name, bound)} is reached")
 
     def _distance(self, a: CurvePoint, b: CurvePoint) -> float:
         """The distance of two points in shares of the ranges."""
@@ -400,15 +399,15 @@ class BranchTracer:
                 return self.curve.at(last.x + away(angle), away(angle))
         return None
 
-    def _why_stuck(self, last: CurvePoint) -> BranchEnd:
+    def _why_stuck(self, last: CurvePoint) -> End:
         """Why the curve cannot be followed further."""
         place, launch = f"near {place_in_words(self.maps, last.point)}", last.point
         speed, beyond = last.x + AROUND * last.tangent
         value, reach = float(self.curve.possible(beyond)), AROUND * float(self.scale[0])
         for alpha in (float(speed), *launch.alphas[1:]):
             if (status := self.maps.status(alpha, value)) != "lifts_off":
-                return BranchEnd("no launch", f"{place} a hop has no next launch any more: {STATUSES[status]}")
+                return End("no launch", f"{place} a hop has no next launch any more: {STATUSES[status]}")
         for alpha in launch.alphas:
             if self.maps.jumps_between((alpha - reach, alpha + reach), value):
-                return BranchEnd("jump", f"the map jumps {place}")
-        return BranchEnd("stuck", f"{place} the map is not smooth, and the curve is lost")
+                return End("jump", f"the map jumps {place}")
+        return End("stuck", f"{place} the map is not smooth, and the curve is lost")

@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from ..continuation.point import End
 from ..io import one_line
-from ..result import Result, Row, known, shown
+from ..result import Result, Row, known, shown, stored
 
+BranchEnd = End  # an earlier name
 HOPS_OF = {1: "fixed points", 2: "hops of period two"}
 # Names that the parameter of a diagram cannot have, since tables and documents have these names too.
 RESERVED_IN_DIAGRAMS = ("branch", "period", "value", "alpha", "other", "multiplier", "stable", "ends", "kind", "note")
@@ -44,19 +46,6 @@ class Bifurcation:
         return self.alphas[0]
 
 
-@dataclass(frozen=True)
-class BranchEnd:
-    """How a branch ends.
-
-    kind : "reached" (an end of the parameter's range), "left" (the range of launch speeds), "flip", "closed", "jump"
-        (the map is not continuous there), "no launch" (beyond it a hop has no next launch) or "stuck"
-    reason : in words
-    """
-
-    kind: str
-    reason: str
-
-
 @dataclass(frozen=True, eq=False)
 class Branch:
     """A curve of periodic launches in the plane of parameter and launch speed.
@@ -72,7 +61,7 @@ class Branch:
     values: np.ndarray
     alphas: np.ndarray
     multipliers: np.ndarray
-    ends: tuple[BranchEnd, BranchEnd]
+    ends: tuple[End, End]
 
     def __post_init__(self) -> None:
         if not len(self.values) == len(self.alphas) == len(self.multipliers) > 0:
@@ -193,7 +182,7 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
                 "alpha": branch.alphas.tolist(),
                 "multiplier": known(branch.multipliers),
                 "stable": branch.stable,
-                "ends": [vars(end) for end in branch.ends],
+                "ends": [*map(stored, branch.ends)],
             }
             for branch in self.branches
         ]

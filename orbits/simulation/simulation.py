@@ -92,12 +92,12 @@ def _checked_state(machine: Machine, state: ArrayLike) -> np.ndarray:
     raise InputError(f"state = {state!r}; it is {len(names)} numbers, {', '.join(names)}")
 
 
-def _state_without(state: np.ndarray | None, machine: Any) -> np.ndarray | None:
+def _bare_state(state: np.ndarray | None, machine: Any) -> np.ndarray | None:
     """A flight state (n,) of a machine with units, made dimensionless."""
     return None if state is None else state / machine.units.of_states(machine.model.flight.states)
 
 
-def _inputs_without(inputs: Inputs | None, machine: Any) -> Inputs | None:
+def _bare_inputs(inputs: Inputs | None, machine: Any) -> Inputs | None:
     """A schedule's inputs for a machine with units, made dimensionless."""
     if inputs is None:
         return None
@@ -106,7 +106,7 @@ def _inputs_without(inputs: Inputs | None, machine: Any) -> Inputs | None:
 
 
 @in_own_units(
-    run_in_units, alpha=LIFTOFF_SPEED, state=_state_without, time=TIME, inject=LIFTOFF_SPEED, inputs=_inputs_without
+    run_in_units, alpha=LIFTOFF_SPEED, state=_bare_state, time=TIME, inject=LIFTOFF_SPEED, inputs=_bare_inputs
 )
 def _simulated(
     machine: Machine, alpha: Any, state: np.ndarray | None, hops: int | None, time: float, inject: float, cap: int,

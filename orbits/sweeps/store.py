@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..io import DIGEST, conform, digest, sealed, to_json, unsealed, warn_of_no_digest
+from ..io import conform, digest, sealed, to_json, unsealed
 from .question import Question, SavedQuestion, Table, empty_table
 
 STORE_FORMAT = "persistent-orbits sweep 1"
@@ -52,9 +52,9 @@ class Store:
         done = np.zeros(len(self.question), dtype=bool)
         with self._using("read"):
             columns = self.question.columns()
-            selected = ", ".join(["member", *_names_in_file(columns), *_digest_column(self.connection)])
+            selected = ", ".join(["member", *_names_in_file(columns), DIGEST_OF_ROW])
             for row in self.connection.execute(f"SELECT {selected} FROM members"):
-                if _is_unspoilt(row, len(columns)) and row[0] < len(done):
+                if _is_unspoilt(row) and row[0] < len(done):
                     done[row[0]] = True  # a spoilt member is computed again
         return done
 
@@ -65,12 +65,9 @@ class Store:
 
     def write(self, table: Table) -> None:
         """Write the members of a table; once this returns, they are in the file for good."""
-        rows: Iterable[tuple] = zip(
-            table.members.tolist(), *(_storable(column) for column in table.columns.values()), strict=True
-        )
-        if sealed := bool(_digest_column(self.connection)):
-            rows = ((*row, _digest_of_row(row)) for row in rows)
-        marks = ", ".join("?" * (1 + len(table.columns) + sealed))
+        columns = (_storable(column) for column in table.columns.values())
+        rows = ((*row, _digest_of_row(row)) for row in zip(table.members.tolist(), *columns, strict=True))
+        marks = ", ".join("?" * (2 + len(table.columns)))
         with self._using("written"):
             self.connection.execute("BEGIN IMMEDIATE")
             try:
@@ -156,12 +153,9 @@ def question_in(path: str | Path) -> dict[str, Any]:
             (check,) = connection.execute("PRAGMA quick_check(1)").fetchone()
             if check == "ok":
                 kind, text = connection.execute("SELECT format, document FROM question").fetchone()
-                document, rows_too = json.loads(text), bool(_digest_column(connection))
-                if not isinstance(document, dict) or (DIGEST in document) != rows_too:
+                document = unsealed(json.loads(text))
+                if DIGEST_OF_ROW not in [row[1] for row in connection.execute("PRAGMA table_info(members)")]:
                     raise ValueError("it was changed after it was written: go on with a copy from before")
-                if not rows_too:
-                    warn_of_no_digest(path)
-                document = unsealed(document)
     except (sqlite3.Error, TypeError, ValueError) as error:
         raise InputError(f"{complaint}: {error}") from None
     if check != "ok":
@@ -197,10 +191,10 @@ def _database_at(path: str | Path) -> Iterator[sqlite3.Connection]:
 def _read(connection: sqlite3.Connection, columns: Mapping[str, type]) -> Table:
     (count,) = connection.execute("SELECT COUNT(*) FROM members").fetchone()
     table = empty_table(count, columns)
-    selected = ", ".join(["member", *_names_in_file(columns), *_digest_column(connection)])
+    selected = ", ".join(["member", *_names_in_file(columns), DIGEST_OF_ROW])
     rows, first = connection.execute(f"SELECT {selected} FROM members ORDER BY member LIMIT {count}"), 0
     while part := rows.fetchmany(READ_AT_ONCE):
-        if spoilt := [row[0] for row in part if not _is_unspoilt(row, len(columns))]:
+        if spoilt := [row[0] for row in part if not _is_unspoilt(row)]:
             remedy = "go on with the sweep on this store, and what is spoilt is computed again"
             raise InputError(f"the store's member {spoilt[0]} was changed after it was written: {remedy}")
         members, *values = zip(*part, strict=True)
@@ -225,22 +219,16 @@ def _tables_of(connection: sqlite3.Connection) -> int:
     return connection.execute("SELECT COUNT(*) FROM sqlite_master").fetchone()[0]
 
 
-def _digest_column(connection: sqlite3.Connection) -> list[str]:
-    """The column with the digests of members, if there is one: stores of earlier versions have none."""
-    names = [row[1] for row in connection.execute("PRAGMA table_info(members)")]
-    return [DIGEST_OF_ROW] if DIGEST_OF_ROW in names else []
-
-
 def _digest_of_row(row: Sequence[Any]) -> str:
     """The digest of the values of a member."""
     plain = [None if isinstance(value, float) and value != value else value for value in row]
     return digest(plain)[:16]
 
 
-def _is_unspoilt(row: Sequence[Any], columns: int) -> bool:
-    """Whether a member agrees with its digest; true for a member without one."""
+def _is_unspoilt(row: Sequence[Any]) -> bool:
+    """Whether a member agrees with its digest."""
     try:
-        return len(row) == 1 + columns or row[-1] == _digest_of_row(row[:-1])
+        return row[-1] == _digest_of_row(row[:-1])
     except TypeError:  # bytes where a text or a number was
         return False
 

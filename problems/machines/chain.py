@@ -17,10 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from orbits import Mass, Mechanism, Spring, start_from_rest, starts
+from orbits import Mechanism, start_from_rest, starts
 from orbits.errors import InputError
 from orbits.io import one_line
 from orbits.laws.law import Law, coefficient_of_restitution, number
+from orbits.mechanics import Mass, Spring
 from orbits.mechanics.refusals import joined_values
 from orbits.model.machine import Stated
 from orbits.model.model import Model

@@ -22,8 +22,9 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
-from orbits import Mass, Mechanism, Spring
+from orbits import Mechanism
 from orbits.errors import InputError
+from orbits.mechanics import Mass, Spring
 
 from ..laws.springs import as_spring
 from .chain import MOST_MASSES, mass_parameters

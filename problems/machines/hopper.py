@@ -8,8 +8,9 @@ extension r = y1 - y2; in contact y2 = 0 until phi(y1) = 1.
 from dataclasses import dataclass
 from functools import lru_cache
 
-from orbits import Damper, Mass, Mechanism, Spring
+from orbits import Mechanism
 from orbits.laws.law import Key
+from orbits.mechanics import Damper, Mass, Spring
 
 from .two_masses import END, RATE, TwoMassMachine
 

@@ -12,9 +12,10 @@ from typing import Any, Self, TypeAlias
 
 import numpy as np
 
-from orbits import Mass, Mechanism
+from orbits import Mechanism
 from orbits.errors import InputError
 from orbits.laws.law import UNIT_FORCE, UNIT_LENGTH, WRONG_SIGN, Law, number, stated
+from orbits.mechanics import Mass
 from orbits.mechanics.dimensions import coefficient_dimensions
 from orbits.model.model import Model, reparametrised
 from orbits.running.exclusive import exclusive, exclusive_property

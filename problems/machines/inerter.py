@@ -26,7 +26,8 @@ the foot alone; from the foot's speed v the loss is (m2 + b m1/(m1 + b)) v^2/2.
 from collections.abc import Mapping
 from typing import Any
 
-from orbits import Inerter, Mass, Mechanism, Spring
+from orbits import Mechanism
+from orbits.mechanics import Inerter, Mass, Spring
 
 from .parameters import with_parameters
 

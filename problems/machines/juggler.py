@@ -13,9 +13,10 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
-from orbits import Damper, Mass, Mechanism, Spring
+from orbits import Mechanism
 from orbits.errors import InputError
 from orbits.laws.law import Key, Parameters, Scalars
+from orbits.mechanics import Damper, Mass, Spring
 from orbits.model.model import Model, as_derived
 from orbits.model.modes import Modes, single_mode
 from orbits.model.relative import straight_line

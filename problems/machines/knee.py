@@ -17,9 +17,10 @@ from collections.abc import Mapping
 from math import pi
 from typing import Any
 
-from orbits import Mass, Mechanism, Spring
+from orbits import Mechanism
 from orbits.errors import InputError
 from orbits.laws.law import number
+from orbits.mechanics import Mass, Spring
 from orbits.mechanics.elements import names_in
 
 from .parameters import with_parameters

@@ -26,7 +26,8 @@ those near a zero of the denominator shake the plate hard.
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from orbits import Mass, Mechanism, Spring
+from orbits import Mechanism
+from orbits.mechanics import Mass, Spring
 
 from ..laws.springs import as_spring
 from .chain import mass_parameters

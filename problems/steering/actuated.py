@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from orbits import Input
+from orbits.control import Input
 from orbits.errors import InputError, finite_number
 from orbits.model.machine import Stated
 from orbits.model.model import Model

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orbits import Control, Guess, InputError, NoOrbit, Orbit, Simulation, Stage, find, simulate, steer
+from orbits import Control, InputError, NoOrbit, Orbit, Simulation, find, simulate, steer
+from orbits.control import Guess, Stage
 from orbits.control.control import control_in_units
 from orbits.errors import finite_number, whole_number
 from orbits.flow.flow import flow_of

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from orbits.model.liftoff import Liftoff
-from orbits.model.model import Model
+from orbits.model.model import FOLLOWING, Model
 from orbits.model.phase import Affine, Phase
 from orbits.periodic.guess import guess
 from problems import Chain, Hopper, Juggler
@@ -103,7 +103,7 @@ class ByHandHopper(TwoMasses):
 
 
 def hopper(machine: Hopper) -> dict:
-    """The hopper's fields."""
+    """The hopper's fields, and what follows from them."""
     equations = ByHandHopper(machine)
     return equations.fields(
         ("y1", "y1'", "y2", "y2'"),
@@ -158,7 +158,7 @@ class ByHandJuggler(TwoMasses):
 
 
 def juggler(machine: Juggler) -> dict:
-    """The juggler's fields."""
+    """The juggler's fields, and what follows from them."""
     equations = ByHandJuggler(machine)
     share = lambda p: p["mass_ratio"] / (1 + p["mass_ratio"])  # noqa: E731
     return equations.fields(
@@ -178,7 +178,7 @@ def juggler(machine: Juggler) -> dict:
 
 
 def chain(machine: Chain) -> dict:
-    """The fields of a chain; mass i has the parameter "mi", from the top, and y_N = 0 in contact."""
+    """The fields of a chain, and what follows. Mass i, from the top, has the parameter "mi"; y_N is 0 in contact."""
     count, springs, eye = len(machine.masses), machine.springs, np.eye(2 * len(machine.masses))
     masses, above = [f"m{i}" for i in range(1, count + 1)], 2 * count - 4  # the state of the mass above the lowest
     states = tuple(f"y{i}{dot}" for i in range(1, count + 1) for dot in ("", "'"))
@@ -241,7 +241,7 @@ FIELDS = {Hopper: hopper, Juggler: juggler, Chain: chain}
 
 def by_hand(machine: Hopper | Juggler | Chain) -> Model:
     """The model of a machine, written by hand."""
-    return Model(**FIELDS[type(machine)](machine))
+    return Model(**{name: part for name, part in FIELDS[type(machine)](machine).items() if name not in FOLLOWING})
 
 
 def written(machine: Hopper | Juggler | Chain) -> SimpleNamespace:

@@ -9,24 +9,12 @@ from by_hand import by_hand, written
 from conftest import slow_after
 
 import orbits.consistency.verdict as consistency
-from orbits import (
-    Affine,
-    InconsistentModel,
-    InputError,
-    Mass,
-    Mechanism,
-    Model,
-    NoOrbit,
-    Phase,
-    ReturnMap,
-    Spring,
-    check,
-    find,
-    follow,
-    simulate,
-    starts,
-)
+from orbits import InputError, Mechanism, Model, NoOrbit, ReturnMap, check, find, follow, simulate, starts
 from orbits.consistency.verdict import algebraic_relations, suspects
+from orbits.errors import InconsistentModel
+from orbits.mechanics import Mass, Spring
+from orbits.model import Affine, Phase
+from orbits.model.model import FOLLOWING
 from problems import (
     Actuated,
     Chain,
@@ -449,22 +437,16 @@ def inerter_by_hand(**changes) -> SimpleNamespace:
         "contact": Phase("contact", ("y1", "y1'"), contact, {"contact force": lambda x, p, q: (
             p["m2"] - p["k"] * x[0] + p["b"] * (p["k"] * x[0] + p["m1"]) / (p["m1"] + p["b"])
         )}),
-        "launch": lambda u, p: [u["liftoff"], u["alpha"], 0.0, 0.0],
-        "liftoff": lambda u, p, q: u["liftoff"] - rho(p),
-        "landing": lambda u, x, p: [x[2], x[3], x[0] - u["liftoff"]],
         "reversor": (1, -1, 1, -1),
         "release": lambda alpha, p: np.full(np.shape(alpha), rho(p)),
-        "touchdown": lambda u, p: [u["liftoff"], -u["alpha"]],
         "embed": np.eye(4, 2),
         "flight_gradient": gradient,
-        "contact_gradient": lambda x, p, q: [p["k"] * x[0] + p["m1"], (p["m1"] + p["b"]) * x[1]],
         "extension": Affine((1.0, 0.0, -1.0, 0.0)),
         "gap": lambda p: Affine((0.0, 0.0, 1.0, 0.0)),
         "separation": lambda p: None,
         "heights": lambda p: {"body": Affine((1.0, 0.0, 0.0, 0.0)), "foot": Affine((0.0, 0.0, 1.0, 0.0))},
         "impact_mass": lambda x, p: p["m2"] + p["b"] * p["m1"] / (p["m1"] + p["b"]),
         "impact": lambda x, p: [0.0, p["b"] / (p["m1"] + p["b"]), 0.0, 1.0],
-        "contact_speed": Affine((0.0, 1.0)),
         "violations": dict.fromkeys(("gap", "pull", "separation", "end"), "it is no motion"),
         "springs": (("foot", "body"),),
         "tension": lambda x, p, q: p["k"] * (x[0] - x[2]),
@@ -498,6 +480,12 @@ def test_a_machine_written_by_hand_with_coupled_inertia():
     with pytest.raises(InconsistentModel) as error:
         find(inerter_by_hand(**plain))
     assert len(error.value.fields) > 1
+
+
+@pytest.mark.parametrize("name", FOLLOWING)
+def test_what_follows_from_other_fields_is_not_stated(name):
+    with pytest.raises(InputError, match=f"states no '{name}', which follows from its .*: leave it out"):
+        inerter_by_hand(**{name: None})
 
 
 def test_a_machine_that_is_damped_and_says_it_is_not():

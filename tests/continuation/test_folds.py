@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from conftest import PROVED, middle
 
-from orbits import Arc, InputError, Statement, fold_statement, follow, follow_fold
+from orbits import InputError, follow, follow_fold
+from orbits.model import Arc, Statement
+from orbits.periodic.fold_statement import fold_statement
 from orbits.shooting.single_shooting import Shooting
 from problems import Hopper
 

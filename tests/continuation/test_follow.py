@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 from conftest import PROVED, middle, slow_after
 
-from orbits import End, Event, Family, InputError, NoOrbit, Orbit, find, follow, follow_branch, orbit_at, trace
+from orbits import Family, InputError, NoOrbit, Orbit, find, follow, follow_branch, orbit_at, trace
 from orbits.continuation.corrector import correct, correct_all, predict_and_correct
 from orbits.continuation.curve import Curve, CurvePoint, interpolated
 from orbits.continuation.events import watched
+from orbits.continuation.point import End, Event
 from orbits.continuation.predictor import around
 from orbits.flow.vector_field import FlowControl
 from orbits.periodic.certificate import certify

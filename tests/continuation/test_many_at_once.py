@@ -9,9 +9,10 @@ import pytest
 from conftest import REFERENCES, machine_of
 from scipy.integrate import solve_ivp
 
-from orbits import FlowError, OutOfRange, ReturnMap, find, simulate
+from orbits import ReturnMap, find, simulate
 from orbits.continuation.corrector import correct, correct_all, newton_steps, predict_and_correct
 from orbits.continuation.curve import Curve, interpolated
+from orbits.errors import FlowError, OutOfRange
 from orbits.flow.flow import flow_of
 from orbits.flow.vector_field import FlowControl
 from orbits.flow.zero_crossing import first_zero, first_zeros, until_zero

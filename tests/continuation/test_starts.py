@@ -5,7 +5,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import orbits.continuation.starts as room
-from orbits import Damper, Force, InputError, Mass, Mechanism, NoOrbit, Spring, find, starts
+from orbits import InputError, Mechanism, NoOrbit, find, starts
+from orbits.mechanics import Damper, Force, Mass, Spring
 from problems.laws import springs
 
 MASSES = [Mass("body", 2.0), Mass("foot", 0.5), Mass("plate", 3.0)]

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from conftest import PROVED, middle
 
-from orbits import InputError, NoOrbit, StepControl, follow, follow_fold, trace
+from orbits import InputError, NoOrbit, follow, follow_fold, trace
 from orbits.continuation.corrector import predict_and_correct
+from orbits.continuation.step_control import StepControl
 from problems import Hopper
 
 ALPHA = middle(PROVED["cubic"]["1"]["alpha"])

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from legibility import faults
 
-from orbits import Control, Guess, Input, InputError, Phase, Stage, steer
+from orbits import Control, InputError, steer
+from orbits.control import Guess, Input, Stage
+from orbits.model import Phase
 from orbits.show.plot import new_axes, new_row
 
 CART = Phase("cart", ("x", "v"), lambda x, p, q: [x[1], p["f"]])

@@ -10,7 +10,9 @@ from conftest import slow_after
 from scipy.integrate import solve_ivp, trapezoid
 from scipy.linalg import expm
 
-from orbits import Guess, Input, InputError, NoOrbit, Phase, Stage, find, simulate, steer
+from orbits import InputError, NoOrbit, find, simulate, steer
+from orbits.control import Guess, Input, Stage
+from orbits.model import Phase
 from orbits.simulation.impacts import Impacts
 from problems import Actuated, Chain, Hopper, Juggler, steering
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from flint import arb, ctx
 
-from orbits import Enclosure
+from orbits.exact.bounds import Enclosure
 from orbits.exact.decimals import enclosure_of, lower_decimal, upper_decimal
 
 

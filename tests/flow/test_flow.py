@@ -5,10 +5,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from orbits import Affine, FlowError, OutOfRange, Phase, Pieces, linear_modes
+from orbits.errors import FlowError, OutOfRange
 from orbits.flow.flow import Flow
 from orbits.flow.vector_field import VectorField, runge_kutta
 from orbits.flow.zero_crossing import first_zero
+from orbits.model import Affine, Phase, Pieces, linear_modes
 
 START, TIME = np.array([0.83, 2.93]), 2.9
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from lagrange import DIGITS, Machine, equations
 
-from orbits import Damper, Inerter, Mass, Mechanism, Potential, Spring, Weight, find
+from orbits import Mechanism, find
+from orbits.mechanics import Damper, Inerter, Mass, Potential, Spring, Weight
 from orbits.mechanics.derived import _parts_of
 
 # A result may err by this much of the sum of the magnitudes of its terms, |M^-1| times those of the forces.

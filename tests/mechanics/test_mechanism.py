@@ -7,18 +7,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from orbits import (
-    Damper,
-    Force,
-    Inerter,
     InputError,
-    Mass,
     Mechanism,
     NoOrbit,
     Orbit,
-    Potential,
     ReturnMap,
-    Spring,
-    Weight,
     check,
     find,
     find_all,
@@ -27,6 +20,7 @@ from orbits import (
     starts,
     sweep,
 )
+from orbits.mechanics import Damper, Force, Inerter, Mass, Potential, Spring, Weight
 from problems import Hopper, Juggler, hopper_in_si
 from problems.laws import springs
 

@@ -5,22 +5,8 @@ import pickle
 import pytest
 from scipy.integrate import solve_ivp
 
-from orbits import (
-    Damper,
-    Force,
-    Inerter,
-    InputError,
-    Mass,
-    Mechanism,
-    NoOrbit,
-    OrbitsError,
-    Potential,
-    ReturnMap,
-    Spring,
-    Weight,
-    find,
-    simulate,
-)
+from orbits import InputError, Mechanism, NoOrbit, OrbitsError, ReturnMap, find, simulate
+from orbits.mechanics import Damper, Force, Inerter, Mass, Potential, Spring, Weight
 from problems import hopper_in_si, knee_hopper
 from problems.laws import gravity, springs
 

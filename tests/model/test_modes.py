@@ -6,7 +6,8 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from orbits import Affine, InputError, linear_modes, simulate
+from orbits import InputError, simulate
+from orbits.model import Affine, linear_modes
 from problems import Chain
 
 

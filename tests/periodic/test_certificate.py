@@ -9,7 +9,7 @@ import pytest
 from conftest import REFERENCES, machine_of, name_of, slow_after
 from scipy.integrate import solve_ivp
 
-from orbits import METHODS, NoOrbit, find, follow, orbit_at
+from orbits import NoOrbit, find, follow, orbit_at
 from orbits.continuation.corrector import correct_all
 from orbits.continuation.curve import Curve
 from orbits.flow.flow import flow_of
@@ -17,7 +17,7 @@ from orbits.model.model import as_derived
 from orbits.numerics.roots import solve
 from orbits.periodic.local_law import by_launch_speed, launch_power
 from orbits.shooting import error_bound
-from orbits.shooting.formulations import landing_gap_slope
+from orbits.shooting.formulations import METHODS, landing_gap_slope
 from problems import HeavyHand, Hopper, Juggler
 from problems.laws import springs
 

@@ -10,8 +10,8 @@ import pytest
 from conftest import PROVED, REFERENCES, machine_of, middle, slow_after
 
 import orbits.periodic.certificate
-from orbits import METHODS, InputError, NoOrbit, find, find_all, follow, sweep, time_limit
-from orbits.shooting.formulations import half_orbit, whole_flight
+from orbits import InputError, NoOrbit, find, find_all, follow, sweep, time_limit
+from orbits.shooting.formulations import METHODS, half_orbit, whole_flight
 from problems import Hopper, Juggler
 from problems.laws import gravity, springs
 from studies.stress import random_laws

@@ -28,7 +28,6 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from orbits import (
-    InconsistentModel,
     InputError,
     NoOrbit,
     Orbit,
@@ -43,7 +42,8 @@ from orbits import (
     sensitivities,
     simulate,
 )
-from orbits.model.model import Model
+from orbits.errors import InconsistentModel
+from orbits.model.model import FOLLOWING, Model
 from orbits.model.phase import Affine, Phase
 from orbits.model.state_formula import StateFormula
 from orbits.sweeps.sweep import sweep
@@ -146,7 +146,8 @@ FIELDS = dict(  # noqa: C408 -- as the arguments of a Model are written
     rest=lambda p: [0.0, 0.0, p["rest_angle"], 0.0],
     units=lambda p: SI,
 )
-MODEL, WRITTEN = Model(**FIELDS), SimpleNamespace(**FIELDS)  # the second with what follows from the rest
+MODEL = Model(**{name: part for name, part in FIELDS.items() if name not in FOLLOWING})
+WRITTEN = SimpleNamespace(**FIELDS)  # also what follows from the rest
 
 
 @dataclass(frozen=True)
@@ -577,7 +578,7 @@ def test_results_have_their_units(orbit):
 def test_units_of_another_system_convert_angles_to_themselves():
     feet = Units(0.3048, 1.0, 1.0, 1.0, ("knee", "liftoff"))
     assert feet.of_states(STATES).tolist() == [0.3048, 0.3048, 1.0, 1.0]
-    assert feet.without("alpha", {"alpha": 3.0, "liftoff": 1.5}) == {"alpha": 3.0, "liftoff": 1.5}
+    assert feet.dimensionless("alpha", {"alpha": 3.0, "liftoff": 1.5}) == {"alpha": 3.0, "liftoff": 1.5}
     body = feet.convert_height(StateFormula(BODY, STATES, {"link": 1.0}), STATES)
     assert float(body(np.array([0.3048, 0.0, 1.0, 0.0]))) == pytest.approx(0.3048 * (1 + 2 * np.sin(0.5)), rel=1e-15)
     aside = replace(feet, angles=("theta",))

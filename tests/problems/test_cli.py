@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from conftest import Result
 
-from orbits import METHODS, Orbit, find
+from orbits import Orbit, find
 from orbits.io import to_json
+from orbits.shooting.formulations import METHODS
 from problems import hopper_in_si
 
 ALPHA = 4.493409457909064  # tan(alpha) = alpha, eq. (12) of the paper

@@ -274,12 +274,12 @@ def test_an_orbit_with_a_wrong_value_is_refused_by_name(key, documents, tmp_path
         Orbit.load(path)
 
 
-@pytest.mark.parametrize("layout", ["bare", "units", "oldest"])
+@pytest.mark.parametrize("layout", ["today", "0.1.0"])
 @pytest.mark.parametrize("value", NO_UNITS)
 def test_an_orbit_with_a_unit_that_is_none_is_refused(value, layout, documents, tmp_path):
-    """In the layout of today, in that with numbers in SI alone, and in that without units of results."""
+    """In the layout of today, and in that of version 0.1.0, without units of results."""
     data, path = json.loads(documents["orbit in SI"]), tmp_path / "orbit.json"
-    for name in {"bare": (), "units": ("bare",), "oldest": ("bare", "units")}[layout]:
+    for name in {"today": (), "0.1.0": ("bare", "units")}[layout]:
         del data[name]
     for name in ("length", "time", "force", "energy"):
         units = {**data["motion"]["units"], name: value}
@@ -296,7 +296,7 @@ def test_an_orbit_in_si_with_a_mass_that_is_no_number_is_refused(documents, tmp_
 
 
 @pytest.mark.parametrize("value", NO_UNITS)
-def test_an_old_family_with_a_unit_that_is_none_is_refused(value, documents, tmp_path):
+def test_a_family_of_the_first_version_with_a_unit_that_is_none_is_refused(value, documents, tmp_path):
     head, *rest = documents["family"].splitlines()
     record, path = json.loads(head), tmp_path / "family.jsonl"
     record["machine"] |= {"laws_in": "SI", "unit_length": value, "unit_time": 1.0, "unit_force": 1.0}

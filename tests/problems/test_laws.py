@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from orbits import InputError, NoOrbit, OutOfRange, find
+from orbits import InputError, NoOrbit, find
+from orbits.errors import OutOfRange
 from problems import Hopper, Juggler, hopper_in_si
 from problems.laws import gravity, springs
 

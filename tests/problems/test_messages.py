@@ -153,7 +153,7 @@ def test_a_file_whose_violations_disagree_is_refused(tmp_path):
 
 
 @pytest.mark.usefixtures("any_digest")
-def test_the_numbers_of_an_old_file_are_told_without_units(tmp_path):
+def test_the_numbers_of_a_file_of_the_first_version_are_told_without_units(tmp_path):
     bare = find(SHORT, 3).dimensionless()
     old = json.loads(bare.save(tmp_path / "old.json").read_text()) | {"laws_in": "SI"}
     old["motion"]["units"] = {name: getattr(SHORT.units, name) for name in ("length", "time", "force")}

@@ -10,6 +10,7 @@ from flint import arb, arb_series
 
 from orbits import find, find_all, prove
 from orbits.check_proof import DEFINED, SLOPES, Unverified, Values, check, number, parse, slope, tree
+from orbits.io import write_json
 from problems import Chain, Hopper, Juggler, hopper_in_si, inerter_hopper
 
 SLOW = pytest.mark.slow
@@ -204,10 +205,11 @@ def test_functions_and_their_slopes(name):
 def test_the_command(orbits, tmp_path):
     path = tmp_path / "proof.json"
     assert orbits(f"prove --spring r --set x=1 --save {path}").code == 2
-    path.write_text(json.dumps(saved(prove(find(inerter_hopper()), motion=False))), encoding="utf-8")
+    proof = saved(prove(find(inerter_hopper()), motion=False))
+    write_json(proof, path, "proof")
     assert orbits(f"check-proof {path}").out.startswith("verified")
     assert orbits(f"check-proof {path} --json").document["verified"] is True
-    path.write_text(path.read_text(encoding="utf-8").replace('"proved": true', '"proved": false'), encoding="utf-8")
+    write_json(proof | {"proved": False}, path, "proof")
     done = orbits(f"check-proof {path} --json")
     assert done.code == 1
     assert done.document["reasons"]

@@ -8,10 +8,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from orbits import InputError, Mass, Mechanism, Orbit, Spring, find, prove, prove_fold
+from orbits import InputError, Mechanism, Orbit, find, prove, prove_fold
 from orbits.exact.claim import claim_of
 from orbits.exact.stated import stated_machine
 from orbits.io import write_json
+from orbits.mechanics import Mass, Spring
 from orbits.proof import intervals
 from orbits.proof.case import whole_proof
 from orbits.proof.wording import equations_words

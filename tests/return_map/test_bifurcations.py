@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from orbits import InputError, ReturnMap, bifurcations, find, multiplier, simulate
+from orbits.continuation.point import End
 from orbits.return_map.bifurcations import _Search, _with_events_at_points
 from orbits.return_map.branches import BranchTracer, FoundEvent, PeriodicLaunch
 from orbits.return_map.cycles import MapsAlong
-from orbits.return_map.diagram import BifurcationDiagram, Branch, BranchEnd
+from orbits.return_map.diagram import BifurcationDiagram, Branch
 from problems import Hopper, hopper_in_si
 
 ALPHA = 4.493409457909064  # tan(alpha) = alpha
@@ -130,7 +131,7 @@ def test_a_flip_at_a_point_of_its_branch(section):
 
 
 def test_a_multiplier_that_touches_a_level_is_no_bifurcation():
-    end, place = BranchEnd("reached", ""), np.zeros(2)
+    end, place = End("reached", ""), np.zeros(2)
 
     def kinds(values, slopes):
         points = [PeriodicLaunch(v, (1.0,), s, (1,), place, place) for v, s in zip(values, slopes, strict=True)]
@@ -144,7 +145,7 @@ def test_a_multiplier_that_touches_a_level_is_no_bifurcation():
 
 
 def test_a_branch_without_multipliers_is_not_called_unstable(tmp_path):
-    end = BranchEnd("reached", "")
+    end = End("reached", "")
     values, slopes = np.arange(6.0), np.array([0.5, np.nan, 0.6, np.nan, np.nan, 2.0])
     branch = Branch(1, values, values[:, None] + 5, slopes, (end, end))
     assert branch.stable == [True, None, True, None, None, False]
@@ -162,14 +163,14 @@ def test_a_branch_without_multipliers_is_not_called_unstable(tmp_path):
 
 def test_a_stable_stretch_between_bifurcations_that_follow_each_other():
     """No point lies between the fold and the flip, nor between the flip and the border collision."""
-    end = BranchEnd("reached", "")
+    end = End("reached", "")
     values, slopes = np.array([1.0, 0.0, 2.0, 3.0, 4.0]), np.array([1.4, 1.0, -1.0, np.nan, 0.3])
     branch = Branch(1, values, np.ones((5, 1)), slopes, (end, end))
     assert branch.stretches() == [(1.0, 0.0, False), (0.0, 2.0, True), (2.0, 3.0, False), (3.0, 4.0, True)]
 
 
 def test_periodic_launches_at_the_ends_and_at_points_of_a_branch():
-    end = BranchEnd("reached", "")
+    end = End("reached", "")
     values = np.array([0.0, 1.0, 2.0])
     branch = Branch(1, values, values[:, None] + 5, values / 2, (end, end))
     back = Branch(1, values[::-1], values[::-1, None] + 8, values[::-1] / 2, (end, end))
@@ -177,7 +178,7 @@ def test_periodic_launches_at_the_ends_and_at_points_of_a_branch():
     for value in (0.0, 0.25, 1.0, 2.0):
         assert diagram.periodic(value) == [(1, value + 5, value / 2), (1, value + 8, value / 2)]
     assert diagram.periodic(2.1) == []
-    around, closed = np.array([0.0, 1.0, 0.0]), BranchEnd("closed", "")
+    around, closed = np.array([0.0, 1.0, 0.0]), End("closed", "")
     branch = Branch(1, around, np.array([[5.0], [6.0], [5.0]]), around, (closed, closed))
     assert BifurcationDiagram("v", (0.0, 1.0), (4.0, 7.0), {}, (branch,), ()).periodic(0.0) == [(1, 5.0, 0.0)]
 
@@ -411,6 +412,6 @@ def test_nothing_comes_back_with_damping_alone():
 
 
 def test_ends_are_told_in_words():
-    assert BranchEnd("jump", "the map jumps") == BranchEnd("jump", "the map jumps")
+    assert End("jump", "the map jumps") == End("jump", "the map jumps")
     assert all(end.kind == "reached" for end in of_the_paper().branches[0].ends)
     assert of_the_paper().branches[1].ends[0].kind == "flip"

@@ -8,18 +8,11 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from orbits import (
-    Bifurcation,
-    FixedPoint,
-    InputError,
-    NoOrbit,
-    ReturnMap,
-    find,
-    prove_doubling,
-    prove_fixed_point,
-)
+from orbits import InputError, NoOrbit, ReturnMap, find, prove_doubling, prove_fixed_point
+from orbits.return_map.diagram import Bifurcation
 from orbits.return_map.proofs import guessed_hop
 from orbits.return_map.proved_map import proof_of_fixed_point
+from orbits.return_map.return_map import FixedPoint
 from problems import Chain, Hopper, Juggler, hopper_in_si, inerter_hopper, knee_hopper
 
 # Of the linear hopper with equal masses: launch speeds of fixed points, and the times of their flights.

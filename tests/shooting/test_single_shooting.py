@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from conftest import REFERENCES, machine_of, slow_after
 
-from orbits import Arc, InputError, NoOrbit, Phase, Pieces, Statement, find, linear_modes
+from orbits import InputError, NoOrbit, find
 from orbits.flow.flow import flow_of
+from orbits.model import Arc, Phase, Pieces, Statement, linear_modes
 from orbits.shooting.formulations import contact_force_row, equations_of
 from orbits.shooting.multiple_shooting import trajectory_on_mesh
 from orbits.shooting.single_shooting import Shooting, settles

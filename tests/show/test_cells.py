@@ -8,19 +8,8 @@ from io import BytesIO
 import numpy as np
 import pytest
 
-from orbits import (
-    ReturnMap,
-    existence,
-    find,
-    follow,
-    linear_modes,
-    optimize,
-    pareto,
-    prove,
-    simulate,
-    sweep,
-    uncertainty,
-)
+from orbits import ReturnMap, existence, find, follow, optimize, pareto, prove, simulate, sweep, uncertainty
+from orbits.model import linear_modes
 from orbits.result import ROWS_OF_CELL, cell
 from orbits.return_map.bifurcations import bifurcations
 from orbits.tables import VIOLATED, html_table, number_text

@@ -13,7 +13,10 @@ from sphinx.addnodes import desc_signature, download_reference, pending_xref
 from sphinx.util.docutils import SphinxRole
 from sphinx.util.nodes import make_refnode
 
-PACKAGES = ("orbits", "problems", "problems.steering", "orbits.laws.law")
+from orbits import PLACE_OF
+
+PLACES = (f"orbits.{place}" for place in PLACE_OF.values())
+PACKAGES = ("orbits", "problems", "problems.steering", "orbits.laws.law", *PLACES)
 STUDIES = Path(__file__).parents[2]
 # On this page names are those of modules, some of which functions have too.
 OF_MODULES = "where"
