@@ -10,8 +10,7 @@ from flint import arb
 from orbits.balls import equations
 from orbits.balls.equations import Equations, IntervalParameters
 from orbits.exact.exact_mechanics import parameter_of
-from orbits.exact.expressions import SMOOTH_FUNCTIONS, call, expression, symbol
-from orbits.exact.expressions import power as power_of
+from orbits.exact.expressions import SMOOTH_FUNCTIONS, call, expression, power as power_of, symbol
 from orbits.exact.stated import exact_bounds
 from orbits.exact.statement import ExactArc, ExactStatement
 

@@ -8,7 +8,7 @@ from collections import defaultdict
 from functools import cache
 from pathlib import Path
 
-from orbits import PLACE_OF
+import orbits
 
 ROOT = Path(__file__).parent.parent
 RANK = {"orbits": 0, "problems": 1, "studies": 2}
@@ -38,7 +38,7 @@ ROOMS = (
     "continuation",
     "control",
     "return_map",
-    "check",
+    "checks",
     "sweeps",
     "show",
 )
@@ -148,7 +148,7 @@ def test_a_rooms_face_is_its_docstring_and_names_of_its_modules():
     wrong = []
     for path in (ROOT / "orbits").glob("*/__init__.py"):
         first, *others = tree_of(path).body
-        names = sorted(name for name, place in PLACE_OF.items() if place == path.parent.name)
+        names = sorted(name for name, place in orbits.PLACE_OF.items() if place == path.parent.name)
         imports = [each for each in others[:-1] if isinstance(each, ast.ImportFrom) and each.level == 1]
         shown = sorted(alias.name for each in imports for alias in each.names)
         listed = ast.literal_eval(others[-1].value) if others and isinstance(others[-1], ast.Assign) else []

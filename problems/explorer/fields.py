@@ -9,8 +9,7 @@ from typing import Any
 
 from orbits.errors import InputError
 
-from ..laws import gravity as gravities
-from ..laws import springs
+from ..laws import gravity as gravities, springs
 from .dials import Dial
 from .scene import GIVEN, DroppedRows, Scene, beginning
 

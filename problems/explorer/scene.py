@@ -17,8 +17,7 @@ from orbits.errors import InputError, finite_number, whole_number
 from orbits.laws.law import Law
 from orbits.symbolic.formula import parse, suggest
 
-from ..laws import gravity as gravities
-from ..laws import springs
+from ..laws import gravity as gravities, springs
 from ..machines.files import KINDS, MASSES, SI_KEYS, SI_PARAMETERS, build
 from ..machines.in_si import AnyMachine, MachineInSI
 

@@ -43,8 +43,7 @@ def serve(scene: "Scene", port: int = 0, python_machine: Any = None) -> tuple[An
         from tornado.httpserver import HTTPServer
         from tornado.ioloop import IOLoop
         from tornado.routing import HostMatches, PathMatches, Rule, RuleRouter
-        from tornado.web import Application as Pages
-        from tornado.web import ErrorHandler
+        from tornado.web import Application as Pages, ErrorHandler
     except ImportError:
         raise InputError("the page needs Bokeh: install persistent-orbits[explore]") from None
     prepare()

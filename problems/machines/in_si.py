@@ -22,8 +22,7 @@ from orbits.running.exclusive import exclusive, exclusive_property
 from orbits.symbolic.formula import suggest
 from orbits.units import ACCELERATION, LENGTH, MASS, Dimension, Units, unit_text
 
-from ..laws import gravity as gravities
-from ..laws import springs
+from ..laws import gravity as gravities, springs
 from ..laws.gravity import as_gravity
 from ..laws.springs import as_spring
 from .hopper import Hopper

@@ -15,13 +15,11 @@ from orbits.exact.expressions import (
     along,
     depends_on,
     derivative_by,
+    exact_number as number,
     expression,
     substitute,
     symbol,
     vanishes,
-)
-from orbits.exact.expressions import (
-    exact_number as number,
 )
 
 X, Y = symbol("x"), symbol("y")

@@ -1,0 +1,79 @@
+"""The names of the package, each with the module that it is loaded from when it is first used."""
+
+from .checks import Checked as Checked, check
+from .continuation.family import Family
+from .continuation.folds import follow_fold
+from .continuation.follow import follow, follow_branch, orbit_at, trace
+from .continuation.point import End as End, Event as Event, Point as Point
+from .continuation.starts import start_from_rest, starts
+from .continuation.step_control import StepControl as StepControl
+from .control import Guess as Guess, Input as Input, Stage as Stage
+from .control.control import Control
+from .control.steer import steer
+from .design.optimality import Active as Active, Design
+from .design.optimize import optimize
+from .design.pareto import Front, pareto
+from .design.sensitivities import quantities, sensitivities
+from .errors import (
+    FlowError as FlowError,
+    InconsistentModel as InconsistentModel,
+    InputError,
+    NoOrbit,
+    OrbitsError,
+    OutOfRange as OutOfRange,
+)
+from .exact.bounds import Enclosure as Enclosure
+from .mechanics import (
+    Damper as Damper,
+    Force as Force,
+    Inerter as Inerter,
+    Mass as Mass,
+    Potential as Potential,
+    Spring as Spring,
+    Weight as Weight,
+)
+from .mechanics.mechanism import Mechanism
+from .model import (
+    Affine as Affine,
+    Arc as Arc,
+    Modes as Modes,
+    Phase as Phase,
+    Pieces as Pieces,
+    Reduction as Reduction,
+    StateFormula as StateFormula,
+    Statement as Statement,
+    linear_modes as linear_modes,
+)
+from .model.machine import Machine
+from .model.model import Model
+from .periodic.certificate import Certificate as Certificate
+from .periodic.find import find, find_all
+from .periodic.fold_statement import fold_statement as fold_statement
+from .periodic.orbit import Orbit
+from .proof.prove import prove, prove_absence, prove_fold
+from .proof.theorem import Proof
+from .return_map.bifurcations import bifurcations
+from .return_map.diagram import Bifurcation as Bifurcation, BifurcationDiagram, Branch as Branch, BranchEnd as BranchEnd
+from .return_map.proofs import prove_doubling, prove_fixed_point
+from .return_map.return_map import FixedPoint as FixedPoint, Hops as Hops, ReturnMap
+from .running.time_limit import time_limit
+from .shooting.formulations import METHODS as METHODS
+from .simulation.multiplier import multiplier
+from .simulation.simulated import Simulation
+from .simulation.simulation import simulate
+from .sweeps.existence import Existence, existence
+from .sweeps.sweep import SweepProgress as SweepProgress, sweep
+from .sweeps.sweep_result import Sweep
+from .sweeps.uncertainty import Uncertainty, uncertainty
+from .units import Units
+
+__version__: str
+
+__all__ = [
+    "BifurcationDiagram", "Control", "Design", "Existence", "Family", "Front", "InputError", "Machine", "Mechanism",
+    "Model", "NoOrbit", "Orbit", "OrbitsError", "Proof", "ReturnMap", "Simulation", "Sweep", "Uncertainty", "Units",
+    "__version__", "bifurcations", "check", "existence", "find", "find_all", "follow", "follow_branch",
+    "follow_fold", "multiplier", "optimize", "orbit_at", "pareto", "prove", "prove_absence", "prove_doubling",
+    "prove_fixed_point", "prove_fold", "quantities", "sensitivities", "simulate", "start_from_rest", "starts",
+    "steer", "sweep", "time_limit", "trace", "uncertainty",
+]  # fmt: skip
