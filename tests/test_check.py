@@ -5,7 +5,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from by_hand import by_hand, written
 from conftest import slow_after
 
 import orbits.consistency.verdict as consistency
@@ -41,6 +40,7 @@ from problems import (
     plate_hopper,
 )
 from problems.laws import springs
+from tests.consistency.by_hand import by_hand, written
 
 INVERSE_SQUARE = "1/(1 + z/90)**2"
 MACHINES = {
