@@ -33,7 +33,7 @@ COPIED = ("orbits", "problems", "studies", "tests", "README.md", "pyproject.toml
 TESTED_BY = {
     "model": ("flow", "periodic"), "laws": ("problems/laws/test_springs.py", "periodic"), "running": ("symbolic",),
     "shooting": ("shooting", "periodic"),
-    "check.py": ("test_check.py",), "consistency": ("test_check.py",), "units.py": ("test_units.py",),
+    "check.py": ("test_check.py",), "consistency": ("consistency", "test_check.py"), "units.py": ("test_units.py",),
 }  # fmt: skip
 # What rooms do for machines in SI is tested here; numerics knows no units.
 IN_SI = "tests/test_units.py", "tests/test_messages.py"
