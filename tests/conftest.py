@@ -15,6 +15,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # each worker has a core of 
 import numpy as np
 import pytest
 
+from orbits import Family, follow
 from problems import Hopper
 from problems.command.cli import main
 
@@ -118,6 +119,12 @@ def name_of(reference: dict) -> str:
 def reference(request) -> dict:
     """Each orbit of the reference file in turn."""
     return request.param
+
+
+@pytest.fixture(scope="session")
+def softening_family() -> Family:
+    """The family of the cubic spring from linear to its fold, and back on the second sheet."""
+    return follow(Hopper("cubic", rest_length=30.0), "beta", -0.02, 0.0, at=[-0.005])
 
 
 def grazing_flights(count: int, seed: int):

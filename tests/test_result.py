@@ -8,7 +8,6 @@ from concurrent.futures import ProcessPoolExecutor
 from copy import deepcopy
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache
-from importlib.metadata import PackageNotFoundError
 from multiprocessing import get_context
 
 import numpy as np
@@ -36,7 +35,6 @@ from orbits import (
     sweep,
     uncertainty,
 )
-from orbits.continuation import checkpoint
 from orbits.continuation.family import Family
 from orbits.io import to_json
 from orbits.result import Result
@@ -375,15 +373,3 @@ def test_other_processes():
 
 # Machines whose laws are a formula, Python functions, a potential, pieces, and a table in SI.
 CHILDREN = ("c*r**3", "b=0.2, R=50.0", "potential", "'bilinear'", "in SI, spring table:table")
-
-
-def test_a_family_of_sources_that_are_not_installed(monkeypatch):
-    def of_installed(name):
-        if name == "persistent-orbits":
-            raise PackageNotFoundError(name)
-        return "1.0"
-
-    monkeypatch.setattr("importlib.metadata.version", of_installed)
-    versions = checkpoint.versions.__wrapped__()
-    assert list(versions) == ["persistent-orbits", "casadi", "numpy", "python"]
-    assert versions["persistent-orbits"] == "unknown"

@@ -10,12 +10,14 @@ import casadi as ca
 import numpy as np
 import pytest
 from conftest import REFERENCES, machine_of, slow_after
+from many_at_once import cubics
 
-from orbits import Arc, InputError, NoOrbit, Phase, Pieces, Statement, find, linear_modes
+from orbits import Arc, FlowError, InputError, NoOrbit, Phase, Pieces, Statement, find, linear_modes
 from orbits.flow.flow import flow_of
+from orbits.flow.vector_field import FlowControl
 from orbits.shooting.formulations import contact_force_row, equations_of
 from orbits.shooting.multiple_shooting import trajectory_on_mesh
-from orbits.shooting.single_shooting import Shooting, settles
+from orbits.shooting.single_shooting import Shooting, joined, settles
 from orbits.symbolic.calls import BufferedFunction
 from orbits.symbolic.ipopt import solve_equations
 from problems import Hopper
@@ -250,3 +252,37 @@ def test_the_row_of_the_contact_force_is_the_force():
     assert row(rows) == pytest.approx(rows[:, contact.names.index("contact force")], abs=0.0)
     extension = rows[:, 0]  # the foot stands: weights 1 and 2, less what the spring pulls up
     assert row(rows) == pytest.approx(1.0 - extension - 0.1 * extension**3, abs=1e-12)
+
+
+def assert_same(some, one):
+    """Two evaluations of a statement agree, up to the order of their roundings."""
+    assert some.residual == pytest.approx(one.residual, abs=1e-12)
+    assert some.jacobian == pytest.approx(one.jacobian, rel=1e-11, abs=1e-11)
+    assert some.amplification == pytest.approx(one.amplification, rel=1e-11)
+    assert some.trajectories[0].end[:4] == pytest.approx(one.trajectories[0].end[:4], abs=1e-12)
+
+
+def test_a_statement_at_many_points():
+    equations, xs, ps, _ = cubics(9)
+    here = equations.evaluate_all(xs[:, :3], ps, ("beta",))
+    halves = joined([here[np.arange(4)], here[np.arange(8, 3, -1)]])
+    assert list(here.amplification) == [here[i].amplification for i in range(9)]
+    for i, (x, p) in enumerate(zip(xs, ps, strict=True)):
+        one = equations.evaluate(x[:3], p, ("beta",))
+        assert_same(here[i], one)
+        assert_same(halves[i if i < 4 else 12 - i], one)
+
+
+def test_motions_of_many_steps_among_others(monkeypatch):
+    """Motions of more steps than there is room for are followed by themselves; all come in their order."""
+    equations = equations_of(Hopper("cubic").model, "relative", tuple(Hopper("cubic").values))
+    us, ps = np.array([[1.0, 4.49], [1.0, 40.0], [0.9, 4.6]]), np.tile(list(Hopper("cubic").values.values()), (3, 1))
+    here = equations.evaluate_all(us, ps, ("beta",))
+    monkeypatch.setattr("orbits.flow.flow.Flow.control", FlowControl(max_block=8))
+    there = equations.evaluate_all(us, ps, ("beta",))
+    assert (here.trajectories[0].counts == there.trajectories[0].counts).all()
+    assert there.residual == pytest.approx(here.residual, abs=1e-10)
+    assert there.jacobian == pytest.approx(here.jacobian, rel=1e-9, abs=1e-9)
+    assert there.trajectories[0].finals == pytest.approx(here.trajectories[0].finals, abs=1e-9)
+    with pytest.raises(FlowError, match="cannot start"):
+        equations.evaluate_all(us * [[1, 1], [1, -1], [1, 1]], ps, ("beta",))

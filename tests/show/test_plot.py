@@ -4,10 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from families import events
 from legibility import faults, smallest_text
 
 from orbits import Mass, Mechanism, Spring, find, follow, orbit_at, pareto, simulate, starts
 from orbits.show import animation, plot
+from orbits.show.plot import spread, thumbnails
 from problems import Chain, Hopper, Juggler, chain_hand, hopper_in_si, plate_hopper
 
 FRAMES = 6
@@ -195,3 +197,32 @@ def test_faults_are_found():
     for words in ("nothing of 'nothing'", "'one' meets 'another'", "'outside' leaves", "'curve' runs under", "x axis"):
         assert words in found
     assert smallest_text(axes.figure, 560) == pytest.approx(10 / 72 * 100)
+
+
+def test_plots(softening_family):
+    axes = softening_family.plot(label="first")
+    follow(Hopper("cubic"), "beta", -0.003, 0.0, 2).plot(axes=axes, label="second")
+    solid, dashed, *_ = axes.lines
+    assert np.nanmin(solid.get_xdata()[~np.isnan(solid.get_ydata())]) == events(softening_family, "collapse")[0].value
+    assert np.nanmax(dashed.get_ydata()) == softening_family[-1].alpha
+    assert {text.get_text() for text in axes.get_legend().get_texts()} == {
+        "first",
+        "second",
+        "collapse",
+        "fold",
+        "no motions",
+    }
+
+
+def test_thumbnails_are_spread_along_the_curve_and_leave_room_for_the_labels(softening_family):
+    points = spread(softening_family, 6)
+    assert (points[0], points[-1], len(points)) == (softening_family[0], softening_family[-1], 6)
+    machine = Hopper("cubic", rest_length=30.0)
+    axes = thumbnails(
+        softening_family.plot(), softening_family, [(point, orbit_at(machine, point, "beta")) for point in points]
+    )
+    axes.figure.draw_without_rendering()
+    frame = axes.figure.bbox
+    for text in (axes.yaxis.label, axes.xaxis.label, axes.title):
+        box = text.get_window_extent()
+        assert min(box.x0, box.y0, frame.x1 - box.x1, frame.y1 - box.y1) >= 0
