@@ -1,77 +1,52 @@
-"""Answers of optimal control: called, tabled, saved and drawn, against closed forms and after their files."""
+"""Motions of optimal control: called, tabled and saved, against closed forms and after their files."""
 
 import csv
 import json
 
 import numpy as np
 import pytest
-from legibility import faults
+from carts import CART, HALF
 
 from orbits import Control, Guess, Input, InputError, Phase, Stage, steer
-from orbits.show.plot import new_axes, new_row
-
-CART = Phase("cart", ("x", "v"), lambda x, p, q: [x[1], p["f"]])
-SLED = Phase("sled", ("v", "x", "heat"), lambda x, p, q: [p["f"], x[0], p["g"] ** 2])
-HALF = 0.5
 
 
-@pytest.fixture(scope="module")
-def cart() -> Control:
-    """From rest to rest over the way 1 in the time 1 at least effort: f = 6 - 12 t."""
-    ends = {"start": lambda x, before, p: x, "end": lambda x, p: [x[0] - 1, x[1]]}
-    stage = Stage(CART, 4, (1.0, 1.0), {"f": Input(degree=1)}, **ends, running=lambda x, p, q: p["f"] ** 2)
-    return steer([stage], guess=[Guess(1.0, lambda t: [t, 1.0])])
-
-
-@pytest.fixture(scope="module")
-def relay() -> Control:
-    """The same in two stages of other states: a cart hands over to a sled, which has another input besides."""
-    effort = {"running": lambda x, p, q: p["f"] ** 2}
-    first = Stage(CART, 2, (HALF, HALF), {"f": Input(degree=1)}, lambda x, before, p: x, **effort)
-    second = Stage(
-        SLED, 2, (HALF, HALF), {"f": Input(degree=1), "g": Input(1.0, 1.0)},
-        lambda x, before, p: [x[1] - before[0], x[0] - before[1], x[2]], lambda x, p: [x[1] - 1, x[0]], **effort,
-    )  # fmt: skip
-    return steer([first, second], guess=[Guess(HALF, lambda t: [t, 1.0]), Guess(HALF, lambda t: [1.0, HALF + t, 0.0])])
-
-
-def test_states_inputs_and_costs_in_closed_form(cart):
+def test_states_inputs_and_costs_in_closed_form(steered_cart):
     t = np.linspace(0, 1, 21).reshape(3, 7)
-    assert cart.states == ("x", "v")
-    assert cart(t).shape == (3, 7, 2)
-    assert cart(t)[..., 0] == pytest.approx(t**2 * (3 - 2 * t), abs=1e-11)
-    assert cart.inputs_at(t)[..., 0] == pytest.approx(6 - 12 * t, abs=1e-9)
-    assert cart.inputs_at(t).shape == (3, 7, 1)
-    table = cart.table(t.ravel())
+    assert steered_cart.states == ("x", "v")
+    assert steered_cart(t).shape == (3, 7, 2)
+    assert steered_cart(t)[..., 0] == pytest.approx(t**2 * (3 - 2 * t), abs=1e-11)
+    assert steered_cart.inputs_at(t)[..., 0] == pytest.approx(6 - 12 * t, abs=1e-9)
+    assert steered_cart.inputs_at(t).shape == (3, 7, 1)
+    table = steered_cart.table(t.ravel())
     assert table["running cost"] == pytest.approx(36 * t.ravel() - 72 * t.ravel() ** 2 + 48 * t.ravel() ** 3, abs=1e-9)
     assert list(table) == ["time", "stage", "x", "v", "f", "running cost"]
-    assert cart.table()["running cost"][-1] == pytest.approx(cart.cost, abs=1e-12)
-    assert cart(0.25).shape == (2,)
-    assert cart([]).shape == (0, 2)
+    assert steered_cart.table()["running cost"][-1] == pytest.approx(steered_cart.cost, abs=1e-12)
+    assert steered_cart(0.25).shape == (2,)
+    assert steered_cart([]).shape == (0, 2)
 
 
 @pytest.mark.parametrize("t", [-0.1, 1.1, np.nan, "a", None, [0.5, [0.2]]])
-def test_times_lie_within_the_motion(cart, t):
-    for ask in (cart, cart.inputs_at, *([] if t is None else [cart.table])):
+def test_times_lie_within_the_motion(steered_cart, t):
+    for ask in (steered_cart, steered_cart.inputs_at, *([] if t is None else [steered_cart.table])):
         with pytest.raises(InputError, match="times lie between 0 and 1"):
             ask(t)
 
 
-def test_stages_of_other_states(relay, cart):
+def test_stages_of_other_states(steered_relay, steered_cart):
     """A call gives what all stages have, in the order of the first; an input that a stage does not have is 0."""
     t = np.linspace(0, 1, 20)
-    assert relay.states == ("x", "v")
-    assert relay(t) == pytest.approx(cart(t), abs=1e-9)
-    assert relay.inputs == ("f", "g")
-    assert relay.inputs_at([0.2, HALF, 0.7])[:, 1] == pytest.approx([0, 1, 1])
-    assert relay.legs[1].path(HALF)[2] == pytest.approx(HALF)  # the heat of the sled is in its own leg
-    assert relay.table(t)["stage"].tolist() == ["cart"] * 10 + ["sled"] * 10
-    assert relay.table()["running cost"][-1] == pytest.approx(12, abs=1e-8)
+    assert steered_relay.states == ("x", "v")
+    assert steered_relay(t) == pytest.approx(steered_cart(t), abs=1e-9)
+    assert steered_relay.inputs == ("f", "g")
+    assert steered_relay.inputs_at([0.2, HALF, 0.7])[:, 1] == pytest.approx([0, 1, 1])
+    assert steered_relay.legs[1].path(HALF)[2] == pytest.approx(HALF)  # the heat of the sled is in its own leg
+    assert steered_relay.table(t)["stage"].tolist() == ["cart"] * 10 + ["sled"] * 10
+    assert steered_relay.table()["running cost"][-1] == pytest.approx(12, abs=1e-8)
 
 
-def test_files(relay, cart, tmp_path):
+def test_files(steered_relay, steered_cart, tmp_path):
     """All comes back to the last bit, also into a solve."""
-    for one in (relay, cart):
+    for one in (steered_relay, steered_cart):
         again = Control.load(one.save(tmp_path / "control.json"))
         assert again.save(tmp_path / "again.json").read_bytes() == (tmp_path / "control.json").read_bytes()
         t = np.linspace(0, 1, 33)
@@ -95,21 +70,21 @@ def test_a_stage_without_inputs_comes_back(tmp_path):
     assert len(found.plot().figure.axes) == 1  # no panel for inputs
 
 
-def test_a_table_in_a_file(cart, tmp_path):
-    with open(cart.save(tmp_path / "control.csv"), newline="", encoding="utf-8") as file:
+def test_a_table_in_a_file(steered_cart, tmp_path):
+    with open(steered_cart.save(tmp_path / "control.csv"), newline="", encoding="utf-8") as file:
         head, *rows = csv.reader(file)
-    table = cart.table()
+    table = steered_cart.table()
     assert head == list(table)
     assert [float(row[2]) for row in rows] == table["x"].tolist()
     with pytest.raises(InputError, match=r"\.json or \.csv"):
-        cart.save(tmp_path / "control.txt")
+        steered_cart.save(tmp_path / "control.txt")
 
 
 @pytest.mark.extra("pandas")
-def test_a_data_frame(cart):
+def test_a_data_frame(steered_cart):
     import pandas
 
-    frame = cart.dataframe([0.0, 0.5])
+    frame = steered_cart.dataframe([0.0, 0.5])
     assert isinstance(frame, pandas.DataFrame)
     assert frame["v"].tolist() == pytest.approx([0, 1.5], abs=1e-11)
 
@@ -146,8 +121,8 @@ def changed(document, *path_and_value):
     ],
 )
 @pytest.mark.usefixtures("any_digest")
-def test_a_damaged_file_is_refused(cart, tmp_path, damage, words):
-    document = json.loads(cart.save(tmp_path / "control.json").read_text())
+def test_a_damaged_file_is_refused(steered_cart, tmp_path, damage, words):
+    document = json.loads(steered_cart.save(tmp_path / "control.json").read_text())
     (tmp_path / "control.json").write_text(json.dumps(changed(document, *damage)))
     with pytest.raises(InputError, match=words) as error:
         Control.load(tmp_path / "control.json")
@@ -159,26 +134,3 @@ def test_what_is_no_file_of_a_control(tmp_path, text):
     (tmp_path / "control.json").write_text(text)
     with pytest.raises(InputError, match="is not a saved control"):
         Control.load(tmp_path / "control.json")
-
-
-def test_the_figure(relay):
-    axes = relay.plot()
-    states, inputs = axes.figure.axes
-    assert states is axes
-    assert [text.get_text() for text in states.get_legend().get_texts()] == ["x", "v", "heat"]
-    assert [text.get_text() for text in inputs.get_legend().get_texts()] == ["f", "g"]
-    assert [text.get_text() for text in states.texts] == ["cart", "sled"]
-    curves = {line.get_label(): line.get_xydata() for line in states.lines}
-    heat = curves["heat"][np.isfinite(curves["heat"][:, 1])]
-    assert heat[0] == pytest.approx([HALF, 0], abs=1e-9)  # the cart has none
-    assert heat[-1] == pytest.approx([1, HALF], abs=1e-9)
-    assert inputs.get_xlabel() == "time"
-    assert not faults(axes.figure)
-
-
-def test_the_figure_in_a_row_of_others(cart):
-    left, _ = new_row(2)
-    assert cart.plot(left) is left
-    assert len(left.figure.axes) == 3
-    with pytest.raises(InputError, match="cannot be divided"):
-        cart.plot(new_axes().inset_axes((0, 0, 1, 1)))
