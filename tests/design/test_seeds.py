@@ -1,4 +1,4 @@
-"""Searches that look everywhere between the bounds, against dense grids of the same designs."""
+"""The starts of a search everywhere between the bounds, against dense grids of the same designs."""
 
 import numpy as np
 import pytest
