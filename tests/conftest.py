@@ -6,7 +6,7 @@ import shlex
 import shutil
 import signal
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import Decimal
 from pathlib import Path
 
@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from carts import CART, HALF, SLED
 
-from orbits import Control, Family, Guess, Input, Stage, follow, steer
+from orbits import Control, Family, Guess, Input, Orbit, Proof, Stage, find, follow, prove, steer
 from problems import Driven, Hopper, hopper_in_si, steering
 from problems.command.cli import main
 
@@ -129,6 +129,29 @@ def reference(request) -> dict:
 def softening_family() -> Family:
     """The family of the cubic spring from linear to its fold, and back on the second sheet."""
     return follow(Hopper("cubic", rest_length=30.0), "beta", -0.02, 0.0, at=[-0.005])
+
+
+@pytest.fixture(scope="session")
+def folded_curve() -> tuple[Family, Proof]:
+    """The points of a family about its fold, and the proof that they are on one curve."""
+    machine = Hopper("cubic", rest_length=30.0)
+    family = follow(machine, "beta", stop=-0.02, start=0.0)
+    first = next(i for i, point in enumerate(family) if point.alpha > 5.69)
+    last = next(i for i, point in enumerate(family) if point.alpha > 5.98)
+    whole = replace(family, points=family.points[first : last + 1], events=())
+    return whole, whole.prove(machine, continuous=True, motion=False)
+
+
+@pytest.fixture(scope="session")
+def cubic_hop() -> Orbit:
+    """The hop of a cubic spring that the proofs are about."""
+    return find(machine_of(REFERENCES[2]))
+
+
+@pytest.fixture(scope="session")
+def cubic_proof(cubic_hop) -> Proof:
+    """What is proved of it."""
+    return prove(cubic_hop, loss=True)
 
 
 @pytest.fixture(scope="session")

@@ -194,7 +194,6 @@ VERBS = {
     "plot": lambda result: result.plot().figure and "no picture" not in result._repr_html_(),
 }
 FILES = ("json", "csv")
-TABLES = ("dataframe", "dataset", "nc", "parquet")  # with the extra `data`
 # What is not in the table of results and verbs, with the reason.
 WITHOUT = {
     ("Control", "machine"): "a motion is of stages, and of no machine",

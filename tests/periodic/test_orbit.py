@@ -8,7 +8,7 @@ import pytest
 from conftest import REFERENCES, machine_of
 
 from orbits import InputError, Orbit, OrbitsError, find
-from orbits.io import to_json
+from orbits.io import to_json, write_json
 from orbits.show.plot import new_axes, save_figure
 from problems import Hopper, Juggler, hopper_in_si, juggler_in_si
 
@@ -224,3 +224,27 @@ def test_orbits_are_equal_where_all_that_they_say_is(orbit, tmp_path):
 def test_a_force_with_the_sign_of_pressure(wrong):
     with pytest.raises(OrbitsError, match="is tension positive"):
         find(wrong())
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("admissible", lambda value: False), ("rises", lambda value: {**value, "foot": 9.0}),
+        ("state_mid_flight", lambda value: [2 * each for each in value]),
+    ],
+)  # fmt: skip
+def test_a_file_that_tells_a_number_in_two_ways(cubic_hop, tmp_path, name, change):
+    """Its digest is that of what it says."""
+    document = cubic_hop.saved()
+    path = write_json(document | {name: change(document[name])}, tmp_path / "hop.json", "orbit")
+    with pytest.raises(InputError, match=f"it says {name}"):
+        Orbit.load(path)
+    assert find(cubic_hop.source, start=path).alpha == pytest.approx(cubic_hop.alpha, abs=1e-12)
+
+
+def test_a_file_in_si_tells_each_number_twice(tmp_path):
+    document = find(hopper_in_si(3.0, 2.0, stiffness=500.0)).saved()
+    path = write_json(document, tmp_path / "hop.json", "orbit")
+    assert Orbit.load(path).alpha == document["alpha"]
+    with pytest.raises(InputError, match="it says alpha"):
+        Orbit.load(write_json(document | {"alpha": 1.01 * document["alpha"]}, path, "orbit"))
