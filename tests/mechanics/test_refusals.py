@@ -1,38 +1,14 @@
-"""What is refused of a mechanism as it is stated, and what its parameters are."""
+"""What is refused of a mechanism as it is stated: names, values, and parameters of laws."""
 
 import pickle
 
 import pytest
+from mechanisms import LEG, VALUES, machine
 from scipy.integrate import solve_ivp
 
-from orbits import (
-    Damper,
-    Force,
-    Inerter,
-    InputError,
-    Mass,
-    Mechanism,
-    NoOrbit,
-    OrbitsError,
-    Potential,
-    ReturnMap,
-    Spring,
-    Weight,
-    find,
-    simulate,
-)
-from problems import hopper_in_si, knee_hopper
+from orbits import Damper, Force, Inerter, InputError, Mass, Mechanism, Spring, Weight, find, simulate
+from problems import knee_hopper
 from problems.laws import gravity, springs
-
-VALUES = {"m1": 2.0, "m2": 0.5, "k": 3.0}
-LEG = Spring("body - foot", "k*r")
-
-
-def machine(*elements, **more) -> Mechanism:
-    """A body and a foot on a spring with these elements beside."""
-    masses = [Mass("body", "m1"), Mass("foot", "m2")]
-    given = {"coordinates": ("body", "foot"), "elements": [*masses, LEG, *elements], "gap": "foot"}
-    return Mechanism(**{**given, "parameters": VALUES, **more})
 
 
 def with_springs_of(*laws, **more) -> Mechanism:
@@ -138,20 +114,6 @@ def test_names_that_coordinates_cannot_have(name, telling):
 def test_what_is_misstated(change, telling):
     with pytest.raises(InputError, match=telling):
         machine(**change)
-
-
-@pytest.mark.parametrize(
-    ("element", "telling"),
-    [
-        (Mass("body", "m1*foot"), "the mass 'm1\\*foot' depends on the coordinate 'foot': .* by inertia="),
-        (Weight("body", "body"), "the mass 'body' depends on the coordinate"),
-        (Inerter("body - foot", "k*body"), "the inertance 'k\\*body' depends on the coordinate"),
-        (Damper("body - foot", "k*body**2"), "the coefficient .* depends on the coordinate 'body': .* by a Force"),
-    ],
-)
-def test_what_depends_on_parameters_alone(element, telling):
-    with pytest.raises(InputError, match=telling):
-        machine(element)
 
 
 class TestMisspeltCoordinates:
@@ -267,162 +229,6 @@ class TestActuators:
         run = solve_ivp(rates, (0, 9), [m2 / k, 3.0, 0, 0], "DOP853", rtol=1e-12, atol=1e-13, events=ground)
         impact = simulate(self.driven.with_values(w=rate), 3.0, hops=1).events[0]
         assert impact.time == pytest.approx(run.t[-1], rel=1e-9)
-
-
-class TestDimensions:
-    def test_of_a_name_that_stands_for_two_things_are_left_out(self):
-        two = machine(Damper("body - foot", "k"), in_si=True)
-        assert two.units_of_parameters() == {"m1": "kg", "m2": "kg"}
-        same = machine(Weight("foot", "m1"), in_si=True)
-        assert same.units_of_parameters() == {"m1": "kg", "m2": "kg", "k": "N/m"}
-
-    @pytest.mark.parametrize("element", [Spring("body - foot - r0", "k*r"), Damper("body - foot - r0", 0.1)])
-    def test_of_what_is_added_in_an_extension_are_lengths(self, element):
-        stated = machine(element, parameters={**VALUES, "r0": 0.3}, in_si=True)
-        assert stated.units_of_parameters() == {"m1": "kg", "m2": "kg", "k": "N/m", "r0": "m"}
-
-    @pytest.mark.parametrize(
-        ("extension", "unit"),
-        [("foot + a*body", "N/m"), ("2*body", "N m/rad"), ("body", "N m/rad"), ("a*(1 - cos(body))", None)],
-    )
-    def test_an_extension_is_what_its_coordinates_are(self, extension, unit):
-        given = {**VALUES, "c": 1.0, **({"a": 0.3} if "a*" in extension else {})}
-        stated = machine(Spring(extension, "c*r"), parameters=given, angles=("body",), in_si=True)
-        assert stated.units_of_parameters().get("c") == unit
-
-    def test_an_angle_is_no_height(self):
-        turned = machine(parameters=VALUES, angles=("body",))
-        assert [*turned.heights] == ["foot"]
-
-    def test_of_what_is_added_to_an_angle_are_none(self):
-        turned = machine(Spring("body - r0", "c*r"), parameters={**VALUES, "c": 1.0, "r0": 0.3}, angles=("body",))
-        assert "r0" not in turned.units_of_parameters()
-
-
-class TestWhatFindDoesWithElements:
-    def test_that_lose_energy(self):
-        for element in (Damper("body - foot", 0.02), Force("body", lambda y, v, p: 0.0)):
-            with pytest.raises(NoOrbit, match="loses energy"):
-                find(machine(element))
-            assert ReturnMap(machine(element))([3.0]).next[0] > 0
-
-    def test_that_have_a_potential(self):
-        assert find(machine(Potential("0*body"))).alpha == pytest.approx(find(machine()).alpha, rel=1e-13)
-
-
-def leg_in_si(law, *elements, **more) -> Mechanism:
-    """A body of 60 kg and a foot of 3 kg on a spring, in SI."""
-    masses = [Mass("body", 60.0), Mass("foot", 3.0)]
-    given = {"elements": [*masses, Spring("body - foot", law), *elements], "gravity": 9.80665, "in_si": True}
-    return Mechanism(**{"coordinates": ("body", "foot"), "gap": "foot", **given, **more})
-
-
-def bent_leg(force) -> Mechanism:
-    """A torsional spring in a knee, whose force along the leg is a function of the leg's bend from rest."""
-    return knee_hopper().with_springs([force])
-
-
-class TestForcesThatOpenNoContact:
-    """What is told is the largest force of the spring itself, or the least one of the contact, by hand."""
-
-    @pytest.mark.parametrize(
-        ("stated", "telling"),
-        [
-            (leg_in_si("10*tanh(r)"), r"spring '10\*tanh\(r\)' never reaches the force .*\(largest tension 10 N\)"),
-            (leg_in_si("5*tanh(r)", Inerter("body - foot", 2.0)), r"\(largest tension 5 N\)"),
-            (leg_in_si("10*tanh(r)", words={"liftoff": "the foot's weight"}), "never reaches the foot's weight"),
-            (hopper_in_si(60.0, 3.0, force="10*tanh(r)"), r"never reaches the foot's weight \(largest tension 10 N\)"),
-            # The force along both springs is that of the one and twice that of the other, whose extension is double.
-            (leg_in_si("10*tanh(r)", Spring("2*body - 2*foot", "4*tanh(r)")), r"\(largest tension 18 N\)"),
-            # A foot that is heavier than inert falls faster than the body, which is no force of the spring.
-            (leg_in_si("10*tanh(r)", Weight("foot", 1.0)), r"\(largest tension 10 N\)"),
-            # The spring pulls the foot, of weight 29.41995 N, by 10 N at most.
-            (
-                leg_in_si("10*tanh(r)", Potential("0*body")),
-                r"^the contact force never reaches 0 \(least force 19\.42 N\)",
-            ),
-            # Where the leg is straight, at pi, the force has a pole.
-            (
-                bent_leg("-stiffness*r"),
-                r"^the contact force only just reaches 0 at extension 3\.14159 rad, with slope \S* N/rad",
-            ),
-            (bent_leg("log(r)"), r"no force at rest \(r = 0\): 'the contact force' is no number there"),
-        ],
-    )
-    def test_are_told_in_si(self, stated, telling):
-        with pytest.raises(OrbitsError, match=telling):
-            find(stated)
-
-    def test_are_told_within_the_bounds_of_a_table(self):
-        """The spring ends before it can lift the foot."""
-        law = springs.table(([-1.0, -0.02, 0.0, 0.02], [-500.0, -10.0, 0.0, 10.0]))
-        with pytest.raises(NoOrbit, match=r"\(largest tension 10 N within \[-1 m, 0\.02 m\]\)"):
-            find(leg_in_si(law))
-
-    def test_of_no_launch_at_all(self):
-        """A leg that is too soft for its fall collapses."""
-        assert ReturnMap(bent_leg("5*tanh(r)"))(5.0).next == pytest.approx(float("nan"), nan_ok=True)
-
-
-STEPS = springs.table(([-1.0, -0.5, 0.5, 1.0], [-3.0, -1.5, 1.5, 3.0]))
-MASSES = [Mass("body", 1.0), Mass("foot", 1.0)]
-THREE = {"coordinates": ("body", "foot", "toe"), "gap": "toe", "parameters": {}}
-MASSES_OF_THREE = [*MASSES, Mass("toe", 1.0)]
-LEGS = [Spring("body - foot", "r"), Spring("foot - toe", "r")]
-
-
-@pytest.mark.parametrize(
-    ("change", "telling"),
-    [
-        (
-            {
-                "elements": [*MASSES, Mass("foot + u", 0.1), Spring("body - foot - u", "r")],
-                "actuators": {"u": "w"},
-                "parameters": {},
-            },
-            r"'foot \+ u' moves with an actuator: what has mass moves with coordinates alone",
-        ),
-        (
-            {"heights": {"body": lambda y, p: y["body"] ** 2}},
-            "a height that is no sum of coordinates is a formula of coordinates and parameters",
-        ),
-        (
-            {**THREE, "elements": [*MASSES_OF_THREE, Spring("body - foot", STEPS), Spring("foot - toe", STEPS)]},
-            "spring 'table.*': one law in pieces can be taken, along a sum of coordinates",
-        ),
-        (
-            {**THREE, "elements": [*MASSES_OF_THREE, *LEGS, Spring("body*toe", STEPS)]},
-            "one law in pieces can be taken, along a sum of coordinates",
-        ),
-        (
-            {"elements": [*MASSES, Spring("body - foot - 0.1", STEPS)], "parameters": {}},
-            "spring .* is in pieces: state it alone, along what is launched",
-        ),
-        (
-            {"elements": [*MASSES, Spring("body - foot", STEPS), Potential("0*body")], "parameters": {}},
-            "a law in pieces can be taken where all springs act along one sum of two coordinates",
-        ),
-        (
-            {"elements": MASSES, "parameters": {}},
-            "a mechanism without a spring says what its families are counted by: counts=",
-        ),
-        (
-            {"elements": MASSES, "parameters": {}, "counts": "body - foot"},
-            "'the contact force' does not depend on the extension r: no spring opens the contact",
-        ),
-        (
-            {**THREE, "elements": [*MASSES_OF_THREE, *LEGS, Potential("body*foot*toe")]},
-            "the model of a mechanism has no guess of its families: give `find` a start",
-        ),
-    ],
-    ids=[
-        "mass with actuator", "function of a height", "two tables", "table along no sum", "table with offset",
-        "table with potential", "no counts", "no spring", "no guess",
-    ],
-)  # fmt: skip
-def test_what_no_model_is_derived_of(change, telling):
-    with pytest.raises(OrbitsError, match=telling):
-        find(machine(**change))
 
 
 def test_the_machines_of_problems_refuse_as_well():
