@@ -4,23 +4,17 @@ they were, in another process too."""
 import json
 import math
 import pickle
-from concurrent.futures import ProcessPoolExecutor
-from copy import deepcopy
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass
 from functools import cache
-from multiprocessing import get_context
 
 import numpy as np
 import pytest
+from carts import STRAIGHT, cart
 from scipy.stats import norm
 
 from orbits import (
-    Guess,
-    Input,
     InputError,
-    Phase,
     ReturnMap,
-    Stage,
     bifurcations,
     check,
     existence,
@@ -38,102 +32,13 @@ from orbits import (
 from orbits.continuation.family import Family
 from orbits.io import to_json
 from orbits.result import Result
-from problems import Actuated, Chain, HeavyHand, Hopper, Juggler, hopper_in_si, juggler_in_si, steering
-from problems.laws import gravity, springs
-
-ROWS = ([-20.0, -10.0, -1.0, 0.0, 1.0, 10.0, 20.0], [-30.0, -14.0, -1.0, 0.0, 1.0, 14.0, 30.0])
-
-
-def saturating(r, b):
-    return (1 - np.exp(-b * r)) / b
-
-
-@dataclass(frozen=True)
-class Named(Hopper):
-    """A user's own machine, in a module."""
-
-    label: str = "mine"
-
-
-MACHINES = {
-    "Hopper(spring='r')": lambda: Hopper(),
-    "Hopper(spring='r + beta*r**3', beta=0.3, mass_ratio=0.5)": lambda: Hopper(
-        "r + beta*r**3", mass_ratio=0.5, parameters={"beta": 0.3}
-    ),
-    "Hopper(spring='saturating', gravity='1/(1 + z/R)**2', b=0.2, R=50.0, rest_length=10.0)": lambda: Hopper(
-        springs.function(saturating, b=0.2), "1/(1 + z/R)**2", rest_length=10.0, parameters={"R": 50.0}
-    ),
-    "Hopper(spring='<lambda>', b=0.5, damping=0.01)": lambda: Hopper(
-        springs.function(lambda r, b: r + b * r**3, b=0.5), damping=0.01
-    ),
-    "Hopper(spring='<lambda>', gravity='<lambda>', H=90.0, rest_length=9.0)": lambda: Hopper(
-        springs.function(lambda r: r + 0.1 * abs(r), breakpoints=(0.0,)),
-        gravity.function(lambda z, H: 1 - z / H, H=90.0),
-        rest_length=9,
-    ),
-    "Juggler(spring='potential:r**2/2 + b*r**4/4', b=0.1, restitution=0.3)": lambda: Juggler(
-        "potential:r**2/2 + b*r**4/4", parameters={"b": 0.1}, restitution=0.3
-    ),
-    "HeavyHand(spring='r')": lambda: HeavyHand(),
-    "Hopper(spring='bilinear', ratio=3.0, gap=0.5)": lambda: Hopper("bilinear"),
-    "Hopper(spring='end_stops', gap=3.0, stop=20.0)": lambda: Hopper("end_stops"),
-    "Hopper(spring='table:table')": lambda: Hopper(springs.table(ROWS)),
-    "Actuated(machine=Hopper(spring='r', damping=0.01))": lambda: Actuated(Hopper(damping=0.01)),
-    "Chain(b=0.1, masses=(1.0, 2.0, 1.0), springs='r + b*r**3')": lambda: Chain(
-        (1, 2, 1), "r + b*r**3", parameters={"b": 0.1}
-    ),
-    "Chain(masses=(1.0, 1.0, 1.0), springs=('r', '2*r'), restitution=0.5)": lambda: Chain(
-        springs=["r", "2*r"], restitution=0.5
-    ),
-    "hopper in SI, spring 8000*r + c*r**3, gravity 1/(1 + z/body_radius)**2: body_mass = 60 kg": lambda: hopper_in_si(
-        60.0, 3.0, force="8000*r + c*r**3", parameters={"c": 2e6}, rest_length=0.8, body_radius=250.0
-    ),
-    "hopper in SI, spring table:table": lambda: hopper_in_si(
-        60.0, 3.0, force=springs.table((np.array(ROWS[0]) / 100, np.array(ROWS[1]) * 100))
-    ),
-    "juggler in SI, spring stiffness*r": lambda: juggler_in_si(0.3, 0.27, stiffness=8.8),
-    "Named(spring=Law('r'), gravity=Law('1'), mass_ratio=2.0": lambda: Named(mass_ratio=2.0),
-}
-
-
-@pytest.mark.parametrize("told", MACHINES)
-def test_machines(told):
-    machine = MACHINES[told]()
-    assert repr(machine) == told or (repr(machine).startswith(told) and "\n" not in repr(machine))
-    assert "0x" not in repr(machine)
-    model = machine.model  # what is built must not be pickled
-    for again in (pickle.loads(pickle.dumps(machine)), deepcopy(machine), MACHINES[told]()):
-        assert again == machine
-        assert type(again) is type(machine)
-        assert repr(again) == repr(machine)
-        assert list(again.values.items()) == list(machine.values.items())
-        assert again.describe() == machine.describe()
-        assert again.model is model  # it shares all that has been built
-    assert len(pickle.dumps(machine)) < 6000
-
-
-def test_a_law_tells_what_it_is_and_comes_back():
-    law = springs.cubic(beta=0.3)
-    assert repr(law) == "Law('r + beta*r**3', beta=0.3)"
-    again = pickle.loads(pickle.dumps(law))
-    assert again == law
-    assert again.key == law.key
-    assert again != springs.cubic(beta=0.4)
-    assert springs.formula("r + r**3").key != springs.formula("r - r**3").key
-    assert springs.table(ROWS) == springs.table(ROWS)
-    assert springs.table(ROWS) != springs.table((ROWS[0], [2 * force for force in ROWS[1]]))
-
-
-def stage() -> Stage:
-    cart = Phase("cart", ("x", "v"), lambda x, p, q: [x[1], p["f"]])
-    ends = {"start": lambda x, before, p: x, "end": lambda x, p: [x[0] - 1, x[1]]}
-    return Stage(cart, 4, (1, 1), {"f": Input(degree=1)}, **ends, running=lambda x, p, q: p["f"] ** 2)
+from problems import HeavyHand, Hopper, hopper_in_si, steering
 
 
 @cache
 def made(kind: str):
     """A result of each kind."""
-    cubic = MACHINES["Hopper(spring='r + beta*r**3', beta=0.3, mass_ratio=0.5)"]()
+    cubic = Hopper("r + beta*r**3", mass_ratio=0.5, parameters={"beta": 0.3})
     family = lambda: follow(cubic, "beta", 0.35, at=[0.32])  # noqa: E731
     leg = hopper_in_si(60.0, 3.0, force="k*r", parameters={"k": 5000.0}, rest_length=0.8)
     over = {"over": {"k": (3e3, 9e3)}, "subject_to": ["stroke <= 0.25"]}
@@ -156,7 +61,7 @@ def made(kind: str):
         "FixedPoint": lambda: ReturnMap(Hopper(), inject=0.03).fixed_points(4, 5)[0],
         "Simulation": lambda: simulate(Hopper(restitution=0.3, damping=0.01), 4.6, hops=2),
         "ContactEvent": lambda: simulate(Hopper(), 4.6, hops=1).events[0],
-        "Control": lambda: steer([stage()], guess=[Guess(1.0, lambda t: [t, 1.0])]),
+        "Control": lambda: steer([cart(duration=(1, 1))], guess=STRAIGHT),
         "Driven": lambda: steering.recover(Hopper(), 0.1, intervals=14),
         "Disturbed": lambda: made("Driven").simulate(1, launch_error=0.01),
         "Design": lambda: optimize(leg, minimise="loss_coefficient", **over),
@@ -333,42 +238,4 @@ def test_what_comes_back_can_be_used():
     assert same(again([4.4, 4.6]), made("ReturnMap")([4.4, 4.6]))
     control = pickle.loads(pickle.dumps(made("Control")))
     assert control.answer is None  # its nonlinear program stays behind; a solve starts from the motion
-    assert steer([stage()], guess=control).cost == pytest.approx(12, rel=1e-9)
-
-
-def test_models_and_statements_are_told_in_one_line():
-    model = Hopper().model
-    assert repr(model) == "Model(name='hopper')"
-    assert repr(model.contact) == "Phase(name='contact', states=('y1', \"y1'\"))"
-    assert repr(model.reduction.statement) == "Statement(name='relative', unknowns=('liftoff', 'alpha'))"
-    assert repr(stage()) == "Stage(phase=Phase(name='cart', states=('x', 'v')), intervals=4, duration=(1, 1))"
-
-
-def test_a_function_without_a_name_to_import_is_refused_by_pickle():
-    law = replace(springs.linear(), expression=lambda x, p, q: x)
-    with pytest.raises((pickle.PicklingError, AttributeError), match="lambda"):
-        pickle.dumps(law)
-
-
-def solved(machine):
-    """What a child process finds and hands back, with its own copy of what it was handed."""
-    return machine, find(machine), ReturnMap(machine)([4.4, 4.6])
-
-
-def test_other_processes():
-    """A pool of spawned processes, which share nothing with this one, gives the answers of this one."""
-    machines = [MACHINES[told]() for told in MACHINES if any(word in told for word in CHILDREN)]
-    assert len(machines) == len(CHILDREN)
-    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
-        answers = list(pool.map(solved, machines, chunksize=len(machines)))
-    for machine, (sent, orbit, hops) in zip(machines, answers, strict=True):
-        assert sent == machine
-        assert sent.model is machine.model
-        own = find(machine)
-        assert abs(orbit.alpha - own.alpha) <= orbit.error + own.error
-        assert (orbit.family, orbit.machine, orbit.admissible) == (own.family, own.machine, own.admissible)
-        assert hops.next == pytest.approx(ReturnMap(machine)([4.4, 4.6]).next, rel=1e-12, nan_ok=True)
-
-
-# Machines whose laws are a formula, Python functions, a potential, pieces, and a table in SI.
-CHILDREN = ("c*r**3", "b=0.2, R=50.0", "potential", "'bilinear'", "in SI, spring table:table")
+    assert steer([cart(duration=(1, 1))], guess=control).cost == pytest.approx(12, rel=1e-9)

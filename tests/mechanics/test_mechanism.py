@@ -1,4 +1,4 @@
-"""Machines stated by their mechanics, against closed forms and other statements of the same machine; numbers in them."""
+"""Machines stated by their mechanics, against closed forms and other statements of the same machine."""
 
 import pickle
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from conftest import REFERENCES, machine_of
 
-from orbits import InputError, Orbit, OrbitsError, find
+from orbits import InputError, Orbit, OrbitsError, find, find_all
 from orbits.io import to_json, write_json
 from orbits.show.plot import new_axes, save_figure
 from problems import Hopper, Juggler, hopper_in_si, juggler_in_si
@@ -248,3 +248,15 @@ def test_a_file_in_si_tells_each_number_twice(tmp_path):
     assert Orbit.load(path).alpha == document["alpha"]
     with pytest.raises(InputError, match="it says alpha"):
         Orbit.load(write_json(document | {"alpha": 1.01 * document["alpha"]}, path, "orbit"))
+
+
+@pytest.mark.usefixtures("any_digest")
+def test_the_number_known_is_kept(tmp_path):
+    orbit = find_all(Hopper("cubic"))[0]
+    path = orbit.save(tmp_path / "orbit.json")
+    assert Orbit.load(path).known_in_family == 1
+    assert "known in its family     1" in str(orbit)
+    document = json.loads(path.read_text())
+    del document["known_in_family"]  # as in files of versions that did not have it
+    path.write_text(json.dumps(document))
+    assert Orbit.load(path).known_in_family is None

@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from orbits.symbolic.calls import ElementwiseFunction
+from orbits.symbolic.calls import BufferedFunction, ElementwiseFunction
 
 
 def test_functions_at_many_points():
@@ -24,3 +24,16 @@ def test_functions_at_many_points():
                 expected = function(points[i], given[min(i, len(given) - 1)])
                 for mine, theirs in zip(found, expected, strict=True):
                     assert mine[i] == pytest.approx(theirs.full().ravel(), rel=1e-15)
+
+
+class TestCalls:
+    def test_is_the_function(self):
+        x, y = ca.SX.sym("x", 2), ca.SX.sym("y", 2, 3)
+        f = ca.Function("f", [x, y], [y.T @ x, ca.densify(ca.jacobian(y.T @ x, x))])
+        call = BufferedFunction(f)
+        a, b = np.array([1.0, 2.0]), np.arange(6.0).reshape(2, 3)
+        for got, expected in zip(call(a, b), f(a, b), strict=True):
+            assert got == pytest.approx(np.array(expected))
+        first = call(a, b)[0]
+        call(2 * a, b)
+        assert first == pytest.approx(np.array(f(a, b)[0]))  # results are the caller's own
