@@ -15,6 +15,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # each worker has a core of 
 import numpy as np
 import pytest
 from carts import CART, HALF, SLED
+from documents import saved
 
 from orbits import Control, Family, Guess, Input, Orbit, Proof, Stage, find, follow, prove, steer
 from problems import Driven, Hopper, hopper_in_si, steering
@@ -129,6 +130,12 @@ def reference(request) -> dict:
 def softening_family() -> Family:
     """The family of the cubic spring from linear to its fold, and back on the second sheet."""
     return follow(Hopper("cubic", rest_length=30.0), "beta", -0.02, 0.0, at=[-0.005])
+
+
+@pytest.fixture(scope="session")
+def saved_documents(tmp_path_factory) -> dict[str, str]:
+    """Saved orbits, one of them in SI, and a saved family, as texts."""
+    return saved(tmp_path_factory.mktemp("saved"))
 
 
 @pytest.fixture(scope="session")

@@ -10,13 +10,12 @@ from io import StringIO
 from pathlib import Path
 from resource import RUSAGE_SELF, getrusage
 
-import numpy as np
 import pytest
+from documents import saved
 
-from orbits import Family, InputError, Orbit, find, follow, pareto, simulate
-from orbits.errors import LONGEST_MESSAGE, shortened
-from orbits.simulation.impacts import Impacts
-from problems import Hopper, hopper_in_si
+from orbits import Family, InputError, Orbit, simulate
+from orbits.errors import LONGEST_MESSAGE
+from problems import Hopper
 from problems.command.cli import main
 from problems.laws import springs
 
@@ -42,17 +41,7 @@ VALUES = (
     *(None, True, "abc", "", [], {}, [[]], -1, 1e308, 10**400, [1.0], ["x"], {"x": 1}, [None], 0, 2.5, "x" * 10_000),
     *(1e-320, [0.0, 0.0, 0.0]),
 )
-NO_UNITS = (0, -1.0, 1e-320, 1e200)  # of which none can be a unit
 NESTED = ("[" * 60_000, '{"a":' * 60_000, "[" * 5000 + "]" * 5000)
-
-
-def saved(folder: Path) -> dict[str, str]:
-    """Saved orbits, one of them in SI, and a saved family, as texts."""
-    orbit = find(Hopper("r + beta*r**3", rest_length=20, parameters={"beta": 0.3}))
-    family = follow(Hopper("cubic", rest_length=20), "beta", 0.2, 0.1, longest=0.5)
-    in_si = find(hopper_in_si(2.0, 1.0, stiffness=50.0, rest_length=1.0))
-    texts = {"orbit": orbit.save(folder / "o.json").read_text(), "family": family.save(folder / "f.jsonl").read_text()}
-    return {**texts, "orbit in SI": in_si.save(folder / "o.json").read_text()}
 
 
 def mutated(document: object, rng: random.Random) -> object:
@@ -242,84 +231,12 @@ def test_a_thousand_crafted_inputs(tmp_path):
     assert not campaign(1000, 2026, tmp_path)
 
 
-FAULTS = [
-    ("point", "u", []), ("point", "u", "abc"), ("point", "u", [1.0]), ("point", "tangent", []), ("point", "alpha", "x"),
-    ("point", "tangent", [1.0]), ("certificate", "violations", "abc"), ("certificate", "error", "x"),
-    ("certificate", "error", -1.0), ("certificate", "family", 1.5), ("point", "value", None),
-    ("point", "alpha", 0.0), ("point", "tangent", [0.0, 0.0, 0.0]), ("point", "tangent", [0.0, 0.0, 1e-320]),
-]  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def documents(tmp_path_factory):
-    return saved(tmp_path_factory.mktemp("saved"))
-
-
-@pytest.mark.parametrize(("where", "key", "value"), FAULTS)
-def test_a_point_with_a_wrong_value_is_refused_by_name(where, key, value, documents, tmp_path):
-    head, first, *rest = documents["family"].splitlines()
-    record = json.loads(first)
-    (record["point"] if where == "point" else record["point"]["certificate"])[key] = value
-    path = tmp_path / "family.jsonl"
-    path.write_text("\n".join([head, json.dumps(record), *rest]))
-    with pytest.raises(InputError, match=f"is not a saved family: .*{key}"):
-        Family.load(path)
-
-
-@pytest.mark.parametrize("key", ["violations", "error", "alpha", "skipped", "seconds", "parameters", "motion"])
-def test_an_orbit_with_a_wrong_value_is_refused_by_name(key, documents, tmp_path):
-    path = tmp_path / "orbit.json"
-    path.write_text(json.dumps(json.loads(documents["orbit"]) | {key: "abc"}))
-    with pytest.raises(InputError, match=f"is not a saved orbit: .*{key}"):
-        Orbit.load(path)
-
-
-@pytest.mark.parametrize("layout", ["bare", "units", "oldest"])
-@pytest.mark.parametrize("value", NO_UNITS)
-def test_an_orbit_with_a_unit_that_is_none_is_refused(value, layout, documents, tmp_path):
-    """In the layout of today, in that with numbers in SI alone, and in that without units of results."""
-    data, path = json.loads(documents["orbit in SI"]), tmp_path / "orbit.json"
-    for name in {"bare": (), "units": ("bare",), "oldest": ("bare", "units")}[layout]:
-        del data[name]
-    for name in ("length", "time", "force", "energy"):
-        units = {**data["motion"]["units"], name: value}
-        path.write_text(json.dumps(data | {"motion": data["motion"] | {"units": units}}))
-        with pytest.raises(InputError, match=f"is not a saved orbit: its unit of {name} is"):
-            Orbit.load(path)
-
-
-def test_an_orbit_in_si_with_a_mass_that_is_no_number_is_refused(documents, tmp_path):
-    path = tmp_path / "orbit.json"
-    path.write_text(json.dumps(json.loads(documents["orbit in SI"]) | {"foot_mass": [1.0]}))
-    with pytest.raises(InputError, match="is not a saved orbit: foot_mass = "):
-        Orbit.load(path)
-
-
-@pytest.mark.parametrize("value", NO_UNITS)
-def test_an_old_family_with_a_unit_that_is_none_is_refused(value, documents, tmp_path):
-    head, *rest = documents["family"].splitlines()
-    record, path = json.loads(head), tmp_path / "family.jsonl"
-    record["machine"] |= {"laws_in": "SI", "unit_length": value, "unit_time": 1.0, "unit_force": 1.0}
-    path.write_text("\n".join([json.dumps(record), *rest]))
-    with pytest.raises(InputError, match="is not a saved family: its unit of length is"):
-        Family.load(path)
-
-
-def test_a_family_to_resume_with_a_further_parameter_is_another_machines(documents, tmp_path):
-    head, *rest = documents["family"].splitlines()
-    record, path = json.loads(head), tmp_path / "family.jsonl"
-    record["machine"]["parameters"]["zz"] = 1
-    path.write_text("\n".join([json.dumps(record), *rest]))
-    with pytest.raises(InputError, match="of another machine or parameter"):
-        follow(Hopper("cubic", rest_length=20), "beta", 0.3, 0.1, longest=0.5, resume=Family.load(path))
-
-
 @pytest.mark.parametrize("name", ["a\0", "a\ud800"])
-def test_a_name_that_no_file_can_have_is_refused(name, documents, tmp_path):
+def test_a_name_that_no_file_can_have_is_refused(name, saved_documents, tmp_path):
     path = tmp_path / "saved"
-    path.write_text(documents["orbit"])
+    path.write_text(saved_documents["orbit"])
     orbit = Orbit.load(path)
-    path.write_text(documents["family"])
+    path.write_text(saved_documents["family"])
     family = Family.load(path)
     for save, ending in ((orbit.save, ".json"), (family.save, ".csv"), (family.save, ".jsonl")):
         with pytest.raises(InputError, match="cannot be written to"):
@@ -333,66 +250,6 @@ def test_deep_nesting_and_large_files_are_refused(tmp_path):
     assert (code, "nested too deeply" in message) == (2, True)
     path.write_text("#" * 100_000)
     assert "at most 16384 are read" in by_command(["find", "--machine", str(path)])[1]
-
-
-def test_a_long_message_keeps_its_remedy():
-    message = str(InputError("the option '" + "x" * 10_000 + "' is too long: write a shorter one"))
-    assert len(message) <= LONGEST_MESSAGE
-    assert message.startswith("the option 'xxx")
-    assert message.endswith("write a shorter one")
-    assert shortened("as it is") == "as it is"
-
-
-def test_a_long_message_leaves_out_whole_words():
-    words = "".join(f"parameter{number} " for number in range(100))
-    head, tail = shortened(words).split(" ... ")
-    assert words.startswith(head + " ")
-    assert words.endswith(" " + tail)
-
-
-@pytest.mark.parametrize("line", ["map --alpha 1e15 --json", "map --alpha 1e-300:1e300:5 --json"])
-def test_a_launch_too_fast_to_follow_is_lost(line, orbits):
-    done = orbits(line)
-    assert done.document["status"][-1] == "lost"
-    assert done.document["next"][-1] is None
-
-
-@pytest.mark.parametrize("mass_ratio", [0.3, 1.0, 7.0])
-def test_what_is_known_to_be_positive_is(mass_ratio):
-    """Of a flight in closed form: the gap on a fine grid between the times that are left out of the search."""
-    machine = Hopper(mass_ratio=mass_ratio)
-    impacts = Impacts(machine)
-    starts = impacts.launch(np.array([4.0, 30.0, 1000.0]))
-    form = impacts.flight.closed_form(impacts.p)
-    low, high = form.positive_between(impacts.gap, starts.T)
-    for start, a, b in zip(starts, low, high, strict=True):
-        assert 0 < a < b
-        assert impacts.gap(form.state(start, np.linspace(a, b, 20_001)[1:-1]).T).min() > 0
-
-
-def test_a_map_of_many_launches_is_a_summary_unless_all_are_asked_for(orbits):
-    short, whole = orbits("map --alpha 3:12:300"), orbits("map --alpha 3:12:300 --all")
-    document = orbits("map --alpha 3:12:300 --json").document
-    assert len(short.out.splitlines()) < 20
-    assert f"{'rests':<24}{document['status'].count('rests')}\n" in short.out
-    assert len(whole.out.splitlines()) == 301
-    assert len(document["alpha"]) == 300
-
-
-def test_a_front_saves_a_table_and_refuses_what_it_does_not_know(tmp_path):
-    front = pareto(
-        Hopper("cubic", parameters={"beta": 0.1}), minimise=("alpha", "-stroke"), over={"beta": (0, 1)}, points=2
-    )
-    head, *rows = front.save(tmp_path / "front.csv").read_text().splitlines()
-    assert head == "alpha,-stroke,beta"
-    assert [float(cell) for cell in rows[0].split(",")] == [*front.values[0], front.column("beta")[0]]
-    for result in (front, front.designs[0], front.designs[0].orbit):
-        with pytest.raises(InputError, match=r"needs an ending, \.json"):
-            result.save(tmp_path / "result.xyz")
-
-
-def test_the_help_names_the_shells_completion(orbits):
-    assert "_ORBITS_COMPLETE=bash_source" in orbits("--help").out
 
 
 def test_an_animation_reports_its_frames_and_needs_ffmpeg_for_mp4(tmp_path, monkeypatch):

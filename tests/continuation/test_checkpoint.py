@@ -1,5 +1,6 @@
 """Families that are interrupted and resumed: the curve is that of an unbroken run."""
 
+import json
 import subprocess
 import sys
 import time
@@ -98,3 +99,13 @@ def test_a_family_of_sources_that_are_not_installed(monkeypatch):
     versions = checkpoint.versions.__wrapped__()
     assert list(versions) == ["persistent-orbits", "casadi", "numpy", "python"]
     assert versions["persistent-orbits"] == "unknown"
+
+
+@pytest.mark.usefixtures("any_digest")
+def test_a_family_to_resume_with_a_further_parameter_is_another_machines(saved_documents, tmp_path):
+    head, *rest = saved_documents["family"].splitlines()
+    record, path = json.loads(head), tmp_path / "family.jsonl"
+    record["machine"]["parameters"]["zz"] = 1
+    path.write_text("\n".join([json.dumps(record), *rest]))
+    with pytest.raises(InputError, match="of another machine or parameter"):
+        follow(Hopper("cubic", rest_length=20), "beta", 0.3, 0.1, longest=0.5, resume=Family.load(path))

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from documents import NO_UNITS
 
 from orbits import Family, InputError, follow
 from problems import Hopper
@@ -62,3 +63,14 @@ def test_questions_about_quantities_and_values_that_are_not_there(softening_fami
     assert "without orbits" in str(empty)
     assert Family.load(empty.save(tmp_path / "empty.jsonl")) == empty
     assert empty.save(tmp_path / "empty.csv").read_text().startswith("beta,alpha")
+
+
+@pytest.mark.usefixtures("any_digest")
+@pytest.mark.parametrize("value", NO_UNITS)
+def test_an_old_family_with_a_unit_that_is_none_is_refused(value, saved_documents, tmp_path):
+    head, *rest = saved_documents["family"].splitlines()
+    record, path = json.loads(head), tmp_path / "family.jsonl"
+    record["machine"] |= {"laws_in": "SI", "unit_length": value, "unit_time": 1.0, "unit_force": 1.0}
+    path.write_text("\n".join([json.dumps(record), *rest]))
+    with pytest.raises(InputError, match="is not a saved family: its unit of length is"):
+        Family.load(path)

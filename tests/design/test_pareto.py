@@ -93,3 +93,15 @@ def test_the_figure_of_a_front(front):
     assert axes.lines[0].get_xydata() == pytest.approx(front.values * [-1, 1])
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("centre of mass rise (m)", "largest contact force (N)")
     assert front.plot(axes) is axes
+
+
+def test_a_front_saves_a_table_and_refuses_what_it_does_not_know(tmp_path):
+    front = pareto(
+        Hopper("cubic", parameters={"beta": 0.1}), minimise=("alpha", "-stroke"), over={"beta": (0, 1)}, points=2
+    )
+    head, *rows = front.save(tmp_path / "front.csv").read_text().splitlines()
+    assert head == "alpha,-stroke,beta"
+    assert [float(cell) for cell in rows[0].split(",")] == [*front.values[0], front.column("beta")[0]]
+    for result in (front, front.designs[0], front.designs[0].orbit):
+        with pytest.raises(InputError, match=r"needs an ending, \.json"):
+            result.save(tmp_path / "result.xyz")

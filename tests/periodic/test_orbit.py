@@ -6,6 +6,7 @@ import json
 import numpy as np
 import pytest
 from conftest import REFERENCES, machine_of
+from documents import NO_UNITS
 
 from orbits import InputError, Orbit, OrbitsError, find, find_all
 from orbits.io import to_json, write_json
@@ -260,3 +261,35 @@ def test_the_number_known_is_kept(tmp_path):
     del document["known_in_family"]  # as in files of versions that did not have it
     path.write_text(json.dumps(document))
     assert Orbit.load(path).known_in_family is None
+
+
+@pytest.mark.usefixtures("any_digest")
+@pytest.mark.parametrize("key", ["violations", "error", "alpha", "skipped", "seconds", "parameters", "motion"])
+def test_an_orbit_with_a_wrong_value_is_refused_by_name(key, saved_documents, tmp_path):
+    path = tmp_path / "orbit.json"
+    path.write_text(json.dumps(json.loads(saved_documents["orbit"]) | {key: "abc"}))
+    with pytest.raises(InputError, match=f"is not a saved orbit: .*{key}"):
+        Orbit.load(path)
+
+
+@pytest.mark.usefixtures("any_digest")
+@pytest.mark.parametrize("layout", ["bare", "units", "oldest"])
+@pytest.mark.parametrize("value", NO_UNITS)
+def test_an_orbit_with_a_unit_that_is_none_is_refused(value, layout, saved_documents, tmp_path):
+    """In the layout of today, in that with numbers in SI alone, and in that without units of results."""
+    data, path = json.loads(saved_documents["orbit in SI"]), tmp_path / "orbit.json"
+    for name in {"bare": (), "units": ("bare",), "oldest": ("bare", "units")}[layout]:
+        del data[name]
+    for name in ("length", "time", "force", "energy"):
+        units = {**data["motion"]["units"], name: value}
+        path.write_text(json.dumps(data | {"motion": data["motion"] | {"units": units}}))
+        with pytest.raises(InputError, match=f"is not a saved orbit: its unit of {name} is"):
+            Orbit.load(path)
+
+
+@pytest.mark.usefixtures("any_digest")
+def test_an_orbit_in_si_with_a_mass_that_is_no_number_is_refused(saved_documents, tmp_path):
+    path = tmp_path / "orbit.json"
+    path.write_text(json.dumps(json.loads(saved_documents["orbit in SI"]) | {"foot_mass": [1.0]}))
+    with pytest.raises(InputError, match="is not a saved orbit: foot_mass = "):
+        Orbit.load(path)

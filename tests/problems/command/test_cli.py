@@ -823,3 +823,7 @@ class TestSimulate:
             result = orbits("simulate " + line)
             assert result.code == 2
             assert words in result.err
+
+
+def test_the_help_names_the_shells_completion(orbits):
+    assert "_ORBITS_COMPLETE=bash_source" in orbits("--help").out

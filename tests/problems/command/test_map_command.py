@@ -47,3 +47,19 @@ def test_bad_input_is_named(line, words, orbits):
     done = orbits(line)
     assert (done.code, done.out) == (2, "")
     assert words in done.err
+
+
+@pytest.mark.parametrize("line", ["map --alpha 1e15 --json", "map --alpha 1e-300:1e300:5 --json"])
+def test_a_launch_too_fast_to_follow_is_lost(line, orbits):
+    done = orbits(line)
+    assert done.document["status"][-1] == "lost"
+    assert done.document["next"][-1] is None
+
+
+def test_a_map_of_many_launches_is_a_summary_unless_all_are_asked_for(orbits):
+    short, whole = orbits("map --alpha 3:12:300"), orbits("map --alpha 3:12:300 --all")
+    document = orbits("map --alpha 3:12:300 --json").document
+    assert len(short.out.splitlines()) < 20
+    assert f"{'rests':<24}{document['status'].count('rests')}\n" in short.out
+    assert len(whole.out.splitlines()) == 301
+    assert len(document["alpha"]) == 300
