@@ -139,6 +139,18 @@ def saved_documents(tmp_path_factory) -> dict[str, str]:
 
 
 @pytest.fixture(scope="session")
+def folded_family() -> Family:
+    """The family of the cubic spring up to its fold and beyond."""
+    return follow(Hopper("cubic", rest_length=30), "beta", stop=-0.02, start=0.0)
+
+
+@pytest.fixture(scope="session")
+def leg_hop() -> Orbit:
+    """The hop of a leg in SI."""
+    return find(hopper_in_si(70, 5, stiffness=20_000, rest_length=1.0))
+
+
+@pytest.fixture(scope="session")
 def folded_curve() -> tuple[Family, Proof]:
     """The points of a family about its fold, and the proof that they are on one curve."""
     machine = Hopper("cubic", rest_length=30.0)
@@ -151,13 +163,13 @@ def folded_curve() -> tuple[Family, Proof]:
 
 @pytest.fixture(scope="session")
 def cubic_hop() -> Orbit:
-    """The hop of a cubic spring that the proofs are about."""
+    """The hop of a cubic spring."""
     return find(machine_of(REFERENCES[2]))
 
 
 @pytest.fixture(scope="session")
 def cubic_proof(cubic_hop) -> Proof:
-    """What is proved of it."""
+    """What is proved of `cubic_hop`."""
     return prove(cubic_hop, loss=True)
 
 

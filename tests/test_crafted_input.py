@@ -13,9 +13,8 @@ from resource import RUSAGE_SELF, getrusage
 import pytest
 from documents import saved
 
-from orbits import Family, InputError, Orbit, simulate
+from orbits import Family, InputError, Orbit
 from orbits.errors import LONGEST_MESSAGE
-from problems import Hopper
 from problems.command.cli import main
 from problems.laws import springs
 
@@ -250,12 +249,3 @@ def test_deep_nesting_and_large_files_are_refused(tmp_path):
     assert (code, "nested too deeply" in message) == (2, True)
     path.write_text("#" * 100_000)
     assert "at most 16384 are read" in by_command(["find", "--machine", str(path)])[1]
-
-
-def test_an_animation_reports_its_frames_and_needs_ffmpeg_for_mp4(tmp_path, monkeypatch):
-    run, shares = simulate(Hopper(), 4.6, hops=1), []
-    run.animate(tmp_path / "hop.gif", 3, progress=shares.append)
-    assert shares == pytest.approx([1 / 3, 2 / 3, 1.0])
-    monkeypatch.setattr("matplotlib.animation.FFMpegWriter.isAvailable", lambda: False)
-    with pytest.raises(InputError, match="there is no ffmpeg"):
-        run.animate(tmp_path / "hop.mp4", 3)

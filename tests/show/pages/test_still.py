@@ -1,6 +1,7 @@
 """Still pages: one file that loads nothing, says what it shows, and says why where it cannot be written."""
 
 import re
+import subprocess
 import sys
 from dataclasses import replace
 
@@ -58,23 +59,18 @@ def test_an_inadmissible_orbit_says_why(tmp_path):
     assert "Contact force: the contact never ends" in text
 
 
-@pytest.fixture(scope="module")
-def folded() -> Family:
-    return follow(Hopper("cubic", rest_length=30), "beta", stop=-0.02, start=0.0)
-
-
-def test_the_page_of_a_family_has_hops(folded, tmp_path):
-    text = checked(folded.page(tmp_path / "family.html"))
+def test_the_page_of_a_family_has_hops(folded_family, tmp_path):
+    text = checked(folded_family.page(tmp_path / "family.html"))
     assert "End: escaped" in text
     assert "Hop of the family" in text
-    assert f"{folded[0].alpha:.7g}" in text
-    assert f"{folded[-1].alpha:.7g}" in text
-    other = checked(folded.page(tmp_path / "family.html", "flight_time", machine=folded.source))
+    assert f"{folded_family[0].alpha:.7g}" in text
+    assert f"{folded_family[-1].alpha:.7g}" in text
+    other = checked(folded_family.page(tmp_path / "family.html", "flight_time", machine=folded_family.source))
     assert "flight time" in other
 
 
-def test_a_family_from_a_file_has_hops_with_its_machine(folded, tmp_path):
-    loaded = Family.load(folded.save(tmp_path / "family.jsonl"))
+def test_a_family_from_a_file_has_hops_with_its_machine(folded_family, tmp_path):
+    loaded = Family.load(folded_family.save(tmp_path / "family.jsonl"))
     assert "Hop of the family" not in checked(loaded.page(tmp_path / "without.html"))
     machine = Hopper("cubic", rest_length=30)
     assert "Hop of the family" in checked(loaded.page(tmp_path / "with.html", machine=machine))
@@ -104,9 +100,9 @@ def test_the_page_of_a_sweep(tmp_path):
 @pytest.mark.parametrize(
     ("name", "said"), [("hop.pdf", "needs an ending, .html"), ("none/hop.html", "there is no folder")]
 )
-def test_bad_paths_are_refused(name, said, tmp_path, folded):
+def test_bad_paths_are_refused(name, said, tmp_path, folded_family):
     swept = sweep(Hopper("cubic", rest_length=30), {"beta": [0.0]})
-    for result in (find(Hopper()), folded, swept):
+    for result in (find(Hopper()), folded_family, swept):
         with pytest.raises(InputError, match=said):
             result.page(tmp_path / name)
 
@@ -117,3 +113,9 @@ def test_without_bokeh_the_remedy_is_told(monkeypatch, tmp_path):
     with pytest.raises(InputError, match=r"install persistent-orbits\[explore\]"):
         find(Hopper()).page(tmp_path / "hop.html")
     assert not (tmp_path / "hop.html").exists()
+
+
+def test_the_engine_starts_without_bokeh():
+    modules = "sys, orbits, problems, orbits.show.pages.hop_view, orbits.show.pages.still"
+    code = f"import {modules}; print('bokeh' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "False\n"

@@ -2,6 +2,7 @@
 
 from functools import cache
 
+import numpy as np
 import pytest
 from legibility import faults, smallest_text
 
@@ -66,3 +67,21 @@ def test_edges_are_lines(both_ways):
     assert names(axes) == edges | {"motions", "no motions", "no orbits"}
     assert edges == {each.get_label() for each in axes.collections if type(each).__name__ == "LineCollection"}
     assert names(diagram(both_ways).plot("alpha")) == edges | {"no orbits"}
+
+
+@pytest.mark.parametrize(
+    "over",
+    [
+        {"beta": (-0.02, 0.1)},
+        {"beta": (-0.02, 0.1), "mass_ratio": (0.5, 2.0)},
+        {"beta": (0.0, 0.1), "mass_ratio": (0.5, 2.0), "rest_length": (6.0, 9.0)},
+    ],
+)
+@pytest.mark.parametrize("sampling", ["grid", "sobol"])
+def test_figures(over, sampling, tmp_path):
+    from orbits.show.plot import save_figure
+
+    found = sweep(Hopper("cubic", rest_length=8.0), over, 5 if sampling == "grid" else 30, sampling=sampling)
+    axes = found.plot("flight_time")
+    save_figure(np.ravel(axes)[0], tmp_path / "sweep.png")
+    assert (tmp_path / "sweep.png").stat().st_size > 5000
