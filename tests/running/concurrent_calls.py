@@ -1,4 +1,4 @@
-"""Mixed calls in many threads give the answers that they give one after another; run by `test_threads`.
+"""Mixed calls in many threads give the answers that they give one after another; run by `test_exclusive`.
 
 Usage: python concurrent_calls.py THREADS CALLS
 """
