@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from orbits import simulate
-from problems import Hopper
+from orbits import InputError, simulate
+from problems import Hopper, hopper_in_si
+from problems.laws import springs
 
 
 def test_a_contact_goes_on_where_its_inputs_change():
@@ -37,3 +38,16 @@ def test_a_contact_ends_where_new_inputs_would_have_it_pull():
     assert states[:, 0] - states[:, 2] == pytest.approx(0.8 * np.cos(2.0 * t), abs=1e-12)
     assert states[:, 0] + states[:, 2] == pytest.approx(0.8 - 0.5 * t**2, abs=1e-12)
     assert (states[1:, 2] > 0).all()
+
+
+def test_a_schedule_names_what_may_change_in_time():
+    linear = hopper_in_si(60.0, 3.0, stiffness=5000.0, rest_length=0.8)
+    with pytest.raises(InputError, match="none that may change in time"):
+        simulate(linear, 1.5, hops=1, schedule=([0.0, 1.0], {"stiffness": [1.0]}))
+    r = np.linspace(-12.0, 8.0, 200)
+    noisy = springs.table((r, r + 0.1 * np.random.default_rng(5).normal(size=200)))
+    assert noisy.parameters  # of the noise
+    for machine in (Hopper(noisy, rest_length=20.0), hopper_in_si(1.0, 1.0, force=noisy)):
+        with pytest.raises(InputError, match="schedule: the machine has no parameter 'zz'") as raised:
+            simulate(machine, 4.0, hops=1, schedule=([0.0, 1.0], {"zz": [1.0]}))
+        assert "_noise" not in str(raised.value)

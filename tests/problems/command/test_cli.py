@@ -1,21 +1,17 @@
 """The command line: what it prints and writes, and that bad input ends in one message and an exit code."""
 
-import math
 import shlex
 import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 from conftest import Result
 
-from orbits import METHODS, Orbit, find
+from orbits import METHODS, Orbit
 from orbits.io import to_json
-from problems import hopper_in_si
 
 ALPHA = 4.493409457909064  # tan(alpha) = alpha, eq. (12) of the paper
-DUFFING = 2.936459188494196478  # tests/data/orbits.json: r + 0.3 r**3
 KEYS = """
 alpha flight_time contact_time admissible violations residual error energy_drift clearance smallest_separation
 family liftoff_extension state_mid_flight loss_coefficient parameters method skipped seconds
@@ -124,69 +120,6 @@ def test_text_shows_the_digits_and_explains(orbits):
         assert line not in plain.out
 
 
-@pytest.mark.parametrize(
-    "line",
-    [
-        "find --spring cubic --set beta=0.3",
-        "find --spring cubic",
-        "find --spring 'beta*r**3 + r' --set ' beta = 3e-1 '",
-        "find --spring 'potential:r**2/2 + beta*r**4/4' --set beta=0.3",
-        "find --spring 'r + 0.3*r**3' --gravity constant --rest-length 50",
-        "find --spring quintic --set beta=0.3 --set delta=0",
-    ],
-)
-def test_one_spring_in_many_words(line, orbits):
-    done = orbits(line + " --json")
-    assert (done.code, done.err) == (0, "")
-    assert done.document["alpha"] == pytest.approx(DUFFING, rel=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("line", "parameters"),
-    [
-        ("--spring tanh --set b=0.3", {"b": 0.3}),
-        ("--spring end-stops --set stop=30", {"gap": 3.0, "stop": 30.0}),
-        ("--spring toda", {"b": 0.2}),
-        ("--gravity inverse-square --set R=150 --rest-length 20", {"R": 150.0}),
-        ("--gravity inverse_square --rest-length 20", {"R": 1000.0}),
-        (
-            "--spring cubic --gravity linear --set kappa=0.002 --set beta=0.1 --rest-length 20",
-            {"beta": 0.1, "kappa": 0.002},
-        ),
-    ],
-)
-def test_named_laws_keep_their_other_defaults(line, parameters, orbits):
-    done = orbits(f"find {line} --json")
-    assert done.code == 0
-    assert done.document["parameters"] == parameters
-
-
-def test_a_named_gravity_is_its_formula(orbits):
-    named = orbits("find --gravity inverse-square --set R=150 --rest-length 20 --json")
-    formula = orbits("find --gravity '1/(1 + z/R)**2' --set R=150 --rest-length 20 --json")
-    assert named.answer == formula.answer
-    assert named.document["alpha"] == pytest.approx(3.8408905380050934918, rel=1e-12)  # tests/data/orbits.json
-
-
-@pytest.mark.parametrize("name", ["self", "text", "alpha", "p", "q", "M", "z"])
-def test_any_name_serves_a_formula(name, orbits):
-    done = orbits(f"find --json --spring 'r + {name}*r**3' --set {name}=0.3")
-    assert (done.code, done.err) == (0, "")
-    assert done.document["parameters"] == {name: 0.3}
-    assert done.document["alpha"] == pytest.approx(DUFFING, rel=1e-12)
-
-
-def test_a_measured_spring(orbits, tmp_path):
-    """A table of a straight line in rows of any order is that line."""
-    path = tmp_path / "bench.csv"
-    rows = [f"{r},{r}" for r in np.random.default_rng(3).permutation(np.linspace(-15, 15, 31))]
-    path.write_text("\n".join(["extension,force", *rows]), encoding="utf-8")
-    done = orbits("find --json --spring", f"table:{path}")
-    assert done.code == 0
-    assert done.document["alpha"] == pytest.approx(ALPHA, rel=1e-12)
-    assert done.document["spring"] == "table:bench.csv"
-
-
 @pytest.mark.parametrize("method", METHODS)
 def test_methods_agree_on_the_linear_hopper(method, orbits):
     done = orbits("find --json --method", method)
@@ -208,106 +141,6 @@ def test_shooting_agrees_with_the_default(line, orbits):
     assert general["method"] == "shooting" != default["method"]
     for name in ("alpha", "flight_time", "contact_time", "liftoff_extension"):
         assert general[name] == pytest.approx(default[name], rel=1e-12)
-
-
-# Machine files.
-
-
-def test_a_machine_file_says_what_options_say(orbits, tmp_path):
-    path = tmp_path / "hopper.toml"
-    path.write_text(
-        'machine = "hopper"\nmass_ratio = 0.5\nrest_length = 10\nspring = "r + beta*r**3"\n'
-        'gravity = "1/(1 + z/R)**2"\n[parameters]\nbeta = 0.3\nR = 50.0\n'
-    )
-    options = "--mass-ratio 0.5 --rest-length 10 --gravity '1/(1 + z/R)**2' --set R=50"
-    done = orbits("find --json --machine", path)
-    assert done.code == 0
-    assert done.answer == orbits(f"{CUBIC} {options} --json").answer
-    assert done.document["alpha"] == pytest.approx(2.3379634746120540168, rel=1e-12)  # tests/data/orbits.json
-
-
-def test_options_override_a_machine_file(orbits, tmp_path):
-    path = tmp_path / "hopper.toml"
-    path.write_text('mass_ratio = 3\nspring = "r + beta*r**3"\n[parameters]\nbeta = 7\n')
-    done = orbits("find --json --mass-ratio 1 --set beta=0.3 --machine", path)
-    assert done.document["mass_ratio"] == 1
-    assert done.document["alpha"] == pytest.approx(DUFFING, rel=1e-12)
-
-
-def test_a_table_lies_beside_the_machine_file(orbits, tmp_path):
-    folder = tmp_path / "rig"
-    folder.mkdir()
-    (folder / "bench.csv").write_text("r,f\n" + "\n".join(f"{r},{r}" for r in range(-12, 13)))
-    (folder / "rig.toml").write_text('spring = "table:bench.csv"\n')
-    assert orbits("find --json --machine", folder / "rig.toml").document["alpha"] == pytest.approx(ALPHA, rel=1e-12)
-
-
-def test_a_machine_in_si(orbits, tmp_path):
-    """Of a linear spring with k = 8000 N/m the units follow by hand (eq. 2)."""
-    path = tmp_path / "rover.toml"
-    path.write_text(
-        "[si]\nbody_mass = 60.0\nfoot_mass = 3.0\nstiffness = 8000.0\nrest_length = 0.8\nsurface_gravity = 9.81\n"
-    )
-    done = orbits("find --json --machine", path)
-    length, time = 3 * 9.81 / 8000, math.sqrt(3 / 8000 / (1 + 3 / 60))
-    assert done.code == 0
-    assert done.document["alpha"] == pytest.approx(ALPHA * length / time, rel=1e-15, abs=0)
-    assert done.document["mass_ratio"] == pytest.approx(0.05, rel=1e-15)
-    assert done.document["rest_length"] == 0.8
-    assert done.document["units"]["alpha"] == "m/s"
-    si = done.document["si"]
-    assert si["launch_speed_m_per_s"] == pytest.approx(ALPHA * length / time, rel=1e-14)
-    assert si["flight_time_s"] == pytest.approx(2 * ALPHA * time, rel=1e-14)
-    assert si["contact_time_s"] == done.document["contact_time"]
-    assert si["liftoff_extension_m"] == pytest.approx(length, rel=1e-14)
-    assert "m/s" in orbits("find --machine", path).out
-    done = orbits("follow --json --along body_mass --from 60 --to 50 --machine", path).document
-    assert done["points"][-1]["body_mass"] == 50
-    longer = math.sqrt(3 / 8000 / (1 + 3 / 50))
-    assert done["points"][-1]["alpha"] == pytest.approx(ALPHA * length / longer, rel=1e-14)
-    assert done["units"]["body_mass"] == "kg"
-    hop = orbits("map --json --alpha 0.9 --machine", path).document
-    assert hop["units"]["next"] == "m/s"
-    assert hop["next"][0] ** 2 == pytest.approx(0.81 - hop["loss"][0], rel=1e-14)
-    assert "launch speed (m/s)" in orbits("map --alpha 0.9 --machine", path).out
-    run = orbits("simulate --json --alpha 0.9 --hops 1 --machine", path).document
-    assert run["launches"] == pytest.approx([0.9, hop["next"][0]], rel=1e-13)
-
-
-@pytest.mark.parametrize(
-    ("options", "changed"),
-    [
-        ("--set body_mass=70 --set stiffness=9000", {"body_mass": 70.0, "stiffness": 9000.0}),
-        ("--rest-length 0.9", {"rest_length": 0.9}),
-        ("--rest-length 0.9 --set surface_gravity=3.7", {"rest_length": 0.9, "surface_gravity": 3.7}),
-        ("--set body_radius=250", {"body_radius": 250.0}),
-    ],
-)
-def test_numbers_of_a_machine_in_si_are_parameters(options, changed, orbits, tmp_path):
-    stated = {"body_mass": 60.0, "foot_mass": 3.0, "stiffness": 8000.0, "rest_length": 0.8}
-    path = tmp_path / "leg.toml"
-    path.write_text("[si]\n" + "".join(f"{name} = {value}\n" for name, value in stated.items()))
-    done = orbits(f"find --json {options} --machine", path)
-    assert done.code == 0
-    assert done.document["alpha"] == find(hopper_in_si(**stated | changed)).alpha
-    refused = orbits("find --mass-ratio 2 --machine", path)
-    assert (refused.code, "state lengths and masses in [si]" in refused.err) == (2, True)
-
-
-def test_a_spring_in_si_is_its_dimensionless_self(orbits, tmp_path):
-    """8000 r + 2e6 r**3 N for a foot of 3 kg: beta = 2e6 length**3/weight."""
-    path = tmp_path / "rover.toml"
-    path.write_text(
-        'spring = "k*r + 2e6*r**3"\n[si]\nbody_mass = 60\nfoot_mass = 3\nrest_length = 0.8\nsurface_gravity = 9.81\n'
-        "[parameters]\nk = 8000\n"
-    )
-    weight = 3 * 9.81
-    beta = 2e6 * (weight / 8000) ** 3 / weight
-    si = orbits("find --json --machine", path)
-    dimensionless = orbits(f"find --json --spring cubic --set beta={beta!r} --mass-ratio 0.05")
-    assert si.code == dimensionless.code == 0
-    speed = weight / 8000 / math.sqrt(3 / 8000 / 1.05)
-    assert si.document["alpha"] == pytest.approx(dimensionless.document["alpha"] * speed, rel=1e-12)
 
 
 # Files written.
@@ -653,26 +486,6 @@ def test_help_and_version(orbits):
         assert "Usage: orbits" in done.out
     assert "version" in orbits("--version").out
     assert "table:FILE" in orbits("find --help").out
-
-
-def test_the_progress_display_shows_on_a_terminal_and_clears_itself(monkeypatch):
-    import io
-    import time
-
-    from problems.command.options import progress
-
-    class Terminal(io.StringIO):
-        def isatty(self):
-            return True
-
-    terminal = Terminal()
-    monkeypatch.setattr("sys.stderr", terminal)
-    with progress() as report:
-        report(0.25)
-        time.sleep(1.3)
-    shown = terminal.getvalue()
-    assert "searching, 1 s, 25%" in shown
-    assert shown.endswith("\r" + " " * 40 + "\r")
 
 
 @pytest.mark.parametrize(
