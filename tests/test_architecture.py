@@ -286,7 +286,7 @@ def test_what_needs_an_extra_is_marked():
 
 
 def test_every_module_has_a_test_of_its_name():
-    """tests/<room>/test_<module>.py, with the rooms of the machines in tests/problems; or the one that a table names."""
+    """It is tests/<room>/test_<module>.py, for machines in tests/problems/<room>; or the table names another one."""
     modules = [path for path in SOURCES if path.stem[:2] != "__" and not path.is_relative_to(ROOT / "studies")]
     names = {name_of(path.with_suffix("")).removeprefix("orbits/") for path in modules}
     tests = {name_of(path.with_suffix("")).removeprefix("tests/") for path in (ROOT / "tests").rglob("test_*.py")}

@@ -10,7 +10,7 @@ from orbits import Affine, InconsistentModel, Model, Phase, check, find, starts
 from problems import Chain, Hopper, chain_hand, plate_hopper
 from problems.laws import springs
 from tests.consistency.by_hand import by_hand
-from tests.consistency.wrong_machines import MACHINES, with_model
+from tests.consistency.checked_machines import MACHINES, with_model
 
 
 @pytest.mark.parametrize("name", MACHINES)

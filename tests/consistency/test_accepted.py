@@ -8,7 +8,7 @@ import pytest
 
 from orbits import InconsistentModel, InputError, ReturnMap, check, follow, simulate
 from problems import Hopper
-from tests.consistency.wrong_machines import with_model
+from tests.consistency.checked_machines import with_model
 
 
 @pytest.mark.parametrize(

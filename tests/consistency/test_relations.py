@@ -9,7 +9,7 @@ from orbits import InconsistentModel, Mass, Mechanism, NoOrbit, Spring, check, f
 from orbits.consistency.verdict import algebraic_relations, suspects
 from problems import Hopper
 from tests.consistency.by_hand import by_hand
-from tests.consistency.wrong_machines import BROKEN, MACHINES, at, named, with_model
+from tests.consistency.checked_machines import BROKEN, MACHINES, at, named, with_model
 
 
 def test_a_factor_of_one_force_is_told_where_another_has_its_unit():

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.consistency.wrong_machines import MACHINES, at, named
+from tests.consistency.checked_machines import MACHINES, at, named
 
 
 def of_reduction(reduction):

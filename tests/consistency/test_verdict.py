@@ -11,7 +11,7 @@ from orbits import Affine, ReturnMap, check, find
 from orbits.consistency.verdict import algebraic_relations, suspects
 from problems import Chain, Hopper, Juggler, hopper_in_si
 from tests.consistency.by_hand import by_hand
-from tests.consistency.wrong_machines import BROKEN, at, named, with_model
+from tests.consistency.checked_machines import BROKEN, at, named, with_model
 
 
 def random_machines(count: int):

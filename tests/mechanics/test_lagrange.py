@@ -5,7 +5,7 @@ import pytest
 
 from problems import Chain, Hopper
 from tests.consistency.by_hand import written
-from tests.consistency.wrong_machines import INVERSE_SQUARE, MACHINES
+from tests.consistency.checked_machines import INVERSE_SQUARE, MACHINES
 
 DERIVED = {
     **{name: MACHINES[name] for name in ("cubic", "damped", "juggler", "varying juggler", "damped juggler")},
