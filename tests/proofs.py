@@ -1,9 +1,11 @@
-"""Shared by the tests of proofs: a reference, the conditions of a motion, and what enclosures meet."""
+"""Shared by the tests of proofs: a reference, the conditions of a motion, enclosures, and distances tried alone."""
 
 from decimal import Decimal
 from fractions import Fraction
 
 from conftest import REFERENCES
+
+from orbits.proof import attraction
 
 CUBIC = REFERENCES[2]
 CONDITIONS = {"clearance", "separation", "contact_force", "contact_end"}
@@ -21,3 +23,8 @@ def overlap(first, second):
 
 def not_proved(proof):
     return {name for name, verdict in proof.conditions.items() if verdict != "proved"}
+
+
+def within(monkeypatch, *distances):
+    """Have these distances tried alone."""
+    monkeypatch.setattr(attraction, "_distances", lambda coefficient: [Fraction(each) for each in distances])

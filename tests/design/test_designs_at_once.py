@@ -11,7 +11,7 @@ from tests.sweeps.swept import CASES
 def test_members_are_solved_together(case, monkeypatch):
     """None of these is left to be asked for alone."""
     machine, over, family = CASES[case]
-    monkeypatch.setattr("orbits.design.designs_at_once._solve_alone", lambda *arguments: pytest.fail("asked for alone"))
+    monkeypatch.setattr("orbits.design.designs_at_once.find", lambda *arguments: pytest.fail("asked for alone"))
     assert np.isfinite(sweep(machine, over, 40, family=family)["alpha"]).all()
 
 

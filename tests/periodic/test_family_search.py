@@ -104,11 +104,10 @@ def test_a_search_that_is_stopped_says_so(monkeypatch):
 def test_a_refusal_says_a_remedy_once(monkeypatch):
     machine, reason = Hopper("cubic"), "the solve for family 1 ended on an orbit of family 2; try another method"
 
-    def refused(*_):
+    def refused(*_, **__):
         raise NoOrbit(reason)
 
-    monkeypatch.setattr("orbits.periodic.find.solve_family", refused)
-    monkeypatch.setattr("orbits.periodic.find._orbit_in_cell", refused)
+    monkeypatch.setattr("orbits.periodic.find.certified_orbit", refused)
     with pytest.raises(NoOrbit) as raised:
         find(machine)
     assert str(raised.value).count("try another method") == 1

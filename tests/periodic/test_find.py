@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from conftest import PROVED, REFERENCES, machine_of, middle, slow_after
 
-import orbits.periodic.certificate
 from orbits import METHODS, InputError, NoOrbit, find
 from problems import Hopper
 from problems.laws import springs
@@ -154,7 +153,8 @@ def test_bad_families(family):
 
 
 def test_a_solve_that_lands_on_another_family_has_failed(monkeypatch):
-    monkeypatch.setattr(orbits.periodic.certificate, "_families", lambda extension, parts: [2])
+    second = find(Hopper(), 2)
+    monkeypatch.setattr("orbits.periodic.find.certified_orbit", lambda *_, **__: second)
     with pytest.raises(NoOrbit, match="ended on an orbit of family 2"):
         find(Hopper())
 

@@ -1,16 +1,15 @@
 """Attraction from above: the proved losses against closed forms, simulated hops, limits, and what has to be refused."""
 
 import json
-from fractions import Fraction
 
 import mpmath as mp
 import numpy as np
 import pytest
 from conftest import DATA
+from proofs import within
 
 from orbits import ReturnMap, find, find_all, prove
 from orbits.check_proof import check
-from orbits.proof import attraction
 from problems import Chain, Hopper, Juggler, hopper_in_si, inerter_hopper, knee_hopper
 
 SLOW = pytest.mark.slow
@@ -37,11 +36,6 @@ def next_distance(d):
 def lost(d, after):
     """c of a hop that takes d to another one."""
     return (d - after) / mp.cbrt(d) ** 4
-
-
-def within(monkeypatch, *distances):
-    """Have these distances tried alone."""
-    monkeypatch.setattr(attraction, "_distances", lambda coefficient: [Fraction(each) for each in distances])
 
 
 @pytest.fixture(scope="module")

@@ -1,20 +1,13 @@
 """Losses of launches that land with a bounce, against simulated hops."""
 
-from fractions import Fraction
-
 import numpy as np
 import pytest
+from proofs import within
 
 from orbits import ReturnMap, find_all, prove
-from orbits.proof import attraction
 from problems import Hopper
 
 SLOW = pytest.mark.slow
-
-
-def within(monkeypatch, *distances):
-    """Have these distances tried alone."""
-    monkeypatch.setattr(attraction, "_distances", lambda coefficient: [Fraction(each) for each in distances])
 
 
 @pytest.mark.parametrize("distance", ["1e-6", pytest.param(None, marks=SLOW)])

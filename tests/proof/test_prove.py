@@ -1,5 +1,6 @@
 """Proofs of orbits: the references, independent digits, and errors."""
 
+import sys
 from decimal import Decimal
 
 import mpmath as mp
@@ -100,7 +101,7 @@ class TestDigits:
 
 class TestErrors:
     def test_without_python_flint(self, cubic_hop, monkeypatch):
-        monkeypatch.setattr("orbits.proof.prove.find_spec", lambda name: None)
+        monkeypatch.setitem(sys.modules, "flint", None)
         with pytest.raises(InputError, match="python-flint"):
             prove(cubic_hop)
 

@@ -196,18 +196,21 @@ def test_a_file_that_is_no_store_is_refused_untouched(orbits, tmp_path, spoilt):
 
 
 def test_a_file_that_cannot_be_written_is_refused_before_the_sweep(orbits, tmp_path, monkeypatch):
-    from orbits.sweeps import sweep
-
-    monkeypatch.setattr(sweep, "_computed", lambda *_: pytest.fail("the sweep was computed"))
+    """No store is begun, as by the same sweep without that file."""
+    store = tmp_path / "study.db"
+    command = f"{CUBIC} --over beta=0:1 --samples 2 --store {store}"
     for name in ("members.csv", "members.png"):
         (tmp_path / name).mkdir()
-    refused(orbits(f"{CUBIC} --over beta=0:1 --output {tmp_path / 'members.csv'}"), "it is a folder")
-    refused(orbits(f"{CUBIC} --over beta=0:1 --plot {tmp_path / 'members.png'}"), "it is a folder")
+    refused(orbits(f"{command} --output {tmp_path / 'members.csv'}"), "it is a folder")
+    refused(orbits(f"{command} --plot {tmp_path / 'members.png'}"), "it is a folder")
     for package, ending in (("xarray", "nc"), ("netCDF4", "nc"), ("pandas", "parquet"), ("pyarrow", "parquet")):
         for other in ("xarray", "netCDF4", "pandas", "pyarrow"):
             monkeypatch.setitem(sys.modules, other, None if other == package else sys)
-        command = f"{CUBIC} --over beta=0:1 --output {tmp_path / 'members'}.{ending}"
-        refused(orbits(command), f"{package} is needed: pip install 'persistent-orbits[data]'")
+        output = f"--output {tmp_path / 'members'}.{ending}"
+        refused(orbits(f"{command} {output}"), f"{package} is needed: pip install 'persistent-orbits[data]'")
+    assert not store.exists()
+    assert orbits(command).code == 0
+    assert store.exists()
 
 
 def members_in(store: Path) -> set[int]:
