@@ -29,14 +29,24 @@ from xml.etree import ElementTree
 
 ROOT = Path(__file__).parent.parent
 COPIED = ("orbits", "problems", "studies", "tests", "README.md", "pyproject.toml")
-# Rooms without tests of their own, with those of the rooms that use them first.
+# The tests of rooms whose own folder does not have all of them.
 TESTED_BY = {
-    "model": ("flow", "periodic"), "laws": ("problems/test_laws.py", "periodic"), "running": ("symbolic",),
+    "consistency": ("consistency", "test_checks.py"),
+    "continuation": ("continuation", "periodic/test_fold_statement.py", "shooting/test_newton_kernel.py"),
+    "control": ("control", "problems/steering"),
+    "design": ("design", "problems/command/test_optimize_command.py"),
+    "exact": ("exact", "proof"),
+    "laws": ("laws", "problems/laws", "periodic"),
+    "model": ("model", "flow", "periodic"),
+    "periodic": ("periodic", "shooting", "laws/test_features.py", "problems/machines"),
+    "proof": ("proof", "exact", "continuation/test_proved_curve.py"),
+    "return_map": ("return_map", "simulation/test_multiplier.py", "problems/machines/test_juggler.py"),
+    "running": ("running", "symbolic"),
     "shooting": ("shooting", "periodic"),
-    "check.py": ("consistency",), "units.py": ("problems/test_units.py",),
-}  # fmt: skip
+    "sweeps": ("sweeps", "design/test_designs_at_once.py"),
+}
 # What rooms do for machines in SI is tested here; numerics knows no units.
-IN_SI = "tests/problems/test_units.py", "tests/problems/test_messages.py"
+IN_SI = "tests/test_units.py", "tests/test_messages.py"
 SWAPPED = {
     **{ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.Pow: ast.Mult},
     **{ast.And: ast.Or, ast.Or: ast.And, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq},
@@ -62,7 +72,7 @@ class Mutation:
     def tests(self) -> tuple[str, ...]:
         """Where the tests of the module's room are."""
         room = Path(self.module).parts[1]
-        rooms = TESTED_BY.get(room, (room,))
+        rooms = TESTED_BY.get(room, (f"test_{room}" if room.endswith(".py") else room,))
         return *(f"tests/{name}" for name in rooms), *(IN_SI if room != "numerics" else ())
 
 

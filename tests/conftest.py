@@ -6,7 +6,7 @@ import shlex
 import shutil
 import signal
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import Decimal
 from pathlib import Path
 
@@ -14,13 +14,20 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # each worker has a core of 
 
 import numpy as np
 import pytest
+from carts import CART, HALF, SLED
+from documents import saved
 
-from problems import Hopper
+from orbits import Control, Family, Orbit, Proof, find, follow, prove, steer
+from orbits.control import Guess, Input, Stage
+from problems import Driven, Hopper, hopper_in_si, steering
 from problems.command.cli import main
 
 DATA = Path(__file__).parent / "data"
 REFERENCES = json.loads((DATA / "orbits.json").read_text(encoding="utf-8"))
 PROVED = json.loads((DATA / "proved.json").read_text(encoding="utf-8"))
+DAMPED_LEG = hopper_in_si(
+    60.0, 3.0, force="k*r + b*r**3", parameters={"k": 8000.0, "b": 1e5}, rest_length=0.8, damping=5.0
+)
 
 # Shells let what they run in the background ignore keyboard interrupts, and so would all that the tests start.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -118,6 +125,91 @@ def name_of(reference: dict) -> str:
 def reference(request) -> dict:
     """Each orbit of the reference file in turn."""
     return request.param
+
+
+@pytest.fixture(scope="session")
+def softening_family() -> Family:
+    """The family of the cubic spring from linear to its fold, and back on the second sheet."""
+    return follow(Hopper("cubic", rest_length=30.0), "beta", -0.02, 0.0, at=[-0.005])
+
+
+@pytest.fixture(scope="session")
+def saved_documents(tmp_path_factory) -> dict[str, str]:
+    """Saved orbits, one of them in SI, and a saved family, as texts."""
+    return saved(tmp_path_factory.mktemp("saved"))
+
+
+@pytest.fixture(scope="session")
+def folded_family() -> Family:
+    """The family of the cubic spring up to its fold and beyond."""
+    return follow(Hopper("cubic", rest_length=30), "beta", stop=-0.02, start=0.0)
+
+
+@pytest.fixture(scope="session")
+def leg_hop() -> Orbit:
+    """The hop of a leg in SI."""
+    return find(hopper_in_si(70, 5, stiffness=20_000, rest_length=1.0))
+
+
+@pytest.fixture(scope="session")
+def folded_curve() -> tuple[Family, Proof]:
+    """The points of a family about its fold, and the proof that they are on one curve."""
+    machine = Hopper("cubic", rest_length=30.0)
+    family = follow(machine, "beta", stop=-0.02, start=0.0)
+    first = next(i for i, point in enumerate(family) if point.alpha > 5.69)
+    last = next(i for i, point in enumerate(family) if point.alpha > 5.98)
+    whole = replace(family, points=family.points[first : last + 1], events=())
+    return whole, whole.prove(machine, continuous=True, motion=False)
+
+
+@pytest.fixture(scope="session")
+def cubic_hop() -> Orbit:
+    """The hop of a cubic spring."""
+    return find(machine_of(REFERENCES[2]))
+
+
+@pytest.fixture(scope="session")
+def cubic_proof(cubic_hop) -> Proof:
+    """What is proved of `cubic_hop`."""
+    return prove(cubic_hop, loss=True)
+
+
+@pytest.fixture(scope="session")
+def driven_hopper() -> Driven:
+    """The damped hopper driven so that it goes on hopping, whose inputs repeat."""
+    return steering.keep_hopping(Hopper(damping=0.01))
+
+
+@pytest.fixture(scope="session")
+def started_hopper() -> Driven:
+    """A start from rest, after which the machine hops on without inputs."""
+    return steering.start_up(Hopper(), 2, stroke=2.0)
+
+
+@pytest.fixture(scope="session")
+def driven_leg() -> Driven:
+    """A damped leg in SI that is driven to go on hopping."""
+    return steering.keep_hopping(DAMPED_LEG, intervals=20)
+
+
+@pytest.fixture(scope="session")
+def steered_cart() -> Control:
+    """A cart from rest to rest over the way 1 in the time 1 at least effort: f = 6 - 12 t."""
+    ends = {"start": lambda x, before, p: x, "end": lambda x, p: [x[0] - 1, x[1]]}
+    stage = Stage(CART, 4, (1.0, 1.0), {"f": Input(degree=1)}, **ends, running=lambda x, p, q: p["f"] ** 2)
+    return steer([stage], guess=[Guess(1.0, lambda t: [t, 1.0])])
+
+
+@pytest.fixture(scope="session")
+def steered_relay() -> Control:
+    """The motion of `steered_cart` in two stages: a cart hands over to a sled, whose states and inputs are others."""
+    effort = {"running": lambda x, p, q: p["f"] ** 2}
+    first = Stage(CART, 2, (HALF, HALF), {"f": Input(degree=1)}, lambda x, before, p: x, **effort)
+    second = Stage(
+        SLED, 2, (HALF, HALF), {"f": Input(degree=1), "g": Input(1.0, 1.0)},
+        lambda x, before, p: [x[1] - before[0], x[0] - before[1], x[2]], lambda x, p: [x[1] - 1, x[0]], **effort,
+    )  # fmt: skip
+    return steer([first, second], guess=[Guess(HALF, lambda t: [t, 1.0]), Guess(HALF, lambda t: [1.0, HALF + t, 0.0])])
 
 
 def grazing_flights(count: int, seed: int):

@@ -43,6 +43,36 @@ ROOMS = (
     "show",
 )
 MOST_FLOORS = 14
+# Modules without a test of their name, each with the file of tests that exercises it most.
+TESTED_WITH = {
+    "balls/curve_motion": "proof/test_branch",
+    "balls/equations": "balls/test_enclosure",
+    "consistency/draws": "consistency/test_verdict",
+    "consistency/shapes": "consistency/test_verdict",
+    "design/nlp": "design/test_local",
+    "exact/exact_mechanics": "proof/test_prove",
+    "exact/refusal": "proof/test_prove",
+    "exact/statement": "proof/test_prove",
+    "mechanics/coordinates": "mechanics/test_coefficients",
+    "model/model": "test_checks",
+    "model/relative": "periodic/test_find",
+    "numerics/quadrature": "shooting/test_error_bound",
+    "periodic/quantities": "continuation/test_table",
+    "proof/branch_claim": "continuation/test_proved_curve",
+    "proof/branch_motion": "proof/test_branch",
+    "proof/branch_piece": "proof/test_branch",
+    "proof/branch_words": "proof/test_branch",
+    "proof/launches": "proof/test_attraction",
+    "proof/wording": "proof/test_attraction",
+    "return_map/cycles": "return_map/test_bifurcations",
+    "return_map/hop": "return_map/test_proved_map",
+    "show/pages/bokeh_figures": "show/pages/test_hop_view",
+    "show/pages/map_view": "problems/explorer/test_page",
+    "show/pages/player": "show/pages/test_hop_view",
+    "symbolic/polynomials": "symbolic/test_rational",
+    "symbolic/tracing": "laws/test_law",
+    "problems/explorer/processes": "problems/explorer/test_worker",
+}
 SOURCES = sorted(path for package in RANK for path in (ROOT / package).rglob("*.py"))
 ENGINE = [path for path in SOURCES if path.is_relative_to(ROOT / "orbits")]
 
@@ -263,6 +293,16 @@ def test_what_needs_an_extra_is_marked():
             packages = set(re.findall(r"importorskip\(\"(\w+)", text))
             wrong += [f"{name_of(path)}: {each}" for each in packages if f'mark.extra("{each}"' not in text]
     assert not wrong, wrong
+
+
+def test_every_module_has_a_test_of_its_name():
+    """It is tests/<room>/test_<module>.py, for machines in tests/problems/<room>; or the table names another one."""
+    modules = [path for path in SOURCES if path.stem[:2] != "__" and not path.is_relative_to(ROOT / "studies")]
+    names = {name_of(path.with_suffix("")).removeprefix("orbits/") for path in modules}
+    tests = {name_of(path.with_suffix("")).removeprefix("tests/") for path in (ROOT / "tests").rglob("test_*.py")}
+    untested = {name for name in names if str(Path(name).with_name(f"test_{Path(name).name}")) not in tests}
+    assert untested == set(TESTED_WITH), sorted(untested ^ set(TESTED_WITH))
+    assert set(TESTED_WITH.values()) <= tests, sorted(set(TESTED_WITH.values()) - tests)
 
 
 def test_no_trace_of_the_workshop():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from orbits import InputError
-from orbits.errors import whole_number
+from orbits.errors import LONGEST_MESSAGE, shortened, whole_number
 
 
 @pytest.mark.parametrize("value", [2, 5, np.int64(3)])
@@ -18,3 +18,18 @@ def test_other_numbers_are_refused(value):
         whole_number("order", value, "powers", 2, 5)
     with pytest.raises(InputError, match=r"order = -1; it is a number of powers, from 0 upwards"):
         whole_number("order", -1, "powers", 0)
+
+
+def test_a_long_message_keeps_its_remedy():
+    message = str(InputError("the option '" + "x" * 10_000 + "' is too long: write a shorter one"))
+    assert len(message) <= LONGEST_MESSAGE
+    assert message.startswith("the option 'xxx")
+    assert message.endswith("write a shorter one")
+    assert shortened("as it is") == "as it is"
+
+
+def test_a_long_message_leaves_out_whole_words():
+    words = "".join(f"parameter{number} " for number in range(100))
+    head, tail = shortened(words).split(" ... ")
+    assert words.startswith(head + " ")
+    assert words.endswith(" " + tail)

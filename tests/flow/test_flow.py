@@ -3,39 +3,12 @@
 import casadi as ca
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from oscillators import BILINEAR, START, TIME, bilinear, duffing, duffing_by_cases, oscillator
 
-from orbits.errors import FlowError, OutOfRange
+from orbits.errors import FlowError
 from orbits.flow.flow import Flow
-from orbits.flow.vector_field import VectorField, runge_kutta
 from orbits.flow.zero_crossing import first_zero
-from orbits.model import Affine, Phase, Pieces, linear_modes
-
-START, TIME = np.array([0.83, 2.93]), 2.9
-
-
-def oscillator(force, **more) -> Flow:
-    return Flow(Phase("flight", ("r", "v"), lambda x, p, q: [x[1], -force(x[0], p, q)], **more), ("b",))
-
-
-def duffing(r, p, q):
-    return r + p["b"] * r**3
-
-
-def duffing_by_cases(r, p, q):
-    """The same force by operations that have no Taylor series."""
-    return r + p["b"] * r * r * ca.fabs(r) * ca.sign(r)
-
-
-def bilinear_pieces(p):
-    return [-np.inf, 1.0, np.inf], [[1.0], [p["b"]]]
-
-
-def bilinear(r, p, q):
-    return 1.0 + q[0] * (r - 1.0)
-
-
-BILINEAR = {"pieces": Pieces((1.0, 0.0), 1, bilinear_pieces, "extension")}
+from orbits.model import Affine, Phase, linear_modes
 
 
 def test_harmonic_motion():
@@ -50,20 +23,6 @@ def test_harmonic_motion():
         assert path(t)[:, :2] == pytest.approx(exact, abs=2e-14)
         rotation = [[np.cos(40.0), np.sin(40.0)], [-np.sin(40.0), np.cos(40.0)]]
         assert slopes == pytest.approx(np.array(rotation), abs=5e-14)
-
-
-def test_taylor_and_runge_kutta_agree_everywhere_with_scipy():
-    first, second = oscillator(duffing), oscillator(duffing_by_cases)
-    assert (first.method, second.method) == ("Taylor", "Runge-Kutta")
-    a, da = first.run(START, [0.3], TIME, np.eye(2))
-    b, db = second.run(START, [0.3], TIME, np.eye(2))
-    t = np.linspace(0, TIME, 501)
-    assert a(t) == pytest.approx(b(t), abs=2e-13)
-    assert da == pytest.approx(db, abs=2e-12)
-    reference = solve_ivp(
-        lambda t, x: [x[1], -x[0] - 0.3 * x[0] ** 3], (0, TIME), START, "DOP853", t, rtol=1e-13, atol=1e-14
-    )
-    assert a(t)[:, :2] == pytest.approx(reference.y.T, abs=1e-10)
 
 
 @pytest.mark.parametrize(
@@ -83,33 +42,6 @@ def test_derivatives_are_those_of_the_flow(force, more):
         assert slopes[:, j] == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-7, abs=1e-7)
 
 
-def test_order_eight():
-    x, p, h = ca.SX.sym("x", 2), ca.SX.sym("p", 0), ca.SX.sym("h")
-    field = ca.Function("field", [x, p], [ca.vertcat(x[1], -ca.sin(x[0])), ca.SX(0, 1)])
-    step = ca.Function("step", [x, h], [runge_kutta(VectorField(field, x, p), x, h)])
-    exact = solve_ivp(lambda t, x: [x[1], -np.sin(x[0])], (0, 2), [1.0, 1.5], "DOP853", rtol=3e-14, atol=1e-15).y[:, -1]
-    errors = []
-    for count in (8, 16, 32):
-        state = ca.DM([1.0, 1.5])
-        for _ in range(count):
-            state = step(state, 2 / count)
-        errors.append(np.abs(np.array(state).ravel() - exact).max())
-    assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx(8, abs=0.7)
-
-
-def test_steps_end_on_breakpoints():
-    """A bilinear spring has harmonic arcs of frequency 1 below the breakpoint and 2 above it, joined here by hand."""
-    path, _ = oscillator(bilinear, **BILINEAR).run([1.0, 2.0], [4.0], 6.0)
-    # above r = 1: r = 3/4 + A cos(2t - phase)
-    amplitude, phase = np.hypot(0.25, 1.0), np.arctan2(1.0, 0.25)
-    back = phase  # symmetric about the top at 2t = phase
-    t = np.linspace(0, back, 200)
-    assert path(t)[:, 0] == pytest.approx(0.75 + amplitude * np.cos(2 * t - phase), abs=1e-13)
-    assert np.abs(path.times - back).min() < 1e-14
-    below = np.linspace(0, 3.0, 200)
-    assert path(back + below)[:, 0] == pytest.approx(np.cos(below) - 2 * np.sin(below), abs=1e-13)
-
-
 def test_a_flat_law_does_not_let_a_step_run_past_its_return():
     """Where tanh equals 1 to the last digit its series is a constant; the motion comes back all the same."""
     flow = oscillator(lambda r, p, q: ca.tanh(p["b"] * r) / p["b"])
@@ -123,22 +55,6 @@ def test_first_zero_divides_out_the_start():
     speed = Affine((0.0, 1.0))
     path, _ = flow.run([1.0, 0.0], [0.0], 10.0, stop=first_zero(speed, skip_start=1))
     assert path.times[-1] == pytest.approx(np.pi, abs=1e-14)
-
-
-def test_watched_quantities_have_their_series():
-    flow = oscillator(duffing, watch={"tension": lambda x, p, q: duffing(x[0], p, q)})
-    path, _ = flow.run(START, [0.3], TIME)
-    states = path(np.linspace(0, TIME, 301))
-    assert states[:, 2] == pytest.approx(states[:, 0] + 0.3 * states[:, 0] ** 3, abs=1e-13)
-
-
-def test_a_split_motion_is_the_same_motion():
-    path, _ = oscillator(duffing).run(START, [0.3], TIME)
-    first, rest = path.split(1.3)
-    t = np.linspace(0, 1.3, 50)
-    assert first(t) == pytest.approx(path(t), abs=1e-14)
-    back = np.linspace(0, TIME - 1.3, 50)
-    assert rest(back) == pytest.approx(path(TIME - back), abs=1e-13)
 
 
 @pytest.mark.parametrize(
@@ -157,12 +73,6 @@ def test_a_step_that_is_no_number_does_not_end_a_motion():
     assert motions.ends == [1.0]
     with pytest.raises(FlowError, match="breaks down"):
         flow.run_all(starts, np.zeros((2, 1)), np.ones(2), np.eye(2), nothing)
-
-
-def test_outside_the_pieces_is_an_error_with_the_range():
-    limited = Pieces((1.0, 0.0), 1, lambda p: ([-2.0, 1.0, 1.5], [[1.0], [1.0]]), "extension")
-    with pytest.raises(OutOfRange, match=r"extension leaves the law's range, \[-2, 1.5\], at 1.5"):
-        oscillator(bilinear, pieces=limited).run(START, [0.0], 10.0)
 
 
 def test_a_flow_cannot_start_from_nowhere():

@@ -1,12 +1,18 @@
-"""The first zero of a gap along many flights, grazing ones among them, against closed forms."""
+"""The first zeros of a gap, grazing ones among them: against closed forms, and many motions against each alone."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from conftest import grazing_flights
+from many_at_once import MACHINES
 
 from orbits import ReturnMap
-from orbits.flow.flow import Flow
-from orbits.flow.zero_crossing import CLOSED_BLOCK, CLOSED_STEP, first_zeros
+from orbits.errors import FlowError, OutOfRange
+from orbits.flow.flow import Flow, flow_of
+from orbits.flow.vector_field import FlowControl
+from orbits.flow.zero_crossing import CLOSED_BLOCK, CLOSED_STEP, first_zero, first_zeros, until_zero
+from orbits.model.phase import Affine
 from orbits.simulation.impacts import Impacts
 from problems import Hopper
 
@@ -78,3 +84,112 @@ def test_a_motion_that_falls_for_ever_is_given_up_without_its_steps(monkeypatch)
     times, _, failed = first_zeros(impacts.contact, starts, impacts.p, impacts.model.contact_speed, 1e7)
     assert np.isfinite(times).tolist() == [True, False]
     assert list(failed) == [1]
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_flights_to_their_landings(name):
+    rules, rng = Impacts(MACHINES[name]), np.random.default_rng(7)
+    x = rng.normal(0, 2.5, (60, 4))
+    x[:, 2] = np.abs(x[:, 2])
+    if "table" in name:
+        x = x[np.abs(x[:, 0] - x[:, 2]) < 3]
+    times, rows, failed = first_zeros(rules.flight, x, rules.p, rules.gap, 40.0)
+    assert first_zeros(rules.flight, x, rules.p, rules.gap, 40.0, told=False)[2].keys() == failed.keys()
+    for i, start in enumerate(x):
+        try:
+            path, _ = rules.flight.run(start, rules.p, 40.0, stop=first_zero(rules.gap))
+        except FlowError as error:
+            reason = error
+        else:
+            reason = None
+        assert type(failed.get(i)) is type(reason)
+        if reason:
+            continue
+        if path.times[-1] < 40.0:
+            assert times[i] == pytest.approx(path.times[-1], rel=1e-9, abs=1e-11)
+            assert rows[i] == pytest.approx(path.end, rel=1e-8, abs=1e-8)
+        else:
+            assert np.isnan(times[i])
+
+
+@pytest.mark.parametrize("name", ["cubic", "sinh in gravity"])
+def test_motions_up_to_a_zero(name):
+    """Motions of few steps and of many, in their order; those that do not get there are left out."""
+    rules, rng = Impacts(MACHINES[name]), np.random.default_rng(8)
+    p, starts = np.tile(rules.p, (40, 1)), rng.normal(0, 4, (40, 2))
+    starts[7] = np.nan
+    back = Affine((1.0, 0.0, 0.0))
+    for _ in range(2):  # the second time it is known how many steps it takes
+        which, motions = until_zero(rules.contact, starts, p, back)
+        assert which.tolist() == [i for i in range(40) if i != 7]
+        for i, path in zip(which, motions, strict=True):
+            one, _ = rules.contact.run(starts[i], rules.p, 100.0, stop=first_zero(back))
+            assert path.times[-1] == pytest.approx(one.times[-1], rel=1e-12)
+            assert path.end == pytest.approx(one.end, rel=1e-10, abs=1e-10)
+    assert motions.counts.min() <= 6 < motions.counts.max()
+
+
+def test_motions_of_too_many_steps_leave_the_others_alone(monkeypatch):
+    """They are left out, and those of fewer are followed together the next time too."""
+    monkeypatch.setattr("orbits.flow.flow.Flow.control", FlowControl(max_block=6))
+    rules, back = Impacts(MACHINES["cubic"]), Affine((1.0, 0.0, 0.0))
+    starts = np.random.default_rng(8).normal(0, 4, (40, 2))
+    for _ in range(2):
+        which, motions = until_zero(rules.contact, starts, np.tile(rules.p, (40, 1)), back)
+        assert 0 < len(which) < 40
+        assert motions.counts.max() == 6
+
+
+def test_a_motion_that_breaks_down_later_still_has_its_zero():
+    """A spring with a pole: what comes after the zero within the same block of steps does not matter."""
+    rules, back = Impacts(MACHINES["a pole"]), Affine((1.0, 0.0, 0.0))
+    starts = np.array([[2.0, -1.0], [2.0, -3.0], [3.5, -20.0], [-1.0, -1.0]])
+    which, motions = until_zero(rules.contact, starts, np.tile(rules.p, (4, 1)), back)
+    for i, path in zip(which, motions, strict=True):
+        one, _ = rules.contact.run(starts[i], rules.p, 100.0, stop=first_zero(back))
+        assert path.times[-1] == pytest.approx(one.times[-1], rel=1e-12)
+    assert {0, 1} <= set(which.tolist())
+
+
+@pytest.mark.parametrize(("extension", "speed"), [(0.5, 0.0), (0.5, 1.0), (0.5, -1.0)])
+def test_a_start_on_a_break(extension, speed):
+    """Of a bilinear spring, at rest too: against a start one rounding beside."""
+    rules = Impacts(Hopper("bilinear", rest_length=30, parameters={"gap": 0.5, "ratio": 3.0}))
+    x = np.array([[3 + extension, speed, 3.0, 0.0]])
+    beside = x + np.array([[1e-13, 0, 0, 0]])
+    one, two = (first_zeros(rules.flight, start, rules.p, rules.gap, 60.0) for start in (x, beside))
+    assert one[0] == pytest.approx(two[0], rel=1e-10)
+    assert one[1] == pytest.approx(two[1], rel=1e-9)
+    path, _ = rules.flight.run(x[0], rules.p, 60.0, stop=first_zero(rules.gap))
+    assert path.times[-1] == pytest.approx(one[0][0], rel=1e-12)
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_start_on_the_range_s_end(side):
+    """Inward it is followed, outward refused."""
+    rules = Impacts(MACHINES["a short table"])
+    starts = np.array([[20.0 + 3 * side, side * speed, 20.0, 0.0] for speed in (-1.0, 1.0)])
+    failed = first_zeros(rules.flight, starts, rules.p, rules.gap, 0.5)[2]
+    assert isinstance(failed[1], OutOfRange)
+    assert 0 not in failed
+    with pytest.raises(OutOfRange, match="leaves the law's range"):
+        rules.flight.run(starts[1], rules.p, 0.5)
+
+
+@pytest.mark.parametrize("height", [-1e-17, 0.0, 1e-17])
+def test_a_zero_before_a_step_in_vain(height):
+    """The foot leaves the ground, but for rounding, where a spring with a sharp kink has no series that serves."""
+    rules, foot = Impacts(Hopper("r - log(1 + exp(-20*(r + 2)))/10")), Affine((0.0, 0.0, 1.0, 0.0))
+    # Without the bound on how far a step may go, steps are taken in vain.
+    flight = flow_of(replace(rules.flight.phase, reaches=()), rules.flight.parameters)
+    starts = np.array([[r + height, v, height, w] for r in (2.0, 4.0, 6.0) for v in (-2.0, 1.0) for w in (0.3, 2.0)])
+    ps = np.tile(rules.p, (len(starts), 1))
+    stepper = flight.stepper(0)
+    states = np.column_stack([starts, np.full((len(starts), 2), (np.inf, 1e9))])
+    assert any(stepper.step_function(z, p)[3][0] == 0 for z, p in zip(states, ps, strict=True))
+    times, _, failed = first_zeros(flight, starts, rules.p, foot, 50.0, 1)
+    which, motions = until_zero(flight, starts, ps, foot, 1)
+    landings = [flight.run(start, rules.p, stop=first_zero(foot, 1))[0].times[-1] for start in starts]
+    assert not failed
+    assert times == pytest.approx(landings, rel=1e-10)
+    assert motions.ends == pytest.approx(np.array(landings)[which], rel=1e-10)

@@ -56,3 +56,10 @@ def test_a_singular_system_of_a_stack_has_no_solution_and_the_others_have():
     assert found[0] == pytest.approx(np.ones((2, 1)))
     assert np.isnan(found[1]).all()
     assert np.isnan(solve(singular, right[:, 0])).all()
+
+
+def test_one_singular_system_of_several():
+    square = np.array([np.eye(2), [[1.0, 2.0], [2.0, 4.0]], 2 * np.eye(2)])
+    found = solve(square, np.array([[[1.0], [3.0]]]))
+    assert found[[0, 2], :, 0] == pytest.approx(np.array([[1.0, 3.0], [0.5, 1.5]]))
+    assert np.isnan(found[1]).all()

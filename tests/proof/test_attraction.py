@@ -1,18 +1,15 @@
 """Attraction from above: the proved losses against closed forms, simulated hops, limits, and what has to be refused."""
 
 import json
-from fractions import Fraction
 
 import mpmath as mp
 import numpy as np
 import pytest
 from conftest import DATA
-from flint import arb
+from proofs import within
 
 from orbits import ReturnMap, find, find_all, prove
 from orbits.check_proof import check
-from orbits.proof import attraction
-from orbits.proof.landings import JerkIntegrals
 from problems import Chain, Hopper, Juggler, hopper_in_si, inerter_hopper, knee_hopper
 
 SLOW = pytest.mark.slow
@@ -41,11 +38,6 @@ def lost(d, after):
     return (d - after) / mp.cbrt(d) ** 4
 
 
-def within(monkeypatch, *distances):
-    """Have these distances tried alone."""
-    monkeypatch.setattr(attraction, "_distances", lambda coefficient: [Fraction(each) for each in distances])
-
-
 @pytest.fixture(scope="module")
 def orbit():
     return find(Hopper("r", rest_length=20))
@@ -54,17 +46,6 @@ def orbit():
 @pytest.fixture(scope="module")
 def proof(orbit):
     return prove(orbit, attraction=True)
-
-
-def test_the_means_of_a_jerk_that_grows():
-    """Of 2 + t they are 2 + s/2, 2 + s/3 and 2 + s/4; the jerk varies by 0.06 to either side in each of its parts."""
-    jerks, length = JerkIntegrals(), arb(0.125)
-    for i in range(20):
-        low, high = length * i, length * (i + 1)
-        means = jerks.further(2 + low.union(high), length)
-        for s in (low, (low + high) / 2, high):
-            assert all(mean.overlaps(2 + s / k) for mean, k in zip(means, (2, 3, 4), strict=True))
-        assert all(mean.rad() < 0.3 for mean in means)
 
 
 class TestLinear:
@@ -141,26 +122,6 @@ def test_simulated_hops(machine, radius):
         assert after.impacts == 1
         assert float((orbit.alpha + d - after.next) / d ** (4 / 3)) in losses
     assert str(orbit.certificate.loss_coefficient) in losses
-
-
-@pytest.mark.parametrize("distance", ["1e-6", pytest.param(None, marks=SLOW)])
-def test_simulated_hops_with_a_bounce(distance, monkeypatch):
-    """Past the fold of a family the landing bounces above the orbit; ten times as much is lost, to leading order."""
-    machine = Hopper("cubic", mass_ratio=20.0, parameters={"beta": -0.0105})
-    orbit = find_all(machine, family=1)[1]
-    if distance:
-        within(monkeypatch, distance)
-    proof = prove(orbit, attraction=True, limit=120)
-    reached, losses = float(proof.attraction_radius), proof.enclosures["attraction_loss"]
-    assert reached >= float(distance or 1e-4)
-    assert "bounces once" in proof.statement
-    hop = ReturnMap(machine)
-    for d in reached * 0.999 / 8.0 ** np.arange(4):
-        after = hop(orbit.alpha + d)
-        assert after.impacts == 2
-        assert float((orbit.alpha + d - after.next) / d ** (4 / 3)) in losses
-    assert 10 * orbit.certificate.loss_coefficient in losses
-    assert losses.width < (0.1 if distance else 1.0) * float(losses.high)
 
 
 class TestRefusals:

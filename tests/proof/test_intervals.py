@@ -1,24 +1,31 @@
-"""Intervals of parameters that are too wide for one proof, proved in parts."""
+"""Parameters that are known within intervals: proved as a whole, in parts, or left undecided."""
 
+import dataclasses
 import json
+from decimal import Decimal
+from fractions import Fraction
 
 import pytest
+from conftest import REFERENCES, machine_of
+from proofs import CUBIC, meets, overlap
 
 from orbits import find, prove
 from orbits.check_proof import check
+from orbits.proof import intervals
+from orbits.proof.case import whole_proof
 from problems import Hopper, inerter_hopper
 
-CUBIC = Hopper("cubic", rest_length=8.0, parameters={"beta": 0.3})
+MACHINE = Hopper("cubic", rest_length=8.0, parameters={"beta": 0.3})
 
 
 @pytest.mark.slow
 def test_a_spring_known_to_one_percent():
     """All of it is a motion, and the document has the whole interval."""
-    proof = prove(find(CUBIC), parameters={"beta": ("0.297", "0.303")})
+    proof = prove(find(MACHINE), parameters={"beta": ("0.297", "0.303")})
     assert proof.proved, proof.reasons
     assert "parts of the intervals" in proof.statement
     assert "beta in [0.297, 0.303]" in proof.statement
-    alphas = [find(CUBIC.with_values(beta=beta)).alpha for beta in (0.297, 0.2985, 0.3, 0.3017, 0.303)]
+    alphas = [find(MACHINE.with_values(beta=beta)).alpha for beta in (0.297, 0.2985, 0.3, 0.3017, 0.303)]
     assert all(float(proof.alpha.low) < alpha < float(proof.alpha.high) for alpha in alphas)
     assert proof.alpha.width < 2 * (alphas[0] - alphas[-1])
     assert proof.uniqueness_radius is None  # it is another one in each part
@@ -31,14 +38,14 @@ def test_a_spring_known_to_one_percent():
 @pytest.mark.slow
 def test_an_orbit_of_another_machine_is_not_proved_by_a_part():
     """Its alpha lies outside of what alpha can be."""
-    proof = prove(find(CUBIC.with_values(beta=0.31)), machine=CUBIC, parameters={"beta": ("0.297", "0.303")})
+    proof = prove(find(MACHINE.with_values(beta=0.31)), machine=MACHINE, parameters={"beta": ("0.297", "0.303")})
     assert not proof.proved
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("bounds", [("-0.02", "0.3"), ("0.1", "5")])
 def test_too_wide_an_interval_stays_undecided(bounds):
-    proof = prove(find(CUBIC), parameters={"beta": bounds}, motion=False)
+    proof = prove(find(MACHINE), parameters={"beta": bounds}, motion=False)
     assert not proof.proved
     assert proof.reasons
 
@@ -51,7 +58,68 @@ def test_the_only_solution_near_enclosures_that_are_rounded_outward():
     assert not check(json.loads(json.dumps(proof.document())))
 
 
-def test_a_proof_in_parts_that_runs_out_of_time_says_so():
-    proof = prove(find(CUBIC), parameters={"beta": ("0.29", "0.31")}, limit=2.5)
+SLOW = pytest.mark.slow
+
+
+class TestIntervalParameters:
+    def test_a_narrow_one(self, cubic_hop):
+        low, high = "0.2999999", "0.3000001"
+        proof = prove(cubic_hop, parameters={"beta": (low, high)})
+        assert proof.proved
+        assert f"beta in [{low}, {high}]" in proof.statement
+        found = []
+        for beta in (low, "0.29999995", "0.30000003", high):
+            orbit = find(Hopper(CUBIC["spring"], rest_length=8, parameters={"beta": float(beta)}))
+            found.append(orbit.alpha)
+            assert meets(proof.alpha, orbit.alpha, str(orbit.error))
+            assert meets(proof.flight_time, orbit.flight_time, "1e-14")
+            assert meets(proof.contact_time, orbit.contact_time, "1e-13")
+            assert overlap(proof.alpha, prove(orbit, motion=False).alpha)
+        assert proof.alpha.width <= 10 * abs(found[-1] - found[0])
+
+    @pytest.mark.parametrize("reach", ["0.001", *(pytest.param(r, marks=SLOW) for r in ("0.1", "1"))])
+    def test_a_wide_one_is_proved_or_undecided(self, cubic_hop, reach):
+        bounds = Decimal("0.3") - Decimal(reach), Decimal("0.3") + Decimal(reach)
+        proof = prove(cubic_hop, parameters={"beta": tuple(map(str, bounds))})
+        assert "refuted" not in proof.conditions.values()
+        assert proof.proved == (not proof.reasons)
+        if proof.alpha is None:
+            return
+        for beta in bounds:
+            machine = Hopper(CUBIC["spring"], rest_length=8, parameters={"beta": float(beta)})
+            assert meets(proof.alpha, find(machine).alpha, "1e-13")
+
+    @SLOW
+    def test_an_interval_that_holds_a_pole_of_a_law_is_undecided(self):
+        proof = prove(find(machine_of(REFERENCES[4])), parameters={"R": ("-60", "160")})
+        assert not proof.proved
+        assert set(proof.conditions.values()) == {"undecided"}
+
+    def test_two_at_once(self):
+        orbit = find(machine_of(REFERENCES[4]))
+        proof = prove(orbit, parameters={"beta": ("0.2999999", "0.3000001"), "R": ("49.9999", "50.0001")})
+        assert proof.proved
+        assert meets(proof.alpha, REFERENCES[4]["alpha"], "1e-18")
+        assert proof.alpha.width < 1e-5
+
+
+@pytest.mark.parametrize("right", [pytest.param(True, marks=pytest.mark.slow), False])
+def test_what_an_orbit_says_is_held_against_parts_of_intervals(cubic_hop, right, monkeypatch):
+    def reluctant(claim, stated, *asked, **options):
+        proof = whole_proof(claim, stated, *asked, **options)
+        low, high = stated.parameters["beta"]
+        return proof if high - low < Fraction(1, 5000) else dataclasses.replace(proof, proved=False)
+
+    monkeypatch.setattr(intervals, "whole_proof", reluctant)
+    monkeypatch.setattr(intervals, "HALVINGS_OF_INTERVALS", 1)
+    family = cubic_hop.family if right else cubic_hop.family + 1
+    orbit = dataclasses.replace(cubic_hop, certificate=dataclasses.replace(cubic_hop.certificate, family=family))
+    proof = prove(orbit, parameters={"beta": ("0.29985", "0.30015")})
+    assert proof.proved == right
+    assert len(proof.parts) == (2 if right else 1)
+
+
+def test_a_proof_in_parts_that_runs_out_of_time_says_so(cubic_hop):
+    proof = prove(cubic_hop, parameters={"beta": ("0.29", "0.31")}, limit=2.5)
     assert not proof.proved
     assert any("it takes more than 2.5 s" in reason for reason in proof.reasons)

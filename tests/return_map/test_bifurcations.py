@@ -1,72 +1,19 @@
 """Bifurcation diagrams: against maps in closed form, the local law, brute force on both sides, and simulation."""
 
-import json
-from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from return_maps import KnownMaps, of_the_paper
 
 from orbits import InputError, ReturnMap, bifurcations, find, multiplier, simulate
 from orbits.continuation.point import End
 from orbits.return_map.bifurcations import _Search, _with_events_at_points
-from orbits.return_map.branches import BranchTracer, FoundEvent, PeriodicLaunch
-from orbits.return_map.cycles import MapsAlong
-from orbits.return_map.diagram import BifurcationDiagram, Branch
+from orbits.return_map.branches import FoundEvent, PeriodicLaunch
 from problems import Hopper, hopper_in_si
 
 ALPHA = 4.493409457909064  # tan(alpha) = alpha
 C = 3.61694  # of the local law: alpha* + d comes back as alpha* + d - C d^(4/3), below with ten times that
-
-
-class KnownMaps(MapsAlong):
-    """Maps in closed form in place of a machine's: next(a, value), slope(a, value), impacts(a), where they jump."""
-
-    def __init__(self, low, high, following, slope, impacts=lambda a: np.ones(len(a), int), jump=None):
-        self.name, self.low, self.high = "value", low, high
-        self.following, self.slope, self.count, self.jump = following, slope, impacts, jump
-
-    def hops(self, alpha, value):
-        return SimpleNamespace(next=self.following(np.asarray(alpha), value), impacts=self.count(np.asarray(alpha)))
-
-    def multiplier(self, launches, value):
-        return float(np.prod([self.slope(a, value) for a in launches]))
-
-    def jumps_between(self, alphas, value, samples=33):
-        return self.jump is not None and alphas[0] < self.jump < alphas[1]
-
-    def status(self, alpha, value):
-        return "lifts_off" if np.isfinite(self.following(np.array([alpha]), value)[0]) else "rests"
-
-
-def traced(maps, between, alpha, value, side=1, period=1):
-    """The points, events and the end of a branch from a periodic launch; the side is that of growing parameters."""
-    tracer = BranchTracer(maps, between, period, (), 0.02)
-    start = tracer.start(alpha, value)
-    items = list(tracer.trace(start, side * (1 if start.tangent[1] > 0 else -1)))
-    points = [item for item in items if isinstance(item, PeriodicLaunch)]
-    return points, [item for item in items if isinstance(item, FoundEvent)], items[-1]
-
-
-LOGISTIC = KnownMaps(2.5, 3.6, lambda a, r: r * a * (1 - a), lambda a, r: r * (1 - 2 * a))
-
-
-def test_the_logistic_map_doubles_its_period():
-    """Fixed points 1 - 1/r up to the flip at r = 3; hops of period two up to r = 1 + sqrt(6), with 4 + 2 r - r^2."""
-    points, (flip,), end = traced(LOGISTIC, (0.1, 0.99), 0.6, 2.5)
-    assert end.kind == "reached"
-    assert points[-1].value == 3.6
-    for point in points:
-        assert point.alphas[0] == pytest.approx(1 - 1 / point.value, abs=1e-12)
-    assert (flip.kind, flip.point.value) == ("flip", pytest.approx(3.0, abs=1e-11))
-    tracer = BranchTracer(LOGISTIC, (0.1, 0.99), 2, (), 0.02)
-    items = list(tracer.trace(tracer.start_beside_flip(flip.point), 1))
-    for point in (item for item in items if isinstance(item, PeriodicLaunch)):
-        r, root = point.value, np.sqrt((point.value - 3) * (point.value + 1))
-        assert sorted(point.alphas) == pytest.approx([(r + 1 - root) / (2 * r), (r + 1 + root) / (2 * r)], abs=1e-10)
-        assert point.multiplier == pytest.approx(4 + 2 * r - r**2, abs=1e-8)
-    (second,) = (item for item in items if isinstance(item, FoundEvent))
-    assert (second.kind, second.point.value) == ("flip", pytest.approx(1 + np.sqrt(6), abs=1e-10))
 
 
 class BackAndForth(KnownMaps):
@@ -144,113 +91,6 @@ def test_a_multiplier_that_touches_a_level_is_no_bifurcation():
     assert kinds([0, 1, 2], [1.1, 1.0, 0.9]) == ["branch point"]
 
 
-def test_a_branch_without_multipliers_is_not_called_unstable(tmp_path):
-    end = End("reached", "")
-    values, slopes = np.arange(6.0), np.array([0.5, np.nan, 0.6, np.nan, np.nan, 2.0])
-    branch = Branch(1, values, values[:, None] + 5, slopes, (end, end))
-    assert branch.stable == [True, None, True, None, None, False]
-    assert branch.stretches() == [(0.0, 3.0, True), (3.0, 4.0, None), (4.0, 5.0, False)]
-    machine = {"machine": "known", "spring": "r", "gravity": "1"}
-    diagram = BifurcationDiagram("v", (0.0, 5.0), (4.0, 11.0), machine, (branch,), ())
-    document = json.loads(diagram.save(tmp_path / "diagram.json").read_text())
-    assert document["branches"][0]["stable"] == [True, None, True, None, None, False]
-    table = diagram.save(tmp_path / "diagram.csv").read_text().splitlines()
-    assert table[2] == "0,1,1,6,,,"
-    assert "v = 3 to 4: stability unknown" in str(diagram)
-    labels = diagram.plot().get_legend_handles_labels()[1]
-    assert labels == [f"fixed points, {each}" for each in ("stable", "stability unknown", "unstable")]
-
-
-def test_a_stable_stretch_between_bifurcations_that_follow_each_other():
-    """No point lies between the fold and the flip, nor between the flip and the border collision."""
-    end = End("reached", "")
-    values, slopes = np.array([1.0, 0.0, 2.0, 3.0, 4.0]), np.array([1.4, 1.0, -1.0, np.nan, 0.3])
-    branch = Branch(1, values, np.ones((5, 1)), slopes, (end, end))
-    assert branch.stretches() == [(1.0, 0.0, False), (0.0, 2.0, True), (2.0, 3.0, False), (3.0, 4.0, True)]
-
-
-def test_periodic_launches_at_the_ends_and_at_points_of_a_branch():
-    end = End("reached", "")
-    values = np.array([0.0, 1.0, 2.0])
-    branch = Branch(1, values, values[:, None] + 5, values / 2, (end, end))
-    back = Branch(1, values[::-1], values[::-1, None] + 8, values[::-1] / 2, (end, end))
-    diagram = BifurcationDiagram("v", (0.0, 2.0), (4.0, 11.0), {}, (branch, back), ())
-    for value in (0.0, 0.25, 1.0, 2.0):
-        assert diagram.periodic(value) == [(1, value + 5, value / 2), (1, value + 8, value / 2)]
-    assert diagram.periodic(2.1) == []
-    around, closed = np.array([0.0, 1.0, 0.0]), End("closed", "")
-    branch = Branch(1, around, np.array([[5.0], [6.0], [5.0]]), around, (closed, closed))
-    assert BifurcationDiagram("v", (0.0, 1.0), (4.0, 7.0), {}, (branch,), ()).periodic(0.0) == [(1, 5.0, 0.0)]
-
-
-def test_a_fold_and_what_lies_on_both_sides_of_it():
-    """a + v - (a - 1)^2 has the fixed points 1 +- sqrt(v), a fold at 0 and a flip at (2, 1)."""
-    maps = KnownMaps(-0.5, 1.44, lambda a, v: a + v - (a - 1) ** 2, lambda a, v: 1 - 2 * (a - 1))
-    points, events, end = traced(maps, (0.1, 3.0), 2.1, 1.21, side=-1)
-    assert [event.kind for event in events] == ["flip", "fold"]
-    assert (events[0].point.value, events[0].point.alphas[0]) == pytest.approx((1.0, 2.0), abs=1e-10)
-    assert (events[1].point.value, events[1].point.alphas[0]) == pytest.approx((0.0, 1.0), abs=1e-10)
-    assert (points[-1].alphas[0] - 1) ** 2 == pytest.approx(points[-1].value, abs=1e-11)
-    assert end.kind == "left"
-    assert points[-1].alphas[0] == pytest.approx(0.1, abs=1e-15)
-
-
-@pytest.mark.parametrize("side", [1, -1])
-def test_a_closed_curve_of_fixed_points_ends_where_it_began(side):
-    """The fixed points of a + 0.3 ((a - 1)^2 + v^2 - 0.04) are the circle of radius 0.2 round (1, 0)."""
-    maps = KnownMaps(-0.5, 0.5, lambda a, v: a + 0.3 * ((a - 1) ** 2 + v**2 - 0.04), lambda a, v: 1 + 0.6 * (a - 1))
-    points, events, end = traced(maps, (0.1, 3.0), 1.2, 0.0, side=side)
-    assert end.kind == "closed"
-    assert [(event.kind, event.point.value) for event in events] == [
-        ("fold", pytest.approx(side * 0.2, abs=1e-12)), ("fold", pytest.approx(-side * 0.2, abs=1e-12)),
-    ]  # fmt: skip
-    assert max(abs((point.alpha - 1) ** 2 + point.value**2 - 0.04) for point in points) < 1e-14
-
-
-def test_a_branch_ends_where_the_map_jumps():
-    """The fixed points of the logistic map come to a = 0.7 at r = 1/0.3; those behind belong to another curve."""
-    for size in (0.05, 1e-3):
-        maps = KnownMaps(
-            2.6, 3.6,
-            lambda a, r, size=size: r * a * (1 - a) + np.where(a > 0.7, size, 0.0), LOGISTIC.slope,
-            lambda a: np.where(a > 0.7, 2, 1), 0.7,
-        )  # fmt: skip
-        points, _, end = traced(maps, (0.1, 0.99), 1 - 1 / 3.1, 3.1)
-        assert end.kind == "jump"
-        assert "the map jumps" in end.reason
-        assert points[-1].alphas[0] <= 0.7
-        assert points[-1].value <= 1 / 0.3 + 1e-9
-
-
-def test_a_number_of_impacts_that_changes_without_a_jump_is_no_end():
-    maps = KnownMaps(2.6, 3.6, LOGISTIC.following, LOGISTIC.slope, lambda a: np.where(a > 0.7, 2, 1), 0.7)
-    assert traced(maps, (0.1, 0.99), 1 - 1 / 3.1, 3.1)[2].kind == "reached"
-
-
-@pytest.mark.parametrize(("below", "behind"), [(0.5, -1.5), (2.0, 0.5), (0.5, 3.0)])
-def test_corners_of_the_map(below, behind):
-    """Slopes that jump at a = 1, where the fixed point is at v = 0: one that goes on, and two that meet there."""
-
-    def slope(a, v):
-        return below if a < 1 else behind
-
-    maps = KnownMaps(-0.5, 0.5, lambda a, v: 1 + v + np.where(a < 1, below, behind) * (a - 1), slope)
-    value = 0.2 if below > 1 else -0.2
-    points, events, _ = traced(maps, (0.1, 3.0), 1 + value / (1 - below), value, side=-np.sign(value))
-    assert {event.kind for event in events} == {"border collision"}
-    assert events[0].point.value == pytest.approx(0.0, abs=1e-5)
-    assert points[-1].alphas[0] > 1
-    assert points[-1].alphas[0] - 1 == pytest.approx(points[-1].value / (1 - behind), abs=1e-9)
-
-
-def test_a_branch_ends_where_hops_have_no_next():
-    maps = KnownMaps(2.6, 3.6, lambda a, r: np.where(a > 0.7, np.nan, r * a * (1 - a)), LOGISTIC.slope)
-    points, _, end = traced(maps, (0.1, 0.99), 1 - 1 / 3.1, 3.1)
-    assert end.kind == "no launch"
-    assert "the contact never ends" in end.reason
-    assert points[-1].value == pytest.approx(1 / 0.3, abs=1e-5)
-
-
 def test_a_heavy_foot_bounces_from_throws_of_pi_on():
     """Section 9 of the paper: with a heavy foot the map falls off at pi, where bouncing begins; a branch ends there."""
     asked = {"sections": 2, "attractor": 0, "samples": 60, "cap": 2000}
@@ -259,11 +99,6 @@ def test_a_heavy_foot_bounces_from_throws_of_pi_on():
     assert "the map jumps" in end.reason
     launches = np.concatenate([branch.alphas.ravel() for branch in diagram.branches])
     assert np.abs(launches - np.pi).min() < 1e-6
-
-
-@cache
-def of_the_paper():
-    return bifurcations(Hopper(), "inject", (0.0, 0.12), (4.4, 4.7), sections=3, attractor=6)
 
 
 def test_the_flip_of_the_paper():
@@ -318,24 +153,6 @@ def test_brute_force_on_both_sides_of_a_flip():
     assert {round(float(alpha), 3) for alpha in at_end} == {
         round(alpha, 3) for period, alpha, _ in diagram.periodic(0.096) if period == 2
     }
-
-
-def test_the_diagram_as_document_table_and_figure(tmp_path):
-    diagram = of_the_paper()
-    document = json.loads(diagram.save(tmp_path / "diagram.json").read_text())
-    assert [event["kind"] for event in document["events"]] == ["fold", "flip", "flip"]
-    assert len(document["branches"][1]["alpha"][0]) == 2
-    table = diagram.save(tmp_path / "diagram.csv").read_text().splitlines()
-    assert table[0] == "branch,period,inject,alpha,other alpha,multiplier,stable"
-    assert len(table) == 1 + sum(map(len, diagram.branches))
-    axes = diagram.plot()
-    labels = axes.get_legend_handles_labels()[1]
-    assert {"fixed points, stable", "fixed points, unstable", "period two, stable", "fold", "flip"} <= set(labels)
-    assert len(labels) == len(set(labels))
-    assert f"{'flip':<24}inject = 0.0715873841" in str(diagram)
-    assert "\n" not in repr(diagram)
-    with pytest.raises(InputError, match="needs an ending"):
-        diagram.save(tmp_path / "diagram.txt")
 
 
 @pytest.mark.slow
@@ -409,9 +226,3 @@ def test_nothing_comes_back_with_damping_alone():
     assert "no launch of period one comes back" in str(diagram)
     with pytest.raises(InputError, match="nothing to draw"):
         diagram.plot()
-
-
-def test_ends_are_told_in_words():
-    assert End("jump", "the map jumps") == End("jump", "the map jumps")
-    assert all(end.kind == "reached" for end in of_the_paper().branches[0].ends)
-    assert of_the_paper().branches[1].ends[0].kind == "flip"

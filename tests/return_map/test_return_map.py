@@ -7,8 +7,7 @@ import pytest
 from conftest import DATA
 
 from orbits import InputError, NoOrbit, ReturnMap, find, find_all, multiplier, simulate
-from orbits.simulation.impacts import Impacts
-from problems import HeavyHand, Hopper, Juggler, hopper_in_si
+from problems import Hopper, Juggler, hopper_in_si
 from studies.oracle import landed
 
 STORED = json.loads((DATA / "return_map.json").read_text(encoding="utf-8"))
@@ -155,27 +154,6 @@ def test_what_is_no_launch_speed_in_an_array_is_said_of_it_alone():
 
 
 @pytest.mark.parametrize(
-    ("machine", "alpha"),
-    [
-        (Hopper(), 4.6), (Hopper(), 4.0), (Hopper(restitution=0.3), 4.7), (Hopper(damping=0.05), 5.0),
-        (Juggler(mass_ratio=2.0), 4.8), (Hopper("r + 0.1*r**3"), 4.6), (Juggler(damping=0.05, drag=0.02), 5.0),
-        (Hopper("r", "1 - k*z", rest_length=9.0, parameters={"k": 0.01}), 4.0),
-    ],
-)  # fmt: skip
-def test_multipliers_are_the_slope_of_the_map(machine, alpha):
-    h = 2e-5
-    x = ReturnMap(machine)(alpha + h * np.array([-2.0, -1.0, 1.0, 2.0])).next
-    assert multiplier(machine, alpha) == pytest.approx((x[0] - 8 * x[1] + 8 * x[2] - x[3]) / (12 * h), rel=1e-8)
-
-
-def test_a_lossless_landing_has_no_multiplier():
-    with pytest.raises(NoOrbit, match="tangential"):
-        multiplier(Hopper(), ALPHA)
-    with pytest.raises(NoOrbit, match="rests"):
-        multiplier(Hopper(), 2.0)
-
-
-@pytest.mark.parametrize(
     "machine",
     [
         Hopper(), Hopper(mass_ratio=10.0), Hopper("r + 0.1*r**3", rest_length=20.0), Juggler(), Hopper("bilinear"),
@@ -260,63 +238,6 @@ def test_what_cannot_be_meant():
     with pytest.raises(NoOrbit, match="damped machine loses energy"):
         find(Hopper(damping=0.1))
     assert ReturnMap(Hopper(mass_ratio=1e3), cap=10)(3.4).status == "cap"
-
-
-class TestHeavyHand:
-    """The infinitely heavy hand: what stays of the map, and bouncing against Schaal and Atkeson's bound."""
-
-    def test_launches_come_back_or_bounce_for_ever(self):
-        alpha = np.array([2.0, 3.1, 3.2, 3.55, 3.8, 4.4, 4.6, 9.0])
-        hops = ReturnMap(HeavyHand(), cap=50)(alpha)
-        assert hops.status.tolist() == ["lifts_off"] * 2 + ["cap"] * 2 + ["lifts_off"] * 4
-        np.testing.assert_array_equal(hops.next, np.where(hops.status == "cap", np.nan, alpha))
-
-    @pytest.mark.parametrize("alpha", [3.2, 3.4, 3.55, 3.65])
-    def test_period_one_bouncing_is_stable_up_to_the_bound(self, alpha):
-        """A deviation is multiplied by 1 + w'' at each bounce, w'' the hand's acceleration when its speed is pi."""
-        run = simulate(HeavyHand(), alpha, hops=1, cap=400)
-        speeds = np.array([event.after[3] for event in run.events])
-        assert run.status == "cap"
-        if alpha < np.sqrt(np.pi**2 + 3):
-            assert speeds[-1] == pytest.approx(np.pi, abs=1e-6)
-            off = np.abs(speeds - np.pi)
-            n = np.flatnonzero(off > 1e-7)[-1]
-            factor = 1 - np.sqrt(1 + alpha**2 - np.pi**2)
-            assert (speeds[n] - np.pi) / (speeds[n - 1] - np.pi) == pytest.approx(factor, rel=1e-3)
-        else:
-            assert speeds[-1] == pytest.approx(speeds[-3], abs=1e-9)
-            assert abs(speeds[-1] - speeds[-2]) > 0.5
-
-    def test_is_the_limit_of_heavy_jugglers(self):
-        alpha = np.array([3.1, 3.9, 5.0, 8.0])
-        limit = ReturnMap(HeavyHand())(alpha)
-        gaps = [np.abs(ReturnMap(Juggler(mass_ratio=M))(alpha).next - limit.next).max() for M in (1e4, 1e5)]
-        assert gaps[0] / gaps[1] == pytest.approx(10, rel=1e-2)
-        assert find(HeavyHand()).alpha == find(Juggler()).alpha
-
-    def test_takes_no_mass_ratio(self):
-        with pytest.raises(InputError, match="no mass ratio"):
-            HeavyHand(mass_ratio=2.0)
-        assert find(HeavyHand()).machine["mass_ratio"] is None
-
-
-@pytest.mark.parametrize("mass_ratio", [0.3, 1.0, 7.0])
-@pytest.mark.parametrize("restitution", [0.0, 0.4])
-def test_the_gap_is_open_while_no_landing_is_searched(mass_ratio, restitution):
-    """On a fine grid in closed form, after lift-offs and after bounces; and most flights are known to be open so."""
-    impacts = Impacts(Hopper(mass_ratio=mass_ratio, restitution=restitution))
-    states, order = impacts.launch(np.linspace(0.2, 15.0, 40)), 3
-    form = impacts.flight.closed_form(impacts.p)
-    for _ in range(3):
-        until = form.positive_until(impacts.gap, states.T, order)
-        assert order < 3 or (until > 0).mean() > 0.8
-        for start, end in zip(states, until, strict=True):
-            assert not end or impacts.gap(form.state(start, np.linspace(0.0, end, 2001)[20:-1]).T).min() > 0
-        _, rows, _ = impacts.landings(states, order)
-        held, after, _, _ = impacts.landing(rows)
-        states, order = after[~held], impacts.bounce_order
-        if not len(states):
-            break
 
 
 def test_the_smallest_separation_of_a_hop():

@@ -1,24 +1,18 @@
 """The engine on statements of its own: several phases in a row, strange machines, and Ipopt's manners."""
 
-import os
-import signal
-import subprocess
-import sys
-import time
-
 import casadi as ca
 import numpy as np
 import pytest
-from conftest import REFERENCES, machine_of, slow_after
+from conftest import REFERENCES, machine_of
+from many_at_once import cubics
 
-from orbits import InputError, NoOrbit, find
+from orbits import NoOrbit, find
+from orbits.errors import FlowError
 from orbits.flow.flow import flow_of
-from orbits.model import Arc, Phase, Pieces, Statement, linear_modes
-from orbits.shooting.formulations import contact_force_row, equations_of
-from orbits.shooting.multiple_shooting import trajectory_on_mesh
-from orbits.shooting.single_shooting import Shooting, settles
-from orbits.symbolic.calls import BufferedFunction
-from orbits.symbolic.ipopt import solve_equations
+from orbits.flow.vector_field import FlowControl
+from orbits.model import Arc, Phase, Statement, linear_modes
+from orbits.shooting.formulations import equations_of
+from orbits.shooting.single_shooting import Shooting, joined, settles
 from problems import Hopper
 
 
@@ -98,21 +92,6 @@ def test_the_pendulum_has_its_elliptic_period(solver, amplitude):
     assert u == pytest.approx([rate, ellipk(np.sin(amplitude / 2) ** 2)], rel=1e-12)
 
 
-def test_breakpoints_are_nodes_of_the_multiple_shooting():
-    """A bilinear oscillator from -1 to rest on the other side: known arcs of circles."""
-    pieces = Pieces((1.0, 0.0), 1, lambda p: ([-np.inf, 0.0, np.inf], [[1.0], [p["k"]]]), "extension")
-    phase = Phase("swing", ("x", "v"), lambda x, p, q: [x[1], -q[0] * x[0]], pieces=pieces)
-    arc = Arc(
-        phase,
-        start=lambda u, before, p: [-1.0, 0.0],
-        duration=lambda u, p: u["half"],
-        conditions=lambda u, x, p: [x[1]],
-    )
-    equations = Shooting(Statement("swing", ("half",), (arc,), ("half",)), ("k",))
-    for solver in (equations.newton, equations.multiple_shooting):
-        assert solver([2.3], np.array([4.0]))[0] == pytest.approx([0.75 * np.pi], rel=1e-13)
-
-
 def test_no_solution_is_an_error_in_words():
     statement, parameters = bouncing_pendulum()
     equations = Shooting(statement, parameters)
@@ -120,56 +99,6 @@ def test_no_solution_is_an_error_in_words():
         equations.multiple_shooting([1.0, 1.0], np.array([40.0]))
     with pytest.raises(NoOrbit, match="did not converge"):
         equations.newton([1.0, 1.0], np.array([40.0]))
-
-
-def test_ipopt_reports_what_it_could_not_do():
-    z = ca.MX.sym("z", 2)
-    with pytest.raises(NoOrbit, match="equations off by"):
-        solve_equations(z, ca.vertcat(z[0] ** 2 + 1, z[1]), np.ones(2), np.full(2, -np.inf), np.ones(2))
-
-
-SEARCH = "find(Hopper('r + 0.1*r**3', mass_ratio=0.5), 40, method='shooting')"
-
-
-@pytest.mark.skipif(os.name != "posix", reason="signals are a POSIX matter")
-@pytest.mark.parametrize(
-    ("moment", "work"),
-    [
-        *slow_after(2, [(moment, SEARCH) for moment in (0.3, 1.3, 0.5, 0.7)]),
-        *slow_after(1, [(moment, "steering.start_up(Hopper(), 3, stroke=2.0)") for moment in (0.4, 0.9)]),
-    ],
-)
-def test_an_interrupt_ends_the_program_at_once(moment, work):
-    """CasADi and Ipopt swallow the signal; the program must not go on, whatever it does just then."""
-    code = "from orbits import find; from problems import Hopper, steering; print('go', flush=True)\n"
-    code += f"while True: {work}"
-    code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n" + code  # some shells ignore it
-    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    try:
-        assert process.stdout.readline() == "go\n"
-        time.sleep(moment)
-        process.send_signal(signal.SIGINT)
-        began = time.monotonic()
-        _, errors = process.communicate(timeout=30)
-        assert time.monotonic() - began < 2
-    finally:
-        process.kill()
-        process.communicate()
-    assert process.returncode != 0
-    assert "KeyboardInterrupt" in errors
-
-
-class TestCalls:
-    def test_is_the_function(self):
-        x, y = ca.SX.sym("x", 2), ca.SX.sym("y", 2, 3)
-        f = ca.Function("f", [x, y], [y.T @ x, ca.densify(ca.jacobian(y.T @ x, x))])
-        call = BufferedFunction(f)
-        a, b = np.array([1.0, 2.0]), np.arange(6.0).reshape(2, 3)
-        for got, expected in zip(call(a, b), f(a, b), strict=True):
-            assert got == pytest.approx(np.array(expected))
-        first = call(a, b)[0]
-        call(2 * a, b)
-        assert first == pytest.approx(np.array(f(a, b)[0]))  # results are the caller's own
 
 
 def test_in_machine_code_it_is_the_same():
@@ -192,11 +121,6 @@ def test_in_machine_code_it_is_the_same():
     assert np.array_equal(one.variations, other.variations)
 
 
-def test_methods_are_refused_by_name():
-    with pytest.raises(InputError, match="known: closed form, relative"):
-        find(machine_of(REFERENCES[0]), method="ipopt")
-
-
 def test_parameter_derivatives_of_a_closed_form():
     """cos(w t) and its derivative with respect to the stiffness w^2."""
     phase = Phase(
@@ -215,21 +139,6 @@ def test_parameter_derivatives_of_a_closed_form():
     )
 
 
-@pytest.mark.parametrize("reference", [each for each in REFERENCES if each["spring"] != "r"])
-def test_a_step_that_other_solvers_differentiate(reference):
-    """On a mesh it leads from node to node up to a few roundings, although its order is lower than the motion's."""
-    machine = machine_of(reference)
-    orbit, p = find(machine, reference["family"]), machine.values
-    statement = equations_of(machine.model, orbit.method, tuple(p)).statement
-    known = {"liftoff": orbit.liftoff_extension, "alpha": orbit.alpha, "duration": orbit.flight_time / 2}
-    mesh = trajectory_on_mesh(statement, {name: known[name] for name in statement.unknowns}, p)
-    flow, (count,) = flow_of(statement.arcs[0].phase, tuple(p)), mesh.counts
-    nodes, lengths = mesh.nodes.reshape(count, flow.size), mesh.data[:count] * orbit.flight_time / 2
-    for before, after, h in zip(nodes[:-1], nodes[1:], lengths[1:], strict=True):
-        end = flow.vector_field.step(before, h, list(p.values())).full().ravel()
-        assert np.abs(end - after).max() <= 40 * np.finfo(float).eps * np.abs(nodes).max()
-
-
 @pytest.mark.parametrize(
     ("size", "last", "amplification", "last_one"),
     [
@@ -243,11 +152,35 @@ def test_the_last_newton_step_worth_taking(size, last, amplification, last_one):
     assert bool(settles(size, last, amplification)) is last_one
 
 
-def test_the_row_of_the_contact_force_is_the_force():
-    machine = Hopper("r + 0.1*r**3", mass_ratio=2.0)
-    contact, row = find(machine).contact, contact_force_row(machine.model.contact)
-    t = np.linspace(0.0, contact.times[-1], 9)
-    rows = contact(t)
-    assert row(rows) == pytest.approx(rows[:, contact.names.index("contact force")], abs=0.0)
-    extension = rows[:, 0]  # the foot stands: weights 1 and 2, less what the spring pulls up
-    assert row(rows) == pytest.approx(1.0 - extension - 0.1 * extension**3, abs=1e-12)
+def assert_same(some, one):
+    """Two evaluations of a statement agree, up to the order of their roundings."""
+    assert some.residual == pytest.approx(one.residual, abs=1e-12)
+    assert some.jacobian == pytest.approx(one.jacobian, rel=1e-11, abs=1e-11)
+    assert some.amplification == pytest.approx(one.amplification, rel=1e-11)
+    assert some.trajectories[0].end[:4] == pytest.approx(one.trajectories[0].end[:4], abs=1e-12)
+
+
+def test_a_statement_at_many_points():
+    equations, xs, ps, _ = cubics(9)
+    here = equations.evaluate_all(xs[:, :3], ps, ("beta",))
+    halves = joined([here[np.arange(4)], here[np.arange(8, 3, -1)]])
+    assert list(here.amplification) == [here[i].amplification for i in range(9)]
+    for i, (x, p) in enumerate(zip(xs, ps, strict=True)):
+        one = equations.evaluate(x[:3], p, ("beta",))
+        assert_same(here[i], one)
+        assert_same(halves[i if i < 4 else 12 - i], one)
+
+
+def test_motions_of_many_steps_among_others(monkeypatch):
+    """Motions of more steps than there is room for are followed by themselves; all come in their order."""
+    equations = equations_of(Hopper("cubic").model, "relative", tuple(Hopper("cubic").values))
+    us, ps = np.array([[1.0, 4.49], [1.0, 40.0], [0.9, 4.6]]), np.tile(list(Hopper("cubic").values.values()), (3, 1))
+    here = equations.evaluate_all(us, ps, ("beta",))
+    monkeypatch.setattr("orbits.flow.flow.Flow.control", FlowControl(max_block=8))
+    there = equations.evaluate_all(us, ps, ("beta",))
+    assert (here.trajectories[0].counts == there.trajectories[0].counts).all()
+    assert there.residual == pytest.approx(here.residual, abs=1e-10)
+    assert there.jacobian == pytest.approx(here.jacobian, rel=1e-9, abs=1e-9)
+    assert there.trajectories[0].finals == pytest.approx(here.trajectories[0].finals, abs=1e-9)
+    with pytest.raises(FlowError, match="cannot start"):
+        equations.evaluate_all(us * [[1, 1], [1, -1], [1, 1]], ps, ("beta",))

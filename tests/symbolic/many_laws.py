@@ -1,4 +1,4 @@
-"""Many laws through every entry point, and the most memory that the process took; run by `test_threads`.
+"""Many laws through every entry point, and the most memory that the process took; run by `test_kept`.
 
 Usage: python many_laws.py LAWS MEGABYTES
 """

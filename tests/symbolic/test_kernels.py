@@ -1,103 +1,18 @@
-"""Kernels: machine code against CasADi's virtual machine, number for number, and what does not depend on it."""
+"""Kernels: functions that are iterated at many points, in lanes and threads, within their bounds."""
 
 import signal
-import subprocess
-import sys
 import threading
-from concurrent.futures import ThreadPoolExecutor
 
 import casadi as ca
 import numpy as np
 import pytest
+from kernel_functions import assert_equal, both, countdown, starts
 
 from orbits import InputError, ReturnMap, find, follow
-from orbits.flow import taylor
-from orbits.flow.flow import flow_of
 from orbits.running import interrupts
-from orbits.symbolic import kernels, machine_code
+from orbits.symbolic import kernels
 from orbits.symbolic.kernels import Kernel
 from problems import Hopper
-
-x, y = ca.SX.sym("x"), ca.SX.sym("y")
-# Every operation that has machine code, by its code, with its expression.
-TRIGONOMETRIC = [start + name + end for start in ("", "A") for name in ("SIN", "COS", "TAN") for end in ("", "H")]
-UNARY = ["NEG", "EXP", "LOG", "SQRT", "SQ", "TWICE", "FLOOR", "CEIL", "NOT", "FABS", "SIGN", "ERF", "INV"]
-UNARY += [*TRIGONOMETRIC, "LOG1P", "EXPM1"]
-BINARY = ["ADD", "SUB", "MUL", "DIV", "POW", "CONSTPOW", "LT", "LE", "EQ", "NE", "AND", "OR", "FMOD", "REMAINDER"]
-BINARY += ["COPYSIGN", "IF_ELSE_ZERO", "FMIN", "FMAX", "ATAN2", "HYPOT"]
-SPECIAL = [0.0, -0.0, 1.0, -1.0, 0.5, 2.0, -3.0, 1e-300, 1e300, np.inf, -np.inf, np.nan, 0.1, 7.0]
-
-
-def once(arguments: list, results: list) -> ca.Function:
-    """A function of one step that is recorded, as a kernel iterates it."""
-    z = ca.vertcat(*arguments)
-    return ca.Function("once", [z], [z, ca.vertcat(*results), 1, 0])
-
-
-def both(function: ca.Function, *arguments) -> tuple:
-    """What a kernel makes of it in machine code, and interpreted."""
-    compiled, interpreted = Kernel(function), Kernel(function)
-    assert compiled.compile()
-    interpreted.interpretation_budget = np.inf
-    found = compiled(*arguments), interpreted(*arguments)
-    assert not interpreted.compiled
-    return found
-
-
-def assert_equal(one, other):
-    """Both are the same to the last bit, and zeros have the same sign."""
-    assert (one.counts == other.counts).all()
-    assert (one.going == other.going).all()
-    for mine, theirs in zip([one.z, *one.records], [other.z, *other.records], strict=True):
-        assert np.array_equal(mine, theirs, equal_nan=True)
-        signed = ~np.isnan(mine)
-        assert (np.signbit(mine) == np.signbit(theirs))[signed].all()
-
-
-@pytest.mark.parametrize("lanes", [2, 4, 8])
-def test_every_operation(monkeypatch, lanes):
-    """On numbers of all kinds and vectors of all lengths: each operation is the virtual machine's to the last bit."""
-    llvm, _ = machine_code.target()
-    monkeypatch.setattr(machine_code, "target", lambda: (llvm, lanes))
-    results = [ca.SX.unary(getattr(ca, f"OP_{name}"), x) for name in UNARY]
-    results += [ca.SX.binary(getattr(ca, f"OP_{name}"), x, y) for name in BINARY]
-    function = once([x, y], results)
-    found = {function.instruction_id(i) for i in range(function.n_instructions())}
-    wanted = {getattr(ca, f"OP_{name}") for name in (*UNARY, *BINARY)}
-    assert len(wanted - found) <= 2  # CasADi writes some powers otherwise
-    special = np.array([[a, b] for a in SPECIAL for b in SPECIAL])
-    points = np.concatenate([special, np.random.default_rng(1).normal(0, 3, (200, 2))])
-    assert_equal(*both(function, points))
-
-
-def random_graph(rng, size: int) -> tuple[list, list]:
-    """Symbols and the last expressions of a chain of random operations on them."""
-    symbols = [ca.SX.sym("z", 1) for _ in range(3)]
-    known = [*symbols, *map(ca.SX, rng.normal(size=3).tolist())]
-    for _ in range(size):
-        a, b = (known[i] for i in rng.integers(len(known), size=2))
-        names = UNARY if rng.random() < 0.4 else BINARY
-        op = getattr(ca, f"OP_{names[rng.integers(len(names))]}")
-        known.append(ca.SX.unary(op, a) if names is UNARY else ca.SX.binary(op, a, b))
-    return symbols, known[-40:]
-
-
-@pytest.mark.parametrize("seed", range(12))
-def test_random_graphs(seed):
-    rng = np.random.default_rng(seed)
-    assert_equal(*both(once(*random_graph(rng, 200)), rng.normal(0, 2, (37, 3))))
-
-
-def countdown() -> ca.Function:
-    """Adds up the halves of a number, as often as the second entry says, and records every other sum."""
-    z, step = ca.SX.sym("z", 3), ca.SX.sym("step")
-    after = ca.vertcat(z[0] + step * z[2], z[1] - 1, z[2] / 2)
-    return ca.Function("countdown", [z, step], [after, ca.vertcat(after, z), step, ca.fmod(z[1], 2) == 0, after[1] > 0])
-
-
-def starts(count: int, seed: int) -> np.ndarray:
-    rng = np.random.default_rng(seed)
-    return np.column_stack([np.zeros(count), rng.integers(1, 90, count), rng.normal(size=count)])
 
 
 @pytest.mark.parametrize("count", [1, 7, 8, 100])
@@ -216,14 +131,6 @@ def test_arguments_of_other_shapes_are_refused():
                 kernel(*wrong)
 
 
-def test_optimised_code_gives_the_same():
-    kernel, z = Kernel(countdown()), starts(50, 8)
-    kernel.compile()
-    quick = kernel(z, np.ones((1, 1)))
-    kernel.optimise()
-    assert_equal(kernel(z, np.ones((1, 1))), quick)
-
-
 def test_any_number_of_threads(monkeypatch):
     """Not a bit depends on it, nor on how the points are divided."""
     kernel, z = Kernel(countdown()), starts(1000, 5)
@@ -257,59 +164,6 @@ def test_the_command_refuses_a_number_of_threads_that_is_none(monkeypatch, orbit
     assert "ORBITS_THREADS = 'two': set it to a whole number" in done.err
 
 
-def test_code_runs_to_its_end_while_another_thread_replaces_it():
-    kernel, z = Kernel(countdown()), starts(400, 9)
-    kernel.compile()
-    one = kernel(z, np.ones((1, 1)))
-    with ThreadPoolExecutor(2) as pool:
-        waiting = [pool.submit(kernel, z, np.ones((1, 1))) for _ in range(20)]
-        kernel.optimise()
-        for job in waiting:
-            assert_equal(job.result(), one)
-
-
-def test_a_function_that_the_c_library_lacks_is_interpreted(monkeypatch):
-    monkeypatch.setitem(machine_code._LIBRARY, ca.OP_ERF, "no_such_function")
-    kernel = Kernel(once([x], [ca.erf(x)]))
-    assert not kernel.compile()
-    assert kernel(np.array([[0.5]])).records[0] == pytest.approx(0.5204998778130465)
-
-
-LAWS = [
-    "cubic",
-    "sinh",
-    "tanh",
-    "toda",
-    "r*exp(0.1*r)",
-    "r + r**3/(1 + r**2)",
-    "sqrt(1 + r)-1",
-    "atan(r)",
-    "r + sin(r)/9",
-]
-
-
-@pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("columns", [0, 3])
-def test_steps_along_all_kinds_of_laws(law, columns):
-    """The steps of motions, and those that watch for zeros, to the last bit."""
-    machine = Hopper(law, "1/(1 + z/90)**2", rest_length=9.0)
-    names = tuple(machine.values)
-    stepper = flow_of(machine.model.flight, names).stepper(columns)
-    p = np.array([list(machine.values.values())])
-    z = np.zeros((5, 4 * (1 + columns) + 2))
-    z[:, :4], z[:, -2:] = np.linspace([1.1, 2.0, 0.1, 0.0], [1.3, 3.0, 0.0, -0.1], 5), (0.9, 1e9)
-    z[:, 4:-2] = np.eye(4)[:, :columns].T.ravel()
-    compiled, interpreted = both(stepper.kernel.function, z, p)
-    assert_equal(compiled, interpreted)
-    assert (compiled.counts > 0).all()
-    if not columns:
-        watched = stepper.watched_state(z[:, :4], np.zeros(5), np.zeros(5), np.zeros((5, 1)))
-        data = np.hstack([p, np.eye(4)[2:3], np.zeros((1, 1)), np.full((1, 1), 5.0), np.ones((1, 1))])
-        compiled, interpreted = both(taylor._watch_function(stepper, 1, 0), watched, data)
-        assert_equal(compiled, interpreted)
-        assert (compiled.counts > 0).all()
-
-
 def test_nothing_is_compiled_for_a_few_points():
     """But for many: what is interpreted until then takes no longer than compiling."""
     kernel, z = Kernel(countdown()), starts(5, 6)
@@ -318,96 +172,3 @@ def test_nothing_is_compiled_for_a_few_points():
     while not kernel.compiled:
         kernel(starts(1000, 6), np.ones((1, 1)))
     assert_equal(kernel(z, np.ones((1, 1))), few)
-
-
-@pytest.fixture
-def unsaid():
-    """Nothing has been said of machine code that cannot be made, in this test and after it."""
-    for function in (machine_code.target, machine_code.say_interpreted):
-        function.cache_clear()
-    yield
-    for function in (machine_code.target, machine_code.say_interpreted):
-        function.cache_clear()
-
-
-def test_without_machine_code_it_is_interpreted(monkeypatch, unsaid):
-    """Where LLVM is missing, which is said once."""
-    monkeypatch.setitem(sys.modules, "llvmlite", None)
-    monkeypatch.setitem(sys.modules, "llvmlite.binding", None)
-    kernel = Kernel(countdown())
-    kernel.interpretation_budget = -1.0
-    with pytest.warns(RuntimeWarning, match="no machine code can be made here"):
-        few = kernel(starts(5, 6), np.ones((1, 1)))
-    assert (few.counts == starts(5, 6)[:, 1] // 2).all()
-    assert not Kernel(countdown()).compile()  # without a second warning
-
-
-def test_an_operation_without_machine_code_is_interpreted():
-    kernel = Kernel(once([x], [ca.SX.unary(ca.OP_ERFINV, x)]))
-    kernel.interpretation_budget = -1.0
-    assert kernel(np.full((3, 1), 0.5)).records[0] == pytest.approx(0.4769362762044699)
-    assert not kernel.compiled
-
-
-def test_llvm_fails(monkeypatch, unsaid):
-    """While compiling, which is said once for all kernels, and while optimising, where the first code goes on."""
-    quick = Kernel(countdown())
-    assert quick.compile()
-    one = quick(starts(5, 6), np.ones((1, 1)))
-
-    def failing(*_):
-        raise RuntimeError("LLVM says no")
-
-    monkeypatch.setattr(machine_code.MachineCode, "_processor", staticmethod(failing))
-    quick.optimise()
-    assert quick.compiled
-    assert_equal(quick(starts(5, 6), np.ones((1, 1))), one)
-    kernel = Kernel(countdown())
-    with pytest.warns(RuntimeWarning, match="no machine code can be made here") as said:
-        assert not kernel.compile()
-    assert not Kernel(countdown()).compile()
-    assert len(said) == 1
-    assert_equal(kernel(starts(5, 6), np.ones((1, 1))), one)
-
-
-@pytest.mark.slow
-def test_find_follow_and_map_without_llvm():
-    """They print the same, and say once that nothing is compiled."""
-    code = """
-from orbits import ReturnMap, find, follow
-from problems import Hopper
-machine = Hopper("cubic", "1/(1 + z/50)**2", rest_length=8.0, parameters={"beta": 0.3})
-print(find(machine).alpha, find(machine).error)
-print([(point.value, point.alpha) for point in follow(machine, "beta", 0.6)])
-print(ReturnMap(machine)([3.5 + 0.01 * i for i in range(300)]).next.tolist())
-"""
-    missing = "import sys\nsys.modules['llvmlite'] = None\n"
-    with_code, without = (
-        subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True)
-        for text in (code, missing + code)
-    )
-    assert without.stdout == with_code.stdout
-    assert with_code.stderr == ""
-    assert without.stderr.count("no machine code can be made here") == 1
-
-
-def test_memory_is_given_back():
-    """Machine code goes with its kernel: forty more of them take little."""
-    code = """
-import resource, casadi as ca, numpy as np
-from orbits.symbolic.kernels import Kernel
-z = ca.SX.sym("z", 4)
-def used(count):
-    for i in range(count):
-        w = z
-        for j in range(100):
-            w = w * z + (i + j)
-        kernel = Kernel(ca.Function("f", [z], [w, w, 1, 0]))
-        assert kernel.compile()
-        kernel(np.ones((9, 4)))
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-first = used(5)
-print(used(40) - first)
-"""
-    more = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    assert float(more) < 10

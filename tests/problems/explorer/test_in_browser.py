@@ -14,8 +14,8 @@ from problems import Hopper
 from problems.explorer.forms import scene_of_link
 from problems.laws import springs
 from tests.browser import Page, chromium, wait_for
+from tests.problems.explorer.scenes import arguments
 from tests.problems.explorer.served import descendants, served
-from tests.problems.explorer.test_scene import arguments
 
 pytestmark = pytest.mark.browser
 SETTLED = "return window.explorer && explorer.settled"

@@ -6,18 +6,17 @@ import subprocess
 import sys
 import textwrap
 import time
-from dataclasses import replace
 from pathlib import Path
 from queue import Queue
 
 import pytest
 
-from orbits import find, follow
+from orbits import find
 from problems import Hopper
 
 pytest.importorskip("bokeh")
 
-from problems.explorer.answers import HopAnswer, family_answers, hop_answer, map_answers
+from problems.explorer.answers import HopAnswer
 from problems.explorer.scene import Scene, beginning
 from problems.explorer.worker import Done, Failure, Task, Worker
 from tests.browser import wait_for
@@ -176,58 +175,3 @@ def test_workers_end_with_the_program_that_started_them(tmp_path):
     run = subprocess.run([sys.executable, script], capture_output=True, text=True, env=environment, timeout=60)
     assert run.returncode == -signal.SIGKILL
     wait_for(lambda: not is_alive(int(run.stdout)), 10, "the worker ends")
-
-
-def test_a_family_comes_in_pieces_and_is_that_of_follow():
-    scene = replace(CUBIC, along="beta")
-    pieces = list(family_answers(None, scene, -0.5, 2.0))
-    assert len(pieces) > 3
-    assert "still growing" in pieces[0].text
-    assert list(pieces[0].data.events["kind"]) == []
-    assert "up: reached" in pieces[-1].text
-    assert "down: escaped" in pieces[-1].text
-    assert list(pieces[-1].data.events["kind"])[-2:] == ["end: reached", "end: escaped"]
-    assert list(pieces[-1].data.events["value"])[-2:] == [2.0, pieces[-1].values[0]]
-    assert sum(kind.startswith("end: ") for kind in pieces[-1].data.events["kind"]) == 2
-    values = pieces[-1].values
-    assert values[-1] == 2.0
-    down = follow(Hopper("cubic", rest_length=8.0), "beta", 2.0)
-    for point in (down[0], down[-1]):
-        place = pieces[-1].nearest(point.value, point.alpha)
-        extension, alpha, duration = pieces[-1].starts[place]
-        assert (values[place], alpha) == pytest.approx((point.value, point.alpha), rel=1e-9)
-        assert (extension, duration) == pytest.approx((point.liftoff_extension, point.flight_time / 2), rel=1e-9)
-
-
-def test_a_family_from_the_upper_end_of_its_slider_goes_down():
-    *_, family = family_answers(None, replace(CUBIC, along="beta"), 0.1, CUBIC.numbers["beta"])
-    assert "down: reached" in family.text
-    assert "up" not in family.text
-
-
-def test_a_point_beyond_a_fold_is_come_back_to():
-    """Two hops have the same beta < 0: the start tells which is meant, and another slider keeps to its branch."""
-    softening = replace(
-        beginning("hopper"), numbers={"mass_ratio": 1.0, "rest_length": 30.0, "beta": 0.0}, along="beta"
-    )
-    *_, family = family_answers(None, softening, -0.02, 0.02)
-    place = family.nearest(-0.005, 15.0)
-    high = family.starts[place][1]
-    scene = replace(softening.with_numbers(beta=family.values[place]), start=family.starts[place])
-    (answer,) = hop_answer(None, scene, False)
-    assert answer.alpha == pytest.approx(high, rel=1e-9)
-    (moved,) = hop_answer(None, answer.scene.with_numbers(rest_length=29.0), False)
-    assert moved.alpha == pytest.approx(high, rel=1e-6)  # constant gravity knows no rest length
-    (other,) = hop_answer(None, replace(scene, start=None), False)
-    assert other.alpha < 0.9 * high
-
-
-def test_the_map_is_drawn_first_and_then_its_basin():
-    first, second = map_answers(None, replace(beginning("juggler"), launch=4.6))
-    assert first.basin is None
-    assert first.web.shape[0] == 2
-    assert first.web.shape[1] > 4
-    assert 0 < second.share < 1
-    again = list(map_answers(None, replace(beginning("juggler"), launch=4.7)))
-    assert len(again) == 1  # another cobweb needs no other basin
-    assert (again[0].basin == second.basin).all()

@@ -1,0 +1,111 @@
+"""Families that are interrupted and resumed: the curve is that of an unbroken run."""
+
+import json
+import subprocess
+import sys
+import time
+from importlib.metadata import PackageNotFoundError
+
+import numpy as np
+import pytest
+from families import GOLDEN, events
+
+from orbits import Family, InputError, follow
+from orbits.continuation import checkpoint
+from problems import Hopper
+
+
+def test_a_killed_run_is_resumed(tmp_path):
+    """Every finished point is on disk; resumed, the curve is that of an uninterrupted run."""
+    path = tmp_path / "family.jsonl"
+    code = (
+        "from orbits import follow; from problems import Hopper\n"
+        f"follow(Hopper('cubic'), 'beta', 5.0, 0.0, longest=0.002, output={str(path)!r})"
+    )
+    process = subprocess.Popen([sys.executable, "-c", code])
+    until = time.monotonic() + 30
+    while time.monotonic() < until and not (path.exists() and path.read_text().count("\n") > 20):
+        time.sleep(0.02)
+    process.kill()
+    process.wait()
+    broken = Family.load(path)
+    assert 15 < len(broken) < 500
+    assert broken.end.kind == "interrupted"
+    rest = follow(Hopper("cubic"), "beta", 5.0, 0.0, at=[2.0], resume=broken, output=path)
+    assert rest.points[: len(broken) - 1] == broken.points[:-1]
+    assert rest.at(2.0)[0].alpha == pytest.approx(GOLDEN[2.0], rel=1e-12)
+    assert rest.end.kind == "reached"
+    assert Family.load(path) == rest
+
+
+def test_another_machine_cannot_resume(softening_family):
+    with pytest.raises(InputError, match="another machine"):
+        follow(Hopper("cubic", rest_length=31.0), "beta", -0.02, 0.0, resume=softening_family)
+
+
+def test_a_resumed_family_has_each_event_once(softening_family, tmp_path):
+    """Wherever the file was cut."""
+    lines = softening_family.save(tmp_path / "whole.jsonl").read_text().splitlines(keepends=True)
+    fold = next(i for i, line in enumerate(lines) if '"fold"' in line)
+    for count in (fold, fold + 1, fold + 2):
+        path = tmp_path / "cut.jsonl"
+        path.write_text("".join(lines[:count]))
+        resumed = follow(
+            Hopper("cubic", rest_length=30.0), "beta", -0.02, 0.0, resume=Family.load(path), output=path, most=12
+        )
+        assert [event.kind for event in resumed.events].count("fold") == 1
+        assert Family.load(path) == resumed
+
+
+def test_what_cannot_be_resumed_or_watched_is_said(softening_family):
+    half = follow(Hopper("cubic"), "beta", 1.0, 0.0, most=5)
+    with pytest.raises(InputError, match="number 1, by the method 'relative'"):
+        follow(Hopper("cubic"), "beta", 1.0, 0.0, family=2, resume=half)
+    assert follow(Hopper("cubic"), "beta", 1.0, resume=half)[-1].value == 1.0  # from where it began
+    done = follow(Hopper("cubic"), "beta", 1.0, 0.0, longest=0.2)
+    for question, message in (
+        ({"stop": 1.0, "resume": done}, "has reached beta = 1 already"),
+        ({"stop": 0.5, "resume": done}, "not between 0 and 0.5"),
+        ({"stop": 1.0, "resume": "x"}, "a family of `follow`"),
+        ({"stop": 1.0, "watch": {"fold": lambda orbit: 1.0}}, "a name of its own"),
+        ({"stop": 1.0, "watch": [abs]}, "a mapping of names"),
+        ({"stop": 1.0, "at": 0.5}, "a list of values"),
+    ):
+        with pytest.raises(InputError, match=message):
+            follow(Hopper("cubic"), "beta", start=0.0, **question)
+    with pytest.raises(InputError, match="give it another name"):
+        follow(Hopper("r + alpha*r**3", parameters={"alpha": 0.1}), "alpha", 1.0)
+    with pytest.raises(InputError, match="no parameter"):
+        follow(Hopper("cubic"), ["beta"], 1.0)
+
+
+def test_a_family_resumed_at_an_asked_value():
+    """Wherever it stopped: each value once, as an event and as a point."""
+    asked = tuple(np.linspace(0.1, 0.9, 9))
+    for most in range(2, 16):
+        first = follow(Hopper("cubic"), "beta", 1.0, 0.0, at=asked, most=most)
+        whole = follow(Hopper("cubic"), "beta", 1.0, 0.0, at=asked, resume=first)
+        assert [point.value for point in events(whole, "asked")] == list(asked)
+        assert (np.diff(whole.column("beta")) > 1e-9).all()
+
+
+def test_a_family_of_sources_that_are_not_installed(monkeypatch):
+    def of_installed(name):
+        if name == "persistent-orbits":
+            raise PackageNotFoundError(name)
+        return "1.0"
+
+    monkeypatch.setattr("importlib.metadata.version", of_installed)
+    versions = checkpoint.versions.__wrapped__()
+    assert list(versions) == ["persistent-orbits", "casadi", "numpy", "python"]
+    assert versions["persistent-orbits"] == "unknown"
+
+
+@pytest.mark.usefixtures("any_digest")
+def test_a_family_to_resume_with_a_further_parameter_is_another_machines(saved_documents, tmp_path):
+    head, *rest = saved_documents["family"].splitlines()
+    record, path = json.loads(head), tmp_path / "family.jsonl"
+    record["machine"]["parameters"]["zz"] = 1
+    path.write_text("\n".join([json.dumps(record), *rest]))
+    with pytest.raises(InputError, match="of another machine or parameter"):
+        follow(Hopper("cubic", rest_length=20), "beta", 0.3, 0.1, longest=0.5, resume=Family.load(path))

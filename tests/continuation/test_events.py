@@ -1,0 +1,98 @@
+"""Events along a curve of orbits: located where closed forms say, the user's own among them, and each once."""
+
+import numpy as np
+import pytest
+from families import FOLD, FOLD_ALPHA, events
+
+from orbits import find, follow
+from orbits.continuation.events import watched
+from problems import Hopper
+from problems.laws import springs
+
+
+def test_the_collapse_in_contact_is_where_the_energy_is_that_of_the_barrier(softening_family):
+    """Just above it the contact takes ever longer, below it there is none: energy equals that of the unstable rest."""
+    (point,) = events(softening_family, "collapse")
+    b, rho = point.value, point.liftoff_extension
+    total = lambda r: r**2 / 2 + b * r**4 / 4 + r  # noqa: E731 - M = 1: kinetic energy v^2 beside it
+    roots = np.roots([b, 0, 1, 1])
+    top = min(root.real for root in roots if abs(root.imag) < 1e-12)
+    assert point.alpha**2 + total(rho) == pytest.approx(total(top), rel=1e-10)
+    before = softening_family[softening_family.events[1].after]
+    assert before.admissible
+    assert not softening_family[softening_family.events[1].after + 1].admissible
+
+
+def test_masses_that_touch_are_located_and_the_curve_goes_on():
+    machine = Hopper("toda", rest_length=30.0)
+    family = follow(machine, "b", -0.6, -0.01)
+    (touch,) = events(family, "masses touch")
+    assert abs(touch.certificate.smallest_separation) < 1e-12
+    assert family[-1].value == -0.6
+    assert "masses pass" in family[-1].certificate.violations[0]
+    short = follow(machine, "b", -0.6, -0.01, stop_inadmissible=True)
+    assert short.end.kind == "stopped"
+    assert "masses pass" in short.end.reason
+    assert [point.admissible for point in short] == [True] * (len(short) - 1) + [False]
+
+
+def test_the_users_own_event():
+    family = follow(Hopper("cubic"), "beta", 2.0, 0.0, watch={"three": lambda orbit: orbit.alpha - 3.0})
+    (point,) = events(family, "three")
+    assert point.alpha == pytest.approx(3.0, rel=1e-14)
+    assert find(Hopper("cubic", parameters={"beta": point.value})).alpha == pytest.approx(3.0, rel=1e-12)
+
+
+def test_a_table_that_ends_is_no_collapse():
+    """In contact the hop of a light foot leaves the table."""
+    rows = np.linspace(-6.0, 5.0, 12)
+    table = Hopper(springs.table((rows, rows), noise=0), mass_ratio=1.0, rest_length=9.0)
+    (event,) = follow(table, "mass_ratio", 4.0).events
+    assert event.kind == "law ends"
+    assert "leaves the law's range, [-6, 5]" in event.point.violations[0]
+
+
+@pytest.mark.parametrize("before", [1e-6, 1e-9, 1e-12])
+def test_values_beside_a_fold_are_hit_twice(before):
+    value = FOLD + before
+    family = follow(Hopper("cubic"), "beta", -0.02, 0.0, at=[value], most=60)
+    first, second = family.at(value)
+    assert first.alpha < FOLD_ALPHA < second.alpha
+    assert family.end.kind == "stopped"
+    assert len(family) <= 60
+
+
+@pytest.mark.slow
+def test_watched_truths_poles_and_orbits_without_what_is_asked(softening_family):
+    watch = {
+        "fast": lambda orbit: orbit.alpha > 3.0,
+        "pole": lambda orbit: 1.0 / (orbit.alpha - 3.5),
+        "period": lambda orbit: orbit.period - 1000.0,  # none beyond the collapse
+    }
+    family = follow(Hopper("cubic"), "beta", 2.0, 0.0, watch=watch)
+    assert [event.kind for event in family.events] == ["fast"]
+    assert family.events[0].point.alpha == pytest.approx(3.0, rel=1e-11)
+    beyond = follow(Hopper("cubic", rest_length=30.0), "beta", -0.02, 0.0, watch={"period": watch["period"]})
+    assert [event.kind for event in beyond.events if event.kind != "period"] == ["collapse", "fold"]
+
+
+def test_where_the_contact_does_not_end_its_force_says_nothing():
+    """A spring that collapses at the very start: of the two that change there, contact and force, one is an event."""
+    machine = Hopper("r + 0.039*r**2 + s*(0.0041*r**5 - 0.035*r**3)", parameters={"s": 0.0})
+    family = follow(machine, "s", 0.1, 0.0, family=3, longest=0.05)
+    assert [event.kind for event in family.events] == ["collapse", "contact pulls"]
+    assert family.events[0].point.value == pytest.approx(0.0, abs=1e-15)
+    assert abs(family.events[1].point.smallest_contact_force) < 1e-11
+
+
+def test_a_watched_function_may_divide_by_zero():
+    orbit = find(Hopper("cubic"))
+    assert watched("pole", lambda orbit: 1.0 / (orbit.alpha - orbit.alpha), orbit) is None
+
+
+def test_every_asked_value_is_an_event_once():
+    """Those too that a step happens to end on."""
+    asked = 1 + np.arange(1, 101) / 100  # the last is where the curve ends
+    family = follow(Hopper("r"), "mass_ratio", 2.0, at=asked)
+    assert [point.value for point in events(family, "asked")] == asked[:-1].tolist()
+    assert all(family[event.after].value == event.point.value for event in family.events)

@@ -1,0 +1,18 @@
+"""The predictor on chains of points whose curve is a polynomial."""
+
+import numpy as np
+import pytest
+
+from orbits.continuation.predictor import around
+
+
+def test_what_rests_on_a_chain_of_points():
+    """Points on either side are used while the chain keeps its direction: a cubic through two, a line through one."""
+    t = np.array([0.0, 0.1, 0.3, 0.35, 0.2])
+    xs, tangents = np.stack([t**3, t], axis=1), np.stack([3 * t**2, np.ones(5)], axis=1)
+    tangents[4] *= -1  # turned round
+    rows, levels = np.array([[0.0, 1.0]] * 4), np.array([0.2, 0.2, 0.2, 0.1])
+    points, counts = around(xs, tangents, np.array([1, 2, 4, 5]), 3, 2, rows, levels)
+    assert counts.tolist() == [3, 4, 4, 1]
+    assert points[:3] == pytest.approx(np.array([[0.008, 0.2]] * 3), abs=1e-15)
+    assert points[3] == pytest.approx(np.array([0.008 - 0.1 * 0.12, 0.1]), abs=1e-15)

@@ -1,0 +1,85 @@
+"""A run along a curve: the same at half the step, its points solved together, and little memory."""
+
+import resource
+
+import numpy as np
+import pytest
+from conftest import slow_after
+
+from orbits import follow
+from orbits.flow.vector_field import FlowControl
+from orbits.shooting.newton_kernel import NewtonKernel
+from problems import Hopper, Juggler
+from studies.random_families import differences, random_springs, twice
+
+SINH = Hopper("sinh", "1/(1 + z/R)**2", rest_length=12, parameters={"b": 0.1, "R": 80.0})
+
+
+@pytest.mark.parametrize(
+    ("machine", "along", "stop"),
+    [
+        pytest.param(Hopper("cubic", parameters={"beta": 0.0}), "beta", -0.02, marks=pytest.mark.slow),
+        pytest.param(
+            Hopper("r + c*r**2 + d*r**3", parameters={"c": 0.0, "d": -0.003}), "c", 0.2, marks=pytest.mark.slow
+        ),
+        (Hopper("r", "1/(1 + k*z)**2", rest_length=20.0, parameters={"k": 0.0}), "k", 0.05),
+        (Juggler("r + 0.1*r**3", "1/(1 + k*z)**2", rest_length=20.0, parameters={"k": 0.0}), "k", 0.05),
+        (Hopper("bilinear", parameters={"ratio": 1.0}), "ratio", 5.0),
+        (Hopper("toda", parameters={"b": 0.01}), "b", 0.45),
+    ],
+    ids=["cubic", "quadratic", "hopper in gravity", "juggler in gravity", "bilinear", "toda"],
+)
+def test_half_the_step_gives_the_same_curve(machine, along, stop):
+    """The same events, and the same orbits wherever the parameter has the same value."""
+    start = machine.values[along]
+    at = np.linspace(start, stop, 7)[1:-1]
+    one, two = (follow(machine, along, stop, at=at, longest=step) for step in (0.03, 0.015))
+    assert len(two) > 1.2 * len(one)
+    assert one.end.kind == two.end.kind
+    assert [event.kind for event in one.events] == [event.kind for event in two.events]
+    for a, b in zip(one.events, two.events, strict=True):
+        assert a.point.value == pytest.approx(b.point.value, rel=1e-10)
+        assert a.point.alpha == pytest.approx(b.point.alpha, rel=1e-7 if a.kind == "fold" else 1e-10)
+
+
+def test_points_between_are_solved_together(monkeypatch):
+    """Most points of a family are solved in batches, whatever number of Taylor steps each takes."""
+    sizes, call = [], NewtonKernel.__call__
+    counted = lambda self, xs, *others: sizes.append(len(xs)) or call(self, xs, *others)  # noqa: E731
+    monkeypatch.setattr(NewtonKernel, "__call__", counted)
+    family = follow(SINH, "b", 2.0, at=[0.5])
+    assert family[-1].value == 2.0
+    assert max(sizes) > 20
+    assert sum(sizes) < 3 * len(family.points)
+
+
+def test_motions_of_many_steps_are_followed_one_by_one(monkeypatch):
+    values = [0.2, 0.3, 0.4]
+    together = follow(SINH, "b", 0.5, at=values)
+    monkeypatch.setattr("orbits.flow.flow.Flow.control", FlowControl(max_block=4))
+    alone = follow(SINH, "b", 0.5, at=values)
+    for value in values:
+        ((one,), (other,)) = alone.at(value), together.at(value)
+        assert abs(one.alpha - other.alpha) <= one.error + other.error
+        assert one.flight_time == pytest.approx(other.flight_time, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("text", "parameters", "family"),
+    slow_after(2, random_springs(12, seed=7)),
+)
+def test_random_families_keep_to_their_curve(text, parameters, family):
+    curves = twice(text, parameters, family)
+    assert curves is None or not differences(*curves, family)
+
+
+@pytest.mark.slow
+def test_memory_stays_flat_over_many_orbits():
+    def grown() -> float:
+        before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        for _ in range(4):
+            assert len(follow(Hopper("cubic"), "beta", 5.0, 0.0, longest=0.004)) > 300
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
+
+    grown(), grown()  # with what is compiled on the way
+    assert grown() < 2000  # kilobytes; the most that a process has had never falls

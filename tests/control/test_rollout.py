@@ -1,0 +1,39 @@
+"""Solutions that are integrated accurately: what is overstepped between intervals, and the error of the steps."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from carts import EFFORT, cart
+
+from orbits import steer
+from orbits.control import Guess, Input, Stage
+from orbits.model import Phase
+
+
+def test_what_stays_positive_does_so_between_intervals():
+    """Bryson and Denham: with x <= 1/9 the least integral of f^2 is 8/(9 * 1/9), reached along the bound."""
+    turn = {"start": lambda x, before, p: [x[0], x[1] - 1], "end": lambda x, p: [x[0], x[1] + 1]}
+    room = {"room": lambda x, p, q: 1 / 9 - x[0]}
+    guess = [Guess(1.0, lambda t: [0.0, 1 - 2 * t])]
+    found = steer([cart(9, path=room, **turn)], guess=guess)
+    assert found.cost == pytest.approx(8, abs=1e-8)
+    assert found.violation <= 1e-9
+    coarse = steer([cart(4, path=room, **turn)], guess=guess)  # the touch is inside an interval
+    assert coarse.rounds > 1
+    assert coarse.violation <= 1e-9
+    t = np.linspace(0, 1, 2001)
+    assert coarse.legs[0].path(t)[:, 0].max() <= 1 / 9 + 1e-9
+
+
+@pytest.mark.slow
+def test_steps_are_halved_until_they_agree():
+    pendulum = Phase("pendulum", ("a", "v"), lambda x, p, q: [x[1], p["f"] - 9 * ca.sin(x[0])])
+    swing = {"inputs": {"f": Input(degree=2)}, "start": lambda x, before, p: x, **EFFORT}
+    stage = Stage(pendulum, 4, (6.0, 6.0), end=lambda x, p: [x[0] - np.pi, x[1]], **swing)
+    guess = [Guess(6.0, lambda t: [0.3 * t * np.sin(3 * t), np.cos(3 * t)])]
+    found = steer([stage], guess=guess)
+    assert found.rounds > 1
+    assert found.error <= 1e-9
+    assert found.violation <= 1e-9
+    finer = steer([stage], guess=guess, tolerance=1e-12)
+    assert finer.cost == pytest.approx(found.cost, rel=1e-9)

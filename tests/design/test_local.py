@@ -1,0 +1,90 @@
+"""Local searches: where they end beside what is no motion, and how failures are named."""
+
+import pytest
+from designs import CUBIC, RANGE
+
+from orbits import NoOrbit, find, follow, optimize, quantities, sensitivities
+from problems import Hopper
+
+
+def test_an_optimum_stays_admissible():
+    """With a short leg the higher hop is that at which the masses almost meet."""
+    short = Hopper("r + b*r**3", mass_ratio=0.5, rest_length=6.0, parameters={"b": 1.0})
+    best = optimize(short, maximise="centre_of_mass_rise", over={"b": (0.01, 3.0)})
+    assert 0 < best.orbit.certificate.smallest_separation < 1e-8
+    assert best.orbit.admissible
+    assert [active.text for active in best.active] == ["smallest_separation > 0"]
+
+
+def test_an_extreme_at_two_places():
+    """Where the peak force in contact has come down to that in flight, it cannot fall further: a corner."""
+    spring = Hopper("r + a*r**2 + b*r**3", mass_ratio=5.0, rest_length=60.0, parameters={"a": 0.1, "b": 0.1})
+    best = optimize(spring, minimise="largest_spring_force + 0.05*mass_ratio", over={"mass_ratio": (1.0, 100.0)})
+    stiff = spring.with_values(mass_ratio=100.0)
+    in_flight = quantities(stiff, find(stiff), ["largest_spring_force"])["largest_spring_force"]
+    assert best.quantities["largest_spring_force"] == pytest.approx(in_flight, rel=1e-9)
+    in_contact = quantities(best.source, best.orbit, ["largest_contact_force - 1"])["largest_contact_force - 1"]
+    assert in_contact == pytest.approx(in_flight, rel=1e-9)
+    assert best.active[0].text == "an extreme at two places"
+
+
+@pytest.mark.parametrize(
+    ("machine", "verb", "name", "bounds", "at", "value"),
+    [
+        (CUBIC, "maximise", "alpha", {"b": (0.02, 1e6)}, 0.02, 4.0233),
+        (CUBIC, "minimise", "alpha", {"b": (1e-6, 1e6)}, 1e6, 0.2509),
+        (Hopper(mass_ratio=0.5), "maximise", "contact_time", {"mass_ratio": (1e-3, 1e3)}, 1e-3, 189.86),
+    ],
+)
+def test_far_away_is_not_without_bound(machine, verb, name, bounds, at, value):
+    """A monotone objective is best on a bound, however many decades away."""
+    best = optimize(machine, **{verb: name}, over=bounds)
+    (parameter,) = bounds
+    assert best.parameters[parameter] == at
+    assert best.objective == pytest.approx(value, abs=1e-2 if value > 100 else 1e-4)
+    there = machine.with_values(**{parameter: at})
+    assert best.objective == pytest.approx(find(there).document()[name], rel=1e-10)
+
+
+def test_constraints_that_cannot_be_met():
+    """Which, and by how much: at the upper bound the stroke is what the family has there."""
+    with pytest.raises(NoOrbit) as error:
+        optimize(CUBIC, minimise="alpha", over={"b": (0.1, 1.0)}, subject_to=["stroke <= 2"], starts=1)
+    stiff = CUBIC.with_values(b=1.0)
+    stroke = quantities(stiff, find(stiff), ["stroke"])["stroke"]
+    assert f"'stroke <= 2' is missed by {stroke - 2:.4g}, at {stroke:.6g}, with b = 1" in str(error.value)
+    constraints = ["stroke <= 6", "centre_of_mass_rise >= 4"]
+    with pytest.raises(NoOrbit, match="'centre_of_mass_rise >= 4' is missed by"):
+        optimize(CUBIC, minimise="alpha", over={"b": (0.1, 1.0)}, subject_to=constraints, starts=1)
+
+
+def test_objective_without_bound():
+    """The saturating spring's first family runs off as b -> 1/3; with a bound on it there is an optimum."""
+    spring = Hopper("tanh", parameters={"b": 0.2})
+    with pytest.raises(NoOrbit, match=r"no largest value: 'alpha' gets better as the orbit escapes, .* at b = 0\.33"):
+        optimize(spring, maximise="alpha", over={"b": (0.05, 0.5)})
+    best = optimize(spring, maximise="alpha", over={"b": (0.05, 0.5)}, subject_to=["alpha <= 8"])
+    assert best.objective == pytest.approx(8.0, abs=1e-9)
+
+
+def test_a_formula_without_a_value_on_the_equation(capfd):
+    with pytest.raises(NoOrbit, match=r"'sqrt\(1-b\)' has no finite value or slope on the way: keep the parameters"):
+        optimize(CUBIC, minimise="sqrt(1-b)", over={"b": RANGE}, starts=1)
+    assert not capfd.readouterr().err
+
+
+def test_phase_that_collapses():
+    """The contact of a softening spring lasts ever longer, and at beta = -0.0067221 for ever."""
+    soft = Hopper("cubic", rest_length=30.0, parameters={"beta": -0.005})
+    family = follow(soft, "beta", -0.0072, start=-0.006)
+    (collapse,) = [event.point.value for event in family.events if event.kind == "collapse"]
+    with pytest.raises(NoOrbit, match="runs into a collapse just beyond beta = ") as error:
+        optimize(soft, maximise="contact_time", over={"beta": (-0.02, 0.1)})
+    assert float(str(error.value).split("beta = ")[1].split(":")[0]) == pytest.approx(collapse, rel=1e-5)
+    with pytest.raises(NoOrbit, match="the spring collapses"):
+        optimize(soft, minimise="stroke", over={"beta": (-0.0099, -0.0095)})
+    endless = soft.with_values(beta=-0.0072)
+    with pytest.raises(NoOrbit, match="the spring collapses"):
+        quantities(endless, find(endless))
+    with pytest.raises(NoOrbit, match="the spring collapses"):
+        sensitivities(Hopper("tanh(b*r)/b", mass_ratio=0.05, parameters={"b": 0.1}), 2)

@@ -1,0 +1,88 @@
+"""Designs: the conditions that they meet with gradients by differences, their multipliers, and their files."""
+
+import json
+
+import numpy as np
+import pytest
+from designs import ANOTHER, CUBIC, LEG, RANGE, same_design
+
+from orbits import Design, InputError, find, optimize, quantities, sensitivities
+
+
+def test_constraint_that_binds_is_met_exactly():
+    best = optimize(CUBIC, minimise="alpha", over={"b": RANGE}, subject_to=["stroke >= 7"])
+    assert best.quantities["stroke"] == pytest.approx(7.0, abs=1e-9)
+    (active,) = best.active
+    slopes = sensitivities(best.source, best.orbit, ["b"], ["alpha", "stroke"])
+    assert active.text == "stroke >= 7"
+    assert active.multiplier == pytest.approx(slopes["alpha"]["b"] / slopes["stroke"]["b"], rel=1e-9)
+    relaxed = optimize(CUBIC, minimise="alpha", over={"b": RANGE}, subject_to=["stroke >= 6.999"])
+    assert best.objective - relaxed.objective == pytest.approx(1e-3 * active.multiplier, rel=1e-3)
+
+
+def test_two_parameters_meet_the_optimality_conditions():
+    """The optimality conditions hold with gradients by differences between orbits that are found anew."""
+    text = "loss_coefficient + 0.004*largest_contact_force*contact_time"
+    bounds = {"b": (0.01, 3.0), "mass_ratio": (0.05, 0.95)}
+    best = optimize(CUBIC, minimise=text, over=bounds, subject_to=["stroke <= 8"])
+    assert best.kkt < 1e-9
+    gradients = []
+    for name in bounds:
+        h, x, rows = 1e-4 * best.parameters[name], best.parameters[name], []
+        for s in (-2, -1, 1, 2):
+            machine = best.source.with_values(**{name: x + s * h})
+            rows.append(list(quantities(machine, find(machine), [text, "stroke"]).values()))
+        rows = np.array(rows)
+        gradients.append((rows[0] - 8 * rows[1] + 8 * rows[2] - rows[3]) / (12 * h))
+    slope, stroke = np.array(gradients).T
+    multipliers = {active.text: active.multiplier for active in best.active}
+    left = slope + multipliers.get("stroke <= 8", 0.0) * stroke
+    left[1] -= multipliers.get("mass_ratio >= 0.05", 0.0)
+    assert np.abs(left).max() < 1e-7 * np.abs(slope).max()
+    assert min(multipliers.values(), default=1.0) > 0
+
+
+def test_parameters_without_effect_are_reported():
+    best = optimize(CUBIC, minimise="alpha", over={"b": RANGE, "rest_length": (15.0, 30.0)})
+    assert best.idle == ("rest_length",)
+    assert best.parameters["b"] == RANGE[1]
+    assert "without effect" in str(best)
+
+
+@pytest.fixture(scope="module")
+def leg() -> Design:
+    return optimize(LEG, minimise="loss_coefficient", over={"k": (3e3, 9e3)}, subject_to=["stroke <= 0.25"])
+
+
+def test_a_design_comes_back(leg, tmp_path):
+    """To the last bit, whatever the values of the machine that is given."""
+    path = leg.save(tmp_path / "leg.json")
+    for machine in (LEG, leg.source, LEG.with_values(k=1e4)):
+        again = Design.load(path, machine)
+        assert same_design(again, leg)
+        assert again.save(tmp_path / "again.json").read_bytes() == path.read_bytes()
+    assert json.loads(path.read_text())["orbit"]["alpha"] == leg.orbit.alpha
+    for other in (ANOTHER, LEG.with_values(body_mass=61.0)):
+        with pytest.raises(InputError, match="is not a saved design"):
+            Design.load(path, other)
+
+
+@pytest.mark.usefixtures("any_digest")
+@pytest.mark.parametrize(
+    ("damage", "words"),
+    [
+        ({"kkt": None}, "kkt = None"),
+        ({"objective": {"value": 1.0}}, "objective.formula is missing"),
+        ({"starts": [{"parameters": {}}]}, "objective is missing"),
+        ({"active": [{"text": "a", "multiplier": "b"}]}, "multiplier = 'b'"),
+        ({"orbit": {}}, "is missing"),
+        ({"parameters": {"k": 5000.0}}, "it is of another machine"),
+        ({"pair": [1.0]}, "a list of 2"),
+    ],
+)
+def test_a_damaged_design_is_refused(leg, tmp_path, damage, words):
+    document = json.loads(leg.save(tmp_path / "leg.json").read_text())
+    (tmp_path / "leg.json").write_text(json.dumps(document | damage))
+    with pytest.raises(InputError, match=words) as error:
+        Design.load(tmp_path / "leg.json", LEG)
+    assert "is not a saved design" in str(error.value)

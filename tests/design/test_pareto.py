@@ -1,0 +1,107 @@
+"""Pareto fronts: no design dominates another, their ends, their files and their figure."""
+
+import json
+
+import numpy as np
+import pytest
+from designs import ANOTHER, CUBIC, LEG, OVER, RANGE, same_design
+
+from orbits import Front, InputError, find, pareto, quantities
+from problems import Hopper
+
+
+@pytest.mark.slow
+def test_a_front_is_that_of_all_its_starts():
+    """No design on a grid of parameters dominates the front; from the stiff end alone no light foot would be found."""
+    over = {"b": RANGE, "mass_ratio": (0.05, 8.0)}
+    front = pareto(CUBIC, minimise=("stroke", "loss_coefficient"), over=over, points=3)
+    assert not front.refused
+    assert len(front.designs) == 3
+    for b in RANGE:
+        for mass_ratio in (0.05, 0.1, 0.5, 1.0, 8.0):
+            there = CUBIC.with_values(b=b, mass_ratio=mass_ratio)
+            pair = np.array(list(quantities(there, find(there), front.texts).values()))
+            assert not (pair < front.values * (1 - 1e-8)).all(1).any()
+
+
+def test_a_flat_end_of_a_front_is_best_in_the_other_objective():
+    """The launch speed is least, 3.2, all along a curve of two stiffnesses whose ranges differ forty times, and the
+    greatest force falls along it to where the higher stiffness is 0."""
+    spring = Hopper("r + b*r**3 + d*r**5", parameters={"b": 0.1, "d": 0.001})
+    options = {"over": {"b": (0.0, 0.2), "d": (0.0, 0.005)}, "subject_to": ["alpha >= 3.2"], "points": 2}
+    end, _ = pareto(spring, minimise=("alpha", "largest_spring_force"), **options).designs
+    assert end.parameters["d"] == 0.0
+    cubic = [spring.with_values(b=end.parameters["b"] + change, d=0.0) for change in (1e-6, -1e-6)]
+    assert find(cubic[0]).alpha < 3.2 < find(cubic[1]).alpha
+    along = [spring.with_values(b=0.145848, d=0.002692), spring.with_values(b=0.130706, d=0.005)]
+    for machine in along:
+        assert find(machine).alpha == pytest.approx(3.2, abs=1e-5)
+        assert quantities(machine, find(machine), ["largest_spring_force"])["largest_spring_force"] > 13.0
+    assert quantities(cubic[0], find(cubic[0]), ["largest_spring_force"])["largest_spring_force"] < 12.5
+
+
+def test_a_front_whose_ends_are_the_same_design_has_one():
+    (only,) = pareto(CUBIC, minimise=("alpha", "stroke"), over={"b": RANGE}, points=2).designs
+    assert only.parameters["b"] == RANGE[1]
+
+
+@pytest.mark.slow
+def test_front():
+    """Every design is certified; one objective rises as the other falls, and the slope is the multiplier."""
+    front = pareto(CUBIC, minimise=("loss_coefficient", "alpha"), over={"b": RANGE}, points=5)
+    assert len(front.designs) == 5
+    assert all(design.orbit.admissible for design in front.designs)
+    first, second = front.values.T
+    assert (np.diff(first) > 0).all()
+    assert (np.diff(second) < 0).all()
+    assert front.column("b")[0] == RANGE[0]
+    assert "5 certified designs" in str(front)
+    (only,) = pareto(CUBIC, minimise=("loss_coefficient", "-alpha"), over={"b": RANGE}).designs
+    assert only.parameters["b"] == RANGE[0]
+
+
+@pytest.fixture(scope="module")
+def front() -> Front:
+    both = "-centre_of_mass_rise", "largest_contact_force"
+    return pareto(LEG, minimise=both, over=OVER, subject_to=["stroke <= 0.25"], points=3)
+
+
+def test_a_front_comes_back(front, tmp_path):
+    path = front.save(tmp_path / "front.json")
+    again = Front.load(path, LEG)
+    assert len(front.designs) == 3
+    assert np.array_equal(again.values, front.values)
+    assert (again.texts, again.refused, again.seconds) == (front.texts, front.refused, front.seconds)
+    assert all(map(same_design, again.designs, front.designs))
+    assert str(again) == str(front)
+    assert again.save(tmp_path / "again.json").read_bytes() == path.read_bytes()
+    with pytest.raises(InputError, match=r"is not a saved front.*has a parameter '[bk]'"):
+        Front.load(path, ANOTHER)
+
+
+@pytest.mark.usefixtures("any_digest")
+@pytest.mark.parametrize("damage", [{"points": []}, {"points": [3]}, {"objectives": ["-alpha"]}, {"refused": [1]}])
+def test_a_damaged_front_is_refused(front, tmp_path, damage):
+    document = json.loads(front.save(tmp_path / "front.json").read_text())
+    (tmp_path / "front.json").write_text(json.dumps(document | damage))
+    with pytest.raises(InputError, match="is not a saved front"):
+        Front.load(tmp_path / "front.json", LEG)
+
+
+def test_the_figure_of_a_front(front):
+    axes = front.plot()
+    assert axes.lines[0].get_xydata() == pytest.approx(front.values * [-1, 1])
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("centre of mass rise (m)", "largest contact force (N)")
+    assert front.plot(axes) is axes
+
+
+def test_a_front_saves_a_table_and_refuses_what_it_does_not_know(tmp_path):
+    front = pareto(
+        Hopper("cubic", parameters={"beta": 0.1}), minimise=("alpha", "-stroke"), over={"beta": (0, 1)}, points=2
+    )
+    head, *rows = front.save(tmp_path / "front.csv").read_text().splitlines()
+    assert head == "alpha,-stroke,beta"
+    assert [float(cell) for cell in rows[0].split(",")] == [*front.values[0], front.column("beta")[0]]
+    for result in (front, front.designs[0], front.designs[0].orbit):
+        with pytest.raises(InputError, match=r"needs an ending, \.json"):
+            result.save(tmp_path / "result.xyz")

@@ -1,0 +1,59 @@
+"""Design problems: a constraint however it is written, and what is refused before anything is solved."""
+
+import pytest
+from designs import CUBIC, RANGE
+from scipy.optimize import brentq
+
+from orbits import InputError, find, optimize, quantities
+
+
+@pytest.mark.parametrize("text", ["stroke - 7 >= 0", "0 <= 2*(stroke - 7)", "stroke/7 >= 1"])
+def test_a_constraint_means_the_same_however_it_is_written(text):
+    """Against b = 0.17580..., the root of stroke = 7 that a bracketing method finds from orbits found anew."""
+
+    def stroke(b):
+        machine = CUBIC.with_values(b=b)
+        return quantities(machine, find(machine), ["stroke"])["stroke"]
+
+    best = optimize(CUBIC, minimise="alpha", over={"b": RANGE}, subject_to=[text], starts=1)
+    assert best.parameters["b"] == pytest.approx(brentq(lambda b: stroke(b) - 7, 0.1, 0.3, xtol=1e-12), rel=1e-9)
+    assert best.kkt < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"over": {"b": (1.0, 0.5)}}, "bounds of b are in conflict: its lower bound 1 is not below the upper, 0.5"),
+        ({"over": {"mass_ration": (0, 1)}}, "no parameter 'mass_ration' to design; did you mean 'mass_ratio'"),
+        ({"over": {}}, "over names the parameters"),
+        ({"over": {"b": 3}}, "give its bounds"),
+        ({"over": {"mass_ratio": (-1, 1)}}, "mass_ratio = -1 is out of bounds"),
+        ({"minimise": "strok"}, "unknown quantity 'strok'; did you mean 'stroke'"),
+        ({"minimise": "alpha +"}, "is missing here"),
+        ({"minimise": None}, "one of the two"),
+        ({"maximise": "alpha"}, "one of the two"),
+        ({"subject_to": ["stroke < 3"]}, "not of the form 'stroke <= 0.25'"),
+        ({"subject_to": ["stroke <= forse"]}, "unknown quantity 'forse'"),
+        ({"subject_to": ["stroke <= 3", "stroke >= 4"]}, "'stroke <= 3' and 'stroke >= 4' are in conflict"),
+        ({"subject_to": ["4 <= stroke <= 3"]}, "can never hold"),
+        ({"subject_to": ["1 <= 3"]}, "says nothing"),
+        ({"subject_to": "stroke <= 3"}, "a list of constraints"),
+        ({"starts": 0}, "starts = 0"),
+        ({"starts": 2, "seed": -1}, "seed = -1; it is a whole number from 0"),
+        ({"starts": 2, "seed": 1.5}, "seed = 1.5"),
+        ({"starts": 2, "seed": "a"}, "seed = 'a'"),
+        ({"minimise": 3}, "minimise = 3; an objective is a formula"),
+        ({"minimise": "3"}, "'3' says nothing of the orbit"),
+        ({"minimise": "abs(b - 1)"}, "abs is a law in pieces"),
+        ({"subject_to": ["sign(alpha - 1) >= 0"]}, "sign is a law in pieces"),
+        ({"subject_to": ["alpha <= 1/0"]}, "'1/0' is not a finite number"),
+        ({"subject_to": ["b == 0.5", "2*b == 1"]}, "2 equations for 1 parameters to design"),
+        ({"over": {"b": (0.3, 0.3 + 1e-13)}}, "leave no room"),
+        ({"over": {"rest_length": (15, 30)}}, "'alpha' and the constraints do not depend on rest_length"),
+        ({"family": 0}, "family = 0"),
+    ],
+)
+def test_ill_posed_problems_are_refused(options, words):
+    with pytest.raises(InputError) as error:
+        optimize(CUBIC, **{"minimise": "alpha", "over": {"b": RANGE}, **options})
+    assert words in str(error.value)

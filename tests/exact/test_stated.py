@@ -1,0 +1,112 @@
+"""What a theorem is about: the machine's text, its names and its numbers, and what no formula says."""
+
+from decimal import Decimal
+from fractions import Fraction
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from orbits import InputError, Mechanism, find, prove, prove_fold
+from orbits.exact.stated import stated_machine
+from orbits.mechanics import Mass, Spring
+from orbits.proof.wording import equations_words
+from problems import Hopper
+
+MASSES = [Mass("body", "1"), Mass("foot", "1")]
+
+
+def two_masses(spring="r + 0.3*r**3", coordinates=("body", "foot"), elements=None, **options):
+    upper, lower = coordinates
+    masses = [Mass(upper, "1"), Mass(lower, "1")]
+    return Mechanism(coordinates, elements or [*masses, Spring(f"{upper} - {lower}", spring)], lower, **options)
+
+
+@pytest.fixture(scope="module")
+def hop():
+    return find(two_masses())
+
+
+def test_what_counts_the_family_is_stated():
+    words = [stated_machine(two_masses(counts=counts), {}).words() for counts in ("body - foot", "body")]
+    assert words[0] != words[1]
+    assert "body - foot is stationary between lift-off and mid-flight" in words[0]
+
+
+@pytest.mark.parametrize(
+    ("machine", "name"),
+    [
+        (two_masses(coordinates=("r", "foot")), "r"),
+        (two_masses(coordinates=("flight_time", "foot")), "flight_time"),
+        (two_masses("r + alpha*r**3", parameters={"alpha": 0.3}), "alpha"),
+        (
+            two_masses(
+                elements=[MASSES[0], Mass("foot", "z"), Spring("body - foot")], parameters={"z": 1}, gravity="1 + z/90"
+            ),
+            "z",
+        ),
+    ],
+    ids=["r", "flight_time", "alpha", "z"],
+)  # fmt: skip
+def test_a_name_that_would_stand_for_two_things(machine, name):
+    proof = prove(find(machine))
+    assert not proof.proved
+    assert f"the name '{name}' stands for" in proof.reasons[0]
+
+
+def test_a_name_that_stands_for_one_thing_may_be_z():
+    machine = two_masses(elements=[*MASSES, Spring("body - foot", "r + z*r**3")], parameters={"z": 0.3})
+    assert prove(find(machine), motion=False).proved
+
+
+@pytest.mark.parametrize("number", [Decimal("0.30000000000000000001"), 2**53 + 1, Fraction(1, 3)])
+def test_a_machine_has_no_number_that_it_would_round(number):
+    for make in (
+        lambda: Hopper("r + beta*r**3", parameters={"beta": number}),
+        lambda: two_masses("r + b*r**3", parameters={"b": number}),
+    ):
+        with pytest.raises(InputError, match="more digits"):
+            make()
+
+
+def test_exact_numbers_are_stated_exactly(cubic_hop):
+    machine = two_masses(
+        elements=[Mass("body", np.int64(2**53 + 1)), Mass("foot", Fraction(1, 3)), Spring("body - foot")]
+    )
+    assert stated_machine(machine, {}).masses == (("body", "9007199254740993"), ("foot", "1/3"))
+    for value in (Decimal("0.3"), Fraction(3, 10)):
+        machine = Hopper("r + beta*r**3", parameters={"beta": value})
+        assert stated_machine(machine, {}).parameters["beta"] == (Fraction(3, 10),) * 2
+    with pytest.raises(InputError, match="no decimal"):
+        prove(cubic_hop, parameters={"beta": Fraction(1, 3)})
+
+
+def test_a_function_that_computes_something_else_of_numbers():
+    """No formula says what it is."""
+    spring = lambda r: 2 * r if type(r).__name__ == "Text" else r  # noqa: E731
+    proof = prove(find(two_masses(spring)))
+    assert not proof.proved
+    assert "no formula" in proof.reasons[0]
+    assert prove(find(two_masses(lambda r: r + 0.3 * r**3)), motion=False).proved
+
+
+@pytest.mark.parametrize("gravity", ["1 + (z - z)/(z - 1)", "1 + 0*sqrt(2 - z)"])
+def test_a_law_of_gravity_without_values_in_flight(hop, gravity):
+    """It cancels to a constant, under which the extension moves alone; but there are heights without a value."""
+    proof = prove(hop, machine=two_masses(gravity=gravity), motion=False)
+    assert not proof.proved
+    assert proof.alpha is None
+    assert "has no value" in proof.reasons[-1]
+
+
+def test_a_proof_of_the_flight_says_so(hop):
+    assert "equations of the flight of a lossless orbit" in prove(hop, motion=False).statement
+    assert "flight" not in equations_words(dict.fromkeys(("alpha", "contact_time")))
+
+
+def test_a_direction_at_a_fold_has_a_name_of_its_own():
+    machine = Hopper("r + dliftoff*r**3", parameters={"dliftoff": -0.01})
+    point = SimpleNamespace(u=(1.0, 5.8), tangent=(0.1, 0.9, 0.0), value=-0.0107)
+    proof = prove_fold(machine, point, "dliftoff")
+    assert not proof.proved
+    assert "'dliftoff' stands for a direction" in proof.reasons[0]

@@ -1,0 +1,103 @@
+"""How finely a law varies: the lengths of laws, and narrow features that the steps see or that are noticed."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from orbits import NoOrbit, find
+from orbits.laws.features import features, unit_of_length
+from problems import Hopper
+from studies.search import Case
+
+
+@pytest.mark.parametrize("width", [0.3, 0.05])
+def test_a_narrow_bump_is_crossed_in_steps_that_see_it(width):
+    machine = Hopper("r + 0.5*exp(-((r + 3)/w)**2)", rest_length=30, parameters={"w": width})
+    orbit = find(machine)
+    assert orbit.error < 1e-13
+    assert abs(orbit.alpha - 4.493409457909064) > 5e-4  # the straight line's
+    assert Case(machine, 1, lambda r: r + 0.5 * np.exp(-(((r + 3) / width) ** 2)), np.ones_like, width).holds(
+        orbit.alpha, orbit.flight_time / 2
+    )
+
+
+def test_a_narrow_bump_of_gravity_is_seen():
+    machine = Hopper("r", "1 + 0.5*exp(-20*(z - 5)**2)", rest_length=20)
+    orbit = find(machine)
+    case = Case(machine, 1, lambda r: r, lambda z: 1 + 0.5 * np.exp(-20 * (z - 5) ** 2), 0.2)
+    assert case.holds(orbit.alpha, orbit.flight_time / 2)
+    assert orbit.certificate.energy_drift < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("law", "parameters", "length"),
+    [
+        ("r + b*sin(k*r)", {"b": 0.1, "k": 4.0}, 1 / 4.0),
+        ("(exp(b*r) - 1)/b", {"b": 0.5}, 2.0),
+        ("r + b*r**3", {"b": 0.3}, np.inf),
+    ],
+)
+def test_the_length_over_which_a_law_varies(law, parameters, length):
+    """That of sin(k r) is 1/k, that of exp(b r) is 1/b."""
+    machine = Hopper(law, parameters=parameters)
+    unit = unit_of_length(machine.spring.key, machine.values)
+    assert features(machine.spring.key, unit, machine.values).length == pytest.approx(length, rel=1e-2)
+
+
+def test_smooth_laws_keep_their_model():
+    cubic, fine = Hopper("cubic"), Hopper("r + exp(-((r - c)/w)**2)", parameters={"c": -3.0, "w": 0.1})
+    assert cubic.with_values(beta=0.1).model is cubic.model
+    assert not cubic.model.flight.reaches
+    assert fine.model.flight.reaches == (((1.0, 0.0, -1.0, 0.0), fine.keys[0].reach),)
+    assert fine.with_values(w=1.0).model.flight.reaches == ()
+
+
+@pytest.mark.parametrize(
+    ("spring", "gravity"),
+    [
+        ("r + 0.5*exp(-50*(r + 3)**2)", "1"),
+        ("r + 5*exp(-50*(r + 3)**2)", "1"),
+        ("r + 20*exp(-200*(r + 6)**2)", "1"),  # passed in contact alone
+        pytest.param("r + 0.5*exp(-5000*(r + 3)**2)", "1", marks=pytest.mark.slow),
+        pytest.param("r", "1 + 0.5*exp(-200*(z - 5)**2)", marks=pytest.mark.slow),
+    ],
+)
+def test_what_is_narrower_than_a_step_is_not_missed_silently(spring, gravity):
+    machine = Hopper(spring, gravity, rest_length=20.0)
+    for family in (1, 2):
+        refusal = ""
+        try:
+            drift = find(machine, family).certificate.energy_drift
+        except NoOrbit as error:
+            refusal = str(error)
+        assert "certified" in refusal or "did not converge" in refusal if refusal else drift < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("centre", "width", "shift"), [(-0.5, 3e-3, 1.4e-5), (1.3, 1e-3, -2.6e-5)], ids=["wide", "narrow"]
+)
+def test_bumps_that_the_steps_leap_over_are_noticed(centre, width, shift):
+    """A bump of height 0.5 shifts alpha a little: found right, or refused."""
+    law = f"r + 0.5*exp(-((r - ({centre}))/{width})**2)"
+    try:
+        alpha = find(Hopper(law)).alpha
+    except NoOrbit:
+        return
+    assert alpha - 4.493409457909064 == pytest.approx(shift, rel=0.1)
+
+
+def test_a_narrow_quotient_is_not_leapt_over():
+    """Half the flight takes the time alpha, and ends where the extension turns: by SciPy in steps that see the bump."""
+    force = lambda r: r + 0.5 / (1 + ((r + 3) / 0.1) ** 40)  # noqa: E731
+    orbit = find(Hopper(force))
+    start = [orbit.liftoff_extension, orbit.alpha]
+    rates = lambda t, x: [x[1], -force(x[0])]  # noqa: E731
+    half = solve_ivp(rates, (0, orbit.alpha), start, method="DOP853", rtol=1e-12, atol=1e-12, max_step=0.002)
+    assert half.y[1, -1] == pytest.approx(0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "machine", [Hopper("air", rest_length=20), Hopper("rubber"), Hopper("r", "inverse_square", rest_length=9)]
+)
+def test_steps_along_laws_with_a_pole_are_not_bounded(machine):
+    assert {key.reach for key in machine.keys if key} == {np.inf}

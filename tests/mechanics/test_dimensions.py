@@ -1,0 +1,36 @@
+"""Dimensions of parameters in SI, as far as the elements determine them."""
+
+import pytest
+from mechanisms import VALUES, machine
+
+from orbits.mechanics import Damper, Spring, Weight
+
+
+class TestDimensions:
+    def test_of_a_name_that_stands_for_two_things_are_left_out(self):
+        two = machine(Damper("body - foot", "k"), in_si=True)
+        assert two.units_of_parameters() == {"m1": "kg", "m2": "kg"}
+        same = machine(Weight("foot", "m1"), in_si=True)
+        assert same.units_of_parameters() == {"m1": "kg", "m2": "kg", "k": "N/m"}
+
+    @pytest.mark.parametrize("element", [Spring("body - foot - r0", "k*r"), Damper("body - foot - r0", 0.1)])
+    def test_of_what_is_added_in_an_extension_are_lengths(self, element):
+        stated = machine(element, parameters={**VALUES, "r0": 0.3}, in_si=True)
+        assert stated.units_of_parameters() == {"m1": "kg", "m2": "kg", "k": "N/m", "r0": "m"}
+
+    @pytest.mark.parametrize(
+        ("extension", "unit"),
+        [("foot + a*body", "N/m"), ("2*body", "N m/rad"), ("body", "N m/rad"), ("a*(1 - cos(body))", None)],
+    )
+    def test_an_extension_is_what_its_coordinates_are(self, extension, unit):
+        given = {**VALUES, "c": 1.0, **({"a": 0.3} if "a*" in extension else {})}
+        stated = machine(Spring(extension, "c*r"), parameters=given, angles=("body",), in_si=True)
+        assert stated.units_of_parameters().get("c") == unit
+
+    def test_an_angle_is_no_height(self):
+        turned = machine(parameters=VALUES, angles=("body",))
+        assert [*turned.heights] == ["foot"]
+
+    def test_of_what_is_added_to_an_angle_are_none(self):
+        turned = machine(Spring("body - r0", "c*r"), parameters={**VALUES, "c": 1.0, "r0": 0.3}, angles=("body",))
+        assert "r0" not in turned.units_of_parameters()

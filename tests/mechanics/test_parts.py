@@ -1,0 +1,76 @@
+"""The parts of a model: tension, gap, landing, and displacements of actuators, against values by hand."""
+
+import pytest
+from mechanisms import VALUES, leg, same
+
+from orbits import InputError, Mechanism, check, find, starts
+from orbits.mechanics import Mass, Spring
+
+
+@pytest.mark.parametrize(
+    ("change", "telling"),
+    [
+        ({"launch": "u"}, "launch 'u' is no coordinate of the contact; those are body"),
+        ({"counts": "0"}, "counts = '0' is no sum of coordinates"),
+        ({"counts": "u"}, "counts = 'u' is no sum of coordinates"),
+    ],
+)
+def test_a_displacement_is_no_coordinate(change, telling):
+    moved = leg(Spring("body - foot - u", "k*r"), actuators={"u": "w"}, **change)
+    with pytest.raises(InputError, match=telling):
+        moved.model  # noqa: B018
+
+
+def test_the_tension_is_that_of_all_springs_along_the_extension():
+    """k r and c r**3 along minus twice the extension pull with k e + 16 c e**3; a spring to the ground is another."""
+    values, x = {**VALUES, "c": 0.7, "h": 0.2, "n": 2.0}, [0.4, 0.0, -0.1, 0.0]
+    for more in ([], [Spring("body", "h*r")]):
+        given = {name: value for name, value in values.items() if more or name != "h"}
+        machine = leg(
+            Spring("body - foot", "k*r"), Spring("n*(foot - body)", "c*r**3"), *more, parameters=given
+        )  # fmt: skip
+        assert float(machine.model.tension(x, values, [])) == pytest.approx(3.0 * 0.5 + 16 * 0.7 * 0.5**3, rel=1e-14)
+
+
+def plated(gap: str, **names) -> Mechanism:
+    """A hopper on a sprung plate, its foot's coordinate being "foot" or half of it."""
+    foot = names.get("foot", "foot")
+    elements = [Mass("body", 2.0), Mass(foot, 0.5), Mass("plate", 4.0)]
+    elements += [Spring(f"body - {foot}", "k*r"), Spring("plate", "h*r")]
+    heights = {"body": "body", "foot": foot, "plate": "plate"}
+    return Mechanism(("body", "foot", "plate"), elements, gap, {"k": 3.0, "h": 20.0}, heights=heights)
+
+
+def test_a_gap_has_no_unit_of_its_own():
+    """Twice a gap closes as the gap does: the motion, the contact force and the landing jerk are the same."""
+    once, twice = find(leg(Spring("body - foot", "k*r"))), find(leg(Spring("body - foot", "k*r"), gap="2*foot"))
+    same(twice, once)
+    for name in ("largest_contact_force", "landing_jerk"):
+        assert getattr(twice.certificate, name) == pytest.approx(getattr(once.certificate, name), rel=1e-12)
+
+
+def test_a_gap_along_a_lever_by_substitution():
+    """The foot y moves by twice the coordinate z = y/2: the gap "2*z - plate" is y - plate. It is measured along z, so
+    that its force, along z, is twice that on the foot, and its jerk half of the foot's."""
+    direct, lever = plated("foot - plate"), plated("2*foot - plate", foot="2*foot")
+    start = starts(direct, 3.0, 4.0)[0]
+    one = find(direct, start=start)
+    told = {name: value / 2 if name in ("foot", "foot'") else value for name, value in start.items()}
+    two = find(lever, start=told)
+    assert two.alpha == pytest.approx(one.alpha, rel=1e-12)
+    assert two.period == pytest.approx(one.period, rel=1e-12)
+    ratio = two.certificate.largest_contact_force / one.certificate.largest_contact_force
+    assert ratio == pytest.approx(2.0, rel=1e-11)
+    assert two.certificate.landing_jerk == pytest.approx(one.certificate.landing_jerk / 2, rel=1e-11)
+    assert two.certificate.loss_coefficient == pytest.approx(one.certificate.loss_coefficient, rel=1e-9)
+    assert check(lever, start=told).largest < 0.1
+
+
+def test_landing_on_a_plate_is_the_gap_its_speed_and_its_acceleration():
+    """The foot's acceleration less the plate's, written by hand."""
+    machine, (body, foot, plate) = plated("foot - plate"), (0.7, 0.2, -0.3)
+    x, u = [body, 0.4, foot, 0.5, plate, 0.1], dict.fromkeys(machine.model.launch_unknowns, 9.0)
+    accelerated = (3.0 * (body - foot) / 0.5 - 1) - (-20.0 * plate / 4.0 - 1)
+    assert [float(each) for each in machine.model.landing(u, x, machine.values)] == pytest.approx(
+        [foot - plate, 0.4, accelerated], rel=1e-13
+    )

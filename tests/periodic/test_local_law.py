@@ -1,0 +1,126 @@
+"""The loss beside a lossless hop, against closed forms, real hops and 20 digits."""
+
+import casadi as ca
+import mpmath
+import numpy as np
+import pytest
+from thirty_digits import exact_alpha, series
+
+from orbits import find, follow, orbit_at
+from orbits.flow.flow import flow_of
+from orbits.periodic.local_law import by_launch_speed, launch_power
+from orbits.shooting.formulations import landing_gap_slope
+from problems import Hopper, Juggler
+
+mpmath.mp.dps = 30
+
+
+class TestLossCoefficient:
+    def test_published_value(self):
+        """M = 1, linear spring, first family: C = 3.61694; the same for M and 1/M."""
+        assert find(Hopper()).certificate.loss_coefficient == pytest.approx(3.61694, abs=1e-5)
+        light, heavy = (find(Hopper(mass_ratio=M)).certificate.loss_coefficient for M in (0.2, 5.0))
+        assert light == pytest.approx(heavy, rel=1e-13)
+
+    @pytest.mark.parametrize("method", ["closed form", "relative", "half orbit", "shooting"])
+    def test_closed_form(self, method):
+        """C = M J**2 (6 q/J)**(4/3)/(8 alpha (1 + M)**2) with J = alpha and q = 2 alpha**3/(1 + alpha**2)."""
+        M = 0.3
+        orbit = find(Hopper(mass_ratio=M), 2, method=method)
+        a = orbit.alpha
+        expected = M * a**2 * (6 * 2 * a**2 / (1 + a**2)) ** (4 / 3) / (8 * a * (1 + M) ** 2)
+        assert orbit.certificate.loss_coefficient == pytest.approx(expected, rel=1e-11)
+        assert (orbit.certificate.stable_side, orbit.certificate.bounce_side) == ("above", "below")
+
+    @pytest.mark.parametrize(
+        "machine",
+        [
+            Hopper("cubic", mass_ratio=0.7),
+            Hopper("sinh", "1/(1 + z/R)**2", 0.7, 20.0, parameters={"R": 60.0}),
+            Juggler("toda", "exp(-z/H)", 2.0, 20.0, parameters={"H": 80.0}),
+        ],
+        ids=["cubic", "sinh and inverse square", "juggler"],
+    )
+    def test_loss_of_a_real_hop(self, machine):
+        """Launch at alpha + d, fly to the gap's next zero with scipy, and compare the energy lost with C d**(4/3)."""
+        from scipy.integrate import solve_ivp
+
+        orbit = find(machine)
+        p, model = machine.values, machine.model
+        flow = flow_of(model.flight, tuple(p))
+        values = np.array(list(p.values()))
+        gap = model.gap(p)
+        d = 1e-5
+        start = np.array(model.launch({"liftoff": orbit.liftoff_extension, "alpha": orbit.alpha + d}, p))
+        landing = lambda t, x: gap(x)  # noqa: E731
+        landing.terminal, landing.direction = True, -1
+        answer = solve_ivp(
+            lambda t, x: flow.rates(x, values), (0, 2 * orbit.flight_time), start, "DOP853", rtol=1e-13, atol=1e-15,
+            events=landing, first_step=1e-3,
+        )  # fmt: skip
+        end = answer.y_events[0][-1]
+        speed = end @ np.array([0, gap.weights[0] or 0, 0, 0]) + end[3] * gap.weights[2]
+        lost = 0.5 * model.impact_mass(end, p) * speed**2
+        drop = lost / ((1 + p["mass_ratio"]) * orbit.alpha)
+        assert drop / d ** (4 / 3) == pytest.approx(orbit.certificate.loss_coefficient, rel=0.05)
+
+
+def test_the_local_law_takes_numbers_arrays_and_symbols():
+    model, p = Hopper("cubic", mass_ratio=0.7).model, Hopper("cubic", mass_ratio=0.7).values
+    launch = lambda u: model.launch(u, p)  # noqa: E731
+    alpha = ca.SX.sym("alpha")
+    direction = by_launch_speed(launch, {"liftoff": 0.9, "alpha": 2.0})
+    arrays = by_launch_speed(launch, {"liftoff": np.array([0.9]), "alpha": np.array([2.0])})
+    symbols = by_launch_speed(launch, {"liftoff": ca.SX(0.9), "alpha": alpha})
+    assert [float(np.squeeze(d)) for d in arrays] == direction == [float(d) for d in symbols] == [0, 1, 0, 0]
+    gradient = model.flight_gradient(launch({"liftoff": 0.9, "alpha": alpha}), p, [])
+    power = ca.Function("power", [alpha], [launch_power(gradient, symbols)])
+    assert float(power(2.0)) == pytest.approx((1 + 0.7) * 2.0, rel=1e-15)
+    assert landing_gap_slope(model, [0.0, 0.0, 3.0, 0.0], p) == 3.0
+
+
+@pytest.mark.parametrize("mass_ratio", [0.5, 1.0, 3.0])
+@pytest.mark.parametrize("family", [1, 2])
+def test_the_loss_coefficient_of_the_linear_spring_in_closed_form(mass_ratio, family):
+    """r = cos t + alpha sin t and tan alpha = alpha; the flight lasts 2 alpha, J = alpha, q = 2 alpha - sin 2 alpha."""
+    alpha = mpmath.findroot(lambda a: mpmath.sin(a) - a * mpmath.cos(a), find(Hopper(), family).alpha)
+    m, q = mpmath.mpf(mass_ratio), 2 * alpha - mpmath.sin(2 * alpha)
+    c = m * alpha**2 * (6 * q / alpha) ** (mpmath.mpf(4) / 3) / (8 * alpha * (1 + m) ** 2)
+    for method in (None, "relative", "half orbit"):
+        found = find(Hopper(mass_ratio=mass_ratio), family, method=method).certificate
+        assert abs(found.loss_coefficient - c) <= min(found.loss_error, 1e-13 * c)
+        assert found.loss_error <= 1e-9 * c
+
+
+def _loss_of_cubic(b, orbit):
+    """The loss coefficient with M = 1 in 20 digits, the gap's slope at landing by a central difference."""
+    alpha, one = exact_alpha(orbit, b, None, 1.0, 0.0), mpmath.mpf(1)
+    rho = mpmath.findroot(lambda r: r + b * r**3 - 1, orbit.liftoff_extension)
+
+    def gap(launch, count=24):
+        state = [rho, launch, 0 * one, 0 * one]
+        for _ in range(count):
+            state = series(state, b, None, one, 0 * one, 2 * alpha / count)
+        return state[2]
+
+    step = mpmath.mpf("1e-10")
+    q, jerk = (gap(alpha + step) - gap(alpha - step)) / step, (1 + 3 * b * rho**2) * alpha
+    return jerk**2 * (6 * q / jerk) ** (mpmath.mpf(4) / 3) / (32 * alpha)
+
+
+@pytest.mark.slow
+def test_the_loss_coefficient_of_the_cubic_spring_has_all_its_digits():
+    """In an orbit; in a family the derivatives are those before the last corrector step, and the figure says so."""
+    machine = Hopper("r + b*r**3", parameters={"b": 0.0})
+    family, worst = follow(machine, "b", 1.0, at=[0.25]), 0.0
+    (point,) = family.at(0.25)
+    orbit = find(machine.with_values(b=0.25))
+    c = _loss_of_cubic(0.25, orbit)
+    for found in (orbit.certificate, orbit_at(machine, point, "b").certificate):
+        assert abs(found.loss_coefficient - c) <= min(found.loss_error, 1e-13 * c)
+        assert found.loss_error <= 1e-9 * c
+    for point in family.points[::16]:
+        exact = find(machine.with_values(b=point.value)).certificate.loss_coefficient
+        assert abs(point.certificate.loss_coefficient - exact) <= point.certificate.loss_error <= 1e-6 * exact
+        worst = max(worst, abs(point.certificate.loss_coefficient / exact - 1))
+    assert worst < 1e-7

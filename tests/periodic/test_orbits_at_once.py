@@ -1,0 +1,38 @@
+"""The lowest orbits of many machines, together and alone, against scans."""
+
+import numpy as np
+import pytest
+
+from orbits import find, find_all
+from orbits.periodic.orbits_at_once import lowest_orbits
+from problems import Juggler
+from studies.search import Case
+
+
+def quintic_case(beta, delta):
+    """A juggler whose hand crosses a barrier on either side, each from a launch speed of its own."""
+    machine = Juggler("r + beta*r**3 + delta*r**5", rest_length=50, parameters={"beta": beta, "delta": delta})
+    return Case(machine, 1, lambda r: r + beta * r**3 + delta * r**5, np.ones_like, 1.0)
+
+
+def test_the_lowest_is_found_between_two_barriers():
+    case = quintic_case(-0.01030150753768844, 3.015075376884419e-06)
+    orbit, orbits = find(case.machine), find_all(case.machine)
+    assert [one.alpha for one in orbits] == pytest.approx([7.100276, 8.275324, 9.545378], abs=1e-6)
+    assert orbit.alpha == pytest.approx(orbits[0].alpha, rel=1e-12)
+    assert case.holds(orbit.alpha, orbit.flight_time / 2)
+    assert case.scanned(9.0) == pytest.approx([one.alpha for one in orbits[:2]], rel=1e-3)
+
+
+def test_the_lowest_of_many_is_found_beyond_barriers():
+    """Alone and together, of springs that have one orbit or three."""
+    rng = np.random.default_rng(12)
+    cases = [quintic_case(*p) for p in zip(rng.uniform(-0.013, -0.01, 12), rng.uniform(0, 7e-5, 12), strict=True)]
+    alphas = np.array([find(case.machine).alpha for case in cases])
+    scanned = np.array([case.scanned(alpha)[0] for case, alpha in zip(cases, alphas, strict=True)])
+    assert alphas == pytest.approx(scanned, rel=1e-3)
+    ps = np.array([list(case.machine.values.values()) for case in cases])
+    (together,), none = lowest_orbits(cases[0].machine.model, tuple(cases[0].machine.values), ps, 1)
+    assert sorted(together.which) == list(range(12))
+    assert not none
+    assert together.alphas == pytest.approx(alphas[together.which], rel=1e-9)  # a few are close to a barrier

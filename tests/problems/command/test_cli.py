@@ -1,0 +1,643 @@
+"""The command line: what it prints and writes, and that bad input ends in one message and an exit code."""
+
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from conftest import Result
+
+from orbits import Orbit
+from orbits.io import to_json
+from orbits.shooting.formulations import METHODS
+
+ALPHA = 4.493409457909064  # tan(alpha) = alpha, eq. (12) of the paper
+KEYS = """
+alpha flight_time contact_time admissible violations residual error energy_drift clearance smallest_separation
+family liftoff_extension state_mid_flight loss_coefficient parameters method skipped seconds
+"""
+INADMISSIBLE = "find --spring 'r + beta*r**2' --set beta=0.03 --mass-ratio 0.2 --rest-length 60 --family 2"
+CUBIC = "find --spring 'r + beta*r**3' --set beta=0.3"
+
+
+def in_a_process(*arguments) -> Result:
+    command = [Path(sys.executable).with_name("orbits"), *arguments]
+    done = subprocess.run(command, capture_output=True, encoding="utf-8", timeout=60, check=False)
+    return Result(done.returncode, done.stdout, done.stderr)
+
+
+# Whole processes.
+
+
+def test_process_finds_an_orbit():
+    done = in_a_process("find", "--json")
+    assert (done.code, done.err) == (0, "")
+    assert done.document["alpha"] == pytest.approx(ALPHA, rel=1e-15, abs=0)
+
+
+def test_process_refuses_an_inadmissible_orbit():
+    done = in_a_process(*shlex.split(INADMISSIBLE))
+    assert (done.code, done.err) == (1, "")
+    assert "never lifts off again" in done.out
+
+
+def test_process_reports_bad_input():
+    done = in_a_process("find", "--spring", "r^3")
+    assert (done.code, done.out) == (2, "")
+    assert done.err.startswith("orbits: ")
+    assert "a power is written **" in done.err
+
+
+def test_process_survives_an_argument_that_is_no_text():
+    done = in_a_process("find", "--json", "--spring", b"r + \xff")
+    assert done.code == done.document["exit_code"] == 2
+    assert "is not allowed" in done.err
+    assert "Traceback" not in done.err
+
+
+# What is found.
+
+
+def test_linear_hopper_to_the_last_digit(orbits):
+    done = orbits("find --json")
+    assert (done.code, done.err) == (0, "")
+    assert done.document["alpha"] == pytest.approx(ALPHA, rel=1e-15, abs=0)
+    assert done.document["flight_time"] == pytest.approx(2 * ALPHA, rel=1e-15, abs=0)
+
+
+def test_json_is_one_document_with_every_key(orbits):
+    document = orbits("find --json --explain").document
+    assert document.keys() >= set(KEYS.split())
+    assert document["admissible"] is True
+    assert document["violations"] == []
+    assert len(document["state_mid_flight"]) == 2
+    assert 0 <= document["error"] < 1e-14
+
+
+@pytest.mark.parametrize("line", ["find", CUBIC, INADMISSIBLE, "find --gravity linear --rest-length 20"])
+def test_floats_round_trip(line, orbits):
+    """Seventeen digits: reading and writing again gives the same text."""
+    done = orbits(line + " --json")
+    assert to_json(done.document) + "\n" == done.out
+
+
+def test_options_reproduce_the_reference_orbits(reference, orbits):
+    settings = [word for name, value in reference["parameters"].items() for word in ("--set", f"{name}={value}")]
+    done = orbits(
+        "find --json",
+        *("--spring", reference["spring"], "--gravity", reference["gravity"], "--family", reference["family"]),
+        *("--mass-ratio", reference["mass_ratio"], "--rest-length", reference["rest_length"], *settings),
+    )
+    document = done.document
+    assert done.code == (0 if reference["admissible"] else 1)
+    assert document["admissible"] is reference["admissible"]
+    assert document["parameters"] == reference["parameters"]
+    assert document["family"] == reference["family"]
+    for name in ("alpha", "flight_time", "liftoff_extension"):
+        assert document[name] == pytest.approx(float(reference[name]), rel=1e-12)
+    assert document["contact_time"] == (
+        reference["contact_time"] and pytest.approx(reference["contact_time"], rel=1e-8)
+    )
+
+
+def test_an_inadmissible_orbit_is_printed_and_fails(orbits):
+    done = orbits(INADMISSIBLE + " --json")
+    assert done.code == 1
+    assert done.document["admissible"] is False
+    assert any("never lifts off again" in violation for violation in done.document["violations"])
+    allowed = orbits(INADMISSIBLE + " --json --allow-inadmissible")
+    assert allowed.code == 0
+    assert allowed.answer == done.answer
+
+
+def test_text_shows_the_digits_and_explains(orbits):
+    plain, explained = orbits("find"), orbits("find --explain")
+    assert plain.code == explained.code == 0
+    assert "4.49340945790906" in plain.out
+    assert len(explained.out.splitlines()) > len(plain.out.splitlines())
+    for line in orbits("find --json").document["skipped"]:
+        assert line in explained.out
+        assert line not in plain.out
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_methods_agree_on_the_linear_hopper(method, orbits):
+    done = orbits("find --json --method", method)
+    assert done.document["method"] == method
+    assert done.document["alpha"] == pytest.approx(ALPHA, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        CUBIC,
+        "find --spring cubic --family 2 --mass-ratio 0.5",
+        "find --gravity inverse-square --set R=150 --rest-length 20",
+        "find --machine juggler --spring cubic",
+    ],
+)
+def test_shooting_agrees_with_the_default(line, orbits):
+    default, general = orbits(line + " --json").document, orbits(line + " --json --method shooting").document
+    assert general["method"] == "shooting" != default["method"]
+    for name in ("alpha", "flight_time", "contact_time", "liftoff_extension"):
+        assert general[name] == pytest.approx(default[name], rel=1e-12)
+
+
+# Files written.
+
+
+def test_plot_writes_a_png(orbits, tmp_path):
+    path = tmp_path / "hop.png"
+    done = orbits("find --plot", path)
+    assert (done.code, done.err) == (0, "")
+    assert path.read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
+
+
+def test_animate_writes_a_gif(orbits, tmp_path, monkeypatch):
+    monkeypatch.setattr(Orbit.animate, "__defaults__", (4,))  # frames: a hundred more prove nothing
+    path = tmp_path / "hop.gif"
+    done = orbits("find --json --animate", path)
+    assert (done.code, done.err) == (0, "")
+    assert done.document["alpha"] == pytest.approx(ALPHA)
+    assert path.read_bytes().startswith(b"GIF8")
+
+
+@pytest.mark.parametrize("line", ["find", CUBIC, INADMISSIBLE])
+def test_a_saved_orbit_loads(line, orbits, tmp_path):
+    path = tmp_path / "orbit.json"
+    document = orbits(line + " --json --save", path).document
+    orbit = Orbit.load(path)
+    assert orbit.document() == document
+    assert orbit(0.0)[0] == pytest.approx(document["liftoff_extension"], rel=1e-14)
+    assert orbit(0.0)[1] == pytest.approx(document["alpha"], rel=1e-14)
+
+
+# What is refused. Each: the command line, the exit code, what the message must contain.
+
+NUMBERS = [
+    ("find --mass-ratio nan", 2, "mass_ratio = nan"),
+    ("find --mass-ratio inf", 2, "mass_ratio = inf"),
+    ("find --mass-ratio 1e999", 2, "mass_ratio = inf"),
+    ("find --mass-ratio 0", 2, "'--mass-ratio': 0.0 is not in the range x>0"),
+    ("find --mass-ratio -1", 2, "'--mass-ratio': -1.0"),
+    ("find --mass-ratio 1e-400", 2, "'--mass-ratio'"),
+    ("find --mass-ratio heavy", 2, "--mass-ratio"),
+    ("find --mass-ratio 1,5", 2, "'1,5'"),
+    ("find --mass-ratio ''", 2, "--mass-ratio"),
+    ("find --mass-ratio", 2, "--mass-ratio"),
+    ("find --rest-length nan", 2, "rest_length = nan"),
+    ("find --rest-length -inf", 2, "'--rest-length': -inf"),
+    ("find --rest-length 0", 2, "x>0"),
+    ("find --rest-length -2", 2, "'--rest-length': -2.0"),
+    ("find --rest-length long", 2, "--rest-length"),
+    ("find --family 0", 2, "'--family': 0 is not in the range x>=1"),
+    ("find --family -3", 2, "'--family': -3"),
+    ("find --family 100001", 2, "to 10000"),
+    ("find --family 99999999999999999999999999", 2, "to 10000"),
+    ("find --family 1.5", 2, "'1.5'"),
+    ("find --family nan", 2, "--family"),
+    ("find --family one", 2, "'one'"),
+    ("find --family 1e3", 2, "'1e3'"),
+]
+FORMULAS = [
+    ("find --spring ''", 2, "is missing"),
+    ("find --spring '   '", 2, "is missing"),
+    ("find --spring 'r +'", 2, "is missing"),
+    ("find --spring '(r'", 2, "no closing parenthesis"),
+    ("find --spring 'r)'", 2, "')'"),
+    ("find --spring 2r", 2, "an operator is missing before 'r'"),
+    ("find --spring 1..2", 2, "an operator is missing"),
+    ("find --spring r^3", 2, "a power is written **"),
+    ("find --spring 'sinn(r)'", 2, "did you mean 'sin'?"),
+    ("find --spring sin", 2, "unknown law 'sin'; did you mean 'sinh'"),
+    ("find --spring r.real", 2, "'.' is not allowed"),
+    ("find --spring 'lambda r: r'", 2, "':' is not allowed"),
+    ("""find --spring '__import__("os")'""", 2, "is not allowed"),
+    ("find --spring 1e999*r", 2, "too large"),
+    (f"find --spring '{'(' * 100}r{')' * 100}'", 2, "nested deeper"),
+    (f"find --spring {'r+' * 1500}r", 2, "3001 characters"),
+    ("find --spring 'r\x1b[31m'", 2, "character 2"),
+    ("find --spring potential:", 2, "is missing"),
+    ("find --spring 'potential:r**2/2 +'", 2, "is missing"),
+    ("find --gravity '1 +' --rest-length 20", 2, "is missing"),
+    ("find --spring cubik", 2, "cubic"),
+    ("find --spring tabel:bench.csv", 2, "tabel"),
+    ("find --gravity table:bench.csv --rest-length 20", 2, "table"),
+    ("find --gravity inverse_sqare --rest-length 20", 2, "inverse_square"),
+]
+LAWS = [
+    ("find --spring 0", 2, "'0'"),
+    ("find --spring 0.5", 2, "'0.5'"),
+    ("find --spring 2", 2, "'2'"),
+    ("find --spring 'r - r'", 2, "'r - r'"),
+    ("find --spring r/0", 2, "r/0"),
+    ("find --spring potential:r", 2, "potential:r"),
+    ("find --spring -r", 2, "-r"),
+    ("find --spring 'r - 0.5*r**3'", 1, "never reaches the foot's weight"),
+    ("find --spring 'tanh(r)/2'", 1, "largest tension 0.5"),
+    ("find --spring 'log(r)'", 2, "no force at rest"),
+    ("find --spring 'exp(r)'", 1, "no lossless orbit of family 1"),
+    ("find --spring cubic --set beta=-0.1", 1, "does not come back"),
+    ("find --spring tanh --family 3", 1, "no lossless orbit of family 3"),
+    ("find --spring morse --set a=0.25", 1, "does not come back"),
+    ("find --spring tanh --set b=2", 1, "largest tension 0.5"),
+    ("find --spring tanh --set b=0", 2, "b = 0"),
+    ("find --spring toda --set b=0", 2, "linear"),
+    ("find --spring linear --set k=-1", 2, "k = -1"),
+    ("find --spring end-stops --set gap=0", 2, "gap = 0"),
+    ("find --gravity linear", 2, "rest length"),
+    ("find --gravity 2", 2, "must be 1 at z = 0"),
+    ("find --gravity 1/z --rest-length 20", 2, "must be 1 at z = 0"),
+    ("find --gravity 1-z --rest-length 20", 1, "no lossless orbit of family 1"),
+    ("find --gravity inverse-square --set R=-1 --rest-length 20", 2, "R = -1"),
+]
+PARAMETERS = [
+    ("find --spring 'r + beta*r**3'", 2, "'beta' without a value"),
+    ("find --spring 'a*r + b*r**3' --set b=1", 2, "'a' without a value"),
+    ("find --spring x", 2, "unknown law 'x'; known: linear"),
+    ("find --set beta=0.3", 2, "'beta'"),
+    ("find --spring cubic --set betta=0.3", 2, "did you mean 'beta'?"),
+    ("find --spring cubic --set r=1", 2, "'r'"),
+    (f"{CUBIC} --set gamma=1", 2, "'gamma'"),
+    (f"{CUBIC} --set beta=0.4", 2, "beta"),
+    (f"{CUBIC} --set mass_ratio=1", 2, "mass_ratio"),
+    (f"{CUBIC} --set rest_length=1", 2, "rest_length"),
+    ("find --spring 'r + pi*r**3' --set pi=3", 2, "'pi'"),
+    ("find --spring cubic --set beta", 2, "NAME=VALUE"),
+    ("find --spring cubic --set =0.3", 2, "NAME=VALUE"),
+    ("find --spring cubic --set ''", 2, "NAME=VALUE"),
+    ("find --spring cubic --set 'be ta=1'", 2, "NAME=VALUE"),
+    ("find --spring cubic --set beta=", 2, "not a number"),
+    ("find --spring cubic --set beta==1", 2, "not a number"),
+    ("find --spring cubic --set beta=big", 2, "'big'"),
+    ("find --spring cubic --set beta=nan", 2, "beta = nan"),
+    ("find --spring cubic --set beta=1e999", 2, "beta = inf"),
+    ("find --spring cubic --set", 2, "--set"),
+]
+OPTIONS = [
+    ("fnd", 2, "find"),
+    ("find --famly 2", 2, "--family"),
+    ("find extra", 2, "extra"),
+    ("find --method magic", 2, "closed form"),
+    ("find --method ''", 2, "unknown method"),
+    ("find --method 'closed form' --spring cubic", 2, "straight-line spring"),
+    ("find --method relative --gravity linear --rest-length 20", 2, "constant gravity"),
+    ("find --machine hoper", 2, "hopper"),
+    ("find --machine ''", 2, "hopper"),
+    ("find --machine machine.json", 2, ".toml"),
+]
+TABLES = {
+    "empty.csv": ("", 2, "no rows"),
+    "blank.csv": ("\n \n,\n", 2, "no rows"),
+    "header.csv": ("extension,force\n", 2, "at least 4 rows"),
+    "few.csv": ("r,f\n0,0\n1,1\n2,2\n", 2, "at least 4"),
+    "repeated.csv": ("r,f\n0,0\n0,0\n1,1\n1,1\n2,2\n", 2, "3 different extensions"),
+    "words.csv": ("r,f\n0,0\n1,one\n2,2\n3,3\n4,4\n", 2, "row 3"),
+    "gap.csv": ("r,f\n0,0\n1,1\n2,\n3,3\n4,4\n", 2, "row 4"),
+    "column.csv": ("r\n0\n1\n2\n3\n4\n", 2, "no column force"),
+    "semicolons.csv": ("r;f\n0;0\n1;1\n2;2\n3;3\n", 1, "[0, 3]"),
+    "nan.csv": ("r,f\n0,0\n1,nan\n2,2\n3,3\n4,4\n", 2, "finite"),
+    "infinite.csv": ("r,f\n0,0\n1,inf\n2,2\n3,3\n4,4\n", 2, "finite"),
+    "binary.csv": (bytes(range(256)), 2, "cannot be read"),
+    "nul.csv": (b"r,f\n\x00,\x00\n1,1\n2,2\n3,3\n4,4\n", 2, "row 2"),
+    "short.csv": ("r,f\n-1,-1\n0,0\n1,1\n2,2\n3,3\n", 1, "[-1, 3]"),
+    "loop.csv": ("r,f\n" + "".join(f"{r},{r + 1}\n" for r in range(9)) + "8,7\n6,5\n4,3\n2,1\n0,-1\n", 2, "is a loop"),
+    "units.csv": ("r (mm),f\n0,0\n1,1\n2,2\n3,3\n", 2, "hopper_in_si"),
+    "flat.csv": ("r,f\n-9,0\n-1,0\n0,0\n1,0\n9,0\n", 1, "never reaches"),
+}
+SI = "[si]\nbody_mass = 1\nfoot_mass = 1\n"
+MACHINES = {
+    "syntax.toml": ("machine = \n", 2, "line 1"),
+    "twice.toml": ("mass_ratio = 1\nmass_ratio = 2\n", 2, "line 2"),
+    "binary.toml": (bytes(range(256)), 2, "cannot be read"),
+    "key.toml": ("mass_ration = 1\n", 2, "did you mean 'mass_ratio'?"),
+    "family.toml": ("family = 2\n", 2, "unknown key 'family'"),
+    "kind.toml": ('machine = "hoper"\n', 2, "did you mean 'hopper'?"),
+    "kind_number.toml": ("machine = 3\n", 2, "unknown machine 3"),
+    "kind_list.toml": ('machine = ["hopper"]\n', 2, "machine"),
+    "kind_table.toml": ("[machine]\nhopper = 1\n", 2, "machine"),
+    "heavy.toml": ('mass_ratio = "heavy"\n', 2, "'heavy' is not a number"),
+    "true.toml": ("mass_ratio = true\n", 2, "mass_ratio = True"),
+    "list.toml": ("mass_ratio = [1]\n", 2, "mass_ratio = '[1]' is not a number"),
+    "digits.toml": (f"mass_ratio = 1{'0' * 400}\n", 2, "mass_ratio"),
+    "zero.toml": ("mass_ratio = 0\n", 2, "mass_ratio = 0 is out of bounds"),
+    "length.toml": ("rest_length = inf\n", 2, "rest_length = inf"),
+    "bouncy.toml": ("restitution = 2\n", 2, "restitution = 2"),
+    "bouncy_text.toml": ('restitution = "2"\n', 2, "restitution"),
+    "spring_number.toml": ("spring = 3\n", 2, "not int"),
+    "spring_list.toml": ('spring = ["r"]\n', 2, "not list"),
+    "spring_nul.toml": ('spring = "table:a\\u0000b"\n', 2, "table"),
+    "spring_table.toml": ('spring = "table:none.csv"\n', 2, "none.csv"),
+    "gravity_number.toml": ("gravity = 1\n", 2, "not int"),
+    "parameters.toml": ("parameters = 3\n", 2, "[parameters]"),
+    "parameter_text.toml": ('spring = "cubic"\n[parameters]\nbeta = "big"\n', 2, "beta = 'big'"),
+    "parameter_table.toml": ('spring = "cubic"\n[parameters.beta]\nvalue = 1\n', 2, "beta"),
+    "parameter_digits.toml": (f'spring = "cubic"\n[parameters]\nbeta = 1{"0" * 400}\n', 2, "beta"),
+    "parameter_unknown.toml": ('spring = "cubic"\n[parameters]\nbetta = 1\n', 2, "did you mean 'beta'?"),
+    "si_number.toml": ("si = 3\n", 2, "[si]"),
+    "si_ratio.toml": ("mass_ratio = 1\n" + SI + "stiffness = 1\n", 2, "'mass_ratio' beside [si]"),
+    "si_length.toml": ("rest_length = 1\n" + SI + "stiffness = 1\n", 2, "'rest_length' beside [si]"),
+    "si_massless.toml": ("[si]\nbody_mass = 1\nstiffness = 1\n", 2, "needs foot_mass (kg)"),
+    "si_juggler.toml": ('machine = "juggler"\n' + SI + "stiffness = 1\n", 2, "body_mass"),
+    "si_springless.toml": (SI, 2, "stiffness (N/m)"),
+    "si_key.toml": (SI + "stifness = 1\n", 2, "did you mean 'stiffness'?"),
+    "si_negative.toml": ("[si]\nbody_mass = -1\nfoot_mass = 1\nstiffness = 1\n", 2, "body_mass = -1"),
+    "si_text.toml": ('[si]\nbody_mass = "x"\nfoot_mass = 1\nstiffness = 1\n', 2, "body_mass = 'x'"),
+    "si_slack.toml": (SI + "stiffness = 0\n", 2, "stiffness = 0"),
+    "si_weightless.toml": (SI + "stiffness = 1\nsurface_gravity = 0\n", 2, "surface_gravity = 0"),
+    "si_extreme.toml": ("[si]\nbody_mass = 1e-300\nfoot_mass = 1e300\nstiffness = 1\n", 2, "mass_ratio = inf"),
+    "si_radius.toml": ('gravity = "1"\n' + SI + "stiffness = 1\nbody_radius = 9\n", 2, "body_radius or gravity"),
+    "si_unheld.toml": (SI + "stiffness = 1\nbody_radius = 9\n", 2, "rest length"),
+    "si_flat.toml": ('spring = "r**3"\n' + SI, 2, "slope 0 at rest"),
+    "si_log.toml": ('spring = "log(r)"\n' + SI, 2, "log(r)"),
+    "si_missing.toml": ('spring = "9*r + b*r**3"\n' + SI, 2, "'b' without a value"),
+    "si_unknown.toml": ('spring = "9*r"\n' + SI + "[parameters]\nb = 1\n", 2, "'b'"),
+    "si_own_name.toml": ('spring = "9*r + mass_ratio*r**3"\n' + SI + "[parameters]\nmass_ratio = 5\n", 2, "mass_ratio"),
+}
+FILES = [
+    *((f"find --spring table:{name}", code, telling) for name, (_, code, telling) in TABLES.items()),
+    *((f"find --machine {name}", code, telling) for name, (_, code, telling) in MACHINES.items()),
+    ("find --spring table:none.csv", 2, "none.csv"),
+    ("find --spring table:folder.csv", 2, "folder.csv"),
+    ("find --spring table:", 2, "table:"),
+    ("find --spring table:short.csv --set b=1", 2, "'b'"),
+    ("find --spring table:short.csv?branch=up", 2, "'loading', 'unloading' or 'mean'"),
+    ("find --spring table:loop.csv", 2, "table:FILE?branch=loading"),
+    ("find --spring table:units.csv", 2, "hopper_in_si"),
+    ("find --spring 'r + c*v' --set c=1", 2, "damping"),
+    ("find --machine none.toml", 2, "none.toml"),
+    ("find --machine folder.toml", 2, "folder.toml"),
+    ("find --machine si_good.toml --mass-ratio 2", 2, "'mass_ratio' beside [si]"),
+    ("find --machine si_good.toml --set b=2", 2, "'b'"),
+]
+OUTPUTS = [
+    ("find --plot none/hop.png", 2, "none/hop.png"),
+    ("find --plot hop.xyz", 2, "xyz"),
+    ("find --animate none/hop.gif", 2, "none"),
+    ("find --animate hop.webm", 2, ".gif"),
+    ("find --animate hop", 2, ".gif"),
+    ("find --save none/hop.json", 2, "none/hop.json"),
+    ("find --save folder.toml", 2, "folder.toml"),
+]
+BAD = [*NUMBERS, *FORMULAS, *LAWS, *PARAMETERS, *OPTIONS, *FILES, *OUTPUTS]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """The files that the bad command lines name."""
+    folder = tmp_path_factory.mktemp("cli")
+    for name, (content, _, _) in (TABLES | MACHINES).items():
+        (folder / name).write_bytes(content if isinstance(content, bytes) else content.encode())
+    (folder / "folder.csv").mkdir()
+    (folder / "folder.toml").mkdir()
+    (folder / "si_good.toml").write_text(SI + "stiffness = 1\n")
+    return folder
+
+
+@pytest.mark.parametrize(("line", "code", "telling"), BAD, ids=[ascii(line)[1:-1][:60] for line, _, _ in BAD])
+def test_bad_input_is_one_message_and_a_code(line, code, telling, orbits, folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    done = orbits(line)
+    assert "Traceback" not in done.err
+    assert "internal error" not in done.err
+    assert "Warning" not in done.err
+    assert done.err.startswith("orbits: ")
+    assert telling in done.err
+    assert all(c.isprintable() or c == "\n" for c in done.err)
+    assert done.code == code
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "find --mass-ratio 0",
+        "find --mass-ratio heavy",
+        "find --famly 2",
+        "find --spring 'r - r**2'",
+        "find --spring cubic --set beta=-0.1",
+        "find --machine key.toml",
+        "find --plot none/hop.png",
+        "find --animate hop.webm",
+        "find --save none/hop.json",
+    ],
+)
+def test_an_error_is_one_json_document_too(line, orbits, folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    done = orbits(line + " --json")
+    assert done.document["exit_code"] == done.code in (1, 2)
+    assert done.document["error"] in done.err
+
+
+@pytest.mark.parametrize("option", ["--plot", "--animate", "--save"])
+def test_an_empty_file_name_is_refused(option, orbits, tmp_path, monkeypatch):
+    """As from a shell variable that is not set: to write nothing and report success would lose the result."""
+    monkeypatch.chdir(tmp_path)
+    assert orbits(f"find {option} ''").code == 2
+
+
+EXTREME = {
+    "huge.csv": "r,f\n-1e300,-1e300\n-1,-1\n0,0\n1,1\n1e300,1e300\n",
+    "dense.csv": "r,f\n-20,-20\n0,0\n1e-320,1\n1,1\n20,20\n",
+    "quoted.toml": 'spring = "9*r + b*r**3"\n[parameters]\nb = "0.3"\n',
+    "si_quoted.toml": 'spring = "9*r + b*r**3"\n' + SI + '[parameters]\nb = "0.3"\n',
+}
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "find --mass-ratio 1e300",
+        "find --mass-ratio 1e-300",
+        "find --mass-ratio 1e15",
+        "find --rest-length 1e300",
+        "find --spring 1e300*r",
+        "find --spring 1e-300*r",
+        "find --spring 'r + 1e300'",
+        "find --spring 'sign(r)'",
+        "find --spring r**1000",
+        "find --spring cubic --set beta=1e300",
+        "find --spring belleville --set height=1e200",
+        "find --spring bilinear --set ratio=1e300",
+        "find --gravity '1 - 1e300*z' --rest-length 20",
+        "find --gravity inverse-square --set R=1e-300 --rest-length 20",
+        "find --family 100000",
+        *(f"find --spring table:{name}" for name in EXTREME if name.endswith(".csv")),
+        *(f"find --machine {name}" for name in EXTREME if name.endswith(".toml")),
+    ],
+)
+def test_what_is_extreme_ends_in_a_result_or_a_reason(line, orbits, tmp_path, monkeypatch):
+    """Numbers that are numbers, but no machine's: one document, no warnings, nothing internal."""
+    monkeypatch.chdir(tmp_path)
+    for name, content in EXTREME.items():
+        (tmp_path / name).write_text(content)
+    done = orbits(line + " --json")
+    assert "Traceback" not in done.err
+    assert "internal error" not in done.err
+    assert "Warning" not in done.err
+    assert "no place in a result" not in done.err
+    assert done.code in (0, 1, 2)
+    assert ("alpha" in done.document) != ("error" in done.document and "exit_code" in done.document)
+
+
+def test_help_and_version(orbits):
+    for line in ("--help", "-h", "find --help"):
+        done = orbits(line)
+        assert (done.code, done.err) == (0, "")
+        assert "Usage: orbits" in done.out
+    assert "version" in orbits("--version").out
+    assert "table:FILE" in orbits("find --help").out
+
+
+@pytest.mark.parametrize(
+    "option", ["--plot nowhere/hop.png", "--animate hop.webm", "--save nowhere/hop.json", "--plot hop"]
+)
+def test_a_file_that_cannot_be_written_is_refused_before_the_search(orbits, option):
+    result = orbits(f"find --family 400 --spring cubic --json {option}")
+    assert result.code == 2
+    assert "cannot be written" in result.err
+
+
+class TestFollow:
+    def test_the_json_document(self, orbits):
+        result = orbits("follow --spring cubic --along beta --from 0 --to 2 --at 0.5,1 --json")
+        assert result.code == 0
+        document = result.document
+        assert set(document) >= {"points", "events", "end", "along", "machine", "settings"}
+        by_value = {point["beta"]: point for point in document["points"]}
+        assert by_value[0.5]["alpha"] == pytest.approx(2.7218099551244222, rel=1e-12)
+        assert by_value[1.0]["alpha"] == pytest.approx(2.4464033594052791, rel=1e-12)
+        assert {"flight_time", "admissible", "error", "stable_side"} <= set(by_value[2.0])
+        assert [event["kind"] for event in document["events"]] == ["asked", "asked"]
+        assert document["end"]["kind"] == "reached"
+
+    def test_the_table_the_figure_and_the_files(self, orbits, tmp_path):
+        figure, points, table = tmp_path / "fold.png", tmp_path / "fold.jsonl", tmp_path / "fold.csv"
+        line = "follow --spring cubic --along beta --from 0 --to -0.02"
+        result = orbits(line, "--plot", figure, "--output", points, "--save", table)
+        assert result.code == 0
+        assert f"{'fold':<24}beta = -0.01069521491640" in result.out
+        assert figure.stat().st_size > 10_000
+        assert table.read_text().count("\n") == points.read_text().count('{"point"') + 1
+        again = orbits(line, "--resume", points)
+        assert again.code == 0
+        assert "escaped" in again.out
+
+    def test_a_parameter_of_the_machine(self, orbits):
+        result = orbits("follow --along mass_ratio --from 0.5 --to 2 --json")
+        assert {round(point["alpha"], 12) for point in result.document["points"]} == {4.493409457909}
+
+    def test_a_curve_that_is_lost_exits_with_1(self, orbits, tmp_path):
+        """With gravity the extension grows beyond the measured rows."""
+        rows = "extension_mm,force_N\n" + "\n".join(f"{mm},{8 * mm}" for mm in range(-150, 21))
+        (tmp_path / "bench.csv").write_text(rows)
+        si = "[si]\nbody_mass = 60.0\nfoot_mass = 3.0\nrest_length = 0.8\nsurface_gravity = 9.81\n"
+        (tmp_path / "rig.toml").write_text('spring = "table:bench.csv"\n' + si)
+        done = orbits("follow --along surface_gravity --to 60 --json --machine", tmp_path / "rig.toml")
+        assert done.code == 1
+        assert done.document["end"]["kind"] == "stuck"
+
+    def test_where_there_is_no_machine_any_more_the_family_ends(self, orbits):
+        done = orbits("follow --along mass_ratio --from 1 --to -1 --json")
+        assert done.code == 0
+        assert done.document["end"]["kind"] == "degenerate"
+        assert "there is no such machine any more" in done.document["end"]["reason"]
+
+    @pytest.mark.parametrize(
+        ("line", "code", "message"),
+        [
+            ("--spring cubic --along gamma --to 1", 2, "no parameter 'gamma'"),
+            ("--spring cubic --along beta --from 1 --to 1", 2, "no way between"),
+            ("--spring cubic --along beta --from 0 --to 1 --at a,b", 2, "not a list of numbers"),
+            ("--spring cubic --along beta --from 0 --to nan", 2, "not a finite number"),
+            ("--spring cubic --along beta --to 1 --longest 2", 2, "a step is a share"),
+            ("--spring cubic --along beta --to 1 --resume missing.jsonl", 2, "is not a saved family"),
+            ("--spring cubic --along beta --to 1 --plot no/fold.png", 2, "cannot be written"),
+            ("--spring cubic --along beta --from -1 --to 1", 1, "never reaches"),
+            ("--spring cubic", 2, "--along"),
+        ],
+    )
+    def test_bad_input_is_one_message_and_a_code(self, orbits, line, code, message):
+        result = orbits("follow " + line)
+        assert result.code == code
+        assert message in result.err
+        assert "Traceback" not in result.err
+
+
+class TestMap:
+    def test_the_json_document(self, orbits):
+        document = orbits("map --alpha 2:4.5:6 --json").document
+        assert set(document) == {"alpha", "next", "loss", "impacts", "status"}
+        assert document["alpha"] == pytest.approx([2.0, 2.5, 3.0, 3.5, 4.0, 4.5])
+        assert document["status"][0] == "rests"
+        assert document["next"][0] is None
+        assert document["next"][4] == pytest.approx(2.07360256000564579, rel=1e-14)
+        assert document["impacts"][4] == 2
+        assert document["loss"][5] == pytest.approx(0.043397976103492665, rel=1e-12)
+
+    def test_losses_and_injection(self, orbits):
+        plain, lifted = (orbits(f"map --alpha 4.6 --json {more}").document["next"][0] for more in ("", "--inject 0.05"))
+        assert lifted - plain == pytest.approx(0.05, rel=1e-12)
+        for more in ("--restitution 0.3", "--damping 0.02", "--drag 0.02"):
+            assert orbits(f"map --alpha 4.6 --json {more}").document["next"][0] != pytest.approx(plain, rel=1e-5)
+
+    def test_the_table_and_the_figure(self, orbits, tmp_path):
+        figure = tmp_path / "map.png"
+        result = orbits("map --alpha 4:5:3 --cobweb 4.6", "--plot", figure)
+        assert result.code == 0
+        assert result.out.splitlines()[1].split()[-1] == "lifts_off"
+        assert figure.stat().st_size > 10_000
+
+    @pytest.mark.parametrize(
+        ("line", "words"),
+        [
+            ("--alpha x", "neither a number nor a range"),
+            ("--alpha 1:2", "neither a number nor a range"),
+            ("--alpha 1:2:1", "neither a number nor a range"),
+            ("--alpha -1", "launch speeds are above 0"),
+            ("--alpha 1 --restitution 2", "restitution"),
+            ("--alpha 1 --damping -1", "damping"),
+            ("--alpha 1 --plot x.png", "needs a range"),
+            ("--alpha 5:1:4", "the range goes up, A < B"),
+            ("--alpha 3:3:4", "the range goes up, A < B"),
+            ("--alpha 3 --inject nan", "inject = nan is not a finite number"),
+            ("--alpha 3:4:9 --cobweb 3.5", "give --plot FILE too"),
+            ("--alpha 3:4:9 --plot x.png --cobweb -1", "a launch speed is above 0"),
+        ],
+    )
+    def test_bad_input(self, orbits, line, words):
+        result = orbits("map " + line)
+        assert result.code == 2
+        assert words in result.err
+
+
+class TestSimulate:
+    def test_the_json_document(self, orbits):
+        document = orbits("simulate --alpha 4.6 --hops 2 --json").document
+        assert document["status"] == "done"
+        assert document["launches"][1] == pytest.approx(4.3923267672622012726, rel=1e-14)
+        assert [event["kind"] for event in document["events"]] == [
+            "landing",
+            "lift-off",
+            "impact",
+            "landing",
+            "lift-off",
+        ]
+        assert document["events"][0]["loss"] == pytest.approx(1.8674655695919803751, rel=1e-12)
+
+    def test_the_table_and_the_figure(self, orbits, tmp_path):
+        figure = tmp_path / "run.png"
+        result = orbits("simulate --alpha 2 --time 30 --machine juggler", "--plot", figure)
+        assert result.code == 0
+        assert "done at time 30" in result.out
+        assert figure.stat().st_size > 10_000
+
+    def test_bad_input(self, orbits):
+        for line, words in (("--alpha 4", "needs hops or a time"), ("--alpha 0 --hops 1", "above 0")):
+            result = orbits("simulate " + line)
+            assert result.code == 2
+            assert words in result.err
+
+
+def test_the_help_names_the_shells_completion(orbits):
+    assert "_ORBITS_COMPLETE=bash_source" in orbits("--help").out

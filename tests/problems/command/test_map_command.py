@@ -1,0 +1,65 @@
+"""`orbits map --along`: what it prints and writes, and what it refuses."""
+
+import json
+
+import pytest
+
+ALONG = "map --alpha 4.5:4.6:40 --along inject --from 0.06 --to 0.075"
+
+
+@pytest.mark.slow
+def test_flips_are_located(orbits, tmp_path):
+    """Curve (d) of Fig. 8 of the paper."""
+    figure, rows = tmp_path / "flips.png", tmp_path / "flips.csv"
+    done = orbits(f"{ALONG} --json --attractor 5 --plot {figure} --save {rows}")
+    assert done.code == 0
+    (flip,) = (event for event in done.document["events"] if event["kind"] == "flip")
+    assert flip["inject"] == pytest.approx(0.071587384137, abs=2e-12)
+    assert {branch["period"] for branch in done.document["branches"]} == {1, 2}
+    assert figure.stat().st_size > 5000
+    assert rows.read_text().startswith("branch,period,inject,alpha")
+
+
+def test_a_branch_in_words_and_in_a_file(orbits, tmp_path):
+    path = tmp_path / "branch.json"
+    done = orbits(f"map --alpha 4.5:4.55:20 --along inject --from 0.04 --to 0.05 --attractor 0 --save {path}")
+    assert done.code == 0
+    assert "fixed points" in done.out
+    assert "inject = 0.05 is reached" in done.out
+    assert json.loads(path.read_text())["branches"][0]["stable"][0] is True
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("map --alpha 4.5 --along inject --from 0 --to 1", "a range --alpha A:B:N"),
+        ("map --alpha 4:5:9 --along inject --from 0", "--along needs --from V, --to W"),
+        ("map --alpha 4:5:9 --along inject --from 0 --to 1 --cobweb 4.5", "has no --cobweb"),
+        ("map --alpha 4:5:9 --along inject --from 0 --to 1 --all", "has no --cobweb or --all"),
+        ("map --alpha 4:5:9 --from 0", "go with --along"),
+        ("map --alpha 4:5:9 --save x.json", "go with --along"),
+        ("map --alpha 4:5:9 --along speed --from 0 --to 1", "has a parameter 'speed'"),
+        ("map --alpha 4:5:9 --along mass_ratio --from 1 --to 2", "every fixed point is a lossless hop"),
+        ("map --alpha 4:5:9 --along inject --from 1 --to 0", "a range goes up"),
+    ],
+)
+def test_bad_input_is_named(line, words, orbits):
+    done = orbits(line)
+    assert (done.code, done.out) == (2, "")
+    assert words in done.err
+
+
+@pytest.mark.parametrize("line", ["map --alpha 1e15 --json", "map --alpha 1e-300:1e300:5 --json"])
+def test_a_launch_too_fast_to_follow_is_lost(line, orbits):
+    done = orbits(line)
+    assert done.document["status"][-1] == "lost"
+    assert done.document["next"][-1] is None
+
+
+def test_a_map_of_many_launches_is_a_summary_unless_all_are_asked_for(orbits):
+    short, whole = orbits("map --alpha 3:12:300"), orbits("map --alpha 3:12:300 --all")
+    document = orbits("map --alpha 3:12:300 --json").document
+    assert len(short.out.splitlines()) < 20
+    assert f"{'rests':<24}{document['status'].count('rests')}\n" in short.out
+    assert len(whole.out.splitlines()) == 301
+    assert len(document["alpha"]) == 300

@@ -1,0 +1,113 @@
+"""Options that the commands share: machines in many words, and the display of progress."""
+
+import numpy as np
+import pytest
+
+from orbits import find
+from problems import hopper_in_si
+
+ALPHA = 4.493409457909064  # tan(alpha) = alpha, eq. (12) of the paper
+DUFFING = 2.936459188494196478  # tests/data/orbits.json: r + 0.3 r**3
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "find --spring cubic --set beta=0.3",
+        "find --spring cubic",
+        "find --spring 'beta*r**3 + r' --set ' beta = 3e-1 '",
+        "find --spring 'potential:r**2/2 + beta*r**4/4' --set beta=0.3",
+        "find --spring 'r + 0.3*r**3' --gravity constant --rest-length 50",
+        "find --spring quintic --set beta=0.3 --set delta=0",
+    ],
+)
+def test_one_spring_in_many_words(line, orbits):
+    done = orbits(line + " --json")
+    assert (done.code, done.err) == (0, "")
+    assert done.document["alpha"] == pytest.approx(DUFFING, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("line", "parameters"),
+    [
+        ("--spring tanh --set b=0.3", {"b": 0.3}),
+        ("--spring end-stops --set stop=30", {"gap": 3.0, "stop": 30.0}),
+        ("--spring toda", {"b": 0.2}),
+        ("--gravity inverse-square --set R=150 --rest-length 20", {"R": 150.0}),
+        ("--gravity inverse_square --rest-length 20", {"R": 1000.0}),
+        (
+            "--spring cubic --gravity linear --set kappa=0.002 --set beta=0.1 --rest-length 20",
+            {"beta": 0.1, "kappa": 0.002},
+        ),
+    ],
+)
+def test_named_laws_keep_their_other_defaults(line, parameters, orbits):
+    done = orbits(f"find {line} --json")
+    assert done.code == 0
+    assert done.document["parameters"] == parameters
+
+
+def test_a_named_gravity_is_its_formula(orbits):
+    named = orbits("find --gravity inverse-square --set R=150 --rest-length 20 --json")
+    formula = orbits("find --gravity '1/(1 + z/R)**2' --set R=150 --rest-length 20 --json")
+    assert named.answer == formula.answer
+    assert named.document["alpha"] == pytest.approx(3.8408905380050934918, rel=1e-12)  # tests/data/orbits.json
+
+
+@pytest.mark.parametrize("name", ["self", "text", "alpha", "p", "q", "M", "z"])
+def test_any_name_serves_a_formula(name, orbits):
+    done = orbits(f"find --json --spring 'r + {name}*r**3' --set {name}=0.3")
+    assert (done.code, done.err) == (0, "")
+    assert done.document["parameters"] == {name: 0.3}
+    assert done.document["alpha"] == pytest.approx(DUFFING, rel=1e-12)
+
+
+def test_a_measured_spring(orbits, tmp_path):
+    """A table of a straight line in rows of any order is that line."""
+    path = tmp_path / "bench.csv"
+    rows = [f"{r},{r}" for r in np.random.default_rng(3).permutation(np.linspace(-15, 15, 31))]
+    path.write_text("\n".join(["extension,force", *rows]), encoding="utf-8")
+    done = orbits("find --json --spring", f"table:{path}")
+    assert done.code == 0
+    assert done.document["alpha"] == pytest.approx(ALPHA, rel=1e-12)
+    assert done.document["spring"] == "table:bench.csv"
+
+
+@pytest.mark.parametrize(
+    ("options", "changed"),
+    [
+        ("--set body_mass=70 --set stiffness=9000", {"body_mass": 70.0, "stiffness": 9000.0}),
+        ("--rest-length 0.9", {"rest_length": 0.9}),
+        ("--rest-length 0.9 --set surface_gravity=3.7", {"rest_length": 0.9, "surface_gravity": 3.7}),
+        ("--set body_radius=250", {"body_radius": 250.0}),
+    ],
+)
+def test_numbers_of_a_machine_in_si_are_parameters(options, changed, orbits, tmp_path):
+    stated = {"body_mass": 60.0, "foot_mass": 3.0, "stiffness": 8000.0, "rest_length": 0.8}
+    path = tmp_path / "leg.toml"
+    path.write_text("[si]\n" + "".join(f"{name} = {value}\n" for name, value in stated.items()))
+    done = orbits(f"find --json {options} --machine", path)
+    assert done.code == 0
+    assert done.document["alpha"] == find(hopper_in_si(**stated | changed)).alpha
+    refused = orbits("find --mass-ratio 2 --machine", path)
+    assert (refused.code, "state lengths and masses in [si]" in refused.err) == (2, True)
+
+
+def test_the_progress_display_shows_on_a_terminal_and_clears_itself(monkeypatch):
+    import io
+    import time
+
+    from problems.command.options import progress
+
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    terminal = Terminal()
+    monkeypatch.setattr("sys.stderr", terminal)
+    with progress() as report:
+        report(0.25)
+        time.sleep(1.3)
+    shown = terminal.getvalue()
+    assert "searching, 1 s, 25%" in shown
+    assert shown.endswith("\r" + " " * 40 + "\r")

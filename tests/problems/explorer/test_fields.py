@@ -1,0 +1,51 @@
+"""Fields of the page: what changes a scene, and what is no scene."""
+
+import pytest
+
+from orbits import InputError
+from orbits.errors import LONGEST_MESSAGE
+from problems.explorer.fields import changed
+from tests.problems.explorer.scenes import SCENES
+
+
+@pytest.mark.parametrize(
+    ("act", "told"),
+    [
+        ("number", {"name": "gamma", "value": 1.0}),
+        ("number", {"name": "beta", "value": "1"}),
+        ("number", {"name": "beta", "value": None}),
+        ("number", {"name": ["beta"], "value": 1.0}),
+        ("number", {"name": "beta", "value": float("nan")}),
+        ("spring", {"value": "table:/etc/passwd"}),
+        ("spring", {"value": 3}),
+        ("spring", {}),
+        ("gravity", {"value": "r"}),
+        ("machine", {"value": "rocket"}),
+        ("machine", {"value": "given"}),
+        ("family", {"value": "1"}),
+        ("family", {"value": 0}),
+        ("family", {"value": True}),
+        ("rows", {"name": 1, "text": "x"}),
+        ("rows", {"name": "x", "text": None}),
+        ("branch", {"value": "loading"}),
+        ("launch", {"value": -1.0}),
+        ("along", {"value": "__class__.x"}),
+        ("__class__", {}),
+        ("x" * 10_000, {}),
+    ],
+    ids=lambda value: str(value)[:40],
+)
+def test_fields_take_nothing_that_is_no_scene(act, told):
+    with pytest.raises(InputError) as error:
+        changed(SCENES["cubic"], act, told).build()
+    assert len(str(error.value)) <= LONGEST_MESSAGE
+
+
+def test_a_formula_brings_its_parameters_and_takes_the_old_ones_away():
+    scene = changed(SCENES["cubic"], "spring", {"value": "r + beta*r**3 + delta*r**5"})
+    assert scene.numbers == {"mass_ratio": 1.0, "rest_length": 8.0, "beta": 0.3, "delta": 0.1}
+    scene = changed(scene, "spring", {"value": "tanh"})
+    assert scene.numbers == {"mass_ratio": 1.0, "rest_length": 8.0, "b": 0.2}
+    assert scene.along == ""
+    scene = changed(changed(scene, "floating", {"value": True}), "gravity", {"value": "inverse_square"})
+    assert scene.numbers["rest_length"] == 8.0  # gravity that varies with height asks for one

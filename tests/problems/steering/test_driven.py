@@ -1,0 +1,159 @@
+"""Driven machines: the motion with its machine, after its file, and animated."""
+
+import json
+from dataclasses import fields
+
+import numpy as np
+import pytest
+from conftest import DAMPED_LEG
+from scipy.integrate import trapezoid
+
+from orbits import Control, InputError
+from orbits.simulation.simulated import Simulation
+from problems import Actuated, Driven, Hopper, Juggler, steering
+from problems.laws import springs
+from problems.steering.driven import WithMovedEnd
+
+C = 0.01
+
+
+def test_a_driven_motion_is_a_control_with_its_machine(driven_hopper, started_hopper):
+    assert isinstance(driven_hopper, Control)
+    assert driven_hopper.source == Hopper(damping=C)
+    assert driven_hopper.states == ("y1", "y1'", "y2", "y2'", "u")
+    assert driven_hopper.periodic
+    assert not started_hopper.periodic
+    assert driven_hopper.launch == pytest.approx(driven_hopper(0.0)[1])
+    assert started_hopper.launch is None
+    t = np.linspace(0, driven_hopper.end, 50)
+    assert driven_hopper(t).shape == (50, 5)
+    flight, contact = driven_hopper.legs
+    assert np.array_equal(driven_hopper(3.0), flight.path(3.0)[:5])
+    standing = contact.path(2.0)
+    assert np.array_equal(driven_hopper(flight.duration + 2.0), [standing[0], standing[1], 0, 0, standing[2]])
+    assert driven_hopper.motion.in_contact([1.0, 10.0]).tolist() == [False, True]
+    with pytest.raises(InputError, match="times lie between 0 and"):
+        driven_hopper(driven_hopper.end + 1)
+
+
+def test_the_table_tells_the_work(driven_hopper, started_hopper):
+    """The integral of the power is the actuator's work, and the running cost of the effort ends at it."""
+    for one in (driven_hopper, started_hopper):
+        machine, t = one.source, np.linspace(0, one.end, 40001)
+        table = one.table(t)
+        assert trapezoid(table["power"], t) == pytest.approx(steering.work(machine, one)[0], rel=1e-3)
+        assert table["running cost"][-1] == pytest.approx(one.cost, rel=1e-12)
+        assert trapezoid(table["w"] ** 2, t) == pytest.approx(one.cost, rel=1e-3)
+    assert list(driven_hopper.table()) == ["time", "stage", "y1", "y1'", "y2", "y2'", "u", "w", "running cost", "power"]
+
+
+def test_si(driven_leg, tmp_path):
+    bare, units = driven_leg.dimensionless(), DAMPED_LEG.units
+    assert bare.source == DAMPED_LEG.dimensionless()
+    speed = units.length / units.time
+    assert driven_leg.launch == pytest.approx(bare.launch * speed, rel=1e-13)
+    size = [units.length, speed, units.length, speed, units.length]
+    t = np.linspace(0, bare.end, 30)
+    assert driven_leg(np.minimum(t * units.time, driven_leg.end)) == pytest.approx(bare(t) * size, abs=1e-12)
+    assert driven_leg.power(t[3] * units.time) == pytest.approx(bare.power(t[3]) * units.energy / units.time, rel=1e-9)
+    for wrong in ("a", None, -0.1, driven_leg.end + 0.1):
+        with pytest.raises(InputError, match=r"times lie between 0 and .* s$"):
+            driven_leg.power(wrong)
+    head = driven_leg.save(tmp_path / "leg.csv").read_text().splitlines()[0]
+    assert head == ("time (s),stage,y1 (m),y1' (m/s),y2 (m),y2' (m/s),u (m),w (m/s),running cost (m^2/s),power (W)")
+    off, bare_off = driven_leg.simulate(2, damping=5.5), bare.simulate(2, damping=5.5 / 5.0 * bare.source.damping)
+    assert off.launch_errors == pytest.approx(bare_off.launch_errors * speed, abs=1e-9)
+    assert off.delays == pytest.approx(bare_off.delays * units.time, abs=1e-9)
+    assert "launch speed (m/s)" in str(off)
+
+
+@pytest.mark.parametrize("name", ["driven_hopper", "started_hopper", "driven_leg"], ids=["kept", "started", "leg"])
+def test_files(name, tmp_path, request):
+    """Motion and machine come back to the last bit, and can be used."""
+    driven = request.getfixturevalue(name)
+    again = Driven.load(driven.save(tmp_path / "driven.json"))
+    assert again.save(tmp_path / "again.json").read_bytes() == (tmp_path / "driven.json").read_bytes()
+    assert again.source == driven.source
+    t = np.linspace(0, driven.end, 33)
+    assert np.array_equal(again(t), driven(t))
+    assert np.array_equal(again.dimensionless().inputs_at(0.1), driven.dimensionless().inputs_at(0.1))
+    one, other = (each.simulate(1) for each in (again, driven))
+    assert np.array_equal(one.run.launches, other.run.launches)
+    assert np.array_equal(Control.load(tmp_path / "driven.json").legs[0].path(0.1), driven.legs[0].path(0.1))
+
+
+def test_a_machine_that_no_file_states_is_given(tmp_path):
+    machine = Hopper(springs.function(lambda r, b: r + b * r**3, b=0.01))
+    driven = steering.recover(machine, 0.05, intervals=14)
+    path = driven.save(tmp_path / "driven.json")
+    with pytest.raises(InputError, match=r"does not hold its machine.*load\(path, machine\)"):
+        Driven.load(path)
+    again = Driven.load(path, machine)
+    assert np.array_equal(again(1.0), driven(1.0))
+    with pytest.raises(InputError, match="it is of another machine"):
+        Driven.load(path, Hopper())
+
+
+@pytest.mark.usefixtures("any_digest")
+@pytest.mark.parametrize(
+    ("damage", "words"),
+    [
+        ({"statement": {"spring": "table:/etc/passwd"}}, "in another file, which is not read"),
+        ({"statement": {"spring": "__import__('os')"}}, "the machine"),
+        ({"statement": {"spring": "r + r**3"}}, "it is of another machine"),
+        ({"statement": {"sprung": "r"}}, "unknown key 'sprung'"),
+        ({"statement": {"parameters": 3}}, "parameters"),
+        ({"statement": 3}, "statement = 3; it is a table"),
+        ({"machine": {}}, "it is of another machine"),
+    ],
+)
+def test_a_damaged_file_is_refused(driven_hopper, tmp_path, damage, words):
+    document = json.loads(driven_hopper.save(tmp_path / "driven.json").read_text())
+    (tmp_path / "driven.json").write_text(json.dumps(document | damage))
+    with pytest.raises(InputError, match=words) as error:
+        Driven.load(tmp_path / "driven.json")
+    assert "is not a saved motion of a driven machine" in str(error.value)
+
+
+@pytest.mark.usefixtures("any_digest")
+def test_stages_of_another_machine_are_refused(driven_hopper, driven_leg, tmp_path):
+    document = json.loads(driven_hopper.save(tmp_path / "driven.json").read_text())
+    other = json.loads(driven_leg.save(tmp_path / "leg.json").read_text())
+    named = json.loads((tmp_path / "driven.json").read_text().replace('"flight"', '"fall"'))
+    for mixed, words in (
+        ({**document, "machine": other["machine"], "statement": other["statement"]}, "units do not fit its machine"),
+        (named, "its stage 'fall' is none of its machine's"),
+    ):
+        (tmp_path / "mixed.json").write_text(json.dumps(mixed))
+        with pytest.raises(InputError, match=words):
+            Driven.load(tmp_path / "mixed.json")
+
+
+def test_a_juggler(tmp_path):
+    driven = steering.start_up(Juggler(), 2)
+    assert isinstance(driven.motion, Simulation)
+    assert driven.simulate(2).run.launches == pytest.approx(driven.parameters["aim"], abs=1e-7)
+    again = Driven.load(driven.save(tmp_path / "juggler.json"))
+    assert again.source == Juggler()
+    assert isinstance(again.actuated, Actuated)
+
+
+@pytest.mark.parametrize("machine", [Hopper(rest_length=9.0), Juggler(rest_length=20.0)], ids=repr)
+def test_an_animation_shows_the_end_that_moves(machine):
+    """The spring is drawn from there, as long as its force says."""
+    driven = steering.recover(machine, 0.1, intervals=14)
+    motion = driven.motion
+    shown = WithMovedEnd(**{each.name: getattr(motion, each.name) for each in fields(motion)})
+    ((end, above),) = shown.springs
+    states = driven(np.linspace(0, driven.end, 20))
+    drawn = shown.heights[above](states) - shown.heights[end](states)
+    extension = driven.actuated.model.extension(states) - states[:, -1]
+    assert drawn == pytest.approx(machine.rest_length + extension, abs=1e-12)
+    assert np.abs(states[:, -1]).max() > 1e-3
+
+
+def test_an_animation(driven_leg, tmp_path):
+    from PIL import Image
+
+    with Image.open(driven_leg.animate(tmp_path / "leg.gif", frames=4)) as picture:
+        assert picture.n_frames == 4

@@ -1,0 +1,129 @@
+"""Fixed points, preimages and basins of the map: none missed, each told apart from a jump."""
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from orbits import InputError, NoOrbit, ReturnMap, find
+from orbits.return_map.resolved_map import within
+from problems import Hopper, Juggler
+
+
+@pytest.mark.parametrize(
+    ("machine", "low", "high"),
+    [
+        (Hopper("cubic", mass_ratio=10.0, parameters={"beta": -0.0104}), 4.0, 7.0),
+        (Hopper("r + 0.1*r**3"), 1.0, 9.0),
+        pytest.param(Juggler("tanh(0.15*r)/0.15"), 1.0, 9.0, marks=pytest.mark.slow),
+    ],
+)  # fmt: skip
+def test_every_lossless_hop_under_constant_gravity(machine, low, high):
+    """Beside those of `find` the upper ones of a family that folds; a hop from each comes back."""
+    step = ReturnMap(machine)
+    found = np.array([point.alpha for point in step.fixed_points(low, high)])
+    np.testing.assert_allclose(step(found).next, found, rtol=1e-13)
+    lowest = []
+    for family in range(1, 8):
+        try:
+            orbit = find(machine, family)
+        except NoOrbit:
+            continue
+        if low <= orbit.alpha <= high and orbit.admissible:
+            lowest.append(orbit.alpha)
+    for alpha in lowest:
+        assert np.abs(found - alpha).min() < 1e-13 * alpha
+    if machine.mass_ratio == 10:
+        assert found[1] == pytest.approx(6.254359638621062, rel=1e-13)
+
+
+def test_under_varying_gravity_those_of_find():
+    machine = Hopper("r", "1/(1 + z/R)**2", rest_length=12.0, parameters={"R": 200.0})
+    found = ReturnMap(machine).fixed_points(1.0, 9.0)
+    assert [point.alpha for point in found] == [find(machine, n).alpha for n in (1, 2)]
+
+
+@pytest.mark.parametrize(
+    ("e", "inject", "root", "width", "samples"),
+    [
+        pytest.param(0.9, 0.3, 4.645714373490958, 0.01, 11, marks=pytest.mark.slow),
+        (0.8, 1.0, 4.8020163721065, 0.01, 11),
+        (0.8, 1.5, 5.6082259848818, 0.02, 21), (0.5, 1.5, 4.3758465565328, 0.05, 11),
+    ],
+)  # fmt: skip
+def test_crossings_with_restitution(e, inject, root, width, samples):
+    """Also where the number of impacts changes beside them, and where two lie between neighbours of the grid."""
+    found = ReturnMap(Hopper(restitution=e), inject=inject).fixed_points(root - width, root + width, samples)
+    assert np.abs([point.alpha - root for point in found]).min() < 1e-10
+    step = ReturnMap(Hopper(restitution=e), inject=inject)
+    for point in found:
+        assert float(step(point.alpha).next) == pytest.approx(point.alpha, abs=1e-6)
+
+
+def test_preimages_are_all_there():
+    """Both flanks of all three peaks, however narrow the interval; their ends map onto its ends."""
+    step = ReturnMap(Hopper())
+    found = np.array(step.preimages([(4.4, 4.4001)], 3.0, 12.0))
+    assert found.shape == (6, 2)
+    assert np.sort(step(found).next, axis=1) == pytest.approx(np.tile([4.4, 4.4001], (6, 1)), abs=1e-12)
+    alpha = np.linspace(3.0, 12.0, 20001)
+    wide = step.preimages([(1.0, 2.0), (4.0, 4.2)], 3.0, 12.0)
+    following = step(alpha).next
+    inside = ((following >= 1) & (following <= 2)) | ((following >= 4) & (following <= 4.2))
+    np.testing.assert_array_equal(within(alpha, wide), inside)
+
+
+@pytest.mark.parametrize("machine", [Hopper(), pytest.param(Hopper(mass_ratio=2.0), marks=pytest.mark.slow)])
+def test_the_basin_is_what_comes_to_a_lossless_hop(machine):
+    step, high = ReturnMap(machine), 5.6
+    shares: list[float] = []
+    basin = step.basin(4.5, high, progress=shares.append)
+    assert shares[0] == 0.0  # while the grid is refined
+    assert shares == sorted(shares)
+    stars = [point.alpha for point in step.fixed_points(1.0, high)]
+    start = np.random.default_rng(3).uniform(4.5, high, 300)
+    alpha = start.copy()
+    for _ in range(400):
+        alpha = np.where(np.isfinite(alpha), alpha, 1e-3)
+        alpha = step(alpha).next
+    # launches come down to a lossless one like (3/(C n))^3; all others rest
+    comes = np.array([np.abs(np.array(stars) - a).min() < 1e-3 if np.isfinite(a) else False for a in alpha])
+    np.testing.assert_array_equal(comes, within(start, basin))
+    inside = np.concatenate([np.linspace(a, b, 5)[1:-1] for a, b in basin[:20]])
+    for _ in range(400):
+        inside = step(inside).next
+        assert np.isfinite(inside).all()
+
+
+def test_the_map_is_broken_only_where_it_jumps():
+    """With restitution the number of impacts changes all the time and the map does not; light feet make it jump."""
+
+    def gaps(machine, low, high):
+        axes = ReturnMap(machine).plot(low, high, Figure().subplots(), samples=400, fixed_points=False)
+        y = axes.lines[1].get_ydata()
+        return int(np.isnan(y[1:-1] * y[:-2] * 0 + y[2:] * 0)[np.isfinite(y[:-2]) & np.isfinite(y[2:])].sum())
+
+    assert gaps(Hopper(restitution=0.3), 4.2, 5.4) == 0
+    step = ReturnMap(Hopper(mass_ratio=50.0))
+    alpha = np.linspace(3.0, 9.0, 2000)
+    hops = step(alpha)
+    for i in step.jumps(hops):
+        a, b = alpha[i], alpha[i + 1]
+        fine = step(np.linspace(a, b, 200)).next
+        assert np.abs(np.diff(np.nan_to_num(fine))).max() > 0.3 * abs(np.nan_to_num(fine[-1]) - np.nan_to_num(fine[0]))
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda step: step.fixed_points("a", 3), "low = 'a' is not a finite number"),
+        (lambda step: step.fixed_points(3, 2), "0 < low < high"),
+        (lambda step: ReturnMap(Hopper(), inject=0.1).fixed_points(2, 3, samples=0), "samples = 0; it is a"),
+        (lambda step: step.preimages([(4.0, 4.1)], 12, 3), "0 < low < high"),
+        (lambda step: step.preimages([(4.1, 4.0)], 3, 12), "the launch speeds of an interval"),
+        (lambda step: ReturnMap(Hopper(), inject=0.1).basin(3, 5), "no hop is lossless"),
+        (lambda step: ReturnMap(Hopper(damping=0.1)).basin(3, 5), "no hop is lossless"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_meant(call, words):
+    with pytest.raises(InputError, match=words):
+        call(ReturnMap(Hopper()))

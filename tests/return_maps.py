@@ -1,0 +1,35 @@
+"""Shared by the tests of return maps: maps in closed form, and the diagram of the paper's map."""
+
+from functools import cache
+from types import SimpleNamespace
+
+import numpy as np
+
+from orbits import bifurcations
+from orbits.return_map.cycles import MapsAlong
+from problems import Hopper
+
+
+class KnownMaps(MapsAlong):
+    """Maps in closed form in place of a machine's: next(a, value), slope(a, value), impacts(a), where they jump."""
+
+    def __init__(self, low, high, following, slope, impacts=lambda a: np.ones(len(a), int), jump=None):
+        self.name, self.low, self.high = "value", low, high
+        self.following, self.slope, self.count, self.jump = following, slope, impacts, jump
+
+    def hops(self, alpha, value):
+        return SimpleNamespace(next=self.following(np.asarray(alpha), value), impacts=self.count(np.asarray(alpha)))
+
+    def multiplier(self, launches, value):
+        return float(np.prod([self.slope(a, value) for a in launches]))
+
+    def jumps_between(self, alphas, value, samples=33):
+        return self.jump is not None and alphas[0] < self.jump < alphas[1]
+
+    def status(self, alpha, value):
+        return "lifts_off" if np.isfinite(self.following(np.array([alpha]), value)[0]) else "rests"
+
+
+@cache
+def of_the_paper():
+    return bifurcations(Hopper(), "inject", (0.0, 0.12), (4.4, 4.7), sections=3, attractor=6)

@@ -1,0 +1,56 @@
+"""The time that a computation may take."""
+
+import time
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from orbits import InputError, NoOrbit, find, find_all, follow, sweep, time_limit
+from problems import Hopper
+
+
+class TestTimeLimit:
+    """A force that bends where it vanishes is followed step by step, for minutes."""
+
+    SLOW = Hopper("abs(r)")
+
+    @pytest.mark.parametrize("search", [find, find_all])
+    def test_what_takes_longer_is_ended(self, search):
+        began = time.monotonic()
+        with pytest.raises(NoOrbit, match=r"it takes more than 0.5 s: allow it more by its limit"):
+            search(self.SLOW, limit=0.5)
+        assert time.monotonic() - began < 20
+
+    def test_a_block_limits_all_that_is_computed_in_it(self, monkeypatch):
+        """Beyond the 30 s that a search has without one, too; a family is handed back as far as it was followed."""
+        with pytest.raises(NoOrbit, match=r"it takes more than 0.3 s.*nothing is kept"), time_limit(0.3):
+            sweep(Hopper("abs(r) + b*r", parameters={"b": 0.1}), {"b": [0.1, 0.2]}, progress=False)
+        late = SimpleNamespace(monotonic=lambda: np.inf)
+        with time_limit(60.0):
+            family = follow(
+                Hopper("cubic", rest_length=9.0), "beta", 0.4,
+                progress=lambda share: share > 0.3 and monkeypatch.setattr("orbits.running.time_limit.time", late),
+            )  # fmt: skip
+        assert family.end.kind == "interrupted"
+        assert "it takes more than 60 s" in family.end.reason
+        assert 0.33 < family[-1].value < 0.36
+        monkeypatch.undo()
+        whole = follow(Hopper("cubic", rest_length=9.0), "beta", 0.4, resume=family)
+        assert whole.end.kind == "reached"
+        with pytest.raises(InputError, match="limit = -1"), time_limit(-1):
+            pass
+
+    def test_the_next_search_has_its_own(self):
+        with pytest.raises(NoOrbit, match="it takes more than"):
+            find(self.SLOW, limit=0.1)
+        assert find(Hopper(), limit=20).admissible
+
+    def test_an_inner_limit_gives_no_time_beyond_the_outer_one(self):
+        with pytest.raises(NoOrbit, match=r"more than 0.1 s"), time_limit(0.1):
+            find(self.SLOW, limit=100)
+
+    @pytest.mark.parametrize("limit", [0, -1.0, True, "1", float("nan")])
+    def test_no_time(self, limit):
+        with pytest.raises(InputError, match="it is a number of seconds above 0"):
+            find(self.SLOW, limit=limit)

@@ -1,0 +1,154 @@
+"""Bounds on the error of launch speeds, against references and 30-digit arithmetic."""
+
+import mpmath
+import pytest
+from conftest import REFERENCES, machine_of, name_of, slow_after
+from scipy.integrate import solve_ivp
+from thirty_digits import exact_alpha
+
+from orbits import NoOrbit, find
+from orbits.shooting import error_bound
+from orbits.shooting.formulations import METHODS
+from problems import Hopper
+
+mpmath.mp.dps = 30
+
+
+@pytest.mark.parametrize("method", [None, *METHODS])
+@pytest.mark.parametrize("reference", REFERENCES, ids=name_of)
+def test_error_bound_on_the_references(reference, method):
+    """Never smaller than the true error, never more than 100 times larger unless below 1e-14; a longer way than the
+    scene needs rounds more, and may have 3e-14."""
+    simplest = method is None
+    if method in ("closed form", "relative") and reference["gravity"] != "1":
+        method = "half orbit"
+    if method == "closed form" and reference["spring"] != "r":
+        method = "relative"
+    orbit = find(machine_of(reference), reference["family"], method=method)
+    true = abs(float(mpmath.mpf(reference["alpha"]) - mpmath.mpf(orbit.alpha)))
+    assert true <= orbit.error
+    assert orbit.error <= max(100 * true, 1e-14 if simplest else 3e-14)
+
+
+@pytest.mark.parametrize(
+    ("b", "R", "M", "length", "family"),
+    slow_after(
+        4,
+        [
+            (0.01, None, 1.0, 20.0, 1),
+            (3.0, None, 0.2, 20.0, 2),
+            (-0.008, None, 1.0, 40.0, 1),
+            (0.1, 40.0, 1.0, 15.0, 1),
+            (0.3, None, 1.0, 20.0, 5),
+            (1.0, 25.0, 3.0, 9.0, 2),
+            (0.05, 500.0, 0.1, 40.0, 3),
+        ],
+    ),
+)
+@pytest.mark.parametrize("method", [None, pytest.param("shooting", marks=pytest.mark.slow)])
+def test_error_bound_against_30_digits(b, R, M, length, family, method):
+    law = "1/(1 + z/R)**2" if R else "1"
+    parameters = {"b": b, "R": R} if R else {"b": b}
+    orbit = find(Hopper("r + b*r**3", law, M, length, parameters=parameters), family, method=method)
+    true = abs(exact_alpha(orbit, b, R, M, length) - mpmath.mpf(orbit.alpha))
+    assert float(true) <= orbit.error
+    assert orbit.error < 1e-12
+
+
+def duffing_alpha(b, family, start):
+    """The launch speed of r + b r**3 under constant gravity to 25 digits, by quadrature of its half oscillations."""
+    b = mpmath.mpf(b)
+    rho = mpmath.findroot(lambda r: r + b * r**3 - 1, 0.8)
+
+    def excess(alpha):
+        energy = alpha**2 / 2 + rho**2 / 2 + b * rho**4 / 4
+        square = (mpmath.sqrt(1 + 4 * b * energy) - 1) / b
+        rate = lambda s: 1 / mpmath.sqrt(1 + b * square * (1 + mpmath.sin(s) ** 2) / 2)  # noqa: E731
+        first = mpmath.quad(rate, [mpmath.asin(rho / mpmath.sqrt(square)), mpmath.pi / 2])
+        return first + 2 * family * mpmath.quad(rate, [0, mpmath.pi / 2]) - alpha
+
+    return mpmath.findroot(excess, start, tol=1e-25)
+
+
+@pytest.mark.parametrize("method", ["relative", "half orbit"])
+@pytest.mark.parametrize(
+    ("b", "family"), [(0.1, 10), (0.1, 100), (3.0, 40), (50.0, 1), (50.0, 10), (1e4, 3), (0.1, 300)]
+)
+def test_error_bound_of_stiff_springs_and_high_families(b, family, method):
+    orbit = find(Hopper("cubic", parameters={"beta": b}, rest_length=3000.0), family, method=method)
+    true = abs(float(duffing_alpha(b, family, orbit.alpha) - mpmath.mpf(orbit.alpha)))
+    assert true <= orbit.error
+    assert orbit.error < 1e-10 * orbit.alpha
+
+
+def _turn(powers, rho, alpha):
+    """r' and its derivative by alpha at the time alpha in 30 digits, r'' = -(r + c2 r**2 + ...), by Taylor steps."""
+    r, v, s, w, left = rho, alpha, mpmath.mpf(0), mpmath.mpf(1), alpha
+
+    def product(a, b):
+        return mpmath.fsum(x * y for x, y in zip(a, reversed(b), strict=True))
+
+    while left > 0:
+        rs, vs, ss, ws, force, slope = [r], [v], [s], [w], [], []
+        chain = [[] for _ in powers]  # the powers of r, from 0
+        for k in range(30):
+            for i, row in enumerate(chain):
+                row.append(mpmath.mpf(k == 0) if i == 0 else product(chain[i - 1], rs))
+            force.append(mpmath.fsum(c * product(row, rs) for c, row in zip(powers, chain, strict=True)))
+            slope.append(
+                mpmath.fsum((i + 1) * c * row[k] for i, (c, row) in enumerate(zip(powers, chain, strict=True)))
+            )
+            for row, rate in ((rs, vs[k]), (ss, ws[k]), (vs, -force[k]), (ws, -product(slope, ss[: k + 1]))):
+                row.append(rate / (k + 1))
+        step = min(left, (mpmath.mpf("1e-28") / max(map(abs, (rs[-1], vs[-1], ws[-1])))) ** (mpmath.mpf(1) / 30))
+        r, v, s, w = (mpmath.fsum(c * step**k for k, c in enumerate(row)) for row in (rs, vs, ss, ws))
+        left -= step
+    return v, w - mpmath.fsum(c * r ** (i + 1) for i, c in enumerate(powers))
+
+
+@pytest.mark.parametrize(
+    ("powers", "family"),
+    [
+        ((0.7643693446449379, 0.09008323639847042), 3),
+        ((0.8187501117012889, 0.1658202845056341, -0.005792147986670724), 2),
+        ((-0.14861987010119804, 0.018246038018433646, 0.016564753433755047, 0.0006058321236262336), 2),
+        ((0.30201729459173826, 0.24400462310693716), 3),
+    ],
+)
+@pytest.mark.slow
+def test_the_error_figure_covers_what_the_flow_makes_of_rounding(powers, family):
+    """Of some hundred random polynomial springs these come nearest to their figures, or were beyond half of them."""
+    names = {f"c{i}": c for i, c in enumerate(powers, start=2)}
+    orbit = find(
+        Hopper("r + " + " + ".join(f"c{i}*r**{i}" for i in range(2, 2 + len(powers))), parameters=names), family
+    )
+    exact = [mpmath.mpf(1), *map(mpmath.mpf, powers)]
+    force = lambda r: mpmath.fsum(c * r ** (i + 1) for i, c in enumerate(exact)) - 1  # noqa: E731
+    rho, alpha = mpmath.findroot(force, orbit.liftoff_extension), mpmath.mpf(orbit.alpha)
+    for _ in range(2):
+        value, slope = _turn(exact, rho, alpha)
+        alpha -= value / slope
+    assert abs(alpha - orbit.alpha) <= orbit.error
+
+
+@pytest.mark.parametrize("shift", [1e-12, 1e-4])
+def test_two_integrations_that_disagree(monkeypatch, shift):
+    """The error is twice the change of alpha that takes the shift of the speed in mid-flight back; a large one is
+    refused. The slope of that speed over alpha, at half the time of flight, alpha, is scipy's."""
+    machine = Hopper("cubic", parameters={"beta": 0.1})
+    orbit, step = find(machine), 1e-4
+
+    def middle(alpha):
+        field = lambda _, x: [x[1], -x[0] - 0.1 * x[0] ** 3]  # noqa: E731
+        start = [orbit.liftoff_extension, alpha]
+        return solve_ivp(field, (0.0, alpha), start, method="DOP853", rtol=1e-12, atol=1e-12).y[1, -1]
+
+    slope = (middle(orbit.alpha + step) - middle(orbit.alpha - step)) / (2 * step)
+    by_another_method = error_bound._end_by_another_method
+    monkeypatch.setattr(error_bound, "_end_by_another_method", lambda *motion: by_another_method(*motion) + shift)
+    error = 2 * shift / abs(slope)
+    if shift < 1e-9:
+        assert find(machine).error == pytest.approx(error, rel=1e-2)
+        return
+    with pytest.raises(NoOrbit, match=rf"launch speed 3.41\d* may be off by {error:.1e}"):
+        find(machine)

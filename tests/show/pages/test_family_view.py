@@ -1,0 +1,44 @@
+"""The figure of a family on a page: motions, events, its end, and the hop that is shown."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+from orbits import InputError
+
+pytest.importorskip("bokeh")
+
+from orbits.show.pages.family_view import FamilyFigure, family_data
+
+pytestmark = pytest.mark.extra("bokeh")
+
+
+def test_a_family_has_its_motions_events_and_end(folded_family):
+    data = family_data(folded_family)
+    known = dict(zip(data.events["kind"], data.events["value"].tolist(), strict=True))
+    assert known["fold"] == pytest.approx(-0.0106952149164040, rel=1e-9)  # the reference value
+    assert [kind for kind in known if kind.startswith("end")] == ["end: escaped"]
+    assert "end: escaped" in data.points["told"][-1]
+    assert "tends to" in data.points["told"][-1]
+    # Motions end where the contact collapses; there both lines meet.
+    collapse = data.value.tolist().index(known["collapse"])
+    assert np.isfinite(data.motions[: collapse + 1]).all()
+    assert np.isnan(data.motions[collapse + 1 :]).all()
+    assert np.isfinite(data.others[collapse:]).all()
+    assert data.points["quantity"].tolist() == [point.alpha for point, _ in folded_family.in_order()]
+    assert family_data(folded_family, "flight_time").labels == ("beta", "flight time")
+    with pytest.raises(InputError, match="no quantity 'weight'"):
+        family_data(folded_family, "weight")
+    assert pickle.loads(pickle.dumps(data)).labels == data.labels
+
+
+def test_a_familys_figure_marks_the_hop_that_is_shown(folded_family):
+    figure = FamilyFigure()
+    figure.show(family_data(folded_family))
+    figure.mark(0.0, folded_family[0].alpha)
+    ring = figure.figure.renderers[-1].data_source
+    assert ring.data == {"value": [0.0], "quantity": [folded_family[0].alpha]}
+    figure.show(family_data(folded_family, "flight_time"))
+    assert ring.data == {"value": [], "quantity": []}
+    assert figure.figure.yaxis[0].axis_label == "flight time"

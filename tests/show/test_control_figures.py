@@ -1,0 +1,32 @@
+"""The figures of motions that optimal control has found."""
+
+import numpy as np
+import pytest
+from carts import HALF
+from legibility import faults
+
+from orbits import InputError
+from orbits.show.plot import new_axes, new_row
+
+
+def test_the_figure(steered_relay):
+    axes = steered_relay.plot()
+    states, inputs = axes.figure.axes
+    assert states is axes
+    assert [text.get_text() for text in states.get_legend().get_texts()] == ["x", "v", "heat"]
+    assert [text.get_text() for text in inputs.get_legend().get_texts()] == ["f", "g"]
+    assert [text.get_text() for text in states.texts] == ["cart", "sled"]
+    curves = {line.get_label(): line.get_xydata() for line in states.lines}
+    heat = curves["heat"][np.isfinite(curves["heat"][:, 1])]
+    assert heat[0] == pytest.approx([HALF, 0], abs=1e-9)  # the cart has none
+    assert heat[-1] == pytest.approx([1, HALF], abs=1e-9)
+    assert inputs.get_xlabel() == "time"
+    assert not faults(axes.figure)
+
+
+def test_the_figure_in_a_row_of_others(steered_cart):
+    left, _ = new_row(2)
+    assert steered_cart.plot(left) is left
+    assert len(left.figure.axes) == 3
+    with pytest.raises(InputError, match="cannot be divided"):
+        steered_cart.plot(new_axes().inset_axes((0, 0, 1, 1)))

@@ -1,0 +1,87 @@
+"""Figures of sweeps and diagrams can be read: titles, names, units, legends that name what is drawn."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from legibility import faults, smallest_text
+
+from orbits import existence, sweep
+from problems import Hopper, hopper_in_si
+
+NOTEBOOK, SMALLEST = 400, 7.0  # pixels: the width of a figure in a narrow notebook, and its smallest type there
+HOPPER = Hopper("cubic", rest_length=9.0)
+LEG = hopper_in_si(60.0, 3.0, force="k*r + b*r**3", parameters={"k": 8000.0, "b": 2e6}, rest_length=0.8)
+THREE = {"k": (4000.0, 16000.0), "b": (1e6, 4e6), "body_mass": (40.0, 80.0)}
+FOUR = {**THREE, "b": (1e4, 4e6, "log"), "surface_gravity": (1.6, 10.0)}
+TWO = {"beta": (-0.02, 0.3), "mass_ratio": (0.1, 10.0, "log")}
+
+
+@cache
+def diagram(both_ways: bool):
+    return existence(Hopper("cubic"), "beta", (-0.02, 0.1), "rest_length", (6, 20), samples=9, both_ways=both_ways)
+
+
+FIGURES = {
+    "over one": lambda: sweep(HOPPER, {"beta": (-0.02, 1.0)}, 40, seed=1).plot(),
+    "over one, in SI": lambda: sweep(LEG, {"k": (4000.0, 16000.0)}, 40, seed=1).plot(),
+    "over one, families": lambda: sweep(HOPPER, {"beta": (-0.02, 1.0)}, 64, family=(1, 2, 3), seed=1).plot(),
+    "surface of points": lambda: sweep(HOPPER, TWO, 128, seed=1).plot(),
+    "surface on a grid": lambda: sweep(HOPPER, TWO, (12, 10), sampling="grid").plot(),
+    "matrix": lambda: sweep(LEG, THREE, 64, seed=1).plot(),
+    "matrix of four": lambda: sweep(LEG, FOUR, 64, seed=1).plot(),
+    "existence": lambda: diagram(False).plot(),
+    "existence, both ways": lambda: diagram(True).plot(),
+    "existence, coloured": lambda: diagram(True).plot("alpha"),
+}
+
+
+@pytest.mark.parametrize("kind", FIGURES)
+def test_figures_can_be_read(kind):
+    axes = FIGURES[kind]()
+    assert faults(axes.figure) == []
+    assert smallest_text(axes.figure, NOTEBOOK) >= SMALLEST
+    assert "hopper, family 1" in (axes.get_title() or axes.figure.get_suptitle())
+
+
+def names(axes) -> set[str]:
+    return {text.get_text() for text in axes.get_legend().get_texts()}
+
+
+def test_legends_name_only_what_is_there():
+    motions = {"beta": (0.1, 1.0)}
+    assert names(sweep(HOPPER, motions, 8, seed=1).plot()) == {"motions"}
+    assert sweep(HOPPER, motions | {"mass_ratio": (0.5, 2.0)}, 8, seed=1).plot().get_legend() is None
+    without = sweep(HOPPER, {"beta": (-0.02, -0.011)}, 8, seed=1)
+    assert set(without["status"]) == {"no orbit"}
+    assert names(without.plot()) == {"no orbits"}
+
+
+@pytest.mark.parametrize("both_ways", [False, True])
+def test_edges_are_lines(both_ways):
+    """Every edge of a diagram is one collection of lines, located or not, and nothing is marked by circles."""
+    axes = diagram(both_ways).plot()
+    assert axes.get_title() == "hopper, family 1\nspring r + beta*r**3"
+    assert len(axes.lines) == 0
+    edges = {"edge of the orbits", "edge of the motions"}
+    assert names(axes) == edges | {"motions", "no motions", "no orbits"}
+    assert edges == {each.get_label() for each in axes.collections if type(each).__name__ == "LineCollection"}
+    assert names(diagram(both_ways).plot("alpha")) == edges | {"no orbits"}
+
+
+@pytest.mark.parametrize(
+    "over",
+    [
+        {"beta": (-0.02, 0.1)},
+        {"beta": (-0.02, 0.1), "mass_ratio": (0.5, 2.0)},
+        {"beta": (0.0, 0.1), "mass_ratio": (0.5, 2.0), "rest_length": (6.0, 9.0)},
+    ],
+)
+@pytest.mark.parametrize("sampling", ["grid", "sobol"])
+def test_figures(over, sampling, tmp_path):
+    from orbits.show.plot import save_figure
+
+    found = sweep(Hopper("cubic", rest_length=8.0), over, 5 if sampling == "grid" else 30, sampling=sampling)
+    axes = found.plot("flight_time")
+    save_figure(np.ravel(axes)[0], tmp_path / "sweep.png")
+    assert (tmp_path / "sweep.png").stat().st_size > 5000

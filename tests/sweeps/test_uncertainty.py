@@ -1,0 +1,56 @@
+"""Uncertainties of a hop against closed forms and quadrature."""
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from orbits import InputError, find, sweep, uncertainty
+from problems import Hopper, hopper_in_si
+
+LEG = hopper_in_si(60.0, 3.0, stiffness=8000.0)
+
+
+def test_an_uncertain_spring():
+    answer = uncertainty(LEG, {"stiffness": norm(8000.0, 240.0)}, ["centre_of_mass_rise"], samples=512)
+    alpha = sweep(LEG, {"stiffness": [8000.0]})["alpha"][0]
+    # d(alpha)/alpha = -dk/(2k); the height goes as the square, so with -dk/k.
+    assert answer.linear["alpha"] == pytest.approx(alpha * 0.015, rel=1e-9)
+    assert answer.deviation["alpha"] == pytest.approx(answer.linear["alpha"], rel=0.02)
+    rise = answer.mean["centre_of_mass_rise"]
+    assert answer.linear["centre_of_mass_rise"] == pytest.approx(0.03 * rise, rel=0.01)
+    assert answer.quantiles["alpha"]["50%"] == pytest.approx(alpha, rel=1e-3)
+    spread = answer.quantiles["alpha"]["95%"] - answer.quantiles["alpha"]["5%"]
+    assert spread == pytest.approx(2 * 1.6449 * answer.deviation["alpha"], rel=0.02)
+    assert answer.share == 1.0
+    assert "deviation" in str(answer)
+
+
+def test_uncertainty_of_a_saturating_spring():
+    """alpha bends so much over b that the straight line misses its deviation, but not the sample: against Gauss's
+    quadrature over the same distribution."""
+    machine = Hopper("tanh", parameters={"b": 0.12})
+    found = uncertainty(machine, {"b": norm(0.12, 0.02)}, samples=4096)
+    nodes, weights = np.polynomial.hermite_e.hermegauss(16)
+    alphas = np.array([find(machine.with_values(b=0.12 + 0.02 * node)).alpha for node in nodes])
+    mean = weights @ alphas / weights.sum()
+    deviation = np.sqrt(weights @ (alphas - mean) ** 2 / weights.sum())
+    assert found.mean["alpha"] == pytest.approx(mean, rel=1e-5)
+    assert found.deviation["alpha"] == pytest.approx(deviation, rel=2e-3)
+    assert found.linear["alpha"] < 0.97 * deviation
+
+
+def test_members_that_are_no_motions_do_not_count():
+    found = uncertainty(Hopper("cubic", rest_length=8.0, parameters={"beta": 0.02}), {"beta": norm(0.02, 0.02)})
+    motions = found.sweep["status"] == "certified"
+    assert 0 < found.share == motions.mean() < 1
+    assert found.mean["alpha"] == pytest.approx(found.sweep["alpha"][motions].mean(), rel=1e-14)
+
+
+def test_what_uncertainty_refuses():
+    machine = Hopper("cubic", parameters={"beta": 0.1})
+    for over, options, text in (
+        ({"kk": norm(1, 1)}, {}, "no parameter 'kk'"),
+        ({"beta": norm(0.1, 0.01)}, {"samples": 1}, "samples = 1"),
+    ):
+        with pytest.raises(InputError, match=text):
+            uncertainty(machine, over, **options)

@@ -1,0 +1,39 @@
+"""Fast calls of functions, at one point and at many, against CasADi's own."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from orbits.symbolic.calls import BufferedFunction, ElementwiseFunction
+
+
+def test_functions_at_many_points():
+    x, p = ca.SX.sym("x", 3), ca.SX.sym("p", 2)
+    results = [
+        ca.vertcat(x[0] * ca.sin(p[1]), 2.0, ca.if_else(x[1] > 0, x[2] ** 2, ca.exp(x[1])), 0),
+        ca.SX(0, 1),
+        ca.vertcat(p[0], ca.fmin(x[0], x[1]), ca.atan2(x[0], x[1])),
+    ]
+    function = ca.Function("f", [x, p], results)
+    rng, rows = np.random.default_rng(3), ElementwiseFunction(function)
+    for count in (1, 2, 7, 100):
+        points, parameters = rng.normal(size=(count, 3)), rng.normal(size=(count, 2))
+        for given in (parameters, parameters[:1]):
+            found = rows(points, given)
+            for i in range(count):
+                expected = function(points[i], given[min(i, len(given) - 1)])
+                for mine, theirs in zip(found, expected, strict=True):
+                    assert mine[i] == pytest.approx(theirs.full().ravel(), rel=1e-15)
+
+
+class TestCalls:
+    def test_is_the_function(self):
+        x, y = ca.SX.sym("x", 2), ca.SX.sym("y", 2, 3)
+        f = ca.Function("f", [x, y], [y.T @ x, ca.densify(ca.jacobian(y.T @ x, x))])
+        call = BufferedFunction(f)
+        a, b = np.array([1.0, 2.0]), np.arange(6.0).reshape(2, 3)
+        for got, expected in zip(call(a, b), f(a, b), strict=True):
+            assert got == pytest.approx(np.array(expected))
+        first = call(a, b)[0]
+        call(2 * a, b)
+        assert first == pytest.approx(np.array(f(a, b)[0]))  # results are the caller's own

@@ -1,0 +1,241 @@
+"""What every result can do, by one table; and machines and results stand in one line, and come back from a pickle as
+they were, in another process too."""
+
+import json
+import math
+import pickle
+from dataclasses import fields, is_dataclass
+from functools import cache
+
+import numpy as np
+import pytest
+from carts import STRAIGHT, cart
+from scipy.stats import norm
+
+from orbits import (
+    InputError,
+    ReturnMap,
+    bifurcations,
+    check,
+    existence,
+    find,
+    follow,
+    optimize,
+    orbit_at,
+    pareto,
+    prove,
+    simulate,
+    steer,
+    sweep,
+    uncertainty,
+)
+from orbits.continuation.family import Family
+from orbits.io import to_json
+from orbits.result import Result
+from problems import HeavyHand, Hopper, hopper_in_si, steering
+
+
+@cache
+def made(kind: str):
+    """A result of each kind."""
+    cubic = Hopper("r + beta*r**3", mass_ratio=0.5, parameters={"beta": 0.3})
+    family = lambda: follow(cubic, "beta", 0.35, at=[0.32])  # noqa: E731
+    leg = hopper_in_si(60.0, 3.0, force="k*r", parameters={"k": 5000.0}, rest_length=0.8)
+    over = {"over": {"k": (3e3, 9e3)}, "subject_to": ["stroke <= 0.25"]}
+    return {
+        "Orbit": lambda: find(cubic),
+        "Orbit in SI": lambda: find(leg),
+        "Certificate": lambda: find(cubic).certificate,
+        "Trajectory": lambda: find(cubic).flight,
+        "Family": family,
+        "Point": lambda: family()[0],
+        "Event": lambda: family().events[0],
+        "End": lambda: family().end,
+        "Orbit of a family": lambda: orbit_at(cubic, "beta", family()[-1], "relative"),
+        "Existence": lambda: existence(cubic, "beta", (0.28, 0.32), "mass_ratio", [0.5, 0.6], samples=3),
+        "Hops": lambda: ReturnMap(cubic)([[2.0, 4.0], [4.5, 7.0]]),
+        "ReturnMap": lambda: ReturnMap(cubic, inject=0.03),
+        "BifurcationDiagram": lambda: bifurcations(
+            Hopper(), "inject", (0.06, 0.065), (4.5, 4.6), samples=50, sections=2
+        ),
+        "FixedPoint": lambda: ReturnMap(Hopper(), inject=0.03).fixed_points(4, 5)[0],
+        "Simulation": lambda: simulate(Hopper(restitution=0.3, damping=0.01), 4.6, hops=2),
+        "ContactEvent": lambda: simulate(Hopper(), 4.6, hops=1).events[0],
+        "Control": lambda: steer([cart(duration=(1, 1))], guess=STRAIGHT),
+        "Driven": lambda: steering.recover(Hopper(), 0.1, intervals=14),
+        "Disturbed": lambda: made("Driven").simulate(1, launch_error=0.01),
+        "Design": lambda: optimize(leg, minimise="loss_coefficient", **over),
+        "Front": lambda: pareto(leg, minimise=("-centre_of_mass_rise", "largest_contact_force"), points=2, **over),
+        "Sweep": lambda: sweep(leg, {"k": [3e3, 5e3], "body_mass": [55.0, 60.0]}, quantities=["stroke"]),
+        "Proof": lambda: prove(find(cubic), motion=False),
+        "Checked": lambda: check(cubic),
+        "Uncertainty": lambda: uncertainty(leg, {"k": norm(5e3, 100.0)}, samples=16),
+    }[kind]()
+
+
+RESULTS = (
+    *("Orbit", "Orbit in SI", "Certificate", "Trajectory", "Family", "Point", "Event", "End"),
+    *("Existence", "Hops", "ReturnMap", "FixedPoint", "Simulation", "ContactEvent", "Control", "Driven", "Disturbed"),
+    *("Design", "Front", "Sweep", "Uncertainty", "BifurcationDiagram", "Proof", "Checked"),
+)
+# The results that are more than part of another one, and what each does with nothing but itself.
+WHOLE = (
+    *("Orbit", "Orbit in SI", "Family", "Sweep", "Existence", "Uncertainty", "Design", "Front", "Control"),
+    *("Simulation", "Hops", "BifurcationDiagram", "Proof", "Checked", "Driven", "Disturbed"),
+)
+VERBS = {
+    "machine": lambda result: isinstance(result.machine, dict) and "machine" in result.machine,
+    "units": lambda result: all(isinstance(each, str | None) for pair in result.units.items() for each in pair),
+    "title": lambda result: "\n" not in result.title(),
+    "print": lambda result: str(result).startswith(result.title()),
+    "summary": lambda result: (
+        result.summary()
+        and all(isinstance(each, int | float | str | np.bool_ | None) for each in result.summary().values())
+    ),
+    "rows": lambda result: result.rows() and all(isinstance(text, str) for row in result.rows() for text in row),
+    "table": lambda result: len({len(column) for column in result.table().values()}) == 1,
+    "document": lambda result: isinstance(json.loads(to_json(result.document())), dict),
+    "notebook": lambda result: "<table" in result._repr_html_(),
+    "plot": lambda result: result.plot().figure and "no picture" not in result._repr_html_(),
+}
+FILES = ("json", "csv")
+# What is not in the table of results and verbs, with the reason.
+WITHOUT = {
+    ("Control", "machine"): "a motion is of stages, and of no machine",
+    ("Proof", "plot"): "a theorem has nothing to draw",
+    ("Checked", "plot"): "relations that hold have nothing to draw",
+}
+# The machines that files do not hold.
+OF_FILES = {
+    **dict.fromkeys(("Design", "Front"), lambda result: getattr(result, "designs", (result,))[0].source),
+    "Simulation": lambda result: result.source,
+    "Disturbed": lambda result: made("Driven").source,
+}
+
+
+# What a result does not take along into a file or another process.
+NOT_KEPT = ("answer", "source")
+
+
+def same(a, b) -> bool:
+    """Whether two results are equal in all that they hold, arrays to the last bit."""
+    if type(a) is not type(b):
+        return False
+    if isinstance(a, np.ndarray):
+        return np.array_equal(a, b, equal_nan=a.dtype.kind == "f") and a.flags.writeable == b.flags.writeable
+    if isinstance(a, dict):
+        return a.keys() == b.keys() and all(same(a[name], b[name]) for name in a)
+    if isinstance(a, tuple | list):
+        return len(a) == len(b) and all(map(same, a, b))
+    if hasattr(a, "ppf"):
+        return (a.dist.name, a.args, a.kwds) == (b.dist.name, b.args, b.kwds)
+    if isinstance(a, ReturnMap):
+        return (a.machine, a.inject, a.cap) == (b.machine, b.inject, b.cap)
+    if is_dataclass(a) and not hasattr(a, "model"):
+        names = [each.name for each in fields(a) if each.name not in NOT_KEPT]
+        return all(same(getattr(a, name), getattr(b, name)) for name in names)
+    return a == b or (isinstance(a, float) and math.isnan(a) and math.isnan(b))
+
+
+@pytest.mark.parametrize("kind", RESULTS)
+def test_results(kind):
+    result = made(kind)
+    again = pickle.loads(pickle.dumps(result))
+    assert same(again, result)
+    assert str(again) == str(result)
+    assert repr(again) == repr(result)
+    assert "\n" not in repr(result)
+    assert "0x" not in repr(result)
+    assert len(repr(result)) < 200
+    assert repr(result).startswith(type(result).__name__ + "(")
+
+
+def test_the_table_of_results_has_all():
+    """A class of results that is missing here is found by its base."""
+    found = {each.__name__ for each in Result.__subclasses__()} | {"Driven"}
+    assert found == {kind.removesuffix(" in SI") for kind in WHOLE}
+
+
+@pytest.mark.parametrize("kind", WHOLE)
+def test_every_result_has_every_verb(kind, tmp_path):
+    result = made(kind)
+    lacking = {verb for verb, holds in VERBS.items() if (kind, verb) not in WITHOUT and not holds(result)}
+    assert not lacking
+    assert not {verb for other, verb in WITHOUT if other == kind and hasattr(result, "plot") and verb == "plot"}
+    for ending in FILES:
+        path = tmp_path / f"result.{ending}"
+        assert result.save(path) == path
+        assert path.stat().st_size > 0
+    json.loads((tmp_path / "result.json").read_text())
+    head = (tmp_path / "result.csv").read_text().splitlines()[0]
+    assert all(name in head for name in result.table())
+    if kind in OF_FILES:
+        with pytest.raises(InputError, match="machine"):
+            type(result).load(tmp_path / "result.json")
+    machines = (each(result) for key, each in OF_FILES.items() if key == kind)
+    again = type(result).load(tmp_path / "result.json", *machines)
+    assert type(again) is type(result)
+    assert to_json(again.saved()) == to_json(result.saved())
+    assert str(again) == str(result)
+    assert repr(again) == repr(result)
+    text = (tmp_path / "result.json").read_text()
+    (tmp_path / "result.json").write_text(text.replace("1", "2", 1) if "1" in text[:40] else text[:-9])
+    with pytest.raises(InputError, match="is not a saved"):
+        type(result).load(tmp_path / "result.json")
+
+
+@pytest.mark.extra("bokeh")
+@pytest.mark.parametrize("kind", WHOLE)
+def test_every_result_has_a_page(kind, tmp_path):
+    page = made(kind).page(tmp_path / "result.html")
+    assert page.read_text(encoding="utf-8").startswith("<!doctype html>")
+
+
+@pytest.mark.extra("xarray", "pandas")
+@pytest.mark.parametrize("kind", WHOLE)
+def test_every_table_is_one_of_the_usual_kinds(kind, tmp_path):
+    import pandas
+    import xarray
+
+    result = made(kind)
+    frame = result.dataframe()
+    assert set(result.table()) <= {*frame.columns, frame.index.name}
+    assert all(name in frame and isinstance(unit, str) for name, unit in frame.attrs["units"].items())
+    assert isinstance(result.dataset, xarray.Dataset)
+    with xarray.open_dataset(result.save(tmp_path / "result.nc")) as data:
+        assert len(data.variables) >= 1
+    assert len(pandas.read_parquet(result.save(tmp_path / "result.parquet"))) == len(frame)
+
+
+@pytest.mark.parametrize("kind", ["Orbit", "Orbit in SI", "Family"])
+def test_the_machine_of_a_loaded_result_is_its_source(kind, tmp_path):
+    result = made(kind)
+    path, own = result.save(tmp_path / "result.json"), result.source
+    again = type(result).load(path, own)
+    assert again.source.describe() == own.describe()
+    assert again == result
+    with pytest.raises(InputError, match="is not a saved"):
+        type(result).load(path, HeavyHand())
+
+
+def test_a_family_in_one_document_and_in_lines(tmp_path):
+    family, path = made("Family"), tmp_path / "family.json"
+    assert json.loads(family.save(path).read_text())["along"] == "beta"
+    assert Family.load(path) == family
+    path.write_text(family.save(tmp_path / "family.jsonl").read_text())  # as earlier versions wrote under that name
+    assert Family.load(path) == family
+
+
+def test_what_comes_back_can_be_used():
+    orbit = made("Orbit")
+    t = np.linspace(0, orbit.period, 7)
+    assert np.array_equal(pickle.loads(pickle.dumps(orbit))(t), orbit(t))
+    motion = made("Simulation")
+    again = pickle.loads(pickle.dumps(motion))
+    assert np.array_equal(again(t), motion(t))
+    assert again.smallest_separation == motion.smallest_separation
+    again = pickle.loads(pickle.dumps(made("ReturnMap")))
+    assert same(again([4.4, 4.6]), made("ReturnMap")([4.4, 4.6]))
+    control = pickle.loads(pickle.dumps(made("Control")))
+    assert control.answer is None  # its nonlinear program stays behind; a solve starts from the motion
+    assert steer([cart(duration=(1, 1))], guess=control).cost == pytest.approx(12, rel=1e-9)
