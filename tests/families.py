@@ -5,8 +5,6 @@ from conftest import PROVED, middle
 from orbits import Family
 
 GOLDEN = {float(beta): middle(hop["alpha"]) for beta, hop in PROVED["cubic"].items()}
-
-
 FOLD, FOLD_ALPHA = (middle(PROVED["fold"][name]) for name in ("beta", "alpha"))
 
 

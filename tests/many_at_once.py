@@ -10,8 +10,6 @@ from problems import Hopper
 from problems.laws import springs
 
 RANGE = np.linspace(-3, 3, 13)
-
-
 MACHINES = {
     "cubic": Hopper("cubic", rest_length=30),
     "sinh in gravity": Hopper("sinh", "1/(1 + z/60)**2", rest_length=12),

@@ -20,8 +20,6 @@ from problems import (
 from problems.laws import springs
 
 INVERSE_SQUARE = "1/(1 + z/90)**2"
-
-
 MACHINES = {
     "hopper": Hopper(),
     "cubic": Hopper("r + 0.3*r**3", mass_ratio=2.0, rest_length=20.0, restitution=0.3),

@@ -10,16 +10,15 @@ from orbits.mechanics import Inerter, Mass, Potential, Spring
 from problems import hopper_in_si
 
 
-class TestTheSameMachine:
-    def test_with_gravity_that_varies(self):
-        gravity = "1/(1 + z/R)**2"
-        elements = [Mass("L + body", "m1"), Mass("foot", "m2"), Spring("body - foot", "r")]
-        values = {"m1": 2.0, "m2": 0.5, "R": 60.0, "L": 9.0}
-        far = Mechanism(("body", "foot"), elements, "foot", values, gravity=gravity)
-        stated = hopper_in_si(
-            2.0, 0.5, stiffness=1.0, rest_length=9.0, surface_gravity=1.0, gravity=gravity, parameters={"R": 60.0}
-        )
-        assert find(far).alpha == pytest.approx(find(stated).alpha, rel=1e-12)
+def test_with_gravity_that_varies():
+    gravity = "1/(1 + z/R)**2"
+    elements = [Mass("L + body", "m1"), Mass("foot", "m2"), Spring("body - foot", "r")]
+    values = {"m1": 2.0, "m2": 0.5, "R": 60.0, "L": 9.0}
+    far = Mechanism(("body", "foot"), elements, "foot", values, gravity=gravity)
+    stated = hopper_in_si(
+        2.0, 0.5, stiffness=1.0, rest_length=9.0, surface_gravity=1.0, gravity=gravity, parameters={"R": 60.0}
+    )
+    assert find(far).alpha == pytest.approx(find(stated).alpha, rel=1e-12)
 
 
 class TestAnotherMachine:

@@ -13,8 +13,6 @@ from problems.explorer.answers import family_answers, hop_answer, map_answers
 from problems.explorer.scene import beginning
 
 pytestmark = pytest.mark.extra("bokeh")
-
-
 CUBIC = beginning("hopper")
 
 

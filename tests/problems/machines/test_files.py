@@ -6,8 +6,6 @@ import pytest
 
 ALPHA = 4.493409457909064  # tan(alpha) = alpha, eq. (12) of the paper
 DUFFING = 2.936459188494196478  # tests/data/orbits.json: r + 0.3 r**3
-
-
 CUBIC = "find --spring 'r + beta*r**3' --set beta=0.3"
 
 

@@ -12,8 +12,6 @@ from orbits.show.pages.hop_view import hop_data
 from orbits.show.pages.law_view import LawFigure, law_data
 
 pytestmark = pytest.mark.extra("bokeh")
-
-
 G = 9.80665
 
 
