@@ -140,7 +140,7 @@ def lowest_launch_speeds(
         which, alphas = np.array(list(wanted)), np.array(list(wanted.values()))
         starts = np.column_stack([liftoffs[which], alphas])
         longest = LONGEST_FLIGHT * times[which] * (1 + alphas)
-        firsts, halves = half_oscillations(flow, ps[which], starts, longest, alone=len(ps) == 1)
+        firsts, halves = half_oscillations(flow, ps[which], starts, longest, len(ps) == 1)
         firsts, halves = firsts / times[which], halves / times[which]
         lateness = np.where(np.isfinite(halves), firsts + family * halves - alphas, np.inf)
         rows, wanted = zip(which.tolist(), alphas.tolist(), lateness.tolist(), halves.tolist(), strict=True), {}

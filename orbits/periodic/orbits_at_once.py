@@ -40,7 +40,7 @@ def lowest_orbits(
     method = iterative(method_of(model))
     equations = equations_of(model, method, names)
     searched_at_once = not model.is_guessed and model.search is not None and model.reversor is not None
-    if not (model.relative or searched_at_once) or len(equations.flows) > 1 or not equations.smooth:
+    if not (model.relative or searched_at_once) or not equations.in_lanes:
         return [], {}
     sought = _Family(model, names, ps, family, method, equations)
     p = dict(zip(names, ps.T, strict=True))
