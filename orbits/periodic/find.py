@@ -147,14 +147,6 @@ def find_all(
     return tuple(sorted(found, key=lambda orbit: orbit.alpha))
 
 
-@in_own_units(lambda orbits, machine: tuple(orbit_of(machine, orbit) for orbit in orbits), fastest=LIFTOFF_SPEED)
-def _orbits_of_family(
-    machine: Machine, family: int, method: str | None, fastest: float | None, progress: Progress
-) -> tuple[Orbit, ...]:
-    """`_all_of_family` of a machine that may have units."""
-    return _all_of_family(machine, family, method, fastest, progress)
-
-
 def lowest_of_family(machine: Machine, family: int, method: str | None, progress: Progress = None) -> Orbit:
     """The orbit of a family of least launch speed, as in `find`."""
     model, began, orbits, refusal = machine.model, time.perf_counter(), tuple[Orbit, ...](), None
@@ -222,6 +214,12 @@ def _all_of_family(
     if not found:
         raise none_found(cells, refused)
     return tuple(replace(orbit, known_in_family=len(found)) for orbit in found)
+
+
+# The orbits of a machine that may have units.
+_orbits_of_family = in_own_units(
+    lambda orbits, machine: tuple(orbit_of(machine, orbit) for orbit in orbits), fastest=LIFTOFF_SPEED
+)(_all_of_family)
 
 
 def none_found(cells: Cells, refused: str = "") -> NoOrbit:

@@ -1,6 +1,6 @@
 """Guesses of orbits: the lowest launch speed of a family under constant gravity, from which the search starts."""
 
-from collections.abc import Generator, Mapping
+from collections.abc import Callable, Generator, Mapping
 from contextlib import suppress
 from typing import Any, NamedTuple
 
@@ -65,14 +65,10 @@ def guess(model: Model, family: int, p: Mapping[str, float]) -> dict[str, float]
     if relative is None:
         raise NoOrbit(f"the model of a {model.name} has no guess of its families: give `find` a start")
     p = relative.own(p)
-    law = from_key(relative.law, p)
-    extension = relative.liftoff.extension(law)
-    slopes = law.with_slope([extension, law.rest()])[1]
-    slope = slopes[np.isfinite(slopes)].max()  # a law has a slope at lift-off, if not at rest
-    _, outward = law.with_slope(np.clip(family / slope * BARRIER_EXTENSIONS, *law.range()))
-    ps, places = {name: np.array([value]) for name, value in p.items()}, np.array([extension])
-    scales = np.array([relative.scale(slope, p)])
-    (alpha,), refused = lowest_launch_speeds(relative, ps, places, family, scales, crossable_barriers(outward[None]))
+    law, ps = from_key(relative.law, p), {name: np.array([value]) for name, value in p.items()}
+    extension, rest = relative.liftoff.extension(law), np.array([law.rest()])
+    slopes = lambda x: law.with_slope(np.clip(x, *law.range()))[1]  # noqa: E731
+    (alpha,), refused = lowest_launch_speeds(relative, ps, np.array([extension]), family, rest, slopes)
     if refused:
         raise refused[0]
     return {"liftoff": extension, "alpha": float(alpha), "duration": float(alpha) * float(relative.time(p))}
@@ -90,14 +86,12 @@ def guesses(relative: Relative, family: int, p: Mapping[str, np.ndarray]) -> Gue
     law, refused = relative.law, dict[int, NoOrbit]()
     if len(rows := np.flatnonzero(own)):
         those, places = {name: values[rows] for name, values in p.items()}, extension[rows]
-        _, slopes = values_and_slopes(law, those, np.column_stack([places, np.zeros(len(rows))]))
+        slopes = lambda x: values_and_slopes(law, those, x)[1]  # noqa: E731
         if law.degree() == 1:
-            alpha[rows] = half_angle(family) * relative.scale(slopes[:, 0], those)
+            alpha[rows] = half_angle(family) * relative.scale(slopes(places[:, None])[:, 0], those)
         else:
-            steepest = np.where(np.isfinite(slopes), slopes, -np.inf).max(axis=1)
-            _, outward = values_and_slopes(law, those, np.outer(family / steepest, BARRIER_EXTENSIONS))
-            scales, barriers = relative.scale(steepest, those), crossable_barriers(outward)
-            alpha[rows], none = lowest_launch_speeds(relative, those, places, family, scales, barriers)
+            rests = np.zeros(len(rows))
+            alpha[rows], none = lowest_launch_speeds(relative, those, places, family, rests, slopes)
             refused = {int(rows[i]): error for i, error in none.items()}
     found = {"liftoff": extension, "alpha": alpha, "duration": alpha * relative.time(p)}
     return Guesses(found, own, single, refused)
@@ -121,8 +115,8 @@ class _End(NamedTuple):
 
 
 def lowest_launch_speeds(
-    relative: Relative, p: Mapping[str, np.ndarray], liftoffs: np.ndarray, family: int, scales: np.ndarray,
-    barriers: np.ndarray,
+    relative: Relative, p: Mapping[str, np.ndarray], liftoffs: np.ndarray, family: int, rests: np.ndarray,
+    slopes: Callable[[np.ndarray], np.ndarray],
 ) -> tuple[np.ndarray, dict[int, NoOrbit]]:  # fmt: skip
     """The lowest launch speeds (m,) whose half flight ends on the family's turn: time alpha = first turn + family half
     periods; NaN where there is none, and the reasons by index.
@@ -131,20 +125,22 @@ def lowest_launch_speeds(
     by construction. Each search takes the same launches as it would alone.
 
     p : parameters (m,) by name
-    liftoffs : the extensions (m,) at lift-off
-    scales : the speeds (m,) in whose multiples the searches proceed
-    barriers : which springs (m,) are among `crossable_barriers`
+    liftoffs, rests : the extensions (m,) at lift-off and at rest
+    slopes : extensions (m, k) -> the slopes (m, k) of the springs there
     """
-    flow, ps = flow_of(relative.phase, tuple(p)), vectors(p, len(scales))
-    times = np.broadcast_to(relative.time(p), len(ps))
-    followed = half_oscillations if len(ps) > 1 else half_oscillation
-    each, ends = zip(scales.tolist(), barriers.tolist(), strict=True), dict[int, _End]()
+    flow, ps = flow_of(relative.phase, tuple(p)), vectors(p, len(liftoffs))
+    times, near = np.broadcast_to(relative.time(p), len(ps)), slopes(np.column_stack([liftoffs, rests]))
+    steepest = np.where(np.isfinite(near), near, -np.inf).max(axis=1)  # a law has a slope at lift-off, if not at rest
+    barriers = crossable_barriers(slopes(np.outer(family / steepest, BARRIER_EXTENSIONS)))
+    scales, ends = relative.scale(steepest, p), dict[int, _End]()
+    each = zip(scales.tolist(), barriers.tolist(), strict=True)
     searches = [_search(family, scale, barrier) for scale, barrier in each]
     wanted = {i: next(search) for i, search in enumerate(searches)}
     while wanted:
         which, alphas = np.array(list(wanted)), np.array(list(wanted.values()))
         starts = np.column_stack([liftoffs[which], alphas])
-        firsts, halves = followed(flow, ps[which], starts, LONGEST_FLIGHT * times[which] * (1 + alphas))
+        longest = LONGEST_FLIGHT * times[which] * (1 + alphas)
+        firsts, halves = half_oscillations(flow, ps[which], starts, longest, len(ps) == 1)
         firsts, halves = firsts / times[which], halves / times[which]
         lateness = np.where(np.isfinite(halves), firsts + family * halves - alphas, np.inf)
         rows, wanted = zip(which.tolist(), alphas.tolist(), lateness.tolist(), halves.tolist(), strict=True), {}
@@ -160,16 +156,30 @@ def lowest_launch_speeds(
     return found, dict(zip(none.tolist(), refused, strict=True))
 
 
-def half_oscillations(
-    flow: Flow, ps: np.ndarray, starts: np.ndarray, longest: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Times (m,) from lift-off to the first turn of the extension, and half its periods, of springs with parameters
-    (m, np) from states (m, 2).
+def half_oscillations(flow: Flow, ps: np.ndarray, starts: np.ndarray, longest: np.ndarray, alone: bool) -> np.ndarray:
+    """Times (2, m) from lift-off to the first turn of the extension, and half its periods, of springs with parameters
+    (m, np) from states (m, 2); one that is followed `alone` passes its first turn without a halt, which takes fewer
+    calls.
 
     The half periods are NaN when the extension does not return within times `longest` (m,), or the motion ends before.
     """
-    (firsts, halves), *_ = times_of_turns(flow, ps, starts, SPEED_OF_EXTENSION, longest, 2)
-    return firsts, halves
+    if not alone:
+        return times_of_turns(flow, ps, starts, SPEED_OF_EXTENSION, longest, 2)[0]
+    turns, clock, crossings = [], [0.0], Crossings()
+
+    def second_turn(coefficients, steps):
+        for i, t in crossings(coefficients[:, 1], steps):
+            turns.append(clock[0] + steps[:i].sum() + t)
+            if len(turns) == 2:
+                return i, t
+        clock[0] += steps.sum()
+        return None
+
+    with suppress(FlowError):
+        flow.run(starts[0], ps[0], longest[0], stop=second_turn)
+        if len(turns) == 2:
+            return np.array([turns[:1], np.diff(turns)])
+    return np.full((2, 1), np.nan)
 
 
 def times_of_turns(
@@ -261,27 +271,6 @@ def crossable_barriers(slopes: np.ndarray) -> np.ndarray:
     """
     outward = slopes.reshape(len(slopes), 2, -1)
     return np.any((outward[..., :-1] < 0) & (outward[..., 1:] > 0), axis=(1, 2))
-
-
-def half_oscillation(
-    flow: Flow, ps: np.ndarray, starts: np.ndarray, longest: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """`half_oscillations` of one spring, whose motion takes fewer calls alone than in a batch."""
-    turns, clock, crossings = [], [0.0], Crossings()
-
-    def second_turn(coefficients, steps):
-        for i, t in crossings(coefficients[:, 1], steps):
-            turns.append(clock[0] + steps[:i].sum() + t)
-            if len(turns) == 2:
-                return i, t
-        clock[0] += steps.sum()
-        return None
-
-    with suppress(FlowError):
-        flow.run(starts[0], ps[0], longest[0], stop=second_turn)
-        if len(turns) == 2:
-            return np.array(turns[:1]), np.diff(turns)
-    return np.full(1, np.nan), np.full(1, np.nan)
 
 
 def _estimated_root(early: _Sample, late: _Sample) -> Generator[float, _Sample, float]:

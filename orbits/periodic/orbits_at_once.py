@@ -40,7 +40,7 @@ def lowest_orbits(
     method = iterative(method_of(model))
     equations = equations_of(model, method, names)
     searched_at_once = not model.is_guessed and model.search is not None and model.reversor is not None
-    if not (model.relative or searched_at_once) or len(equations.flows) > 1 or not equations.smooth:
+    if not (model.relative or searched_at_once) or not equations.in_lanes:
         return [], {}
     sought = _Family(model, names, ps, family, method, equations)
     p = dict(zip(names, ps.T, strict=True))
@@ -130,8 +130,8 @@ def _in_cells(
     known = np.flatnonzero(np.isfinite(starts).all(axis=1))
     if not len(known):
         return None
-    kernel, place = _kernel_of(sought.model, sought.equations)
-    solved = _at_value(kernel, starts[known], ps[known], place, with_motions=True)
+    kernel = _kernel_of(sought.model, sought.equations)
+    solved = _at_value(kernel, starts[known], ps[known], with_motions=True)
     which, us = known[solved.which], solved.xs[:, :-1]
     orbits = _certified(sought._replace(ps=ps), which, us, solved.evaluation)
     if orbits is None:
@@ -140,10 +140,9 @@ def _in_cells(
     return orbits.only((low <= orbits.alphas) & (orbits.alphas <= high))
 
 
-def _kernel_of(model: Model, equations: Shooting) -> tuple[NewtonKernel, int]:
-    """The kernel that solves the equations, and the place of the parameter that it may vary."""
-    along = model.homotopy or equations.parameters[0]
-    return newton_kernel(equations, along), equations.parameters.index(along)
+def _kernel_of(model: Model, equations: Shooting) -> NewtonKernel:
+    """The kernel that solves the equations, and may vary the parameter of the homotopy."""
+    return newton_kernel(equations, model.homotopy or equations.parameters[0])
 
 
 def _solved_together(
@@ -151,31 +150,31 @@ def _solved_together(
 ) -> tuple[np.ndarray, np.ndarray, Evaluation | None]:
     """The indices of the guesses (m, n) that lead to a solution, these solutions (k, n), and the equations there; the
     homotopy, if any, is taken in one step, which is the first that `find` tries."""
-    kernel, place = _kernel_of(model, equations)
+    kernel = _kernel_of(model, equations)
     if model.homotopy is None:
-        found = _at_value(kernel, us, ps, place, with_motions=True)
+        found = _at_value(kernel, us, ps, with_motions=True)
         return found.which, found.xs[:, :-1], found.evaluation
     before = ps.copy()
-    before[:, place] = 0.0
-    first = _at_value(kernel, us, before, place, with_motions=False)
+    before[:, kernel.place] = 0.0
+    first = _at_value(kernel, us, before, with_motions=False)
     guesses = first.xs[:, :-1] + first.directions[:, :-1]
     positive = [equations.statement.unknowns.index(name) for name in ("alpha", "duration")]
     ahead = np.flatnonzero((guesses[:, positive] > 0).all(axis=1))
     if not len(ahead):
         return ahead, guesses[ahead], None
-    found = _at_value(kernel, guesses[ahead], ps[first.which[ahead]], place, with_motions=True)
+    found = _at_value(kernel, guesses[ahead], ps[first.which[ahead]], with_motions=True)
     which, xs = ahead[found.which], found.xs[:, :-1]
     near = (np.abs(xs - guesses[which])[:, positive] <= MAX_CORRECTION * np.abs(xs[:, positive])).all(axis=1)
     evaluation = found.evaluation and found.evaluation[np.flatnonzero(near)]
     return first.which[which[near]], xs[near], evaluation
 
 
-def _at_value(kernel: NewtonKernel, us: np.ndarray, ps: np.ndarray, place: int, with_motions: bool) -> Solutions:
+def _at_value(kernel: NewtonKernel, us: np.ndarray, ps: np.ndarray, with_motions: bool) -> Solutions:
     """The solutions to which Newton's method converges from guesses (m, n), with fixed parameters (m, np)."""
-    xs = np.column_stack([us, ps[:, place]])
+    xs = np.column_stack([us, ps[:, kernel.place]])
     rows, units = np.zeros(xs.shape), np.maximum(np.abs(xs), SMALLEST_UNIT)
     rows[:, -1] = 1.0
-    return kernel(xs, rows, ps[:, place], units, ps, 1, with_motions)
+    return kernel(xs, rows, xs[:, -1], units, ps, 1, with_motions)
 
 
 def _certified(sought: _Family, which: np.ndarray, us: np.ndarray, evaluation: Evaluation | None) -> Certified | None:

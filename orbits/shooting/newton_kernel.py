@@ -11,7 +11,7 @@ from ..flow.vector_field import rows_used
 from ..numerics.roots import Array
 from ..symbolic.kept import kept
 from ..symbolic.kernels import Kernel
-from .single_shooting import LAST_STEP, SMALL_STEP, STALLED_RATIO, Evaluation, Shooting
+from .single_shooting import STALLED_RATIO, Evaluation, Shooting, settles
 
 # Newton steps of a corrector that converges, with some to spare.
 MOST_NEWTON_STEPS = 8
@@ -137,8 +137,7 @@ class NewtonKernel:
         sides = ca.vertcat(ca.horzcat(-residual, ca.SX(self.size - 1, 1)), ca.horzcat(level - ca.dot(row, x), 1))
         found = _solved(ca.densify(ca.horzcat(ca.vertcat(jacobian, row.T), sides)))
         size, growth = ca.mmax(ca.fabs(found[:, 0] / unit)), ca.mmax(ca.fabs(transition[:, : end.numel()]))
-        rounding = ca.logic_and(size < SMALL_STEP, size > STALLED_RATIO * last)
-        settled = ca.logic_or(size * ca.fmax(growth, 1.0) < LAST_STEP, rounding)
+        settled = settles(size, last, growth)
         failed = ca.logic_or(ca.logic_not(size < STALLED_RATIO * last), taken >= MOST_NEWTON_STEPS)
         does = ca.if_else(settled, ca.if_else(with_motions, RECORDING, DONE), ca.if_else(failed, FAILED, SOLVING))
         known = ca.vertcat(x + found[:, 0], found[:, 1], size, growth, taken)

@@ -83,9 +83,9 @@ def joined(evaluations: Sequence[Evaluation]) -> Evaluation:
 
 
 def settles(size: Any, last: Any, amplification: Any) -> Any:
-    """Whether a relative Newton step of this size, or each of (m,), is the last one worth taking, where `last` is the
-    size of the step before, and `amplification` that of a small change of the state over the motion."""
-    return (size * np.maximum(amplification, 1.0) < LAST_STEP) | ((size < SMALL_STEP) & (size > STALLED_RATIO * last))
+    """Whether a relative Newton step of this size, or each of (m,), is the last one worth taking after a step of size
+    `last`, where the motion amplifies small changes of the state; of symbols a number, 0 where it is not."""
+    return (size < LAST_STEP) * (size * amplification < LAST_STEP) + (size < SMALL_STEP) * (size > STALLED_RATIO * last)
 
 
 class Shooting:
@@ -98,9 +98,9 @@ class Shooting:
         self.flows = tuple(flow_of(arc.phase, self.parameters) for arc in statement.arcs)
 
     @property
-    def smooth(self) -> bool:
-        """Whether each arc's motions are Taylor series that no breakpoint ends."""
-        return all(flow.smooth for flow in self.flows)
+    def in_lanes(self) -> bool:
+        """Whether the motions of many points can be integrated together: those of one arc that no breakpoint ends."""
+        return len(self.flows) == 1 and self.flows[0].smooth
 
     @cached_property
     def ends(self) -> list[tuple[BufferedFunction, BufferedFunction]]:
@@ -203,16 +203,16 @@ class Shooting:
         for _ in range(attempts):
             step = solve(evaluation.jacobian[0], -evaluation.residual[0])
             last, size = size, np.max(np.abs(step) / np.maximum(np.abs(us), SMALLEST_UNIT))
-            if settles(size, last, evaluation.amplification[0]):
-                return us[0] + step, self.evaluate_all(us + step, ps)
-            if not np.isfinite(size):
-                break
-            try:
-                us, evaluation = self._damped(us, ps, step, evaluation)
-            except NoOrbit:
-                if size > SMALL_STEP:
-                    raise
-                return us[0] + step, self.evaluate_all(us + step, ps)  # the remaining residual is rounding
+            if not settles(size, last, evaluation.amplification[0]):
+                if not np.isfinite(size):
+                    break
+                try:
+                    us, evaluation = self._damped(us, ps, step, evaluation)
+                    continue
+                except NoOrbit:
+                    if size > SMALL_STEP:  # otherwise the remaining residual is rounding
+                        raise
+            return us[0] + step, self.evaluate_all(us + step, ps)
         raise NoOrbit(f"the {self.statement.name} equations did not converge (last relative step {size:.1e})")
 
     def _damped(self, us, ps, step, evaluation: Evaluation) -> tuple[np.ndarray, Evaluation]:
