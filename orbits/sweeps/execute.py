@@ -11,7 +11,7 @@ import threading
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 from weakref import WeakSet
 
 import numpy as np
@@ -21,6 +21,10 @@ from ..io import MEGABYTE
 from ..running import interrupts
 from .members import failed_table, solve_chunk
 from .question import CHUNK, Question, Table
+
+if TYPE_CHECKING:
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing.connection import Connection
 
 # Workers that a member may kill before it counts as failed.
 MOST_CRASHES = 3
@@ -117,7 +121,7 @@ def _retain_freed_memory() -> None:
         mallopt(option, size)
 
 
-def _begin_worker(alive: Any) -> None:
+def _begin_worker(alive: "Connection") -> None:
     """Initialise a process of the pool: it leaves interrupts to the sweeping process, and ends as soon as that process
     closes its end of the pipe `alive`, also by its death, after which the worker would otherwise wait for ever."""
 
@@ -143,9 +147,9 @@ class _Processes:
         self.context, self.workers = get_context(way), workers
         if way == "forkserver":
             self.context.set_forkserver_preload([__name__])
+        self.pool, self.alive = self._started()
 
     def __enter__(self) -> "_Processes":
-        self.pool = self._started()
         return self
 
     def __exit__(self, kind: type | None, *error: object) -> None:
@@ -154,11 +158,12 @@ class _Processes:
         self.pool.shutdown(wait=True, cancel_futures=True)
         self.alive.close()
 
-    def _started(self) -> Any:
+    def _started(self) -> "tuple[ProcessPoolExecutor, Connection]":
+        """A pool that computes, and the end of the pipe whose closing ends its processes."""
         from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
 
         for _ in range(MOST_CRASHES):  # a worker may be killed as it starts, too
-            theirs, self.alive = self.context.Pipe(duplex=False)
+            theirs, alive = self.context.Pipe(duplex=False)
             pool = ProcessPoolExecutor(self.size, self.context, _begin_worker, (theirs,))
             try:
                 with interrupts.not_for_children():
@@ -167,7 +172,7 @@ class _Processes:
             except BrokenExecutor:
                 pool.shutdown(wait=True)
             else:
-                return pool
+                return pool, alive
         raise InputError("worker processes cannot start: in a script, call sweep under  if __name__ == '__main__':")
 
     @property
@@ -196,12 +201,13 @@ class _Processes:
         """
         for process in self._workers():
             process.kill()
-        self.pool._result_queue._writer.close()
+        results: Any = self.pool._result_queue
+        results._writer.close()
 
     def renew(self) -> None:
         """Replace the pool, in which a process has died."""
         self.pool.shutdown(wait=True, cancel_futures=True)
-        self.pool = self._started()
+        self.pool, self.alive = self._started()
 
 
 class _UserExecutor:

@@ -130,7 +130,8 @@ class HopFigures:
         self._motion = new(empty_columns("drawn"))
         self._springs, self._knees = new(empty_columns(*joints, *paths)), new(empty_columns(*joints, "link", *paths))
         self._bodies = new(empty_columns(*masses, "x", "y", "marker", "size", "aside", "align", "force"))
-        self.machine, self.heights = self._new_machine(), self._new_heights()
+        self.machine = self._new_machine()
+        self.heights, self._centre_item, self._contact_item = self._new_heights()
         self.portrait, self.force = self._new_portrait(), self._new_force()
         shown = {"masses": self._masses, "motion": self._motion, "force": self._force, "bodies": self._bodies}
         self.player = new_player(self.machine, **shown, springs=self._springs, knees=self._knees)
@@ -198,7 +199,8 @@ class HopFigures:
         figure.add_tools(hover([drawn], entries))
         return figure
 
-    def _new_heights(self) -> Any:
+    def _new_heights(self) -> tuple[Any, Any, Any]:
+        """The figure of heights, and the items of its legend that not every hop has: the centre and the contact."""
         models, figure = bokeh("models"), new_figure("Heights", 300)
         strip = self._shade(figure)
         figure.add_layout(models.Span(location=0, dimension="width", line_color=GREY))
@@ -206,13 +208,12 @@ class HopFigures:
         centre = figure.line("time", "height", source=self._centre, line_dash=[5, 3], line_width=1.5)
         figure.scatter("time", "height", source=self._bodies, size=9, color="colour", line_color="white", **MOVING)
         new = models.LegendItem
-        self._centre_item = new(label=CENTRE_OF_MASS, renderers=[centre])
-        self._contact_item = new(label="contact", renderers=[strip])
+        of_centre, of_contact = new(label=CENTRE_OF_MASS, renderers=[centre]), new(label="contact", renderers=[strip])
         named = new(label={"field": "name"}, renderers=[lines])
-        legend_above(figure, named, self._centre_item, self._contact_item)
+        legend_above(figure, named, of_centre, of_contact)
         entries = [("", "@name"), ("time", "$snap_x{%.5g}"), ("height", "$snap_y{%.5g}")]
         figure.add_tools(hover([lines], entries, mode="vline", line_policy="interp"))
-        return figure
+        return figure, of_centre, of_contact
 
     def _new_portrait(self) -> Any:
         figure = new_figure("Phase portrait", 300)
