@@ -19,7 +19,7 @@ from ..periodic.orbit import Orbit, SavedLaws, with_note
 from ..proof.branch_claim import BranchClaim
 from ..proof.prove import prove_branch, prove_claims
 from ..proof.theorem import Proof
-from ..result import ENDINGS, Result, Row, is_of, shown
+from ..result import ENDINGS, Axes, Result, Row, is_of, shown
 from ..running.time_limit import LIMIT
 from ..units import saved_units
 from .point import KNOWN, SIDES, End, Event, Point, check_points, json_line, point_in_units
@@ -302,7 +302,7 @@ class Family(
         tends = f", {self.name} tends to {{:.8g}} (about {{:.0e}} off)" if limits else ""
         yield Row("end", {"end": self.end.kind, "reason": self.end.reason, **limits}, (f"{{}}, {{}}{tends}",))
 
-    def plot(self, quantity: str = "alpha", axes: Any = None, label: str | None = None) -> Any:
+    def plot(self, quantity: str = "alpha", axes: Axes | None = None, label: str | None = None) -> Axes:
         """Plot a quantity against the parameter; returns the axes. See `orbits.show.plot.plot_family`."""
         return shown("plot").plot_family(self, axes, quantity, label)
 

@@ -17,7 +17,7 @@ from ..model.model import Knee
 from ..model.phase import Affine
 from ..model.state_formula import SavedHeight, StateFormula, height_of
 from ..numerics.bernstein import lowest
-from ..result import TABLE_ROWS, Report, Result, Row, is_of, shown
+from ..result import TABLE_ROWS, Axes, Report, Result, Row, is_of, shown
 from ..shooting.formulations import CONTACT_FORCE
 from ..tables import VIOLATED, machine_numbers
 from ..units import UNIT_TEXTS, SavedUnits, Units, in_units, saved_units
@@ -309,11 +309,11 @@ class Orbit(Result, what="orbit", printed_digits=15):
         yield Row("admissible", {"admissible": self.admissible}, ("yes" if self.admissible else "NO",))
         yield from (Row(VIOLATED, {VIOLATED: violation}) for violation in c.violations)
 
-    def plot(self, axes: Any = None) -> Any:
+    def plot(self, axes: Axes | None = None) -> Axes:
         """Plot heights against time as in Fig. 3 of the paper; returns the axes."""
         return shown("plot").plot_orbit(self, axes)
 
-    def plot_phase_portrait(self, axes: Any = None) -> Any:
+    def plot_phase_portrait(self, axes: Axes | None = None) -> Axes:
         """Plot speed against height over a cycle; returns the axes."""
         return shown("plot").plot_phase_portrait(self, axes)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..continuation.point import End
 from ..io import one_line
-from ..result import Result, Row, known, shown, stored
+from ..result import Axes, Result, Row, known, shown, stored
 
 BranchEnd = End  # an earlier name
 HOPS_OF = {1: "fixed points", 2: "hops of period two"}
@@ -170,7 +170,7 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
                 found += [(branch.period, float(alpha), float(slope)) for alpha in alphas]
         return sorted(found, key=lambda each: each[1])
 
-    def plot(self, axes: Any = None) -> Any:
+    def plot(self, axes: Axes | None = None) -> Axes:
         """Plot the launch speeds against the parameter; returns the axes. See `orbits.show.map_figures`."""
         return shown("map_figures").plot_bifurcations(self, axes)
 

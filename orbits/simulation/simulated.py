@@ -17,7 +17,7 @@ from ..model.model import Knee
 from ..model.phase import Affine
 from ..model.state_formula import StateFormula
 from ..numerics.bernstein import lowest
-from ..result import TABLE_ROWS, Report, Result, Row, known, shown
+from ..result import TABLE_ROWS, Axes, Report, Result, Row, known, shown
 from ..units import ENERGY, LENGTH, LIFTOFF_SPEED, TIME, Units, in_units
 
 # The dimensions of a simulation's numbers by name; those of states are lengths and speeds.
@@ -176,7 +176,7 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
             notes.append(f"the masses pass through each other: their least separation is {least:.6g}{metre}")
         return notes
 
-    def plot(self, axes: Any = None) -> Any:
+    def plot(self, axes: Axes | None = None) -> Axes:
         """Plot heights against time; returns the axes. See `orbits.show.plot.plot_simulation`."""
         return shown("plot").plot_simulation(self, axes)
 

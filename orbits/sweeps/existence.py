@@ -20,7 +20,7 @@ from ..design.designs_at_once import DESIGN_STATUSES, solved_designs
 from ..errors import InputError
 from ..model.machine import Machine
 from ..periodic.find import family_number
-from ..result import Result, Row, shown
+from ..result import Axes, Result, Row, shown
 from ..running import interrupts
 from .designs import Axis, axis_of
 from .progress import on_screen
@@ -138,7 +138,7 @@ class Existence(Result, what="diagram", in_line=("along", "across", "values")):
         inside = np.isin(self.boundaries.statuses.astype(str), statuses)
         return self.boundaries.points[(inside[:, 0] != inside[:, 1]) & self.boundaries.located.astype(bool)]
 
-    def plot(self, quantity: str | None = None, axes: Any = None) -> Any:
+    def plot(self, quantity: str | None = None, axes: Axes | None = None) -> Axes:
         """Plot the diagram, coloured by a quantity if one is named; returns the axes."""
         if quantity is not None and quantity not in self.grid.numbers:
             raise InputError(f"the diagram has no quantity '{quantity}'; it has {', '.join(self.grid.numbers)}")

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from itertools import cycle, islice
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -25,6 +25,9 @@ from .bokeh_figures import (
     range_changes,
 )
 from .player import new_player
+
+if TYPE_CHECKING:
+    from ...periodic.orbit import Orbit
 
 # The number of times at which a hop of family n is sampled: a constant, plus a multiple of n, up to a bound.
 TIMES, TIMES_EACH, MOST_TIMES = 160, 40, 1200
@@ -72,7 +75,7 @@ class HopData:
         return float(self.time[-1])
 
 
-def hop_data(orbit: Any) -> HopData:
+def hop_data(orbit: "Orbit") -> HopData:
     """The data of an `Orbit` for its figures, in SI for a machine that is stated in SI."""
     count = min(TIMES + TIMES_EACH * orbit.family, MOST_TIMES)
     time, force, why = np.linspace(0, orbit.flight_time, count), None, "the contact never ends"
