@@ -12,6 +12,7 @@ import numpy as np
 from ..errors import InputError, whole_number
 from ..flow.flow import Flow, flow_of
 from ..io import fields_in_line
+from ..laws.law import Algebraic, Parameters
 from ..model.phase import Phase
 
 # Name of the length of an interval among the parameters of a phase. The apostrophe keeps it apart from identifiers.
@@ -29,8 +30,8 @@ class Input:
         and for degrees 0 and 1 these bounds are not more restrictive than bounds of its values
     """
 
-    low: float | Callable[[Mapping[str, Any]], Any] = -np.inf
-    high: float | Callable[[Mapping[str, Any]], Any] = np.inf
+    low: float | Callable[[Parameters], Algebraic] = -np.inf
+    high: float | Callable[[Parameters], Algebraic] = np.inf
     degree: int = 0
 
     @property
@@ -72,8 +73,8 @@ class Stage:
     start: Callable[..., Sequence] = lambda x, before, p: []
     end: Callable[..., Sequence] = lambda x, p: []
     path: Mapping[str, Callable] = field(default_factory=dict)
-    running: Callable[..., Any] = lambda x, p, q: 0.0
-    final: Callable[..., Any] = lambda x, p: 0.0
+    running: Callable[..., Algebraic] = lambda x, p, q: 0.0
+    final: Callable[..., Algebraic] = lambda x, p: 0.0
     above: Callable[..., Sequence] = lambda x, p: []
 
     def __repr__(self) -> str:

@@ -32,8 +32,8 @@ BAR = 0.05  # height of the bar that shows the destinations, as a share of the a
 
 
 def plot_map(
-    step: "ReturnMap", low: float, high: float, axes: Axes | None = None, samples: int = 4000, start: float | None = None,
-    hops: int = 60, fixed_points: bool = True,
+    step: "ReturnMap", low: float, high: float, axes: Axes | None = None, samples: int = 4000,
+    start: float | None = None, hops: int = 60, fixed_points: bool = True,
 ) -> Axes:  # fmt: skip
     """Plot the return map between two launch speeds, with the identity line; return the axes.
 
