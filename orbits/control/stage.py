@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from math import comb
 from numbers import Real
-from typing import Any
 
 import numpy as np
 
@@ -140,7 +139,7 @@ def check_stage(number: int, stage: Stage, parameters: Collection[str]) -> None:
         whole_number(f"{where}: degree of input '{name}'", control.degree, "powers", 0)
 
 
-def check_range(what: str, bounds: Any) -> tuple[float, float]:
+def check_range(what: str, bounds: object) -> tuple[float, float]:
     """The two bounds, in order; raises `InputError`."""
     if not isinstance(bounds, tuple | list) or len(bounds) != 2 or not all(isinstance(one, Real) for one in bounds):
         raise InputError(f"{what}: bounds are a lowest and a highest number, not {bounds!r}")

@@ -357,7 +357,7 @@ def positive(**values: float) -> dict[str, float]:
     return values
 
 
-def coefficient_of_restitution(value: Any) -> float:
+def coefficient_of_restitution(value: object) -> float:
     """`value` as a coefficient of restitution, from 0 to 1; raises `InputError` for another."""
     result = number("restitution", value)
     if not 0 <= result <= 1:

@@ -17,7 +17,7 @@ from .launches import PARTS_OF_PIECE, Flight, Launches
 
 # The number of parts of the window on which landings are enclosed, and of passes over the means on each.
 CELLS_OF_WINDOW, PASSES_OVER_MEANS = 24, 3
-NOTHING = arb(0)
+NO_TIME = arb(0)
 
 
 class Means(NamedTuple):
@@ -37,10 +37,10 @@ class JerkIntegrals:
     hull : an enclosure of the jerk over all of the time, None for no part yet
     """
 
-    time: arb = NOTHING
-    once: arb = NOTHING
-    twice: arb = NOTHING
-    thrice: arb = NOTHING
+    time: arb = NO_TIME
+    once: arb = NO_TIME
+    twice: arb = NO_TIME
+    thrice: arb = NO_TIME
     hull: arb | None = None
 
     def further(self, jerk: arb, length: arb) -> "tuple[Means, JerkIntegrals]":

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..continuation.point import End
-from ..io import one_line
+from ..io import Document, one_line
 from ..result import Axes, Result, Row, known, shown, stored
 
 BranchEnd = End  # an earlier name
@@ -118,7 +118,7 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
     visits: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
     units: Mapping[str, str] = field(default_factory=dict)
 
-    def _line(self) -> dict[str, Any]:
+    def _line(self) -> dict[str, object]:
         counts = {"branches": len(self.branches), "events": len(self.events)}
         return {"along": self.along, "span": self.span, "between": self.between, **counts}
 
@@ -174,7 +174,7 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
         """Plot the launch speeds against the parameter; returns the axes. See `orbits.show.map_figures`."""
         return shown("map_figures").plot_bifurcations(self, axes)
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Document:
         branches = [
             {
                 "period": branch.period,

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError, NoOrbit, OrbitsError, finite_number, whole_number
-from ..io import fields_in_line
+from ..io import Document, fields_in_line
 from ..model.machine import Machine, dimensionless, machine_in_words
 from ..numerics.roots import enclosed_sign_changes
 from ..periodic.find import Progress, find
@@ -89,7 +89,7 @@ class Hops(Result, what="table of hops"):
         """Plot the next launch speeds against the launch speeds; returns the axes."""
         return shown("map_figures").plot_hops(self, axes)
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Document:
         columns = {name: known(getattr(self, name)) for name in DIMENSIONS_OF_HOPS}
         columns |= {name: np.ravel(getattr(self, name)).tolist() for name in ("impacts", "status")}
         return columns | ({"units": self.units} if self.units else {})
@@ -149,7 +149,7 @@ class ReturnMap:
         return self._own or self
 
     @cached_property
-    def _words(self) -> dict[str, Any]:
+    def _words(self) -> dict[str, object]:
         return machine_in_words(self.machine)
 
     def __repr__(self) -> str:

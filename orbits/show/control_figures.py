@@ -85,7 +85,7 @@ def _name_stages(control: "Control", axes: Axes) -> None:
     """Write the names of the stages above the axes."""
     from matplotlib.transforms import blended_transform_factory
 
-    place: dict[str, Any] = {"transform": blended_transform_factory(axes.transData, axes.transAxes), "ha": "center"}
+    place: dict[str, object] = {"transform": blended_transform_factory(axes.transData, axes.transAxes), "ha": "center"}
     for leg in control.legs:
         axes.text(
             leg.start + 0.5 * leg.duration, 1.02, leg.phase, fontsize="small", color="0.4", parse_math=False, **place

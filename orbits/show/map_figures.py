@@ -14,14 +14,14 @@ from .plot import COLOURS, cobweb, finished, new_axes, plain, sampled_map, title
 if TYPE_CHECKING:
     from ..return_map.return_map import FixedPoint, Hops, ReturnMap
 
-IDENTITY: dict[str, Any] = {"color": "0.6", "lw": 0.8, "zorder": 1}
+IDENTITY: dict[str, object] = {"color": "0.6", "lw": 0.8, "zorder": 1}
 # Markers of fixed points: full where they attract, open where they do not, half where they attract from above only.
-STYLES_OF_POINTS: dict[str, dict[str, Any]] = {
+STYLES_OF_POINTS: dict[str, dict[str, object]] = {
     "stable": {"mfc": "0.15"},
     "unstable": {"mfc": "white"},
     "lossless, attracts from above": {"fillstyle": "right", "mfc": "0.15", "markerfacecoloralt": "white"},
 }
-STYLES_OF_STABILITY: dict[bool | None, dict[str, Any]] = {
+STYLES_OF_STABILITY: dict[bool | None, dict[str, object]] = {
     True: {"lw": 2},
     False: {"lw": 1.3, "ls": (0, (4, 2))},
     None: {"lw": 1.3, "ls": (0, (1, 2))},

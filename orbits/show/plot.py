@@ -124,7 +124,7 @@ def plot_orbit(orbit: "Orbit", axes: Axes | None = None) -> Axes:
     return finished(axes, xlim=(0, t[-1]), xlabel="time" + seconds, ylabel=label)
 
 
-def _style(name: str) -> dict[str, Any]:
+def _style(name: str) -> dict[str, object]:
     """The style of a mass's height: full, and that of the centre of mass dashed."""
     return {"lw": 1.2, "ls": (0, (5, 2))} if name == "centre of mass" else {"lw": 2}
 
@@ -135,7 +135,7 @@ def _cycle(orbit, count: int):
     return t, orbit(t)
 
 
-def finished(axes: Axes, legend: Mapping | None = None, **labels: Any) -> Axes:
+def finished(axes: Axes, legend: Mapping | None = None, **labels: object) -> Axes:
     """The axes with limits and labels, open above and on the right; with a legend below, or where `legend` says."""
     axes.set(**labels)
     axes.spines[["top", "right"]].set_visible(False)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -22,10 +22,6 @@ from .plot import (
     title_of_machine,
 )
 
-if TYPE_CHECKING:
-    from ..sweeps.existence import Existence
-    from ..sweeps.sweep_result import Sweep
-
 MAP = "viridis"  # of colours; it is read in print and by colour-blind readers
 LEVELS = 8  # contours of a map
 NOTHING = "0.93"  # the grey of parameters without an orbit
@@ -42,7 +38,7 @@ EDGES: dict[str, dict[str, Any]] = {
 }
 
 
-def plot_sweep(sweep: "Sweep", quantity: str, axes: Axes | None = None) -> Axes:
+def plot_sweep(sweep: Any, quantity: str, axes: Axes | None = None) -> Axes:
     """Plot a quantity of a sweep over its parameters; return the axes, for more than two the first of the matrix."""
     values = sweep[quantity]
     if values.dtype == object:
@@ -56,12 +52,12 @@ def plot_sweep(sweep: "Sweep", quantity: str, axes: Axes | None = None) -> Axes:
     return _matrix(sweep, quantity)
 
 
-def _motions(sweep: "Sweep") -> np.ndarray:
+def _motions(sweep: Any) -> np.ndarray:
     """Which members (k,) are motions."""
     return np.isin(sweep["status"].astype(str), MOTIONS)
 
 
-def _over_one(sweep: "Sweep", quantity: str, axes: Axes) -> Axes:
+def _over_one(sweep: Any, quantity: str, axes: Axes) -> Axes:
     """A quantity over the one parameter; for each family a line, dotted where it has no motions."""
     (name,), families = sweep.parameters, sweep.about["families"]
     for k, family in enumerate(families):
@@ -83,7 +79,7 @@ def _over_one(sweep: "Sweep", quantity: str, axes: Axes) -> Axes:
     return _labelled(axes, sweep, name, quantity)
 
 
-def _surface(sweep: "Sweep", quantity: str, axes: Axes) -> Axes:
+def _surface(sweep: Any, quantity: str, axes: Axes) -> Axes:
     """A quantity over two parameters as colours, hatched where there is no motion and grey where there is nothing."""
     across, up = sweep.parameters
     shape = sweep.about["shape"]
@@ -112,7 +108,7 @@ def _surface(sweep: "Sweep", quantity: str, axes: Axes) -> Axes:
     return _labelled(axes, sweep, across, up)
 
 
-def plot_existence(diagram: "Existence", quantity: str | None = None, axes: Axes | None = None) -> Axes:
+def plot_existence(diagram: Any, quantity: str | None = None, axes: Axes | None = None) -> Axes:
     """Plot where a family has orbits in two parameters (light) and where they are motions (dark), or a quantity of the
     orbits in colours, and the edges of both; return the axes."""
     from matplotlib.collections import LineCollection, PolyCollection
@@ -143,7 +139,7 @@ def _beyond_edges(z: np.ndarray) -> np.ndarray:
     return np.ma.where(np.isfinite(z), z, around.mean(axis=(2, 3)))
 
 
-def _cells_of_diagram(diagram: "Existence") -> Iterator[tuple[list[Any], list[Any]]]:
+def _cells_of_diagram(diagram: Any) -> Iterator[tuple[list[Any], list[Any]]]:
     """For each cell of a diagram's grid its polygons, each with the status in it, and its pieces of edges, each with
     the name of its edge.
 
@@ -183,7 +179,7 @@ def _edge_of(pair: tuple[str, str]) -> str:
     return "edge of the motions" if "no orbit" not in pair else "edge of the orbits"
 
 
-def _matrix(sweep: "Sweep", quantity: str) -> Axes:
+def _matrix(sweep: Any, quantity: str) -> Axes:
     """Every pair of parameters, with the quantity as colour, and below the quantity over each parameter."""
     names, values = sweep.parameters, sweep[quantity]
     count, known = len(names), np.isfinite(values)
@@ -220,25 +216,25 @@ def _size(count: int) -> float:
     return float(np.clip(6000 / count, 1.0, 24.0))
 
 
-def _axis_label(sweep: "Sweep", name: str) -> str:
+def _axis_label(sweep: Any, name: str) -> str:
     """A name for an axis, with its unit."""
     return label_of(sweep.heading(name)) if name else ""
 
 
-def _title_of(sweep: "Sweep") -> str:
+def _title_of(sweep: Any) -> str:
     """The title of a figure: the machine with its families, and its laws, in two lines."""
     families = ", ".join(map(str, sweep.about["families"])) if sweep.about["outcome"] == "find" else ""
     machine, laws = title_of_machine(sweep.about["machine"]).split(", ", 1)
     return machine + (families and f", family {families}") + "\n" + laws
 
 
-def _scale(axes: Axes, sweep: "Sweep", name: str, which: str) -> None:
+def _scale(axes: Axes, sweep: Any, name: str, which: str) -> None:
     """A logarithmic axis for a parameter that is swept over decades."""
     if name in sweep.about["logarithmic"]:
         getattr(axes, f"set_{which}scale")("log")
 
 
-def _labelled(axes: Axes, sweep: "Sweep", across: str, up: str) -> Axes:
+def _labelled(axes: Axes, sweep: Any, across: str, up: str) -> Axes:
     """The axes with their title, names, scales and, where something has a label, a legend below."""
     axes.set(xlabel=_axis_label(sweep, across), ylabel=_axis_label(sweep, up))
     axes.set_title(plain(_title_of(sweep)), fontsize="medium", wrap=True)

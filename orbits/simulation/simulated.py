@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..flow.trajectory import Trajectory
-from ..io import fields_in_line
+from ..io import Document, fields_in_line
 from ..model.machine import Machine, machine_in_words
 from ..model.model import Knee
 from ..model.phase import Affine
@@ -116,7 +116,7 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
         """The gap as a function of the flight state."""
         return self._length(self.source.model.gap(self.source.values))
 
-    def _length(self, height: Any) -> Any:
+    def _length(self, height: object) -> Any:
         """A length of the model as a function of the flight state: in SI where the machine is stated so."""
         units, states = self.source.units, self.source.model.flight.states
         return units.convert_height(height, states) if units else height
@@ -134,7 +134,7 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
     def _states(self) -> tuple[str, ...]:
         return self.source.model.flight.states
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Document:
         units = self.source.units and self.source.units.texts(DIMENSIONS_OF_SIMULATIONS)
         return {
             **({"units": units} if units else {}), "launches": known(self.launches),

@@ -52,7 +52,7 @@ def chunks_of(question: Question, done: np.ndarray) -> list[Chunk]:
     return [Chunk(members) for members in whole if not done[members].all()]
 
 
-def check_executor(executor: Any, workers: int | None) -> None:
+def check_executor(executor: object, workers: int | None) -> None:
     """Raise `InputError` for an invalid executor, or an invalid number of its workers."""
     if executor is None and workers not in (None, 1):
         raise InputError(f"workers = {workers}: they are processes, with executor='processes'")
@@ -62,7 +62,7 @@ def check_executor(executor: Any, workers: int | None) -> None:
         whole_number("workers", workers, most=1000)
 
 
-def solved_chunks(question: Question, chunks: list[Chunk], executor: Any, workers: int | None) -> Iterator[Table]:
+def solved_chunks(question: Question, chunks: list[Chunk], executor: object, workers: int | None) -> Iterator[Table]:
     """The results of the chunks, each as soon as it is solved.
 
     executor : None for this process, "processes" for `workers` processes of this machine (None: one for each core), or
@@ -80,7 +80,7 @@ def solved_chunks(question: Question, chunks: list[Chunk], executor: Any, worker
         yield from _solved_by(pool, payload, question, chunks)
 
 
-def _pickled(question: Question, executor: Any) -> bytes:
+def _pickled(question: Question, executor: object) -> bytes:
     """The question for workers; raises `InputError` where it cannot be sent."""
     try:
         if type(executor).__module__.partition(".")[0] == "distributed":
@@ -226,7 +226,7 @@ class _UserExecutor:
         for future in self.futures:
             future.cancel()  # after an interrupt nobody waits for it
 
-    def submit(self, *call: Any) -> Any:
+    def submit(self, *call: object) -> Any:
         """A call by one of the workers."""
         future = self.executor.submit(*call)
         self.futures.add(future)

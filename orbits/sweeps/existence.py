@@ -18,6 +18,7 @@ import numpy as np
 
 from ..design.designs_at_once import DESIGN_STATUSES, solved_designs
 from ..errors import InputError
+from ..io import Document
 from ..model.machine import Machine
 from ..periodic.find import family_number
 from ..result import Axes, Result, Row, shown
@@ -144,7 +145,7 @@ class Existence(Result, what="diagram", in_line=("along", "across", "values")):
             raise InputError(f"the diagram has no quantity '{quantity}'; it has {', '.join(self.grid.numbers)}")
         return shown("sweep_figures").plot_existence(self, quantity, axes)
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Document:
         """The diagram as JSON-ready data: the intervals of the rows, the boundaries, and the members on the grid."""
         swept, found = self.grid.document(), self.boundaries
         rows = [
@@ -175,17 +176,17 @@ class Existence(Result, what="diagram", in_line=("along", "across", "values")):
 def existence(
     machine: Machine,
     along: str,
-    between: tuple[Any, ...],
+    between: tuple[object, ...],
     across: str,
-    values: Sequence[float] | tuple[Any, ...],
+    values: Sequence[float] | tuple[object, ...],
     family: int = 1,
     *,
     samples: int | tuple[int, int] = 100,
     both_ways: bool = False,
     quantities: Sequence[str] = (),
-    executor: Any = None,
+    executor: object = None,
     workers: int | None = None,
-    client: Any = None,
+    client: object = None,
     store: str | Path | None = None,
     progress: Callable[[SweepProgress], None] | bool | None = None,
 ) -> Existence:

@@ -52,7 +52,7 @@ class HopAnswer:
     admissible: bool
 
 
-def hop_answer(python_machine: Any, scene: Scene, with_dials: bool) -> Iterator[DialsAnswer | HopAnswer]:
+def hop_answer(python_machine: object, scene: Scene, with_dials: bool) -> Iterator[DialsAnswer | HopAnswer]:
     """The hop of a scene, preceded by the sliders where these are requested; raises `NoOrbit` where there is no hop."""
     machine = scene.build(python_machine)
     if with_dials:
@@ -173,7 +173,7 @@ def _family_result(scene: Scene, parts: dict[str, Family], ways: int) -> FamilyA
     return FamilyAnswer(scene, data, values, starts, text)
 
 
-def map_answers(python_machine: Any, scene: Scene) -> Iterator[MapData]:
+def map_answers(python_machine: object, scene: Scene) -> Iterator[MapData]:
     """The return map around a scene's hop with its cobweb, then the same with the basin of lossless hops."""
     plain = replace(scene, launch=None, along="")
     step, low, high = _map_of(python_machine, plain)
@@ -188,7 +188,7 @@ def map_answers(python_machine: Any, scene: Scene) -> Iterator[MapData]:
 _last_basin: list[tuple[Scene, list[tuple[float, float]]]] = []
 
 
-def _map_of(python_machine: Any, scene: Scene) -> tuple[ReturnMap, float, float]:
+def _map_of(python_machine: object, scene: Scene) -> tuple[ReturnMap, float, float]:
     """The return map of a scene's machine, and the range of launch speeds in which it is drawn."""
     machine = scene.build(python_machine)
     alpha = _orbit_of_scene(machine, scene).alpha

@@ -60,7 +60,7 @@ def _rounded_up(value: float) -> float:
     return next(step * power for step in (1, 2, 5, 10) if step * power >= value * (1 - 1e-12))
 
 
-def _edge(machine: Any, name: str, inside: float, end: float) -> float:
+def _edge(machine: object, name: str, inside: float, end: float) -> float:
     """The end of a slider, or the last value found before it that the machine can have."""
     if _exists(machine, name, end):
         return end

@@ -65,7 +65,7 @@ class Explorer:
     problem : the fault of the link that was followed, in words; "" if there is none
     """
 
-    def __init__(self, document: Document, scene: Scene, python_machine: Any = None, problem: str = ""):
+    def __init__(self, document: Document, scene: Scene, python_machine: object = None, problem: str = ""):
         self._document, self._python_machine = document, python_machine
         self._workers = {
             "hop": self._worker(self._receive_hop),
@@ -95,7 +95,7 @@ class Explorer:
         """A worker whose results are passed to a method in order, in the thread of the document."""
         results = SimpleQueue[tuple[Task, Any]]()  # callbacks from before the session begins come in any order
 
-        def deliver(task: Task, result: Any) -> None:
+        def deliver(task: Task, result: object) -> None:
             context = self._document.session_context
             if context is None or context.destroyed:
                 return  # the tab was closed while this was computed
@@ -154,7 +154,7 @@ class Explorer:
             self._change(act, message)
         self._send_state()
 
-    def _change(self, act: str, message: Mapping[str, Any]) -> None:
+    def _change(self, act: str, message: Mapping[str, object]) -> None:
         """Go to the scene with a change, or state why there is none."""
         try:
             scene = changed(self._requested.scene, act, message)
@@ -177,7 +177,7 @@ class Explorer:
         scene = self._requested.scene
         self._request("hop", scene, not self._computed.dials_for(scene))
 
-    def _request(self, name: str, *arguments: Any) -> None:
+    def _request(self, name: str, *arguments: object) -> None:
         """Request a hop, a family or a map; older results are shown of hops alone."""
         self._tasks[name] = Task(name, arguments)
         self._workers[name].ask(self._tasks[name])
@@ -212,7 +212,7 @@ class Explorer:
             self._go_along(family, family.nearest(event.x, event.y))
             self._send_state()
 
-    def _place_moved(self, message: Mapping[str, Any]) -> None:
+    def _place_moved(self, message: Mapping[str, object]) -> None:
         """Go to a hop by its index in a piece of the family, which may have grown since."""
         place, key = message.get("value"), message.get("key")
         if not isinstance(place, int) or isinstance(place, bool):

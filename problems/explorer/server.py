@@ -26,7 +26,7 @@ LARGEST_MESSAGE = 8 << 20
 MOST_TABS = 40  # each has a process of its own
 
 
-def serve(scene: "Scene", port: int = 0, python_machine: Any = None) -> "tuple[BaseServer, str]":
+def serve(scene: "Scene", port: int = 0, python_machine: object = None) -> "tuple[BaseServer, str]":
     """A server of the page, not started yet, and its address.
 
     scene : the scene that the page shows first
@@ -92,7 +92,7 @@ def _bound(port: int) -> list[socket.socket]:
     return [listening]
 
 
-def _page_of(scene: "Scene", python_machine: Any) -> Callable[[Any], None]:
+def _page_of(scene: "Scene", python_machine: object) -> Callable[[Any], None]:
     """The function that fills the document of a tab."""
     tabs = set[str]()
 
@@ -115,7 +115,7 @@ def _page_of(scene: "Scene", python_machine: Any) -> Callable[[Any], None]:
     return fill
 
 
-def _page_of_text(text: str) -> Any:
+def _page_of_text(text: str) -> object:
     """A text as a model of Bokeh."""
     from orbits.show.pages.bokeh_figures import bokeh
 
@@ -148,7 +148,7 @@ async def _finish_tasks() -> None:
         await asyncio.wait(tasks, timeout=5)
 
 
-def _run_server(started: "Future[tuple[BaseServer, str]]", scene: "Scene", python_machine: Any) -> None:
+def _run_server(started: "Future[tuple[BaseServer, str]]", scene: "Scene", python_machine: object) -> None:
     """Serve the page in this thread until the server is stopped; `started` receives the server and its address, or why
     there is none."""
     try:

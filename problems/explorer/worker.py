@@ -58,7 +58,7 @@ class Worker:
     python_machine : the machine of the page, where no statement makes it
     """
 
-    def __init__(self, deliver: Callable[[Task, Any], None], python_machine: Any = None, calm: bool = False):
+    def __init__(self, deliver: Callable[[Task, Any], None], python_machine: object = None, calm: bool = False):
         self._deliver, self._machine, self._calm = deliver, python_machine, calm
         self._lock = threading.Lock()
         self._process: Any = None
@@ -104,7 +104,7 @@ class Worker:
             process.kill()
             process.join()
 
-    def _read(self, process: Any, pipe: Any) -> None:
+    def _read(self, process: object, pipe: Any) -> None:
         """Deliver the results that the process sends, until it ends."""
         while True:
             try:
@@ -121,7 +121,7 @@ class Worker:
         if lost is not None:
             self._deliver(lost, Failure(LOST))
 
-    def _is_awaited(self, process: Any, task: Task, result: Any) -> bool:
+    def _is_awaited(self, process: Any, task: Task, result: object) -> bool:
         """Whether a result is to be delivered; the last one completes its task."""
         last = isinstance(result, Done | Failure)
         with self._lock:
@@ -163,7 +163,7 @@ class _Newest:
         return self._came.is_set()
 
 
-def compute_tasks(pipe: Any, python_machine: Any, calm: bool) -> None:
+def compute_tasks(pipe: Any, python_machine: object, calm: bool) -> None:
     """Compute the newest task, result by result, until there is a newer one; the work of a process."""
     if calm and hasattr(os, "nice"):
         os.nice(10)
@@ -177,7 +177,7 @@ def compute_tasks(pipe: Any, python_machine: Any, calm: bool) -> None:
                 break
 
 
-def _results_of(task: Task, python_machine: Any) -> Iterator[Any]:
+def _results_of(task: Task, python_machine: object) -> Iterator[object]:
     """The results of a task; an error is a `Failure` with its message."""
     try:
         yield from ANSWERS[task.name](python_machine, *task.arguments)

@@ -313,7 +313,7 @@ def _model_in_si(model: Model, hopper: bool, upper: str, lower: str, stiffness: 
 
 def _machine(
     base: type[TwoMassMachine], masses: dict[str, float], force: LawLike | None, stiffness: float | None,
-    body_radius: float | None, gravity: LawLike | None, parameters: Any, **numbers: Any,
+    body_radius: float | None, gravity: LawLike | None, parameters: object, **numbers: Any,
 ) -> MachineInSI:  # fmt: skip
     """The machine of these statements; `numbers` are further fields of it."""
     values = checked_numbers(parameters or {})

@@ -97,7 +97,7 @@ class FamilyFigure:
         line = figure.line("value", "motions", source=self._curve, line_width=2.5, color=COLOURS[0])
         dashed = figure.line("value", "others", source=self._curve, line_width=2, color=COLOURS[0], line_dash=[4, 4])
         # The orbits themselves would fill the gaps of the dashes: they are shown only at the pointer.
-        unseen: dict[str, Any] = dict.fromkeys(("line_color", "fill_color", "nonselection_fill_color"))
+        unseen: dict[str, object] = dict.fromkeys(("line_color", "fill_color", "nonselection_fill_color"))
         unseen |= {"hover_fill_color": COLOURS[0], "hover_line_color": None, "size": 7}
         points = figure.scatter("value", "quantity", source=self.points, **unseen)
         style = {"marker": "marker", "fill_color": "white", "line_color": INK, "line_width": 1.6, "size": 10}

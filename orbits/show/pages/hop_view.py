@@ -235,7 +235,7 @@ class HopFigures:
         figure.add_tools(hover([line], entries, mode="vline"))
         return figure
 
-    def _shade(self, figure: Any) -> Any:
+    def _shade(self, figure: Any) -> object:
         """Shade the contact in a figure against time."""
         return figure.vstrip("start", "end", source=self._contact, fill_color=SHADE, line_color=None, level="underlay")
 

@@ -104,7 +104,7 @@ class MapFigure:
         """The changes that `show` makes."""
         basin = np.zeros((0, 2)) if data.basin is None else data.basin
         most = np.nanmax(data.following, initial=data.high, where=np.isfinite(data.following))
-        lines: list[tuple[Any, Any, Any]] = [
+        lines: list[tuple[object, object, object]] = [
             (self._map, data.alpha, data.following),
             (self._web, *data.web),
             (self._start, *data.web[:, :1]),

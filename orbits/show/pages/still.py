@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from ...continuation.family import Family
     from ...periodic.orbit import Orbit
     from ...result import Result
-    from ...sweeps.sweep_result import Sweep
 
 PAGES = (".html",)
 MOST_HOPS = 24  # of a family that are in its page
@@ -105,7 +104,7 @@ def orbit_page(orbit: "Orbit", path: str | Path) -> Path:
     return write_page(path, data.title, [first, *_other_figures(figures, *_law_figures(orbit))])
 
 
-def family_page(family: "Family", path: str | Path, quantity: str, hops: Iterable[tuple[Any, Any]]) -> Path:
+def family_page(family: "Family", path: str | Path, quantity: str, hops: Iterable[tuple[object, object]]) -> Path:
     """Write the page of a `Family`: a quantity along it, its events, and some of its hops, as pairs
     (point, its `Orbit`), to choose by a slider or a click. See `write_page`."""
     check_path(path, PAGES)
@@ -116,14 +115,14 @@ def family_page(family: "Family", path: str | Path, quantity: str, hops: Iterabl
     rows = [_event_row(family, event, quantity) for event in family.events]
     end = f"End: {family.end.kind}, {ending(family)}."
     tables = [html_table(rows, "", heads)] if rows else []
-    sections: list[Any] = [
+    sections: list[object] = [
         ("The family", [shown.figure]),
         ("What happens along it", [f"<p>{escape(end)}</p>", *tables]),
     ]
     return write_page(path, head, [*sections, *_choice(family, quantity, shown, list(hops))])
 
 
-def sweep_page(sweep: "Sweep", path: str | Path, quantity: str | None) -> Path:
+def sweep_page(sweep: Any, path: str | Path, quantity: str | None) -> Path:
     """Write the page of a `Sweep`: a quantity over its parameters. See `write_page`."""
     check_path(path, PAGES)
     figures, caption = sweep_figures(sweep, quantity)
@@ -139,18 +138,18 @@ def result_page(result: "Result", path: str | Path) -> Path:
     return write_page(path, result.title(), [("", [result._repr_html_()])])
 
 
-def _animation(figures: HopFigures) -> Any:
+def _animation(figures: HopFigures) -> object:
     """The player above the animated machine, about as high as the table beside them."""
     figures.machine.height = 440
     return bokeh("layouts").column(figures.player, figures.machine, sizing_mode="stretch_width")
 
 
-def _other_figures(figures: HopFigures, *beside: Any) -> list[Any]:
+def _other_figures(figures: HopFigures, *beside: object) -> list[object]:
     """The sections of a hop's other figures, and the parts beside the contact force."""
     return [("Over a cycle", [figures.heights, figures.portrait]), ("Forces", [figures.force, *beside])]
 
 
-def _law_figures(orbit: "Orbit") -> list[Any]:
+def _law_figures(orbit: "Orbit") -> list[object]:
     """The figure of the spring's law, where the orbit knows its machine and this states a force of its extension."""
     if orbit.source is None or orbit.source.model.tension is None:
         return []
@@ -166,7 +165,7 @@ def _event_row(family: "Family", event: Any, quantity: str) -> tuple[str, ...]:
     return event.kind, *(f"{number:.10g}" for number in numbers), words
 
 
-def _choice(family: "Family", quantity: str, shown: FamilyFigure, hops: list[tuple[Any, Any]]) -> list[Any]:
+def _choice(family: "Family", quantity: str, shown: FamilyFigure, hops: list[tuple[Any, Any]]) -> list[object]:
     """The sections of a family's hops, one of which is shown; none without hops."""
     if not hops:
         return []

@@ -1,6 +1,6 @@
 """A sweep as figures of Bokeh: a quantity over its parameters, with a tooltip for each member."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -8,16 +8,13 @@ from ...errors import InputError
 from ..plot import COLOURS
 from .bokeh_figures import GREY, bokeh, empty_columns, hover, legend_above, new_figure
 
-if TYPE_CHECKING:
-    from ...sweeps.sweep_result import Sweep
-
 MOST_SHOWN = 10_000  # members; a page of more would be large, and their marks would cover each other
 LONGEST_REASON = 200  # characters of a member's reason in its tooltip
 MAPPED = "Viridis256"  # colours that are read in print and by colour-blind readers
 MOTIONS = ("certified", "lifts_off")  # statuses of members that are motions
 
 
-def sweep_figures(sweep: "Sweep", quantity: str | None = None) -> tuple[list[Any], str]:
+def sweep_figures(sweep: Any, quantity: str | None = None) -> tuple[list[Any], str]:
     """Figures of a `Sweep` side by side, and a sentence on what they show.
 
     quantity : a column of numbers, the first one for None
@@ -45,7 +42,7 @@ def sweep_figures(sweep: "Sweep", quantity: str | None = None) -> tuple[list[Any
     return [_against(sweep, name, quantity, found) for name in sweep.parameters if known.any()], caption + "."
 
 
-def _source(sweep: "Sweep", quantity: str, rows: np.ndarray) -> Any:
+def _source(sweep: Any, quantity: str, rows: np.ndarray) -> object:
     """The source of these members."""
     if not len(rows):
         return bokeh("models").ColumnDataSource(
@@ -65,12 +62,12 @@ def _family_name(family: int) -> str:
     return f"family {family}"
 
 
-def _columns(sweep: "Sweep") -> dict[str, str]:
+def _columns(sweep: Any) -> dict[str, str]:
     """The names of the parameters by those of their columns, which are plain words."""
     return {f"p{i}": name for i, name in enumerate(sweep.parameters)}
 
 
-def _plane(sweep: "Sweep", quantity: str, found: Any, nothing: Any) -> Any:
+def _plane(sweep: Any, quantity: str, found: Any, nothing: Any) -> object:
     """Two parameters against each other, with the quantity as colour, and where there is none."""
     models, (across, up) = bokeh("models"), sweep.parameters
     figure, values = _empty_figure(sweep, across, up), np.asarray(found.data["quantity"], dtype=float)
@@ -88,7 +85,7 @@ def _plane(sweep: "Sweep", quantity: str, found: Any, nothing: Any) -> Any:
     return figure
 
 
-def _against(sweep: "Sweep", name: str, quantity: str, found: Any) -> Any:
+def _against(sweep: Any, name: str, quantity: str, found: object) -> object:
     """The quantity against one parameter, in a colour for each family."""
     figure, families = _empty_figure(sweep, name, quantity), list(map(_family_name, sweep.about["families"]))
     column, colour, field = next(column for column, each in _columns(sweep).items() if each == name), COLOURS[0], "kind"
@@ -100,7 +97,7 @@ def _against(sweep: "Sweep", name: str, quantity: str, found: Any) -> Any:
     return figure
 
 
-def _marks(figure: Any, sweep: "Sweep", found: Any, x: str, y: str, colour: Any, field: str) -> Any:
+def _marks(figure: Any, sweep: Any, found: object, x: str, y: str, colour: object, field: str) -> object:
     """The marks of members, crosses where they are no motions, with a legend by a column."""
     transform, models = bokeh("transform"), bokeh("models")
     shape = transform.factor_mark("kind", ["circle", "x"], ["motions", "no motions"])
@@ -112,7 +109,7 @@ def _marks(figure: Any, sweep: "Sweep", found: Any, x: str, y: str, colour: Any,
     return marks
 
 
-def _member_tool(sweep: "Sweep", quantity: str | None, renderers: list[Any]) -> Any:
+def _member_tool(sweep: Any, quantity: str | None, renderers: list[object]) -> object:
     """The tooltip of a member."""
     tips = [("member", "@member")] + ([("", "@family")] if len(sweep.about["families"]) > 1 else [])
     tips += [(sweep.heading(name), f"@{column}{{%.6g}}") for column, name in _columns(sweep).items()]
@@ -120,7 +117,7 @@ def _member_tool(sweep: "Sweep", quantity: str | None, renderers: list[Any]) -> 
     return hover(renderers, [*tips, ("", "@told")])
 
 
-def _empty_figure(sweep: "Sweep", across: str, up: str) -> Any:
+def _empty_figure(sweep: Any, across: str, up: str) -> Any:
     """A figure with logarithmic axes for parameters that are swept over decades."""
     new_range, axes = bokeh("models").DataRange1d, {"x": across, "y": up}
     ranges = {f"{axis}_range": new_range() for axis in axes}
@@ -131,6 +128,6 @@ def _empty_figure(sweep: "Sweep", across: str, up: str) -> Any:
     return new_figure("", 400, **ranges, **scales, **labels)
 
 
-def _label(sweep: "Sweep", name: str) -> str:
+def _label(sweep: Any, name: str) -> str:
     """A name for an axis, with its unit."""
     return sweep.heading(name).replace("_", " ")
