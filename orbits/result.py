@@ -36,7 +36,7 @@ from .io import (
     write_table,
     writing,
 )
-from .model.machine import machine_in_words
+from .model.machine import Machine, machine_in_words
 from .tables import DIGITS, html_table, number_text, text_table
 from .units import UNIT_TEXTS
 
@@ -259,14 +259,14 @@ class Result:
         return {"format": self.form(), **self.document(), **({} if whole else {"fields": stored(self)})}
 
     @classmethod
-    def of_saved(cls, document: object, machine: Any = None) -> Any:
+    def of_saved(cls, document: object, machine: Machine | None = None) -> Any:
         """The result of a document by `saved`; raises `ValueError` where parts of it do not fit each other, or it is
         that of another machine."""
         whole = cls._conform(document, Mapping[str, Any])
         return cls(**cls._fields_in(whole.get("fields", whole), machine))
 
     @classmethod
-    def _fields_in(cls, data: Mapping[str, Any], machine: object = None) -> dict[str, Any]:
+    def _fields_in(cls, data: Mapping[str, Any], machine: Machine | None = None) -> dict[str, Any]:
         """The fields of the result in a document, each checked against its type."""
         own, kinds = dict[str, object](), get_type_hints(cls)
         for each in fields(cls):  # type: ignore[arg-type]
@@ -282,7 +282,7 @@ class Result:
         return own
 
     @classmethod
-    def load(cls, path: str | Path, machine: Any = None) -> Self:
+    def load(cls, path: str | Path, machine: Machine | None = None) -> Self:
         """Read a result that `save` wrote to .json.
 
         machine : that the result is of, needed where a file does not hold it: for designs, fronts and simulations, and
@@ -294,7 +294,7 @@ class Result:
         return read_file(path, f"{path} is not a saved {cls.what}", partial(cls._read, machine), cls.largest_file)
 
     @classmethod
-    def _read(cls, machine: Any, file: BinaryIO) -> Any:
+    def _read(cls, machine: Machine | None, file: BinaryIO) -> Any:
         return cls.of_saved(read_sealed(file), machine)
 
     @classmethod

@@ -350,7 +350,7 @@ class Family(
         yield json_line(self.end)
 
     @classmethod
-    def _read(cls, machine: Machine, file: BinaryIO) -> "Family":
+    def _read(cls, machine: Machine | None, file: BinaryIO) -> "Family":
         """The family in an open file, of lines or of one document; a truncated last line is left out."""
         if str(file.name).lower().endswith(".json"):
             with suppress(json.JSONDecodeError):  # version 0.1.0 wrote lines to .json too

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from ..errors import InputError
 from ..flow.trajectory import Trajectory
 from ..io import Document, conform
+from ..model.machine import Machine
 from ..result import TABLE_ROWS, Axes, Result, Row, shown
 from ..simulation.simulated import Leg, index_of_legs, rows_of_legs, times_within
 from ..units import Dimension, Units, dimension_of_state, unit_text
@@ -203,7 +204,7 @@ class Control(Result, what="control", document_is_whole=True, in_line=("status",
         return {**whole, "legs": legs, "bare": bare}
 
     @classmethod
-    def of_saved(cls, document: object, machine: Any = None) -> "Control":
+    def of_saved(cls, document: object, machine: Machine | None = None) -> "Control":
         data = Control._conform(document, Mapping[str, Any])
         bare, inner = data["bare"], ("bare", "machine", "statement")
         own = Control._fields_in({n: each for n, each in data.items() if each is not None and n not in inner})

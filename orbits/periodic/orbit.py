@@ -340,7 +340,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
         return {"format": self.form(), **document, "motion": motion}
 
     @classmethod
-    def _read(cls, machine: Machine, file: BinaryIO) -> "Orbit":
+    def _read(cls, machine: Machine | None, file: BinaryIO) -> "Orbit":
         """The orbit in an open file. A changed file is refused, but is still a start for `find`, which solves anew."""
         try:
             document = json.load(file)

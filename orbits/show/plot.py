@@ -1,6 +1,7 @@
 """Plots of orbits, families and diagrams: axes in, axes out; matplotlib is imported only when something is drawn.
 
-Results draw themselves by these functions through `orbits.result.shown`; they are known by their attributes only.
+Results draw themselves by these functions through `orbits.result.shown`; only the type checker imports their
+types.
 """
 
 import re

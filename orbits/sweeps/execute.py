@@ -23,7 +23,7 @@ from .members import failed_table, solve_chunk
 from .question import CHUNK, Question, Table
 
 if TYPE_CHECKING:
-    from concurrent.futures import ProcessPoolExecutor
+    from concurrent.futures import Future, ProcessPoolExecutor
     from multiprocessing.connection import Connection
 
 # Workers that a member may kill before it counts as failed.
@@ -180,7 +180,7 @@ class _Processes:
         """The number of workers."""
         return self.workers or os.cpu_count() or 1
 
-    def submit(self, *call: Any) -> Any:
+    def submit(self, *call: Any) -> "Future[Table]":
         """A call in one of the processes."""
         return self.pool.submit(*call)
 
@@ -217,7 +217,7 @@ class _UserExecutor:
 
     def __init__(self, executor: Any, workers: int | None):
         self.executor, self.size = executor, workers or int(getattr(executor, "_max_workers", 0)) or MANY_WORKERS
-        self.futures = WeakSet[Any]()
+        self.futures = WeakSet["Future[Table]"]()
 
     def __enter__(self) -> "_UserExecutor":
         return self
@@ -226,7 +226,7 @@ class _UserExecutor:
         for future in self.futures:
             future.cancel()  # after an interrupt nobody waits for it
 
-    def submit(self, *call: object) -> Any:
+    def submit(self, *call: object) -> "Future[Table]":
         """A call by one of the workers."""
         future = self.executor.submit(*call)
         self.futures.add(future)
@@ -243,7 +243,9 @@ class _UserExecutor:
             raise InputError(f"the executor is broken: {error}; what is stored stays, go on with another one") from None
 
 
-def _solved_by(pool: Any, payload: bytes, question: Question, chunks: list[Chunk]) -> Iterator[Table]:
+def _solved_by(
+    pool: "_Processes | _UserExecutor", payload: bytes, question: Question, chunks: list[Chunk]
+) -> Iterator[Table]:
     """The results of the chunks, solved by a pool's workers.
 
     When a worker dies, the chunks that were being solved are suspects, which are retried alone once all others are
@@ -251,7 +253,7 @@ def _solved_by(pool: Any, payload: bytes, question: Question, chunks: list[Chunk
     """
     from concurrent.futures import FIRST_COMPLETED, wait
 
-    waiting, suspects, running = deque(chunks), deque[Chunk](), dict[Any, Chunk]()
+    waiting, suspects, running = deque(chunks), deque[Chunk](), dict["Future[Table]", Chunk]()
     alone = False
     while waiting or running or suspects:
         interrupts.heed()

@@ -118,7 +118,7 @@ def _to_rows(scene: Scene, data: Mapping[str, object]) -> Scene:
     return replace(scene, rows=DroppedRows(data.get("name"), data.get("text")), start=None)  # type: ignore[arg-type]
 
 
-def _to_option_of_rows(name: str) -> Callable[[Scene, Mapping[str, Any]], Scene]:
+def _to_option_of_rows(name: str) -> Callable[[Scene, Mapping[str, object]], Scene]:
     def change(scene: Scene, data: Mapping[str, object]) -> Scene:
         if scene.rows is None:
             raise InputError(f"{name} is of measured rows, and there are none")
@@ -129,7 +129,7 @@ def _to_option_of_rows(name: str) -> Callable[[Scene, Mapping[str, Any]], Scene]
 
 
 # The fields by name.
-CHANGES: dict[str, Callable[[Scene, Mapping[str, Any]], Scene]] = {
+CHANGES: dict[str, Callable[[Scene, Mapping[str, object]], Scene]] = {
     "number": _to_number,
     "spring": _to_spring,
     "gravity": _to_gravity,
@@ -141,6 +141,6 @@ CHANGES: dict[str, Callable[[Scene, Mapping[str, Any]], Scene]] = {
     "branch": _to_option_of_rows("branch"),
     "noise": _to_option_of_rows("noise"),
     "along": lambda scene, data: replace(scene, along=str(data.get("value") or "")),
-    "launch": lambda scene, data: replace(scene, launch=data.get("value")),
+    "launch": lambda scene, data: replace(scene, launch=data.get("value")),  # type: ignore[arg-type]
     "lowest": lambda scene, data: replace(scene, start=None),
 }

@@ -91,9 +91,9 @@ class Explorer:
         for worker in self._workers.values():
             worker.stop()
 
-    def _worker(self, receive: Callable[[Task, Any], None], calm: bool = False) -> Worker:
+    def _worker(self, receive: Callable[[Task, object], None], calm: bool = False) -> Worker:
         """A worker whose results are passed to a method in order, in the thread of the document."""
-        results = SimpleQueue[tuple[Task, Any]]()  # callbacks from before the session begins come in any order
+        results = SimpleQueue[tuple[Task, object]]()  # callbacks from before the session begins come in any order
 
         def deliver(task: Task, result: object) -> None:
             context = self._document.session_context
