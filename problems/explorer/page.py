@@ -67,21 +67,23 @@ class Explorer:
 
     def __init__(self, document: Document, scene: Scene, python_machine: object = None, problem: str = ""):
         self._document, self._python_machine = document, python_machine
+        # The processes that compute hops, families and maps.
         self._workers = {
             "hop": self._worker(self._receive_hop),
             "family": self._worker(self._receive_family, calm=True),
             "map": self._worker(self._receive_map, calm=True),
         }
+        # The messages between tab and page, and the figures.
         self._bridge: Any = Bridge()
         self._figures = Figures()
-        # These four change while the page is open; all fields of the tab follow from the first three. The tasks are the
-        # newest of each worker: that of a hop while it is awaited, those of a family and a map until the page is left.
+        # What was requested and what was computed: these two are replaced while the page is open.
         self._requested = Requested(scene, refused={"page": problem} if problem else {})
         self._computed = Computed(scene)
-        self._tasks: dict[
-            str, Task
-        ] = {}  # the newest by worker: of a hop while it is awaited, else until the page is left
-        self._pending: TimeoutCallback | None = None  # which will request the family and the map
+        # The newest task of each worker: that of a hop while it is awaited, those of a family and a map until the page
+        # is left.
+        self._tasks: dict[str, Task] = {}
+        # The callback that will request the family and the map; None while neither is to be requested.
+        self._pending: TimeoutCallback | None = None
         self._fill_document()
         document.on_session_destroyed(lambda _: self.close())
         self._request_hop()
