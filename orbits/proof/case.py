@@ -219,8 +219,7 @@ def _verdicts(
         return Verdicts(conditions=dict.fromkeys(names, UNDECIDED), reasons=(*reasons, f"the flight: {error}"))
     motion = _motion_verdicts(found, flight, claim, names, digits, about_claim) if names else Verdicts()
     lost = _loss_verdict(found, flight, claim) if loss else Verdicts()
-    enclosures = {**motion.enclosures, **lost.enclosures}
-    reasons = (*reasons, *motion.reasons, *lost.reasons)
+    enclosures, reasons = {**motion.enclosures, **lost.enclosures}, (*reasons, *motion.reasons, *lost.reasons)
     return Verdicts(motion.family, motion.conditions, enclosures, lost.loss, reasons=reasons)
 
 
@@ -230,14 +229,13 @@ def _motion_verdicts(
     """The verdicts on the family and these conditions, and on the orbit's claims about both."""
     counted, wrong = counted_family(found.half, flight, digits), list[str]()
     if about_claim:
-        family = counted.family
-        if family is not None and family != claim.family:
-            wrong.append(f"family: the extension turns as in family {family}, and the orbit says {claim.family}")
+        if counted.family not in (None, claim.family):
+            turns = f"the extension turns as in family {counted.family}"
+            wrong.append(f"family: {turns}, and the orbit says {claim.family}")
         wrong += [f"the orbit itself says that it is no motion: {each}" for each in claim.violations]
         wrong += _wrong_places(found, flight, claim)
-    contact = None
-    if CONTACT_DURATION in found.statement.unknowns:
-        contact = Motion(found.equations.legs[-1], found.root.evaluated.passages[-1])
+    ends = CONTACT_DURATION in found.statement.unknowns
+    contact = Motion(found.equations.legs[-1], found.root.evaluated.passages[-1]) if ends else None
     conditions, reasons = motion_conditions(found.half, flight, contact, names)
     return replace(counted, conditions=conditions, reasons=(*counted.reasons, *wrong, *reasons))
 
@@ -262,14 +260,12 @@ def _with_attraction(found: ProvedExistence, claim: Claim, verdicts: Verdicts) -
         half, half_contact = found.half, found.ball(found.statement.unknowns[CONTACT_DURATION])
         launch = {name: found.ball(each) for name, each in half.launch_unknowns.items()}
         contact = found.statement.arcs[-1]
-        attraction = attraction_of(
-            Hop(half, launch, found.ball(half.half_flight), half_contact, contact, verdicts.loss)
-        )
+        hop = Hop(half, launch, found.ball(half.half_flight), half_contact, contact, verdicts.loss)
+        attraction = attraction_of(hop)
     except Unproved as error:
         return replace(verdicts, reasons=(*verdicts.reasons, f"attraction: {error}"))
-    return replace(
-        verdicts, attraction=attraction, enclosures={**verdicts.enclosures, "attraction_loss": attraction.losses}
-    )
+    enclosures = {**verdicts.enclosures, "attraction_loss": attraction.losses}
+    return replace(verdicts, attraction=attraction, enclosures=enclosures)
 
 
 def _check_landings(machine: Machine) -> None:
@@ -328,12 +324,9 @@ def _flight(found: ProvedExistence) -> Motion:
     passages = evaluated_on(equations, [value.mid() for value in box], [value.rad() for value in box]).passages
     equations.check_domains(passages)
     flight = Motion(equations.legs[0], passages[0])
-    if wrong := [
-        i
-        for i, value in enumerate(passages[0].finish[: 2 * len(found.half.mechanics.v)])
-        if i % 2 and not value.contains(0)
-    ]:
-        raise Unproved(f"the rate of coordinate {wrong[0] // 2 + 1} is proved not to vanish in mid-flight")
+    rates = passages[0].finish[1 : 2 * len(found.half.mechanics.v) : 2]
+    if wrong := [i for i, value in enumerate(rates) if not value.contains(0)]:
+        raise Unproved(f"the rate of coordinate {wrong[0] + 1} is proved not to vanish in mid-flight")
     return flight
 
 
