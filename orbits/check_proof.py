@@ -87,7 +87,7 @@ class Tree:
 
 
 @lru_cache(maxsize=100_000)
-def tree(kind: str, *parts: Tree, value: Any = None) -> Tree:
+def tree(kind: str, *parts: Tree, value: object = None) -> Tree:
     """The one tree of this kind and these parts; a number where they are numbers."""
     if kind in OPERATIONS and parts[0].kind == parts[1].kind == "number":
         return number(OPERATIONS[kind](parts[0].value, parts[1].value))
@@ -470,7 +470,7 @@ class Solution:
         self.inside = all(abs(d) < each.rad() for d, each in zip(change, box.values(), strict=False))
 
 
-def check(document: Mapping[str, Any]) -> list[str]:
+def check(document: Mapping[str, object]) -> list[str]:
     """Why a saved proof is not verified, in words; empty where all of its theorem is."""
     try:
         _check_said(document)
@@ -536,7 +536,7 @@ def _check_parts(document: Mapping[str, Any]) -> None:
         _check_halved(document, unknowns, Fraction(part["uniqueness_radius"]), box, MOST_SPLITS)
 
 
-def _check_halved(document: Mapping[str, Any], claims: Bounds, radius: Fraction, cell: Bounds, left: int) -> None:
+def _check_halved(document: Mapping[str, object], claims: Bounds, radius: Fraction, cell: Bounds, left: int) -> None:
     """See that the theorem holds for parameters in a box, which is halved where that is not shown at once."""
     narrow = min((high - low) / (abs(high) + abs(low) + Fraction(1, 10**9)) for low, high in claims.values())
     if not narrow or radius <= 0:

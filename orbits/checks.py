@@ -55,7 +55,7 @@ class Checked(Result, what="check", printed_digits=2):
         """The largest deviation as a share of its tolerance."""
         return max(each.deviation / each.bound for each in self.relations)
 
-    def _line(self) -> dict[str, Any]:
+    def _line(self) -> dict[str, object]:
         return {"machine": self.machine["machine"], "relations": len(self.relations), "largest": self.largest}
 
     def title(self) -> str:

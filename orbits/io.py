@@ -18,13 +18,15 @@ from importlib import import_module
 from pathlib import Path
 from subprocess import CalledProcessError
 from types import NoneType, UnionType
-from typing import Any, BinaryIO, TypeVar, get_args, get_origin, get_type_hints, is_typeddict
+from typing import Any, BinaryIO, TypeAlias, TypeVar, get_args, get_origin, get_type_hints, is_typeddict
 
 import numpy as np
 
 from .errors import InputError, cut_in_the_middle
 
 Read = TypeVar("Read")
+# A JSON document or a part of one by name: numbers, texts, lists, and such documents.
+Document: TypeAlias = dict[str, Any]
 MEGABYTE = 1 << 20
 # The most characters of a value in the one line that describes a result, and of that line.
 LONGEST_ENTRY, LONGEST_ONE_LINE = 100, 195
@@ -52,14 +54,14 @@ def extra_package(package: str, what: str, extra: str = "data") -> Any:
         raise InputError(f"{what}, {package} is needed: pip install 'persistent-orbits[{extra}]'") from None
 
 
-def in_words(values: Mapping[str, Any]) -> list[str]:
+def in_words(values: Mapping[str, object]) -> list[str]:
     """The values as name=value, numbers with all their digits."""
     arrays = np.generic | np.ndarray
     plain = {name: value.tolist() if isinstance(value, arrays) else value for name, value in values.items()}
     return [f"{name}={value!r}" for name, value in plain.items()]
 
 
-def one_line(result: Any, values: Mapping[str, Any]) -> str:
+def one_line(result: object, values: Mapping[str, object]) -> str:
     """A result in one line of fewer than 200 characters: its type, and some of its values by name, the first as many
     as there is room for, long ones without their middle."""
     texts = [each if len(each) <= LONGEST_ENTRY else cut_in_the_middle(each, 70, 25) for each in in_words(values)]
@@ -69,12 +71,12 @@ def one_line(result: Any, values: Mapping[str, Any]) -> str:
     return f"{name}({', '.join([*texts[:count], *(['...'] if count < len(texts) else [])])})"
 
 
-def fields_in_line(result: Any, *names: str) -> str:
+def fields_in_line(result: object, *names: str) -> str:
     """A result in one line: its type, and these attributes."""
     return one_line(result, {name: getattr(result, name) for name in names})
 
 
-def to_json(value: Any) -> str:
+def to_json(value: object) -> str:
     """JSON in one line, each float with all the digits that bring it back to the last bit.
 
     Mappings, sequences and NumPy arrays are taken; NaN and infinity raise `InputError`, since JSON has no number for
@@ -86,7 +88,7 @@ def to_json(value: Any) -> str:
         raise InputError(f"a number that is not finite has no place in a result: {error}") from None
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> object:
     """A value that `json` cannot write, as one that it can."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
@@ -114,12 +116,12 @@ def canonical(value: Any) -> str:
     return repr(float(value)) if is_number and abs(value) < 2**1000 else json.dumps(value)
 
 
-def digest(content: Any, before: str = "") -> str:
+def digest(content: object, before: str = "") -> str:
     """The digest of a content; of one that follows another, also of the digest `before` it."""
     return hashlib.sha256((before + canonical(content)).encode()).hexdigest()
 
 
-def sealed(document: Mapping, before: str = "") -> dict[str, Any]:
+def sealed(document: Mapping, before: str = "") -> Document:
     """A document with its digest, as it is read again from a file."""
     content = json.loads(to_json(document))
     return {**content, DIGEST: digest(content, before)}
@@ -143,7 +145,7 @@ def read_sealed(file: BinaryIO) -> Any:
     return unsealed(json.load(file))
 
 
-def has_digest(document: Any, path: str | Path) -> bool:
+def has_digest(document: object, path: str | Path) -> bool:
     """Whether an orbit or the first line of a family has a digest. Those of version 0.1.0 have none, and the logger
     "orbits" says that they are not checked."""
     if found := isinstance(document, Mapping) and DIGEST in document:
@@ -295,13 +297,13 @@ def conform(value: Any, kind: Any, name: str = "it") -> Any:
     return value
 
 
-def _mapping(value: Any, name: str) -> Mapping[str, Any]:
+def _mapping(value: object, name: str) -> Mapping[str, object]:
     if not isinstance(value, Mapping):
         raise InputError(f"{name} = {value!r}; it is a table of names and values")
     return value
 
 
-def _items(value: Any, inner: tuple, name: str) -> list:
+def _items(value: object, inner: tuple, name: str) -> list:
     """The items of a list, all of the first of the `inner` types, or each of its own."""
     if not isinstance(value, list | tuple):
         raise InputError(f"{name} = {value!r}; it is a list")
@@ -312,7 +314,7 @@ def _items(value: Any, inner: tuple, name: str) -> list:
     return [conform(each, kind, f"{name}[{i}]") for i, (each, kind) in enumerate(zip(value, kinds, strict=True))]
 
 
-def _array(value: Any, name: str) -> np.ndarray:
+def _array(value: object, name: str) -> np.ndarray:
     """An array of numbers, where None is NaN, or of texts, or of true and false."""
     try:
         array = np.array(value)
@@ -325,7 +327,7 @@ def _array(value: Any, name: str) -> np.ndarray:
 
 
 @cache
-def _hints(kind: Any) -> dict[str, tuple[Any, bool]]:
+def _hints(kind: Any) -> dict[str, tuple[object, bool]]:
     """The types of a record's entries by name, and whether each must be there."""
     kinds = get_type_hints(kind)
     if is_typeddict(kind):
@@ -333,7 +335,7 @@ def _hints(kind: Any) -> dict[str, tuple[Any, bool]]:
     return {f.name: (kinds[f.name], f.default is MISSING and f.default_factory is MISSING) for f in fields(kind)}
 
 
-def _record(data: Mapping[str, Any], kind: Any, name: str) -> Any:
+def _record(data: Mapping[str, object], kind: Any, name: str) -> Any:
     hints, inside = _hints(kind), "" if name == "it" else f"{name}."
     if missing := [key for key, (_, needed) in hints.items() if needed and key not in data]:
         raise InputError(f"{inside}{missing[0]} is missing")

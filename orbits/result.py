@@ -23,6 +23,7 @@ import numpy as np
 from .errors import InputError
 from .io import (
     MEGABYTE,
+    Document,
     check_ending,
     check_path,
     conform,
@@ -35,7 +36,7 @@ from .io import (
     write_table,
     writing,
 )
-from .model.machine import machine_in_words
+from .model.machine import Machine, machine_in_words
 from .tables import DIGITS, html_table, number_text, text_table
 from .units import UNIT_TEXTS
 
@@ -64,7 +65,7 @@ def shown(module: str) -> Any:
 class _Shown:
     """A value within the pattern of a row: a number has all the digits that its table shows, unless it says how."""
 
-    def __init__(self, value: Any, digits: int):
+    def __init__(self, value: object, digits: int):
         self.value, self.digits = value, digits
 
     def __format__(self, spec: str) -> str:
@@ -84,7 +85,7 @@ class Row(NamedTuple):
     cells: tuple[str, ...] = ("{}",)
 
     @classmethod
-    def of(cls, name: str, value: Any, unit: str = "", after: str = "") -> "Row":
+    def of(cls, name: str, value: object, unit: str = "", after: str = "") -> "Row":
         """The row of one value, with its unit and the text after it; its heading is the name in words."""
         unit = f" {unit}" if unit and value is not None else ""
         return cls(name.replace("_", " ").replace("liftoff", "lift-off"), {name: value}, (f"{{}}{unit}{after}",))
@@ -123,7 +124,7 @@ class Result:
     document_is_whole: ClassVar[bool] = False  # whether `of_saved` needs no more than the document
     machine: Any
 
-    def __init_subclass__(cls, **own: Any) -> None:
+    def __init_subclass__(cls, **own: object) -> None:
         """A class of results states its values of the names above in its heading."""
         super().__init_subclass__()
         for name, value in own.items():
@@ -143,7 +144,7 @@ class Result:
         """The data as columns of one length, by name."""
         raise NotImplementedError
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Document:
         """The result as JSON-ready data, as the command line prints it."""
         return stored(self)
 
@@ -164,7 +165,7 @@ class Result:
         """Texts below its table."""
         return []
 
-    def _line(self) -> Mapping[str, Any]:
+    def _line(self) -> Mapping[str, object]:
         """The contents of the one line of its `repr`."""
         return {name.split(".")[-1]: attrgetter(name)(self) for name in self.in_line}
 
@@ -173,7 +174,7 @@ class Result:
 
     def summary(self) -> dict[str, Any]:
         """The numbers and texts of the result by name; the second of a name is "name 2"."""
-        found, count = dict[str, Any](), Counter[str]()
+        found, count = dict[str, object](), Counter[str]()
         for name, value in (pair for row in self._rows() for pair in row.values.items()):
             count[name] += 1
             found[f"{name} {count[name]}" if name in found else name] = value
@@ -217,7 +218,7 @@ class Result:
         columns = dict(self.variable(name, column, self.dimension) for name, column in self.table().items())
         return xarray.Dataset(columns, attrs={"title": self.title(), "machine": to_json(self.machine)})
 
-    def variable(self, name: str, column: Any, dims: Any, shape: Sequence[int] = (-1,)) -> tuple[str, tuple]:
+    def variable(self, name: str, column: object, dims: object, shape: Sequence[int] = (-1,)) -> tuple[str, tuple]:
         """A column by a name that NetCDF takes, as a variable of a dataset: of these dimensions, None as "", and with
         its description."""
         values = np.asarray(column)
@@ -252,22 +253,22 @@ class Result:
         """The "format" that a file of such a result states."""
         return f"persistent-orbits {cls.what} 1"
 
-    def saved(self) -> dict[str, Any]:
+    def saved(self) -> Document:
         """The document of a file of the result, and the fields that it lacks, for `of_saved`."""
         whole = self.document_is_whole or type(self).document is Result.document
         return {"format": self.form(), **self.document(), **({} if whole else {"fields": stored(self)})}
 
     @classmethod
-    def of_saved(cls, document: Any, machine: Any = None) -> Any:
+    def of_saved(cls, document: object, machine: Machine | None = None) -> Any:
         """The result of a document by `saved`; raises `ValueError` where parts of it do not fit each other, or it is
         that of another machine."""
         whole = cls._conform(document, Mapping[str, Any])
         return cls(**cls._fields_in(whole.get("fields", whole), machine))
 
     @classmethod
-    def _fields_in(cls, data: Mapping[str, Any], machine: Any = None) -> dict[str, Any]:
+    def _fields_in(cls, data: Mapping[str, Any], machine: Machine | None = None) -> dict[str, Any]:
         """The fields of the result in a document, each checked against its type."""
-        own, kinds = dict[str, Any](), get_type_hints(cls)
+        own, kinds = dict[str, object](), get_type_hints(cls)
         for each in fields(cls):  # type: ignore[arg-type]
             name, kind = each.name, kinds[each.name]
             if name not in data:
@@ -281,7 +282,7 @@ class Result:
         return own
 
     @classmethod
-    def load(cls, path: str | Path, machine: Any = None) -> Self:
+    def load(cls, path: str | Path, machine: Machine | None = None) -> Self:
         """Read a result that `save` wrote to .json.
 
         machine : that the result is of, needed where a file does not hold it: for designs, fronts and simulations, and
@@ -293,11 +294,11 @@ class Result:
         return read_file(path, f"{path} is not a saved {cls.what}", partial(cls._read, machine), cls.largest_file)
 
     @classmethod
-    def _read(cls, machine: Any, file: BinaryIO) -> Any:
+    def _read(cls, machine: Machine | None, file: BinaryIO) -> Any:
         return cls.of_saved(read_sealed(file), machine)
 
     @classmethod
-    def _conform(cls, document: Any, kind: Any) -> Any:
+    def _conform(cls, document: object, kind: object) -> Any:
         """The document of a file of such a result, checked against its type; raises `ValueError` for another format."""
         data = conform(document, kind)
         if data.get("format") != cls.form():
@@ -345,7 +346,7 @@ def known(numbers: Any) -> list[float | None]:
     return [value if np.isfinite(value) else None for value in np.ravel(numbers).tolist()]
 
 
-def is_of(machine: Any, words: Mapping[str, Any], values: Mapping[str, float] = MappingProxyType({})) -> Any:
+def is_of(machine: Any, words: Mapping[str, object], values: Mapping[str, float] = MappingProxyType({})) -> Any:
     """The machine of a result that is read again, with these values of its parameters, which then describes itself in
     these words; raises `InputError` for none, and `ValueError` for another one."""
     if machine is None:

@@ -17,7 +17,7 @@ NAME_CELL = f"{VALUE_CELL};font-weight:400"
 NUMBER_CELL = f"{VALUE_CELL};white-space:nowrap;font-variant-numeric:tabular-nums"  # of a column among others
 
 
-def number_text(value: Any, unit: str = "", digits: int = DIGITS) -> str:
+def number_text(value: object, unit: str = "", digits: int = DIGITS) -> str:
     """A number with `digits` digits and its unit, "-" for None; anything else as it is, without a unit."""
     if value is None:
         return "-"

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .errors import InputError, OrbitsError, finite_number
-from .io import conform
+from .io import Document, conform
 
 # Powers of the units of length, time, force and energy, of the extension at lift-off, which is a length or an angle,
 # and of angles; those left out at the end are 0.
@@ -116,7 +116,7 @@ class Units:
         own = {"contact force": FORCE, **(own or {})}
         return np.array([self.of(own.get(name) or name) for name in names])
 
-    def dimensionless(self, name: str, argument: Any, dimension: Dimension = ()) -> Any:
+    def dimensionless(self, name: str, argument: object, dimension: Dimension = ()) -> Any:
         """An argument of this name and dimension in these units, made dimensionless; one without numbers stays, for the
         function to refuse. A mapping has unknowns of a launch or half an orbit by name; raises `InputError` where one
         is not a number."""
@@ -134,7 +134,7 @@ class Units:
     def convert(self, record: Record, **own: Dimension) -> Record:
         """A frozen record of dimensionless numbers, converted to SI where the name is known; `own` has further
         dimensions by name."""
-        known: dict[str, Any] = {}
+        known: dict[str, object] = {}
         for field in fields(record):  # type: ignore[arg-type]
             dimension = own.get(field.name) or DIMENSIONS.get(field.name)
             if dimension and (value := getattr(record, field.name)) is not None:
@@ -152,7 +152,7 @@ class Units:
         """A function of the state whose value is a length, for states of these names in SI; None for None."""
         return height and height.in_units(self.of_states(states).tolist(), self.length)
 
-    def converted(self, found: Any, dimension: Dimension) -> Any:
+    def converted(self, found: object, dimension: Dimension) -> Any:
         """Dimensionless numbers of this dimension in SI, in tuples, lists and mappings too; records as by `convert`."""
         if is_dataclass(found):
             return self.convert(found)
@@ -166,7 +166,7 @@ class Units:
         """The units that convert back."""
         return Units(1 / self.length, 1 / self.time, 1 / self.force, self.energy and 1 / self.energy, self.angles)
 
-    def saved(self) -> dict[str, Any]:
+    def saved(self) -> Document:
         """The units for a file, as `SavedUnits`."""
         return {name: value for name, value in vars(self).items() if name != "angles" or value}
 
@@ -187,7 +187,7 @@ class SavedUnits(TypedDict):
     angles: NotRequired[tuple[str, ...]]
 
 
-def saved_units(data: Mapping[str, Any]) -> Units:
+def saved_units(data: Mapping[str, object]) -> Units:
     """The units that a file states; raises `InputError` where one is not above 0, or so small or so large that results
     in it would be no numbers."""
     units = Units(**conform(dict(data), SavedUnits))
@@ -228,7 +228,7 @@ class Message(str):
     pattern: str
     parts: dict[str, Any]
 
-    def __new__(cls, pattern: str, /, **parts: Any) -> Self:
+    def __new__(cls, pattern: str, /, **parts: object) -> Self:
         parts = {name: _message_of(part) for name, part in parts.items()}  # no error is stored, nor what it refers to
         text = super().__new__(cls, pattern.format(**parts))
         text.pattern, text.parts = pattern, parts
@@ -248,12 +248,12 @@ class Message(str):
         return Message(self.pattern, **{name: in_units(part, units) for name, part in self.parts.items()})
 
 
-def _message_of(part: Any) -> Any:
+def _message_of(part: object) -> object:
     """The message of an error, whole; anything else as it is."""
     return (part.args or ("",))[0] if isinstance(part, OrbitsError) else part
 
 
-def in_units(part: Any, units: Units | None) -> Any:
+def in_units(part: object, units: Units | None) -> Any:
     """A message, what an error says, or a quantity, in these units; anything else as it is."""
     part = _message_of(part)
     return part.in_units(units) if units and isinstance(part, Message | Quantity) else part
@@ -301,7 +301,7 @@ def in_own_units(
                 bare = own(argument, machine) if callable(own) else units.dimensionless(name, argument, own)
                 bound.arguments[name] = bare
             with without_units(units):
-                found: Any = function(*bound.args, **bound.kwargs)
+                found: object = function(*bound.args, **bound.kwargs)
             return result(found, machine) if callable(result) else units.converted(found, result)
 
         return converted

@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from math import isfinite
 from numbers import Real
-from typing import Any
 
 from ..errors import InputError
 from ..model.machine import Machine, free_parameters
@@ -12,7 +11,7 @@ from ..units import Units
 from .verdict import check_consistency
 
 
-def check_machine(machine: Any, *also: str) -> None:
+def check_machine(machine: Machine, *also: str) -> None:
     """Raise `InputError` where something is no machine, naming the parts that are missing or malformed; `also` names
     further parts needed. A model that was written by hand is checked once, as by `check_consistency`."""
     names, model = ("model", "values", "units", "describe", *also), getattr(machine, "model", None)
@@ -22,14 +21,14 @@ def check_machine(machine: Any, *also: str) -> None:
     check_consistency(machine.model, machine.values)
 
 
-def refuse(machine: Any, wrong: Mapping[str, str]) -> None:
+def refuse(machine: Machine, wrong: Mapping[str, str]) -> None:
     """Raise `InputError` where parts of a machine are wrong, in words by name."""
     if wrong:
         parts = "; ".join(f"{name}: {text}" if text else f"it has no '{name}'" for name, text in wrong.items())
         raise InputError(f"'{type(machine).__name__}' is no machine such as problems.Hopper(): {parts}")
 
 
-def wrong_parts(machine: Any, *names: str) -> dict[str, str]:
+def wrong_parts(machine: Machine, *names: str) -> dict[str, str]:
     """The faults in the parts of a machine, in words by name; the words are empty where a part is missing."""
     found = {name: "" for name in names if not hasattr(machine, name)}
     if "model" not in found and not isinstance(machine.model, Model):
@@ -53,7 +52,7 @@ def wrong_parts(machine: Any, *names: str) -> dict[str, str]:
     return found
 
 
-def _is_number(value: Any) -> bool:
+def _is_number(value: object) -> bool:
     return isinstance(value, Real) and isfinite(value)
 
 

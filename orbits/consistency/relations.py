@@ -9,11 +9,11 @@ the gap's acceleration in flight.
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from ..laws.law import Algebraic
 from ..model.model import Model
 from ..model.phase import Affine
 from ..model.state_formula import StateFormula
@@ -39,7 +39,7 @@ class Relation:
         return self.deviation <= self.bound
 
 
-def share(residual: Any, *magnitudes: Any) -> float:
+def share(residual: Algebraic, *magnitudes: Algebraic) -> float:
     """The largest residual as a share of the largest of the magnitudes; infinite where one is no number."""
     largest = float(np.max(np.abs(residual), initial=0.0))
     size = max((float(np.max(np.abs(each), initial=0.0)) for each in magnitudes), default=1.0)

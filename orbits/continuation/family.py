@@ -12,14 +12,14 @@ import numpy as np
 from ..consistency.accepted import check_parameters
 from ..errors import InputError
 from ..exact.claim import CONTACT_DURATION, Claim
-from ..io import DIGEST, MEGABYTE, conform, has_digest, sealed, to_json, unsealed, writing
+from ..io import DIGEST, MEGABYTE, Document, conform, has_digest, sealed, to_json, unsealed, writing
 from ..model.machine import Machine
 from ..periodic.certified import orbit_from
 from ..periodic.orbit import Orbit, SavedLaws, with_note
 from ..proof.branch_claim import BranchClaim
 from ..proof.prove import prove_branch, prove_claims
 from ..proof.theorem import Proof
-from ..result import ENDINGS, Result, Row, is_of, shown
+from ..result import ENDINGS, Axes, Result, Row, is_of, shown
 from ..running.time_limit import LIMIT
 from ..units import saved_units
 from .point import KNOWN, SIDES, End, Event, Point, check_points, json_line, point_in_units
@@ -48,7 +48,7 @@ class Sealing:
         self.before = document[DIGEST]
         return to_json(document) + "\n"
 
-    def opened(self, document: Any, number: int) -> Any:
+    def opened(self, document: object, number: int) -> Any:
         """The record of the next line; raises `ValueError` where this line, or one before it, was changed. The lines
         of version 0.1.0 have no digests."""
         stated = document.get(DIGEST) if isinstance(document, Mapping) else None
@@ -265,7 +265,7 @@ class Family(
             unknowns.setdefault(CONTACT_DURATION, point.contact_time / 2)
         return Claim(here, point.alpha, point.error, point.family, tuple(point.violations), unknowns)
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Document:
         points = [{self.name: point.value, **point.row()} for point in self.points]
         places = [{"kind": e.kind, "after": e.after, self.name: e.point.value, **e.point.row()} for e in self.events]
         end = {key: value for key, value in asdict(self.end).items() if value is not None}
@@ -273,7 +273,7 @@ class Family(
         whole |= {"units": self.units} if self.units else {}
         return {**whole, "settings": self.settings, "versions": self.versions}
 
-    def _line(self) -> dict[str, Any]:
+    def _line(self) -> dict[str, object]:
         ends = {"start": self.points[0].value, "stop": self.points[-1].value} if self.points else {}
         return {"along": self.name, "orbits": len(self), **ends, "end": self.end.kind}
 
@@ -302,7 +302,7 @@ class Family(
         tends = f", {self.name} tends to {{:.8g}} (about {{:.0e}} off)" if limits else ""
         yield Row("end", {"end": self.end.kind, "reason": self.end.reason, **limits}, (f"{{}}, {{}}{tends}",))
 
-    def plot(self, quantity: str = "alpha", axes: Any = None, label: str | None = None) -> Any:
+    def plot(self, quantity: str = "alpha", axes: Axes | None = None, label: str | None = None) -> Axes:
         """Plot a quantity against the parameter; returns the axes. See `orbits.show.plot.plot_family`."""
         return shown("plot").plot_family(self, axes, quantity, label)
 
@@ -337,7 +337,7 @@ class Family(
             target.write_text("".join(map(Sealing().line, self.records())), encoding="utf-8")
         return Path(path)
 
-    def saved(self) -> dict[str, Any]:
+    def saved(self) -> Document:
         head, *lines = map(json.loads, self.records())
         return {**head, "items": lines}
 
@@ -350,7 +350,7 @@ class Family(
         yield json_line(self.end)
 
     @classmethod
-    def _read(cls, machine: Any, file: BinaryIO) -> "Family":
+    def _read(cls, machine: Machine | None, file: BinaryIO) -> "Family":
         """The family in an open file, of lines or of one document; a truncated last line is left out."""
         if str(file.name).lower().endswith(".json"):
             with suppress(json.JSONDecodeError):  # version 0.1.0 wrote lines to .json too
@@ -372,7 +372,7 @@ class Family(
         return cls.of_saved({**head, "items": lines}, machine)
 
     @classmethod
-    def of_saved(cls, document: Any, machine: Any = None) -> "Family":
+    def of_saved(cls, document: object, machine: Machine | None = None) -> "Family":
         head = cls._conform(document, Heading)
         points, events, end = list[Point](), list[Event](), End("interrupted", UNFINISHED)
         for number, item in enumerate(head["items"], start=2):

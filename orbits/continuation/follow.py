@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -92,7 +91,7 @@ def follow(
 
 @exclusive
 def trace(
-    machine: Machine, along: str, stop: Stop, start: float | None = None, family: int = 1, **options: Any
+    machine: Machine, along: str, stop: Stop, start: float | None = None, family: int = 1, **options: object
 ) -> Iterator[Orbit | Event | End]:
     """The orbits of a family one by one, as `follow` finds them: each `Orbit`, each `Event` before the orbit that
     follows it, and last the `End`. The options are those of `follow`, from `orbit` to `method`, and so are the errors.
@@ -210,7 +209,7 @@ def orbit_at(machine: Machine, point: Point, along: str, method: str | None = No
         return curve.orbit(curve.certify_at(correct(curve, x, row, row @ x, row), point.value))
 
 
-def bounds_of(along: str, start: float, stop: Any, at: Sequence[float] = ()) -> tuple[float, float]:
+def bounds_of(along: str, start: float, stop: object, at: Sequence[float] = ()) -> tuple[float, float]:
     """The bounds behind the start and ahead of it; `stop` states one or both. The values `at` must lie between them."""
     behind, ahead = stop if isinstance(stop, tuple | list) and len(stop) == 2 else (start, stop)
     behind, ahead = finite_number("stop", behind), finite_number("stop", ahead)

@@ -2,13 +2,13 @@
 followed to the springs' own laws."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..flow.flow import flow_of
-from ..laws.law import Law, from_formula, from_key
+from ..laws.law import Algebraic, Law, Parameters, from_formula, from_key
 from ..mechanics.elements import Damper, Force, Spring
 from ..mechanics.mechanism import Mechanism
 from ..model.machine import Machine
@@ -147,7 +147,7 @@ def start_from(machine: Machine, liftoff: np.ndarray, half_contact: float, half_
 def _mixed(law: Law, line: _StraightLine) -> Law:
     """A law that goes from a straight line to a spring's own as the parameter `LAW_SHARE` goes from 0 to 1."""
 
-    def expression(x: Any, p: Mapping[str, Any], q: Any) -> Any:
+    def expression(x: Algebraic, p: Parameters, q: Algebraic) -> Algebraic:
         return p[LAW_SHARE] * law.key.expression(x, p, q) + (1 - p[LAW_SHARE]) * line.slope * (x - line.zero)
 
     return Law(law.text, "r", expression, {**law.parameters, LAW_SHARE: 0.0})

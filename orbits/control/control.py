@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..flow.trajectory import Trajectory
-from ..io import conform
+from ..io import Document, conform
+from ..model.machine import Machine
 from ..result import TABLE_ROWS, Axes, Result, Row, shown
 from ..simulation.simulated import Leg, index_of_legs, rows_of_legs, times_within
 from ..units import Dimension, Units, dimension_of_state, unit_text
@@ -28,7 +29,7 @@ class ControlledLeg(Leg):
     states: tuple[str, ...]
 
     @classmethod
-    def of_saved(cls, document: Mapping[str, Any]) -> "ControlledLeg":
+    def of_saved(cls, document: Mapping[str, object]) -> "ControlledLeg":
         """The stage from its document in a file; raises `ValueError` where its parts contradict each other."""
         kinds = {"phase": str, "start": float, "path": Trajectory, "inputs": Trajectory, "states": tuple[str, ...]}
         leg = cls(**{name: conform(document[name], kind, name) for name, kind in kinds.items()})
@@ -193,7 +194,7 @@ class Control(Result, what="control", document_is_whole=True, in_line=("status",
         """Plot states against time, and inputs below; returns the axes."""
         return shown("control_figures").plot_control(self, axes)
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Document:
         """The motion as JSON-ready data, with all fields of its file."""
         legs = [{**vars(leg), "path": leg.path.saved(), "inputs": leg.inputs.saved()} for leg in self.legs]
         own = {name: getattr(self, name) for name in ("status", *CONTROL_NUMBERS, "iterations", "rounds", "parameters")}
@@ -203,7 +204,7 @@ class Control(Result, what="control", document_is_whole=True, in_line=("status",
         return {**whole, "legs": legs, "bare": bare}
 
     @classmethod
-    def of_saved(cls, document: Any, machine: Any = None) -> "Control":
+    def of_saved(cls, document: object, machine: Machine | None = None) -> "Control":
         data = Control._conform(document, Mapping[str, Any])
         bare, inner = data["bare"], ("bare", "machine", "statement")
         own = Control._fields_in({n: each for n, each in data.items() if each is not None and n not in inner})
@@ -233,7 +234,7 @@ class Control(Result, what="control", document_is_whole=True, in_line=("status",
         yield Row("found in", counts, ("{} iterations, {} rounds, {:.2f} s",))
 
 
-def _names_of(leg: ControlledLeg) -> tuple[Any, ...]:
+def _names_of(leg: ControlledLeg) -> tuple[object, ...]:
     return leg.phase, leg.states, leg.path.names, leg.inputs.names
 
 

@@ -5,13 +5,13 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from math import comb
 from numbers import Real
-from typing import Any
 
 import numpy as np
 
 from ..errors import InputError, whole_number
 from ..flow.flow import Flow, flow_of
 from ..io import fields_in_line
+from ..laws.law import Algebraic, Parameters
 from ..model.phase import Phase
 
 # Name of the length of an interval among the parameters of a phase. The apostrophe keeps it apart from identifiers.
@@ -29,8 +29,8 @@ class Input:
         and for degrees 0 and 1 these bounds are not more restrictive than bounds of its values
     """
 
-    low: float | Callable[[Mapping[str, Any]], Any] = -np.inf
-    high: float | Callable[[Mapping[str, Any]], Any] = np.inf
+    low: float | Callable[[Parameters], Algebraic] = -np.inf
+    high: float | Callable[[Parameters], Algebraic] = np.inf
     degree: int = 0
 
     @property
@@ -72,8 +72,8 @@ class Stage:
     start: Callable[..., Sequence] = lambda x, before, p: []
     end: Callable[..., Sequence] = lambda x, p: []
     path: Mapping[str, Callable] = field(default_factory=dict)
-    running: Callable[..., Any] = lambda x, p, q: 0.0
-    final: Callable[..., Any] = lambda x, p: 0.0
+    running: Callable[..., Algebraic] = lambda x, p, q: 0.0
+    final: Callable[..., Algebraic] = lambda x, p: 0.0
     above: Callable[..., Sequence] = lambda x, p: []
 
     def __repr__(self) -> str:
@@ -139,7 +139,7 @@ def check_stage(number: int, stage: Stage, parameters: Collection[str]) -> None:
         whole_number(f"{where}: degree of input '{name}'", control.degree, "powers", 0)
 
 
-def check_range(what: str, bounds: Any) -> tuple[float, float]:
+def check_range(what: str, bounds: object) -> tuple[float, float]:
     """The two bounds, in order; raises `InputError`."""
     if not isinstance(bounds, tuple | list) or len(bounds) != 2 or not all(isinstance(one, Real) for one in bounds):
         raise InputError(f"{what}: bounds are a lowest and a highest number, not {bounds!r}")

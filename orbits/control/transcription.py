@@ -36,6 +36,15 @@ class StageUnknowns(NamedTuple):
     coefficients: np.ndarray
 
 
+class _Constraint(NamedTuple):
+    """Values (k,) that lie between 0 and `most`; `inner` ones are of a path expression at points within a stage."""
+
+    values: ca.MX
+    label: str
+    most: float
+    inner: bool
+
+
 @kept
 def advance(stage: Stage, names: tuple[str, ...], substeps: int) -> ca.Function:
     """(state, share, parameters with length and coefficients) -> state, cost, path expressions after that share."""
@@ -94,55 +103,59 @@ class Transcription:
         self.stages, self.fixed, self.free, self.names = stages, fixed, free, (*fixed, *free)
         self.substeps, self.exchange_points = substeps, exchange_points
         self.shapes = [(len(s.phase.states), s.intervals, len(s.coefficient_names)) for s in stages]
-        self.labels, self.inner_paths = list[str](), list[int]()
-        self._limits, self._constraints = list[tuple[float, float]](), list[ca.MX]()
-        self._minimiser = self._build()
+        self._minimiser, constraints = self._build()
+        rows = [constraint for constraint in constraints for _ in range(constraint.values.numel())]
+        self.labels = [row.label for row in rows]
+        self.inner_paths = [index for index, row in enumerate(rows) if row.inner]
+        self._limits = [(0.0, row.most) for row in rows]
 
-    def _build(self) -> Minimiser:
-        """The nonlinear program, with the fixed parameters, the shares and the cost's unit as its parameters."""
+    def _build(self) -> tuple[Minimiser, list[_Constraint]]:
+        """The nonlinear program, with the fixed parameters, the shares and the cost's unit as its parameters, and its
+        constraints in order."""
         fixed, freed, shares = (ca.MX.sym("p", len(each)) for each in (self.fixed, self.free, self.exchange_points))
         p, unit, cost, data = ca.vertcat(fixed, freed), ca.MX.sym("unit"), ca.MX(0), []
         parts = [(ca.MX.sym("T"), ca.MX.sym("x", n, N + 1), ca.MX.sym("w", m, N)) for n, N, m in self.shapes]
+        constraints = list[_Constraint]()
         for i, part in enumerate(parts):
-            stage_cost, stage_data = self._build_stage(i, part, parts[i - 1][1][:, -1], p)
+            stage_cost, stage_data, own = self._build_stage(i, part, parts[i - 1][1][:, -1], p)
             cost += stage_cost
             data.append(stage_data)
+            constraints += own
         for k, (i, interval) in enumerate(self.exchange_points):
             step = advance(self.stages[i], self.names, self.substeps[i])
             path = step(parts[i][1][:, interval], shares[k], data[i][:, interval])[2]
             for j, name in enumerate(self.stages[i].path):
-                self._constrain(path[j], i, f"'{name}'", inner=True)
+                constraints.append(self._constraint(path[j], i, f"'{name}'", inner=True))
         unknowns = ca.veccat(*[symbol for part in parts for symbol in part], freed)
-        return Minimiser(unknowns, ca.vertcat(fixed, shares, unit), cost / unit, ca.vertcat(*self._constraints), STALLS)
+        values = ca.vertcat(*[constraint.values for constraint in constraints])
+        return Minimiser(unknowns, ca.vertcat(fixed, shares, unit), cost / unit, values, STALLS), constraints
 
-    def _build_stage(self, i: int, part, before: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX]:
-        """Cost, and the parameters of each interval, of a stage that follows the state `before`."""
+    def _build_stage(self, i: int, part, before: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX, list[_Constraint]]:
+        """Cost, parameters of each interval, and constraints of a stage that follows the state `before`."""
         stage, (duration, x, w), n = self.stages[i], part, self.stages[i].intervals
         data = ca.vertcat(ca.repmat(p, 1, n), ca.repmat(duration / n, 1, n), w)
         ends, costs, path = advance(stage, self.names, self.substeps[i]).map(n)(x[:, :-1], ca.DM.ones(1, n), data)
         conditions = _conditions(stage, self.names, before.numel())
         start, end, above, final, lows, highs = conditions(x[:, 0], x[:, -1], before, p)
-        self._constrain(ca.vec(ends - x[:, 1:]), i, "the motion", 0.0)
-        self._constrain(start, i, "the condition at the start", 0.0)
-        self._constrain(end, i, "the condition at the end", 0.0)
-        self._constrain(above, i, "the bound at the end")
+        constraints = [
+            self._constraint(ca.vec(ends - x[:, 1:]), i, "the motion", 0.0),
+            self._constraint(start, i, "the condition at the start", 0.0),
+            self._constraint(end, i, "the condition at the end", 0.0),
+            self._constraint(above, i, "the bound at the end"),
+        ]
         for k, name in enumerate(stage.path):
-            self._constrain(path[k, :-1].T, i, f"'{name}'", inner=True)
+            constraints.append(self._constraint(path[k, :-1].T, i, f"'{name}'", inner=True))
         for k, (name, rows) in enumerate(stage.input_rows().items()):
             control, values = stage.inputs[name], ca.vec(w[rows, :])
             if callable(control.low):
-                self._constrain(values - lows[k], i, f"the lower bound of input '{name}'")
+                constraints.append(self._constraint(values - lows[k], i, f"the lower bound of input '{name}'"))
             if callable(control.high):
-                self._constrain(highs[k] - values, i, f"the upper bound of input '{name}'")
-        return ca.sum2(costs) + final, data
+                constraints.append(self._constraint(highs[k] - values, i, f"the upper bound of input '{name}'"))
+        return ca.sum2(costs) + final, data, constraints
 
-    def _constrain(self, values: ca.MX, stage: int, what: str, most: float = np.inf, inner: bool = False) -> None:
-        """Constrain `values` to lie between 0 and `most`; `inner` ones are path expressions within a stage."""
-        if inner:
-            self.inner_paths += range(len(self.labels), len(self.labels) + values.numel())
-        self.labels += [f"{what} of stage {stage + 1} ({self.stages[stage].phase.name})"] * values.numel()
-        self._limits += [(0.0, most)] * values.numel()
-        self._constraints.append(values)
+    def _constraint(self, values: ca.MX, i: int, what: str, most: float = np.inf, inner: bool = False) -> _Constraint:
+        """A constraint within stage `i`."""
+        return _Constraint(values, f"{what} of stage {i + 1} ({self.stages[i].phase.name})", most, inner)
 
     def bounds(self, free: Mapping[str, tuple[float, float]]) -> tuple[np.ndarray, np.ndarray]:
         """Bounds of the unknowns, (n,) each."""

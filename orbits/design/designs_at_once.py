@@ -146,6 +146,6 @@ def _judge(designs: Designs, i: int, violations: Sequence[str]) -> None:
     designs.reasons[i] = "; ".join(violations)
 
 
-def _finite(values: Any) -> Any:
+def _finite(values: Any) -> object:
     """The values, with NaN in place of values that are not finite."""
     return np.where(np.isfinite(values), values, np.nan)

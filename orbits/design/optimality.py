@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, TypedDict
 import numpy as np
 
 from ..errors import InputError
-from ..io import conform
+from ..io import Document, conform
 from ..model.machine import Machine
 from ..periodic.orbit import Orbit, orbit_of
 from ..result import Axes, Result, Row, is_of
@@ -82,10 +82,10 @@ class Design(Result, what="design"):
 
     machine = property(lambda self: self.orbit.machine)
 
-    def _line(self) -> dict[str, Any]:
+    def _line(self) -> dict[str, object]:
         return {**self.parameters, self.verb: self.text, "objective": self.objective, "kkt": self.kkt}
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Document:
         named = [*self.parameters, *self.quantities]
         return {
             "verb": self.verb,
@@ -133,7 +133,7 @@ class Design(Result, what="design"):
         """Plot its orbit; returns the axes."""
         return self.orbit.plot(axes)
 
-    def saved(self) -> dict[str, Any]:
+    def saved(self) -> Document:
         """The content of a file of the design, with the whole orbit, from which `of_saved` restores it."""
         return {**self.document(), "pair": self.pair, "share": self.share, "orbit": self.orbit.saved()}
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, OrbitsError, whole_number
+from ..io import Document
 from ..model.machine import Machine
 from ..periodic.find import Progress, find
 from ..result import Axes, Result, shown
@@ -51,7 +52,7 @@ class Front(Result, what="front"):
         """The values (m,) of a parameter of the designs."""
         return np.array([design.parameters[name] for design in self.designs])
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Document:
         return {
             "objectives": list(self.texts),
             "points": [{"values": list(_objectives(design)), **design.document()} for design in self.designs],
@@ -64,7 +65,7 @@ class Front(Result, what="front"):
         """The units of the objectives and parameters by name; empty for a dimensionless machine."""
         return {**self.designs[0].units, **{text: self.designs[0].unit_of(text.lstrip("-")) for text in self.texts}}
 
-    def _line(self) -> dict[str, Any]:
+    def _line(self) -> dict[str, object]:
         return {"minimise": self.texts, "designs": len(self.designs), "seconds": self.seconds}
 
     def title(self) -> str:
@@ -83,7 +84,7 @@ class Front(Result, what="front"):
         """Plot the objectives of the designs against each other; returns the axes."""
         return shown("plot").plot_front(self, axes)
 
-    def saved(self) -> dict[str, Any]:
+    def saved(self) -> Document:
         points = [{"values": list(_objectives(design)), **design.saved()} for design in self.designs]
         return {**self.document(), "points": points}
 

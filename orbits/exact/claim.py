@@ -110,7 +110,7 @@ def _wrong_measurements(orbit: Orbit, machine: Machine) -> list[str]:
     return found + ([] if _same_motion(orbit, anew) else ["the motion: the orbit's states are not those of its launch"])
 
 
-def _agree(claimed: Any, true: Any, error: float) -> bool:
+def _agree(claimed: object, true: object, error: float) -> bool:
     """Whether two numbers agree to an error and `MEASURED_TO`; texts and None have to be equal."""
     if isinstance(claimed, float) and isinstance(true, float):
         return abs(claimed - true) <= error + MEASURED_TO * abs(true)

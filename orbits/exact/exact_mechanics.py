@@ -102,6 +102,8 @@ class ExactMechanics:
     kept, embed : the coordinates of the contact, and the exact matrix (n, n - 1) from these to all
     conservative, forces : (laws, n), Q and Q - C
     accelerations : (laws, n) in flight
+    s, w : symbols (n - 1,) of the coordinates of the contact and their rates
+    contact_accelerations, contact_force : (laws, n - 1) and (laws,) in contact, as functions of s and w
     domains : the conditions of each formula that is no spring's law along the motion
     law_domains : the conditions of each law of a machine in pieces; one entry where there are no pieces
     """
@@ -131,7 +133,8 @@ class ExactMechanics:
         centrifugal = self._centrifugal()
         self.forces = [[q - c for q, c in zip(force, centrifugal, strict=True)] for force in self.conservative]
         self.accelerations = [solved(self.inertia, force) for force in self.forces]
-        self._derive_contact()
+        self.s, self.w = [self.y[i] for i in self.kept], [self.v[i] for i in self.kept]
+        self.contact_accelerations, self.contact_force = self._contact()
 
     def formula(self, text: str, **names: ExactExpression) -> ExactExpression:
         """The expression of a formula; its domains are stored."""
@@ -233,23 +236,23 @@ class ExactMechanics:
                 raise Unproved("the spring's force is not plainly continuous at a breakpoint")
         return ExactPieces(tuple(each.value for each in weights), breaks)
 
-    def _derive_contact(self) -> None:
-        """The motion in contact: accelerations and contact force, for each law, as functions of s and its rates."""
-        self.s, self.w = [self.y[i] for i in self.kept], [self.v[i] for i in self.kept]
+    def _contact(self) -> tuple[ExactRows, Column]:
+        """Accelerations in contact and contact force, for each law, as functions of s and w."""
         places = {**dict(zip(self.y, self.embedded(self.s), strict=True))}
         places |= dict(zip(self.v, self.embedded(self.w), strict=True))
         inertia = [substitute(row, places) for row in self.inertia]
         count = range(len(self.kept))
         projected = [[total(row[i] * self.embed[i][j] for i in range(self.size)) for j in count] for row in inertia]
         reduced = [[total(self.embed[i][k] * projected[i][j] for i in range(self.size)) for j in count] for k in count]
-        self.contact_accelerations, self.contact_force = list[Column](), list[ExactExpression]()
+        accelerations, contact_force = list[Column](), list[ExactExpression]()
         for force in self.forces:
             inside = substitute(force, places)
             rates = solved(reduced, self.along(inside))
             row = projected[self.eliminated]
             carried = total(m * rate for m, rate in zip(row, rates, strict=True))
-            self.contact_accelerations.append(rates)
-            self.contact_force.append(carried - inside[self.eliminated])
+            accelerations.append(rates)
+            contact_force.append(carried - inside[self.eliminated])
+        return accelerations, contact_force
 
     def embedded(self, s: Sequence[ExactExpression]) -> Column:
         """All coordinates, or rates, from those of the contact."""

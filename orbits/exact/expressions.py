@@ -42,7 +42,7 @@ class ExactExpression:
     _slopes: dict["ExactExpression", "ExactExpression"]
 
     @classmethod
-    def of(cls, kind: str, parts: tuple["ExactExpression", ...] = (), value: Any = None) -> "ExactExpression":
+    def of(cls, kind: str, parts: tuple["ExactExpression", ...] = (), value: object = None) -> "ExactExpression":
         """The one expression of this kind and these parts."""
         key = (kind, tuple(map(id, parts)), value)
         found = cls._known.get(key)

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
 from numbers import Rational
-from typing import Any
 
 from ..errors import InputError
+from ..io import Document
 from ..laws.law import Key
 from ..mechanics.derived import derived_launch
 from ..mechanics.elements import Inerter, Mass, Potential, Scalar, Spring, Weight
@@ -96,7 +96,7 @@ class StatedMachine:
         """The names of the parameters that are intervals."""
         return [name for name, (low, high) in self.parameters.items() if low < high]
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Document:
         """The machine for JSON."""
         return {
             "name": self.name,
@@ -254,7 +254,7 @@ def _text_of(expression: Scalar, coordinates: tuple[str, ...], names: tuple[str,
     return str(expression) if isinstance(expression, Decimal) else repr(float(expression))
 
 
-def _stated_spring(extension: str, law: Any) -> StatedSpring:
+def _stated_spring(extension: str, law: object) -> StatedSpring:
     assert isinstance(law, Key)
     if law.written is None:
         raise Unproved(f"the spring's law '{law.text}' is a table or a function that no formula says")

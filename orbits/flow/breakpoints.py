@@ -22,7 +22,7 @@ class ActivePiece:
         (self.breaks, self.table, self.slopes), self.weights = flow.piece_table(p), flow.coordinate
         if (index := flow.first_piece(p, x)) < 0:
             raise flow.out_of_range(p, x)
-        self._set(index)
+        self.index, (self.data, self.seeds) = index, self._on(index)
         place = float(self.weights @ x)
         # The breakpoint that the state is on, whose exact zero at the start of the next step is divided out.
         self.level = place if place in self.breaks else None
@@ -56,15 +56,16 @@ class ActivePiece:
         if not 0 <= index < len(self.table):
             raise self.flow.out_of_range(self.p, x)
         self.level, before = self.breaks[max(index, self.index)], self.data
-        self._set(index)
+        self.index, (self.data, self.seeds) = index, self._on(index)
         if not variations.size:
             return variations
         earlier = self.weights @ variations / (self.weights @ self.flow.rates(x, before))
         return variations + np.outer(self._jump(x, before, side), earlier)
 
-    def _set(self, index: int) -> None:
-        self.index, self.data = index, np.concatenate([self.p, self.table[index]])
-        self.seeds = np.vstack([self.parameter_seeds, self.slopes[index] @ self.parameter_seeds])
+    def _on(self, index: int) -> tuple[Array, Array]:
+        """The data on a piece, and their seeds."""
+        seeds = np.vstack([self.parameter_seeds, self.slopes[index] @ self.parameter_seeds])
+        return np.concatenate([self.p, self.table[index]]), seeds
 
     def _jump(self, x: Array, before: Array, side: int) -> Array:
         """How much the field (n,) changes across the breakpoint at `x`; without data of its pieces a law does not know

@@ -3,12 +3,12 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypedDict, overload
+from typing import TypedDict, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..io import conform, one_line
+from ..io import Document, conform, one_line
 from ..model.phase import Affine
 from ..model.state_formula import StateFormula
 from ..numerics.bernstein import evaluate, powers, shifted
@@ -31,7 +31,7 @@ class Trajectory:
         self.times.setflags(write=False)
         self.coefficients.setflags(write=False)
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
+    def __setstate__(self, state: dict[str, object]) -> None:
         self.__dict__.update(state)
         self.__post_init__()  # arrays come out of a pickle writeable
 
@@ -68,13 +68,13 @@ class Trajectory:
         """Coefficients (N, K + 1) of one row."""
         return self.coefficients[:, self.names.index(name)]
 
-    def saved(self) -> dict[str, Any]:
+    def saved(self) -> Document:
         """The motion for a file; one without rows has no coefficients."""
         rows = self.coefficients if self.names else None
         return {"names": self.names, "times": self.times, "coefficients": rows}
 
     @classmethod
-    def of_saved(cls, document: Any) -> "Trajectory":
+    def of_saved(cls, document: object) -> "Trajectory":
         """The motion of a document that `saved` made, whose arrays fit each other; raises `ValueError`."""
         data = conform(document, _SavedTrajectory)
         times, coefficients, names = data["times"], data["coefficients"], data["names"]

@@ -7,13 +7,13 @@ a law bends often, a family may have several orbits. Both show in the slopes of 
 import math
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from ..symbolic.calls import ElementwiseFunction
-from .law import Key, from_key, values_and_slopes
+from .law import Algebraic, Key, Parameters, from_key, values_and_slopes
 
 # The number of sampled slopes, up to this distance from rest in units of length, and up to twice the height. A hop of
 # the linear spring's third family stays within it.
@@ -59,7 +59,7 @@ def features(key: Key, unit: float, p: Mapping[str, float]) -> Features:
     return _features(key._replace(reach=math.inf), values, low, high, unit)
 
 
-def ends_of_features(key: Key, p: Mapping[str, Any], unit: Any) -> tuple[Any, Any]:
+def ends_of_features(key: Key, p: Parameters, unit: Algebraic) -> tuple[Algebraic, Algebraic]:
     """How far features are searched for on either side, of one law or of many (m,)."""
     if key.variable == "r":
         return -FARTHEST * unit, FARTHEST * unit

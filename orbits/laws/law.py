@@ -56,7 +56,7 @@ class Expression:
     def __init__(self, function: Callable, *made: Any):
         self.function, self.made, self.hash = function, made, hash(made)
 
-    def __call__(self, *arguments: Any) -> Any:
+    def __call__(self, *arguments: Algebraic) -> Algebraic:
         return self.function(*arguments)
 
     def __eq__(self, other: object) -> bool:
@@ -198,6 +198,10 @@ class Law:
         return f"Law({', '.join([repr(self.text), *in_words(named)])})"
 
 
+# A law as it is stated: itself, a formula, the name of a law, or a Python function.
+LawLike: TypeAlias = Law | str | Callable[..., Algebraic]
+
+
 def from_formula(text: str, variable: str, parameters: Values = None) -> Law:
     """A law from a formula in its variable; every other name in it is a parameter.
 
@@ -220,7 +224,7 @@ def from_formula(text: str, variable: str, parameters: Values = None) -> Law:
     return law
 
 
-def key_of(law: Any, variable: str, parameters: Values = None) -> Key:
+def key_of(law: LawLike | Key | float, variable: str, parameters: Values = None) -> Key:
     """The key of a formula, "potential:FORMULA", a number or a Python function, whose parameters need no values yet."""
     if isinstance(law, Key):
         return law
@@ -289,7 +293,7 @@ def from_function(function: Callable, variable: str, parameters: Values = None, 
     return law
 
 
-def from_any(law: Any, variable: str, parameters: Values, table: Named, what: str, shared: bool = True) -> Law:
+def from_any(law: LawLike, variable: str, parameters: Values, table: Named, what: str, shared: bool = True) -> Law:
     """A law from a law, a Python function, the name of one in `table`, a formula or "potential:FORMULA".
 
     parameters : their values; if they are `shared` with another law, those that this law does not have are ignored
@@ -353,7 +357,7 @@ def positive(**values: float) -> dict[str, float]:
     return values
 
 
-def coefficient_of_restitution(value: Any) -> float:
+def coefficient_of_restitution(value: object) -> float:
     """`value` as a coefficient of restitution, from 0 to 1; raises `InputError` for another."""
     result = number("restitution", value)
     if not 0 <= result <= 1:

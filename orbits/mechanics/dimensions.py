@@ -17,13 +17,13 @@ from .elements import Damper, Inerter, Mass, Spring, Weight, names_in, value_of
 def dimensions_of_parameters(mechanism: Any) -> dict[str, Dimension]:
     """Dimensions of the parameters of a `Mechanism` that alone are a mass, a length, a coefficient or gravity,
     or that multiply a power of an extension in a spring's law; none of a parameter with two different dimensions."""
-    found = defaultdict[Any, dict[str, Dimension]](dict)
+    found = defaultdict[object, dict[str, Dimension]](dict)
     for name, dimension in _stated_dimensions(mechanism):
         found[name][unit_text(dimension)] = dimension
     return {name: next(iter(found[name].values())) for name in mechanism.parameters if len(found[name]) == 1}
 
 
-def _stated_dimensions(mechanism: Any) -> Iterator[tuple[Any, Dimension]]:
+def _stated_dimensions(mechanism: Any) -> Iterator[tuple[object, Dimension]]:
     """Each parameter's name, or other expression, that has a dimension, with the dimension, once for each place."""
     angles = {*mechanism.angles}
     coordinates = {*mechanism.coordinates, *mechanism.actuators}
@@ -53,7 +53,7 @@ def _stated_dimensions(mechanism: Any) -> Iterator[tuple[Any, Dimension]]:
         yield from _lengths(mechanism.separation, coordinates).items()
 
 
-def _length_or_angle(extension: Any, coordinates: set[str], angles: set[str]) -> Dimension | None:
+def _length_or_angle(extension: object, coordinates: set[str], angles: set[str]) -> Dimension | None:
     """The dimension of an extension, a length or an angle, from the coordinates to which it is proportional; None where
     they do not determine it."""
     used = names_in(extension) & coordinates
@@ -75,7 +75,7 @@ def _of_power(power: float, turned: bool) -> Dimension:
     return (1, 0, 1, 0, 0, -power) if turned else (-power, *FORCE[1:])
 
 
-def _lengths(height: Any, coordinates: set[str]) -> dict[str, Dimension]:
+def _lengths(height: object, coordinates: set[str]) -> dict[str, Dimension]:
     """The parameters that are added to coordinates in a formula of a height."""
     if not isinstance(height, str):
         return {}

@@ -116,7 +116,7 @@ def parsed(text: str) -> Formula:
     return parse(text)
 
 
-def names_in(expression: Any) -> frozenset[str]:
+def names_in(expression: object) -> frozenset[str]:
     """The names in an expression; the names that a Python function uses are not known."""
     return parsed(expression).names if isinstance(expression, str) else frozenset()
 

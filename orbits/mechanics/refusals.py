@@ -52,14 +52,14 @@ def refuse_misstated(mechanism: Any) -> None:
     _refuse_coordinates_in(m)
 
 
-def listed(what: str, value: Any) -> tuple:
+def listed(what: str, value: object) -> tuple:
     """Several things as a tuple; raises `InputError` for one alone."""
     if isinstance(value, str) or not isinstance(value, Iterable):
         raise InputError(f"{what} = {value!r}; it is a list, as [{value!r}]")
     return tuple(value)
 
 
-def _refuse_names(names: Sequence[Any]) -> None:
+def _refuse_names(names: Sequence[object]) -> None:
     """Refuse names of coordinates, actuators and rates that are none, have another meaning, or occur twice."""
     for i, name in enumerate(names):
         if not isinstance(name, str) or not (name.isascii() and name.isidentifier()):
@@ -70,7 +70,7 @@ def _refuse_names(names: Sequence[Any]) -> None:
             raise InputError(f"'{name}' is the name of two coordinates or actuators; rename one")
 
 
-def _refuse_expressions(owner: Any, expressions: Iterable[Any]) -> None:
+def _refuse_expressions(owner: object, expressions: Iterable[object]) -> None:
     """Refuse an expression that is neither formula, number nor function."""
     for each in expressions:
         if not isinstance(each, str | Real) and not callable(each):
@@ -109,7 +109,7 @@ def _refuse_keys(m: Any) -> None:
 def _refuse_coordinates_in(m: Any) -> None:
     """Refuse coordinates in expressions of parameters alone, as far as formulas show them."""
     places = {*m.coordinates, *m.actuators}
-    alone: list[tuple[str, Any, str]] = [
+    alone: list[tuple[str, object, str]] = [
         *(("rest", place, "a place of rest is a number or a parameter") for place in m.rest.values()),
         *(("the length of a knee", length, "links are rigid") for *_, length in m.knees),
         ("surface_gravity", m.surface_gravity, "a law of gravity says how it varies with the height z"),

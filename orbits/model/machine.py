@@ -64,10 +64,10 @@ class Stated:
         stated = {each.name: getattr(self, each.name) for each in fields(cast(Any, self))}
         return {name: dict(value) if isinstance(value, MappingProxyType) else value for name, value in stated.items()}
 
-    def __setstate__(self, state: Mapping[str, Any]) -> None:
+    def __setstate__(self, state: Mapping[str, object]) -> None:
         self._store(**state)
 
-    def _store(self, **checked: Any) -> None:
+    def _store(self, **checked: object) -> None:
         """Store fields as they were checked, mappings so that nobody can change them."""
         for name, value in checked.items():
             object.__setattr__(self, name, MappingProxyType(dict(value)) if isinstance(value, Mapping) else value)

@@ -118,7 +118,7 @@ class Model:
     # A model that `dataclasses.replace` makes has to be checked again.
     derived: bool = field(default=False, init=False)
 
-    def __new__(cls, *stated: Any, **named: Any) -> Self:
+    def __new__(cls, *stated: object, **named: object) -> Self:
         for name, fields_of in FOLLOWING.items():
             if name in named:
                 raise InputError(f"a model states no '{name}', which follows from its {fields_of}: leave it out")
@@ -239,10 +239,10 @@ def as_derived(model: Model) -> Model:
     return model
 
 
-def reparametrised(model: Model, own: Callable[[Parameters], Parameters], **changes: Any) -> Model:
+def reparametrised(model: Model, own: Callable[[Parameters], Parameters], **changes: object) -> Model:
     """A model whose parameters are functions `own`, p -> parameters of the model, of other parameters."""
 
-    def of_own(function: Any, data: int = 0) -> Any:
+    def of_own(function: object, data: int = 0) -> Any:
         """A function whose last argument is the parameters, or the last but for the `data` of a piece."""
         if not callable(function):
             return function

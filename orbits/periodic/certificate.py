@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -145,7 +145,7 @@ def certify(model: Model, cycles: Cycles) -> tuple[list[Certificate], dict[int, 
     return certificates, refused
 
 
-def records(kind: Callable[..., Record], **columns: Iterable[Any]) -> list[Record]:
+def records(kind: Callable[..., Record], **columns: Iterable[object]) -> list[Record]:
     """The records (m,) of a kind, whose fields by name are columns (m,)."""
     return [kind(**dict(zip(columns, row, strict=True))) for row in zip(*columns.values(), strict=True)]
 

@@ -9,7 +9,7 @@ cannot vanish in any of them, or changes its sign once.
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -160,7 +160,7 @@ class Lateness:
         late, _, escapes = self._followed(alphas, which)
         return np.where(escapes, np.inf, late) if self.reduction else late
 
-    def _parameters(self, which: np.ndarray) -> dict[str, Any]:
+    def _parameters(self, which: np.ndarray) -> dict[str, object]:
         """The parameters (k,) of some machines by name; numbers where there is but one machine."""
         if len(self.ps) == 1:
             return dict(zip(self.names, self.ps[0].tolist(), strict=True))

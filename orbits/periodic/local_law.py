@@ -7,16 +7,17 @@ and bounces. Past a fold of a family it is negative, and the bounce is above.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any
 
 import casadi as ca
 import numpy as np
+
+from ..laws.law import Algebraic
 
 # The imaginary part of a complex step: so small that its square vanishes relative to any number.
 COMPLEX_STEP = 1e-30
 
 
-def loss_coefficient(impact_mass: Any, jerk: Any, gap_slope: Any, power: Any) -> Any:
+def loss_coefficient(impact_mass: Algebraic, jerk: Algebraic, gap_slope: Algebraic, power: Algebraic) -> Algebraic:
     """C of the one-step map alpha + d -> alpha + d - C |d|**(4/3) on the side without a bounce, of numbers, arrays or
     CasADi expressions.
 
@@ -26,12 +27,12 @@ def loss_coefficient(impact_mass: Any, jerk: Any, gap_slope: Any, power: Any) ->
     return impact_mass * jerk**2 / 8 * (6 * gap_slope / jerk) ** (4 / 3) / power
 
 
-def launch_power(gradient: Iterable, direction: Iterable) -> Any:
+def launch_power(gradient: Iterable, direction: Iterable) -> Algebraic:
     """Derivative by alpha of the energy at launch, from the energy's gradient and the state's derivative there."""
     return sum(g * d for g, d in zip(gradient, direction, strict=True))
 
 
-def by_launch_speed(function: Callable[[Mapping], Sequence], u: Mapping, slope: Any = None) -> list:
+def by_launch_speed(function: Callable[[Mapping], Sequence], u: Mapping, slope: Algebraic = None) -> list:
     """Derivatives by the launch speed of arithmetic expressions of the unknowns, which are symbols, numbers or arrays;
     for numbers a complex step is exact. `slope` is that of the extension at lift-off, None where it stays."""
     if isinstance(u["alpha"], ca.SX):

@@ -11,13 +11,13 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..flow.trajectory import Trajectory
-from ..io import DIGEST, Changed, conform, has_digest, read_file, to_json, unsealed
+from ..io import DIGEST, Changed, Document, conform, has_digest, read_file, to_json, unsealed
 from ..model.machine import MACHINE_FIELDS, Machine, machine_in_words
 from ..model.model import Knee
 from ..model.phase import Affine
 from ..model.state_formula import SavedHeight, StateFormula, height_of
 from ..numerics.bernstein import lowest
-from ..result import TABLE_ROWS, Report, Result, Row, is_of, shown
+from ..result import TABLE_ROWS, Axes, Report, Result, Row, is_of, shown
 from ..shooting.formulations import CONTACT_FORCE
 from ..tables import VIOLATED, machine_numbers
 from ..units import UNIT_TEXTS, SavedUnits, Units, in_units, saved_units
@@ -216,7 +216,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
         inside = np.clip(np.where(later, self.contact_time - since, since), 0, self.contact.times[-1])
         return np.where(since > 0, self.contact(inside)[..., self.contact.names.index(CONTACT_FORCE)], 0.0)
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Document:
         mid = self.state_mid_flight
         if self.shape.reversor:  # the states with the other sign vanish there
             mid = mid[np.array(self.shape.reversor) > 0]
@@ -270,7 +270,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
             columns["contact force"] = self.contact_force(t)
         return columns
 
-    def _line(self) -> dict[str, Any]:
+    def _line(self) -> dict[str, object]:
         shown = {name: getattr(self, name) for name in ("family", "alpha", "admissible", "error")}
         shown |= {name: self.machine[name] for name in ("spring", "gravity")} | self.machine["parameters"]
         return {"machine": self.machine["machine"], **shown}
@@ -309,11 +309,11 @@ class Orbit(Result, what="orbit", printed_digits=15):
         yield Row("admissible", {"admissible": self.admissible}, ("yes" if self.admissible else "NO",))
         yield from (Row(VIOLATED, {VIOLATED: violation}) for violation in c.violations)
 
-    def plot(self, axes: Any = None) -> Any:
+    def plot(self, axes: Axes | None = None) -> Axes:
         """Plot heights against time as in Fig. 3 of the paper; returns the axes."""
         return shown("plot").plot_orbit(self, axes)
 
-    def plot_phase_portrait(self, axes: Any = None) -> Any:
+    def plot_phase_portrait(self, axes: Axes | None = None) -> Axes:
         """Plot speed against height over a cycle; returns the axes."""
         return shown("plot").plot_phase_portrait(self, axes)
 
@@ -329,7 +329,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
         """
         return shown("pages.still").orbit_page(self, path)
 
-    def saved(self) -> dict[str, Any]:
+    def saved(self) -> Document:
         """The content of a file of the orbit, from which `of_saved` restores it."""
         bare = self.dimensionless()
         flight, contact = (path and path.saved() for path in (bare.flight, bare.contact))
@@ -340,7 +340,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
         return {"format": self.form(), **document, "motion": motion}
 
     @classmethod
-    def _read(cls, machine: Any, file: BinaryIO) -> "Orbit":
+    def _read(cls, machine: Machine | None, file: BinaryIO) -> "Orbit":
         """The orbit in an open file. A changed file is refused, but is still a start for `find`, which solves anew."""
         try:
             document = json.load(file)
@@ -352,7 +352,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
         return orbit if machine is None else replace(orbit, source=is_of(machine, orbit.machine))
 
     @classmethod
-    def of_saved(cls, document: Any, machine: Any = None) -> "Orbit":
+    def of_saved(cls, document: object, machine: Machine | None = None) -> "Orbit":
         """The orbit from what `saved` returned; raises `ValueError` where its parts contradict each other."""
         data = cls._conform(document, SavedOrbit)
         units = data["motion"]["units"] and saved_units(data["motion"]["units"])
@@ -445,7 +445,7 @@ class SavedOrbit(SavedLaws):
     motion: _SavedMotion
 
 
-def _check_consistent(document: Mapping[str, Any], data: Mapping[str, Any]) -> None:
+def _check_consistent(document: Mapping[str, object], data: Mapping[str, Any]) -> None:
     """Raise `ValueError` where the data of a file contradict the document of the orbit that was read from it."""
     if data["motion"]["units"] and "units" not in data:
         return  # a file of version 0.1.0, whose numbers have no units
@@ -455,7 +455,7 @@ def _check_consistent(document: Mapping[str, Any], data: Mapping[str, Any]) -> N
             raise ValueError(f"it says {name} = {data[name]!r}, and by its motion that is {document[name]!r}")
 
 
-def _same_numbers(one: Any, other: Any) -> bool:
+def _same_numbers(one: object, other: object) -> bool:
     """Whether two parts of documents are equal, numbers up to rounding."""
     if isinstance(one, Mapping) and isinstance(other, Mapping):
         return one.keys() == other.keys() and all(_same_numbers(one[name], other[name]) for name in one)
@@ -473,7 +473,7 @@ def orbit_of(machine: Machine, orbit: Orbit) -> Orbit:
     return replace(orbit_in_units(orbit, machine.units, machine_in_words(machine)), source=machine)
 
 
-def orbit_in_units(orbit: Orbit, units: Units, machine: Mapping[str, Any]) -> Orbit:
+def orbit_in_units(orbit: Orbit, units: Units, machine: Mapping[str, object]) -> Orbit:
     """A dimensionless orbit in SI, of the machine in words and numbers."""
     states = orbit.flight.names[: len(orbit.shape.embed)]
     heights = {name: units.convert_height(height, states) for name, height in orbit.shape.heights.items()}
@@ -502,7 +502,7 @@ def with_note(certificate: Certificate) -> Certificate:
     return replace(certificate, violations=tuple(f"{each} (without units)" for each in certificate.violations))
 
 
-def _machine_of(data: Mapping[str, Any]) -> dict[str, Any]:
+def _machine_of(data: Mapping[str, Any]) -> dict[str, object]:
     """The machine in words and numbers, with the units of its parameters if there are any, from an orbit's document."""
     machine = {name: data[name] for name in MACHINE_FIELDS}
     machine |= {name: value for name, value in data.items() if name not in OTHER_FIELDS}

@@ -96,7 +96,7 @@ class Bounces:
             rate = own if rate is None else rate.union(own)
             if not jerk > 0:
                 raise Unproved("the jerk between the two landings is not proved to keep its sign")
-            means = jerks.further(jerk, cell)
+            means, jerks = jerks.further(jerk, cell)
             if (rising * early * 3 / means.square).overlaps(between(begin, end)):
                 delay = 3 * rising / means.square
                 pace = delay**2 * (means.linear / 2 - means.square / 3)
@@ -118,7 +118,7 @@ def losses_with_bounce(
         here, height, early = flight.landing(-end, -begin), jerks.thrice, between(begin, end)
         if not (here.jerk > 0 and here.gap_by_speed < 0 and here.mass > 0 and power > 0):
             raise Unproved("the signs of the jerk and of the derivatives by the speed are not decided")
-        means = jerks.further(here.jerk, cell)
+        means, jerks = jerks.further(here.jerk, cell)
         rate = here.rate if rate is None else rate.union(here.rate)
         if height > -reach * here.gap_by_speed:
             continue  # none lands so early

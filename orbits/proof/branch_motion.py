@@ -151,20 +151,20 @@ class MotionChecks:
     def _decided(
         self, piece: CurvePiece, steps: Sequence[CurveStep], contact: _Contact | None, low: float, high: float
     ) -> MotionStretch:
-        reasons, half = list[str](), self.equations.half
+        half = self.equations.half
         undecided = dict.fromkeys(self.names, UNDECIDED)
         try:
             flight = Motion(self.flight_leg, passage_on(steps, arb(low).union(arb(high))))
             contacts = None if contact is None else contact.on(low, high)
             for motion in filter(None, (flight, contacts)):
                 motion.leg.check_domains(motion.passage)
-            family, _ = counted_family(half, flight, None, reasons)
-            conditions = motion_conditions(half, flight, contacts, self.names, reasons)
+            counted = counted_family(half, flight, None)
+            conditions, reasons = motion_conditions(half, flight, contacts, self.names)
         except TooLong:
             raise
         except Unproved as error:
             return MotionStretch(piece, low, high, None, undecided, (str(error),))
-        return MotionStretch(piece, low, high, family, conditions, tuple(reasons))
+        return MotionStretch(piece, low, high, counted.family, conditions, (*counted.reasons, *reasons))
 
 
 def _is_final(stretch: MotionStretch) -> bool:

@@ -210,36 +210,45 @@ def _verdicts(
     found: ProvedExistence, claim: Claim, names: list[str], loss: bool, digits: int | None, about_claim: bool
 ) -> Verdicts:
     """The verdicts on the motion, for these conditions, and on the orbit's claims."""
-    reasons = [*wrong_numbers(found, claim)] if about_claim else []
+    reasons = tuple(wrong_numbers(found, claim)) if about_claim else ()
     if not (names or loss):
-        return Verdicts(reasons=tuple(reasons))
+        return Verdicts(reasons=reasons)
     try:
         flight = _flight(found)
     except Unproved as error:
         return Verdicts(conditions=dict.fromkeys(names, UNDECIDED), reasons=(*reasons, f"the flight: {error}"))
-    family, conditions, enclosures, lost = None, dict[str, str](), dict[str, Enclosure](), None
-    if names:
-        family, enclosures = counted_family(found.half, flight, digits, reasons)
-        if about_claim:
-            if family is not None and family != claim.family:
-                reasons.append(f"family: the extension turns as in family {family}, and the orbit says {claim.family}")
-            reasons += [f"the orbit itself says that it is no motion: {each}" for each in claim.violations]
-            reasons += _wrong_places(found, flight, claim)
-        contact = None
-        if CONTACT_DURATION in found.statement.unknowns:
-            contact = Motion(found.equations.legs[-1], found.root.evaluated.passages[-1])
-        conditions = motion_conditions(found.half, flight, contact, names, reasons)
-    if loss:
-        try:
-            _check_landings(claim.machine)
-            unknowns = flight_statement(found).unknowns
-            lost = enclosed_loss(
-                found.half, flight, {name: found.ball(each) for name, each in unknowns.items()}, ctx.prec
-            )
-            enclosures["loss_coefficient"] = enclosure_of(lost.coefficient)
-        except Unproved as error:
-            reasons.append(f"the loss coefficient: {error}")
-    return Verdicts(family, conditions, enclosures, lost, reasons=tuple(reasons))
+    motion = _motion_verdicts(found, flight, claim, names, digits, about_claim) if names else Verdicts()
+    lost = _loss_verdict(found, flight, claim) if loss else Verdicts()
+    enclosures, reasons = {**motion.enclosures, **lost.enclosures}, (*reasons, *motion.reasons, *lost.reasons)
+    return Verdicts(motion.family, motion.conditions, enclosures, lost.loss, reasons=reasons)
+
+
+def _motion_verdicts(
+    found: ProvedExistence, flight: Motion, claim: Claim, names: list[str], digits: int | None, about_claim: bool
+) -> Verdicts:
+    """The verdicts on the family and these conditions, and on the orbit's claims about both."""
+    counted, wrong = counted_family(found.half, flight, digits), list[str]()
+    if about_claim:
+        if counted.family not in (None, claim.family):
+            turns = f"the extension turns as in family {counted.family}"
+            wrong.append(f"family: {turns}, and the orbit says {claim.family}")
+        wrong += [f"the orbit itself says that it is no motion: {each}" for each in claim.violations]
+        wrong += _wrong_places(found, flight, claim)
+    ends = CONTACT_DURATION in found.statement.unknowns
+    contact = Motion(found.equations.legs[-1], found.root.evaluated.passages[-1]) if ends else None
+    conditions, reasons = motion_conditions(found.half, flight, contact, names)
+    return replace(counted, conditions=conditions, reasons=(*counted.reasons, *wrong, *reasons))
+
+
+def _loss_verdict(found: ProvedExistence, flight: Motion, claim: Claim) -> Verdicts:
+    """The verdict on the loss coefficient."""
+    try:
+        _check_landings(claim.machine)
+        unknowns = flight_statement(found).unknowns
+        lost = enclosed_loss(found.half, flight, {name: found.ball(each) for name, each in unknowns.items()}, ctx.prec)
+        return Verdicts(enclosures={"loss_coefficient": enclosure_of(lost.coefficient)}, loss=lost)
+    except Unproved as error:
+        return Verdicts(reasons=(f"the loss coefficient: {error}",))
 
 
 def _with_attraction(found: ProvedExistence, claim: Claim, verdicts: Verdicts) -> Verdicts:
@@ -251,14 +260,12 @@ def _with_attraction(found: ProvedExistence, claim: Claim, verdicts: Verdicts) -
         half, half_contact = found.half, found.ball(found.statement.unknowns[CONTACT_DURATION])
         launch = {name: found.ball(each) for name, each in half.launch_unknowns.items()}
         contact = found.statement.arcs[-1]
-        attraction = attraction_of(
-            Hop(half, launch, found.ball(half.half_flight), half_contact, contact, verdicts.loss)
-        )
+        hop = Hop(half, launch, found.ball(half.half_flight), half_contact, contact, verdicts.loss)
+        attraction = attraction_of(hop)
     except Unproved as error:
         return replace(verdicts, reasons=(*verdicts.reasons, f"attraction: {error}"))
-    return replace(
-        verdicts, attraction=attraction, enclosures={**verdicts.enclosures, "attraction_loss": attraction.losses}
-    )
+    enclosures = {**verdicts.enclosures, "attraction_loss": attraction.losses}
+    return replace(verdicts, attraction=attraction, enclosures=enclosures)
 
 
 def _check_landings(machine: Machine) -> None:
@@ -317,55 +324,46 @@ def _flight(found: ProvedExistence) -> Motion:
     passages = evaluated_on(equations, [value.mid() for value in box], [value.rad() for value in box]).passages
     equations.check_domains(passages)
     flight = Motion(equations.legs[0], passages[0])
-    if wrong := [
-        i
-        for i, value in enumerate(passages[0].finish[: 2 * len(found.half.mechanics.v)])
-        if i % 2 and not value.contains(0)
-    ]:
-        raise Unproved(f"the rate of coordinate {wrong[0] // 2 + 1} is proved not to vanish in mid-flight")
+    rates = passages[0].finish[1 : 2 * len(found.half.mechanics.v) : 2]
+    if wrong := [i for i, value in enumerate(rates) if not value.contains(0)]:
+        raise Unproved(f"the rate of coordinate {wrong[0] + 1} is proved not to vanish in mid-flight")
     return flight
 
 
-def counted_family(
-    half: HalfOrbit, flight: Motion, digits: int | None, reasons: list[str]
-) -> tuple[int | None, dict[str, Enclosure]]:
-    """The family, and the extension at lift-off and in mid-flight; reasons are added where it cannot be counted."""
+def counted_family(half: HalfOrbit, flight: Motion, digits: int | None) -> Verdicts:
+    """The family, and the extension at lift-off and in mid-flight; the reason where it cannot be counted."""
     counted = flight.chain([half.mechanics.counts] * len(flight.leg.rates), 2)
     try:
         family = flight.count_turns(counted)
     except Unproved as error:
-        reasons.append(f"family: {error}")
-        return None, {}
-    return family, {
-        "liftoff_extension": _widened_enclosure(flight.first(counted, 0), digits),
-        "mid_flight_extension": _widened_enclosure(flight.last(counted, 0), digits),
-    }
+        return Verdicts(reasons=(f"family: {error}",))
+    places = {"liftoff_extension": flight.first(counted, 0), "mid_flight_extension": flight.last(counted, 0)}
+    return Verdicts(family, enclosures={name: _widened_enclosure(ball, digits) for name, ball in places.items()})
 
 
 def motion_conditions(
-    half: HalfOrbit, flight: Motion, contact: Motion | None, names: Sequence[str], reasons: list[str]
-) -> dict[str, str]:
-    """The verdict of each condition of a motion; reasons are added for those that are not proved."""
+    half: HalfOrbit, flight: Motion, contact: Motion | None, names: Sequence[str]
+) -> tuple[dict[str, str], list[str]]:
+    """The verdict of each condition of a motion, and the reasons for those that are not proved."""
     checks = {
         "clearance": lambda: _check_gap(half, flight),
         "separation": lambda: _check_separation(half, flight, contact),
         "contact_force": lambda: _check_force(half, _contact_that_ends(contact)),
         "contact_end": lambda: _check_end(half, _contact_that_ends(contact)),
     }
-    return {name: verdict_of(name, checks[name], reasons) for name in names}
+    return verdicts_of({name: checks[name] for name in names})
 
 
-def verdict_of(name: str, check: Callable[[], None], reasons: list[str]) -> str:
-    """The verdict of a check of a condition; a reason is added where it is not proved."""
-    try:
-        check()
-    except Unproved as error:
-        reasons.append(f"{name}: {error}")
-        return UNDECIDED
-    except Refuted as error:
-        reasons.append(f"{name}: {error}")
-        return REFUTED
-    return PROVED
+def verdicts_of(checks: Mapping[str, Callable[[], None]]) -> tuple[dict[str, str], list[str]]:
+    """The verdict of each check of a condition by name, and the reasons for those that are not proved."""
+    verdicts, reasons = dict.fromkeys(checks, PROVED), list[str]()
+    for name, check in checks.items():
+        try:
+            check()
+        except (Unproved, Refuted) as error:
+            verdicts[name] = UNDECIDED if isinstance(error, Unproved) else REFUTED
+            reasons.append(f"{name}: {error}")
+    return verdicts, reasons
 
 
 def _contact_that_ends(contact: Motion | None) -> Motion:

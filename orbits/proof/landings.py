@@ -5,6 +5,7 @@ derivatives vanish they are, s later, -A s**3/6, -B s**2/2 and -M s: the means A
 weights 3 (1 - t/s)**2, 2 (1 - t/s) and 1. They change with s at the rates 3 (B - A)/s, 2 (M - B)/s and (J - M)/s.
 """
 
+from dataclasses import dataclass
 from functools import reduce
 from typing import NamedTuple
 
@@ -16,6 +17,7 @@ from .launches import PARTS_OF_PIECE, Flight, Launches
 
 # The number of parts of the window on which landings are enclosed, and of passes over the means on each.
 CELLS_OF_WINDOW, PASSES_OVER_MEANS = 24, 3
+NO_TIME = arb(0)
 
 
 class Means(NamedTuple):
@@ -26,26 +28,31 @@ class Means(NamedTuple):
     square: arb
 
 
+@dataclass(frozen=True)
 class JerkIntegrals:
-    """Integrals of the jerk over a growing time, in which it is enclosed part by part: the first, the second and the
-    third from the start."""
+    """Integrals of the jerk over a time, in which it is enclosed part by part.
 
-    def __init__(self) -> None:
-        self.time = self.once = self.twice = self.thrice = arb(0)
-        self._hull: arb | None = None
+    time : from the start, 0 for no part yet
+    once, twice, thrice : the first, the second and the third integral from the start
+    hull : an enclosure of the jerk over all of the time, None for no part yet
+    """
 
-    def further(self, jerk: arb, length: arb) -> Means:
-        """Extend the time by a length in which the jerk is enclosed; returns the means until any time in it."""
-        self._hull = jerk if self._hull is None else self._hull.union(jerk)
-        means = self._means(jerk, length)
-        self.thrice = self.thrice + length * self.twice + length**2 / 2 * self.once + length**3 / 6 * jerk
-        self.twice = self.twice + length * self.once + length**2 / 2 * jerk
-        self.once, self.time = self.once + length * jerk, self.time + length
-        return means
+    time: arb = NO_TIME
+    once: arb = NO_TIME
+    twice: arb = NO_TIME
+    thrice: arb = NO_TIME
+    hull: arb | None = None
 
-    def _means(self, jerk: arb, length: arb) -> Means:
-        assert self._hull is not None
-        flat = linear = square = self._hull
+    def further(self, jerk: arb, length: arb) -> "tuple[Means, JerkIntegrals]":
+        """The means until any time in a further length, in which the jerk is enclosed, and the integrals to its end."""
+        hull = jerk if self.hull is None else self.hull.union(jerk)
+        thrice = self.thrice + length * self.twice + length**2 / 2 * self.once + length**3 / 6 * jerk
+        twice = self.twice + length * self.once + length**2 / 2 * jerk
+        further = JerkIntegrals(self.time + length, self.once + length * jerk, twice, thrice, hull)
+        return self._means(hull, jerk, length), further
+
+    def _means(self, hull: arb, jerk: arb, length: arb) -> Means:
+        flat = linear = square = hull
         if self.time > 0:
             t, moved = self.time, between(arb(0), length)
             s = t + moved
@@ -73,7 +80,7 @@ def losses_at_landing(launches: Launches, flight: Flight, reach: arb) -> tuple[a
         here = flight.landing(begin, end)
         if not (here.jerk > 0 and here.gap_by_speed > 0 and here.mass > 0 and power > 0):
             raise Unproved("the signs of the jerk and of the derivatives by the speed are not decided")
-        means, times = jerks.further(here.jerk, cell), between(begin, end)
+        (means, jerks), times = jerks.further(here.jerk, cell), between(begin, end)
         # d is this times the cube of the time, and the speed of the landing `pace` times its square.
         share = means.square / (6 * here.gap_by_speed)
         pace = means.linear / 2 - times * share * here.gap_rate_by_speed

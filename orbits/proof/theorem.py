@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..exact.bounds import Enclosure
+from ..io import Document
 from ..result import Result, Row
 
 # The width of the lines of a statement.
@@ -24,7 +25,7 @@ class Part:
     unknowns: Mapping[str, Enclosure]
     uniqueness_radius: str
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Document:
         """The part for JSON."""
         boxes = {"parameters": self.parameters, "unknowns": self.unknowns}
         named = {name: {key: [each.low, each.high] for key, each in box.items()} for name, box in boxes.items()}
@@ -50,7 +51,7 @@ class CurvePart(Part):
     within: Mapping[str, str] = field(default_factory=dict)
     alone_within: Mapping[str, str] = field(default_factory=dict)
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Document:
         """The piece for JSON."""
         ends = {"coordinate": self.coordinate, "start": self.start, "stop": self.stop}
         curves = {name: list(each) for name, each in self.polynomials.items()}
@@ -116,7 +117,7 @@ class Proof(Result, what="proof", document_is_whole=True):
         """The enclosure of the time of a whole contact; None where that was not requested or not proved."""
         return self.enclosures.get("contact_time")
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Document:
         """The proof as a JSON document; proved bounds are decimals, as text."""
         missing = dict.fromkeys(("alpha", "flight_time", "contact_time"))
         return {
@@ -150,7 +151,7 @@ class Proof(Result, what="proof", document_is_whole=True):
         return "persistent-orbits proof 2"
 
     @classmethod
-    def of_saved(cls, document: Any, machine: Any = None) -> "Proof":
+    def of_saved(cls, document: object, machine: object = None) -> "Proof":
         """The proof of a saved document, without proving anything anew; `orbits check-proof` does that."""
         data = cls._conform(document, Mapping[str, Any])
         numbers = "family", "radius", "uniqueness_radius", "bounce_side", "attraction_radius", "digits", "seconds"
@@ -175,7 +176,7 @@ class Proof(Result, what="proof", document_is_whole=True):
         bounds = {side: [getattr(each, side) for each in self.enclosures.values()] for side in ("low", "high")}
         return {"quantity": list(self.enclosures), "unit": [*map(self.unit_of, self.enclosures)], **bounds}
 
-    def _line(self) -> dict[str, Any]:
+    def _line(self) -> dict[str, object]:
         return {"proved": self.proved, "family": self.family, "alpha": str(self.alpha)}
 
     def title(self) -> str:

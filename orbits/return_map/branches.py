@@ -262,10 +262,10 @@ class LaunchEndings(Endings):
         reason = f"the map jumps near {place}: {counts[0]} impacts in a hop, {counts[1]} behind"
         return LaunchSegment(self.curve, segment.a, before), End("jump", reason)
 
-    def far(self, last: CurvePoint, history: Any) -> None:
+    def far(self, last: CurvePoint, history: object) -> None:
         """Nothing: a branch ends at the bounds of its ranges."""
 
-    def lost(self, error: Any, last: CurvePoint, history: Any) -> End:
+    def lost(self, error: object, last: CurvePoint, history: object) -> End:
         return End("stuck", str(error))
 
 
@@ -335,7 +335,7 @@ class BranchTracer:
     ) -> Iterator[PeriodicLaunch | FoundEvent | End]:
         """The points and events from one, in order along its tangent (`side` 1) or against it (-1); an end is last."""
         options = replace(self.options, step_control=replace(STEPS_OF_BRANCHES, first_step=first_step))
-        low, high, earlier, count = self.maps.low, self.maps.high, list[Any](), 0
+        low, high, earlier, count = self.maps.low, self.maps.high, list[object](), 0
         here: Any = self.curve.at(np.array([start.alpha, start.value]), side * start.tangent * self.scale)
         if start.value == (high if here.tangent[1] > 0 else low):
             yield self._reached(start.value)

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from ..continuation.point import End
-from ..io import one_line
-from ..result import Result, Row, known, shown, stored
+from ..io import Document, one_line
+from ..result import Axes, Result, Row, known, shown, stored
 
 BranchEnd = End  # an earlier name
 HOPS_OF = {1: "fixed points", 2: "hops of period two"}
@@ -118,7 +118,7 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
     visits: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
     units: Mapping[str, str] = field(default_factory=dict)
 
-    def _line(self) -> dict[str, Any]:
+    def _line(self) -> dict[str, object]:
         counts = {"branches": len(self.branches), "events": len(self.events)}
         return {"along": self.along, "span": self.span, "between": self.between, **counts}
 
@@ -170,11 +170,11 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
                 found += [(branch.period, float(alpha), float(slope)) for alpha in alphas]
         return sorted(found, key=lambda each: each[1])
 
-    def plot(self, axes: Any = None) -> Any:
+    def plot(self, axes: Axes | None = None) -> Axes:
         """Plot the launch speeds against the parameter; returns the axes. See `orbits.show.map_figures`."""
         return shown("map_figures").plot_bifurcations(self, axes)
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Document:
         branches = [
             {
                 "period": branch.period,

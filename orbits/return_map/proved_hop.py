@@ -15,7 +15,7 @@ from ..exact.decimals import enclosure_of, lower_decimal
 from ..exact.expressions import ExactExpression, depends_on, substitute
 from ..exact.refusal import Unproved
 from ..exact.statement import ExactStatement
-from ..proof.case import bits_of_digits, verdict_of
+from ..proof.case import bits_of_digits, verdicts_of
 from ..proof.theorem import Part
 from .hop import HopStatement, Jet, levels_of, next_jet, pace_of, statement_of_jets
 
@@ -100,16 +100,16 @@ def proved_hop(
     return found
 
 
-def conditions_of_hop(found: ProvedHop, launched: arb, reasons: list[str]) -> dict[str, str]:
-    """The verdict of each condition of theorem 1 of `proved_map`, for the speed of the lift-off before the injection;
-    reasons are added for each that is not proved."""
+def conditions_of_hop(found: ProvedHop, launched: arb) -> tuple[dict[str, str], list[str]]:
+    """The verdict of each condition of theorem 1 of `proved_map`, for the speed of the lift-off before the injection,
+    and the reasons for those that are not proved."""
     checks: dict[str, Callable[[], None]] = {"clearance": lambda: _check_flights_of_hop(found)}
     if len(found.base.flights) > 1:
         checks["bounces"] = lambda: _check_bounces(found)
     checks |= {"contact_force": lambda: _check_contact(found), "liftoff": lambda: _check_liftoff(launched)}
     if found.base.half.mechanics.separation is not None:
         checks["separation"] = lambda: _check_separation_of_hop(found)
-    return {name: verdict_of(name, check, reasons) for name, check in checks.items()}
+    return verdicts_of(checks)
 
 
 def _check_flights_of_hop(found: ProvedHop) -> None:

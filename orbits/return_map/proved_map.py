@@ -212,9 +212,9 @@ def _of_fixed_point(case: _Case, guess: HopGuess, said: tuple[float, float | Non
     assert case.inject is not None
     hop = case.hop(guess, case.inject)
     equations = Equations(hop.statement, case.intervals)
-    found, reasons = proved_hop(hop, {}, equations, guess.unknowns(hop), case.digits), list[str]()
+    found = proved_hop(hop, {}, equations, guess.unknowns(hop), case.digits)
     inject = between(*map(ball_of_fraction, case.inject))
-    conditions = conditions_of_hop(found, found.ball("alpha") - inject, reasons)
+    conditions, reasons = conditions_of_hop(found, found.ball("alpha") - inject)
     multiplier = 1 + found.jet(0, found.balls).last
     enclosures = {"multiplier": enclosure_of(multiplier)}
     stable = abs(multiplier) < 1
@@ -252,8 +252,8 @@ def _of_doubling(case: _Case, guess: HopGuess, said: tuple[float, float]) -> _Re
         name: float(each.mid() * ball_of_fraction(hop.unit_of(name) * hop.pace)) for name, each in jet.unknowns.items()
     }
     equations = Equations(doubling_statement(hop, further[INJECTION]), case.intervals)
-    found, reasons = proved_hop(hop, further, equations, guess.unknowns(hop) | directions, case.digits), list[str]()
-    conditions = conditions_of_hop(found, found.ball("alpha") - found.ball(INJECTION), reasons)
+    found = proved_hop(hop, further, equations, guess.unknowns(hop) | directions, case.digits)
+    conditions, reasons = conditions_of_hop(found, found.ball("alpha") - found.ball(INJECTION))
     second = found.jet(1, found.jets)
     third = found.jet(2, {**found.jets, **second.unknowns})
     speed = ball_of_fraction(hop.half.mechanics.scale.speed)

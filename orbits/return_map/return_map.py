@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError, NoOrbit, OrbitsError, finite_number, whole_number
-from ..io import fields_in_line
+from ..io import Document, fields_in_line
 from ..model.machine import Machine, dimensionless, machine_in_words
 from ..numerics.roots import enclosed_sign_changes
 from ..periodic.find import Progress, find
-from ..result import Result, Row, cell, known, shown
+from ..result import Axes, Result, Row, cell, known, shown
 from ..running.exclusive import exclusive
 from ..simulation.impacts import CAP, FASTEST_LAUNCH, STATUS, Impacts, decided_impacts, injected
 from ..simulation.multiplier import multiplier
@@ -85,11 +85,11 @@ class Hops(Result, what="table of hops"):
     def table(self) -> dict[str, np.ndarray]:
         return {name: np.ravel(getattr(self, name)) for name in HOP_COLUMNS}
 
-    def plot(self, axes: Any = None) -> Any:
+    def plot(self, axes: Axes | None = None) -> Axes:
         """Plot the next launch speeds against the launch speeds; returns the axes."""
         return shown("map_figures").plot_hops(self, axes)
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Document:
         columns = {name: known(getattr(self, name)) for name in DIMENSIONS_OF_HOPS}
         columns |= {name: np.ravel(getattr(self, name)).tolist() for name in ("impacts", "status")}
         return columns | ({"units": self.units} if self.units else {})
@@ -149,7 +149,7 @@ class ReturnMap:
         return self._own or self
 
     @cached_property
-    def _words(self) -> dict[str, Any]:
+    def _words(self) -> dict[str, object]:
         return machine_in_words(self.machine)
 
     def __repr__(self) -> str:
@@ -160,7 +160,7 @@ class ReturnMap:
         rows = [("injection", number_text(self.inject, speed)), ("impacts of a hop", f"{self.cap} at most")]
         return cell(f"return map of {self.machine!r}", rows, self._draw)
 
-    def _draw(self, axes: Any) -> Any:
+    def _draw(self, axes: Axes | None) -> Axes:
         """Draw the map up to twice the lowest lossless launch speed, or up to a high one."""
         try:
             highest = 2.0 * find(self.machine).alpha
@@ -260,16 +260,18 @@ class ReturnMap:
         return ResolvedMap(self, lossless, low, high, samples, False).preimages(edges)
 
     def plot(
-        self, low: float, high: float, axes: Any = None, start: float | None = None, hops: int = 60,
+        self, low: float, high: float, axes: Axes | None = None, start: float | None = None, hops: int = 60,
         samples: int = 4000, fixed_points: bool = True,
-    ) -> Any:  # fmt: skip
+    ) -> Axes:  # fmt: skip
         """Plot the map between two launch speeds, with its fixed points, and with a cobweb of `hops` hops from the
         launch `start`; returns the axes. See `orbits.show.map_figures.plot_map`."""
         low, high, samples = _checked_grid(low, high, samples)
         hops = whole_number("hops", hops, "hops", 0)
         return shown("map_figures").plot_map(self, low, high, axes, samples, start, hops, fixed_points)
 
-    def plot_basin(self, low: float, high: float, axes: Any = None, hops: int = 1000, samples: int = 2000) -> Any:
+    def plot_basin(
+        self, low: float, high: float, axes: Axes | None = None, hops: int = 1000, samples: int = 2000
+    ) -> Axes:
         """Plot which launches between two speeds come to which lossless hop, with their share of the range;
         returns the axes. The basin is that of `basin`."""
         return shown("map_figures").plot_basin(self, low, high, axes, hops, samples)

@@ -53,7 +53,7 @@ class exclusive_property(cached_property):
     take two locks in different orders block each other.
     """
 
-    def __get__(self, instance: Any, owner: Any = None) -> Any:
+    def __get__(self, instance: object, owner: Any = None) -> Any:
         with LOCK:
             return super().__get__(instance, owner)
 
@@ -61,7 +61,7 @@ class exclusive_property(cached_property):
 _DYING: deque = deque()  # References of CasADi objects that ended in threads without the lock.
 
 
-def _end(self: Any, dying: deque = _DYING, lock: Any = LOCK) -> None:
+def _end(self: object, dying: deque = _DYING, lock: Any = LOCK) -> None:
     """Release what a CasADi object refers to under the lock, or keep it until the next one ends under the lock.
 
     The garbage collector ends objects in any thread. It must not wait there, since the thread may hold other locks.

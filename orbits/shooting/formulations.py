@@ -12,6 +12,7 @@ from ..errors import FlowError, InputError, NoOrbit, OutOfRange
 from ..flow.flow import flow_of
 from ..flow.trajectory import Trajectories
 from ..flow.zero_crossing import first_zero, first_zeros, until_zero
+from ..laws.law import Algebraic
 from ..model.model import CONTACT_FORCE, Model
 from ..model.phase import Affine, Arc, Phase, Statement
 from ..model.relative import Reduction
@@ -230,7 +231,7 @@ def _flights(model: Model, method: str, u: Mapping, p: Mapping, evaluation: Eval
     return flight, halved(flight), landing_gap_slope(model, landing.T, p), np.abs(landing).max(1)
 
 
-def landing_gap_slope(model: Model, change: Iterable, p: Mapping) -> Any:
+def landing_gap_slope(model: Model, change: Iterable, p: Mapping) -> Algebraic:
     """Derivative by alpha of the gap at the orbit's landing time, from that of the flight state there, by component."""
     return sum(weight * d for weight, d in zip(model.gap(p).weights, change, strict=False))
 
@@ -241,7 +242,7 @@ def halved(flights: Trajectories) -> Trajectories:
 
 
 def _landing_by(
-    alpha: int, evaluation: Evaluation, reversor: tuple[int, ...], liftoff: int = 0, slope: Any = None
+    alpha: int, evaluation: Evaluation, reversor: tuple[int, ...], liftoff: int = 0, slope: Algebraic = None
 ) -> ndarray:
     """Derivatives (m, states) of the state at landing by the unknown with index `alpha`, on which that with index
     `liftoff` depends with slopes (m,); the second half of the motion is the mirror image of the first, and so is its

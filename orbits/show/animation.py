@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from itertools import cycle
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,11 +13,15 @@ from ..result import Axes, Report
 from ..units import Units
 from .plot import COLOURS, SHADE, new_axes, off_screen, unit_labels
 
+if TYPE_CHECKING:
+    from ..periodic.orbit import Orbit
+    from ..simulation.simulated import Simulation
+
 ANIMATIONS = (".gif", ".mp4")
 SPRING_END = "spring's end"  # the height of an end that an actuator moves; it is drawn as a thin bar
 
 
-def animate_orbit(orbit: Any, path: str | Path, frames: int = 80, progress: Report = None) -> Path:
+def animate_orbit(orbit: "Orbit", path: str | Path, frames: int = 80, progress: Report = None) -> Path:
     """Write one cycle as an animation of masses, spring and ground, .gif or, by ffmpeg, .mp4; returns the path."""
     closed = orbit.contact_time is not None
     t = np.linspace(0, orbit.period if closed else orbit.flight_time, _frames(frames), endpoint=not closed)
@@ -27,7 +31,7 @@ def animate_orbit(orbit: Any, path: str | Path, frames: int = 80, progress: Repo
     return _animate(path, words, orbit(t), shape.heights, joints, floating, orbit.scales, progress)
 
 
-def animate_simulation(run: Any, path: str | Path, frames: int = 200, progress: Report = None) -> Path:
+def animate_simulation(run: "Simulation", path: str | Path, frames: int = 200, progress: Report = None) -> Path:
     """Write a simulated motion as an animation, as `animate_orbit` does; returns the path."""
     t, machine = np.linspace(0, run.end, _frames(frames)), run.source
     words = np.where(run.in_contact(t), "contact", "flight")

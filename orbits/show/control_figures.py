@@ -1,7 +1,7 @@
 """Figures of controlled motions: states against time, and inputs below."""
 
 from itertools import cycle
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -9,11 +9,14 @@ from ..errors import InputError
 from ..result import Axes
 from .plot import COLOURS, new_axes, plain
 
+if TYPE_CHECKING:
+    from ..control.control import Control, ControlledLeg
+
 STAGE_SAMPLES = 401  # times of a stage at which its curves are drawn
 DASHES = ("-", (0, (5, 2)), (0, (1, 1.5)))  # of curves beyond the number of colours
 
 
-def plot_control(control: Any, axes: Axes | None = None) -> Axes:
+def plot_control(control: "Control", axes: Axes | None = None) -> Axes:
     """Plot the states of all stages against time, and the inputs in a panel below; return the axes of the states.
 
     Where a stage begins there is a dotted line, and its name above; a curve is interrupted where a stage does not have
@@ -36,11 +39,11 @@ def plot_control(control: Any, axes: Axes | None = None) -> Axes:
     return finished_panels(control, panels)
 
 
-def _states_of(leg: Any, name: str, since: np.ndarray) -> np.ndarray | None:
+def _states_of(leg: "ControlledLeg", name: str, since: np.ndarray) -> np.ndarray | None:
     return leg.path(since)[:, leg.states.index(name)] if name in leg.states else None
 
 
-def _inputs_of(leg: Any, name: str, since: np.ndarray) -> np.ndarray | None:
+def _inputs_of(leg: "ControlledLeg", name: str, since: np.ndarray) -> np.ndarray | None:
     return leg.inputs(since)[:, leg.inputs.names.index(name)] if name in leg.inputs.names else None
 
 
@@ -71,18 +74,18 @@ def panels_below(axes: Axes, count: int, height: float = 0.5) -> list[Axes]:
     return [axes.figure.add_subplot(grid[1 + i], sharex=axes) for i in range(count)]
 
 
-def mark_stages(control: Any, panels: list[Axes]) -> None:
+def mark_stages(control: "Control", panels: list[Axes]) -> None:
     """Draw a dotted line in all panels where a stage begins."""
     for panel in panels:
         for leg in control.legs[1:]:
             panel.axvline(leg.start, color="0.6", lw=0.8, ls=":", zorder=0.5)
 
 
-def _name_stages(control: Any, axes: Axes) -> None:
+def _name_stages(control: "Control", axes: Axes) -> None:
     """Write the names of the stages above the axes."""
     from matplotlib.transforms import blended_transform_factory
 
-    place: dict[str, Any] = {"transform": blended_transform_factory(axes.transData, axes.transAxes), "ha": "center"}
+    place: dict[str, object] = {"transform": blended_transform_factory(axes.transData, axes.transAxes), "ha": "center"}
     for leg in control.legs:
         axes.text(
             leg.start + 0.5 * leg.duration, 1.02, leg.phase, fontsize="small", color="0.4", parse_math=False, **place

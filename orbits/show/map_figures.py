@@ -1,7 +1,7 @@
 """Figures of the return map: with a cobweb, of its basins, and of bifurcations; in SI where the machine is."""
 
 from itertools import cycle
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,14 +11,17 @@ from ..return_map.diagram import WORDS_OF_STABILITY
 from ..units import LIFTOFF_SPEED
 from .plot import COLOURS, cobweb, finished, new_axes, plain, sampled_map, title_of_machine
 
-IDENTITY: dict[str, Any] = {"color": "0.6", "lw": 0.8, "zorder": 1}
+if TYPE_CHECKING:
+    from ..return_map.return_map import FixedPoint, Hops, ReturnMap
+
+IDENTITY: dict[str, object] = {"color": "0.6", "lw": 0.8, "zorder": 1}
 # Markers of fixed points: full where they attract, open where they do not, half where they attract from above only.
-STYLES_OF_POINTS: dict[str, dict[str, Any]] = {
+STYLES_OF_POINTS: dict[str, dict[str, object]] = {
     "stable": {"mfc": "0.15"},
     "unstable": {"mfc": "white"},
     "lossless, attracts from above": {"fillstyle": "right", "mfc": "0.15", "markerfacecoloralt": "white"},
 }
-STYLES_OF_STABILITY: dict[bool | None, dict[str, Any]] = {
+STYLES_OF_STABILITY: dict[bool | None, dict[str, object]] = {
     True: {"lw": 2},
     False: {"lw": 1.3, "ls": (0, (4, 2))},
     None: {"lw": 1.3, "ls": (0, (1, 2))},
@@ -29,8 +32,8 @@ BAR = 0.05  # height of the bar that shows the destinations, as a share of the a
 
 
 def plot_map(
-    step: Any, low: float, high: float, axes: Axes | None = None, samples: int = 4000, start: float | None = None,
-    hops: int = 60, fixed_points: bool = True,
+    step: "ReturnMap", low: float, high: float, axes: Axes | None = None, samples: int = 4000,
+    start: float | None = None, hops: int = 60, fixed_points: bool = True,
 ) -> Axes:  # fmt: skip
     """Plot the return map between two launch speeds, with the identity line; return the axes.
 
@@ -47,7 +50,7 @@ def plot_map(
     return _labelled_map(axes, step, low, high)
 
 
-def plot_hops(hops: Any, axes: Axes | None = None) -> Axes:
+def plot_hops(hops: "Hops", axes: Axes | None = None) -> Axes:
     """Plot the next launch speeds of `Hops` against their launch speeds, with the identity line; return the axes."""
     axes = axes or new_axes(5.2, 5.0)
     ends = [float(np.nanmin(hops.alpha)), float(np.nanmax(hops.alpha))]
@@ -57,14 +60,14 @@ def plot_hops(hops: Any, axes: Axes | None = None) -> Axes:
     return finished(axes, xlabel=across, ylabel=up)
 
 
-def _drawn_map(step: Any, low: float, high: float, axes: Axes, samples: int) -> Axes:
+def _drawn_map(step: "ReturnMap", low: float, high: float, axes: Axes, samples: int) -> Axes:
     """The identity line and the map, broken where it jumps."""
     axes.plot([low, high], [low, high], label="identity", **IDENTITY)
     axes.plot(*sampled_map(step, low, high, samples), color=COLOURS[0], lw=1.6, label="map")
     return axes
 
 
-def _labelled_map(axes: Axes, step: Any, low: float, high: float) -> Axes:
+def _labelled_map(axes: Axes, step: "ReturnMap", low: float, high: float) -> Axes:
     unit = f" ({step.machine.units.text(LIFTOFF_SPEED)})" if step.machine.units else ""
     labels: dict[str, Any] = {"xlabel": "launch speed" + unit, "ylabel": "next launch speed" + unit}
     lowest = float(np.nanmin(np.hstack([line.get_ydata() for line in axes.lines])))
@@ -72,7 +75,7 @@ def _labelled_map(axes: Axes, step: Any, low: float, high: float) -> Axes:
     return finished(axes, xlim=(low, high), ylim=(bottom, high), **labels)
 
 
-def _stability(point: Any) -> str:
+def _stability(point: "FixedPoint") -> str:
     """The name of a fixed point's stability in a legend."""
     if point.kind == "lossless":
         return "lossless, attracts from above"
@@ -86,7 +89,7 @@ def _mark(axes: Axes, points: list[tuple[float, str]]) -> None:
             axes.plot(here, here, "o", ms=6, mec="0.15", mew=1.2, zorder=4, label=kind, **style)
 
 
-def plot_basin(step: Any, low: float, high: float, axes: Axes | None, hops: int, samples: int) -> Axes:
+def plot_basin(step: "ReturnMap", low: float, high: float, axes: Axes | None, hops: int, samples: int) -> Axes:
     """Plot which launches between two speeds come to which lossless hop, as a bar below the map; the legend states what
     share of the range comes to each, and the title what share comes to any; return the axes.
 

@@ -1,6 +1,7 @@
 """Plots of orbits, families and diagrams: axes in, axes out; matplotlib is imported only when something is drawn.
 
-Results draw themselves by these functions through `orbits.result.shown`; they are known by their attributes only.
+Results draw themselves by these functions through `orbits.result.shown`; only the type checker imports their
+types.
 """
 
 import re
@@ -12,13 +13,20 @@ from contextvars import ContextVar
 from io import BytesIO
 from itertools import cycle
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..io import check_path, writing
 from ..result import Axes
 from ..units import LIFTOFF_SPEED, Units
+
+if TYPE_CHECKING:
+    from ..continuation.family import Family
+    from ..design.pareto import Front
+    from ..periodic.orbit import Orbit
+    from ..return_map.return_map import ReturnMap
+    from ..simulation.simulated import Simulation
 
 FIGURES = (".png", ".pdf", ".svg", ".jpg", ".jpeg", ".eps")
 RESOLUTION = 160  # of figures that are written, in pixels an inch
@@ -100,7 +108,7 @@ def unit_labels(units: Units | None) -> tuple[str, str, str]:
     return ("", "", "") if units is None else (" (m)", " (s)", " (m/s)")
 
 
-def plot_orbit(orbit: Any, axes: Axes | None = None) -> Axes:
+def plot_orbit(orbit: "Orbit", axes: Axes | None = None) -> Axes:
     """Plot heights of the masses against time over a cycle, contact shaded, as in Fig. 3 of the paper; return the axes.
 
     In metres and seconds for a machine that is stated in SI.
@@ -117,7 +125,7 @@ def plot_orbit(orbit: Any, axes: Axes | None = None) -> Axes:
     return finished(axes, xlim=(0, t[-1]), xlabel="time" + seconds, ylabel=label)
 
 
-def _style(name: str) -> dict[str, Any]:
+def _style(name: str) -> dict[str, object]:
     """The style of a mass's height: full, and that of the centre of mass dashed."""
     return {"lw": 1.2, "ls": (0, (5, 2))} if name == "centre of mass" else {"lw": 2}
 
@@ -128,7 +136,7 @@ def _cycle(orbit, count: int):
     return t, orbit(t)
 
 
-def finished(axes: Axes, legend: Mapping | None = None, **labels: Any) -> Axes:
+def finished(axes: Axes, legend: Mapping | None = None, **labels: object) -> Axes:
     """The axes with limits and labels, open above and on the right; with a legend below, or where `legend` says."""
     axes.set(**labels)
     axes.spines[["top", "right"]].set_visible(False)
@@ -161,7 +169,7 @@ def legend_below(axes: Axes, of: Axes | None = None) -> Axes:
     return axes
 
 
-def plot_phase_portrait(orbit: Any, axes: Axes | None = None) -> Axes:
+def plot_phase_portrait(orbit: "Orbit", axes: Axes | None = None) -> Axes:
     """Plot speed against height of every mass over a cycle; return the axes."""
     metres, _, speeds_in = unit_labels(orbit.scales)
     axes, (_, states) = axes or new_axes(4.5, 4.0), _cycle(orbit, 2001)
@@ -172,7 +180,7 @@ def plot_phase_portrait(orbit: Any, axes: Axes | None = None) -> Axes:
     return finished(axes, xlabel=label, ylabel="speed" + speeds_in)
 
 
-def masses_at(orbit: Any, states: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+def masses_at(orbit: "Orbit", states: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Height and speed (k,) of each mass at flight states (k, n) of an orbit, by name."""
     names = orbit.flight.names[: states.shape[1]]
     moving = [i for i, name in enumerate(names) if name.endswith("'")]
@@ -185,7 +193,7 @@ def masses_at(orbit: Any, states: np.ndarray) -> dict[str, tuple[np.ndarray, np.
     }
 
 
-def plot_family(family: Any, axes: Axes | None = None, quantity: str = "alpha", label: str | None = None) -> Axes:
+def plot_family(family: "Family", axes: Axes | None = None, quantity: str = "alpha", label: str | None = None) -> Axes:
     """Plot a quantity of a family's orbits against the parameter, with events marked; return the axes.
 
     Orbits that are no motions are dashed. Further families go into the same axes, each with its `label`.
@@ -220,7 +228,7 @@ def plain(text: str) -> str:
     return text.replace("$", r"\$")
 
 
-def family_curve(family: Any, quantity: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def family_curve(family: "Family", quantity: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """The parameter (k,) at the points and events in order along a family's curve, and the quantity (k,) three times:
     of all orbits, of those that are motions, and of the others, NaN elsewhere."""
     along = family.in_order()  # admissibility changes at an event, not at a point beside it
@@ -231,7 +239,7 @@ def family_curve(family: Any, quantity: str) -> tuple[np.ndarray, np.ndarray, np
     return x, y, np.where(motion | joint, y, np.nan), np.where(~motion | joint, y, np.nan)
 
 
-def spread(family: Any, count: int) -> list:
+def spread(family: "Family", count: int) -> list:
     """At most `count` points of a family, evenly spaced along its curve as drawn, with the first and the last."""
     places = np.array([family.column("value"), family.column("alpha")], dtype=float)
     places /= np.maximum(np.ptp(places, axis=1, keepdims=True), 1e-300)
@@ -240,7 +248,7 @@ def spread(family: Any, count: int) -> list:
     return [family[int(i)] for i in np.unique(nearest)]
 
 
-def thumbnails(axes: Axes, family: Any, orbits: Iterable[tuple[Any, Any]], quantity: str = "alpha") -> Axes:
+def thumbnails(axes: Axes, family: "Family", orbits: Iterable[tuple[Any, Any]], quantity: str = "alpha") -> Axes:
     """Draw small orbits, as pairs (point of the family, its `Orbit`), in a row above a family's axes, which are
     alone on their figure, joined to their places on the curve; return the axes."""
     from matplotlib.patches import ConnectionPatch
@@ -267,7 +275,7 @@ def thumbnails(axes: Axes, family: Any, orbits: Iterable[tuple[Any, Any]], quant
     return axes
 
 
-def plot_front(front: Any, axes: Axes | None = None) -> Axes:
+def plot_front(front: "Front", axes: Axes | None = None) -> Axes:
     """Plot a Pareto front of two objectives; an objective "-alpha" is shown by the value of alpha. Return the axes."""
     axes = axes or new_axes(5.4, 4.2)
     signs = [-1 if text.lstrip().startswith("-") else 1 for text in front.texts]
@@ -279,7 +287,7 @@ def plot_front(front: Any, axes: Axes | None = None) -> Axes:
     return finished(axes, xlabel=labels[0], ylabel=labels[1])
 
 
-def sampled_map(step: Any, low: float, high: float, samples: int) -> tuple[np.ndarray, np.ndarray]:
+def sampled_map(step: "ReturnMap", low: float, high: float, samples: int) -> tuple[np.ndarray, np.ndarray]:
     """Launch speeds (k,) between two bounds and the next ones, which are NaN where there is none or the map jumps."""
     alpha = np.linspace(low, high, samples)
     found = step(alpha)
@@ -287,7 +295,7 @@ def sampled_map(step: Any, low: float, high: float, samples: int) -> tuple[np.nd
     return np.insert(alpha, broken, np.nan), np.insert(found.next, broken, np.nan)
 
 
-def cobweb(step: Any, start: float, hops: int) -> np.ndarray:
+def cobweb(step: "ReturnMap", start: float, hops: int) -> np.ndarray:
     """The corners (2, k) of the cobweb of `hops` hops from a launch speed, fewer where there is no next launch."""
     web, here = [(start, start)], float(start)
     for _ in range(hops):
@@ -299,7 +307,7 @@ def cobweb(step: Any, start: float, hops: int) -> np.ndarray:
     return np.transpose(web)
 
 
-def plot_simulation(run: Any, axes: Axes | None = None) -> Axes:
+def plot_simulation(run: "Simulation", axes: Axes | None = None) -> Axes:
     """Plot heights of a simulated machine's masses against time, contacts shaded, impacts marked; return the axes.
 
     In metres and seconds for a machine that is stated in SI.
@@ -323,7 +331,7 @@ def plot_simulation(run: Any, axes: Axes | None = None) -> Axes:
     return finished(axes, xlim=(0, run.end), xlabel="time" + seconds, ylabel=label)
 
 
-def plot_gap(run: Any, axes: Axes | None = None, label: str | None = None) -> Axes:
+def plot_gap(run: "Simulation", axes: Axes | None = None, label: str | None = None) -> Axes:
     """Plot the gap of a simulated machine against time, as the foot path in Fig. 6 of the paper; return the axes."""
     axes, t = axes or new_axes(), np.linspace(0, run.end, 4001)
     metres, seconds, _ = unit_labels(run.source.units)
@@ -349,7 +357,7 @@ def _laws(machine: Mapping) -> str:
     return f"spring {machine['spring']}" + ("" if machine["gravity"] == "1" else f", gravity {machine['gravity']}")
 
 
-def title(orbit: Any) -> str:
+def title(orbit: "Orbit") -> str:
     """The title of an orbit's plot: machine, family and speed in one line, the laws in another."""
     speed = f"alpha = {orbit.alpha:.6g}" + (f" {orbit.scales.text(LIFTOFF_SPEED)}" if orbit.scales else "")
     kind = "" if orbit.admissible else " (inadmissible)"

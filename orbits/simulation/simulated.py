@@ -11,13 +11,13 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..flow.trajectory import Trajectory
-from ..io import fields_in_line
+from ..io import Document, fields_in_line
 from ..model.machine import Machine, machine_in_words
 from ..model.model import Knee
 from ..model.phase import Affine
 from ..model.state_formula import StateFormula
 from ..numerics.bernstein import lowest
-from ..result import TABLE_ROWS, Report, Result, Row, known, shown
+from ..result import TABLE_ROWS, Axes, Report, Result, Row, known, shown
 from ..units import ENERGY, LENGTH, LIFTOFF_SPEED, TIME, Units, in_units
 
 # The dimensions of a simulation's numbers by name; those of states are lengths and speeds.
@@ -116,7 +116,7 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
         """The gap as a function of the flight state."""
         return self._length(self.source.model.gap(self.source.values))
 
-    def _length(self, height: Any) -> Any:
+    def _length(self, height: object) -> Any:
         """A length of the model as a function of the flight state: in SI where the machine is stated so."""
         units, states = self.source.units, self.source.model.flight.states
         return units.convert_height(height, states) if units else height
@@ -134,7 +134,7 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
     def _states(self) -> tuple[str, ...]:
         return self.source.model.flight.states
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Document:
         units = self.source.units and self.source.units.texts(DIMENSIONS_OF_SIMULATIONS)
         return {
             **({"units": units} if units else {}), "launches": known(self.launches),
@@ -176,7 +176,7 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
             notes.append(f"the masses pass through each other: their least separation is {least:.6g}{metre}")
         return notes
 
-    def plot(self, axes: Any = None) -> Any:
+    def plot(self, axes: Axes | None = None) -> Axes:
         """Plot heights against time; returns the axes. See `orbits.show.plot.plot_simulation`."""
         return shown("plot").plot_simulation(self, axes)
 

@@ -96,8 +96,8 @@ class Members:
 
 
 def members_of(
-    over: Mapping[str, Any] | Sequence[str] | None,
-    samples: Any,
+    over: Mapping[str, object] | Sequence[str] | None,
+    samples: object,
     sampling: str | None,
     seed: int,
     allowed: Sequence[str],
@@ -130,7 +130,7 @@ def members_of(
     return _finite_members(Members(tuple(axes), np.column_stack(columns), None, tuple(axes.values()), drawn))
 
 
-def axis_of(name: str, stated: Any) -> Axis:
+def axis_of(name: str, stated: object) -> Axis:
     """The axis that is stated for a parameter: a range (low, high) or (low, high, "log"), a list of values, or a frozen
     distribution of `scipy.stats`. Raises `InputError` for anything else."""
     if hasattr(stated, "ppf"):
@@ -153,7 +153,7 @@ def axis_of(name: str, stated: Any) -> Axis:
     raise InputError(f"over '{name}' = {stated!r}; it is {known}")
 
 
-def _grid(axes: Mapping[str, Axis], samples: Any) -> Members:
+def _grid(axes: Mapping[str, Axis], samples: object) -> Members:
     """All combinations; `samples` is the number of values of each range, or a tuple of one for each axis."""
     ranges = [name for name, axis in axes.items() if not axis.values]
     counts = samples if isinstance(samples, tuple) else (10 if samples is None else samples,) * len(axes)

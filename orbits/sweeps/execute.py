@@ -11,7 +11,7 @@ import threading
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 from weakref import WeakSet
 
 import numpy as np
@@ -21,6 +21,10 @@ from ..io import MEGABYTE
 from ..running import interrupts
 from .members import failed_table, solve_chunk
 from .question import CHUNK, Question, Table
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future, ProcessPoolExecutor
+    from multiprocessing.connection import Connection
 
 # Workers that a member may kill before it counts as failed.
 MOST_CRASHES = 3
@@ -48,7 +52,7 @@ def chunks_of(question: Question, done: np.ndarray) -> list[Chunk]:
     return [Chunk(members) for members in whole if not done[members].all()]
 
 
-def check_executor(executor: Any, workers: int | None) -> None:
+def check_executor(executor: object, workers: int | None) -> None:
     """Raise `InputError` for an invalid executor, or an invalid number of its workers."""
     if executor is None and workers not in (None, 1):
         raise InputError(f"workers = {workers}: they are processes, with executor='processes'")
@@ -58,7 +62,7 @@ def check_executor(executor: Any, workers: int | None) -> None:
         whole_number("workers", workers, most=1000)
 
 
-def solved_chunks(question: Question, chunks: list[Chunk], executor: Any, workers: int | None) -> Iterator[Table]:
+def solved_chunks(question: Question, chunks: list[Chunk], executor: object, workers: int | None) -> Iterator[Table]:
     """The results of the chunks, each as soon as it is solved.
 
     executor : None for this process, "processes" for `workers` processes of this machine (None: one for each core), or
@@ -76,7 +80,7 @@ def solved_chunks(question: Question, chunks: list[Chunk], executor: Any, worker
         yield from _solved_by(pool, payload, question, chunks)
 
 
-def _pickled(question: Question, executor: Any) -> bytes:
+def _pickled(question: Question, executor: object) -> bytes:
     """The question for workers; raises `InputError` where it cannot be sent."""
     try:
         if type(executor).__module__.partition(".")[0] == "distributed":
@@ -117,7 +121,7 @@ def _retain_freed_memory() -> None:
         mallopt(option, size)
 
 
-def _begin_worker(alive: Any) -> None:
+def _begin_worker(alive: "Connection") -> None:
     """Initialise a process of the pool: it leaves interrupts to the sweeping process, and ends as soon as that process
     closes its end of the pipe `alive`, also by its death, after which the worker would otherwise wait for ever."""
 
@@ -143,9 +147,9 @@ class _Processes:
         self.context, self.workers = get_context(way), workers
         if way == "forkserver":
             self.context.set_forkserver_preload([__name__])
+        self.pool, self.alive = self._started()
 
     def __enter__(self) -> "_Processes":
-        self.pool = self._started()
         return self
 
     def __exit__(self, kind: type | None, *error: object) -> None:
@@ -154,11 +158,12 @@ class _Processes:
         self.pool.shutdown(wait=True, cancel_futures=True)
         self.alive.close()
 
-    def _started(self) -> Any:
+    def _started(self) -> "tuple[ProcessPoolExecutor, Connection]":
+        """A pool that computes, and the end of the pipe whose closing ends its processes."""
         from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
 
         for _ in range(MOST_CRASHES):  # a worker may be killed as it starts, too
-            theirs, self.alive = self.context.Pipe(duplex=False)
+            theirs, alive = self.context.Pipe(duplex=False)
             pool = ProcessPoolExecutor(self.size, self.context, _begin_worker, (theirs,))
             try:
                 with interrupts.not_for_children():
@@ -167,7 +172,7 @@ class _Processes:
             except BrokenExecutor:
                 pool.shutdown(wait=True)
             else:
-                return pool
+                return pool, alive
         raise InputError("worker processes cannot start: in a script, call sweep under  if __name__ == '__main__':")
 
     @property
@@ -175,7 +180,7 @@ class _Processes:
         """The number of workers."""
         return self.workers or os.cpu_count() or 1
 
-    def submit(self, *call: Any) -> Any:
+    def submit(self, *call: Any) -> "Future[Table]":
         """A call in one of the processes."""
         return self.pool.submit(*call)
 
@@ -196,12 +201,13 @@ class _Processes:
         """
         for process in self._workers():
             process.kill()
-        self.pool._result_queue._writer.close()
+        results: Any = self.pool._result_queue
+        results._writer.close()
 
     def renew(self) -> None:
         """Replace the pool, in which a process has died."""
         self.pool.shutdown(wait=True, cancel_futures=True)
-        self.pool = self._started()
+        self.pool, self.alive = self._started()
 
 
 class _UserExecutor:
@@ -211,7 +217,7 @@ class _UserExecutor:
 
     def __init__(self, executor: Any, workers: int | None):
         self.executor, self.size = executor, workers or int(getattr(executor, "_max_workers", 0)) or MANY_WORKERS
-        self.futures = WeakSet[Any]()
+        self.futures = WeakSet["Future[Table]"]()
 
     def __enter__(self) -> "_UserExecutor":
         return self
@@ -220,7 +226,7 @@ class _UserExecutor:
         for future in self.futures:
             future.cancel()  # after an interrupt nobody waits for it
 
-    def submit(self, *call: Any) -> Any:
+    def submit(self, *call: object) -> "Future[Table]":
         """A call by one of the workers."""
         future = self.executor.submit(*call)
         self.futures.add(future)
@@ -237,7 +243,9 @@ class _UserExecutor:
             raise InputError(f"the executor is broken: {error}; what is stored stays, go on with another one") from None
 
 
-def _solved_by(pool: Any, payload: bytes, question: Question, chunks: list[Chunk]) -> Iterator[Table]:
+def _solved_by(
+    pool: "_Processes | _UserExecutor", payload: bytes, question: Question, chunks: list[Chunk]
+) -> Iterator[Table]:
     """The results of the chunks, solved by a pool's workers.
 
     When a worker dies, the chunks that were being solved are suspects, which are retried alone once all others are
@@ -245,7 +253,7 @@ def _solved_by(pool: Any, payload: bytes, question: Question, chunks: list[Chunk
     """
     from concurrent.futures import FIRST_COMPLETED, wait
 
-    waiting, suspects, running = deque(chunks), deque[Chunk](), dict[Any, Chunk]()
+    waiting, suspects, running = deque(chunks), deque[Chunk](), dict["Future[Table]", Chunk]()
     alone = False
     while waiting or running or suspects:
         interrupts.heed()

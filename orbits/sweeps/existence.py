@@ -18,9 +18,10 @@ import numpy as np
 
 from ..design.designs_at_once import DESIGN_STATUSES, solved_designs
 from ..errors import InputError
+from ..io import Document
 from ..model.machine import Machine
 from ..periodic.find import family_number
-from ..result import Result, Row, shown
+from ..result import Axes, Result, Row, shown
 from ..running import interrupts
 from .designs import Axis, axis_of
 from .progress import on_screen
@@ -138,13 +139,13 @@ class Existence(Result, what="diagram", in_line=("along", "across", "values")):
         inside = np.isin(self.boundaries.statuses.astype(str), statuses)
         return self.boundaries.points[(inside[:, 0] != inside[:, 1]) & self.boundaries.located.astype(bool)]
 
-    def plot(self, quantity: str | None = None, axes: Any = None) -> Any:
+    def plot(self, quantity: str | None = None, axes: Axes | None = None) -> Axes:
         """Plot the diagram, coloured by a quantity if one is named; returns the axes."""
         if quantity is not None and quantity not in self.grid.numbers:
             raise InputError(f"the diagram has no quantity '{quantity}'; it has {', '.join(self.grid.numbers)}")
         return shown("sweep_figures").plot_existence(self, quantity, axes)
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Document:
         """The diagram as JSON-ready data: the intervals of the rows, the boundaries, and the members on the grid."""
         swept, found = self.grid.document(), self.boundaries
         rows = [
@@ -175,17 +176,17 @@ class Existence(Result, what="diagram", in_line=("along", "across", "values")):
 def existence(
     machine: Machine,
     along: str,
-    between: tuple[Any, ...],
+    between: tuple[object, ...],
     across: str,
-    values: Sequence[float] | tuple[Any, ...],
+    values: Sequence[float] | tuple[object, ...],
     family: int = 1,
     *,
     samples: int | tuple[int, int] = 100,
     both_ways: bool = False,
     quantities: Sequence[str] = (),
-    executor: Any = None,
+    executor: object = None,
     workers: int | None = None,
-    client: Any = None,
+    client: object = None,
     store: str | Path | None = None,
     progress: Callable[[SweepProgress], None] | bool | None = None,
 ) -> Existence:

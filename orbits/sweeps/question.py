@@ -11,6 +11,7 @@ from ..consistency.accepted import check_machine
 from ..continuation.checkpoint import versions
 from ..design.problem import formula_names, known_formula
 from ..errors import InputError, finite_number
+from ..io import Document
 from ..model.machine import Machine, machine_in_words
 from ..periodic.find import family_number
 from ..running.exclusive import exclusive
@@ -77,7 +78,7 @@ class Question:
         own = {**COLUMNS_OF[self.outcome], **dict.fromkeys(self.quantities, float)}
         return {**parameters, **own, "status": str, "reason": str}
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Document:
         """The question as JSON-ready data, with a hash of the values of its members."""
         return {
             "machine": machine_in_words(self.machine),
@@ -164,7 +165,7 @@ def _check_quantities(machine: Machine, quantities: Sequence[str]) -> None:
             raise InputError(f"the quantity '{text}': {what}" if shown else what) from None
 
 
-def _speeds(between: Any) -> tuple[float, float]:
+def _speeds(between: object) -> tuple[float, float]:
     """Two launch speeds in ascending order."""
     if not isinstance(between, tuple | list | np.ndarray) or len(between) != 2:
         raise InputError(f"between = {between!r}; it is (low, high), two launch speeds")

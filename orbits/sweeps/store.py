@@ -219,13 +219,13 @@ def _tables_of(connection: sqlite3.Connection) -> int:
     return connection.execute("SELECT COUNT(*) FROM sqlite_master").fetchone()[0]
 
 
-def _digest_of_row(row: Sequence[Any]) -> str:
+def _digest_of_row(row: Sequence[object]) -> str:
     """The digest of the values of a member."""
     plain = [None if isinstance(value, float) and value != value else value for value in row]
     return digest(plain)[:16]
 
 
-def _is_unspoilt(row: Sequence[Any]) -> bool:
+def _is_unspoilt(row: Sequence[object]) -> bool:
     """Whether a member agrees with its digest."""
     try:
         return row[-1] == _digest_of_row(row[:-1])
@@ -251,9 +251,9 @@ def _names_in_file(columns: Iterable[str]) -> list[str]:
     return names
 
 
-def _other_question(document: Mapping[str, Any], question: Question) -> str:
+def _other_question(document: Mapping[str, object], question: Question) -> str:
     """The difference between the question in a store and another question, in words."""
-    had: Any = document
+    had: object = document
     wanted, place = json.loads(to_json(question.document())), "its"
     while isinstance(had, Mapping) and isinstance(wanted, Mapping):
         name = next((name for name in {**wanted, **had} if had.get(name) != wanted.get(name)), None)
@@ -263,6 +263,6 @@ def _other_question(document: Mapping[str, Any], question: Question) -> str:
     return f"{place} is {_short(had)}, and {_short(wanted)} is asked"
 
 
-def _short(value: Any) -> str:
+def _short(value: object) -> str:
     text = to_json(value)
     return text if len(text) <= 100 else f"{text[:60]} ... {text[-30:]}"

@@ -43,8 +43,8 @@ class SweepProgress(NamedTuple):
 
 def sweep(
     machine: Machine,
-    over: Mapping[str, Any] | Sequence[str] | None = None,
-    samples: Any = None,
+    over: Mapping[str, object] | Sequence[str] | None = None,
+    samples: object = None,
     *,
     sampling: str | None = None,
     seed: int = 0,
@@ -52,7 +52,7 @@ def sweep(
     quantities: Sequence[str] = (),
     outcome: str = "find",
     between: tuple[float, float] | None = None,
-    executor: Any = None,
+    executor: object = None,
     workers: int | None = None,
     client: Any = None,
     store: str | Path | None = None,
@@ -134,7 +134,11 @@ def _check_domain(machine: Machine, members: Members) -> None:
 
 
 def _computed(
-    question: Question, store: "Store | None", executor: Any, workers: int | None, show: Callable[[SweepProgress], None]
+    question: Question,
+    store: "Store | None",
+    executor: object,
+    workers: int | None,
+    show: Callable[[SweepProgress], None],
 ) -> Sweep:
     """The result, including the members already in the store."""
     began, count = time.perf_counter(), len(question)
@@ -170,7 +174,9 @@ def _computed(
 
 
 @solves_again
-def _further_sweep(question: Question, samples: Mapping[str, Any], quantities: Sequence[str], **options: Any) -> Sweep:
+def _further_sweep(
+    question: Question, samples: Mapping[str, object], quantities: Sequence[str], **options: Any
+) -> Sweep:
     """The sweep of other members of the machine and family of a question."""
     return sweep(question.machine, None, samples, family=question.families[0], quantities=quantities, **options)
 

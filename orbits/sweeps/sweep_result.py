@@ -11,11 +11,11 @@ import numpy as np
 
 from ..design.designs_at_once import DESIGN_STATUSES
 from ..errors import InputError
-from ..io import conform, extra_package, to_json
+from ..io import Document, conform, extra_package, to_json
 from ..model.machine import Machine
 from ..periodic.find import find
 from ..periodic.orbit import Orbit
-from ..result import Result, Row, is_of, shown
+from ..result import Axes, Result, Row, is_of, shown
 from ..units import DIMENSIONS_OF_HOPS, UNIT_TEXTS, unit_text
 from .question import COLUMNS_OF, Question, SavedQuestion, Table, question_again
 
@@ -72,7 +72,7 @@ class Sweep(Result, what="sweep", document_is_whole=True):
             raise InputError(f"the store {path}: {error}") from None
 
     @classmethod
-    def of_saved(cls, document: Any, machine: Machine | None = None) -> "Sweep":
+    def of_saved(cls, document: object, machine: Machine | None = None) -> "Sweep":
         data = cls._conform(document, _SavedSweep)
         conform(data["about"], SavedQuestion)
         rows, kinds = data["members"], _columns_of_members(data["about"])
@@ -151,7 +151,7 @@ class Sweep(Result, what="sweep", document_is_whole=True):
         """The number of members of each status, and the quantiles of their numbers, as "alpha 5%"."""
         return {"count": self.count, "done": len(self), **self.statuses(), **super().summary()}
 
-    def _line(self) -> dict[str, Any]:
+    def _line(self) -> dict[str, object]:
         return {"parameters": self.parameters, "count": self.count, **self.statuses()}
 
     def title(self) -> str:
@@ -177,7 +177,7 @@ class Sweep(Result, what="sweep", document_is_whole=True):
         """The members as JSON-ready data, None for values that a member does not have."""
         whole = {name for name, kind in COLUMNS_OF[self.about["outcome"]].items() if kind is int}
         for i, member in enumerate(self.index.tolist()):
-            row: dict[str, Any] = {"index": member}
+            row: dict[str, object] = {"index": member}
             for name, column in self.columns.items():
                 value = column[i]
                 if name not in TEXTS:
@@ -185,13 +185,13 @@ class Sweep(Result, what="sweep", document_is_whole=True):
                 row[name] = value
             yield row
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Document:
         status = dict.fromkeys(self.known_statuses(), 0) | self.statuses()
         document = {"parameters": list(self.parameters), "count": self.count, "status": status}
         document |= {"units": self.units} if self.units else {}
         return {**document, "members": list(self.members())}
 
-    def saved(self) -> dict[str, Any]:
+    def saved(self) -> Document:
         return {**super().saved(), "about": self.about}
 
     @property
@@ -224,7 +224,7 @@ class Sweep(Result, what="sweep", document_is_whole=True):
         shape, families = self.about["shape"], self.about["families"]
         complete = len(self) == self.count
         dims: tuple[str, ...] = ("member",)
-        coordinates: dict[str, Any] = {"member": self.index}
+        coordinates: dict[str, object] = {"member": self.index}
         sizes: tuple[int, ...] = (len(self),)
         if shape is not None and complete:
             axes = {
@@ -244,7 +244,7 @@ class Sweep(Result, what="sweep", document_is_whole=True):
         """As in `Result.dataframe`, a row for each member."""
         return super().dataframe().set_index("member")
 
-    def plot(self, quantity: str | None = None, axes: Any = None) -> Any:
+    def plot(self, quantity: str | None = None, axes: Axes | None = None) -> Axes:
         """Plot a quantity, the first one if None, over the parameters; returns the axes.
 
         Over one parameter it is a line, over two a map, hatched where there is no motion, and over more a matrix of
@@ -261,7 +261,7 @@ class Sweep(Result, what="sweep", document_is_whole=True):
         return shown("pages.still").sweep_page(self, path, quantity)
 
     def sensitivity(
-        self, quantities: Sequence[str] | None = None, samples: int = 1024, seed: int = 0, **options: Any
+        self, quantities: Sequence[str] | None = None, samples: int = 1024, seed: int = 0, **options: object
     ) -> dict[str, dict[str, dict[str, float]]]:
         """Sobol's indices of the quantities: the shares of their variance that are due to each parameter, for
         parameters that vary independently over the ranges or distributions of the sweep.

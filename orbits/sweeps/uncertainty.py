@@ -40,7 +40,7 @@ class Uncertainty(Result, what="uncertainty", in_line=("share", "mean"), printed
 
     def table(self) -> dict[str, list[Any]]:
         """The quantities, each with its mean, deviation, linear deviation, quantiles and unit, as columns."""
-        columns: dict[str, list[Any]] = {"quantity": list(self.mean)}
+        columns: dict[str, list[object]] = {"quantity": list(self.mean)}
         columns |= {name: [getattr(self, name)[each] for each in self.mean] for name in ("mean", "deviation", "linear")}
         columns |= {f"{share:.0%}": [self.quantiles[each][f"{share:.0%}"] for each in self.mean] for share in QUANTILES}
         return {**columns, "unit": [*map(self.sweep.unit_of, self.mean)]}
@@ -51,7 +51,7 @@ class Uncertainty(Result, what="uncertainty", in_line=("share", "mean"), printed
 
 
 def uncertainty(
-    machine: Machine, over: Mapping[str, Any], quantities: Sequence[str] = (), *, family: int = 1,
+    machine: Machine, over: Mapping[str, object], quantities: Sequence[str] = (), *, family: int = 1,
     samples: int = 1024, seed: int = 0, **options: Any,
 ) -> Uncertainty:  # fmt: skip
     """The spread of the quantities of an orbit when parameters are known only by their distributions.

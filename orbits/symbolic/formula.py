@@ -82,7 +82,7 @@ class Formula:
                 terms.append(Formula(self.text, tree))
         return terms
 
-    def __call__(self, /, **values: Any) -> Any:
+    def __call__(self, /, **values: object) -> Any:
         """The value; raises `InputError` where a name has none."""
         if missing := sorted(self.names - values.keys()):
             raise InputError(f"'{self.text}' needs a value for {', '.join(missing)}")

@@ -39,34 +39,34 @@ class Text:
         """The text, in parentheses where it holds together less tightly than this."""
         return self.text if self.level >= level else f"({self.text})"
 
-    def __add__(self, other: Any) -> "Text":
+    def __add__(self, other: object) -> "Text":
         return Text(f"{self.text} + {_text(other).within(PRODUCT)}", SUM)
 
-    def __radd__(self, other: Any) -> "Text":
+    def __radd__(self, other: object) -> "Text":
         return _text(other) + self
 
-    def __sub__(self, other: Any) -> "Text":
+    def __sub__(self, other: object) -> "Text":
         return Text(f"{self.text} - {_text(other).within(PRODUCT)}", SUM)
 
-    def __rsub__(self, other: Any) -> "Text":
+    def __rsub__(self, other: object) -> "Text":
         return _text(other) - self
 
-    def __mul__(self, other: Any) -> "Text":
+    def __mul__(self, other: object) -> "Text":
         return Text(f"{self.within(PRODUCT)}*{_text(other).within(SIGN)}", PRODUCT)
 
-    def __rmul__(self, other: Any) -> "Text":
+    def __rmul__(self, other: object) -> "Text":
         return _text(other) * self
 
-    def __truediv__(self, other: Any) -> "Text":
+    def __truediv__(self, other: object) -> "Text":
         return Text(f"{self.within(PRODUCT)}/{_text(other).within(SIGN)}", PRODUCT)
 
-    def __rtruediv__(self, other: Any) -> "Text":
+    def __rtruediv__(self, other: object) -> "Text":
         return _text(other) / self
 
-    def __pow__(self, other: Any) -> "Text":
+    def __pow__(self, other: object) -> "Text":
         return Text(f"{self.within(ATOM)}**{_text(other).within(ATOM)}", SIGN)
 
-    def __rpow__(self, other: Any) -> "Text":
+    def __rpow__(self, other: object) -> "Text":
         return _text(other) ** self
 
     def __neg__(self) -> "Text":
@@ -86,7 +86,7 @@ class Text:
     def __abs__(self) -> "Text":
         return Text(f"abs({self.text})")
 
-    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **options: Any) -> Any:
+    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **options: object) -> Any:
         name = ufunc.__name__
         if method != "__call__" or options or (name not in _CALLS and name not in _OPERATORS_OF_NUMPY):
             return NotImplemented
@@ -95,7 +95,7 @@ class Text:
         return _OPERATORS_OF_NUMPY[name](*map(_text, inputs))
 
 
-def _text(value: Any) -> Text:
+def _text(value: object) -> Text:
     """A part of a formula, of a number too."""
     if isinstance(value, Text):
         return value

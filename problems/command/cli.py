@@ -394,7 +394,7 @@ def optimize_command(file: str, as_json: bool, plot: str | None, save: str | Non
 def sweep_command(
     over: tuple[str, ...], designs: str | None, samples: int | None, sampling: str | None, seed: int, families: str,
     quantities: str | None, outcome: str, between: str | None, store: str | None, resume: bool, workers: int | None,
-    as_json: bool, output: str | None, plot: str | None, **stated: Any,
+    as_json: bool, output: str | None, plot: str | None, **stated: object,
 ) -> None:  # fmt: skip
     """Find the orbits of many machines, over ranges of their parameters."""
     from orbits.errors import InputError
@@ -440,7 +440,7 @@ def sweep_command(
 @options.plot_option
 def existence_command(
     along: str, across: str, family: int, samples: str, quantities: str | None, both_ways: bool,
-    colour: str | None, workers: int | None, as_json: bool, output: str | None, plot: str | None, **stated: Any,
+    colour: str | None, workers: int | None, as_json: bool, output: str | None, plot: str | None, **stated: object,
 ) -> None:  # fmt: skip
     """Find where orbits exist in two parameters, and where they are motions."""
     from orbits.errors import InputError
@@ -471,7 +471,7 @@ def existence_command(
 @options.family_option("As in find.")
 @click.option("--no-browser", is_flag=True, help="Serve the page without opening a browser.")
 @click.option("--port", type=click.IntRange(0, 65535), default=5007, show_default=True, help="0 for any free port.")
-def explore_command(family: int, no_browser: bool, port: int, **stated: Any) -> None:
+def explore_command(family: int, no_browser: bool, port: int, **stated: object) -> None:
     """Show a hop on a page with sliders in the browser: the moving machine, its family and its return map.
 
     The page is served to this computer only, and needs no network.

@@ -152,7 +152,7 @@ def swept_members(over: Sequence[str], designs: str | None) -> tuple[dict[str, A
 
     if bool(over) == (designs is not None):
         raise InputError("a sweep is --over NAME=RANGE, repeatable, or --from FILE.csv")
-    axes: dict[str, Any] = {}
+    axes: dict[str, object] = {}
     for text in over:
         name, axis = swept_axis("--over", text)
         if name in axes:
@@ -194,7 +194,7 @@ def computed_by(workers: int | None) -> dict[str, Any]:
     return {"executor": "processes", "workers": workers} if workers and workers > 1 else {}
 
 
-def with_first_values(stated: dict[str, Any], axes: dict[str, Any], table: Any) -> dict[str, Any]:
+def with_first_values(stated: dict[str, Any], axes: dict[str, object], table: Any) -> dict[str, Any]:
     """The options that state a machine, with a value for each swept parameter that has none: a formula needs one."""
     import numpy as np
 
@@ -337,14 +337,16 @@ def _parameter_values(settings: Sequence[str]) -> dict[str, float]:
 
 def exact_parameters(settings: Sequence[str], intervals: Sequence[str]) -> dict[str, Any]:
     """The parameters of --set as the decimals that are written, and those of --between as pairs of decimals."""
-    found: dict[str, Any] = {name.strip(): text.strip() for name, _, text in (each.partition("=") for each in settings)}
+    found: dict[str, object] = {
+        name.strip(): text.strip() for name, _, text in (each.partition("=") for each in settings)
+    }
     return found | {name: tuple(bounds) for name, bounds in _bounds(intervals)}
 
 
 def with_middles(stated: dict[str, Any], intervals: Sequence[str]) -> dict[str, Any]:
     """The options with the midpoints of --between, for which an orbit is found first."""
     middles = {name: (float(low) + float(high)) / 2 for name, (low, high) in _bounds(intervals)}
-    own: dict[str, Any] = {name: middles.pop(name) for name in ("mass_ratio", "rest_length") if name in middles}
+    own: dict[str, object] = {name: middles.pop(name) for name in ("mass_ratio", "rest_length") if name in middles}
     others = [setting for setting in stated["settings"] if not any(sets(setting, name) for name in middles)]
     return {**stated, **own, "settings": (*others, *(f"{name}={value!r}" for name, value in middles.items()))}
 

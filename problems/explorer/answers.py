@@ -2,13 +2,14 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from orbits.continuation.family import Family
 from orbits.continuation.follow import follow
+from orbits.continuation.point import Point
 from orbits.errors import InputError
+from orbits.model.machine import Machine
 from orbits.periodic.find import find
 from orbits.periodic.orbit import Orbit
 from orbits.return_map.return_map import ReturnMap
@@ -52,7 +53,7 @@ class HopAnswer:
     admissible: bool
 
 
-def hop_answer(python_machine: Any, scene: Scene, with_dials: bool) -> Iterator[DialsAnswer | HopAnswer]:
+def hop_answer(python_machine: object, scene: Scene, with_dials: bool) -> Iterator[DialsAnswer | HopAnswer]:
     """The hop of a scene, preceded by the sliders where these are requested; raises `NoOrbit` where there is no hop."""
     machine = scene.build(python_machine)
     if with_dials:
@@ -68,7 +69,7 @@ def hop_answer(python_machine: Any, scene: Scene, with_dials: bool) -> Iterator[
     yield HopAnswer(scene, hop_data(orbit), law, rows, orbit.alpha, orbit.admissible)
 
 
-def start_of(orbit: Any) -> tuple[float, float, float]:
+def start_of(orbit: Orbit | Point) -> tuple[float, float, float]:
     """The start that a scene stores to find an `Orbit`, or a family's `Point`, again."""
     return orbit.liftoff_extension, orbit.alpha, orbit.flight_time / 2
 
@@ -118,7 +119,7 @@ def _beside(scene: Scene) -> Scene:
     return replace(scene, start=None, launch=None, numbers=others)
 
 
-def family_answers(python_machine: Any, scene: Scene, low: float, high: float) -> Iterator[FamilyAnswer]:
+def family_answers(python_machine: object, scene: Scene, low: float, high: float) -> Iterator[FamilyAnswer]:
     """The family through a scene's hop along its parameter, between two values, as it grows from the hop upward and
     then downward."""
     machine, along = scene.build(python_machine), scene.along
@@ -140,7 +141,7 @@ def _is_growing(part: Family) -> bool:
     return part.end.kind == "stopped" and len(part) < LONGEST_FAMILY
 
 
-def _orbit_of_scene(machine: Any, scene: Scene) -> Orbit:
+def _orbit_of_scene(machine: Machine, scene: Scene) -> Orbit:
     """The orbit of a scene; raises `NoOrbit`."""
     start = scene.start and dict(zip(("liftoff", "alpha", "duration"), scene.start, strict=True))
     return find(machine, scene.family, start=start)
@@ -173,7 +174,7 @@ def _family_result(scene: Scene, parts: dict[str, Family], ways: int) -> FamilyA
     return FamilyAnswer(scene, data, values, starts, text)
 
 
-def map_answers(python_machine: Any, scene: Scene) -> Iterator[MapData]:
+def map_answers(python_machine: object, scene: Scene) -> Iterator[MapData]:
     """The return map around a scene's hop with its cobweb, then the same with the basin of lossless hops."""
     plain = replace(scene, launch=None, along="")
     step, low, high = _map_of(python_machine, plain)
@@ -188,7 +189,7 @@ def map_answers(python_machine: Any, scene: Scene) -> Iterator[MapData]:
 _last_basin: list[tuple[Scene, list[tuple[float, float]]]] = []
 
 
-def _map_of(python_machine: Any, scene: Scene) -> tuple[ReturnMap, float, float]:
+def _map_of(python_machine: object, scene: Scene) -> tuple[ReturnMap, float, float]:
     """The return map of a scene's machine, and the range of launch speeds in which it is drawn."""
     machine = scene.build(python_machine)
     alpha = _orbit_of_scene(machine, scene).alpha
@@ -196,4 +197,4 @@ def _map_of(python_machine: Any, scene: Scene) -> tuple[ReturnMap, float, float]
 
 
 # The functions of tasks by name; each takes the page's machine that was made in Python and the task's arguments.
-ANSWERS: dict[str, Callable[..., Iterator[Any]]] = {"hop": hop_answer, "family": family_answers, "map": map_answers}
+ANSWERS: dict[str, Callable[..., Iterator[object]]] = {"hop": hop_answer, "family": family_answers, "map": map_answers}

@@ -2,10 +2,9 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 from orbits.errors import OrbitsError
-from orbits.model.machine import free_parameters, machine_in_words
+from orbits.model.machine import Machine, free_parameters, machine_in_words
 
 from .scene import Scene
 
@@ -32,7 +31,7 @@ class Dial:
     factors: bool
 
 
-def dials_of(machine: Any, scene: Scene) -> list[Dial]:
+def dials_of(machine: Machine, scene: Scene) -> list[Dial]:
     """The sliders of a machine's parameters, with ends at which the machine still exists."""
     units, values = machine_in_words(machine).get("units", {}), machine.values
     names = [name for name in free_parameters(machine) if name in values]
@@ -40,7 +39,7 @@ def dials_of(machine: Any, scene: Scene) -> list[Dial]:
     return [*dials, Dial("restitution", float(scene.numbers.get("restitution", 0.0)), "", 0.0, 1.0, False)]
 
 
-def _dial(machine: Any, name: str, value: float, unit: str) -> Dial:
+def _dial(machine: Machine, name: str, value: float, unit: str) -> Dial:
     if name in WAYS:
         low, high, factors = WAYS[name]
         return Dial(name, value, unit, min(low, value), max(high, value), factors and value > 0)
@@ -60,7 +59,7 @@ def _rounded_up(value: float) -> float:
     return next(step * power for step in (1, 2, 5, 10) if step * power >= value * (1 - 1e-12))
 
 
-def _edge(machine: Any, name: str, inside: float, end: float) -> float:
+def _edge(machine: Machine, name: str, inside: float, end: float) -> float:
     """The end of a slider, or the last value found before it that the machine can have."""
     if _exists(machine, name, end):
         return end
@@ -70,7 +69,7 @@ def _edge(machine: Any, name: str, inside: float, end: float) -> float:
     return inside
 
 
-def _exists(machine: Any, name: str, value: float) -> bool:
+def _exists(machine: Machine, name: str, value: float) -> bool:
     """Whether the machine can have this value of a parameter."""
     try:
         machine.with_values(**{name: value})

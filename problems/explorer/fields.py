@@ -69,7 +69,7 @@ def _with_value(dial: Dial, value: float) -> Dial:
     return replace(dial, value=value, low=low, high=max(dial.high, value))
 
 
-def changed(scene: Scene, act: str, data: Mapping[str, Any]) -> Scene:
+def changed(scene: Scene, act: str, data: Mapping[str, object]) -> Scene:
     """The scene after a field was changed; raises `InputError` for an invalid change.
 
     act : the field
@@ -80,45 +80,45 @@ def changed(scene: Scene, act: str, data: Mapping[str, Any]) -> Scene:
     return CHANGES[act](scene, data).complete()
 
 
-def _to_number(scene: Scene, data: Mapping[str, Any]) -> Scene:
+def _to_number(scene: Scene, data: Mapping[str, object]) -> Scene:
     name = str(data.get("name"))
     if name != "restitution" and name not in scene.numbers:
         raise InputError(f"this machine has no parameter {name[:40]!r}")
     return scene.with_numbers(**{name: data.get("value")})  # type: ignore[arg-type]  # the scene checks it
 
 
-def _to_spring(scene: Scene, data: Mapping[str, Any]) -> Scene:
+def _to_spring(scene: Scene, data: Mapping[str, object]) -> Scene:
     return replace(scene, spring=data.get("value"), rows=None, start=None)  # type: ignore[arg-type]
 
 
-def _to_gravity(scene: Scene, data: Mapping[str, Any]) -> Scene:
+def _to_gravity(scene: Scene, data: Mapping[str, object]) -> Scene:
     return replace(scene, gravity=data.get("value"), start=None)  # type: ignore[arg-type]
 
 
-def _to_machine(scene: Scene, data: Mapping[str, Any]) -> Scene:
+def _to_machine(scene: Scene, data: Mapping[str, object]) -> Scene:
     kind, _, si = str(data.get("value")).partition(" ")
     if kind == GIVEN:
         raise InputError("go back to the machine that was given with undo, or by reloading the page without a link")
     return beginning(kind, si == "si")
 
 
-def _to_family(scene: Scene, data: Mapping[str, Any]) -> Scene:
+def _to_family(scene: Scene, data: Mapping[str, object]) -> Scene:
     return replace(scene, family=data.get("value"), start=None)  # type: ignore[arg-type]  # the scene checks it
 
 
-def _to_floating(scene: Scene, data: Mapping[str, Any]) -> Scene:
+def _to_floating(scene: Scene, data: Mapping[str, object]) -> Scene:
     numbers = {name: value for name, value in scene.numbers.items() if name != "rest_length"}
     if data.get("value") is not True:
         numbers["rest_length"] = REST_LENGTHS[scene.si]
     return replace(scene, numbers=numbers)
 
 
-def _to_rows(scene: Scene, data: Mapping[str, Any]) -> Scene:
+def _to_rows(scene: Scene, data: Mapping[str, object]) -> Scene:
     return replace(scene, rows=DroppedRows(data.get("name"), data.get("text")), start=None)  # type: ignore[arg-type]
 
 
-def _to_option_of_rows(name: str) -> Callable[[Scene, Mapping[str, Any]], Scene]:
-    def change(scene: Scene, data: Mapping[str, Any]) -> Scene:
+def _to_option_of_rows(name: str) -> Callable[[Scene, Mapping[str, object]], Scene]:
+    def change(scene: Scene, data: Mapping[str, object]) -> Scene:
         if scene.rows is None:
             raise InputError(f"{name} is of measured rows, and there are none")
         value: Any = None if data.get("value") == "" else data.get("value")
@@ -128,7 +128,7 @@ def _to_option_of_rows(name: str) -> Callable[[Scene, Mapping[str, Any]], Scene]
 
 
 # The fields by name.
-CHANGES: dict[str, Callable[[Scene, Mapping[str, Any]], Scene]] = {
+CHANGES: dict[str, Callable[[Scene, Mapping[str, object]], Scene]] = {
     "number": _to_number,
     "spring": _to_spring,
     "gravity": _to_gravity,
@@ -140,6 +140,6 @@ CHANGES: dict[str, Callable[[Scene, Mapping[str, Any]], Scene]] = {
     "branch": _to_option_of_rows("branch"),
     "noise": _to_option_of_rows("noise"),
     "along": lambda scene, data: replace(scene, along=str(data.get("value") or "")),
-    "launch": lambda scene, data: replace(scene, launch=data.get("value")),
+    "launch": lambda scene, data: replace(scene, launch=data.get("value")),  # type: ignore[arg-type]
     "lowest": lambda scene, data: replace(scene, start=None),
 }

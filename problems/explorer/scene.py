@@ -15,6 +15,7 @@ from typing import Any
 
 from orbits.errors import InputError, finite_number, whole_number
 from orbits.laws.law import Law
+from orbits.model.machine import Machine, free_parameters
 from orbits.symbolic.formula import parse, suggest
 
 from ..laws import gravity as gravities, springs
@@ -193,7 +194,7 @@ class Scene:
         if self.gravity == "1":
             del laws["gravity"]
         numbers = {name: value for name, value in numbers.items() if name not in LOSSES}
-        words: dict[str, Any] = {"machine": self.machine, **laws, **losses}
+        words: dict[str, object] = {"machine": self.machine, **laws, **losses}
         words |= {"si": stated} if self.si else stated
         return words | ({"parameters": numbers} if numbers else {})
 
@@ -226,10 +227,8 @@ def beginning(machine: str, si: bool = False) -> Scene:
     return Scene(machine, si, **BEGINNINGS[machine, si])
 
 
-def scene_with_fixed_laws(machine: Any, name: str = GIVEN) -> Scene:
+def scene_with_fixed_laws(machine: Machine, name: str = GIVEN) -> Scene:
     """The scene of a machine whose laws are fixed."""
-    from orbits.model.machine import free_parameters
-
     return Scene(name, numbers={each: machine.values[each] for each in free_parameters(machine)})
 
 
@@ -241,7 +240,7 @@ def with_surroundings(scene: Scene) -> Scene:
     return replace(scene, along=names[-1]) if names and not scene.along else scene
 
 
-def scene_of_machine(machine: Any) -> Scene:
+def scene_of_machine(machine: Machine) -> Scene:
     """The scene of any machine: a statement where that makes the same machine, else the machine itself."""
     if isinstance(machine, AnyMachine) and machine.kind in KINDS:
         words = machine.describe()

@@ -6,6 +6,7 @@ import re
 import socket
 import threading
 from collections.abc import Callable
+from concurrent.futures import Future
 from html import escape
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,8 @@ from orbits.errors import InputError
 from .processes import prepare
 
 if TYPE_CHECKING:
+    from bokeh.server.server import BaseServer
+
     from .scene import Scene
 
 LOOPBACK = "127.0.0.1"
@@ -23,7 +26,7 @@ LARGEST_MESSAGE = 8 << 20
 MOST_TABS = 40  # each has a process of its own
 
 
-def serve(scene: "Scene", port: int = 0, python_machine: Any = None) -> tuple[Any, str]:
+def serve(scene: "Scene", port: int = 0, python_machine: object = None) -> "tuple[BaseServer, str]":
     """A server of the page, not started yet, and its address.
 
     scene : the scene that the page shows first
@@ -88,7 +91,7 @@ def _bound(port: int) -> list[socket.socket]:
     return [listening]
 
 
-def _page_of(scene: "Scene", python_machine: Any) -> Callable[[Any], None]:
+def _page_of(scene: "Scene", python_machine: object) -> Callable[[Any], None]:
     """The function that fills the document of a tab."""
     tabs = set[str]()
 
@@ -111,7 +114,7 @@ def _page_of(scene: "Scene", python_machine: Any) -> Callable[[Any], None]:
     return fill
 
 
-def _page_of_text(text: str) -> Any:
+def _page_of_text(text: str) -> object:
     """A text as a model of Bokeh."""
     from orbits.show.pages.bokeh_figures import bokeh
 
@@ -144,6 +147,22 @@ async def _finish_tasks() -> None:
         await asyncio.wait(tasks, timeout=5)
 
 
+def _run_server(started: "Future[tuple[BaseServer, str]]", scene: "Scene", python_machine: object) -> None:
+    """Serve the page in this thread until the server is stopped; `started` receives the server and its address, or why
+    there is none."""
+    try:
+        server, address = serve(scene, 0, python_machine)
+        server.start()
+    except BaseException as error:
+        started.set_exception(error)
+        return
+    started.set_result((server, address))
+    loop = server.io_loop
+    loop.start()
+    loop.run_sync(_finish_tasks)
+    loop.close()
+
+
 class Exploration:
     """A page that is served in the background; a notebook shows it, and `close` ends it.
 
@@ -155,28 +174,11 @@ class Exploration:
 
         scene = with_surroundings(scene_of_machine(machine))
         python_machine = machine if scene.fixed_laws else None
-        self.height, self.address = height, ""
-        self._ready = threading.Event()
-        self._problem: InputError | None = None
-        self._thread = threading.Thread(target=self._serve, args=(scene, python_machine), daemon=True)
+        started: Future[tuple[BaseServer, str]] = Future()
+        self._thread = threading.Thread(target=_run_server, args=(started, scene, python_machine), daemon=True)
         self._thread.start()
-        self._ready.wait()
-        if self._problem is not None:
-            raise self._problem
-
-    def _serve(self, scene: "Scene", python_machine: Any) -> None:
-        try:
-            self._server, self.address = serve(scene, 0, python_machine)
-            self._server.start()
-        except InputError as error:
-            self._problem = error
-            return
-        finally:
-            self._ready.set()
-        loop = self._server.io_loop
-        loop.start()
-        loop.run_sync(_finish_tasks)
-        loop.close()
+        self._server, self.address = started.result()
+        self.height = height
 
     def close(self) -> None:
         """End the page and its processes."""

@@ -13,12 +13,16 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import count
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from orbits.errors import OrbitsError
 
 from .answers import ANSWERS
 from .processes import process_context
+
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
+    from multiprocessing.process import BaseProcess
 
 LOST = (
     "the process that computed this has ended: there may be too little memory, or a script has called explore without"
@@ -58,10 +62,10 @@ class Worker:
     python_machine : the machine of the page, where no statement makes it
     """
 
-    def __init__(self, deliver: Callable[[Task, Any], None], python_machine: Any = None, calm: bool = False):
+    def __init__(self, deliver: Callable[[Task, object], None], python_machine: object = None, calm: bool = False):
         self._deliver, self._machine, self._calm = deliver, python_machine, calm
         self._lock = threading.Lock()
-        self._process: Any = None
+        self._process: BaseProcess | None = None
         self._pipe: Any = None
         self._current: Task | None = None  # the newest, until its last result has come
         self._since = 0.0
@@ -104,7 +108,7 @@ class Worker:
             process.kill()
             process.join()
 
-    def _read(self, process: Any, pipe: Any) -> None:
+    def _read(self, process: "BaseProcess", pipe: "Connection") -> None:
         """Deliver the results that the process sends, until it ends."""
         while True:
             try:
@@ -121,7 +125,7 @@ class Worker:
         if lost is not None:
             self._deliver(lost, Failure(LOST))
 
-    def _is_awaited(self, process: Any, task: Task, result: Any) -> bool:
+    def _is_awaited(self, process: "BaseProcess", task: Task, result: object) -> bool:
         """Whether a result is to be delivered; the last one completes its task."""
         last = isinstance(result, Done | Failure)
         with self._lock:
@@ -139,8 +143,9 @@ class _Newest:
     """The newest task of a pipe. Its thread reads on while another computes, and ends the process as soon as the other
     end of the pipe is closed, also by the death of the server."""
 
-    def __init__(self, pipe: Any):
-        self._pipe, self._came, self._task = pipe, threading.Event(), None
+    def __init__(self, pipe: "Connection"):
+        self._pipe, self._came = pipe, threading.Event()
+        self._task: Any = None  # the newest
         threading.Thread(target=self._read, daemon=True).start()
 
     def _read(self) -> None:
@@ -151,7 +156,7 @@ class _Newest:
         except (EOFError, OSError):
             os._exit(0)
 
-    def wait(self) -> Any:
+    def wait(self) -> Task:
         """The newest task, as soon as there is one that was not returned before."""
         self._came.wait()
         self._came.clear()
@@ -163,7 +168,7 @@ class _Newest:
         return self._came.is_set()
 
 
-def compute_tasks(pipe: Any, python_machine: Any, calm: bool) -> None:
+def compute_tasks(pipe: "Connection", python_machine: object, calm: bool) -> None:
     """Compute the newest task, result by result, until there is a newer one; the work of a process."""
     if calm and hasattr(os, "nice"):
         os.nice(10)
@@ -177,7 +182,7 @@ def compute_tasks(pipe: Any, python_machine: Any, calm: bool) -> None:
                 break
 
 
-def _results_of(task: Task, python_machine: Any) -> Iterator[Any]:
+def _results_of(task: Task, python_machine: object) -> Iterator[object]:
     """The results of a task; an error is a `Failure` with its message."""
     try:
         yield from ANSWERS[task.name](python_machine, *task.arguments)

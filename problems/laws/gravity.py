@@ -5,13 +5,12 @@ its inverse.
 """
 
 from collections.abc import Callable, Mapping
-from typing import Any
 
 import numpy as np
 
 from orbits.errors import InputError
 from orbits.laws import law as laws
-from orbits.laws.law import Law, positive
+from orbits.laws.law import Law, LawLike, positive
 
 
 def formula(text: str, /, **parameters: float) -> Law:
@@ -55,7 +54,7 @@ def exponential(*, H: float = 1000.0) -> Law:
 NAMED = {law.__name__: law for law in (constant, inverse_square, linear, exponential)}
 
 
-def as_gravity(law: Any, given: Mapping[str, float] | None = None, shared: bool = False) -> Law:
+def as_gravity(law: LawLike, given: Mapping[str, float] | None = None, shared: bool = False) -> Law:
     """A gravity law from a law, a formula, a law's name or a Python function, with parameters `given` by name; `shared`
     is as in `springs.as_spring`. Raises `InputError` for anything else."""
     if isinstance(law, str) and law.startswith(("table:", "potential:")):

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from orbits.errors import InputError
 from orbits.laws import law as laws
-from orbits.laws.law import NOISE, Expression, Law, Written, number, positive
+from orbits.laws.law import NOISE, Expression, Law, LawLike, Written, number, positive
 from orbits.symbolic.formula import suggest
 
 from .measured import read_table, short
@@ -189,7 +189,7 @@ NAMED = {
 }
 
 
-def as_spring(law: Any, given: Mapping[str, float] | None = None, in_si: bool = False, shared: bool = False) -> Law:
+def as_spring(law: LawLike, given: Mapping[str, float] | None = None, in_si: bool = False, shared: bool = False) -> Law:
     """A spring from a law, a formula, a law's name, "table:FILE", "table:FILE?branch=loading&noise=0.5",
     "potential:FORMULA" or a Python function.
 

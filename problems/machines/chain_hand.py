@@ -20,10 +20,10 @@ as if the hand had so much of the mass m3 as moves with it (Rayleigh's principle
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import Any
 
 from orbits import Mechanism
 from orbits.errors import InputError
+from orbits.laws.law import LawLike
 from orbits.mechanics import Mass, Spring
 
 from ..laws.springs import as_spring
@@ -33,7 +33,7 @@ from .parameters import checked_numbers, with_parameters
 
 def chain_hand(
     masses: Sequence[float] = (1.0, 1.0, 1.0),
-    springs: Any = "r",
+    springs: LawLike | Sequence[LawLike] = "r",
     parameters: Mapping[str, float] | None = None,
     restitution: float = 0.0,
 ) -> Mechanism:

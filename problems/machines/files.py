@@ -90,7 +90,7 @@ def design(statement: dict[str, Any], where: str) -> dict[str, Any]:
     return problem | {"minimise": tuple(problem["minimise"])}
 
 
-def build(statement: dict[str, Any], where: str = "the options") -> AnyMachine:
+def build(statement: dict[str, object], where: str = "the options") -> AnyMachine:
     """The machine of a statement, as `read` returns it; raises `InputError`, whose message begins with `where`."""
     try:
         return _build(statement)
@@ -121,7 +121,7 @@ def statement_for_file(machine: AnyMachine) -> dict[str, Any] | None:
     file states alone, such as one with a Python function or a table as its spring."""
     law = machine.spring
     own = {name: getattr(machine, name) for name in ("restitution", *DAMPERS)}
-    statement: dict[str, Any] = {"machine": machine.kind, "gravity": machine.gravity.text, **own}
+    statement: dict[str, object] = {"machine": machine.kind, "gravity": machine.gravity.text, **own}
     statement |= {} if law is None else {"spring": law.text}
     laws = [each.parameters for each in (law, machine.gravity) if each is not None]
     statement["parameters"] = {name: value for each in laws for name, value in each.items()}
@@ -137,7 +137,7 @@ def statement_for_file(machine: AnyMachine) -> dict[str, Any] | None:
         return None
 
 
-def machine_stated(statement: dict[str, Any]) -> AnyMachine:
+def machine_stated(statement: dict[str, object]) -> AnyMachine:
     """The machine of a statement by `statement_for_file`; raises `InputError`, also where it refers to another file."""
     _check_keys("the machine", statement, KEYS)
     if str(statement.get("spring", "")).startswith("table:"):
@@ -145,7 +145,7 @@ def machine_stated(statement: dict[str, Any]) -> AnyMachine:
     return build(statement, "the machine")
 
 
-def _check_keys(where: object, data: dict[str, Any], known: Collection[str]) -> None:
+def _check_keys(where: object, data: dict[str, object], known: Collection[str]) -> None:
     for name in data:
         if name not in known:
             raise InputError(f"{where}: unknown key '{name}'{suggest(name, known)}")

@@ -14,7 +14,7 @@ import numpy as np
 
 from orbits import Mechanism
 from orbits.errors import InputError
-from orbits.laws.law import UNIT_FORCE, UNIT_LENGTH, WRONG_SIGN, Law, number, stated
+from orbits.laws.law import UNIT_FORCE, UNIT_LENGTH, WRONG_SIGN, Algebraic, Law, LawLike, Parameters, number, stated
 from orbits.mechanics import Mass
 from orbits.mechanics.dimensions import coefficient_dimensions
 from orbits.model.model import Model, reparametrised
@@ -47,8 +47,8 @@ RESERVED = {*DIMENSIONS_OF_PARAMETERS, GAUGE, UNIT_LENGTH, UNIT_FORCE, "mass_rat
 
 def hopper_in_si(
     body_mass: float, foot_mass: float, *,
-    force: Any = None, stiffness: float | None = None, rest_length: float | None = None,
-    surface_gravity: float = STANDARD_GRAVITY, body_radius: float | None = None, gravity: Any = None,
+    force: LawLike | None = None, stiffness: float | None = None, rest_length: float | None = None,
+    surface_gravity: float = STANDARD_GRAVITY, body_radius: float | None = None, gravity: LawLike | None = None,
     restitution: float = 0.0, damping: float = 0.0, drag: float = 0.0, parameters: Mapping[str, float] | None = None,
 ) -> "MachineInSI":  # fmt: skip
     """A hopper in SI, whose results are in SI; its masses, lengths and coefficients are parameters like any other.
@@ -81,8 +81,8 @@ def hopper_in_si(
 
 def juggler_in_si(
     ball_mass: float, hand_mass: float, *,
-    force: Any = None, stiffness: float | None = None, rest_length: float | None = None,
-    surface_gravity: float = STANDARD_GRAVITY, body_radius: float | None = None, gravity: Any = None,
+    force: LawLike | None = None, stiffness: float | None = None, rest_length: float | None = None,
+    surface_gravity: float = STANDARD_GRAVITY, body_radius: float | None = None, gravity: LawLike | None = None,
     restitution: float = 0.0, damping: float = 0.0, drag: float = 0.0, parameters: Mapping[str, float] | None = None,
 ) -> "MachineInSI":  # fmt: skip
     """A juggler in SI from the masses of ball and hand (kg); further arguments and errors are as in `hopper_in_si`.
@@ -280,7 +280,7 @@ AnyMachine: TypeAlias = TwoMassMachine | MachineInSI
 def _units_by(hopper: bool, upper: str, lower: str, stiffness: str) -> Callable[[Mapping], Units]:
     """p -> units of a hopper or a juggler with these names of its masses and of the stiffness that sets them."""
 
-    def units(p: Mapping[str, Any]) -> Units:
+    def units(p: Parameters) -> Units:
         weight, k = p[lower] * p["surface_gravity"], p[stiffness]
         length, clock = weight / k, p[lower] / k
         with np.errstate(invalid="ignore"):  # a step may try masses below 0, which are refused then
@@ -290,7 +290,7 @@ def _units_by(hopper: bool, upper: str, lower: str, stiffness: str) -> Callable[
     return units
 
 
-def _restated(units: Units, p: Mapping[str, Any]) -> dict[str, Any]:
+def _restated(units: Units, p: Parameters) -> dict[str, Algebraic]:
     """Rest length and dampers in these units, where they are stated."""
     damper = units.of(DIMENSIONS_OF_PARAMETERS["damping"])
     sizes = {"rest_length": units.length, **dict.fromkeys(DAMPERS, damper)}
@@ -302,7 +302,7 @@ def _model_in_si(model: Model, hopper: bool, upper: str, lower: str, stiffness: 
     """The model of a dimensionless machine, with parameters in SI."""
     units = _units_by(hopper, upper, lower, stiffness)
 
-    def own(p: Mapping[str, Any]) -> dict[str, Any]:
+    def own(p: Parameters) -> dict[str, Algebraic]:
         these = units(p)
         scales = {"mass_ratio": p[lower] / p[upper], UNIT_LENGTH: these.length, UNIT_FORCE: these.force}
         return {**p, **scales, **_restated(these, p)}
@@ -311,8 +311,8 @@ def _model_in_si(model: Model, hopper: bool, upper: str, lower: str, stiffness: 
 
 
 def _machine(
-    base: type[TwoMassMachine], masses: dict[str, float], force: Any, stiffness: float | None,
-    body_radius: float | None, gravity: Any, parameters: Any, **numbers: Any,
+    base: type[TwoMassMachine], masses: dict[str, float], force: LawLike | None, stiffness: float | None,
+    body_radius: float | None, gravity: LawLike | None, parameters: object, **numbers: Any,
 ) -> MachineInSI:  # fmt: skip
     """The machine of these statements; `numbers` are further fields of it."""
     values = checked_numbers(parameters or {})
@@ -324,7 +324,7 @@ def _machine(
     return MachineInSI(base, masses, law, stiffness, pull, **numbers)
 
 
-def _gravity_law(gravity: Any, body_radius: float | None, values: Mapping[str, float]) -> Law:
+def _gravity_law(gravity: LawLike | None, body_radius: float | None, values: Mapping[str, float]) -> Law:
     """The law of gravity in SI."""
     if body_radius is None:
         return as_gravity("1" if gravity is None else gravity, values, shared=True)
@@ -333,7 +333,7 @@ def _gravity_law(gravity: Any, body_radius: float | None, values: Mapping[str, f
     return gravities.formula("1/(1 + z/body_radius)**2", body_radius=number(BODY_RADIUS, body_radius, low=0))
 
 
-def _spring(force: Any, stiffness: float | None, values: Mapping[str, float]) -> tuple[Law | None, float]:
+def _spring(force: LawLike | None, stiffness: float | None, values: Mapping[str, float]) -> tuple[Law | None, float]:
     """The law in SI, None where it is linear, and the stiffness that sets the units."""
     if force is None:
         if stiffness is None:

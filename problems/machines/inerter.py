@@ -24,16 +24,16 @@ the foot alone; from the foot's speed v the loss is (m2 + b m1/(m1 + b)) v^2/2.
 """
 
 from collections.abc import Mapping
-from typing import Any
 
 from orbits import Mechanism
+from orbits.laws.law import LawLike
 from orbits.mechanics import Inerter, Mass, Spring
 
 from .parameters import with_parameters
 
 
 def inerter_hopper(
-    spring: Any = "r", *, body_mass: float = 1.0, foot_mass: float = 1.0, inertance: float = 0.2,
+    spring: LawLike = "r", *, body_mass: float = 1.0, foot_mass: float = 1.0, inertance: float = 0.2,
     surface_gravity: float = 1.0, rest_length: float | None = None, restitution: float = 0.0,
     parameters: Mapping[str, float] | None = None, in_si: bool = False,
 ) -> Mechanism:  # fmt: skip

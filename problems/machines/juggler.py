@@ -15,7 +15,7 @@ from typing import Any
 
 from orbits import Mechanism
 from orbits.errors import InputError
-from orbits.laws.law import Key, Parameters, Scalars
+from orbits.laws.law import Algebraic, Key, Parameters, Scalars
 from orbits.mechanics import Damper, Mass, Spring
 from orbits.model.model import Model, as_derived
 from orbits.model.modes import Modes, single_mode
@@ -112,7 +112,7 @@ def _heavy_hand(spring: Key, gravity: Key | None, has_length: bool) -> Model:
     finite = Juggler.mechanism(spring, gravity, has_length, False).model
     force = spring.expression
 
-    def in_flight(x: Scalars) -> list[Any]:
+    def in_flight(x: Scalars) -> list[Algebraic]:
         """A contact state as one of the flight."""
         return [*x, *x]
 

@@ -15,11 +15,10 @@ straight knee has L' = 0, no lever, and the angle's equation of motion ends ther
 
 from collections.abc import Mapping
 from math import pi
-from typing import Any
 
 from orbits import Mechanism
 from orbits.errors import InputError
-from orbits.laws.law import number
+from orbits.laws.law import LawLike, number
 from orbits.mechanics import Mass, Spring
 from orbits.mechanics.elements import names_in
 
@@ -36,7 +35,7 @@ WORDS_OF_KNEES = {
 
 
 def knee_hopper(
-    torque: Any = "stiffness*r", *, body_mass: float = 60.0, foot_mass: float = 3.0, link: float = 0.45,
+    torque: LawLike = "stiffness*r", *, body_mass: float = 60.0, foot_mass: float = 3.0, link: float = 0.45,
     stiffness: float | None = None, rest_angle: float = 2.6, surface_gravity: float = 9.81, restitution: float = 0.0,
     parameters: Mapping[str, float] | None = None,
 ) -> Mechanism:  # fmt: skip

@@ -7,7 +7,7 @@ from orbits.errors import InputError
 from orbits.laws.law import number
 
 
-def checked_numbers(parameters: Any) -> dict[str, float]:
+def checked_numbers(parameters: object) -> dict[str, float]:
     """The values of parameters by name; raises `InputError` unless it is a mapping of names to numbers."""
     if not isinstance(parameters, Mapping):
         raise InputError(f"parameters = {parameters!r}; they are a mapping of names to numbers")
@@ -20,7 +20,9 @@ def refuse_taken(taken: Collection[str], names: Iterable[str], what: str) -> Non
         raise InputError(f"'{found[0]}' is {what}; call the formula's parameter something else")
 
 
-def with_parameters(own: Mapping[str, Any], parameters: Any, what: str = "an argument of its own") -> dict[str, Any]:
+def with_parameters(
+    own: Mapping[str, object], parameters: object, what: str = "an argument of its own"
+) -> dict[str, Any]:
     """A machine's own parameters and those of its formulas; raises `InputError` for a name in both."""
     values = checked_numbers({} if parameters is None else parameters)
     refuse_taken(own, values, what)

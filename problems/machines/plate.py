@@ -24,9 +24,9 @@ those near a zero of the denominator shake the plate hard.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 from orbits import Mechanism
+from orbits.laws.law import LawLike
 from orbits.mechanics import Mass, Spring
 
 from ..laws.springs import as_spring
@@ -36,8 +36,8 @@ from .parameters import checked_numbers, with_parameters
 
 def plate_hopper(
     masses: Sequence[float] = (1.0, 1.0, 1.0),
-    spring: Any = "r",
-    plate_spring: Any = "plate_stiffness*r",
+    spring: LawLike = "r",
+    plate_spring: LawLike = "plate_stiffness*r",
     parameters: Mapping[str, float] | None = None,
     restitution: float = 0.0,
 ) -> Mechanism:

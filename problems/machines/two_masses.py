@@ -51,7 +51,7 @@ class TwoMasses(Stated):
             if getattr(self, name) < 0:
                 raise InputError(f"{name} = {getattr(self, name):g} is below 0: it would drive the machine")
 
-    def _described(self: Any, spring: str, laws_in: str) -> dict[str, Any]:
+    def _described(self: Any, spring: str, laws_in: str) -> dict[str, object]:
         """The machine as JSON-ready data, with its spring in words."""
         return {
             "machine": self.kind,

@@ -6,7 +6,7 @@ mass ratio, in the units of the machine's energy; lift-off is where the contact 
 does.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
 from typing import Any
@@ -15,6 +15,7 @@ import numpy as np
 
 from orbits.control import Input
 from orbits.errors import InputError, finite_number
+from orbits.laws.law import Algebraic, Scalars
 from orbits.model.machine import Stated
 from orbits.model.model import Model
 from orbits.model.phase import Affine
@@ -122,6 +123,6 @@ def actuator_limits(driven: Actuated, rate: float, stroke: float) -> Limits:
     return Limits(float(rate), float(stroke), driven.model.separation(driven.values))
 
 
-def product(matrix: np.ndarray, x: Sequence[Any]) -> list[Any]:
+def product(matrix: np.ndarray, x: Scalars) -> list[Algebraic]:
     """The product of a matrix of numbers with a state's expressions."""
     return [Affine(tuple(row)).at(x) for row in matrix.tolist()]

@@ -76,7 +76,7 @@ class Disturbed(Result, what="disturbed motion", in_line=("launch_errors", "run.
         return [f"{self.run.status}{f': {self.run.reason}' if self.run.reason else ''}"]
 
     @classmethod
-    def of_saved(cls, document: Any, machine: Any = None) -> "Disturbed":
+    def of_saved(cls, document: object, machine: Any = None) -> "Disturbed":
         """As in `Result`, of the machine of its `Driven`."""
         return super().of_saved(document, machine and Actuated(machine))
 
@@ -128,7 +128,9 @@ def disturbed(
     return Disturbed(undisturbed, run)
 
 
-def _pushed(machine: Actuated, start: Mapping[str, Any], hops: int, schedule: Inputs, push: Any) -> Simulation:
+def _pushed(
+    machine: Actuated, start: Mapping[str, Any], hops: int, schedule: Inputs, push: tuple[float, Mapping[str, float]]
+) -> Simulation:
     """A simulation whose flight state jumps at the time of the push."""
     names = machine.model.flight.states
     try:

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orbits import Control, Simulation
-from orbits.io import conform
-from orbits.model.machine import machine_in_words
+from orbits.io import Document, conform
+from orbits.model.machine import Machine, machine_in_words
 from orbits.model.phase import Affine
 from orbits.result import Axes, Report, is_of
 from orbits.show.animation import SPRING_END, animate_simulation
@@ -137,12 +137,12 @@ class Driven(Control, what="motion of a driven machine"):
             motion = WithMovedEnd(**{each.name: getattr(motion, each.name) for each in fields(motion)})
         return animate_simulation(motion, path, frames, progress)
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> Document:
         """The motion as JSON-ready data, with the machine in words and, where a file can state it, its statement."""
         return {**super().document(), "machine": self.machine, "statement": statement_for_file(self.source)}
 
     @classmethod
-    def of_saved(cls, document: Any, machine: AnyMachine | None = None) -> "Driven":
+    def of_saved(cls, document: object, machine: Machine | None = None) -> "Driven":
         """The motion of a document by `saved`, of the machine that it states or of this one; raises `ValueError` where
         parts of it do not fit each other."""
         data, control = conform(document, _SavedDriven), Control.of_saved(document)

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from orbits import Control, InputError, NoOrbit, Orbit, Simulation, find, simulate, steer
 from orbits.control import Guess, Stage
-from orbits.control.control import control_in_units
+from orbits.control.control import ControlledLeg, control_in_units
 from orbits.errors import finite_number, whole_number
 from orbits.flow.flow import flow_of
 from orbits.model.phase import Affine
@@ -59,7 +59,7 @@ def in_units_of_the_machine(function: Callable[..., Control]) -> Callable[..., D
 
     @exclusive
     @wraps(function)
-    def steered(machine: Any, *arguments: Any, **options: Any) -> Driven:
+    def steered(machine: Any, *arguments: object, **options: Any) -> Driven:
         def in_si(control: Control, machine: Any) -> Control:
             units, cost = machine.units, COSTS[options.get("cost", "effort")]
             added = {name: x * units.of(ADDED[name]) for name, x in control.parameters.items() if name in ADDED}
@@ -301,7 +301,7 @@ def _contact_time(orbit: Orbit) -> float:
     return float(orbit.contact_time)
 
 
-def _flight_states(driven: Actuated, leg: Any, t: ArrayLike) -> np.ndarray:
+def _flight_states(driven: Actuated, leg: ControlledLeg, t: ArrayLike) -> np.ndarray:
     """Flight states (..., n) of a leg of a result at times (...) since its start."""
     embed, rows = driven.model.embed, leg.path(t)
     return rows[..., : len(embed)] if leg.phase == "flight" else rows[..., : embed.shape[1]] @ embed.T

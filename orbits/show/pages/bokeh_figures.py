@@ -30,7 +30,7 @@ def bokeh(module: str) -> Any:
         raise InputError("pages need Bokeh: install persistent-orbits[explore]") from None
 
 
-def new_figure(title: str, height: int, **options: Any) -> Any:
+def new_figure(title: str, height: int, **options: object) -> Any:
     """A figure of Bokeh as wide as its place, whose axes have fixed ranges unless the options state others.
 
     No tool takes a drag or a turn of the wheel before it is chosen, so that a page can be scrolled by touch.
@@ -51,7 +51,7 @@ def new_figure(title: str, height: int, **options: Any) -> Any:
     return figure
 
 
-def legend_above(figure: Any, *items: Any, columns: int = 4) -> None:
+def legend_above(figure: Any, *items: object, columns: int = 4) -> None:
     """Put a legend of `LegendItem`s between the title and the axes, where it hides no curve."""
     legend = bokeh("models").Legend(
         items=list(items), orientation="horizontal", ncols=columns, border_line_color=None, margin=0, padding=2,
@@ -65,7 +65,7 @@ def empty_columns(*names: str) -> dict[str, list]:
     return {name: [] for name in names}
 
 
-def hover(renderers: list[Any], entries: list[tuple[str, str]], **options: Any) -> Any:
+def hover(renderers: list[object], entries: list[tuple[str, str]], **options: object) -> Any:
     """A tool that shows the values at the pointer; `entries` is as for `tip`."""
     formatters = {text.split("{")[0]: "printf" for _, text in entries if "{" in text}
     return bokeh("models").HoverTool(renderers=renderers, tooltips=tip(entries), formatters=formatters, **options)

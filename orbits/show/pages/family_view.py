@@ -1,7 +1,7 @@
 """A family as a figure of Bokeh: a quantity along the curve, with its events, to hover over and to click."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from .bokeh_figures import (
     range_changes,
     tip,
 )
+
+if TYPE_CHECKING:
+    from ...continuation.family import Family
 
 # Markers of events, the same in each figure of a family.
 SHAPES = {"fold": "circle", "branch point": "square", "grazing": "inverted_triangle", "masses touch": "x"}
@@ -69,7 +72,7 @@ def family_data(family: Any, quantity: str = "alpha") -> FamilyData:
     return FamilyData(value, motions, others, points, events, labels)
 
 
-def ending(family: Any) -> str:
+def ending(family: "Family") -> str:
     """How a `Family` ends, in words."""
     end, unit = family.end, family.units.get(family.name, "")
     if end.limit is None:
@@ -94,7 +97,7 @@ class FamilyFigure:
         line = figure.line("value", "motions", source=self._curve, line_width=2.5, color=COLOURS[0])
         dashed = figure.line("value", "others", source=self._curve, line_width=2, color=COLOURS[0], line_dash=[4, 4])
         # The orbits themselves would fill the gaps of the dashes: they are shown only at the pointer.
-        unseen: dict[str, Any] = dict.fromkeys(("line_color", "fill_color", "nonselection_fill_color"))
+        unseen: dict[str, object] = dict.fromkeys(("line_color", "fill_color", "nonselection_fill_color"))
         unseen |= {"hover_fill_color": COLOURS[0], "hover_line_color": None, "size": 7}
         points = figure.scatter("value", "quantity", source=self.points, **unseen)
         style = {"marker": "marker", "fill_color": "white", "line_color": INK, "line_width": 1.6, "size": 10}

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from itertools import cycle, islice
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -25,6 +25,9 @@ from .bokeh_figures import (
     range_changes,
 )
 from .player import new_player
+
+if TYPE_CHECKING:
+    from ...periodic.orbit import Orbit
 
 # The number of times at which a hop of family n is sampled: a constant, plus a multiple of n, up to a bound.
 TIMES, TIMES_EACH, MOST_TIMES = 160, 40, 1200
@@ -72,7 +75,7 @@ class HopData:
         return float(self.time[-1])
 
 
-def hop_data(orbit: Any) -> HopData:
+def hop_data(orbit: "Orbit") -> HopData:
     """The data of an `Orbit` for its figures, in SI for a machine that is stated in SI."""
     count = min(TIMES + TIMES_EACH * orbit.family, MOST_TIMES)
     time, force, why = np.linspace(0, orbit.flight_time, count), None, "the contact never ends"
@@ -130,7 +133,8 @@ class HopFigures:
         self._motion = new(empty_columns("drawn"))
         self._springs, self._knees = new(empty_columns(*joints, *paths)), new(empty_columns(*joints, "link", *paths))
         self._bodies = new(empty_columns(*masses, "x", "y", "marker", "size", "aside", "align", "force"))
-        self.machine, self.heights = self._new_machine(), self._new_heights()
+        self.machine = self._new_machine()
+        self.heights, self._centre_item, self._contact_item = self._new_heights()
         self.portrait, self.force = self._new_portrait(), self._new_force()
         shown = {"masses": self._masses, "motion": self._motion, "force": self._force, "bodies": self._bodies}
         self.player = new_player(self.machine, **shown, springs=self._springs, knees=self._knees)
@@ -198,7 +202,8 @@ class HopFigures:
         figure.add_tools(hover([drawn], entries))
         return figure
 
-    def _new_heights(self) -> Any:
+    def _new_heights(self) -> tuple[Any, Any, Any]:
+        """The figure of heights, and the items of its legend that not every hop has: the centre and the contact."""
         models, figure = bokeh("models"), new_figure("Heights", 300)
         strip = self._shade(figure)
         figure.add_layout(models.Span(location=0, dimension="width", line_color=GREY))
@@ -206,13 +211,12 @@ class HopFigures:
         centre = figure.line("time", "height", source=self._centre, line_dash=[5, 3], line_width=1.5)
         figure.scatter("time", "height", source=self._bodies, size=9, color="colour", line_color="white", **MOVING)
         new = models.LegendItem
-        self._centre_item = new(label=CENTRE_OF_MASS, renderers=[centre])
-        self._contact_item = new(label="contact", renderers=[strip])
+        of_centre, of_contact = new(label=CENTRE_OF_MASS, renderers=[centre]), new(label="contact", renderers=[strip])
         named = new(label={"field": "name"}, renderers=[lines])
-        legend_above(figure, named, self._centre_item, self._contact_item)
+        legend_above(figure, named, of_centre, of_contact)
         entries = [("", "@name"), ("time", "$snap_x{%.5g}"), ("height", "$snap_y{%.5g}")]
         figure.add_tools(hover([lines], entries, mode="vline", line_policy="interp"))
-        return figure
+        return figure, of_centre, of_contact
 
     def _new_portrait(self) -> Any:
         figure = new_figure("Phase portrait", 300)
@@ -231,7 +235,7 @@ class HopFigures:
         figure.add_tools(hover([line], entries, mode="vline"))
         return figure
 
-    def _shade(self, figure: Any) -> Any:
+    def _shade(self, figure: Any) -> object:
         """Shade the contact in a figure against time."""
         return figure.vstrip("start", "end", source=self._contact, fill_color=SHADE, line_color=None, level="underlay")
 

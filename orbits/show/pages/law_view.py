@@ -1,7 +1,7 @@
 """The spring's force over its extension as a figure of Bokeh, with the range that a hop uses."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
@@ -12,6 +12,9 @@ from ...running.exclusive import exclusive
 from ...units import EXTENSION, FORCE
 from ..plot import COLOURS, SHADE
 from .bokeh_figures import GREY, Change, apply, bokeh, empty_columns, hover, legend_above, new_figure, range_changes
+
+if TYPE_CHECKING:
+    from ...periodic.orbit import Orbit
 
 TORQUE = (1, 0, 1)  # the dimension of a force against an angle
 EXTENSIONS = 301  # number of extensions at which a law is sampled
@@ -38,7 +41,7 @@ class LawData:
     labels: tuple[str, str]
 
 
-def law_data(machine: Machine, orbit: Any) -> LawData:
+def law_data(machine: Machine, orbit: "Orbit") -> LawData:
     """The data of the springs over the extension that a machine counts, and of its hop, for the figure; in SI for a
     machine that is stated in SI.
 

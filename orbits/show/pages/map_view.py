@@ -1,7 +1,7 @@
 """The return map as a figure of Bokeh: the map and the identity line, the basin coloured, and a cobweb."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from .bokeh_figures import (
     new_figure,
     range_changes,
 )
+
+if TYPE_CHECKING:
+    from ...return_map.return_map import ReturnMap
 
 MAP_SAMPLES, WEB_HOPS = 1500, 60
 
@@ -49,7 +52,7 @@ class MapData:
 
 
 def map_data(
-    step: Any,
+    step: "ReturnMap",
     low: float,
     high: float,
     *,
@@ -101,7 +104,7 @@ class MapFigure:
         """The changes that `show` makes."""
         basin = np.zeros((0, 2)) if data.basin is None else data.basin
         most = np.nanmax(data.following, initial=data.high, where=np.isfinite(data.following))
-        lines: list[tuple[Any, Any, Any]] = [
+        lines: list[tuple[object, object, object]] = [
             (self._map, data.alpha, data.following),
             (self._web, *data.web),
             (self._start, *data.web[:, :1]),

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,6 +14,11 @@ from .family_view import FamilyFigure, ending, family_data
 from .hop_view import HopFigures, hop_data
 from .law_view import LawFigure, law_data
 from .sweep_view import sweep_figures
+
+if TYPE_CHECKING:
+    from ...continuation.family import Family
+    from ...periodic.orbit import Orbit
+    from ...result import Result
 
 PAGES = (".html",)
 MOST_HOPS = 24  # of a family that are in its page
@@ -88,7 +93,7 @@ def write_page(path: str | Path, title: str, sections: Sequence[Any]) -> Path:
     return path
 
 
-def orbit_page(orbit: Any, path: str | Path) -> Path:
+def orbit_page(orbit: "Orbit", path: str | Path) -> Path:
     """Write the page of an `Orbit`: the animated machine, its certificate, heights, phase portrait, contact force, and
     the spring's law where the orbit knows its machine. See `write_page`."""
     check_path(path, PAGES)
@@ -99,7 +104,7 @@ def orbit_page(orbit: Any, path: str | Path) -> Path:
     return write_page(path, data.title, [first, *_other_figures(figures, *_law_figures(orbit))])
 
 
-def family_page(family: Any, path: str | Path, quantity: str, hops: Iterable[tuple[Any, Any]]) -> Path:
+def family_page(family: "Family", path: str | Path, quantity: str, hops: Iterable[tuple[object, object]]) -> Path:
     """Write the page of a `Family`: a quantity along it, its events, and some of its hops, as pairs
     (point, its `Orbit`), to choose by a slider or a click. See `write_page`."""
     check_path(path, PAGES)
@@ -110,7 +115,7 @@ def family_page(family: Any, path: str | Path, quantity: str, hops: Iterable[tup
     rows = [_event_row(family, event, quantity) for event in family.events]
     end = f"End: {family.end.kind}, {ending(family)}."
     tables = [html_table(rows, "", heads)] if rows else []
-    sections: list[Any] = [
+    sections: list[object] = [
         ("The family", [shown.figure]),
         ("What happens along it", [f"<p>{escape(end)}</p>", *tables]),
     ]
@@ -128,23 +133,23 @@ def sweep_page(sweep: Any, path: str | Path, quantity: str | None) -> Path:
     return write_page(path, title, [*([("Members", figures)] if figures else []), ("In numbers", tables)])
 
 
-def result_page(result: Any, path: str | Path) -> Path:
+def result_page(result: "Result", path: str | Path) -> Path:
     """Write the page of any result: its table, and its picture. See `write_page`."""
     return write_page(path, result.title(), [("", [result._repr_html_()])])
 
 
-def _animation(figures: HopFigures) -> Any:
+def _animation(figures: HopFigures) -> object:
     """The player above the animated machine, about as high as the table beside them."""
     figures.machine.height = 440
     return bokeh("layouts").column(figures.player, figures.machine, sizing_mode="stretch_width")
 
 
-def _other_figures(figures: HopFigures, *beside: Any) -> list[Any]:
+def _other_figures(figures: HopFigures, *beside: object) -> list[object]:
     """The sections of a hop's other figures, and the parts beside the contact force."""
     return [("Over a cycle", [figures.heights, figures.portrait]), ("Forces", [figures.force, *beside])]
 
 
-def _law_figures(orbit: Any) -> list[Any]:
+def _law_figures(orbit: "Orbit") -> list[object]:
     """The figure of the spring's law, where the orbit knows its machine and this states a force of its extension."""
     if orbit.source is None or orbit.source.model.tension is None:
         return []
@@ -153,14 +158,14 @@ def _law_figures(orbit: Any) -> list[Any]:
     return [law.figure]
 
 
-def _event_row(family: Any, event: Any, quantity: str) -> tuple[str, ...]:
+def _event_row(family: "Family", event: Any, quantity: str) -> tuple[str, ...]:
     """The row of a table about an event."""
     numbers = event.point.value, family.quantity(event.point, quantity)
     words = "" if event.point.admissible else "; ".join(event.point.violations)
     return event.kind, *(f"{number:.10g}" for number in numbers), words
 
 
-def _choice(family: Any, quantity: str, shown: FamilyFigure, hops: list[tuple[Any, Any]]) -> list[Any]:
+def _choice(family: "Family", quantity: str, shown: FamilyFigure, hops: list[tuple[Any, Any]]) -> list[object]:
     """The sections of a family's hops, one of which is shown; none without hops."""
     if not hops:
         return []

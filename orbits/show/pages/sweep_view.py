@@ -42,7 +42,7 @@ def sweep_figures(sweep: Any, quantity: str | None = None) -> tuple[list[Any], s
     return [_against(sweep, name, quantity, found) for name in sweep.parameters if known.any()], caption + "."
 
 
-def _source(sweep: Any, quantity: str, rows: np.ndarray) -> Any:
+def _source(sweep: Any, quantity: str, rows: np.ndarray) -> object:
     """The source of these members."""
     if not len(rows):
         return bokeh("models").ColumnDataSource(
@@ -67,7 +67,7 @@ def _columns(sweep: Any) -> dict[str, str]:
     return {f"p{i}": name for i, name in enumerate(sweep.parameters)}
 
 
-def _plane(sweep: Any, quantity: str, found: Any, nothing: Any) -> Any:
+def _plane(sweep: Any, quantity: str, found: Any, nothing: Any) -> object:
     """Two parameters against each other, with the quantity as colour, and where there is none."""
     models, (across, up) = bokeh("models"), sweep.parameters
     figure, values = _empty_figure(sweep, across, up), np.asarray(found.data["quantity"], dtype=float)
@@ -85,7 +85,7 @@ def _plane(sweep: Any, quantity: str, found: Any, nothing: Any) -> Any:
     return figure
 
 
-def _against(sweep: Any, name: str, quantity: str, found: Any) -> Any:
+def _against(sweep: Any, name: str, quantity: str, found: object) -> object:
     """The quantity against one parameter, in a colour for each family."""
     figure, families = _empty_figure(sweep, name, quantity), list(map(_family_name, sweep.about["families"]))
     column, colour, field = next(column for column, each in _columns(sweep).items() if each == name), COLOURS[0], "kind"
@@ -97,7 +97,7 @@ def _against(sweep: Any, name: str, quantity: str, found: Any) -> Any:
     return figure
 
 
-def _marks(figure: Any, sweep: Any, found: Any, x: str, y: str, colour: Any, field: str) -> Any:
+def _marks(figure: Any, sweep: Any, found: object, x: str, y: str, colour: object, field: str) -> object:
     """The marks of members, crosses where they are no motions, with a legend by a column."""
     transform, models = bokeh("transform"), bokeh("models")
     shape = transform.factor_mark("kind", ["circle", "x"], ["motions", "no motions"])
@@ -109,7 +109,7 @@ def _marks(figure: Any, sweep: Any, found: Any, x: str, y: str, colour: Any, fie
     return marks
 
 
-def _member_tool(sweep: Any, quantity: str | None, renderers: list[Any]) -> Any:
+def _member_tool(sweep: Any, quantity: str | None, renderers: list[object]) -> object:
     """The tooltip of a member."""
     tips = [("member", "@member")] + ([("", "@family")] if len(sweep.about["families"]) > 1 else [])
     tips += [(sweep.heading(name), f"@{column}{{%.6g}}") for column, name in _columns(sweep).items()]

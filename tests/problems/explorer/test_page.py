@@ -65,7 +65,7 @@ class Tab:
 
     @property
     def alpha(self) -> float:
-        return self.page._hop.alpha
+        return self.page._computed.hop.alpha
 
 
 @pytest.fixture
@@ -85,7 +85,7 @@ def test_the_slider_goes_through_a_fold_from_hop_to_hop(tab):
         assert (told["place"]["at"], told["problems"]) == (place, {})
         launches.append(page.alpha)
     assert launches == sorted(launches)  # along the curve the launch speed grows, before the fold and beyond it
-    values = page.page._family.values
+    values = page.page._computed.family.values
     assert min(values) < values[first]
     assert values[0] > values[first]  # the curve has turned round
     assert lowest < find(Hopper("cubic", rest_length=30.0, parameters={"beta": min(values)})).alpha < launches[-1]
@@ -115,7 +115,7 @@ def test_a_place_of_a_piece_is_taken_after_the_family_has_grown(tab):
     page.workers["family"].held = True
     page.rest()
     page.workers["family"].let_go(pieces=1)
-    piece = page.page._family
+    piece = page.page._computed.family
     early = page.told["place"]
     page.workers["family"].let_go()
     told = page.ask("place", value=2, key=early["key"])
