@@ -72,6 +72,7 @@ TESTED_WITH = {
     "symbolic/polynomials": "symbolic/test_rational",
     "symbolic/tracing": "laws/test_law",
     "problems/explorer/processes": "problems/explorer/test_worker",
+    "problems/explorer/page_state": "problems/explorer/test_page",
 }
 SOURCES = sorted(path for package in RANK for path in (ROOT / package).rglob("*.py"))
 ENGINE = [path for path in SOURCES if path.is_relative_to(ROOT / "orbits")]
