@@ -58,7 +58,7 @@ ENDINGS: dict[str, tuple[str, ...]] = {
 
 
 def shown(module: str) -> Any:
-    """The module of the room `show` with this name, such as "plot" or "pages.still"."""
+    """The module of the room `show` with this name, such as "plot" or "pages.saved_page"."""
     return import_module(f"{__package__}.show.{module}")
 
 
@@ -193,7 +193,7 @@ class Result:
 
     def page(self, path: str | Path) -> Path:
         """Write a page of the result in one file (.html) that needs no network; returns its path."""
-        return shown("pages.still").result_page(self, path)
+        return shown("pages.saved_page").result_page(self, path)
 
     def unit_of(self, name: str) -> str:
         """The unit of a quantity, "" where it has none."""

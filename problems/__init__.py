@@ -8,7 +8,7 @@ _HOMES = {
     "Chain": ".machines.chain",
     "Disturbed": ".steering.disturbed",
     "Driven": ".steering.driven",
-    "HeavyHand": ".machines.juggler",
+    "HeavyHand": ".machines.heavy_hand",
     "Hopper": ".machines.hopper",
     "Juggler": ".machines.juggler",
     "chain_hand": ".machines.chain_hand",

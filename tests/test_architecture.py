@@ -65,7 +65,7 @@ TESTED_WITH = {
     "proof/launches": "proof/test_attraction",
     "proof/wording": "proof/test_attraction",
     "return_map/cycles": "return_map/test_bifurcations",
-    "return_map/hop": "return_map/test_proved_map",
+    "return_map/fixed_point_statement": "return_map/test_proved_map",
     "show/pages/bokeh_figures": "show/pages/test_hop_view",
     "show/pages/map_view": "problems/explorer/test_page",
     "show/pages/player": "show/pages/test_hop_view",

@@ -315,7 +315,7 @@ class Family(
 
         Raises `InputError` for a bad path, an unknown quantity, and without Bokeh.
         """
-        still = shown("pages.still")
+        still = shown("pages.saved_page")
         hops: Iterator[tuple[Point, Orbit]] = iter(())
         if (whole := machine or self.source) is not None and self.points:
             check_parameters(whole, self.name)

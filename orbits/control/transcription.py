@@ -8,8 +8,8 @@ import numpy as np
 
 from ..flow.vector_field import runge_kutta
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
+from ..symbolic.caches import cached
 from ..symbolic.ipopt import Minimiser, Minimum
-from ..symbolic.kept import kept
 from ..symbolic.taylor_series import taylor_coefficients
 from .stage import Stage, stage_flow
 
@@ -45,7 +45,7 @@ class _Constraint(NamedTuple):
     inner: bool
 
 
-@kept
+@cached
 def advance(stage: Stage, names: tuple[str, ...], substeps: int) -> ca.Function:
     """(state, share, parameters with length and coefficients) -> state, cost, path expressions after that share."""
     graph = stage_flow(stage, names).vector_field
@@ -68,7 +68,7 @@ def advance(stage: Stage, names: tuple[str, ...], substeps: int) -> ca.Function:
     return ca.Function("advance", [x, share, graph.p], [ca.densify(result) for result in results])
 
 
-@kept
+@cached
 def _conditions(stage: Stage, names: tuple[str, ...], size_before: int) -> ca.Function:
     """(first state, last state, last state before, parameters) -> zeros at the start, zeros at the end, expressions
     that are not negative there, final cost, and bounds of inputs, infinite where they are numbers."""
@@ -202,4 +202,4 @@ class Transcription:
             yield _conditions(stage, self.names, len(before))(*ends[i], before, values)
 
 
-transcription = kept(Transcription)
+transcription = cached(Transcription)

@@ -22,7 +22,7 @@ from ..periodic.local_law import by_launch_speed, launch_power, loss_coefficient
 from ..periodic.orbit import Orbit
 from ..periodic.quantities import DESIGNED
 from ..shooting.formulations import half_orbit
-from ..symbolic.kept import kept
+from ..symbolic.caches import cached
 from ..units import Message, in_units
 
 VARIATIONAL = ("landing_sensitivity", "loss_coefficient")  # these need the variation of the flight with alpha
@@ -97,7 +97,7 @@ def _value_and_rate(phase, function, x, p):
     return value, ca.jacobian(value, ca.vertcat(*x)) @ ca.vertcat(*phase.field(x, p, []))
 
 
-@kept
+@cached
 def _compiled(model, names, extreme, index):
     """(x, p) -> value of a function of an extreme, and its rate of change along the motion."""
     name, function = extreme_of(model, extreme)[index]

@@ -19,8 +19,8 @@ from ..model.model import Model
 from ..numerics.roots import solve
 from ..periodic.orbit import Orbit
 from ..shooting.multiple_shooting import MeshTrajectory, ShootingMesh, trajectory_on_mesh
+from ..symbolic.caches import cached
 from ..symbolic.ipopt import Minimiser, Minimum
-from ..symbolic.kept import kept
 from ..units import DIMENSIONS, LENGTH, Units
 from .design_statement import ABSENT, Place, expressions, extreme_values, extremes_of, locate, without_contact
 from .problem import Outputs
@@ -133,7 +133,7 @@ def _results(model, statement, names, outputs, places):
 
 
 # The nonlinear program, cached for the next call with the same arguments.
-design_program = kept(DesignProgram)
+design_program = cached(DesignProgram)
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,8 +18,8 @@ from ..mechanics.mechanism import Mechanism
 from ..model.machine import Machine, free_parameters
 from ..symbolic.formula import parse
 from ..symbolic.tracing import traced_of_places
-from .decimals import decimal_text, is_decimal
 from .formulas import exact_fraction
+from .outward_decimals import decimal_text, is_decimal
 from .refusal import Unproved
 
 # An exact decimal, a fraction, or the bounds of an interval.

@@ -16,8 +16,8 @@ from ..model.modes import Modes
 from ..model.phase import Phase
 from ..numerics.roots import Array
 from ..running import interrupts
+from ..symbolic.caches import cached
 from ..symbolic.calls import BufferedFunction, ElementwiseFunction
-from ..symbolic.kept import kept
 from ..units import TIME, Message, Quantity, described
 from .breakpoints import ActivePiece
 from .runge_kutta import RungeKuttaStepper
@@ -34,7 +34,7 @@ LARGEST_BLOCK = 4000  # steps in closed form that are searched in one call
 StopTest = Callable[[Array, Array], tuple[int, float] | None]
 
 
-@kept
+@cached
 def flow_of(phase: Phase, parameters: tuple[str, ...]) -> "Flow":
     """The flow of a phase, stored for the next call with the same phase."""
     return Flow(phase, parameters)

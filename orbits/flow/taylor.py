@@ -9,7 +9,7 @@ import numpy as np
 
 from ..numerics.bernstein import TINY
 from ..numerics.roots import Array
-from ..symbolic.kept import kept
+from ..symbolic.caches import cached
 from ..symbolic.kernels import Kernel
 from ..symbolic.taylor_series import variations
 from .vector_field import FLOW_CONTROL, TAYLOR_ORDER, Steps, VectorField, symbolic_powers
@@ -206,7 +206,7 @@ def _watch_function(stepper: TaylorStepper, size: int, turns: int) -> ca.Functio
     return ca.Function("watch", [z, data], [new, *records, goes])
 
 
-@kept
+@cached
 def _may_change_sign(rows: int, size: int, counts: bool) -> ca.Function:
     """(coefficients (K + 1, rows), step, weights (rows, size) and offsets (size,), order of the first function's zero,
     signs (size,) before) -> whether an affine function may change its sign in the step, the signs after it, and whether

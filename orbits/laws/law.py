@@ -18,9 +18,9 @@ from numpy.typing import ArrayLike
 from ..errors import InputError, OutOfRange
 from ..io import in_words
 from ..running.exclusive import LOCK, exclusive
+from ..symbolic.caches import cached
 from ..symbolic.calls import ElementwiseFunction, MappedFunction
 from ..symbolic.formula import CONSTANTS, parse, suggest
-from ..symbolic.kept import kept
 from ..symbolic.taylor_series import has_taylor_series
 from ..symbolic.tracing import traced
 from ..units import LENGTH, Message, Quantity
@@ -384,7 +384,7 @@ def values_and_slopes(key: Key, p: Mapping[str, np.ndarray], x: np.ndarray) -> t
     return value.reshape(x.shape), slope.reshape(x.shape)
 
 
-@kept
+@cached
 def _many(key: Key) -> ElementwiseFunction:
     """(x, p) -> value and slope of a smooth law."""
     x, p = _symbols(key.variable, key.names)
@@ -392,7 +392,7 @@ def _many(key: Key) -> ElementwiseFunction:
     return ElementwiseFunction(ca.Function("laws", [x, ca.vertcat(*p.values())], [value, ca.jacobian(value, x)]))
 
 
-@kept
+@cached
 def _numeric(key: Key):
     """The function (x, p, q) -> (value, slope), and p -> (breaks, data) for a piecewise law."""
     (x, p), pieces = _symbols(key.variable, key.names), key.pieces

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..laws.law import Algebraic, Parameters, Scalars
+from ..symbolic.caches import cached
 from ..symbolic.calls import ElementwiseFunction
 from ..symbolic.formula import Formula, parse
-from ..symbolic.kept import kept
 from ..symbolic.taylor_series import composed_coefficients
 from .phase import Affine
 
@@ -116,7 +116,7 @@ def _parsed(text: str) -> Formula:
     return parse(text)
 
 
-@kept
+@cached
 def _series(text: str, coordinates: tuple[str, ...], parameters: tuple[str, ...], orders: int) -> ElementwiseFunction:
     """(coefficients of the coordinates, one after the other; parameters) -> coefficients of the formula's value."""
     x, p = (ca.SX.sym(name, len(names)) for name, names in (("x", coordinates), ("p", parameters)))

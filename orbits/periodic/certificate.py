@@ -17,8 +17,8 @@ from ..numerics.bernstein import PiecewisePolynomials, derivative, evaluate
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
 from ..shooting.error_bound import DOUBTFUL_RATIO, EPS, NARROW
 from ..shooting.formulations import CONTACT_FORCE, NONE, Cycles, or_none, vectors
+from ..symbolic.caches import cached
 from ..symbolic.calls import ElementwiseFunction
-from ..symbolic.kept import kept
 from ..units import JERK, LENGTH, TIME, Message, Quantity, Record
 from .local_law import by_launch_speed, launch_power, loss_coefficient
 
@@ -169,7 +169,7 @@ def _landing_states(model: Model, cycles: Cycles) -> np.ndarray:
     return states if model.reversor is None else np.array(model.reversor)[:, None] * states
 
 
-@kept
+@cached
 def gradients(phase: Phase, gradient: Callable, parameters: tuple[str, ...]) -> ElementwiseFunction:
     """An energy gradient of a model at several points, (x, parameters with the data of a piece)."""
     flow = flow_of(phase, parameters)
@@ -190,7 +190,7 @@ def _energy_changes(model: Model, cycles: Cycles) -> tuple[np.ndarray, np.ndarra
     return changes, floors, starts[:: cycles.halves_per_flight]
 
 
-@kept
+@cached
 def _works(phase: Phase, gradient: Callable, parameters: tuple[str, ...]) -> ElementwiseFunction:
     """The work of an energy gradient on straight lines and its largest component there, (start, end, parameters with
     the data of a piece)."""

@@ -327,7 +327,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
 
         Raises `InputError` for a bad path, and without Bokeh.
         """
-        return shown("pages.still").orbit_page(self, path)
+        return shown("pages.saved_page").orbit_page(self, path)
 
     def saved(self) -> Document:
         """The content of a file of the orbit, from which `of_saved` restores it."""

@@ -34,9 +34,9 @@ from ..balls.equations import IntervalParameters
 from ..balls.programs import BallProgram
 from ..balls.step import between
 from ..errors import InputError
-from ..exact.decimals import bounds_of_fractions, upper_fraction
 from ..exact.exact_mechanics import Column, ExactMechanics, LoneExtension, Scale
 from ..exact.expressions import ExactExpression, depends_on, derivative_by, expression, in_order
+from ..exact.outward_decimals import bounds_of_fractions, upper_fraction
 from ..exact.refusal import Unproved
 from ..exact.stated import Bounds, Decimals, stated_machine
 from ..model.machine import Machine, machine_in_words

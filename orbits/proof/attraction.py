@@ -38,9 +38,9 @@ from flint import arb
 from ..balls.motion import Motion, Refuted
 from ..balls.programs import ball_of_fraction
 from ..exact.bounds import Enclosure
-from ..exact.decimals import enclosure_of
 from ..exact.exact_mechanics import ExactMechanics
 from ..exact.expressions import substitute
+from ..exact.outward_decimals import enclosure_of
 from ..exact.refusal import TooLong, Unproved
 from ..exact.statement import ExactArc, HalfOrbit
 from .bounces import Bounces, losses_with_bounce

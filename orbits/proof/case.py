@@ -15,9 +15,9 @@ from ..balls.root import FIRST_BITS, ProvedRoot, evaluated_on, prove_root
 from ..errors import InputError
 from ..exact.bounds import Enclosure
 from ..exact.claim import CONTACT_DURATION, FLIGHT_DURATION, Claim
-from ..exact.decimals import bounds_of_fractions, decimal_text, enclosure_of, lower_decimal, radius_of
 from ..exact.exact_mechanics import ExactMechanics, Scale
 from ..exact.expressions import ExactExpression, substitute
+from ..exact.outward_decimals import bounds_of_fractions, decimal_text, enclosure_of, lower_decimal, radius_of
 from ..exact.refusal import Unproved
 from ..exact.stated import StatedMachine
 from ..exact.statement import ExactStatement, HalfOrbit

@@ -7,7 +7,7 @@ from decimal import Decimal
 
 from ..exact.bounds import Enclosure
 from ..exact.claim import Claim
-from ..exact.decimals import bounds_of_fractions, radius_of
+from ..exact.outward_decimals import bounds_of_fractions, radius_of
 from ..exact.refusal import Unproved
 from ..exact.stated import Bounds, Decimals, StatedMachine, stated_machine
 from ..running.time_limit import time_limit

@@ -13,9 +13,9 @@ from ..balls.programs import ball_of_fraction
 from ..balls.root import FIRST_BITS, ProvedRoot, prove_root
 from ..errors import InputError
 from ..exact.claim import FLIGHT_DURATION
-from ..exact.decimals import bounds_of_fractions, enclosure_of, lower_decimal, radius_of
 from ..exact.exact_mechanics import ExactMechanics, Scale
 from ..exact.expressions import substitute, symbol
+from ..exact.outward_decimals import bounds_of_fractions, enclosure_of, lower_decimal, radius_of
 from ..exact.refusal import Unproved
 from ..exact.stated import Decimals, StatedMachine, stated_machine
 from ..exact.statement import HalfOrbit, statement_of_folds

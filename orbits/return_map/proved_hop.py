@@ -11,13 +11,13 @@ from ..balls.motion import Motion
 from ..balls.programs import ball_of_fraction
 from ..balls.root import FIRST_BITS, ProvedRoot, evaluated_on, polished, prove_root
 from ..exact.bounds import Enclosure
-from ..exact.decimals import enclosure_of, lower_decimal
 from ..exact.expressions import ExactExpression, depends_on, substitute
+from ..exact.outward_decimals import enclosure_of, lower_decimal
 from ..exact.refusal import Unproved
 from ..exact.statement import ExactStatement
 from ..proof.case import bits_of_digits, verdicts_of
 from ..proof.theorem import Part
-from .hop import HopStatement, Jet, levels_of, next_jet, pace_of, statement_of_jets
+from .fixed_point_statement import HopStatement, Jet, levels_of, next_jet, pace_of, statement_of_jets
 
 
 @dataclass(frozen=True)

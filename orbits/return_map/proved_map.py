@@ -50,8 +50,8 @@ from ..balls.root import FIRST_BITS, evaluated_on
 from ..balls.step import between
 from ..errors import InputError
 from ..exact.bounds import Enclosure
-from ..exact.decimals import bounds_of_fractions, decimal_text, enclosure_of, radius_of
 from ..exact.exact_mechanics import ExactMechanics, Scale, parameter_of
+from ..exact.outward_decimals import bounds_of_fractions, decimal_text, enclosure_of, radius_of
 from ..exact.refusal import Unproved
 from ..exact.stated import Bounds, Decimals, StatedMachine, exact_bounds, range_text, stated_machine
 from ..exact.statement import unknown
@@ -59,7 +59,7 @@ from ..model.machine import Machine, machine_in_words
 from ..proof.case import PROVED, not_stated
 from ..proof.theorem import Part, Proof
 from ..proof.wording import enclosed_words
-from .hop import INJECTION, HopStatement, Jet, doubling_statement, hop_statement, next_jet, pace_of
+from .fixed_point_statement import INJECTION, HopStatement, Jet, doubling_statement, hop_statement, next_jet, pace_of
 from .proved_hop import ProvedHop, conditions_of_hop, proved_hop
 
 # A fixed point of the map is correct to within this many roundings of the map, and its multiplier to this share.

@@ -11,8 +11,8 @@ from ..flow.vector_field import runge_kutta
 from ..numerics.bernstein import powers
 from ..numerics.quadrature import GAUSS, GAUSS_PLACES, GAUSS_WEIGHTS
 from ..numerics.roots import solve
+from ..symbolic.caches import cached
 from ..symbolic.calls import BufferedFunction, ElementwiseFunction
-from ..symbolic.kept import kept
 from ..units import LIFTOFF_SPEED, Message, Quantity
 from .single_shooting import Evaluation, Shooting
 
@@ -162,7 +162,7 @@ def _moves_by_defects(flow: Flow, motions: Trajectories, ps: ndarray, back: ndar
     return np.add.reduceat(np.einsum("Ni,Ni->N", back, defects), motions.first)
 
 
-@kept
+@cached
 def _mean_rates(flow: Flow) -> ElementwiseFunction:
     """The mean of a smooth field over steps, by Gauss's rule, (states at its places, one component after the other,
     parameters)."""
@@ -197,7 +197,7 @@ def _end_by_another_method(flow: Flow, start: ndarray, p: ndarray, path: Traject
     return x
 
 
-@kept
+@cached
 def _order_eight(flow: Flow, count: int) -> BufferedFunction:
     """`count` Runge-Kutta steps as a call (start, lengths, parameters with data) -> states (n, count)."""
     field, h = flow.vector_field, ca.SX.sym("h")

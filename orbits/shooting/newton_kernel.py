@@ -9,7 +9,7 @@ from ..flow.taylor import LONGEST_STEP, TaylorStepper
 from ..flow.trajectory import Trajectories, begins_of_steps
 from ..flow.vector_field import rows_used
 from ..numerics.roots import Array
-from ..symbolic.kept import kept
+from ..symbolic.caches import cached
 from ..symbolic.kernels import Kernel
 from .single_shooting import STALLED_RATIO, Evaluation, Shooting, settles
 
@@ -158,4 +158,4 @@ def _solved(system: ca.SX) -> ca.SX:
 
 
 # The kernel of a statement's equations and a parameter, cached for the next call with the same arguments.
-newton_kernel = kept(NewtonKernel)
+newton_kernel = cached(NewtonKernel)

@@ -15,9 +15,9 @@ from ..flow.trajectory import Trajectories, Trajectory
 from ..model.phase import Statement
 from ..numerics.bernstein import derivative
 from ..numerics.roots import solve
+from ..symbolic.caches import cached
 from ..symbolic.calls import BufferedFunction, MappedFunction
 from ..symbolic.ipopt import solve_equations
-from ..symbolic.kept import kept
 from .multiple_shooting import MultipleShooting, boundary_functions
 
 # A relative Newton step is the last one when it changes the end of the motion by less than this: the next one, its
@@ -113,7 +113,7 @@ class Shooting:
         """`evaluate_all` at one point."""
         return self.evaluate_all(np.reshape(u, (1, -1)), np.reshape(p, (1, -1)), vary)[0]
 
-    @kept
+    @cached
     def seeds(self, vary: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray, list]:
         """Derivatives of the unknowns (n, n + k), of the parameters (np, n + k) and of the varied ones (k, n + k) by
         the unknowns and the varied parameters; and for each arc the seeds of its start and of the parameters."""
@@ -159,7 +159,7 @@ class Shooting:
             functions.append(MappedFunction(dense("beginning", arguments, [departure.function(*arguments)[0]])))
         return functions
 
-    @kept
+    @cached
     def closing(self, vary: tuple[str, ...]) -> MappedFunction:
         """The equations from the ends of all arcs: (u, p, and for each arc its end, its transition, the speed at its
         end, the data of the piece where it starts and their derivatives by p) -> residual, jacobian, and for each arc
@@ -242,7 +242,7 @@ class Shooting:
 
 
 # The equations of a statement, cached for the next call with the same statement.
-shooting_equations = kept(Shooting)
+shooting_equations = cached(Shooting)
 
 
 def _with_derivatives(function: ca.Function) -> BufferedFunction:

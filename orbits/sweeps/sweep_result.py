@@ -258,7 +258,7 @@ class Sweep(Result, what="sweep", document_is_whole=True):
 
         Raises `InputError` for a bad path, a quantity that is no number, and without Bokeh.
         """
-        return shown("pages.still").sweep_page(self, path, quantity)
+        return shown("pages.saved_page").sweep_page(self, path, quantity)
 
     def sensitivity(
         self, quantities: Sequence[str] | None = None, samples: int = 1024, seed: int = 0, **options: object

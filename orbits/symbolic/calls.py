@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..running.exclusive import LOCK
-from .kept import weigh
+from .caches import weigh
 
 # A scalar operation of an SX function: its code, its arguments, and the value of an OP_CONST, else None. The arguments
 # are the positions of the instructions whose results it takes, those of an OP_INPUT (which input, which element), and

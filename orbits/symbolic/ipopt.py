@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import NoOrbit
 from ..numerics.roots import Array
 from ..running import heartbeat, interrupts
-from .kept import weigh
+from .caches import weigh
 
 Pair = tuple[Array, Array]
 

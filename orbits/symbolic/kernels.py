@@ -14,8 +14,8 @@ import numpy as np
 
 from ..running import interrupts
 from ..running.exclusive import LOCK, threads
+from .caches import weigh
 from .calls import BufferedFunction
-from .kept import weigh
 from .machine_code import MOST_LANES, MachineCode, compile_seconds, say_interpreted, target
 
 # About the seconds that CasADi's virtual machine takes for one instruction (measured on a server core of 2024).

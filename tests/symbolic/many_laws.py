@@ -1,4 +1,4 @@
-"""Many laws through every entry point, and the most memory that the process took; run by `test_kept`.
+"""Many laws through every entry point, and the most memory that the process took; run by `test_caches`.
 
 Usage: python many_laws.py LAWS MEGABYTES
 """

@@ -18,7 +18,7 @@ _seen: set[int] = set()
 _built = 0.0
 
 
-def kept(function: _F, maxsize: int = 64) -> _F:
+def cached(function: _F, maxsize: int = 64) -> _F:
     """The same function with a cache of its results, which `weigh` may clear; its arguments are hashable."""
     _caches.append(lru_cache(maxsize=maxsize)(function))
     return _caches[-1]

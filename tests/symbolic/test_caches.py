@@ -4,7 +4,7 @@ import pytest
 from scripts import run
 
 from orbits import find
-from orbits.symbolic import kept
+from orbits.symbolic import caches
 from problems import Hopper
 
 
@@ -14,10 +14,10 @@ def test_many_laws_take_little_memory():
 
 
 def test_what_is_kept_is_let_go_of_when_it_grows(monkeypatch):
-    monkeypatch.setattr(kept, "BUDGET", 3e6)
+    monkeypatch.setattr(caches, "BUDGET", 3e6)
     most = 0.0
     for k in range(6):
         find(Hopper(f"r + 0.1{k}*r**3"))
-        most = max(most, kept._built)
+        most = max(most, caches._built)
     assert 0.5e6 < most <= 3e6
     assert find(Hopper("r + 0.3*r**3")).alpha == find(Hopper("r + 0.3*r**3")).alpha

@@ -116,6 +116,6 @@ def test_without_bokeh_the_remedy_is_told(monkeypatch, tmp_path):
 
 
 def test_the_engine_starts_without_bokeh():
-    modules = "sys, orbits, problems, orbits.show.pages.hop_view, orbits.show.pages.still"
+    modules = "sys, orbits, problems, orbits.show.pages.hop_view, orbits.show.pages.saved_page"
     code = f"import {modules}; print('bokeh' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "False\n"

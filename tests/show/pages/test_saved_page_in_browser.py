@@ -15,7 +15,7 @@ pytest.importorskip("bokeh")
 
 from PIL import Image
 
-from orbits.show.pages.still import MOST_HOPS
+from orbits.show.pages.saved_page import MOST_HOPS
 from orbits.show.plot import COLOURS, spread
 
 pytestmark = pytest.mark.browser
