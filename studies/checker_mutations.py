@@ -47,7 +47,7 @@ class Fault:
 
 
 STEP, SET, ROOTS, SIGNS, EQUATIONS, FORMULAS, INTERVALS, CASE = (
-    *(f"orbits/balls/{name}.py" for name in ("step", "enclosure", "root", "motion", "equations")),
+    *(f"orbits/balls/{name}.py" for name in ("rigorous_step", "enclosure", "root", "motion", "equations")),
     "orbits/exact/formulas.py",
     *(f"orbits/proof/{name}.py" for name in ("intervals", "case")),
 )

@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 from orbits import find
 from orbits.flow.flow import flow_of
 from orbits.model import Arc, Statement
-from orbits.numerics.bernstein import derivative, piecewise_roots
+from orbits.numerics.polynomial_roots import derivative, piecewise_roots
 from orbits.shooting.single_shooting import Shooting
 from orbits.show.plot import COLOURS, legend_below, new_row, save_figure
 from problems import Hopper

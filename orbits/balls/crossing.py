@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from flint import arb, arb_poly, ctx
 
 from ..exact.refusal import Unproved
-from .step import Step, System, between, take_step
+from .rigorous_step import Step, System, between, take_step
 
 # Attempts at a window about a breakpoint, each wider than the last.
 MOST_WINDOWS, WIDER_WINDOW = 12, 4

@@ -29,7 +29,7 @@ from flint import arb, arb_mat, arb_poly, arb_series
 
 from ..exact.refusal import Unproved, check_proof_time
 from .enclosure import TOO_LONG, Passage, Piece, Variation, orthogonal_frame
-from .step import Step, picard_coefficients, widened
+from .rigorous_step import Step, picard_coefficients, widened
 from .taylor_model import ALL_PLACES, ALL_TIMES, CURVE_DEGREE, TIME_DEGREE, TaylorModel, as_model
 
 # The size of the last term of a polynomial in time, relative to the largest, and the factor by which steps are

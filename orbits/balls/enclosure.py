@@ -17,7 +17,7 @@ from flint import arb, arb_mat, ctx
 
 from ..exact.refusal import Unproved, check_proof_time
 from .crossing import NO_BREAKPOINTS, Breakpoints, advance_step
-from .step import SPREADING, Step, System
+from .rigorous_step import SPREADING, Step, System
 
 # How derivatives are enclosed: the order of polynomials, their accuracy, and the bits of balls. Coarse ones are
 # multiplied by deviations that are small themselves; fine ones are results.

@@ -19,7 +19,7 @@ from ..exact.statement import ExactArc, ExactStatement
 from .crossing import Breakpoints
 from .enclosure import COARSE, Fineness, Passage, Variation, follow_set
 from .programs import BallProgram, ball_of_fraction
-from .step import StatesOfPart, System, between, widened
+from .rigorous_step import StatesOfPart, System, between, widened
 
 # Halvings of a step's time after which it stays undecided whether a law has a value there.
 MOST_HALVINGS_OF_DOMAINS = 12

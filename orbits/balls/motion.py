@@ -11,7 +11,7 @@ from ..exact.refusal import Unproved
 from .enclosure import Passage, Piece
 from .equations import BallLeg
 from .programs import BallProgram
-from .step import between
+from .rigorous_step import between
 
 # Halvings of a step's time after which a sign is left undecided.
 MOST_BISECTIONS = 14

@@ -7,7 +7,7 @@ from math import comb
 import numpy as np
 
 from ..flow.trajectory import Trajectory
-from ..numerics.bernstein import PiecewisePolynomials, powers
+from ..numerics.polynomial_roots import PiecewisePolynomials, powers
 from .control import ControlledLeg, WarmStart
 from .stage import RUNNING_COST, Stage, stage_flow
 from .transcription import StageUnknowns

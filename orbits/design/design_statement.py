@@ -18,7 +18,7 @@ from ..model.machine import Machine
 from ..model.model import Model
 from ..model.phase import Arc, Phase, Statement
 from ..numerics.roots import bracketed_root
-from ..periodic.local_law import by_launch_speed, launch_power, loss_coefficient
+from ..periodic.loss_coefficient import by_launch_speed, launch_power, loss_coefficient
 from ..periodic.orbit import Orbit
 from ..periodic.quantities import DESIGNED
 from ..shooting.formulations import half_orbit

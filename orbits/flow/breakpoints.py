@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..numerics.bernstein import PiecewisePolynomials, roots
+from ..numerics.polynomial_roots import PiecewisePolynomials, roots
 from ..numerics.roots import Array
 from .vector_field import rows_used
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from ..numerics.bernstein import TINY
+from ..numerics.polynomial_roots import TINY
 from ..numerics.roots import Array
 from ..symbolic.caches import cached
 from ..symbolic.kernels import Kernel
@@ -212,8 +212,8 @@ def _may_change_sign(rows: int, size: int, counts: bool) -> ca.Function:
     signs (size,) before) -> whether an affine function may change its sign in the step, the signs after it, and whether
     that of the second has changed. With `counts` the second function may change it, else this is not checked.
 
-    As in `numerics.bernstein`: a polynomial has no zero where its Bernstein coefficients have one sign, and the sign at
-    the start is that at the end of the step before.
+    As in `numerics.polynomial_roots`: a polynomial has no zero where its Bernstein coefficients have one sign, and the
+    sign at the start is that at the end of the step before.
     """
     c, h, order = ca.SX.sym("c", TAYLOR_ORDER + 1, rows), ca.SX.sym("h"), ca.SX.sym("order")
     tests, before = ca.SX.sym("w", size * (rows + 1)), ca.SX.sym("s", size)

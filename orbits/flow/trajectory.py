@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from ..io import Document, conform, one_line
 from ..model.phase import Affine
 from ..model.state_formula import StateFormula
-from ..numerics.bernstein import evaluate, powers, shifted
+from ..numerics.polynomial_roots import evaluate, powers, shifted
 from ..numerics.roots import Array
 
 

@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import BreaksDown, FlowError, RunsAway
 from ..model.phase import Affine
-from ..numerics.bernstein import Crossings, PiecewisePolynomials, evaluate, powers
+from ..numerics.polynomial_roots import Crossings, PiecewisePolynomials, evaluate, powers
 from ..numerics.roots import Array
 from ..running import interrupts
 from .breakpoints import ActivePieces

@@ -13,14 +13,14 @@ from ..flow.trajectory import Trajectories
 from ..io import fields_in_line
 from ..model.model import Model
 from ..model.phase import Phase
-from ..numerics.bernstein import PiecewisePolynomials, derivative, evaluate
+from ..numerics.polynomial_roots import PiecewisePolynomials, derivative, evaluate
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
 from ..shooting.error_bound import DOUBTFUL_RATIO, EPS, NARROW
 from ..shooting.formulations import CONTACT_FORCE, NONE, Cycles, or_none, vectors
 from ..symbolic.caches import cached
 from ..symbolic.calls import ElementwiseFunction
 from ..units import JERK, LENGTH, TIME, Message, Quantity, Record
-from .local_law import by_launch_speed, launch_power, loss_coefficient
+from .loss_coefficient import by_launch_speed, launch_power, loss_coefficient
 
 # An energy drift beyond this share, and far beyond what rounding explains, shows that the steps have leapt over a
 # feature of a law.

@@ -13,7 +13,7 @@ from ..laws.law import from_key, values_and_slopes
 from ..model.model import Model
 from ..model.phase import Affine
 from ..model.relative import FASTEST, Relative, half_angle
-from ..numerics.bernstein import Crossings
+from ..numerics.polynomial_roots import Crossings
 from ..numerics.roots import root_search
 from ..shooting.formulations import vectors
 from ..units import SPEED, Message, Quantity

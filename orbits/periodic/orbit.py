@@ -16,7 +16,7 @@ from ..model.machine import MACHINE_FIELDS, Machine, machine_in_words
 from ..model.model import Knee
 from ..model.phase import Affine
 from ..model.state_formula import SavedHeight, StateFormula, height_of
-from ..numerics.bernstein import lowest
+from ..numerics.polynomial_roots import lowest
 from ..result import TABLE_ROWS, Axes, Report, Result, Row, is_of, shown
 from ..shooting.formulations import CONTACT_FORCE
 from ..tables import VIOLATED, machine_numbers

@@ -32,7 +32,7 @@ from flint import arb, ctx
 
 from ..balls.equations import IntervalParameters
 from ..balls.programs import BallProgram
-from ..balls.step import between
+from ..balls.rigorous_step import between
 from ..errors import InputError
 from ..exact.exact_mechanics import Column, ExactMechanics, LoneExtension, Scale
 from ..exact.expressions import ExactExpression, depends_on, derivative_by, expression, in_order

@@ -20,7 +20,7 @@ from flint import arb
 from ..balls.equations import Equations, IntervalParameters
 from ..balls.motion import Motion
 from ..balls.programs import BallProgram
-from ..balls.step import between
+from ..balls.rigorous_step import between
 from ..exact.exact_mechanics import inner_product, solved
 from ..exact.expressions import along, derivative_by, expression, substitute, symbol, total
 from ..exact.refusal import Unproved

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from flint import arb
 
-from ..balls.step import between
+from ..balls.rigorous_step import between
 from ..exact.refusal import Unproved
 from .launches import PARTS_OF_PIECE, Flight, Launches
 

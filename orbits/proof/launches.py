@@ -16,8 +16,8 @@ from flint import arb, ctx
 from ..balls.equations import Equations, IntervalParameters
 from ..balls.motion import Motion
 from ..balls.programs import BallProgram
+from ..balls.rigorous_step import between
 from ..balls.root import evaluated_on
-from ..balls.step import between
 from ..exact.claim import FLIGHT_DURATION
 from ..exact.exact_mechanics import inner_product, solved
 from ..exact.expressions import ExactExpression, along, derivative_by, expression, symbol, symbols

@@ -2,8 +2,8 @@
 
 Beside a lossless hop the map of launch speeds is alpha + d -> alpha + d - c |d|**(4/3) + o(|d|**(4/3)), with c = C on
 the side where the gap at the landing time is positive, so that the foot lands once, and c = 10 C on the other, where it
-bounces once (see `periodic.local_law`). Which side has the bounce follows from the sign of the gap's derivative by
-alpha. Within which distance the hop attracts the launches above it is another theorem (`attraction`).
+bounces once (see `periodic.loss_coefficient`). Which side has the bounce follows from the sign of the gap's derivative
+by alpha. Within which distance the hop attracts the launches above it is another theorem (`attraction`).
 """
 
 from collections.abc import Mapping, Sequence

@@ -46,8 +46,8 @@ from flint import arb, ctx
 
 from ..balls.equations import Equations, IntervalParameters
 from ..balls.programs import ball_of_fraction
+from ..balls.rigorous_step import between
 from ..balls.root import FIRST_BITS, evaluated_on
-from ..balls.step import between
 from ..errors import InputError
 from ..exact.bounds import Enclosure
 from ..exact.exact_mechanics import ExactMechanics, Scale, parameter_of

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import FlowError, NoOrbit
 from ..flow.flow import flow_of
-from ..numerics.bernstein import piecewise_roots
+from ..numerics.polynomial_roots import piecewise_roots
 from ..numerics.roots import enclosed_sign_changes, resolved
 from ..periodic.certified import certified_orbit, solve_from
 from ..periodic.find import Progress, find

@@ -8,7 +8,7 @@ from ..errors import NoOrbit
 from ..flow.flow import Flow
 from ..flow.trajectory import Trajectories, Trajectory
 from ..flow.vector_field import runge_kutta
-from ..numerics.bernstein import powers
+from ..numerics.polynomial_roots import powers
 from ..numerics.quadrature import GAUSS, GAUSS_PLACES, GAUSS_WEIGHTS
 from ..numerics.roots import solve
 from ..symbolic.caches import cached

@@ -13,7 +13,7 @@ from ..errors import FlowError, NoOrbit
 from ..flow.flow import flow_of
 from ..flow.trajectory import Trajectories, Trajectory
 from ..model.phase import Statement
-from ..numerics.bernstein import derivative
+from ..numerics.polynomial_roots import derivative
 from ..numerics.roots import solve
 from ..symbolic.caches import cached
 from ..symbolic.calls import BufferedFunction, MappedFunction

@@ -21,7 +21,7 @@ from ..flow.trajectory import Trajectory
 from ..flow.zero_crossing import MOST_CLOSED_STEPS, first_zeros
 from ..model.machine import Machine
 from ..model.phase import Affine
-from ..numerics.bernstein import Crossings
+from ..numerics.polynomial_roots import Crossings
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
 from ..periodic.certificate import gradients
 from ..shooting.formulations import contact_force_row, vector

@@ -13,7 +13,7 @@ from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..flow.flow import Flow
 from ..flow.zero_crossing import first_zero
 from ..model.machine import Machine
-from ..periodic.local_law import loss_coefficient
+from ..periodic.loss_coefficient import loss_coefficient
 from ..running.exclusive import exclusive
 from ..units import DIMENSIONS, LIFTOFF_SPEED, SPEED, Message, Quantity, in_own_units
 from .impacts import CAP, LIFTOFF_ORDER, ContactEnd, Impacts, no_launch

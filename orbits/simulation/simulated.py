@@ -16,7 +16,7 @@ from ..model.machine import Machine, machine_in_words
 from ..model.model import Knee
 from ..model.phase import Affine
 from ..model.state_formula import StateFormula
-from ..numerics.bernstein import lowest
+from ..numerics.polynomial_roots import lowest
 from ..result import TABLE_ROWS, Axes, Report, Result, Row, known, shown
 from ..units import ENERGY, LENGTH, LIFTOFF_SPEED, TIME, Units, in_units
 

@@ -21,7 +21,7 @@ from orbits.control.control import ControlledLeg, control_in_units
 from orbits.errors import finite_number, whole_number
 from orbits.flow.flow import flow_of
 from orbits.model.phase import Affine
-from orbits.numerics.bernstein import derivative, piecewise_roots
+from orbits.numerics.polynomial_roots import derivative, piecewise_roots
 from orbits.numerics.roots import bracketed_root
 from orbits.running.exclusive import exclusive
 from orbits.simulation.simulated import run_in_units

@@ -26,7 +26,10 @@ def cubic(stop: float = 1.0, longest: float = 0.2, **constants):
         ({"safety": "a"}, "step_control.safety = 'a' is not a finite number"),
         ({"largest_batch": 2.5}, "step_control.largest_batch = 2.5; it is a number of"),
         ({"neighbours": 9}, "step_control.neighbours = 9: it lies between 1 and 8"),
-        ({"shortest_step": 1e-2}, "first_step = 0.005: it lies between shortest_step = 0.01 and longest_step"),
+        (
+            {"shortest_step": 1e-2},
+            "first_step = 0.005: it lies between shortest_step = 0.01 and longest_step",
+        ),
         ({"longest_step": 1e-3}, "first_step = 0.005: it lies between .* longest_step = 0.001"),
     ],
 )

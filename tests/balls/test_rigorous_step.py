@@ -12,7 +12,7 @@ from flint import arb, ctx
 from orbits.balls.crossing import NO_BREAKPOINTS
 from orbits.balls.enclosure import follow_centre
 from orbits.balls.programs import ball_of_fraction
-from orbits.balls.step import between, picard_coefficients, take_step
+from orbits.balls.rigorous_step import between, picard_coefficients, take_step
 from orbits.exact.refusal import Unproved
 
 GROWTH = system_of(1, lambda x: [x[0]])

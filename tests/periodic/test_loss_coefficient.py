@@ -8,7 +8,7 @@ from thirty_digits import exact_alpha, series
 
 from orbits import find, follow, orbit_at
 from orbits.flow.flow import flow_of
-from orbits.periodic.local_law import by_launch_speed, launch_power
+from orbits.periodic.loss_coefficient import by_launch_speed, launch_power
 from orbits.shooting.formulations import landing_gap_slope
 from problems import Hopper, Juggler
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from orbits.numerics.bernstein import (
+from orbits.numerics.polynomial_roots import (
     Crossings,
     PiecewisePolynomials,
     _refine,
@@ -121,7 +121,7 @@ def test_many_roots_at_once_are_the_same_as_one_by_one():
 def test_a_root_in_a_bracket_that_rounding_has_closed(monkeypatch):
     """A line that misses zero by a rounding at the only number left in the bracket: that is the root, found at once."""
     calls = []
-    monkeypatch.setattr("orbits.numerics.bernstein.powers", lambda *a: calls.append(a) or powers(*a))
+    monkeypatch.setattr("orbits.numerics.polynomial_roots.powers", lambda *a: calls.append(a) or powers(*a))
     r = 0.21758109405527115
     c, share = np.array([[-6.0 * r, 6.0]]), np.array([r])
     c[0, 0] -= 2 * np.spacing(c[0, 0])
