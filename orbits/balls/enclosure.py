@@ -27,8 +27,8 @@ COARSE, FINE = (12, 2.0**-30, 64), (18, 2.0**-50, 100)
 ORDER_PER_BIT = 0.36
 MOST_STEPS = 2000
 # A set that spreads needs ever shorter steps: it is given up where the last steps of this many, at their mean length,
-# would take more than ten times the steps that are left.
-OBSERVED_STEPS = 50
+# would take more than a hundred times the steps that are left. Beside a pole of a law steps are short for a while.
+OBSERVED_STEPS, HOPELESS = 50, 100
 TOO_LONG = f"the motion takes more than {MOST_STEPS} steps"
 
 
@@ -117,7 +117,7 @@ def follow_set(
             raise Unproved(TOO_LONG)
         if len(pieces) >= OBSERVED_STEPS:
             needed = OBSERVED_STEPS * float(1 - at) / float(at - pieces[-OBSERVED_STEPS].begins)
-            if needed > 10 * (MOST_STEPS - len(pieces)):
+            if needed > HOPELESS * (MOST_STEPS - len(pieces)):
                 raise Unproved(SPREADING)
         check_proof_time()
         within = inner * radii + error
