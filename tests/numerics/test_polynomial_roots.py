@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from orbits.numerics import polynomial_roots
 from orbits.numerics.polynomial_roots import (
     Crossings,
     PiecewisePolynomials,
@@ -139,3 +140,13 @@ def test_no_root_is_lost_at_a_joint_of_blocks_where_one_side_rounds_to_zero():
     ((piece, t),) = crossings(np.array([[0.0, 1.0]]), np.array([1.0]))
     assert piece == 0
     assert abs(t) < 1e-15
+
+
+@pytest.mark.parametrize("count", [1, 20])
+def test_newtons_method_needs_few_steps(count, monkeypatch):
+    """Twelve bisections of the interval alone would leave the root to 2e-4; one root, and many together."""
+    monkeypatch.setattr(polynomial_roots, "MOST_ITERATIONS", 12)
+    sought = np.linspace(0.3, 0.7, count)
+    series = np.array([np.poly1d([root, 1.3, -0.4], r=True).coeffs[::-1] for root in sought])
+    _, _, found = PiecewisePolynomials(series, np.ones(count), np.ones(count, int)).roots()
+    assert found == pytest.approx(sought, rel=1e-14)
