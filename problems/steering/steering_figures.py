@@ -1,6 +1,6 @@
 """Figures of driven machines: heights of the masses, inputs of the actuator, and effects of a disturbance."""
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -11,14 +11,10 @@ from orbits.units import LIFTOFF_SPEED
 
 from .actuated import RATE
 
-if TYPE_CHECKING:
-    from .disturbed import Disturbed
-    from .driven import Driven
-
 LONGEST = 1.1  # of a disturbed motion that comes to rest is drawn, as a multiple of the undisturbed one
 
 
-def plot_driven(driven: "Driven", axes: Axes | None = None) -> Axes:
+def plot_driven(driven: Any, axes: Axes | None = None) -> Axes:
     """Plot heights of the masses of a `Driven` against time, contact shaded, and in panels below the displacement of
     the spring's end and its rate; return the axes of the heights."""
     axes = plot_simulation(driven.motion, axes or new_axes(5.6, 5.6))
@@ -35,7 +31,7 @@ def plot_driven(driven: "Driven", axes: Axes | None = None) -> Axes:
     return finished_panels(driven, panels)
 
 
-def plot_disturbed(disturbed: "Disturbed", axes: Axes | None = None) -> Axes:
+def plot_disturbed(disturbed: Any, axes: Axes | None = None) -> Axes:
     """Plot heights of a `Disturbed` machine against time, its contact shaded, dashed without the disturbance; below by
     how much each launch speed is off. Return the axes of the heights."""
     nominal, run = disturbed.nominal, disturbed.run
