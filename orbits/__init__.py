@@ -2,6 +2,7 @@
 
 import ast
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +18,12 @@ def __getattr__(name: str) -> Any:
         from .io import version
 
         return version("persistent-orbits")
-    if name not in PLACE_OF:
+    if name in PLACE_OF:
+        value = globals()[name] = getattr(import_module(f".{PLACE_OF[name]}", __name__), name)
+        return value
+    if name.startswith("_") or find_spec(f"{__name__}.{name}") is None:
         raise AttributeError(f"module 'orbits' has no attribute '{name}'")
-    value = globals()[name] = getattr(import_module(f".{PLACE_OF[name]}", __name__), name)
-    return value
+    return import_module(f".{name}", __name__)
 
 
 def __dir__() -> list[str]:

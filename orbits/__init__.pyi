@@ -68,6 +68,7 @@ from .sweeps.uncertainty import Uncertainty, uncertainty
 from .units import Units
 
 __version__: str
+PLACE_OF: dict[str, str]  # the module of each name
 
 __all__ = [
     "BifurcationDiagram", "Control", "Design", "Existence", "Family", "Front", "InputError", "Machine", "Mechanism",

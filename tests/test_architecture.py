@@ -284,6 +284,13 @@ def test_what_a_scene_does_not_need_is_not_loaded():
     assert loaded_by(varying) == {"casadi", "numpy"}
 
 
+def test_names_of_the_package_are_loaded_when_they_are_used():
+    assert loaded_by("import orbits") == set()
+    assert "casadi" not in loaded_by("import orbits; orbits.errors.InputError; orbits.InputError")
+    assert "casadi" in loaded_by("import orbits; orbits.checks; assert callable(orbits.check)")
+    assert not hasattr(orbits, "no_such_room")
+
+
 def test_what_needs_an_extra_is_marked():
     """A module that is skipped where a package is missing is `extra` (or of a kind that has a run of its own)."""
     own = ("docs", "browser", "slow")

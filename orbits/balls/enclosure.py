@@ -26,9 +26,10 @@ COARSE, FINE = (12, 2.0**-30, 64), (18, 2.0**-50, 100)
 # The order of polynomials for the centre, per bit: about half of log 2, where steps cost the least.
 ORDER_PER_BIT = 0.36
 MOST_STEPS = 2000
-# A set that spreads needs ever shorter steps: it is given up where the last steps of this many, at their mean length,
-# would take more than a hundred times the steps that are left. Beside a pole of a law steps are short for a while.
-OBSERVED_STEPS, HOPELESS = 50, 100
+# A set that spreads needs ever shorter steps. It is given up where, at the mean length of the last 50 steps, the rest
+# would take more than 100 times the steps that remain; beside a pole of a law steps are short for a while. The set has
+# spread where it is wider than a share of its largest state.
+OBSERVED_STEPS, HOPELESS, SPREAD = 50, 100, 1e-3
 TOO_LONG = f"the motion takes more than {MOST_STEPS} steps"
 
 
@@ -115,15 +116,15 @@ def follow_set(
     while True:
         if len(pieces) == MOST_STEPS:
             raise Unproved(TOO_LONG)
-        if len(pieces) >= OBSERVED_STEPS:
-            needed = OBSERVED_STEPS * float(1 - at) / float(at - pieces[-OBSERVED_STEPS].begins)
-            if needed > HOPELESS * (MOST_STEPS - len(pieces)):
-                raise Unproved(SPREADING)
         check_proof_time()
         within = inner * radii + error
         deviations = frame * within
         spread = [deviations[i, 0].abs_upper() for i in range(n)]
         left = 1 - at
+        if len(pieces) >= OBSERVED_STEPS:
+            covered = at - pieces[-OBSERVED_STEPS].begins
+            if OBSERVED_STEPS * left > HOPELESS * (MOST_STEPS - len(pieces)) * covered:
+                raise Unproved(SPREADING if max(spread) > SPREAD * max(map(abs, centre)) else TOO_LONG)
         with ctx.workprec(fineness[2]):
             advance = advance_step(
                 variation.varied, breakpoints, law, [*centre, *identity], [*spread, *[arb(0)] * (m * n)],

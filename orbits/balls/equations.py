@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from flint import arb, arb_mat
 
 from ..exact.exact_mechanics import place_of
-from ..exact.expressions import ZERO, ExactExpression, exact_number, jacobian, substitute, symbol, total
+from ..exact.expressions import ZERO, ExactExpression, exact_number, in_order, jacobian, substitute, symbol, total
 from ..exact.refusal import Unproved
 from ..exact.stated import Bounds
 from ..exact.statement import ExactArc, ExactStatement
@@ -140,18 +140,21 @@ def system_of(states: list[ExactExpression], rates: list[ExactExpression]) -> Sy
                 slopes.append(slope)
     moving = [i for i, rate in enumerate(rates) if rate is not ZERO]
     parts = list[StatesOfPart]()
-    for own in _halves(moving, places) or [moving]:
-        inputs = sorted({j for i, j in places if i in own})
+    # Not the derivatives, one of which may vanish where the state does not cancel in the expression itself.
+    contained = [{*in_order([rate])} for rate in rates]
+    needs = [(i, j) for i in moving for j, state in enumerate(states) if state in contained[i]]
+    for own in _halves(moving, needs) or [moving]:
+        inputs = sorted({j for i, j in needs if i in own})
         program = BallProgram([states[j] for j in inputs], [rates[i] for i in own])
         parts.append(StatesOfPart(tuple(own), tuple(inputs), program))
     return System(len(states), BallProgram(states, rates), BallProgram(states, slopes), tuple(places), tuple(parts))
 
 
-def _halves(moving: list[int], places: list[tuple[int, int]]) -> list[list[int]] | None:
-    """The moving states in two parts such that the rates of each depend on no state of its own part, from the places
-    of the derivatives that are not zero; None where there are no such parts."""
+def _halves(moving: list[int], needs: list[tuple[int, int]]) -> list[list[int]] | None:
+    """The moving states in two parts such that the rates of each contain no state of its own part, from the pairs of
+    a state and another one that its rate contains; None where there are no such parts."""
     side, neighbours = dict[int, bool](), {i: list[int]() for i in moving}
-    for i, j in places:
+    for i, j in needs:
         if j in neighbours:
             neighbours[i].append(j)
             neighbours[j].append(i)

@@ -154,6 +154,8 @@ class Trajectories:
         names = "starts", "ends", "coefficients", "counts"
         arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
         moving = [part.variations for part in parts if part.variations is not None]
+        if len(moving) not in (0, len(parts)):
+            raise ValueError("some of the motions have variations and others none")
         terms = min((each.shape[-1] for each in moving), default=0)
         variations = np.concatenate([each[..., :terms] for each in moving]) if moving else None
         return cls(**arrays, names=parts[0].names, variations=variations)

@@ -9,6 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from ..errors import InputError
 from .roots import Array
 
 BITS_OF_POINT = 30
@@ -39,6 +40,8 @@ def sobol_points(count: int, dimensions: int, seed: int, first: int = 0) -> Arra
         from scipy.stats import qmc
 
         return qmc.Sobol(dimensions, seed=seed).random_base2((first + count - 1).bit_length())[first : first + count]
+    if first + count > 2**BITS_OF_POINT:
+        raise InputError(f"Sobol's sequence has {2**BITS_OF_POINT} points, fewer than {first + count}")
     columns, shift = _scrambled(dimensions, seed)
     index = np.arange(first, first + count)
     index ^= index >> 1  # a Gray code, in which neighbours differ in one bit
@@ -49,7 +52,7 @@ def sobol_points(count: int, dimensions: int, seed: int, first: int = 0) -> Arra
 
 
 def _unscrambled(dimensions: int) -> Array:
-    """Direction numbers (dimensions, bits), each with as many bits; their first bit is the first of a coordinate."""
+    """Direction numbers (dimensions, bits), integers below 2**bits, whose highest bit is worth 1/2."""
     rows = [[1] * BITS_OF_POINT]
     for polynomial, numbers in DIRECTIONS[: dimensions - 1]:
         row, degree = [*numbers], len(numbers)

@@ -45,14 +45,18 @@ def _proof_of(
         return whole
     parts = _parts(claim, stated, own, (digits, motion, loss), HALVINGS_OF_INTERVALS)
     if not parts[-1].proved:  # its reason may be another one, such as the time limit
-        said = " ".join(whole.reasons)
-        others = [
-            f"in a part of the intervals: {each}" for each in parts[-1].reasons if each.partition(": ")[2] not in said
-        ]
-        return replace(whole, reasons=(*whole.reasons, *others), seconds=time.perf_counter() - began)
+        others = (each for each in parts[-1].reasons if not _is_among(each, whole.reasons))
+        reasons = *whole.reasons, *(f"in a part of the intervals: {each}" for each in others)
+        return replace(whole, reasons=reasons, seconds=time.perf_counter() - began)
     seconds = time.perf_counter() - began
     parameters_stated = {name: bounds_of_fractions(bounds) for name, bounds in stated.parameters.items()}
     return replace(_joined(parts, stated), parameters=parameters_stated, seconds=seconds)
+
+
+def _is_among(reason: str, reasons: Sequence[str]) -> bool:
+    """Whether one of the reasons is about the same condition and ends in the same words."""
+    condition, _, words = reason.partition(": ")
+    return any(each.startswith(condition) and each.endswith(words) for each in reasons)
 
 
 def _with_parameter(stated: StatedMachine, name: str, bounds: Bounds) -> StatedMachine:

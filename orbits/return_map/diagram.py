@@ -11,7 +11,7 @@ from ..continuation.point import End
 from ..io import Document, one_line
 from ..result import Axes, Result, Row, known, shown, stored
 
-BranchEnd = End  # an earlier name
+BranchEnd = End  # both names can be imported
 HOPS_OF = {1: "fixed points", 2: "hops of period two"}
 # Names that the parameter of a diagram cannot have, since tables and documents have these names too.
 RESERVED_IN_DIAGRAMS = ("branch", "period", "value", "alpha", "other", "multiplier", "stable", "ends", "kind", "note")

@@ -143,6 +143,12 @@ PARTS = {
          [2, *[0] * 8],
          [5, 2, *[0] * 7]],
     ),
+    # The second rate contains a state that cancels.
+    "cancelled": (
+        lambda x: [x[1] + x[0] + -1 * x[0], -1 * x[0]], [1, 0], [{0, 1}],
+        [[(-1) ** (k // 2) * Fraction(1 - k % 2, f) for k, f in enumerate(FACTORIALS)],
+         [(-1) ** (k // 2 + 1) * Fraction(k % 2, f) for k, f in enumerate(FACTORIALS)]],
+    ),
     "ring": (lambda x: [x[1], x[2], x[0]], [1, 1, 1], [{0, 1, 2}], [[Fraction(1, f) for f in FACTORIALS]] * 3),
 }  # fmt: skip
 

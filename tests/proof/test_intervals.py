@@ -119,7 +119,18 @@ def test_what_an_orbit_says_is_held_against_parts_of_intervals(cubic_hop, right,
     assert len(proof.parts) == (2 if right else 1)
 
 
-def test_a_proof_in_parts_that_runs_out_of_time_says_so(cubic_hop):
-    proof = prove(cubic_hop, parameters={"beta": ("0.29", "0.31")}, limit=2.5)
+def test_a_proof_in_parts_has_the_reasons_of_the_part_that_fails(cubic_hop, monkeypatch):
+    """Those that the whole has too, with more words between, are not repeated."""
+    spreads, late = "the set spreads too far", "it takes more than 30 s"
+
+    def failing(claim, stated, *requested, **options):
+        low, high = stated.parameters["beta"]
+        part = high - low < Fraction(1, 5000)
+        reasons = (f"existence: {spreads}", f"clearance: {late}") if part else (f"existence: no box: {spreads}",)
+        return dataclasses.replace(whole_proof(claim, stated, *requested, **options), proved=False, reasons=reasons)
+
+    monkeypatch.setattr(intervals, "whole_proof", failing)
+    monkeypatch.setattr(intervals, "HALVINGS_OF_INTERVALS", 1)
+    proof = prove(cubic_hop, parameters={"beta": ("0.29985", "0.30015")}, motion=False)
     assert not proof.proved
-    assert any("it takes more than 2.5 s" in reason for reason in proof.reasons)
+    assert proof.reasons == (f"existence: no box: {spreads}", f"in a part of the intervals: clearance: {late}")
