@@ -17,7 +17,8 @@ from ..model.phase import Phase
 from ..numerics.roots import Array
 from ..running import interrupts
 from ..symbolic.caches import cached
-from ..symbolic.calls import BufferedFunction, ElementwiseFunction
+from ..symbolic.calls import BufferedFunction
+from ..symbolic.kernels import ElementwiseFunction
 from ..units import TIME, Message, Quantity, described
 from .breakpoints import ActivePiece
 from .runge_kutta import RungeKuttaStepper

@@ -1,12 +1,12 @@
 """Taylor steps of a flow with their sensitivities, of one motion or of many, in kernels."""
 
 from functools import cached_property
-from math import comb
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
+from ..numerics.exclusion import control_values, without_first_zero
 from ..numerics.polynomial_roots import TINY
 from ..numerics.roots import Array
 from ..symbolic.caches import cached
@@ -22,8 +22,6 @@ LARGEST_DEFECT = 1e-10
 LONGEST_STEP = 1e9
 # Where less than this many steps are left of the duration, the last two share it evenly, so that none is tiny.
 SHARED_STEPS = 1.5
-# The highest order of a zero at the start of a motion that a search divides out.
-HIGHEST_ORDER = 3
 
 
 class Motions(NamedTuple):
@@ -218,7 +216,6 @@ def _may_change_sign(rows: int, size: int, counts: bool) -> ca.Function:
     c, h, order = ca.SX.sym("c", TAYLOR_ORDER + 1, rows), ca.SX.sym("h"), ca.SX.sym("order")
     tests, before = ca.SX.sym("w", size * (rows + 1)), ca.SX.sym("s", size)
     powers, change, after, turned = symbolic_powers(h), ca.SX(0), [], ca.SX(0)
-    binomials = ca.DM([comb(TAYLOR_ORDER, k) for k in range(TAYLOR_ORDER + 1)])
     for i in range(size):
         series = c @ tests[i * rows : (i + 1) * rows]
         series[0] += tests[size * rows + i]
@@ -227,12 +224,7 @@ def _may_change_sign(rows: int, size: int, counts: bool) -> ca.Function:
             turned = (ca.if_else(before[i] == 0, series[0], before[i]) >= 0) != ends
             after.append(ca.if_else(ends, 1.0, -1.0))
             continue
-        for skipped in range(1, HIGHEST_ORDER + 1) if i == 0 else ():
-            series = ca.if_else(order >= skipped, ca.vertcat(series[1:], 0), series)
-        rise, values = series * powers / binomials, []
-        while rise.numel():  # differences of the Bernstein coefficients, added up
-            values.append(rise[0])
-            rise = rise[:-1] + rise[1:]
+        values = control_values(without_first_zero(series, order) if i == 0 else series, powers)
         begins = ca.if_else(before[i] == 0, values[0], before[i]) >= 0
         rest = ca.vertcat(*values[1:])
         same = ca.if_else(begins, ca.mmin(rest) >= 0, ca.mmax(rest) < 0)

@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import BreaksDown, FlowError, RunsAway
 from ..model.phase import Affine
-from ..numerics.polynomial_roots import Crossings, PiecewisePolynomials, evaluate, powers
+from ..numerics.polynomial_roots import Crossings, PiecewisePolynomials, evaluate
 from ..numerics.roots import Array
 from ..running import interrupts
 from .breakpoints import ActivePieces
@@ -115,7 +115,7 @@ class _ZeroSearch:
         length, remaining = CLOSED_STEP / np.sqrt(form.square), np.arange(len(self.starts))
         rises, falls = form.positive_between(self.quantity, self.starts.T)
         # The signs are those at the ends of the last block.
-        signs, of_length = np.zeros(len(self.starts)), powers(length, CLOSED_ORDER + 1)
+        signs = np.zeros(len(self.starts))
         for _ in range(self.flow.control.max_calls):
             if not len(remaining):
                 break
@@ -123,7 +123,7 @@ class _ZeroSearch:
             times = began[:, None] + length * np.arange(block)
             c = form.along(self.quantity.weights, self.starts[remaining].T[:, :, None], times, CLOSED_ORDER)
             c[:, 0] += self.quantity.offset
-            polynomials = PiecewisePolynomials(c, np.full(len(c), length), np.full(len(remaining), block), of_length)
+            polynomials = PiecewisePolynomials(c, np.full(len(c), length), np.full(len(remaining), block))
             skip = np.where(began > 0, 0, self.skip[remaining])
             owner, piece, t = polynomials.first_roots(skip, self.rising, signs[remaining])
             signs[remaining] = polynomials.after

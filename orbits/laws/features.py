@@ -12,7 +12,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from ..symbolic.calls import ElementwiseFunction
+from ..symbolic.kernels import ElementwiseFunction
 from .law import Algebraic, Key, Parameters, from_key, values_and_slopes
 
 # The number of sampled slopes, up to this distance from rest in units of length, and up to twice the height. A hop of

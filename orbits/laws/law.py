@@ -19,7 +19,8 @@ from ..errors import InputError, OutOfRange
 from ..io import in_words
 from ..running.exclusive import LOCK, exclusive
 from ..symbolic.caches import cached
-from ..symbolic.calls import ElementwiseFunction, MappedFunction
+from ..symbolic.calls import MappedFunction
+from ..symbolic.kernels import ElementwiseFunction
 from ..symbolic.formula import CONSTANTS, parse, suggest
 from ..symbolic.taylor_series import has_taylor_series
 from ..symbolic.tracing import traced

@@ -22,7 +22,8 @@ import numpy as np
 
 from ..laws.law import Algebraic, Parameters, Scalars
 from ..running.exclusive import LOCK
-from ..symbolic.calls import ElementwiseFunction, single_assignment
+from ..symbolic.calls import single_assignment
+from ..symbolic.kernels import ElementwiseFunction
 from ..symbolic.folding import exact_numeral
 from ..symbolic.formula import CONSTANTS
 from ..symbolic.rational import NormalForms, Normalised, normalised, rounded

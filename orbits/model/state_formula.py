@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ..errors import InputError
 from ..laws.law import Algebraic, Parameters, Scalars
 from ..symbolic.caches import cached
-from ..symbolic.calls import ElementwiseFunction
+from ..symbolic.kernels import ElementwiseFunction
 from ..symbolic.formula import Formula, parse
 from ..symbolic.taylor_series import composed_coefficients
 from .phase import Affine

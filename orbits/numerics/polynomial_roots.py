@@ -11,6 +11,7 @@ from math import comb
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .exclusion import sign_changes
 from .roots import CLOSED, MOST_ITERATIONS, Array
 
 _Crossed = list[tuple[int, float]]
@@ -84,7 +85,7 @@ def _binomial(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 def roots(coefficients: np.ndarray, h: float) -> list[float]:
     """All roots in (0, h], ascending; 0 counts as positive, and a double root that rounding cannot separate is none."""
-    brackets = _brackets(bernstein(coefficients, powers(h, len(coefficients)))[None])[1:]
+    brackets = _brackets(bernstein(coefficients, powers(h, len(coefficients)))[None], np.array([False]))[1:]
     return [_refine(coefficients, h, *bracket) for bracket in zip(*brackets, strict=True)]
 
 
@@ -122,39 +123,48 @@ class PiecewisePolynomials:
 
     coefficients, steps : (N, K + 1) and (N,), of all pieces in order
     counts : (m,), the number of pieces of each polynomial
-    of_steps : powers (N, K + 1) of the steps, or (K + 1,) where all have one length, or more of them, where they are
-        known already
     """
 
-    def __init__(self, coefficients: Array, steps: Array, counts: Array, of_steps: Array | None = None):
-        self.coefficients, self.steps, size = coefficients, steps, coefficients.shape[1]
-        self.of_steps = powers(steps, size) if of_steps is None else of_steps[..., :size]
+    def __init__(self, coefficients: Array, steps: Array, counts: Array):
+        self.coefficients, self.steps = coefficients, steps
         self.last = counts.cumsum() - 1
         self.first = self.last - counts + 1
         self.owner = np.arange(len(counts)).repeat(counts)
         self._ends = coefficients[:0, 0]
 
-    def roots(self, start: ArrayLike = 0, rising: ArrayLike = False, before: Array | None = None) -> _Places:
+    def roots(
+        self,
+        start: ArrayLike = 0,
+        rising: ArrayLike = False,
+        before: Array | None = None,
+        stationary: ArrayLike = False,
+    ) -> _Places:
         """All roots, in order: the polynomial (r,), the piece of it (r,), and the time in that piece (r,).
 
         start : the order of the zero at the very beginning of each, for all or (m,), which is divided out exactly
         rising : report only the roots where the sign goes from minus to plus, for all or (m,)
         before : the sign (m,) with which each is continued from an earlier block, or 0 where it begins here
+        stationary : report the roots of the rate instead, for all or (m,)
         """
-        orders = np.broadcast_to(start, self.first.shape) if _any(start) else None
-        only = np.broadcast_to(rising, self.first.shape)[self.owner] if _any(rising) else None
-        values = self._control_values(orders, before)
-        self._ends = values[self.last, -1]
-        if not len(brackets := _brackets(values, only)):
+        if not len(self.steps):
             return np.zeros(0, int), np.zeros(0, int), np.zeros(0)
-        pieces = brackets[0]
-        owner, series = self.owner[pieces], self.coefficients[pieces]
-        piece = pieces - self.first[owner]
-        if orders is not None:
-            series = _without_first_zero(series, np.where(piece == 0, orders[owner], 0))
-        places = (series, self.steps[pieces], *brackets[1:])
-        times = _refine_together(*places) if len(pieces) > FEW else np.array([*map(_refine, *places)])
-        return owner, piece, times
+        rises, by_rate = (np.broadcast_to(each, self.first.shape)[self.owner] for each in (rising, stationary))
+        orders = np.zeros(len(self.steps))
+        orders[self.first] = start
+        which, starts, ends = self._doubtful(orders, rises, by_rate, before)
+        series, rated, steps = self.coefficients[which], by_rate[which], self.steps[which]
+        series[rated, :-1], series[rated, -1] = derivative(series[rated]), 0.0
+        series = _without_first_zero(series, orders[which])
+        values = bernstein(series, powers(steps, series.shape[1]))
+        values[:, 0], values[:, -1] = starts, ends
+        if not len(brackets := _brackets(values, rises[which])):
+            return np.zeros(0, int), np.zeros(0, int), np.zeros(0)
+        rows, *places = brackets
+        places = [series[rows], steps[rows], *places]
+        times = _refine_together(*places) if len(rows) > FEW else np.array([*map(_refine, *places)])
+        pieces = which[rows]
+        owner = self.owner[pieces]
+        return owner, pieces - self.first[owner], times
 
     @property
     def after(self) -> Array:
@@ -167,30 +177,34 @@ class PiecewisePolynomials:
         first = np.append(True, owner[1:] != owner[:-1])[: len(owner)]  # `np.unique` imports masked arrays
         return owner[first], pieces[first], times[first]
 
-    def _control_values(self, orders: Array | None, before: Array | None) -> np.ndarray:
-        """Bernstein coefficients (N, K + 1), of one sign on both sides of a joint: else rounding loses a root there."""
-        values = bernstein(self.coefficients, self.of_steps)
-        if orders is not None:
-            of_steps = self.of_steps if self.of_steps.ndim == 1 else self.of_steps[self.first]
-            values[self.first] = bernstein(_without_first_zero(self.coefficients[self.first], orders), of_steps)
-        ends = values[self.last, -1]
-        values[:-1, -1] = self.coefficients[1:, 0]
-        values[self.last, -1] = ends
+    def _doubtful(
+        self, orders: Array, rises: Array, by_rate: Array, before: Array | None
+    ) -> tuple[Array, Array, Array]:
+        """The pieces (k,) that may have a root, and the values (k,) with which they start and end, of one sign on both
+        sides of a joint: else rounding loses a root there."""
+        c, first, last = self.coefficients, self.first, self.last
+        found = sign_changes(c.shape[1])(c, *(each[:, None] for each in (self.steps, orders, by_rate)))
+        begins, ends, changes = (each[:, 0] for each in found)
+        self._ends, starts, positive = ends[last], begins.copy(), begins >= 0
+        ends[:-1], ends[last] = np.where(by_rate, c[:, 1], c[:, 0])[1:], self._ends
         if before is not None:
-            first = values[self.first, 0]
-            continued = np.where(before * first < 0, before * np.abs(first), first)
-            values[self.first, 0] = np.where((before < 0) & (first == 0), -TINY, continued)
-        return values
+            continued = np.where(before * starts[first] < 0, before * np.abs(starts[first]), starts[first])
+            starts[first] = np.where((before < 0) & (starts[first] == 0), -TINY, continued)
+        same_start, same_end = ((each >= 0) == positive for each in (starts, ends))
+        none = same_start & same_end & (changes == 0)
+        falls_once = positive & same_start & (ends < 0) & (changes <= 1)
+        which = (~(none | (rises & falls_once))).nonzero()[0]
+        return which, starts[which], ends[which]
 
     def lowest(self) -> _Places:
         """The least value (m,) of each polynomial, the piece (m,) and the time in it (m,) where it is taken."""
-        values = bernstein(self.coefficients, self.of_steps)
-        ends = np.einsum("Nk,Nk->N", self.coefficients, self.of_steps)
+        of_steps = powers(self.steps, self.coefficients.shape[1])
+        values = bernstein(self.coefficients, of_steps)
+        ends = np.einsum("Nk,Nk->N", self.coefficients, of_steps)
         least = np.minimum.reduceat(np.minimum(self.coefficients[:, 0], ends), self.first)
         lower = (values.min(1) < least[self.owner]).nonzero()[0]  # pieces that may have a lower value inside
-        each = self.steps[lower], np.ones(len(lower), int), self.of_steps[lower]
-        slopes = PiecewisePolynomials(derivative(self.coefficients[lower]), *each)
-        owner, _, t = slopes.roots(rising=True)
+        alone = PiecewisePolynomials(self.coefficients[lower], self.steps[lower], np.ones(len(lower), int))
+        owner, _, t = alone.roots(rising=True, stationary=True)
         turns = lower[owner]
         pieces = np.concatenate([turns, *[np.arange(len(ends))] * 2])
         times = np.concatenate([t, self.steps, np.zeros(len(ends))])
@@ -200,21 +214,16 @@ class PiecewisePolynomials:
         return values[best], pieces[best] - self.first, times[best]
 
 
-def _any(values: ArrayLike) -> bool:
-    """Whether a number, or one of several, is not 0; for a number this takes far less time than NumPy's."""
-    return bool(values.any() if isinstance(values, np.ndarray) else values)
-
-
 def _without_first_zero(series: np.ndarray, orders: np.ndarray) -> np.ndarray:
     """Coefficients (m, K + 1), in place, of polynomials divided by t to the power of their orders (m,)."""
-    for order in range(1, orders.max(initial=0) + 1):
+    for order in range(1, int(orders.max(initial=0)) + 1):
         here = orders == order
         if here.any():
             series[here, :-order], series[here, -order:] = series[here, order:], 0.0
     return series
 
 
-def _brackets(values: np.ndarray, rising: np.ndarray | None = None) -> list[np.ndarray]:
+def _brackets(values: np.ndarray, rising: np.ndarray) -> list[np.ndarray]:
     """The roots of pieces with Bernstein coefficients `values` (N, K + 1), in order, in columns (r,): the piece; the
     bracket (low, high) in it, in shares of the interval; whether the root rises; and where it is about. No column is
     returned where there is no root. On pieces that are `rising` (N,), only rising roots count."""
@@ -232,8 +241,7 @@ def _brackets(values: np.ndarray, rising: np.ndarray | None = None) -> list[np.n
         here, several = begins[:-1] & begins[1:], rows[begins[:-1] & ~begins[1:]]
         if halvings == MOST_HALVINGS:  # rounding has made several changes of one
             here = begins[:-1] & (positive[rows * size] != positive[rows * size + size - 1])
-        if rising is not None:
-            here &= positive[changes + 1] | ~rising[which[rows]]
+        here &= positive[changes + 1] | ~rising[which[rows]]
         changes, rows, j = changes[here], rows[here], j[here]
         before, after, begin = flat[changes], flat[changes + 1], low[rows]
         about = (j + before / (before - after)) / (size - 1)  # where the coefficients' polygon crosses zero

@@ -18,7 +18,7 @@ from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
 from ..shooting.error_bound import DOUBTFUL_RATIO, EPS, NARROW
 from ..shooting.formulations import CONTACT_FORCE, NONE, Cycles, or_none, vectors
 from ..symbolic.caches import cached
-from ..symbolic.calls import ElementwiseFunction
+from ..symbolic.kernels import ElementwiseFunction
 from ..units import JERK, LENGTH, TIME, Message, Quantity, Record
 from .loss_coefficient import by_launch_speed, launch_power, loss_coefficient
 
@@ -250,10 +250,11 @@ class _Curve(NamedTuple):
 
     def at_ends(self, order: int) -> np.ndarray:
         """The derivative (m,) of this order at the ends of the motions."""
-        last, c = self.motions.last, self.series
+        last = self.motions.last
+        c = self.series[last]
         for _ in range(order):
             c = derivative(c)
-        return np.einsum("mk,mk->m", c[last], self.motions.of_steps[last, : c.shape[1]])
+        return evaluate(c, self.motions.steps[last])
 
 
 def _searched(sought: Mapping[str, tuple[Trajectories, np.ndarray, bool, int, bool]]) -> dict[str, _Curve]:
@@ -266,18 +267,16 @@ def _searched(sought: Mapping[str, tuple[Trajectories, np.ndarray, bool, int, bo
     if len(sought) > 1 and sum(len(series) for _, series, *_ in sought.values()) > MOST_TOGETHER:
         return {name: _searched({name: one})[name] for name, one in sought.items()}
     motions, series, by_rate, orders, rising = zip(*sought.values(), strict=True)
-    begins, firsts = (np.cumsum([0, *map(len, each)]) for each in (series, motions))
-    parts = zip(*((each.starts, each.steps, each.counts, each.of_steps) for each in motions), strict=True)
-    starts, *pieces = map(np.concatenate, parts)
+    firsts = np.cumsum([0, *map(len, motions)])
+    parts = zip(*((each.starts, each.steps, each.counts) for each in motions), strict=True)
+    starts, steps, counts = map(np.concatenate, parts)
     functions, sizes = np.concatenate(series), np.diff(firsts)
-    rates = np.zeros_like(functions)
-    rates[:, :-1] = derivative(functions)
-    searched = np.where(np.repeat(by_rate, np.diff(begins))[:, None], rates, functions)
-    polynomials = PiecewisePolynomials(searched, *pieces)
-    owner, piece, t = polynomials.roots(np.repeat(orders, sizes), np.repeat(rising, sizes))
+    polynomials = PiecewisePolynomials(functions, steps, counts)
+    order, rises, rate = (np.repeat(values, sizes) for values in (orders, rising, by_rate))
+    owner, piece, t = polynomials.roots(order, rises, stationary=rate)
     step, last = polynomials.first[owner] + piece, polynomials.last
     values, times = evaluate(functions[step], t), starts[step] + t
-    ends = np.einsum("mk,mk->m", functions[last], polynomials.of_steps[last])
+    ends = evaluate(functions[last], steps[last])
     places, found = np.searchsorted(owner, firsts).tolist(), dict[str, _Curve]()
     for i, name in enumerate(sought):
         here, each = slice(places[i], places[i + 1]), slice(firsts[i], firsts[i + 1])

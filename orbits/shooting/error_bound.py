@@ -12,7 +12,8 @@ from ..numerics.polynomial_roots import powers
 from ..numerics.quadrature import GAUSS, GAUSS_PLACES, GAUSS_WEIGHTS
 from ..numerics.roots import solve
 from ..symbolic.caches import cached
-from ..symbolic.calls import BufferedFunction, ElementwiseFunction
+from ..symbolic.calls import BufferedFunction
+from ..symbolic.kernels import ElementwiseFunction
 from ..units import LIFTOFF_SPEED, Message, Quantity
 from .single_shooting import Evaluation, Shooting
 

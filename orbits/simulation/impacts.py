@@ -25,7 +25,7 @@ from ..numerics.polynomial_roots import Crossings
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
 from ..periodic.certificate import gradients
 from ..shooting.formulations import contact_force_row, vector
-from ..symbolic.calls import ElementwiseFunction
+from ..symbolic.kernels import ElementwiseFunction
 from ..units import LIFTOFF_SPEED, Message, Quantity
 
 # The endings of a hop other than "lifts_off" (of a map) and "done" (of a simulation).

@@ -1,6 +1,6 @@
-"""Three fast ways to call a CasADi function on NumPy arrays: at one point, mapped over many, or elementwise on many."""
+"""Two fast ways to call a CasADi function on NumPy arrays: at one point, or mapped over many."""
 
-from typing import Any, Literal
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -29,9 +29,6 @@ def single_assignment(function: ca.Function) -> list[Instruction]:
         instructions.append((op, arguments, function.instruction_constant(i) if op == ca.OP_CONST else None))
     return instructions
 
-
-# Fewer points than this are computed one after the other by an `ElementwiseFunction`.
-FEW_POINTS = 33
 
 
 class BufferedFunction:
@@ -79,9 +76,6 @@ def room_for(count: int) -> int:
 class MappedFunction:
     """A CasADi function at several points in one call: arguments (m, size) make results (m, rows, columns)."""
 
-    # How results are copied out: "K" keeps the layout in memory, "C" puts each point's numbers side by side.
-    _order: Literal["K", "C"] = "K"
-
     def __init__(self, function: ca.Function):
         self.function = function
         self._batches: dict[int, tuple] = {}  # what `_batch` returns, for each capacity
@@ -99,7 +93,7 @@ class MappedFunction:
                 if count < capacity:
                     memory[count:] = argument[-1]
             call.trigger()
-            return [memory[:count].copy(order=self._order) for memory in outputs]
+            return [memory[:count].copy() for memory in outputs]
 
     def _batch(self, capacity):
         """The function of a whole batch, with views of its arguments and results by point."""
@@ -108,45 +102,3 @@ class MappedFunction:
         inputs = [memory.reshape(capacity, -1) for memory in call.arguments]
         outputs = [flat.reshape(capacity, *shape) for flat, shape in zip(call.flat, shapes, strict=True)]
         return call, inputs, [output.swapaxes(1, 2) for output in outputs]
-
-
-class ElementwiseFunction(MappedFunction):
-    """An SX function of vectors at several points: arguments (m, size) make results (m, rows).
-
-    Each of its instructions works on all points together, ten to seventy times as fast as point after point; with few
-    points that is no faster, and takes longer to build.
-    """
-
-    _order = "C"
-
-    def __init__(self, function: ca.Function):
-        symbols = function.sx_in()
-        super().__init__(ca.Function("dense", symbols, [ca.densify(result) for result in function.call(symbols)]))
-
-    def _batch(self, capacity):
-        if capacity < FEW_POINTS:
-            call = BufferedFunction(self.function.map(capacity))
-            return call, *([flat.reshape(capacity, -1) for flat in memory] for memory in (call.arguments, call.flat))
-        call = BufferedFunction(self._columnwise(capacity))
-        return call, *([flat.reshape(-1, capacity).T for flat in memory] for memory in (call.arguments, call.flat))
-
-    def _columnwise(self, count: int) -> ca.Function:
-        """The function on matrices (count, size)."""
-        arguments = [ca.MX.sym("x", count, self.function.numel_in(i)) for i in range(self.function.n_in())]
-        columns = [ca.horzsplit(argument) if argument.numel() else [] for argument in arguments]
-        results = [[ca.MX.zeros(count)] * self.function.numel_out(i) for i in range(self.function.n_out())]
-        values: list = []
-        for op, places, constant in single_assignment(self.function):
-            if op == ca.OP_OUTPUT:
-                source, which, row = places
-                results[which][row] = values[source] + ca.MX.zeros(count)
-                values.append(None)
-            elif op == ca.OP_INPUT:
-                values.append(columns[places[0]][places[1]])
-            elif constant is not None:
-                values.append(ca.MX(constant))
-            else:
-                apply = ca.MX.unary if len(places) == 1 else ca.MX.binary
-                values.append(apply(op, *(values[place] for place in places)))
-        matrices = [ca.densify(ca.horzcat(*rows, ca.MX(count, 0))) for rows in results]
-        return ca.Function("columnwise", arguments, matrices)

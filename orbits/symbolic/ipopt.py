@@ -8,11 +8,10 @@ import casadi as ca
 import numpy as np
 
 from ..errors import NoOrbit
-from ..numerics.roots import Array
 from ..running import heartbeat, interrupts
 from .caches import weigh
 
-Pair = tuple[Array, Array]
+Pair = tuple[np.ndarray, np.ndarray]
 
 # The meaning of Ipopt's return statuses where the equations are not solved, and the remedy.
 REASONS = {
@@ -70,7 +69,7 @@ WARM = {
 }
 
 
-def solve_equations(unknowns: ca.MX, equations: ca.MX, guess: Array, lower: Array, scale: Array) -> Array:
+def solve_equations(unknowns: ca.MX, equations: ca.MX, guess: np.ndarray, lower: np.ndarray, scale: np.ndarray) -> np.ndarray:
     """Solve the square system equations(unknowns) = 0 by Ipopt, with equations of order one.
 
     guess, lower, scale : (n,), as the solution; the problem is solved in the variables unknowns / scale
@@ -140,7 +139,7 @@ class Minimiser:
         self._watch = _Watch(unknowns.numel(), constraints.numel(), p.numel())
         self._solvers: dict[bool, ca.Function] = {}
 
-    def __call__(self, guess: Array, p: Array, bounds: Pair, limits: Pair, multipliers: Pair | None = None) -> Minimum:
+    def __call__(self, guess: np.ndarray, p: np.ndarray, bounds: Pair, limits: Pair, multipliers: Pair | None = None) -> Minimum:
         """The minimum near `guess` (n,), with unknowns within `bounds` and constraints within `limits`.
 
         The iteration starts from the `multipliers` of a similar problem's minimum, if any; the `kind` of the result

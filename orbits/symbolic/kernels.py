@@ -1,4 +1,5 @@
-"""Kernels: a CasADi function iterated at many points until each is done, interpreted at first, then in machine code."""
+"""Kernels: a CasADi function at many points, once or iterated until each is done, interpreted at first, then in machine
+code."""
 
 import ctypes
 import threading
@@ -15,11 +16,13 @@ import numpy as np
 from ..running import interrupts
 from ..running.exclusive import LOCK, threads
 from .caches import weigh
-from .calls import BufferedFunction
+from .calls import BufferedFunction, MappedFunction
 from .machine_code import MOST_LANES, MachineCode, compile_seconds, say_interpreted, target
 
 # About the seconds that CasADi's virtual machine takes for one instruction (measured on a server core of 2024).
 SECONDS_INTERPRETED = 3e-9
+# About the share of that which machine code takes.
+COMPILED_SHARE = 0.03
 # From this many instructions on, optimised code takes longer to make than it repays.
 LONG = 15_000
 # The most iterations of a point.
@@ -89,6 +92,19 @@ class Kernel:
             if self.optimisation_budget < np.inf:
                 self.optimisation_budget = np.inf
                 self._make_code(optimised=True)
+
+    def code_for(self, iterations: int) -> MachineCode | None:
+        """The machine code for some iterations at known cost, None where they are to be interpreted."""
+        seconds = iterations * self.seconds_per_step
+        if self._code is None:
+            self.interpretation_budget -= seconds
+            if self.interpretation_budget < 0:
+                self.compile()
+        elif self.optimisation_budget < np.inf:
+            self.optimisation_budget -= COMPILED_SHARE * seconds
+            if self.optimisation_budget < 0:
+                self.optimise()
+        return self._code
 
     def _make_code(self, optimised: bool) -> None:
         if target():
@@ -237,3 +253,32 @@ class Kernel:
             return [record[0, : int(ends[0, 0])].copy() for record in records]
         recorded = np.arange(capacity) < ends[:, :1]
         return [record[recorded] for record in records]
+
+
+class ElementwiseFunction(MappedFunction):
+    """An SX function of vectors at several points: arguments (m, size) make results (m, rows).
+
+    As in a `Kernel` it is interpreted at first, and then machine code works on several points side by side.
+    """
+
+    def __init__(self, function: ca.Function):
+        symbols, nothing = function.sx_in(), ca.SX.sym("z", 0)
+        results = [ca.densify(result) for result in function.call(symbols)]
+        super().__init__(ca.Function("dense", symbols, results))
+        self.kernel = Kernel(ca.Function("elementwise", [nothing, *symbols], [nothing, *results, 1, 0]))
+
+    def __call__(self, *arguments: np.ndarray) -> list[np.ndarray]:
+        """Results of each point; an argument (1, size) is shared by all points."""
+        count = max(map(len, arguments))
+        code = self.kernel.code_for(count)
+        if code is None:
+            return [np.ascontiguousarray(result[:, :, 0]) for result in super().__call__(*arguments)]
+        inputs = [np.ascontiguousarray(argument, dtype=float) for argument in arguments]
+        sizes = self.kernel.sizes_out[1:-2]
+        results = [np.empty((count, size)) for size in sizes]
+        # Each point is iterated once, by the same bounds.
+        arrays = [results[0], *inputs, *results, np.ones(3)]
+        strides = [0, *(len(array) > 1 and array.shape[1] for array in inputs), *sizes, 0]
+        pointers = (ctypes.c_void_p * len(arrays))(*(array.ctypes.data for array in arrays))
+        code.run(pointers, (ctypes.c_int64 * len(strides))(*strides), count)
+        return results

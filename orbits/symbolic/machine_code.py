@@ -29,6 +29,8 @@ _INTRINSICS |= {ca.OP_FMIN: "minnum", ca.OP_FMAX: "maxnum", ca.OP_COPYSIGN: "cop
 _TRIGONOMETRIC = [kind + name + end for name in ("sin", "cos", "tan") for kind in ("", "a") for end in ("", "h")]
 _CALLED = [*_TRIGONOMETRIC, "exp", "log", "expm1", "log1p", "erf", "pow", "atan2", "fmod", "hypot", "remainder"]
 _LIBRARY = {getattr(ca, f"OP_{name.upper()}"): name for name in _CALLED} | {ca.OP_CONSTPOW: "pow"}
+# The seconds that the shortest function takes to compile.
+FEWEST_SECONDS = 4e-3
 # (addresses of arrays, lengths of their rows, number of points)
 Run = Callable[[Any, Any, int], None]
 
@@ -62,7 +64,7 @@ def _c_library() -> ctypes.CDLL:
 
 def compile_seconds(instructions: int, optimised: bool = False) -> float:
     """About the seconds to compile this number of instructions of a graph (measured on a server core of 2024)."""
-    return (5e-5 if optimised else 2.5e-5) * instructions
+    return FEWEST_SECONDS + (5e-5 if optimised else 2.5e-5) * instructions
 
 
 class MachineCode:

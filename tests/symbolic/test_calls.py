@@ -4,7 +4,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from orbits.symbolic.calls import BufferedFunction, ElementwiseFunction
+from orbits.symbolic.calls import BufferedFunction
+from orbits.symbolic.kernels import ElementwiseFunction
 
 
 def test_functions_at_many_points():
