@@ -103,7 +103,7 @@ class Flow:
         if vanishing.any() or not done.all():
             return self._run_each(starts, ps, durations, seeds, parameter_seeds)
         c, counts = found.coefficients, found.counts
-        return Trajectories(begins, durations, c, counts, self.names, found.slopes), found.variations
+        return Trajectories(begins, durations, c, counts, self.names, found.begins), found.variations
 
     def _run_each(self, starts, ps, durations, *seeds) -> tuple[Trajectories, Array]:
         """`run_all` of one motion after the other."""
@@ -139,23 +139,23 @@ class Flow:
         columns = variations.shape[1]
         piece = ActivePiece(self, p, x, columns, parameter_seeds)
         stepper = self.stepper(columns, piece.varied())
-        coefficients, slopes, times, h, taken = [], [], [0.0], None, 0
+        coefficients, moving, times, h, taken = [], [], [0.0], None, 0
         block = 1 if self.phase.pieces else self.control.look_ahead if stop else self.control.max_block
         while times[-1] < duration:
             interrupts.heed()
             left = duration - times[-1]
-            steps, c, dc = stepper.advance(x, piece.data, variations, piece.seeds, block, left, h)
+            steps, c, begins = stepper.advance(x, piece.data, variations, piece.seeds, block, left, h)
             steps, c = self._accepted_steps(steps, c, times[-1], taken)
             lengths, side, stopped = self._block_end(piece, c, steps, left, stop)
             times.extend((times[-1] + lengths.cumsum()).tolist())
             coefficients.append(c[: (count := len(lengths))])
             taken += count
-            power = lengths[-1] ** np.arange(1, c.shape[2])
-            x = c[count - 1, : self.size, 0] + c[count - 1, : self.size, 1:] @ power
-            if dc is not None and columns:
-                slopes.append(dc[:count])
-                with np.errstate(all="ignore"):  # They may overflow; the callers check that they are finite.
-                    variations = dc[count - 1, ..., 0] + dc[count - 1, ..., 1:] @ power
+            power = lengths[-1] ** np.arange(c.shape[2])
+            before, x = c[count - 1, : self.size, 0], c[count - 1, : self.size] @ power
+            if columns:
+                moving.append(begins[:count])
+                last = before, piece.data, begins[count - 1], piece.seeds, lengths[-1]
+                variations = stepper.sensitivities_after(*last)
             h = steps[count - 1]
             if np.abs(x).max() > self.control.runaway:
                 kind = RunsAway if h > self.control.singular_step else BreaksDown
@@ -166,8 +166,8 @@ class Flow:
                 times[-1] = duration
             if side:
                 variations = piece.enter(side, x, variations)
-        moving = np.concatenate(slopes) if columns else None
-        return Trajectory(np.array(times), np.concatenate(coefficients), self.names, moving), variations
+        with_variations = np.concatenate(moving) if columns else None
+        return Trajectory(np.array(times), np.concatenate(coefficients), self.names, with_variations), variations
 
     def _accepted_steps(self, steps, c, t: float, taken: int) -> tuple[Array, Array]:
         """The leading steps that are numbers and not vanishing; raises `FlowError` when there is none."""

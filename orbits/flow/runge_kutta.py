@@ -29,9 +29,10 @@ class RungeKuttaStepper:
         end = runge_kutta(graph, x, h)
         moving = ca.vertcat(x, *[p[i] for i in varied])
         slope = ca.jtimes(end, moving, ca.vertcat(dx, dp)) if columns else ca.SX(self.n, 0)
-        step = ca.Function("step", [x, h, p, dx, dp], [end, ca.densify(slope), ca.densify(field(end, p)[1])])
+        step = ca.Function("step", [x, h, p, dx, dp], [end, ca.densify(slope)])
         self.step = BufferedFunction(step)
-        self.nodes = BufferedFunction(step.map("nodes", "serial", len(self.NODES), [0, 2, 3, 4], []))
+        node = ca.Function("node", [x, h, p], [end, ca.densify(field(end, p)[1])])
+        self.nodes = BufferedFunction(node.map("nodes", "serial", len(self.NODES), [0, 2], []))
         self.powers = np.vander(self.NODES, increasing=True)
         self.watched = BufferedFunction(ca.Function("watched", [x, p], [ca.densify(field(x, p)[1])]))
 
@@ -39,18 +40,17 @@ class RungeKuttaStepper:
         """One step, whatever `count` and `left` are; the caller cuts it where it leads too far.
 
         Returns its length (1,), at most `GROWTH` times the `hint`, or NaN where no step is accepted; coefficients
-        (1, rows, K + 1); and sensitivities (1, n, columns, K + 1), None without columns.
+        (1, rows, K + 1); and the sensitivities (1, n, columns) at its beginning.
         """
-        dp = dp[self.varied]
-        h = self._length(x, p, dx, dp, GROWTH * hint if hint else FIRST_STEP)
-        ends, slopes, watched = self.nodes(x, h * self.NODES, p, dx, dp)
+        h = self._length(x, p, dx, dp[self.varied], GROWTH * hint if hint else FIRST_STEP)
+        ends, watched = self.nodes(x, h * self.NODES, p)
         start = np.concatenate([x, self.watched(x, p)[0].ravel()])
         c = self._polynomial(start, np.vstack([ends, watched]), h)
-        if not self.columns:
-            return np.array([h]), c[None], None
-        slopes = slopes.reshape(self.n, -1, self.columns).transpose(0, 2, 1).reshape(-1, len(self.NODES))
-        dc = self._polynomial(dx.ravel(), slopes, h).reshape(1, self.n, self.columns, -1)
-        return np.array([h]), c[None], dc
+        return np.array([h]), c[None], dx[None]
+
+    def sensitivities_after(self, x: Array, p: Array, dx: Array, dp: Array, h: float) -> Array:
+        """The sensitivities (n, columns) at the end of a step of length h, which is not longer than the accepted one."""
+        return self.step(x, h, p, dx, dp[self.varied])[1]
 
     def _polynomial(self, start, values, h: float) -> np.ndarray:
         """Coefficients (rows, K + 1) through `start` (rows,) and the values (rows, nodes)."""

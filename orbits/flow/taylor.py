@@ -10,6 +10,7 @@ from ..numerics.exclusion import control_values, without_first_zero
 from ..numerics.polynomial_roots import TINY
 from ..numerics.roots import Array
 from ..symbolic.caches import cached
+from ..symbolic.calls import BufferedFunction
 from ..symbolic.kernels import Kernel
 from ..symbolic.taylor_series import variations
 from .vector_field import FLOW_CONTROL, TAYLOR_ORDER, Steps, VectorField, symbolic_powers
@@ -28,7 +29,8 @@ class Motions(NamedTuple):
     """Motions of stated durations, in N Taylor steps altogether.
 
     ends, variations : states (m, n) at their ends, and their derivatives (m, n, columns)
-    steps, coefficients, slopes : (N,), (N, rows, K + 1) and (N, n, columns, K + 1) of one motion after the other
+    steps, coefficients : (N,) and (N, rows, K + 1) of one motion after the other
+    begins : derivatives (N, n, columns) of the states at the beginnings of the steps
     counts : (m,), how many steps each takes
     left : (m,), the time that is left, 0 where a motion has not broken down
     """
@@ -37,7 +39,7 @@ class Motions(NamedTuple):
     variations: Array
     steps: Array
     coefficients: Array
-    slopes: Array
+    begins: Array
     counts: Array
     left: Array
 
@@ -72,9 +74,8 @@ class TaylorStepper:
     """Takes Taylor steps with the sensitivities of the states.
 
     `step_function` makes one step: (z, data) -> (z after it, coefficients (K + 1, n + m) of the n states and m watched
-    quantities, those of the sensitivities (K + 1, n columns), lengths taken and tried (2,)). Its argument z is as
-    `places` states, and `data` are the parameters and their seeds. A rejected step has length 0, and the next one tries
-    half its length or less.
+    quantities, lengths taken and tried (2,)). Its argument z is as `places` states, and `data` are the parameters and
+    their seeds. A rejected step has length 0, and the next one tries half its length or less.
 
     The sensitivities solve the variational equations dx' = f_x dx + f_p dp. The series of f_x and f_p are found once,
     and with them one column after another; `varied` are the rows of dp that are not zero.
@@ -92,15 +93,38 @@ class TaylorStepper:
     def advance(self, x: Array, p: Array, dx: Array, dp: Array, count: int, left: float, hint: float | None) -> Steps:
         """At most `count` steps of one motion, which last no longer than `left`; the `hint` is not used.
 
-        Returns steps (m,), coefficients (m, rows, K + 1) and sensitivities (m, n, columns, K + 1). A single NaN is
-        returned for the steps when none is accepted.
+        Returns steps (m,), coefficients (m, rows, K + 1) and the sensitivities (m, n, columns) at their beginnings. A
+        single NaN is returned for the steps when none is accepted.
         """
+        if count == 1:  # without a kernel's preparations, which take as long as some steps
+            length, c, _ = self._one_step(x, p, dx, dp, left)
+            return np.array([length]), c[None], dx[None]
         found = self.advance_all(x[None], p[None], np.array([left]), dx, dp, count)
         if not len(found.steps):
-            return np.full(1, np.nan), x[None, :, None], None
+            return np.full(1, np.nan), x[None, :, None], dx[None]
         if found.left[0] == 0:  # the time was counted down, with other roundings than those of the sum of the steps
             found.steps[-1] += left - np.cumsum(found.steps)[-1]
-        return found.steps, found.coefficients, found.slopes
+        return found.steps, found.coefficients, found.begins
+
+    def sensitivities_after(self, x: Array, p: Array, dx: Array, dp: Array, h: float) -> Array:
+        """The sensitivities (n, columns) at the end of a step of length h, which is not longer than the accepted one."""
+        return self._one_step(x, p, dx, dp, h)[2]
+
+    def _one_step(self, x: Array, p: Array, dx: Array, dp: Array, left: float) -> tuple[float, Array, Array]:
+        """The length of the first accepted step, NaN without one, its coefficients and the sensitivities after it."""
+        at, z = self.places, np.concatenate([x, dx.T.ravel(), [left, LONGEST_STEP]])
+        data = np.concatenate([p, dp[self.varied].T.ravel()])
+        while True:
+            after, c, made = self._interpreted_step(z, data)
+            z, (taken, tried) = after[:, 0], made[:, 0].tolist()
+            if taken > 0:
+                return taken, c.T, z[at.sensitivities].reshape(self.columns, self.n).T
+            if not tried > FLOW_CONTROL.shortest_step:
+                return np.nan, x[:, None], dx
+
+    @cached_property
+    def _interpreted_step(self) -> BufferedFunction:
+        return BufferedFunction(self.step_function)
 
     def advance_all(
         self, x: Array, p: Array, durations: Array, dx: Array, dp: Array, count: int = FLOW_CONTROL.max_steps
@@ -112,11 +136,11 @@ class TaylorStepper:
         z[:, at.state], z[:, at.sensitivities] = x, dx.T.ravel()
         z[:, at.left], z[:, at.longest] = durations, LONGEST_STEP
         data[:, :count_p], data[:, count_p:] = p, dp[self.varied].T.ravel()
-        z, (c, dc, steps), counts, _ = self.kernel(z, data, most=count)
-        orders = TAYLOR_ORDER + 1
-        variations, slopes = z[:, at.sensitivities].reshape(size, columns, n), dc.reshape(len(c), columns, n, orders)
-        c, ends, left = c.reshape(-1, self.rows, orders), z[:, at.state], z[:, at.left]
-        return Motions(ends, variations.swapaxes(1, 2), steps[:, 0], c, slopes.swapaxes(1, 2), counts, left)
+        z, (c, begins, steps), counts, _ = self.kernel(z, data, most=count)
+        moving = z[:, at.sensitivities], begins
+        variations, begins = (each.reshape(len(each), columns, n).swapaxes(1, 2) for each in moving)
+        c = c.reshape(-1, self.rows, TAYLOR_ORDER + 1)
+        return Motions(z[:, at.state], variations, steps[:, 0], c, begins, counts, z[:, at.left])
 
     def watch(
         self,
@@ -160,16 +184,16 @@ class TaylorStepper:
 
     @cached_property
     def motion_function(self) -> ca.Function:
-        """A step of a motion as a `Kernel` iterates it, (z, data) -> (z after it, coefficients, those of the
-        sensitivities, the length, whether it counts, whether to go on); it goes on until no time is left, the state
-        runs away or no step is accepted."""
+        """A step of a motion as a `Kernel` iterates it, (z, data) -> (z after it, coefficients, the sensitivities before
+        it, the length, whether it counts, whether to go on); it goes on until no time is left, the state runs away or
+        no step is accepted."""
         z, data = (ca.MX.sym(name, self.step_function.numel_in(i)) for i, name in enumerate("zp"))
-        (after, c, dc, made), at = self.step_function(z, data), self.places
+        (after, c, made), at = self.step_function(z, data), self.places
         taken, goes = _progress(self.n, c.numel())(after[at.state], after[at.left], ca.vec(c), made)
         # A motion whose last step is no number has not come to its end.
         left = ca.if_else(ca.logic_and(made[0] > 0, ca.logic_not(taken)), np.nan, after[at.left])
         after = ca.vertcat(after[: at.left], left, after[at.longest])
-        return ca.Function("motion", [z, data], [after, c, dc, made[0], taken, goes])
+        return ca.Function("motion", [z, data], [after, c, z[at.sensitivities], made[0], taken, goes])
 
 
 def _progress(n: int, size: int) -> ca.Function:
@@ -187,7 +211,7 @@ def _watch_function(stepper: TaylorStepper, size: int, turns: int) -> ca.Functio
     at, rows, count = stepper.places, stepper.rows, stepper.step_function.numel_in(1)
     z, data = ca.MX.sym("z", at.signs.start + size), ca.MX.sym("p", count + size * (rows + 1) + 2)
     p, tests, limit, all_steps = data[:count], data[count:-2], data[-2], data[-1]
-    after, c, _, made = stepper.step_function(z[: at.time], p)
+    after, c, made = stepper.step_function(z[: at.time], p)
     taken, goes = _progress(stepper.n, c.numel())(after[at.state], after[at.left], ca.vec(c), made)
     inside = ca.logic_and(taken, ca.mmax(ca.fabs(after[at.state])) < FLOW_CONTROL.runaway)
     may_change, signs, turned = _may_change_sign(rows, size, turns > 0)(c, made[0], tests, z[at.order], z[at.signs])
@@ -250,7 +274,7 @@ def _step_function(graph: VectorField, at: Places, columns: int, varied: tuple[i
     ends = (powers.T @ ca.horzcat(c[:, :n], dc)).T
     # A choice between ends costs less than powers of a chosen length, into which CasADi draws the choice.
     after = ca.vertcat(ca.if_else(made[0] > 0, ends, z[: at.left]), left, longest)
-    return ca.Function("taylor", [z, data], [after, c, dc, made])
+    return ca.Function("taylor", [z, data], [after, c, made])
 
 
 def _length_function(graph: VectorField, columns: int, varied: int) -> ca.Function:

@@ -25,7 +25,8 @@ class Trajectory:
     times: np.ndarray  # (N + 1,)
     coefficients: np.ndarray  # (N, n + m, K + 1), of the n states, then of the m watched quantities
     names: tuple[str, ...]  # of the rows
-    variations: np.ndarray | None = None  # (N, n, columns, K + 1), derivatives of the states by whatever was varied
+    # (N, n, columns), derivatives of the states at the beginnings of the steps by whatever was varied.
+    variations: np.ndarray | None = None
 
     def __post_init__(self):
         self.times.setflags(write=False)
@@ -122,7 +123,7 @@ class Trajectories:
     coefficients: Array  # (N, rows, K + 1), as in `Trajectory`
     counts: Array  # (m,), number of steps of each motion
     names: tuple[str, ...]
-    variations: Array | None = None  # (N, n, columns, orders), the series of `Trajectory` or their first terms alone
+    variations: Array | None = None  # (N, n, columns), as in `Trajectory`
 
     def __post_init__(self) -> None:
         self.last = self.counts.cumsum() - 1
@@ -150,15 +151,13 @@ class Trajectories:
 
     @classmethod
     def joined(cls, parts: Sequence["Trajectories"]) -> "Trajectories":
-        """The motions of all parts, either all with variations or none, with as many of their terms as all have."""
+        """The motions of all parts, either all with variations or none."""
         names = "starts", "ends", "coefficients", "counts"
         arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
         moving = [part.variations for part in parts if part.variations is not None]
         if len(moving) not in (0, len(parts)):
             raise ValueError("some of the motions have variations and others none")
-        terms = min((each.shape[-1] for each in moving), default=0)
-        variations = np.concatenate([each[..., :terms] for each in moving]) if moving else None
-        return cls(**arrays, names=parts[0].names, variations=variations)
+        return cls(**arrays, names=parts[0].names, variations=np.concatenate(moving) if moving else None)
 
     def __iter__(self) -> Iterator[Trajectory]:
         return (self[i] for i in range(len(self)))

@@ -10,8 +10,8 @@ import numpy as np
 from ..numerics.roots import Array
 from ..symbolic.taylor_series import has_taylor_series, taylor_coefficients
 
-# The lengths, coefficients and sensitivities of some steps.
-Steps = tuple[Array, Array, Array | None]
+# The lengths and coefficients of some steps, and the sensitivities at their beginnings.
+Steps = tuple[Array, Array, Array]
 # A high order makes few and long steps, and each step costs a fixed amount besides its series.
 TAYLOR_ORDER = 28
 # Order of a step in equations that other solvers differentiate, at a cost that grows with its square. On a mesh a fifth

@@ -19,6 +19,8 @@ _Places = tuple[Array, Array, Array]
 
 # Halving stops here: 2**-40 of a step is less than double precision can resolve at a grazing pair.
 MOST_HALVINGS = 40
+# Up to this many pieces are searched faster without excluding most of them first.
+FEW_PIECES = 100
 # Up to this many roots are found faster one by one: a single root takes 20 microseconds, and 200 with arrays.
 FEW = 6
 # The size assigned to a zero that continues negative values, so that it has their sign; it is far below any rounding.
@@ -130,7 +132,7 @@ class PiecewisePolynomials:
         self.last = counts.cumsum() - 1
         self.first = self.last - counts + 1
         self.owner = np.arange(len(counts)).repeat(counts)
-        self._ends = coefficients[:0, 0]
+        self._ends = np.zeros(len(counts))
 
     def roots(
         self,
@@ -151,12 +153,14 @@ class PiecewisePolynomials:
         rises, by_rate = (np.broadcast_to(each, self.first.shape)[self.owner] for each in (rising, stationary))
         orders = np.zeros(len(self.steps))
         orders[self.first] = start
-        which, starts, ends = self._doubtful(orders, rises, by_rate, before)
+        which = np.arange(len(self.steps))
+        if len(which) > FEW_PIECES:
+            which, self._ends = self._doubtful(orders, rises, by_rate, before)
         series, rated, steps = self.coefficients[which], by_rate[which], self.steps[which]
         series[rated, :-1], series[rated, -1] = derivative(series[rated]), 0.0
         series = _without_first_zero(series, orders[which])
         values = bernstein(series, powers(steps, series.shape[1]))
-        values[:, 0], values[:, -1] = starts, ends
+        self._join(values, which, by_rate, before)
         if not len(brackets := _brackets(values, rises[which])):
             return np.zeros(0, int), np.zeros(0, int), np.zeros(0)
         rows, *places = brackets
@@ -179,22 +183,35 @@ class PiecewisePolynomials:
 
     def _doubtful(
         self, orders: Array, rises: Array, by_rate: Array, before: Array | None
-    ) -> tuple[Array, Array, Array]:
-        """The pieces (k,) that may have a root, and the values (k,) with which they start and end, of one sign on both
-        sides of a joint: else rounding loses a root there."""
-        c, first, last = self.coefficients, self.first, self.last
-        found = sign_changes(c.shape[1])(c, *(each[:, None] for each in (self.steps, orders, by_rate)))
+    ) -> tuple[Array, Array]:
+        """The pieces (k,) that may have a root, and the values (m,) at the ends."""
+        found = sign_changes(self.coefficients.shape[1])(
+            self.coefficients, *(each[:, None] for each in (self.steps, orders, by_rate))
+        )
         begins, ends, changes = (each[:, 0] for each in found)
-        self._ends, starts, positive = ends[last], begins.copy(), begins >= 0
-        ends[:-1], ends[last] = np.where(by_rate, c[:, 1], c[:, 0])[1:], self._ends
+        begin, end = begins >= 0, ends >= 0
+        start = begin.copy()
         if before is not None:
-            continued = np.where(before * starts[first] < 0, before * np.abs(starts[first]), starts[first])
-            starts[first] = np.where((before < 0) & (starts[first] == 0), -TINY, continued)
-        same_start, same_end = ((each >= 0) == positive for each in (starts, ends))
-        none = same_start & same_end & (changes == 0)
-        falls_once = positive & same_start & (ends < 0) & (changes <= 1)
-        which = (~(none | (rises & falls_once))).nonzero()[0]
-        return which, starts[which], ends[which]
+            start[self.first] = np.where(before == 0, begin[self.first], before > 0)
+        end[:-1], end[self.last] = self._starts(by_rate)[1:] >= 0, end[self.last]
+        none = (start == begin) & (end == begin) & (changes == 0)
+        falls_once = start & begin & ~end & (changes <= 1)
+        return (~(none | (rises & falls_once))).nonzero()[0], ends[self.last]
+
+    def _join(self, values: Array, which: Array, by_rate: Array, before: Array | None) -> None:
+        """Give the Bernstein coefficients (k, K + 1) of some pieces one sign on both sides of a joint: else rounding
+        loses a root there."""
+        at_end = which == self.last[self.owner[which]]
+        self._ends[self.owner[which[at_end]]] = values[at_end, -1]
+        values[~at_end, -1] = self._starts(by_rate)[which[~at_end] + 1]
+        if before is not None:
+            begins = which == self.first[self.owner[which]]
+            signs, own = before[self.owner[which[begins]]], values[begins, 0]
+            values[begins, 0] = np.where(signs == 0, own, signs * np.maximum(np.abs(own), TINY))
+
+    def _starts(self, by_rate: Array) -> Array:
+        """The values (N,) at the beginnings of the pieces."""
+        return np.where(by_rate, self.coefficients[:, 1], self.coefficients[:, 0])
 
     def lowest(self) -> _Places:
         """The least value (m,) of each polynomial, the piece (m,) and the time in it (m,) where it is taken."""

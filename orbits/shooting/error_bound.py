@@ -127,7 +127,7 @@ def _weights_of_steps(equations: Shooting, evaluation: Evaluation, inverse: ndar
             weights.append(None)
             continue
         # Derivatives of the state at the end of every step by that at the start of its motion.
-        sensitivities = motions.until_next(motions.variations[:, :n, :n, 0], transition[:, :, :n])
+        sensitivities = motions.until_next(motions.variations[:, :n, :n], transition[:, :, :n])
         carried = np.einsum("mj,mjk->mk", at_end, transition[:, :, :n])[motions.owner, :, None]
         weights.append(solve(sensitivities.swapaxes(1, 2), carried)[..., 0])
     return weights
@@ -138,7 +138,7 @@ def _largest_growth(equations: Shooting, evaluation: Evaluation) -> ndarray:
     largest = np.ones(len(evaluation.residual))
     for flow, motions in zip(equations.flows, evaluation.trajectories, strict=True):
         if motions.variations is not None:
-            largest = np.maximum(largest, motions.largest(motions.variations[:, :, : flow.size, 0]))
+            largest = np.maximum(largest, motions.largest(motions.variations[:, :, : flow.size]))
     return largest
 
 

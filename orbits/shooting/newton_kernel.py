@@ -87,7 +87,7 @@ class NewtonKernel:
         which = np.flatnonzero(solved)
         if not (with_motions and len(which)):
             return Solutions(which, xs, directions, growths, None)
-        variations = before.reshape(-1, columns, states, 1).swapaxes(1, 2)
+        variations = before.reshape(-1, columns, states).swapaxes(1, 2)
         c = c.reshape(len(c), self.rows, -1)
         motions = Trajectories(begins, z[:, at.duration], c, counts, self.flow.names, variations)
         transitions = z[:, motion.sensitivities].reshape(-1, columns, states).swapaxes(1, 2)
@@ -108,7 +108,7 @@ class NewtonKernel:
             return ca.vertcat(*parameters[: self.place], point[-1], *parameters[self.place + 1 :])
 
         parameters_with_seeds = ca.vertcat(parameters_at(x), ca.DM(parameter_seeds).reshape((-1, 1)))
-        after, c, _, length, accepted, goes = motion_function(z[: at.point.start], parameters_with_seeds)
+        after, c, before, length, accepted, goes = motion_function(z[: at.point.start], parameters_with_seeds)
         ended = ca.logic_and(accepted, after[motion.left] <= 0)
         closing = parameters_at(x), after[motion.state], ca.reshape(after[motion.sensitivities], *shape)
         found, does = self._newton()(x, *closing, row, level, unit, z[at.last], z[at.taken] + 1, *options)
@@ -123,7 +123,7 @@ class NewtonKernel:
         new = ca.vertcat(ca.if_else(restarts, start, after), known, does, duration)
         goes = ca.logic_or(restarts, ca.logic_and(goes, ca.logic_not(ended)))
         recorded = ca.logic_and(accepted, doing == RECORDING)
-        return ca.Function("solve", [z, data], [new, c, z[motion.sensitivities], length, recorded, goes])
+        return ca.Function("solve", [z, data], [new, c, before, length, recorded, goes])
 
     def _newton(self) -> ca.Function:
         """(X, parameters, end of the motion, its transition, row, level, unit, size of the last Newton step, number of

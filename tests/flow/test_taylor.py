@@ -28,7 +28,7 @@ def test_steps_share_the_time_and_are_halved_in_vain():
     """A saturated spring, flat to the last digit where the motion starts: the series does not know what comes after."""
     along = flow_of(Hopper("tanh", parameters={"b": 1.0}).model.reduction.statement.arcs[0].phase, ("b",))
     start, p, duration, count = np.array([-30.0, 4.0]), np.array([1.0]), 12.0, 60
-    end, _, _, (taken, tried) = BufferedFunction(along.stepper(0).step_function.mapaccum(count))(
+    end, _, (taken, tried) = BufferedFunction(along.stepper(0).step_function.mapaccum(count))(
         [*start, duration, 1e9], np.ones((count, 1))
     )
     assert taken.sum() == pytest.approx(duration, rel=1e-15)

@@ -186,7 +186,7 @@ def test_a_zero_before_a_step_in_vain(height):
     ps = np.tile(rules.p, (len(starts), 1))
     stepper = flight.stepper(0)
     states = np.column_stack([starts, np.full((len(starts), 2), (np.inf, 1e9))])
-    assert any(stepper.step_function(z, p)[3][0] == 0 for z, p in zip(states, ps, strict=True))
+    assert any(stepper.step_function(z, p)[2][0] == 0 for z, p in zip(states, ps, strict=True))
     times, _, failed = first_zeros(flight, starts, rules.p, foot, 50.0, 1)
     which, motions = until_zero(flight, starts, ps, foot, 1)
     landings = [flight.run(start, rules.p, stop=first_zero(foot, 1))[0].times[-1] for start in starts]
