@@ -7,9 +7,9 @@ from numpy import ndarray
 from ..errors import NoOrbit
 from ..flow.flow import Flow
 from ..flow.trajectory import Trajectories, Trajectory
-from ..flow.vector_field import runge_kutta
+from ..flow.vector_field import TAYLOR_ORDER, runge_kutta, symbolic_powers
 from ..numerics.polynomial_roots import powers
-from ..numerics.quadrature import GAUSS, GAUSS_PLACES, GAUSS_WEIGHTS
+from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
 from ..numerics.roots import solve
 from ..symbolic.caches import cached
 from ..symbolic.calls import BufferedFunction
@@ -154,23 +154,22 @@ def _carried_rounding(evaluation: Evaluation, weights: list[Rows]) -> ndarray:
 
 def _moves_by_defects(flow: Flow, motions: Trajectories, ps: ndarray, back: ndarray) -> ndarray:
     """The changes (m,) of alpha by the defects of the steps."""
-    c = motions.coefficients[:, : flow.size]
-    # One product of two matrices is many times faster than one for each step.
-    terms = (c * motions.of_steps[:, None]).reshape(-1, c.shape[2])
-    states = (terms @ powers(GAUSS_PLACES, c.shape[2]).T).reshape(len(c), -1)
-    (rates,) = _mean_rates(flow)(states, ps[motions.owner])
-    defects = motions.step_ends[:, : flow.size] - c[:, :, 0] - motions.steps[:, None] * rates
+    c, lengths = motions.coefficients[:, : flow.size], motions.steps[:, None]
+    (rates,) = _mean_rates(flow)(c.reshape(len(c), -1), lengths, ps[motions.owner])
+    defects = motions.step_ends[:, : flow.size] - c[:, :, 0] - lengths * rates
     return np.add.reduceat(np.einsum("Ni,Ni->N", back, defects), motions.first)
 
 
 @cached
 def _mean_rates(flow: Flow) -> ElementwiseFunction:
-    """The mean of a smooth field over steps, by Gauss's rule, (states at its places, one component after the other,
-    parameters)."""
-    states, (_, p) = ca.SX.sym("x", GAUSS, flow.size), flow.vector_field.field.sx_in()
-    rates = [flow.vector_field.field(states[i, :].T, p)[0] for i in range(GAUSS)]
+    """The mean of a smooth field over steps, by Gauss's rule, (coefficients of the states, one state after the other,
+    length, parameters)."""
+    c, h, p = ca.SX.sym("c", TAYLOR_ORDER + 1, flow.size), ca.SX.sym("h"), flow.vector_field.p
+    terms = ca.diag(symbolic_powers(h)) @ c
+    states = ca.DM(powers(GAUSS_PLACES, TAYLOR_ORDER + 1)) @ terms
+    rates = [flow.vector_field.field(state.T, p)[0] for state in ca.vertsplit(states)]
     mean = ca.horzcat(*rates) @ ca.DM(GAUSS_WEIGHTS)
-    return ElementwiseFunction(ca.Function("mean_rates", [ca.vec(states), p], [mean]))
+    return ElementwiseFunction(ca.Function("mean_rates", [ca.vec(c), h, p], [mean]))
 
 
 def _end_by_another_method(flow: Flow, start: ndarray, p: ndarray, path: Trajectory) -> ndarray:

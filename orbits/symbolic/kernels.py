@@ -37,6 +37,8 @@ SCRATCH = 4_000_000
 # Records of a point for which there is room at first; points that need more go on where they stopped.
 FIRST_CAPACITY = 16
 
+# One record, one end and one iteration of every point.
+_ONCE = np.ones(3)
 _memory = threading.local()  # the array `records` of each thread, which is reused as new memory is slow to write to
 
 
@@ -274,11 +276,10 @@ class ElementwiseFunction(MappedFunction):
         if code is None:
             return [np.ascontiguousarray(result[:, :, 0]) for result in super().__call__(*arguments)]
         inputs = [np.ascontiguousarray(argument, dtype=float) for argument in arguments]
-        sizes = self.kernel.sizes_out[1:-2]
-        results = [np.empty((count, size)) for size in sizes]
-        # Each point is iterated once, by the same bounds.
-        arrays = [results[0], *inputs, *results, np.ones(3)]
-        strides = [0, *(len(array) > 1 and array.shape[1] for array in inputs), *sizes, 0]
-        pointers = (ctypes.c_void_p * len(arrays))(*(array.ctypes.data for array in arrays))
-        code.run(pointers, (ctypes.c_int64 * len(strides))(*strides), count)
+        results = [np.empty((count, size)) for size in self.kernel.sizes_out[1:-2]]
+        # There is nothing to iterate, and the numbers of iterations are the same for all points.
+        arrays = [_ONCE[:0], *inputs, *results, _ONCE]
+        pointers = (ctypes.c_void_p * len(arrays))(*(array.__array_interface__["data"][0] for array in arrays))
+        strides = [array.shape[-1] if len(array) == count > 1 else 0 for array in arrays[:-1]]
+        code.run(pointers, (ctypes.c_int64 * len(arrays))(*strides), count)
         return results
