@@ -18,7 +18,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from copy import copy
 from dataclasses import replace
 from fractions import Fraction
 from importlib import metadata
@@ -37,7 +36,6 @@ from orbits.flow.flow import Flow
 from orbits.flow.runge_kutta import RungeKuttaStepper
 from orbits.shooting.formulations import METHODS, equations_of
 from orbits.show.plot import save_figure
-from orbits.symbolic.kernels import Kernel
 from problems import Chain, Hopper
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds the other studies
@@ -256,27 +254,18 @@ def lanes_of(seconds: float, quick: bool) -> dict[str, list[dict]]:
         if not _compiled(stepper, wanted=True):
             continue
         many = np.tile(start, (count, 1)), p, half, np.eye(flow.size, columns), np.zeros((p.size, columns))
+        stepper.kernel.optimise()
         steps = len(stepper.advance_all(*many).steps) if flow is relative else count
-        ends = _of_ends(stepper)
-        took, motions = timed(lambda many=many, ends=ends: ends.advance_all(*many, 1), seconds)
+        took, motions = timed(lambda many=many, stepper=stepper: stepper.advance_all(*many), seconds)
         row = {"way": f"lanes, {columns} columns", "seconds": took / steps, "setting": count}
         found[scene].append(row | {"error": float(np.abs(motions.ends[:, 1::2]).max())})
-    with contextlib.suppress(ImportError):
-        batch = peers.flows_by_heyoka(machine)
-        took, (ends, _) = timed(lambda: batch(np.tile(starts, (count, 1)), half), seconds)
-        row = {"way": "heyoka, batch", "seconds": took / count, "setting": count}
-        found["half a flight and its slopes"].append(row | {"error": float(np.abs(ends[:, 1::2]).max())})
+    for way, options in (("heyoka, batch", {}), ("heyoka, batch, fast", {"force_avx512": True, "fast_math": True})):
+        with contextlib.suppress(ImportError):
+            batch = peers.flows_by_heyoka(machine, **options)
+            took, (ends, _) = timed(lambda batch=batch: batch(np.tile(starts, (count, 1)), half), seconds)
+            row = {"way": way, "seconds": took / count, "setting": count}
+            found["half a flight and its slopes"].append(row | {"error": float(np.abs(ends[:, 1::2]).max())})
     return found | {"return map in threads": _threads_of(machine, 1000 if quick else 100_000)}
-
-
-def _of_ends(stepper):
-    """A stepper in optimised machine code whose motions keep none of their steps, only their ends."""
-    stepper, motion = copy(stepper), stepper.motion_function
-    z, data = motion.mx_in()
-    *results, _, goes = motion(z, data)
-    stepper.kernel = Kernel(ca.Function("ends", [z, data], [*results, 0, goes]))
-    stepper.kernel.optimise()
-    return stepper
 
 
 def _threads_of(machine, count: int) -> list[dict]:

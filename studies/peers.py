@@ -159,13 +159,15 @@ def flow_by_heyoka(machine) -> Callable:
     return run
 
 
-def flows_by_heyoka(machine) -> Callable:
+def flows_by_heyoka(machine, **options: bool) -> Callable:
     """(starts (m, 4), times (m,)) -> the states and transition matrices there, (m, 4) and (m, 4, 4), as
-    `flow_by_heyoka`, in its batch mode of the width that it recommends; raises `ImportError` without heyoka."""
+    `flow_by_heyoka`, in its batch mode of the width that it recommends, with further options of its integrator; raises
+    `ImportError` without heyoka."""
     import heyoka as hy
 
-    width = hy.recommended_simd_size()
-    integrator = hy.taylor_adaptive_batch(_heyoka_system(machine), np.zeros((4, width)), compact_mode=False)
+    width = 8 if options.get("force_avx512") else hy.recommended_simd_size()
+    system, zeros = _heyoka_system(machine), np.zeros((4, width))
+    integrator = hy.taylor_adaptive_batch(system, zeros, compact_mode=False, **options)
     slopes = np.tile(np.eye(4).ravel()[:, None], width)
 
     def run(starts, times):

@@ -49,7 +49,7 @@ class RungeKuttaStepper:
         return np.array([h]), c[None], dx[None]
 
     def sensitivities_after(self, x: Array, p: Array, dx: Array, dp: Array, h: float) -> Array:
-        """The sensitivities (n, columns) at the end of a step of length h, which is not longer than the accepted one."""
+        """The sensitivities (n, columns) at the end of a step of length h, not longer than the accepted one."""
         return self.step(x, h, p, dx, dp[self.varied])[1]
 
     def _polynomial(self, start, values, h: float) -> np.ndarray:

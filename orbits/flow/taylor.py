@@ -107,7 +107,7 @@ class TaylorStepper:
         return found.steps, found.coefficients, found.begins
 
     def sensitivities_after(self, x: Array, p: Array, dx: Array, dp: Array, h: float) -> Array:
-        """The sensitivities (n, columns) at the end of a step of length h, which is not longer than the accepted one."""
+        """The sensitivities (n, columns) at the end of a step of length h, not longer than the accepted one."""
         return self._one_step(x, p, dx, dp, h)[2]
 
     def _one_step(self, x: Array, p: Array, dx: Array, dp: Array, left: float) -> tuple[float, Array, Array]:
@@ -184,9 +184,9 @@ class TaylorStepper:
 
     @cached_property
     def motion_function(self) -> ca.Function:
-        """A step of a motion as a `Kernel` iterates it, (z, data) -> (z after it, coefficients, the sensitivities before
-        it, the length, whether it counts, whether to go on); it goes on until no time is left, the state runs away or
-        no step is accepted."""
+        """A step of a motion as a `Kernel` iterates it, (z, data) -> (z after it, coefficients, the sensitivities
+        before it, the length, whether it counts, whether to go on); it goes on until no time is left, the state runs
+        away or no step is accepted."""
         z, data = (ca.MX.sym(name, self.step_function.numel_in(i)) for i, name in enumerate("zp"))
         (after, c, made), at = self.step_function(z, data), self.places
         taken, goes = _progress(self.n, c.numel())(after[at.state], after[at.left], ca.vec(c), made)

@@ -20,8 +20,8 @@ from ..io import in_words
 from ..running.exclusive import LOCK, exclusive
 from ..symbolic.caches import cached
 from ..symbolic.calls import MappedFunction
-from ..symbolic.kernels import ElementwiseFunction
 from ..symbolic.formula import CONSTANTS, parse, suggest
+from ..symbolic.kernels import ElementwiseFunction
 from ..symbolic.taylor_series import has_taylor_series
 from ..symbolic.tracing import traced
 from ..units import LENGTH, Message, Quantity

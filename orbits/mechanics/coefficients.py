@@ -23,9 +23,9 @@ import numpy as np
 from ..laws.law import Algebraic, Parameters, Scalars
 from ..running.exclusive import LOCK
 from ..symbolic.calls import single_assignment
-from ..symbolic.kernels import ElementwiseFunction
 from ..symbolic.folding import exact_numeral
 from ..symbolic.formula import CONSTANTS
+from ..symbolic.kernels import ElementwiseFunction
 from ..symbolic.rational import NormalForms, Normalised, normalised, rounded
 
 # Short expressions of these operations, of two arguments or of one that occurs twice, are evaluated step by step on

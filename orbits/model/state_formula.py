@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 from ..errors import InputError
 from ..laws.law import Algebraic, Parameters, Scalars
 from ..symbolic.caches import cached
-from ..symbolic.kernels import ElementwiseFunction
 from ..symbolic.formula import Formula, parse
+from ..symbolic.kernels import ElementwiseFunction
 from ..symbolic.taylor_series import composed_coefficients
 from .phase import Affine
 

@@ -30,9 +30,9 @@ def without_first_zero(series: ca.SX, order: ca.SX) -> ca.SX:
 
 @cached
 def sign_changes(size: int) -> ElementwiseFunction:
-    """(coefficients (size,), h, order of the zero at 0, whether the rate is meant) -> of a polynomial or its rate, without
-    that zero: the value at 0, the one at h, and the sign changes of the Bernstein coefficients on [0, h], 0 counting as
-    positive."""
+    """(coefficients (size,), h, order of the zero at 0, whether the rate is meant) -> of a polynomial or its rate,
+    without that zero: the value at 0, the one at h, and the sign changes of the Bernstein coefficients on [0, h], 0
+    counting as positive."""
     c, h, order, by_rate = (ca.SX.sym(name, count) for name, count in zip("chor", (size, 1, 1, 1), strict=True))
     rate = ca.vertcat(*[k * c[k] for k in range(1, size)], 0)
     powers = ca.vertcat(1, *accumulate([h] * (size - 1), lambda power, h: power * h))

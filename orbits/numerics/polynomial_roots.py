@@ -181,9 +181,7 @@ class PiecewisePolynomials:
         first = np.append(True, owner[1:] != owner[:-1])[: len(owner)]  # `np.unique` imports masked arrays
         return owner[first], pieces[first], times[first]
 
-    def _doubtful(
-        self, orders: Array, rises: Array, by_rate: Array, before: Array | None
-    ) -> tuple[Array, Array]:
+    def _doubtful(self, orders: Array, rises: Array, by_rate: Array, before: Array | None) -> tuple[Array, Array]:
         """The pieces (k,) that may have a root, and the values (m,) at the ends."""
         found = sign_changes(self.coefficients.shape[1])(
             self.coefficients, *(each[:, None] for each in (self.steps, orders, by_rate))

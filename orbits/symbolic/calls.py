@@ -30,7 +30,6 @@ def single_assignment(function: ca.Function) -> list[Instruction]:
     return instructions
 
 
-
 class BufferedFunction:
     """A CasADi function on NumPy arrays with its memory laid out once.
 

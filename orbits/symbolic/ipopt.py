@@ -6,12 +6,13 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy import ndarray
 
 from ..errors import NoOrbit
 from ..running import heartbeat, interrupts
 from .caches import weigh
 
-Pair = tuple[np.ndarray, np.ndarray]
+Pair = tuple[ndarray, ndarray]
 
 # The meaning of Ipopt's return statuses where the equations are not solved, and the remedy.
 REASONS = {
@@ -69,7 +70,7 @@ WARM = {
 }
 
 
-def solve_equations(unknowns: ca.MX, equations: ca.MX, guess: np.ndarray, lower: np.ndarray, scale: np.ndarray) -> np.ndarray:
+def solve_equations(unknowns: ca.MX, equations: ca.MX, guess: ndarray, lower: ndarray, scale: ndarray) -> ndarray:
     """Solve the square system equations(unknowns) = 0 by Ipopt, with equations of order one.
 
     guess, lower, scale : (n,), as the solution; the problem is solved in the variables unknowns / scale
@@ -101,11 +102,11 @@ def solve_equations(unknowns: ca.MX, equations: ca.MX, guess: np.ndarray, lower:
 class Minimum:
     """The end of an iteration for a constrained minimum, with n unknowns and m constraints."""
 
-    x: np.ndarray  # (n,)
+    x: ndarray  # (n,)
     cost: float
     multipliers: Pair  # of the bounds (n,) and of the constraints (m,)
-    values: np.ndarray  # of the constraints, (m,)
-    off: np.ndarray  # the violation of each constraint, (m,)
+    values: ndarray  # of the constraints, (m,)
+    off: ndarray  # the violation of each constraint, (m,)
     slope: float  # the largest entry of the gradient of the Lagrangian, beside the largest multiplier
     kind: str  # "minimum", "infeasible", "bottomless", "undefined", "overdetermined" or "stuck"
     iterations: int  # the number taken
@@ -139,7 +140,9 @@ class Minimiser:
         self._watch = _Watch(unknowns.numel(), constraints.numel(), p.numel())
         self._solvers: dict[bool, ca.Function] = {}
 
-    def __call__(self, guess: np.ndarray, p: np.ndarray, bounds: Pair, limits: Pair, multipliers: Pair | None = None) -> Minimum:
+    def __call__(
+        self, guess: ndarray, p: ndarray, bounds: Pair, limits: Pair, multipliers: Pair | None = None
+    ) -> Minimum:
         """The minimum near `guess` (n,), with unknowns within `bounds` and constraints within `limits`.
 
         The iteration starts from the `multipliers` of a similar problem's minimum, if any; the `kind` of the result
@@ -173,7 +176,7 @@ class Minimiser:
         return Minimum(x, float(cost[0]), (lam_x, lam_g), values, off, slope, kind, iterations)
 
 
-def _kind(status: str, cost: float, off: np.ndarray, slope: float) -> str:
+def _kind(status: str, cost: float, off: ndarray, slope: float) -> str:
     """The kind of end by the recomputed conditions, as Ipopt reports success at points that do not meet them."""
     most = np.abs(off).max(initial=0.0)
     if status in ENDED and max(most / FEASIBLE, slope / STATIONARY_GRADIENT) <= 1.0:

@@ -8,7 +8,8 @@ from orbits.symbolic.calls import BufferedFunction
 from orbits.symbolic.kernels import ElementwiseFunction
 
 
-def test_functions_at_many_points():
+@pytest.mark.parametrize("compiled", [False, True])
+def test_functions_at_many_points(compiled):
     x, p = ca.SX.sym("x", 3), ca.SX.sym("p", 2)
     results = [
         ca.vertcat(x[0] * ca.sin(p[1]), 2.0, ca.if_else(x[1] > 0, x[2] ** 2, ca.exp(x[1])), 0),
@@ -17,6 +18,8 @@ def test_functions_at_many_points():
     ]
     function = ca.Function("f", [x, p], results)
     rng, rows = np.random.default_rng(3), ElementwiseFunction(function)
+    if compiled:
+        assert rows.kernel.compile()
     for count in (1, 2, 7, 100):
         points, parameters = rng.normal(size=(count, 3)), rng.normal(size=(count, 2))
         for given in (parameters, parameters[:1]):
