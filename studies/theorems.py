@@ -18,7 +18,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds the other studies
 
-from orbits import NoOrbit, Orbit, Proof, find, prove
+from orbits import NoOrbit, Orbit, Proof, find, prove, time_limit
 from orbits.show.plot import COLOURS, legend_below, new_row, save_figure
 from problems import Hopper
 from studies.false_claims import KINDS, OUT_OF_TIME, PROVED, REFUSED, false_claims
@@ -28,6 +28,8 @@ REST_LENGTH = 30.0
 CUBIC = Hopper("r + beta*r**3", rest_length=8.0, parameters={"beta": 0.3})
 FALLING = Hopper("sinh(r)", "1/(1 + z/R)**2", rest_length=8.0, parameters={"R": 50.0})
 HALF_WIDTHS = np.logspace(-9, -2, 8)
+# The most seconds of all false claims together.
+LONGEST = 1e6
 # The index of the half width for which the ratio of widths is printed.
 NARROW = 3
 
@@ -89,7 +91,8 @@ def main(folder: Path, quick: bool = False) -> dict[str, object]:
     proofs = [prove(orbit) for orbit in orbits]
     right = [is_right(orbit, proof) for orbit, proof in zip(orbits, proofs, strict=True)]
     numbers |= {"hops": len(orbits), "admissible": sum(orbit.admissible for orbit in orbits), "proved": sum(right)}
-    false = [(claim, claim.verdict()) for claim in false_claims(wrong)]
+    with time_limit(LONGEST):  # Orbits have more than the usual time: the limits are those of the proofs.
+        false = [(claim, claim.verdict()) for claim in false_claims(wrong)]
     made = Counter((claim.kind, verdict) for claim, verdict in false)
     believed = [claim for claim, verdict in false if verdict == PROVED]
     late = sum(verdict == OUT_OF_TIME for _, verdict in false)
