@@ -1,12 +1,18 @@
-"""All lossless hops of a linear mechanism with one plastic gap, from two equations in two times.
+"""All lossless hops of a linear mechanism with one plastic gap, from two times and the amplitudes of contact.
 
 In flight M y'' = -K y + f. In contact the gap g = weights . y is held at 0 until the force that holds it vanishes: it
 has no acceleration in flight then either. A lossless hop is its own mirror image in time, from rest in mid-contact to
-rest in mid-flight. Both phases are sums of modes, so that everything at lift-off, half the time of contact s later, is
-linear in the n - 1 amplitudes c of the modes of contact. That the n modes of flight come to rest after half its time T,
-and that the gap has no acceleration at lift-off, are n + 1 equations A(s, T) c + r(s, T) = 0. The two of them that no
-amplitudes solve are left for s and T (Pankov, arXiv 2402.16010). A and r are made of sines and cosines, and they have
-no poles, whatever modes turn at the same time.
+rest in mid-flight, with speeds and accelerations that are continuous at lift-off. Both are free of the load: they are
+sums of modes that swing with frequencies r in contact and w in flight. At lift-off, half the time of contact s after
+mid-contact, the accelerations are H cos(r s) c and the speeds H sin(r s)/r c, where the columns of H are the modes of
+contact in coordinates of the modes of flight. These come to rest after half the time of flight T where
+
+    (cos(w T) H sin(r s)/r + sin(w T)/w H cos(r s)) c = 0.
+
+For n coordinates these are n equations for the n - 1 amplitudes c, of which the size does not matter: they hold at
+isolated pairs of times. The size of c is that with which the load holds the gap without an acceleration at lift-off
+(after Pankov, arXiv 2402.16010, who leaves two equations for the two times). The equations are made of sines and
+cosines, and they have no poles, whatever modes turn at the same time.
 """
 
 from typing import NamedTuple
@@ -16,18 +22,16 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError, NoOrbit, finite_number
 from ..model.modes import SLOWEST_SQUARE, linear_modes
-from ..numerics.roots import Array
+from ..numerics.roots import Array, solve
 from ..numerics.sobol import sobol_points
 
-# Newton's method starts together from this many quasi-random pairs of half times, and is repeated until this many
-# successive batches for each coordinate bring no new root. After this many steps hardly any start still converges.
-BATCH, IDLE_BATCHES, NEWTON_STEPS = 1024, 2, 20
-# Each start weights the equations by its own random factors, up to this one and down to its reciprocal: the roots are
-# the same, but a root that few starts find with one set of factors is found by many with another.
-LARGEST_FACTOR = 1e3
+# Newton's method starts together from this many quasi-random pairs of half times, each with all the amplitudes that are
+# stationary for the size of the equations there. It is repeated until this many successive batches bring no new root.
+# After this many steps hardly any start still converges.
+BATCH, IDLE_BATCHES, NEWTON_STEPS = 128, 4, 20
 # Shares of the times: a start with a smaller step has converged; roots that are closer are the same.
 CONVERGED_STEP, SAME_ROOT = 1e-8, 1e-7
-# After these further steps, without factors, a root is known to rounding; its residual is a share of the largest terms.
+# After these further steps a root is known to rounding; its residual is a share of the largest terms.
 POLISHING_STEPS, LARGEST_RESIDUAL = 3, 1e-9
 # Of half times, as a share of the longest; shorter hops have shrunk to nothing, a root for many contacts.
 SHORTEST_PHASE = 1e-3
@@ -56,56 +60,56 @@ def linear_hops(
     inertia, stiffness, load : M, K (n, n) and f (n,), as for `linear_modes`
     gap : weights (n,) of the gap weights . y
     half_contact, half_flight : the longest half times that are searched
-    seed : of the quasi-random pairs of times from which Newton's method starts, until they find nothing new; for many
-        coordinates another seed may find some more
+    seed : of the quasi-random pairs of times from which Newton's method starts, until they find nothing new; another
+        seed may find some more
 
     Raises `InputError` for an invalid mechanism, and `NoOrbit` where a motion changes neither spring nor gap.
     """
     longest = np.array([finite_number("half_contact", half_contact), finite_number("half_flight", half_flight)])
     if not (longest > 0).all():
         raise InputError(f"half_contact = {half_contact}, half_flight = {half_flight}: both are above 0")
-    equations, roots, idle = _HopEquations(inertia, stiffness, load, gap), np.zeros((0, 2)), 0
-    tried, rng = 0, np.random.default_rng(seed)
-    while idle < IDLE_BATCHES * equations.size:
-        factors = LARGEST_FACTOR ** rng.uniform(-1, 1, (BATCH, equations.size + 1))
-        times = equations.roots(sobol_points(BATCH, 2, seed, tried) * longest, factors, longest)
+    equations, tried, idle = _HopEquations(inertia, stiffness, load, gap), 0, 0
+    roots = np.zeros((0, 1 + equations.size))
+    while idle < IDLE_BATCHES:
+        new = equations.roots(sobol_points(BATCH, 2, seed, tried) * longest, longest)
         tried += BATCH
-        before, roots = len(roots), _distinct(np.concatenate([roots, times]))
+        before, roots = len(roots), _distinct(np.concatenate([roots, new]))
         idle = idle + 1 if len(roots) == before else 0
-    roots = roots[np.lexsort(roots.T[::-1])]
+    roots = roots[np.lexsort(roots[:, 1::-1].T)]
     states, opens = equations.liftoffs(roots)
-    found = zip(*roots[opens].T.tolist(), states[opens], strict=True)
+    found = zip(*roots[opens, :2].T.tolist(), states[opens], strict=True)
     return [LinearHop(contact, flight, state) for contact, flight, state in found]
 
 
 def _distinct(roots: Array) -> Array:
-    """Pairs of times (r, 2) without repetitions of an earlier pair up to rounding."""
-    near = (np.abs(roots[:, None] - roots) <= SAME_ROOT * roots).all(2)
+    """Roots (r, 2 + ...) whose pair of times, which comes first, does not repeat an earlier pair up to rounding."""
+    times = roots[:, :2]
+    near = (np.abs(times[:, None] - times) <= SAME_ROOT * times).all(2)
     return roots[~np.tril(near, -1).any(1)]
 
 
-class _Solved(NamedTuple):
-    """The equations at times (m, 2) with the best amplitudes.
+class _Sums(NamedTuple):
+    """The sums of modes at unknowns (m, 1 + n): two times and the amplitudes.
 
-    coordinates, speeds : (m, n) of the modes of flight at lift-off
-    left, slopes : (m, 2) and (m, 2, 2), the two equations that are left, and, where they hold, their derivatives by the
-        two times
-    error : (m,), the largest residual of all equations, as a share of the largest sum of terms
+    cosines, sines : (m, n), of the modes of flight after the time T; they have speeds cosines v + sines a then
+    matrix : (m, n, n - 1), the equations by the amplitudes
+    speeds, accelerations, jerks : v, a and j (m, n) of the modes of flight at lift-off
     """
 
-    coordinates: Array
+    cosines: Array
+    sines: Array
+    matrix: Array
     speeds: Array
-    left: Array
-    slopes: Array
-    error: Array
+    accelerations: Array
+    jerks: Array
 
 
 class _HopEquations:
-    """The equations A(s, T) c + r(s, T) = 0 of a linear mechanism.
+    """The equations of the two times and the amplitudes of a linear mechanism.
 
     The coordinates q (n,) are those of the modes of flight, q'' = loads - squares q, all with inertia 1. In contact
     q = centre + held @ x with modes x'' = -rates^2 x. All of these n - 1 modes swing: one without a spring would be
-    thrown in flight too, and nothing would bring it back.
+    thrown in flight too, and nothing would bring it back. The unknowns (m, 1 + n) are s, T and the amplitudes.
     """
 
     def __init__(self, inertia: ArrayLike, stiffness: ArrayLike, load: ArrayLike, gap: ArrayLike):
@@ -119,66 +123,74 @@ class _HopEquations:
         squares, turned = np.linalg.eigh(closed.T * self.squares @ closed)
         if not (squares > SLOWEST_SQUARE * flight.square).all():
             raise NoOrbit("a motion that leaves gap and springs as they are never comes back: hold it by a spring")
-        self.rates, self.held = np.sqrt(squares), closed @ turned
+        self.squares_held, self.rates, self.held = squares, np.sqrt(squares), closed @ turned
         self.centre = self.held @ (self.loads @ self.held / squares)
-        # The gap's acceleration, pull . q + push, in units in which it is as large as a speed.
-        unit = np.sqrt(flight.square) * np.linalg.norm(of_gap)
-        self.pull, self.push = -of_gap * self.squares / unit, of_gap @ self.loads / unit
+        # The gap's acceleration is pull . q + push.
+        self.pull, self.push = -of_gap * self.squares, float(of_gap @ self.loads)
 
-    def solved(self, times: Array, factors: Array | float = 1.0) -> _Solved:
-        """The equations at times (m, 2), weighted by factors (m, n + 1), with the amplitudes that solve them best."""
-        n, k, angles, flown = self.size, self.flight.thrown, times[:, :1] * self.rates, times[:, 1:]
-        # The modes of flight have speeds c q' - s squares q + s loads after a time T.
-        c, s = np.ones((len(times), n)), np.repeat(flown, n, axis=1)
+    def sums(self, unknowns: Array) -> _Sums:
+        """The sums of modes at unknowns (m, 1 + n)."""
+        k, flown, amplitudes = self.flight.thrown, unknowns[:, 1:2], unknowns[:, 2:]
+        c, s = np.ones((len(unknowns), self.size)), np.repeat(flown, self.size, axis=1)
         c[:, k:], s[:, k:] = np.cos(flown * self.flight.rates), np.sin(flown * self.flight.rates) / self.flight.rates
-        pushed = s * self.squares
-        # The coordinates and speeds at lift-off are centre + q_by @ amplitudes and v_by @ amplitudes.
-        q_by, v_by = self.held * np.cos(angles)[:, None], -self.held * (self.rates * np.sin(angles))[:, None]
-        matrix, right, slopes = (np.zeros((len(times), n + 1, columns)) for columns in (n - 1, 1, 2))
-        matrix[:, :n], matrix[:, n] = c[..., None] * v_by - pushed[..., None] * q_by, self.pull @ q_by
-        right[:, :n, 0], right[:, n] = s * self.loads - pushed * self.centre, self.push + self.pull @ self.centre
-        factors = np.broadcast_to(factors, (len(times), n + 1))[..., None]
-        matrix, right = factors * matrix, factors * right
-        turn, triangle = np.linalg.qr(matrix, mode="complete")
-        triangle = triangle[:, : n - 1]
-        triangle[(np.diagonal(triangle, axis1=1, axis2=2) == 0).any(1)] = np.nan
-        turned = turn.swapaxes(1, 2) @ right
-        amplitudes = -np.linalg.solve(triangle, turned[:, : n - 1])
-        q, v = self.centre + (q_by @ amplitudes)[..., 0], (v_by @ amplitudes)[..., 0]
-        slopes[:, :n, 0] = -c * (q_by * self.rates**2 @ amplitudes)[..., 0] - pushed * v
-        slopes[:, n, 0], slopes[:, :n, 1] = v @ self.pull, c * (self.loads - self.squares * q) - pushed * v
-        terms = np.abs(matrix) @ np.abs(amplitudes) + np.abs(right)
-        error = np.abs(matrix @ amplitudes + right).max((1, 2)) / terms.max((1, 2))
-        left = turn[:, :, n - 1 :].swapaxes(1, 2) @ (factors * slopes)
-        return _Solved(q, v, turned[:, n - 1 :, 0], left, error)
+        turned = unknowns[:, :1] * self.rates
+        cosines, sines = np.cos(turned), np.sin(turned) / self.rates
+        matrix = c[..., None] * (self.held * sines[:, None]) + s[..., None] * (self.held * cosines[:, None])
+        of_modes = amplitudes * sines, amplitudes * cosines, -self.squares_held * amplitudes * sines
+        return _Sums(c, s, matrix, *(each @ self.held.T for each in of_modes))
 
-    def roots(self, times: Array, factors: Array, longest: Array) -> Array:
-        """The roots (r, 2) up to the longest times to which Newton's method converges from times (m, 2)."""
+    def roots(self, times: Array, longest: Array) -> Array:
+        """The roots (r, 1 + n) up to the longest times to which Newton's method converges from times (m, 2)."""
         found, farthest = [], 0.5 / np.sqrt(self.flight.square)  # less than a period of the equations
+        few = np.column_stack([times, np.zeros((len(times), self.size - 1))])
+        stationary = np.concatenate(np.linalg.svd(self.sums(few).matrix, full_matrices=False)[2])
+        unknowns = np.column_stack([np.repeat(times, self.size - 1, axis=0), stationary])
         with np.errstate(all="ignore"):  # starts that reach a singularity of the equations are dropped
             for _ in range(NEWTON_STEPS):
-                change = self._newton_step(times, factors)
-                times = times + np.clip(change, -farthest, farthest)
-                converged = (np.abs(change) < CONVERGED_STEP * np.abs(times)).all(1)
-                found.append(times[converged])
-                going = ~converged & (np.abs(times) < 2 * longest).all(1)
-                times, factors = times[going], factors[going]
-            times = _distinct(np.concatenate(found))
+                change = self._newton_step(unknowns)
+                longest_step = np.abs(change[:, :2]).max(axis=1, keepdims=True)
+                unknowns = unknowns + change * np.minimum(1.0, farthest / longest_step)
+                unknowns[:, 2:] /= np.linalg.norm(unknowns[:, 2:], axis=1, keepdims=True)
+                times = unknowns[:, :2]
+                converged = (np.abs(change[:, :2]) < CONVERGED_STEP * np.abs(times)).all(1)
+                found.append(unknowns[converged])
+                going = ~converged & (times > 0).all(1) & (times < longest + farthest).all(1)
+                unknowns = unknowns[going]
+            unknowns = _distinct(np.concatenate(found))
             for _ in range(POLISHING_STEPS):
-                times = times + self._newton_step(times)
-            inside = (times > SHORTEST_PHASE * longest).all(1) & (times <= longest).all(1)
-            return times[inside & (self.solved(times).error < LARGEST_RESIDUAL)]
+                unknowns = unknowns + self._newton_step(unknowns)
+            inside = (unknowns[:, :2] > SHORTEST_PHASE * longest).all(1) & (unknowns[:, :2] <= longest).all(1)
+            return unknowns[inside & self._holds(unknowns)]
 
-    def _newton_step(self, times: Array, factors: Array | float = 1.0) -> Array:
-        """The change (m, 2) of times (m, 2), not finite where the equations are singular."""
-        at = self.solved(times, factors)
-        (a, b), (c, d) = at.slopes.transpose(1, 2, 0)
-        f, g = at.left.T
-        return np.stack([b * g - d * f, c * f - a * g], axis=1) / (a * d - b * c)[:, None]
+    def _newton_step(self, unknowns: Array) -> Array:
+        """The change (m, 1 + n) of unknowns, of which that of the amplitudes does not change their size; NaN where the
+        equations are singular."""
+        n, at = self.size, self.sums(unknowns)
+        c, s, v, a = at.cosines, at.sines, at.speeds, at.accelerations
+        matrix, right = np.zeros((len(unknowns), n + 1, n + 1)), np.zeros((len(unknowns), n + 1, 1))
+        matrix[:, :n, 0], matrix[:, :n, 1] = c * a + s * at.jerks, c * a - self.squares * s * v
+        matrix[:, :n, 2:], matrix[:, n, 2:] = at.matrix, unknowns[:, 2:]
+        right[:, :n, 0] = -(c * v + s * a)
+        return solve(matrix, right)[..., 0]
 
-    def liftoffs(self, times: Array) -> tuple[Array, Array]:
-        """Flight states (m, 2n) at lift-off of roots (m, 2), and whether (m,) the gap opens there, by its jerk."""
-        at, shapes = self.solved(times), self.flight.shapes
-        states = np.empty((len(times), 2 * self.size))
-        states[:, ::2], states[:, 1::2] = at.coordinates @ shapes.T, at.speeds @ shapes.T
-        return states, at.speeds @ self.pull > 0
+    def _holds(self, unknowns: Array) -> Array:
+        """Whether (m,) unknowns solve the equations, and their amplitudes give the gap an acceleration."""
+        at, (moved, _) = self.sums(unknowns), self._moved(unknowns)
+        terms = at.cosines * at.speeds, at.sines * at.accelerations
+        error = np.abs(sum(terms)).max(1) / np.abs(terms).max((0, 2))
+        share = np.abs(moved @ self.pull) / (np.linalg.norm(moved, axis=1) * np.linalg.norm(self.pull))
+        return (error < LARGEST_RESIDUAL) & (share > LARGEST_RESIDUAL)
+
+    def _moved(self, unknowns: Array) -> tuple[Array, Array]:
+        """Coordinates, counted from the centre, and speeds (m, n) of the modes of flight at lift-off."""
+        at = self.sums(unknowns)
+        return -(at.accelerations @ self.held / self.squares_held) @ self.held.T, at.speeds
+
+    def liftoffs(self, roots: Array) -> tuple[Array, Array]:
+        """Flight states (m, 2n) at lift-off of roots (m, 1 + n), and whether (m,) the gap opens there, by its jerk."""
+        (moved, speeds), shapes = self._moved(roots), self.flight.shapes
+        size = -(self.push + self.pull @ self.centre) / (moved @ self.pull)[:, None]
+        moved, speeds = self.centre + size * moved, size * speeds
+        states = np.empty((len(roots), 2 * self.size))
+        states[:, ::2], states[:, 1::2] = moved @ shapes.T, speeds @ shapes.T
+        return states, speeds @ self.pull > 0
