@@ -214,19 +214,17 @@ class _ZeroSearch:
 
     def _beyond(self, indices, x, began, orders):
         """Search the motions `indices` from a step on that cannot be used, with the arguments of `one_by_one`. Most of
-        them break off soon, which is determined together."""
+        them break off soon or end in time, which is determined together."""
         if len(indices) and self.flow.smooth:
-            ps = self.ps[indices] if len(self.ps) > 1 else self.ps
-            errors = self._breaking_off(x, ps, began, self.limit[indices] - began, orders.astype(int))
-            self.failed |= {int(indices[i]): error for i, error in errors.items()}
-            left = np.delete(np.arange(len(indices)), list(errors))
+            left = ~self._ended(indices, x, began, orders.astype(int))
             indices, x, began, orders = indices[left], x[left], began[left], orders[left]
         self.one_by_one(indices, x, began, orders)
 
-    def _breaking_off(self, x, ps, began, durations, orders) -> dict[int, FlowError]:
-        """The errors of motions that break off without the zero within the steps of one call of `Flow.run`, which
-        decides it in the same way: no step can be used, or all can and the state runs away."""
+    def _ended(self, indices, x, began, orders) -> Array:
+        """Whether motions end without the zero within the steps of one call of `Flow.run`, which decides it in the same
+        way: no step can be used, or all can and the state runs away or the time is over. Stores their errors."""
         flow, control, seeds = self.flow, self.flow.control, np.zeros((self.flow.size, 0))
+        ps, durations = self.ps[indices] if len(self.ps) > 1 else self.ps, self.limit[indices] - began
         found = flow.stepper(0).advance_all(x, ps, durations, seeds, np.zeros((ps.shape[1], 0)), control.look_ahead)
         c, steps, counts = found.coefficients, found.steps, found.counts
         owner, ends, begun = np.repeat(np.arange(len(x)), counts), np.cumsum(counts), counts > 0
@@ -234,22 +232,22 @@ class _ZeroSearch:
         usable = (steps > control.shortest_step * np.maximum(times, 1.0)) & np.isfinite(c).all((1, 2))
         none = ~begun
         none[begun] = ~usable[(ends - counts)[begun]]
-        away = (np.bincount(owner, ~usable, len(x)) == 0) & ~none & (found.left != 0)
-        away &= np.abs(found.ends).max(1) > control.runaway
-        if away.any():
-            chosen = away[owner]
-            polynomials = PiecewisePolynomials(self.quantity.series(c[chosen]), steps[chosen], counts[away])
-            away[away.nonzero()[0][polynomials.first_roots(orders[away], self.rising)[0]]] = False
-        if not self.why:
-            return dict.fromkeys((none | away).nonzero()[0].tolist(), BREAKS_OFF)
-        errors = dict[int, FlowError]()
-        for i in none.nonzero()[0].tolist():
-            errors[i] = BreaksDown(flow.failure("breaks down", began[i], x[i]))
-        for i in away.nonzero()[0].tolist():
-            time, step = times[ends[i] - 1], steps[ends[i] - 1]
-            kind = RunsAway if step > control.singular_step else BreaksDown
-            errors[i] = kind(flow.failure("runs away", time + step, found.ends[i]))
-        return errors
+        away = np.abs(found.ends).max(1) > control.runaway
+        whole = (np.bincount(owner, ~usable, len(x)) == 0) & ~none & (away | (found.left == 0))
+        if whole.any():
+            chosen = whole[owner]
+            polynomials = PiecewisePolynomials(self.quantity.series(c[chosen]), steps[chosen], counts[whole])
+            whole[whole.nonzero()[0][polynomials.first_roots(orders[whole], self.rising)[0]]] = False
+        for i in (none | (whole & away)).nonzero()[0].tolist():
+            error = BREAKS_OFF
+            if self.why and none[i]:
+                error = BreaksDown(flow.failure("breaks down", began[i], x[i]))
+            elif self.why:
+                time, step = times[ends[i] - 1], steps[ends[i] - 1]
+                kind = RunsAway if step > control.singular_step else BreaksDown
+                error = kind(flow.failure("runs away", time + step, found.ends[i]))
+            self.failed[int(indices[i])] = error
+        return none | whole
 
     def one_by_one(self, indices, x, began, orders):
         """Search the motions `indices` one after the other, from the states `x` at the times `began`, with zeros of
