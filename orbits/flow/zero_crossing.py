@@ -239,14 +239,11 @@ class _ZeroSearch:
             polynomials = PiecewisePolynomials(self.quantity.series(c[chosen]), steps[chosen], counts[whole])
             whole[whole.nonzero()[0][polynomials.first_roots(orders[whole], self.rising)[0]]] = False
         for i in (none | (whole & away)).nonzero()[0].tolist():
-            error = BREAKS_OFF
-            if self.why and none[i]:
-                error = BreaksDown(flow.failure("breaks down", began[i], x[i]))
-            elif self.why:
-                time, step = times[ends[i] - 1], steps[ends[i] - 1]
-                kind = RunsAway if step > control.singular_step else BreaksDown
-                error = kind(flow.failure("runs away", time + step, found.ends[i]))
-            self.failed[int(indices[i])] = error
+            last = ends[i] - 1
+            at = (began[i], x[i]) if none[i] else (times[last] + steps[last], found.ends[i])
+            kind = RunsAway if whole[i] and steps[last] > control.singular_step else BreaksDown
+            what = "breaks down" if none[i] else "runs away"
+            self.failed[int(indices[i])] = kind(flow.failure(what, *at)) if self.why else BREAKS_OFF
         return none | whole
 
     def one_by_one(self, indices, x, began, orders):

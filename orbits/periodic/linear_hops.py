@@ -93,12 +93,13 @@ class _Sums(NamedTuple):
 
     cosines, sines : (m, n), of the modes of flight after the time T; they have speeds cosines v + sines a then
     matrix : (m, n, n - 1), the equations by the amplitudes
-    speeds, accelerations, jerks : v, a and j (m, n) of the modes of flight at lift-off
+    moved, speeds, accelerations, jerks : (m, n) of the modes of flight at lift-off, as free of the load as they are
     """
 
     cosines: Array
     sines: Array
     matrix: Array
+    moved: Array
     speeds: Array
     accelerations: Array
     jerks: Array
@@ -123,7 +124,7 @@ class _HopEquations:
         squares, turned = np.linalg.eigh(closed.T * self.squares @ closed)
         if not (squares > SLOWEST_SQUARE * flight.square).all():
             raise NoOrbit("a motion that leaves gap and springs as they are never comes back: hold it by a spring")
-        self.squares_held, self.rates, self.held = squares, np.sqrt(squares), closed @ turned
+        self.rates, self.held = np.sqrt(squares), closed @ turned
         self.centre = self.held @ (self.loads @ self.held / squares)
         # The gap's acceleration is pull . q + push.
         self.pull, self.push = -of_gap * self.squares, float(of_gap @ self.loads)
@@ -136,8 +137,8 @@ class _HopEquations:
         turned = unknowns[:, :1] * self.rates
         cosines, sines = np.cos(turned), np.sin(turned) / self.rates
         matrix = c[..., None] * (self.held * sines[:, None]) + s[..., None] * (self.held * cosines[:, None])
-        of_modes = amplitudes * sines, amplitudes * cosines, -self.squares_held * amplitudes * sines
-        return _Sums(c, s, matrix, *(each @ self.held.T for each in of_modes))
+        v, a, rates = amplitudes * sines, amplitudes * cosines, self.rates
+        return _Sums(c, s, matrix, *(each @ self.held.T for each in (-a / rates**2, v, a, -v * rates**2)))
 
     def roots(self, times: Array, longest: Array) -> Array:
         """The roots (r, 1 + n) up to the longest times to which Newton's method converges from times (m, 2)."""
@@ -154,8 +155,7 @@ class _HopEquations:
                 times = unknowns[:, :2]
                 converged = (np.abs(change[:, :2]) < CONVERGED_STEP * np.abs(times)).all(1)
                 found.append(unknowns[converged])
-                going = ~converged & (times > 0).all(1) & (times < longest + farthest).all(1)
-                unknowns = unknowns[going]
+                unknowns = unknowns[~converged & (times > 0).all(1) & (times < longest + farthest).all(1)]
             unknowns = _distinct(np.concatenate(found))
             for _ in range(POLISHING_STEPS):
                 unknowns = unknowns + self._newton_step(unknowns)
@@ -165,32 +165,25 @@ class _HopEquations:
     def _newton_step(self, unknowns: Array) -> Array:
         """The change (m, 1 + n) of unknowns, of which that of the amplitudes does not change their size; NaN where the
         equations are singular."""
-        n, at = self.size, self.sums(unknowns)
-        c, s, v, a = at.cosines, at.sines, at.speeds, at.accelerations
-        matrix, right = np.zeros((len(unknowns), n + 1, n + 1)), np.zeros((len(unknowns), n + 1, 1))
-        matrix[:, :n, 0], matrix[:, :n, 1] = c * a + s * at.jerks, c * a - self.squares * s * v
-        matrix[:, :n, 2:], matrix[:, n, 2:] = at.matrix, unknowns[:, 2:]
-        right[:, :n, 0] = -(c * v + s * a)
-        return solve(matrix, right)[..., 0]
+        c, s, by_amplitudes, _, v, a, j = self.sums(unknowns)
+        n, matrix = self.size, np.zeros((len(unknowns), self.size + 1, self.size + 2))
+        columns = c * a + s * j, c * a - self.squares * s * v, c * v + s * a
+        matrix[:, :n, 0], matrix[:, :n, 1], matrix[:, :n, -1] = columns
+        matrix[:, :n, 2:-1], matrix[:, n, 2:-1] = by_amplitudes, unknowns[:, 2:]
+        return -solve(matrix[..., :-1], matrix[..., -1:])[..., 0]
 
     def _holds(self, unknowns: Array) -> Array:
         """Whether (m,) unknowns solve the equations, and their amplitudes give the gap an acceleration."""
-        at, (moved, _) = self.sums(unknowns), self._moved(unknowns)
+        at = self.sums(unknowns)
         terms = at.cosines * at.speeds, at.sines * at.accelerations
         error = np.abs(sum(terms)).max(1) / np.abs(terms).max((0, 2))
-        share = np.abs(moved @ self.pull) / (np.linalg.norm(moved, axis=1) * np.linalg.norm(self.pull))
+        share = np.abs(at.moved @ self.pull) / (np.linalg.norm(at.moved, axis=1) * np.linalg.norm(self.pull))
         return (error < LARGEST_RESIDUAL) & (share > LARGEST_RESIDUAL)
-
-    def _moved(self, unknowns: Array) -> tuple[Array, Array]:
-        """Coordinates, counted from the centre, and speeds (m, n) of the modes of flight at lift-off."""
-        at = self.sums(unknowns)
-        return -(at.accelerations @ self.held / self.squares_held) @ self.held.T, at.speeds
 
     def liftoffs(self, roots: Array) -> tuple[Array, Array]:
         """Flight states (m, 2n) at lift-off of roots (m, 1 + n), and whether (m,) the gap opens there, by its jerk."""
-        (moved, speeds), shapes = self._moved(roots), self.flight.shapes
-        size = -(self.push + self.pull @ self.centre) / (moved @ self.pull)[:, None]
-        moved, speeds = self.centre + size * moved, size * speeds
-        states = np.empty((len(roots), 2 * self.size))
-        states[:, ::2], states[:, 1::2] = moved @ shapes.T, speeds @ shapes.T
+        at, shapes, states = self.sums(roots), self.flight.shapes, np.empty((len(roots), 2 * self.size))
+        size = -(self.push + self.pull @ self.centre) / (at.moved @ self.pull)[:, None]
+        speeds = size * at.speeds
+        states[:, ::2], states[:, 1::2] = (self.centre + size * at.moved) @ shapes.T, speeds @ shapes.T
         return states, speeds @ self.pull > 0

@@ -86,6 +86,24 @@ def test_a_motion_that_falls_for_ever_is_given_up_without_its_steps(monkeypatch)
     assert list(failed) == [1]
 
 
+def test_motions_whose_time_ends_before_they_run_away_are_settled_together(monkeypatch):
+    """A spring that repels far out: a motion that is followed for a little less time has no turn, and no error."""
+    machine = Hopper("tanh(b*r)/b + c*r", parameters={"b": 0.2, "c": -0.1})
+    flow, p = flow_of(machine.model.relative.phase, tuple(machine.values)), np.array([*machine.values.values()])
+    starts, limits, speed = np.tile([1.0, 30.0], (20, 1)), np.linspace(120.0, 150.0, 20), Affine((0.0, 1.0))
+    away = []
+    for limit in limits:
+        try:
+            flow.run(starts[0], p, limit)
+        except FlowError as error:
+            away.append(str(error))
+    monkeypatch.setattr(Flow, "run", lambda *_, **__: pytest.fail("followed alone"))
+    times, _, failed = first_zeros(flow, starts, p, speed, limits)
+    assert np.isnan(times).all()
+    assert [str(error) for _, error in sorted(failed.items())] == away
+    assert 0 < len(away) < 20
+
+
 @pytest.mark.parametrize("name", MACHINES)
 def test_flights_to_their_landings(name):
     rules, rng = Impacts(MACHINES[name]), np.random.default_rng(7)
