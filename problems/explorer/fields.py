@@ -11,7 +11,7 @@ from orbits.errors import InputError
 
 from ..laws import gravity as gravities, springs
 from .dials import Dial
-from .scene import GIVEN, DroppedRows, Scene, beginning
+from .scene import PYTHON_MACHINE, DroppedRows, Scene, beginning
 
 KINDS_IN_WORDS = {
     "hopper": "hopper",
@@ -34,7 +34,7 @@ def shown_fields(scene: Scene, dials: list[Dial], has_python_machine: bool) -> d
     rows, fixed = scene.rows, scene.fixed_laws
     shown = [_with_value(dial, scene.numbers.get(dial.name, dial.value)) for dial in dials]
     families = sorted({*range(1, OFFERED_FAMILIES + 1), scene.family})
-    kinds = KINDS_IN_WORDS | ({GIVEN: "as it was given"} if has_python_machine else {})
+    kinds = KINDS_IN_WORDS | ({PYTHON_MACHINE: "as it was given"} if has_python_machine else {})
     names = [dial.name for dial in dials if dial.name != "restitution"]
     return {
         "scene": {
@@ -97,7 +97,7 @@ def _to_gravity(scene: Scene, data: Mapping[str, object]) -> Scene:
 
 def _to_machine(scene: Scene, data: Mapping[str, object]) -> Scene:
     kind, _, si = str(data.get("value")).partition(" ")
-    if kind == GIVEN:
+    if kind == PYTHON_MACHINE:
         raise InputError("go back to the machine that was given with undo, or by reloading the page without a link")
     return beginning(kind, si == "si")
 

@@ -189,11 +189,13 @@ NAMED = {
 }
 
 
-def as_spring(law: LawLike, given: Mapping[str, float] | None = None, in_si: bool = False, shared: bool = False) -> Law:
+def as_spring(
+    law: LawLike, parameters: Mapping[str, float] | None = None, in_si: bool = False, shared: bool = False
+) -> Law:
     """A spring from a law, a formula, a law's name, "table:FILE", "table:FILE?branch=loading&noise=0.5",
     "potential:FORMULA" or a Python function.
 
-    given : values of parameters by name
+    parameters : their values by name
     in_si : as in `table`
     shared : whether the parameters are another law's too; this law then takes those that it has, while otherwise one
         that it does not have is an `InputError`
@@ -204,7 +206,7 @@ def as_spring(law: LawLike, given: Mapping[str, float] | None = None, in_si: boo
         if not path.strip():
             raise InputError(f"spring '{law}' names no file after the colon")
         law = table(path, in_si=in_si, **options)
-    return laws.from_any(law, "r", given, NAMED, "a spring", shared)
+    return laws.from_any(law, "r", parameters, NAMED, "a spring", shared)
 
 
 def _line_expression(x, p, q):
