@@ -9,8 +9,9 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from orbits.errors import InputError
-from orbits.laws import law as laws
-from orbits.laws.law import Law, LawLike, positive
+from orbits.laws import law_statement as laws
+from orbits.laws.law import Law, positive
+from orbits.laws.law_statement import LawLike
 
 
 def formula(text: str, /, **parameters: float) -> Law:

@@ -18,8 +18,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orbits.errors import InputError
-from orbits.laws import law as laws
-from orbits.laws.law import NOISE, Expression, Law, LawLike, Written, number, positive
+from orbits.laws import law_statement as laws
+from orbits.laws.law import NOISE, Law, Written, number, positive
+from orbits.laws.law_expressions import Expression
+from orbits.laws.law_statement import LawLike
 from orbits.symbolic.formula import suggest
 
 from .measured import read_table, short
