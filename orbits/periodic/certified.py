@@ -23,7 +23,8 @@ from ..shooting.formulations import (
 )
 from ..shooting.single_shooting import Evaluation, Shooting
 from .certificate import Certificate, certify
-from .orbit import Orbit, Shape, orbit_of
+from .cycle_shape import Shape
+from .orbit import Orbit, orbit_of
 from .quantities import motion_numbers
 
 
