@@ -46,7 +46,7 @@ DIMENSIONS: dict[str, Dimension] = {
 }
 # Dimensions of the quantities of a return map's hops.
 DIMENSIONS_OF_HOPS: dict[str, Dimension] = {
-    **{"alpha": LIFTOFF_SPEED, "next": LIFTOFF_SPEED, "loss": LIFTOFF_SPEED_SQUARED},
+    **{"alpha": LIFTOFF_SPEED, "next": LIFTOFF_SPEED, "loss": LIFTOFF_SPEED_SQUARED}
 }
 # Dimensions of unknowns, beside the flight states, that determine a launch or half an orbit.
 UNKNOWNS: dict[str, Dimension] = {

@@ -367,8 +367,7 @@ def optimize_command(file: str, as_json: bool, plot: str | None, save: str | Non
 
 
 @orbits.command(
-    "sweep",
-    epilog="\b\nExit code: 0 done, also where some members have no orbit; 1 where none has one, 2 bad input.",
+    "sweep", epilog="\b\nExit code: 0 done, also where some members have no orbit; 1 where none has one, 2 bad input."
 )
 @options.machine_options
 @click.option(
@@ -425,10 +424,7 @@ def sweep_command(
         raise click.exceptions.Exit(1)
 
 
-@orbits.command(
-    "existence",
-    epilog="\b\nExit code: 0 done; 1 where no member has an orbit, 2 bad input.",
-)
+@orbits.command("existence", epilog="\b\nExit code: 0 done; 1 where no member has an orbit, 2 bad input.")
 @options.machine_options
 @click.option("--along", required=True, metavar="NAME=LOW:HIGH[:log]", help="The parameter of the rows.")
 @click.option("--across", required=True, metavar="NAME=RANGE", help="The one that differs between rows; also V1,V2,...")
