@@ -87,14 +87,6 @@ def _to_number(scene: Scene, data: Mapping[str, object]) -> Scene:
     return scene.with_numbers(**{name: data.get("value")})  # type: ignore[arg-type]  # the scene checks it
 
 
-def _to_spring(scene: Scene, data: Mapping[str, object]) -> Scene:
-    return replace(scene, spring=data.get("value"), rows=None, start=None)  # type: ignore[arg-type]
-
-
-def _to_gravity(scene: Scene, data: Mapping[str, object]) -> Scene:
-    return replace(scene, gravity=data.get("value"), start=None)  # type: ignore[arg-type]
-
-
 def _to_machine(scene: Scene, data: Mapping[str, object]) -> Scene:
     kind, _, si = str(data.get("value")).partition(" ")
     if kind == PYTHON_MACHINE:
@@ -102,19 +94,11 @@ def _to_machine(scene: Scene, data: Mapping[str, object]) -> Scene:
     return beginning(kind, si == "si")
 
 
-def _to_family(scene: Scene, data: Mapping[str, object]) -> Scene:
-    return replace(scene, family=data.get("value"), start=None)  # type: ignore[arg-type]  # the scene checks it
-
-
 def _to_floating(scene: Scene, data: Mapping[str, object]) -> Scene:
     numbers = {name: value for name, value in scene.numbers.items() if name != "rest_length"}
     if data.get("value") is not True:
         numbers["rest_length"] = REST_LENGTHS[scene.si]
     return replace(scene, numbers=numbers)
-
-
-def _to_rows(scene: Scene, data: Mapping[str, object]) -> Scene:
-    return replace(scene, rows=DroppedRows(data.get("name"), data.get("text")), start=None)  # type: ignore[arg-type]
 
 
 def _to_option_of_rows(name: str) -> Callable[[Scene, Mapping[str, object]], Scene]:
@@ -127,19 +111,19 @@ def _to_option_of_rows(name: str) -> Callable[[Scene, Mapping[str, object]], Sce
     return change
 
 
-# The fields by name.
-CHANGES: dict[str, Callable[[Scene, Mapping[str, object]], Scene]] = {
+# The fields by name; the scene checks the values.
+CHANGES: dict[str, Callable[[Scene, Any], Scene]] = {
     "number": _to_number,
-    "spring": _to_spring,
-    "gravity": _to_gravity,
+    "spring": lambda scene, data: replace(scene, spring=data.get("value"), rows=None, start=None),
+    "gravity": lambda scene, data: replace(scene, gravity=data.get("value"), start=None),
     "machine": _to_machine,
-    "family": _to_family,
+    "family": lambda scene, data: replace(scene, family=data.get("value"), start=None),
     "floating": _to_floating,
-    "rows": _to_rows,
+    "rows": lambda scene, data: replace(scene, rows=DroppedRows(data.get("name"), data.get("text")), start=None),
     "rows-away": lambda scene, data: replace(scene, rows=None, start=None),
     "branch": _to_option_of_rows("branch"),
     "noise": _to_option_of_rows("noise"),
     "along": lambda scene, data: replace(scene, along=str(data.get("value") or "")),
-    "launch": lambda scene, data: replace(scene, launch=data.get("value")),  # type: ignore[arg-type]
+    "launch": lambda scene, data: replace(scene, launch=data.get("value")),
     "lowest": lambda scene, data: replace(scene, start=None),
 }
