@@ -28,7 +28,7 @@ _Arguments = ParamSpec("_Arguments")
 _Outcome = TypeVar("_Outcome")
 
 LENGTH, TIME, FORCE, ENERGY = (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, 0, 1)
-SPEED, SPEED_SQUARED, ACCELERATION, JERK = (1, -1, 0), (2, -2, 0), (1, -2, 0), (1, -3, 0)
+SPEED, ACCELERATION, JERK = (1, -1, 0), (1, -2, 0), (1, -3, 0)
 MASS, STIFFNESS = (-1, 2, 1), (-1, 0, 1)
 EXTENSION, LIFTOFF_SPEED, LIFTOFF_SPEED_SQUARED = (0, 0, 0, 0, 1), (0, -1, 0, 0, 1), (0, -2, 0, 0, 2)
 ANGLE, ANGULAR_SPEED = (0, 0, 0, 0, 0, 1), (0, -1, 0, 0, 0, 1)
@@ -46,7 +46,7 @@ DIMENSIONS: dict[str, Dimension] = {
 }
 # Dimensions of the quantities of a return map's hops.
 DIMENSIONS_OF_HOPS: dict[str, Dimension] = {
-    **{"alpha": LIFTOFF_SPEED, "next": LIFTOFF_SPEED, "loss": LIFTOFF_SPEED_SQUARED},
+    **{"alpha": LIFTOFF_SPEED, "next": LIFTOFF_SPEED, "loss": LIFTOFF_SPEED_SQUARED}
 }
 # Dimensions of unknowns, beside the flight states, that determine a launch or half an orbit.
 UNKNOWNS: dict[str, Dimension] = {

@@ -57,6 +57,7 @@ TESTED_WITH = {
     "model/model": "test_checks",
     "model/relative": "periodic/test_find",
     "numerics/quadrature": "shooting/test_error_bound",
+    "periodic/cycle_shape": "periodic/test_orbit",
     "periodic/quantities": "continuation/test_table",
     "proof/branch_claim": "continuation/test_proved_curve",
     "proof/branch_motion": "proof/test_branch",

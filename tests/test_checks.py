@@ -9,7 +9,7 @@ import pytest
 from orbits import InputError, Model, check, find, starts
 from orbits.errors import InconsistentModel
 from orbits.model import Affine, Phase
-from orbits.model.model import FOLLOWING
+from orbits.model.model import DERIVED_FIELDS
 from problems import Chain, Hopper, chain_hand, plate_hopper
 from problems.laws import springs
 from tests.consistency.by_hand import by_hand
@@ -137,7 +137,7 @@ def test_wrong_guesses_are_told():
         find(with_model(machine, replace(model, guess=none)), method="half orbit")
 
 
-@pytest.mark.parametrize("name", FOLLOWING)
+@pytest.mark.parametrize("name", DERIVED_FIELDS)
 def test_what_follows_from_other_fields_is_not_stated(name):
     with pytest.raises(InputError, match=f"states no '{name}', which follows from its .*: leave it out"):
         inerter_by_hand(**{name: None})

@@ -114,7 +114,7 @@ OF_FILES = {
 
 
 # What a result does not take along into a file or another process.
-NOT_KEPT = ("answer", "source")
+NOT_KEPT = ("warm_start", "source")
 
 
 def same(a, b) -> bool:
@@ -237,5 +237,5 @@ def test_what_comes_back_can_be_used():
     again = pickle.loads(pickle.dumps(made("ReturnMap")))
     assert same(again([4.4, 4.6]), made("ReturnMap")([4.4, 4.6]))
     control = pickle.loads(pickle.dumps(made("Control")))
-    assert control.answer is None  # its nonlinear program stays behind; a solve starts from the motion
+    assert control.warm_start is None  # its nonlinear program stays behind; a solve starts from the motion
     assert steer([cart(duration=(1, 1))], guess=control).cost == pytest.approx(12, rel=1e-9)

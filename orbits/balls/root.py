@@ -82,7 +82,7 @@ def prove_root(equations: Equations, guess: Sequence[float], bits: int, boxes: S
         centre = polished(equations, centre)
         candidates = [*boxes, *_wide_boxes(equations, centre)]
     else:
-        candidates = [*boxes, *_narrow_boxes(centre)]
+        candidates = [*boxes, *([arb(share) * (1 + abs(c)).abs_upper() for c in centre] for share in BOXES)]
     reason = ""
     for radii in candidates:
         try:
@@ -136,10 +136,6 @@ def polished(equations: Equations, centre: Sequence[arb]) -> list[arb]:
         if all(abs(step[i, 0]) < POLISHED * (1 + abs(value)) for i, value in enumerate(centre)):
             break
     return centre
-
-
-def _narrow_boxes(centre: Sequence[arb]) -> list[list[arb]]:
-    return [[arb(share) * (1 + abs(value)).abs_upper() for value in centre] for share in BOXES]
 
 
 def _wide_boxes(equations: Equations, centre: list[arb]) -> list[list[arb]]:
@@ -197,7 +193,7 @@ def _narrowed(equations: Equations, root: ProvedRoot, bits: int) -> ProvedRoot:
     evaluated = evaluated_on(equations, centre, radii)
     box = _by_values(equations, evaluated, evaluated, centre, box)
     for _ in range(MOST_REFINEMENTS + bits // BITS_OF_REFINEMENT):
-        if _known_to(box, bits):
+        if all(_bits_of(value) >= bits for value in box):
             return replace(root, box=box, evaluated=evaluated)
         reached = max(FIRST_BITS, min(_bits_of(value) for value in box))
         with ctx.workprec(min(2 * reached, bits) + GUARD_BITS):
@@ -232,7 +228,3 @@ def _bits_of(value: arb) -> int:
         return EXACT
     _, exponent = share.mid().man_exp()
     return -int(exponent) - int(share.mid().man_exp()[0]).bit_length()
-
-
-def _known_to(box: Sequence[arb], bits: int) -> bool:
-    return all(_bits_of(value) >= bits for value in box)

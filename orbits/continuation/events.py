@@ -34,7 +34,7 @@ class Segment:
         self.curve, self.a, self.b = curve, a, b
 
     @staticmethod
-    def may_happen(points: Sequence[CurvePoint], asked: tuple[float, ...], watch: Watch) -> np.ndarray:
+    def may_happen(points: Sequence[CurvePoint], requested: tuple[float, ...], watch: Watch) -> np.ndarray:
         """Whether an event may lie between each pair of neighbouring certified points, (m - 1,)."""
         if watch:
             return np.ones(len(points) - 1, bool)
@@ -43,7 +43,7 @@ class Segment:
         tests += [[point.tangent[-1] >= 0 for point in points], [point.branch_test >= 0 for point in points]]
         signs = np.array([*tests, [orbit.certificate.family for orbit in orbits]])
         low, high = np.minimum(values[:-1], values[1:]), np.maximum(values[:-1], values[1:])
-        return (signs[:, :-1] != signs[:, 1:]).any(0) | ((low <= asked) & (asked <= high)).any(1)
+        return (signs[:, :-1] != signs[:, 1:]).any(0) | ((low <= requested) & (requested <= high)).any(1)
 
     @cached_property
     def row(self) -> np.ndarray:
@@ -98,14 +98,14 @@ class Segment:
             near = self(at_value)  # near a fold the value does not determine the orbit, but its share of the chord does
         return self.curve.certify_at(near, value)
 
-    def events(self, asked: tuple[float, ...], watch: Watch) -> list[tuple[str, CurvePoint]]:
-        """The events by kind and point, in order along the curve; `asked` are the requested values of the parameter."""
-        if not self.may_happen((self.a, self.b), asked, watch).any():
+    def events(self, requested: tuple[float, ...], watch: Watch) -> list[tuple[str, CurvePoint]]:
+        """The events by kind and point, in order along the curve; with the `requested` values of the parameter."""
+        if not self.may_happen((self.a, self.b), requested, watch).any():
             return []
         located = [(kind, share, self.curve.certify(point)) for kind, share, point in self._sign_changes(watch)]
         turns = [0.0, *([] if self.fold is None else [self.fold]), 1.0]
         for (low, high), part in zip(pairwise(turns), self.sheets(), strict=True):
-            for value in part._passed(asked):
+            for value in part._passed(requested):
                 share = low + (high - low) * (value - part.a.value) / (part.b.value - part.a.value)
                 located.append(("asked", share, part.point_at(value)))
         return [(kind, point) for kind, _, point in sorted(located, key=lambda event: event[1])]

@@ -15,7 +15,8 @@ from ..exact.claim import CONTACT_DURATION, Claim
 from ..io import DIGEST, MEGABYTE, Document, conform, has_digest, sealed, to_json, unsealed, writing
 from ..model.machine import Machine
 from ..periodic.certified import orbit_from
-from ..periodic.orbit import Orbit, SavedLaws, with_note
+from ..periodic.orbit import Orbit
+from ..periodic.saved_orbit import SavedLaws, with_note
 from ..proof.branch_claim import BranchClaim
 from ..proof.prove import prove_branch, prove_claims
 from ..proof.theorem import Proof

@@ -15,7 +15,7 @@ from ..running import interrupts
 from ..running.exclusive import LOCK, exclusive
 from ..running.heartbeat import running
 from ..running.time_limit import time_limit
-from ..shooting.formulations import iterative
+from ..shooting.formulations import iterative, method_of
 from ..units import without_units
 from .checkpoint import collect_family
 from .corrector import correct
@@ -240,7 +240,7 @@ def _begin(machine, along, start, stop, family, orbit, method, options: Options,
             raise InputError(f"the family to resume is {which}: ask for the same")
         return _resumed(machine, along, behind, stop, resume, options)
     with interrupts.deferred(), without_units(machine.units):
-        family = 1 if family is None else family
+        family, method = 1 if family is None else family, method_of(machine.model, method)
         solved = _of_family(machine, family, method) if orbit is None else solve_near(machine, orbit, method)
         curve = Curve(machine, along, iterative(solved.method), abs(stop - behind))
     tracer = start_tracer(curve, np.append(solved.us[0], start), start, behind, stop, options)
@@ -249,7 +249,7 @@ def _begin(machine, along, start, stop, family, orbit, method, options: Options,
     return tracer
 
 
-def _of_family(machine: Machine, family: int, method: str | None) -> Solved:
+def _of_family(machine: Machine, family: int, method: str) -> Solved:
     """The solution of the orbit that `find` returns for a family. Where the first solution is taken for the lowest
     orbit, it is certified together with the points that follow."""
     search = machine.model.search and machine.model.search(machine.values)
@@ -261,7 +261,7 @@ def _of_family(machine: Machine, family: int, method: str | None) -> Solved:
                 raise
     with time_limit(None):
         lowest = lowest_of_family(machine, family, method)
-    return solve_near(machine, lowest, method or lowest.method)
+    return solve_near(machine, lowest, method)
 
 
 def start_tracer(curve: Curve, x: np.ndarray, start: float, behind: float, stop: float, options: Options) -> Tracer:

@@ -8,7 +8,8 @@ import numpy as np
 
 from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..flow.flow import flow_of
-from ..laws.law import Algebraic, Law, Parameters, from_formula, from_key
+from ..laws.law import Algebraic, Law, Parameters, from_key
+from ..laws.law_statement import from_formula
 from ..mechanics.elements import Damper, Force, Spring
 from ..mechanics.mechanism import Mechanism
 from ..model.machine import Machine

@@ -140,7 +140,7 @@ class Stepper:
 
     def __init__(self, curve: Curve, bounds: tuple[float, float], start: float, options: Options):
         self.curve, self.bounds, self.longest, self.control = curve, bounds, options.longest, options.step_control
-        self.asked = np.array([value for value in options.at if value != start])
+        self.requested = np.array([value for value in options.at if value != start])
 
     def steps(
         self, ends: Points, length: float, batch_size: int
@@ -243,7 +243,8 @@ class Stepper:
         starts, parts = np.einsum("gi,gi->g", rows, xs[first:-1]), np.array([end.parts for end in ends])
         steps = np.repeat(np.arange(len(parts)), parts - 1)
         shares = np.concatenate([np.arange(1, count) / count for count in parts])
-        passed, values = self._passed(xs[first:, -1], tangents[first:, -1], self.asked if with_at else self.asked[:0])
+        requested = self.requested if with_at else self.requested[:0]
+        passed, values = self._passed(xs[first:, -1], tangents[first:, -1], requested)
         along_parameter = np.tile(np.eye(n)[-1], (len(passed), 1))
         at_values, _ = around(xs, tangents, places[passed], side, side, along_parameter, values)
         taken = np.einsum("qi,qi->q", rows[passed], at_values) - starts[passed]

@@ -98,7 +98,7 @@ class Control(Result, what="control", document_is_whole=True, in_line=("status",
     seconds: float
     status: str = "optimal"
     coarseness: float = np.nan
-    answer: WarmStart | None = field(default=None, repr=False)
+    warm_start: WarmStart | None = field(default=None, repr=False)
     units: Mapping[str, str] = field(default_factory=dict)
     bare: Self | None = field(default=None, repr=False)
 
@@ -108,7 +108,7 @@ class Control(Result, what="control", document_is_whole=True, in_line=("status",
 
     def __getstate__(self) -> dict[str, Any]:
         """The pickled state: all but the nonlinear program. As a guess the copy starts a solve from its motion."""
-        return {each.name: getattr(self, each.name) for each in fields(self)} | {"answer": None}
+        return {each.name: getattr(self, each.name) for each in fields(self)} | {"warm_start": None}
 
     machine = property(lambda self: {})  # a motion is of stages
 

@@ -163,7 +163,7 @@ def _steer(stages, parameters: Mapping, free: Mapping, guess, tolerance: float) 
         if motion.error <= tolerance and motion.violation <= tolerance:
             named = dict(zip(problem.names, motion.values.tolist(), strict=True))
             accuracy = motion.violation, motion.error
-            return Control(motion.legs(), motion.cost, named, *accuracy, iterations, rounds, 0.0, answer=current)
+            return Control(motion.legs(), motion.cost, named, *accuracy, iterations, rounds, 0.0, warm_start=current)
         finer = _refined(current, motion, tolerance)
         if max(finer.problem.substeps) > STEER_OPTIONS.substeps:
             break
@@ -181,7 +181,7 @@ def _steer(stages, parameters: Mapping, free: Mapping, guess, tolerance: float) 
 
 def _warm_or_cold_start(problem: Transcription, guess, free: Mapping, bounds, fixed) -> WarmStart:
     """The start of the first solve: the solution of a `Control` of the same problem, or a cold start from a guess."""
-    known = guess.answer if isinstance(guess, Control) else None
+    known = guess.warm_start if isinstance(guess, Control) else None
     if known is not None and known.problem.stages == problem.stages and known.problem.names == problem.names:
         return known
     x = _unknowns_of_guess(problem, guess, free, bounds)

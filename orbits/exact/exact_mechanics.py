@@ -99,7 +99,7 @@ class ExactMechanics:
         unknown
     inertia : M (n, n)
     gap : its weights (n,), exact, the largest of which is 1
-    kept, embed : the coordinates of the contact, and the exact matrix (n, n - 1) from these to all
+    independent, embed : the coordinates of the contact, and the exact matrix (n, n - 1) from these to all
     conservative, forces : (laws, n), Q and Q - C
     accelerations : (laws, n) in flight
     s, w : symbols (n - 1,) of the coordinates of the contact and their rates
@@ -120,12 +120,12 @@ class ExactMechanics:
         self.inertia = self._inertia()
         self.gap = self._gap()
         self.eliminated = max(range(self.size), key=lambda i: self.gap[i])
-        self.kept = [i for i in range(self.size) if i != self.eliminated]
-        if stated.launch not in [stated.coordinates[i] for i in self.kept]:
+        self.independent = [i for i in range(self.size) if i != self.eliminated]
+        if stated.launch not in [stated.coordinates[i] for i in self.independent]:
             raise Unproved(f"'{stated.launch}' is no coordinate of the contact")
-        self.launched = [stated.coordinates[i] for i in self.kept].index(stated.launch)
-        rows = {i: [Fraction(int(i == j)) for j in self.kept] for i in self.kept}
-        rows[self.eliminated] = [-self.gap[j] for j in self.kept]
+        self.launched = [stated.coordinates[i] for i in self.independent].index(stated.launch)
+        rows = {i: [Fraction(int(i == j)) for j in self.independent] for i in self.independent}
+        rows[self.eliminated] = [-self.gap[j] for j in self.independent]
         self.embed = [rows[i] for i in range(self.size)]
         self.counts = self.formula(stated.counts)
         self.separation = None if stated.separation is None else self.formula(stated.separation)
@@ -133,7 +133,7 @@ class ExactMechanics:
         centrifugal = self._centrifugal()
         self.forces = [[q - c for q, c in zip(force, centrifugal, strict=True)] for force in self.conservative]
         self.accelerations = [solved(self.inertia, force) for force in self.forces]
-        self.s, self.w = [self.y[i] for i in self.kept], [self.v[i] for i in self.kept]
+        self.s, self.w = [self.y[i] for i in self.independent], [self.v[i] for i in self.independent]
         self.contact_accelerations, self.contact_force = self._contact()
 
     def formula(self, text: str, **names: ExactExpression) -> ExactExpression:
@@ -241,7 +241,7 @@ class ExactMechanics:
         places = {**dict(zip(self.y, self.embedded(self.s), strict=True))}
         places |= dict(zip(self.v, self.embedded(self.w), strict=True))
         inertia = [substitute(row, places) for row in self.inertia]
-        count = range(len(self.kept))
+        count = range(len(self.independent))
         projected = [[total(row[i] * self.embed[i][j] for i in range(self.size)) for j in count] for row in inertia]
         reduced = [[total(self.embed[i][k] * projected[i][j] for i in range(self.size)) for j in count] for k in count]
         accelerations, contact_force = list[Column](), list[ExactExpression]()
@@ -260,7 +260,7 @@ class ExactMechanics:
 
     def along(self, forces: Sequence[ExactExpression]) -> Column:
         """Forces on all coordinates as those on the coordinates of the contact."""
-        count = range(len(self.kept))
+        count = range(len(self.independent))
         return [total(self.embed[i][j] * forces[i] for i in range(self.size)) for j in count]
 
     def lone_extension(self) -> LoneExtension | None:

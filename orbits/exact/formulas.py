@@ -14,7 +14,7 @@ from functools import lru_cache
 from flint import arb
 
 from ..errors import InputError
-from ..symbolic.formula import BLANKS, Formula, parse
+from ..symbolic.formula import BLANKS, parse
 from .expressions import PI, SMOOTH_FUNCTIONS, ExactExpression, call, exact_number, power
 from .refusal import Unproved
 
@@ -68,9 +68,7 @@ class Domains(list[Domain]):
             self.append(domain)
 
 
-@lru_cache(maxsize=1024)
-def _parsed_formula(text: str) -> Formula:
-    return parse(text)
+_parsed_formula = lru_cache(maxsize=1024)(parse)
 
 
 def expression_of(text: str, names: Mapping[str, ExactExpression], domains: Domains) -> ExactExpression:

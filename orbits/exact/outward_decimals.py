@@ -27,7 +27,7 @@ def enclosure_of(ball: arb, digits: int | None = None) -> Enclosure:
     if low == high and (low * 10**EXACT_PLACES).denominator == 1:
         text = _decimal(int(low * 10**EXACT_PLACES), EXACT_PLACES).rstrip("0").rstrip(".")
         return Enclosure(text, text)
-    places = _places(high - low) if high > low else EXACT_PLACES
+    places = max(DIGITS_OF_RADIUS - _exponent(high - low), 0) if high > low else EXACT_PLACES
     if digits is not None:
         places = max(places, digits + 2 - _exponent(max(abs(low), abs(high))))
     return Enclosure(_decimal(math.floor(low * 10**places), places), _decimal(math.ceil(high * 10**places), places))
@@ -95,10 +95,6 @@ def _exponent(value: Fraction) -> int:
         return 0
     guess = len(str(value.numerator)) - len(str(value.denominator))
     return guess if value >= Fraction(10) ** guess else guess - 1
-
-
-def _places(width: Fraction) -> int:
-    return max(DIGITS_OF_RADIUS - _exponent(width), 0)
 
 
 def _decimal(scaled: int, places: int) -> str:

@@ -67,7 +67,7 @@ class HalfOrbit:
 
     def __init__(self, mechanics: ExactMechanics):
         self.mechanics, names = mechanics, list[str]()
-        for i, coordinate in enumerate(mechanics.kept):
+        for i, coordinate in enumerate(mechanics.independent):
             name = mechanics.stated.coordinates[coordinate]
             names += ["liftoff", "alpha"] if i == mechanics.launched else [name, f"{name}'"]
         self.names = names

@@ -143,14 +143,7 @@ class TaylorStepper:
         return Motions(z[:, at.state], variations, steps[:, 0], c, begins, counts, z[:, at.left])
 
     def watch(
-        self,
-        z: Array,
-        p: Array,
-        weights: Array,
-        offsets: Array,
-        limits: Array,
-        turns: int = 0,
-        most: int | None = None,
+        self, z: Array, p: Array, weights: Array, offsets: Array, limits: Array, turns: int = 0, most: int | None = None
     ) -> tuple[Array, Watched, Array, Array]:
         """Motions until an affine function may change its sign, or until their times reach the `limits` (m,).
 

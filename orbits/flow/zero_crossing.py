@@ -68,7 +68,7 @@ def first_zeros(
     rising: bool = False,
     over: tuple[Affine, int] | None = None,
     ahead: ArrayLike = 0.0,
-    told: bool = True,
+    reasons: bool = True,
 ) -> tuple[Array, Array, dict[int, FlowError]]:
     """When an affine function of the rows first changes its sign on motions from states (m, n), and where.
 
@@ -79,13 +79,13 @@ def first_zeros(
     ahead : times (m,) until which the function is known to be positive, of motions in closed form; 0 where it is not
     over : another affine function and a number: a motion on which that function changes sign this many times never has
         the zero. It is only used for motions that take Taylor steps together.
-    told : whether each `FlowError` states its reason
+    reasons : whether each `FlowError` states its reason
 
     Returns times (m,), NaN where it does not happen in time and infinity where it never will; the rows (m, rows) at
     these times; and by index the `FlowError` of each motion that breaks off before.
     """
     ps = np.atleast_2d(p)
-    search = _ZeroSearch(flow, np.asarray(starts, dtype=float), ps, quantity, limit, skip, rising, over, why=told)
+    search = _ZeroSearch(flow, np.asarray(starts, dtype=float), ps, quantity, limit, skip, rising, over, reasons)
     if flow.phase.closed_form:
         search.in_closed_form(np.broadcast_to(ahead, len(search.starts)))
     elif isinstance(flow.stepper(0), TaylorStepper):
@@ -100,10 +100,10 @@ class _ZeroSearch:
     """The search of `first_zeros`, with its arguments and its results `times`, `rows` and `failed`; the parameters are
     (m, np), or (1, np) for all."""
 
-    def __init__(self, flow, starts, ps, quantity, limit, skip=0, rising=False, over=None, all_steps=False, why=True):
+    def __init__(self, flow, starts, ps, quantity, limit, skip, rising=False, over=None, reasons=True, all_steps=False):
         count = len(starts)
         self.flow, self.starts, self.ps, self.over = flow, starts, ps, over
-        self.quantity, self.rising, self.all_steps, self.why = quantity, rising, all_steps, why
+        self.quantity, self.rising, self.all_steps, self.reasons = quantity, rising, all_steps, reasons
         self.limit, self.skip = np.broadcast_to(limit, count), np.broadcast_to(skip, count)
         self.times, self.rows = np.full(count, np.nan), np.full((count, len(flow.names)), np.nan)
         self.failed: dict[int, FlowError] = {}
@@ -243,7 +243,7 @@ class _ZeroSearch:
             at = (began[i], x[i]) if none[i] else (times[last] + steps[last], found.ends[i])
             kind = RunsAway if whole[i] and steps[last] > control.singular_step else BreaksDown
             what = "breaks down" if none[i] else "runs away"
-            self.failed[int(indices[i])] = kind(flow.failure(what, *at)) if self.why else BREAKS_OFF
+            self.failed[int(indices[i])] = kind(flow.failure(what, *at)) if self.reasons else BREAKS_OFF
         return none | whole
 
     def one_by_one(self, indices, x, began, orders):

@@ -100,14 +100,13 @@ class Coefficients:
 
     exact : the rational numbers of the entries, which go down the columns; None for one that depends on something
     constants : the same as doubles, with NaN for an entry that depends on something
-    vanish : whether all entries are 0
     by_coordinates : whether an entry depends on coordinates
     """
 
     def __init__(self, matrix: ca.SX, symbols: Symbols):
         self.shape = matrix.shape
         found = Entries(matrix, symbols)
-        self.exact, self.constants, self.vanish = found.exact, found.constants, found.vanishes
+        self.exact, self.constants = found.exact, found.constants
         self.places = [i for i, constant in enumerate(self.constants) if constant != constant]
         written, used = [found.written(place) for place in self.places], set[int]()
         used.update(*(variables for _, variables in written))
@@ -143,7 +142,7 @@ class Coefficients:
 
     def _values(self, p: list[Algebraic], y: Scalars) -> list[Algebraic]:
         """The values of the entries that are not constant."""
-        place = list(y) if self.by_coordinates else self._nowhere
+        place = list(y) if self.by_coordinates else [0.0] * self.function.numel_in(0)  # nothing depends on them
         for value in (*p, *place):
             if isinstance(value, EXPRESSIONS):
                 return ca.vertsplit(self.function(ca.vertcat(*place), ca.vertcat(*p)))
@@ -154,11 +153,6 @@ class Coefficients:
         size = max((len(column) for column in columns), default=1)
         (found,) = self._numeric(*(np.reshape(part, (-1, size)).T for part in (columns[:count], columns[count:])))
         return list(found.T) if arrays and arrays[0].ndim else found[0].tolist()
-
-    @cached_property
-    def _nowhere(self) -> list[float]:
-        """Coordinates on which nothing depends."""
-        return [0.0] * self.function.numel_in(0)
 
     @cached_property
     def _program(self) -> "Program | None":

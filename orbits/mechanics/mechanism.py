@@ -25,7 +25,8 @@ import numpy as np
 from ..errors import InputError
 from ..io import one_line
 from ..laws.features import with_reach
-from ..laws.law import Key, Law, coefficient_of_restitution, key_of, number, stated
+from ..laws.law import Key, Law, coefficient_of_restitution, number, stated
+from ..laws.law_statement import key_of
 from ..model.machine import Stated
 from ..model.model import Model, as_derived
 from ..running.exclusive import exclusive, exclusive_property

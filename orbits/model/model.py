@@ -21,7 +21,7 @@ Knee: TypeAlias = tuple[str | None, str, float]
 # The quantity that the contact of every model watches, which opens where it vanishes.
 CONTACT_FORCE = "contact force"
 # What no model states, and the fields from which it follows.
-FOLLOWING = {
+DERIVED_FIELDS = {
     "launch": "contact, launch_unknowns and embed",
     "touchdown": "contact, launch_unknowns, reversor and embed",
     "liftoff": "launch_unknowns and the contact force that contact watches",
@@ -119,7 +119,7 @@ class Model:
     derived: bool = field(default=False, init=False)
 
     def __new__(cls, *stated: object, **named: object) -> Self:
-        for name, fields_of in FOLLOWING.items():
+        for name, fields_of in DERIVED_FIELDS.items():
             if name in named:
                 raise InputError(f"a model states no '{name}', which follows from its {fields_of}: leave it out")
         return super().__new__(cls)

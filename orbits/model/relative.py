@@ -17,14 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..laws.features import (
-    NO_FEATURES,
-    features,
-    features_of_many,
-    reaches_of_many,
-    unit_of_length,
-    units_of_length,
-)
+from ..laws.features import NO_FEATURES, features, features_of_many, reaches_of_many, unit_of_length, units_of_length
 from ..laws.law import WRONG_SIGN, Algebraic, Key, Parameters, from_key
 from .liftoff import Liftoff
 from .modes import Modes, single_mode

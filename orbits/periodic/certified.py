@@ -14,16 +14,11 @@ from ..model.machine import Machine
 from ..model.model import Model
 from ..running.exclusive import exclusive
 from ..shooting.error_bound import error_bounds, noise_of_alpha
-from ..shooting.formulations import (
-    Cycles,
-    equations_of,
-    interpret,
-    refused_by_unfolding,
-    vector,
-)
+from ..shooting.formulations import Cycles, equations_of, interpret, refused_by_unfolding, vector
 from ..shooting.single_shooting import Evaluation, Shooting
 from .certificate import Certificate, certify
-from .orbit import Orbit, Shape, orbit_of
+from .cycle_shape import Shape
+from .orbit import Orbit, orbit_of
 from .quantities import motion_numbers
 
 

@@ -72,11 +72,11 @@ def find(
     if isinstance(start, str | Path):
         start = start_in_file(start)
     with interrupts.deferred(), time_limit(limit):
-        return _found_from(machine, number, start, method, progress)
+        return _found_from(machine, number, start, method_of(machine.model, method), progress)
 
 
 @in_own_units(lambda orbit, machine: orbit_of(machine, orbit), start=())
-def _found_from(machine: Machine, family: int | None, start: Any, method: str | None, progress: Progress) -> Orbit:
+def _found_from(machine: Machine, family: int | None, start: Any, method: str, progress: Progress) -> Orbit:
     """The orbit of a family, or the orbit found from a start."""
     if start is None:
         return lowest_of_family(machine, family or 1, method, progress)
@@ -147,8 +147,8 @@ def find_all(
     return tuple(sorted(found, key=lambda orbit: orbit.alpha))
 
 
-def lowest_of_family(machine: Machine, family: int, method: str | None, progress: Progress = None) -> Orbit:
-    """The orbit of a family of least launch speed, as in `find`."""
+def lowest_of_family(machine: Machine, family: int, method: str, progress: Progress = None) -> Orbit:
+    """The orbit of a family of least launch speed, as `find` finds it by a method."""
     model, began, orbits, refusal = machine.model, time.perf_counter(), tuple[Orbit, ...](), None
     search = model.search(machine.values) if model.search and model.reversor else None
     if search is None or model.is_guessed:
@@ -172,7 +172,7 @@ def lowest_of_family(machine: Machine, family: int, method: str | None, progress
     return replace(lowest, known_in_family=len(orbits), seconds=time.perf_counter() - began)
 
 
-def _solved_for(machine: Machine, family: int, method: str | None, progress: Progress = None) -> Orbit:
+def _solved_for(machine: Machine, family: int, method: str, progress: Progress = None) -> Orbit:
     """The certified orbit found from a family's guess; raises `NoOrbit` where it is of another family."""
     began = time.perf_counter()
     orbit = certified_orbit(machine, solve_family(machine, family, method, progress), began=began)
@@ -182,14 +182,13 @@ def _solved_for(machine: Machine, family: int, method: str | None, progress: Pro
 
 
 def _all_of_family(
-    machine: Machine, family: int, method: str | None, fastest: float | None = None, progress: Progress = None,
+    machine: Machine, family: int, method: str, fastest: float | None = None, progress: Progress = None,
     refusal: str = "",
 ) -> tuple[Orbit, ...]:  # fmt: skip
     """All orbits of a family, as in `find_all`; a reason that is part of `refusal` already is not repeated."""
     model, p = machine.model, machine.values
     if not (model.search and model.reversor):
         raise InputError(f"the families of a {model.name} are not searched: give find_all starts")
-    method = method_of(model, method)
     if method == "closed form":
         only = _solved_for(machine, family, method)
         if fastest is not None and only.alpha > fastest:
@@ -256,10 +255,9 @@ def _orbit_in_cell(machine: Machine, lateness: Lateness, cell: np.ndarray, about
     return None
 
 
-def solve_family(machine: Machine, family: int, method: str | None, progress: Progress = None) -> Solved:
+def solve_family(machine: Machine, family: int, method: str, progress: Progress = None) -> Solved:
     """The solution that a method finds for a family, as in `find`; not certified to be of that family."""
     family, model, p = family_number(family), machine.model, dict(machine.values)
-    method = method_of(model, method)
     if method == "closed form" and model.reduction and model.reduction.exact:
         unknowns, error = model.reduction.exact(family, p)
         return known_solutions(model, method, tuple(p), vector(unknowns)[None], vector(p)[None], np.array([error]))
@@ -268,9 +266,9 @@ def solve_family(machine: Machine, family: int, method: str | None, progress: Pr
     return Solved(model, method, equations, u[None], vector(p)[None], evaluation)
 
 
-def solve_near(machine: Machine, start: Orbit | Mapping[str, float], method: str | None) -> Solved:
+def solve_near(machine: Machine, start: Orbit | Mapping[str, float], method: str) -> Solved:
     """The solution that a method finds from a start, as in `find`."""
-    method = iterative(method_of(machine.model, method))
+    method = iterative(method)
     bare = machine.units.dimensionless("start", start) if machine.units else start
     stated = _stated_unknowns(machine.model, bare)
     names = equations_of(machine.model, method, tuple(machine.values)).statement.unknowns

@@ -136,12 +136,12 @@ def lowest_launch_speeds(
     each = zip(scales.tolist(), barriers.tolist(), strict=True)
     searches = [_search(family, scale, barrier) for scale, barrier in each]
     wanted = {i: next(search) for i, search in enumerate(searches)}
+    oscillations = half_oscillation if len(ps) == 1 else half_oscillations
     while wanted:
         which, alphas = np.array(list(wanted)), np.array(list(wanted.values()))
         starts = np.column_stack([liftoffs[which], alphas])
         longest = LONGEST_FLIGHT * times[which] * (1 + alphas)
-        firsts, halves = half_oscillations(flow, ps[which], starts, longest, len(ps) == 1)
-        firsts, halves = firsts / times[which], halves / times[which]
+        firsts, halves = oscillations(flow, ps[which], starts, longest) / times[which]
         lateness = np.where(np.isfinite(halves), firsts + family * halves - alphas, np.inf)
         rows, wanted = zip(which.tolist(), alphas.tolist(), lateness.tolist(), halves.tolist(), strict=True), {}
         for i, *values in rows:
@@ -156,15 +156,8 @@ def lowest_launch_speeds(
     return found, dict(zip(none.tolist(), refused, strict=True))
 
 
-def half_oscillations(flow: Flow, ps: np.ndarray, starts: np.ndarray, longest: np.ndarray, alone: bool) -> np.ndarray:
-    """Times (2, m) from lift-off to the first turn of the extension, and half its periods, of springs with parameters
-    (m, np) from states (m, 2); one that is followed `alone` passes its first turn without a halt, which takes fewer
-    calls.
-
-    The half periods are NaN when the extension does not return within times `longest` (m,), or the motion ends before.
-    """
-    if not alone:
-        return times_of_turns(flow, ps, starts, SPEED_OF_EXTENSION, longest, 2)[0]
+def half_oscillation(flow: Flow, ps: np.ndarray, starts: np.ndarray, longest: np.ndarray) -> np.ndarray:
+    """The `half_oscillations` (2, 1) of one spring, which passes its first turn without a halt, to save calls."""
     turns, clock, crossings = [], [0.0], Crossings()
 
     def second_turn(coefficients, steps):
@@ -180,6 +173,13 @@ def half_oscillations(flow: Flow, ps: np.ndarray, starts: np.ndarray, longest: n
         if len(turns) == 2:
             return np.array([turns[:1], np.diff(turns)])
     return np.full((2, 1), np.nan)
+
+
+def half_oscillations(flow: Flow, ps: np.ndarray, starts: np.ndarray, longest: np.ndarray) -> np.ndarray:
+    """Times (2, m) from lift-off to the first turn of the extension, and half its periods, of springs with parameters
+    (m, np) from states (m, 2); NaN when the extension does not return within times `longest` (m,), or the motion ends
+    before."""
+    return times_of_turns(flow, ps, starts, SPEED_OF_EXTENSION, longest, 2)[0]
 
 
 def times_of_turns(
@@ -198,7 +198,7 @@ def times_of_turns(
         if not len(going):
             break
         some = ps[going] if len(ps) > 1 else ps[0]
-        found, rows, failed = first_zeros(flow, states[going], some, rate, longest[going], int(turn > 0), told=False)
+        found, rows, failed = first_zeros(flow, states[going], some, rate, longest[going], int(turn > 0), reasons=False)
         broken[going[[*failed]]], times[turn, going] = True, found
         states[going] = rows[:, : states.shape[1]]
         going = going[np.isfinite(found)]

@@ -4,68 +4,27 @@ import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, BinaryIO, NotRequired, TypedDict
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..flow.trajectory import Trajectory
-from ..io import DIGEST, Changed, Document, conform, has_digest, read_file, to_json, unsealed
-from ..model.machine import MACHINE_FIELDS, Machine, machine_in_words
-from ..model.model import Knee
-from ..model.phase import Affine
-from ..model.state_formula import SavedHeight, StateFormula, height_of
+from ..io import DIGEST, Changed, Document, has_digest, read_file, to_json, unsealed
+from ..model.machine import Machine, machine_in_words
 from ..numerics.polynomial_roots import lowest
 from ..result import TABLE_ROWS, Axes, Report, Result, Row, is_of, shown
 from ..shooting.formulations import CONTACT_FORCE
 from ..tables import VIOLATED, machine_numbers
-from ..units import UNIT_TEXTS, SavedUnits, Units, in_units, saved_units
+from ..units import Units, in_units, saved_units
 from .certificate import Certificate
-from .quantities import CERTIFIED, QUANTITIES
+from .cycle_shape import Shape, mirrored
+from .quantities import QUANTITIES
+from .saved_orbit import DOCUMENT_FIELDS, SavedOrbit, check_consistent, machine_in_document, stated_fields, with_note
 
 # The notes of a table on the side of a bounce.
 ATTRACTS = {"below": "   (attracts from above; 10 C below)", "above": "   (attracts from above, with 10 C; C below)"}
-# Two statements of a number in a file agree if their relative difference is no larger.
-SAME_NUMBER = 1e-9
-# The fields of an orbit's document after those of the machine.
-DOCUMENT_FIELDS = (
-    *("family", "known_in_family", "alpha", "flight_time", "contact_time", "admissible", "violations", "rises"),
-    *(name for name in CERTIFIED if name != "family"),
-    *("stable_side", "bounce_side", "unfolding", "liftoff_extension", "state_mid_flight", "method", "skipped"),
-    "seconds",
-)
-# The fields of an orbit's file besides those of the machine.
-OTHER_FIELDS = {*DOCUMENT_FIELDS, "format", "motion", "units", "si", "bare"}
-
-
-@dataclass(frozen=True)
-class Shape:
-    """The construction of a whole cycle from the stored half motions, and the parts of it to show.
-
-    reversor, contact_reversor : signs of the states under time reversal, None where whole motions are stored
-    embed : (n, m) matrix from contact to flight states
-    heights : names and functions of the flight state, the masses first
-    springs : names of the heights, lower and upper, that springs join, None for the ground
-    knees : such names with the length of each of the two links that join them
-    """
-
-    reversor: tuple[int, ...] | None
-    contact_reversor: tuple[int, ...] | None
-    embed: np.ndarray
-    heights: Mapping[str, Affine | StateFormula]
-    springs: tuple[tuple[str | None, str], ...]
-    knees: tuple[Knee, ...] = ()
-
-
-def _mirrored(path: Trajectory, t: np.ndarray, duration: float, signs: tuple[int, ...] | None) -> np.ndarray:
-    """States at times `t` of a motion with the first half `path`; its image under `signs`, if any, is the second."""
-    t = np.clip(t, 0, duration)
-    if signs is None:
-        return path(t)
-    later = t > path.times[-1]
-    states = path(np.where(later, duration - t, t))[..., : len(signs)]
-    return np.where(later[..., None], states * np.array(signs), states)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -193,10 +152,10 @@ class Orbit(Result, what="orbit", printed_digits=15):
             if times.size and not (times.min() >= 0 and times.max() <= self.flight_time * (1 + 1e-12)):
                 unit = " s" if self.scales else ""
                 raise InputError(f"the contact never ends: times lie between 0 and {self.flight_time:g}{unit}")
-            return _mirrored(self.flight, times, self.flight_time, shape.reversor)
+            return mirrored(self.flight, times, self.flight_time, shape.reversor)
         times = np.mod(times, self.period)
-        flying = _mirrored(self.flight, times, self.flight_time, shape.reversor)
-        standing = _mirrored(self.contact, times - self.flight_time, self.contact_time, shape.contact_reversor)
+        flying = mirrored(self.flight, times, self.flight_time, shape.reversor)
+        standing = mirrored(self.contact, times - self.flight_time, self.contact_time, shape.contact_reversor)
         standing = standing[..., : shape.embed.shape[1]] @ shape.embed.T
         return np.where((times <= self.flight_time)[..., None], flying, standing)
 
@@ -348,7 +307,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
         except Changed as error:
             raise ValueError(f"{error}, as find(machine, start=FILE) does") from None
         orbit = cls.of_saved(document)
-        _check_consistent(orbit.document(), document)
+        check_consistent(orbit.document(), document)
         return orbit if machine is None else replace(orbit, source=is_of(machine, orbit.machine))
 
     @classmethod
@@ -357,36 +316,17 @@ class Orbit(Result, what="orbit", printed_digits=15):
         data = cls._conform(document, SavedOrbit)
         units = data["motion"]["units"] and saved_units(data["motion"]["units"])
         if units is None:
-            return cls._stated(data)
+            return cls(**stated_fields(data))
         if "units" not in data:  # Version 0.1.0 had no results in SI: the numbers are dimensionless.
-            orbit = cls._stated(data)
+            orbit = cls(**stated_fields(data))
             orbit = replace(orbit, certificate=with_note(orbit.certificate))
             return orbit_in_units(orbit, units, orbit.machine)
         # The motion is that of the dimensionless orbit.
         bare = cls._conform({**data["bare"], "format": cls.form(), "motion": data["motion"]}, SavedOrbit)
-        orbit = orbit_in_units(cls._stated(bare), units, _machine_of(data))
+        orbit = orbit_in_units(cls(**stated_fields(bare)), units, machine_in_document(data))
         if len(data["violations"]) != len(orbit.violations):
             raise ValueError("its violations in SI and without units are not as many")
         return replace(orbit, certificate=replace(orbit.certificate, violations=tuple(data["violations"])))
-
-    @classmethod
-    def _stated(cls, data: Mapping[str, Any]) -> "Orbit":
-        """The orbit whose numbers a document states, without units."""
-        motion, checked = data["motion"], [name for name in Certificate.__dataclass_fields__ if name in data]
-        flight, contact = motion["flight"], motion["contact"]
-        if (data["contact_time"] is None) != (contact is None) or not data["flight_time"] >= flight.times[-1]:
-            raise ValueError("its times do not fit its motion")
-        return cls(
-            machine=_machine_of(data),
-            **{name: data[name] for name in ("alpha", "liftoff_extension", "flight_time", "contact_time", "method")},
-            flight=flight,
-            contact=contact,
-            shape=_shape_of(motion["shape"], flight, contact),
-            certificate=conform({name: data[name] for name in checked}, Certificate),
-            skipped=data["skipped"],
-            seconds=data["seconds"],
-            known_in_family=data.get("known_in_family"),
-        )
 
 
 def start_in_file(path: str | Path) -> Orbit:
@@ -398,72 +338,6 @@ def start_in_file(path: str | Path) -> Orbit:
         return Orbit.of_saved({name: value for name, value in document.items() if name != DIGEST})
 
     return read_file(path, f"{path} is not a saved orbit", parsed)
-
-
-class _SavedShape(TypedDict):
-    """A `Shape` in a file: its heights as pairs of weights and offset, or as formulas."""
-
-    reversor: tuple[int, ...] | None
-    contact_reversor: tuple[int, ...] | None
-    embed: np.ndarray
-    heights: Mapping[str, SavedHeight]
-    springs: tuple[tuple[str | None, str], ...]
-    knees: NotRequired[tuple[Knee, ...]]
-
-
-class _SavedMotion(TypedDict):
-    """The data of a saved orbit besides its document."""
-
-    shape: _SavedShape
-    flight: Trajectory
-    contact: Trajectory | None
-    units: SavedUnits | None
-
-
-# The laws of a machine in a file, which have these names.
-SavedLaws = TypedDict("SavedLaws", {"spring": str, "gravity": str})  # noqa: UP013 -- the engine names no such thing
-
-
-class SavedOrbit(SavedLaws):
-    """The fields that are read from a saved orbit, besides the fields of `Certificate`."""
-
-    format: str
-    machine: str
-    restitution: float | None
-    parameters: Mapping[str, float]
-    laws_in: str
-    alpha: float
-    liftoff_extension: float
-    flight_time: float
-    contact_time: float | None
-    method: str
-    skipped: tuple[str, ...]
-    seconds: float
-    known_in_family: NotRequired[int | None]
-    units: NotRequired[Mapping[str, str]]
-    bare: NotRequired[Mapping[str, Any]]
-    motion: _SavedMotion
-
-
-def _check_consistent(document: Mapping[str, object], data: Mapping[str, Any]) -> None:
-    """Raise `ValueError` where the data of a file contradict the document of the orbit that was read from it."""
-    if data["motion"]["units"] and "units" not in data:
-        return  # a file of version 0.1.0, whose numbers have no units
-    sides = () if "bounce_side" in data else ("stable_side",)  # of version 0.1.0, the side without a bounce
-    for name in DOCUMENT_FIELDS:
-        if name in data and name not in (*sides, "seconds") and not _same_numbers(data[name], document[name]):
-            raise ValueError(f"it says {name} = {data[name]!r}, and by its motion that is {document[name]!r}")
-
-
-def _same_numbers(one: object, other: object) -> bool:
-    """Whether two parts of documents are equal, numbers up to rounding."""
-    if isinstance(one, Mapping) and isinstance(other, Mapping):
-        return one.keys() == other.keys() and all(_same_numbers(one[name], other[name]) for name in one)
-    if isinstance(one, list | tuple) and isinstance(other, list | tuple):
-        return len(one) == len(other) and all(map(_same_numbers, one, other))
-    if isinstance(one, int | float) and isinstance(other, int | float):
-        return abs(one - other) <= SAME_NUMBER * max(abs(one), abs(other))
-    return bool(one == other)
 
 
 def orbit_of(machine: Machine, orbit: Orbit) -> Orbit:
@@ -495,36 +369,3 @@ def certificate_in_units(certificate: Certificate, units: Units) -> Certificate:
     """A dimensionless certificate in these units."""
     violations = tuple(in_units(violation, units) for violation in certificate.violations)
     return replace(units.convert(certificate), violations=violations)
-
-
-def with_note(certificate: Certificate) -> Certificate:
-    """The certificate in a file of version 0.1.0 of a machine in SI, whose violations state numbers without units."""
-    return replace(certificate, violations=tuple(f"{each} (without units)" for each in certificate.violations))
-
-
-def _machine_of(data: Mapping[str, Any]) -> dict[str, object]:
-    """The machine in words and numbers, with the units of its parameters if there are any, from an orbit's document."""
-    machine = {name: data[name] for name in MACHINE_FIELDS}
-    machine |= {name: value for name, value in data.items() if name not in OTHER_FIELDS}
-    if "units" not in data:
-        return machine
-    usual = {"rises": "m", "state_mid_flight": data["units"].get("state_mid_flight"), **UNIT_TEXTS}
-    units = {name: unit for name, unit in data["units"].items() if unit != usual.get(name)}
-    numbers = {name: conform(machine[name], float | None, name) for name in units if name in machine}
-    return machine | numbers | {"units": units}
-
-
-def _shape_of(data: _SavedShape, flight: Trajectory, contact: Trajectory | None) -> Shape:
-    """A shape for the states of the motions; raises `ValueError` where it does not fit them."""
-    embed, signs = data["embed"], (data["reversor"], data["contact_reversor"])
-    sizes = embed.shape if embed.ndim == 2 and embed.dtype.kind in "fi" and np.isfinite(embed).all() else (0, 0)
-    heights = {name: height_of(height, flight.names[: sizes[0]]) for name, height in data["heights"].items()}
-    known = {*heights, None}
-    fits = 0 < sizes[0] <= len(flight.names) and 0 < sizes[1] <= (sizes[1] if contact is None else len(contact.names))
-    fits &= all(each is None or len(each) == size for each, size in zip(signs, sizes, strict=True))
-    weights = (height.weights for height in heights.values() if isinstance(height, Affine))
-    fits &= bool(heights) and all(len(each) == sizes[0] for each in weights)
-    knees = data.get("knees", ())
-    if not fits or not {*sum(data["springs"], ()), *(name for *pair, _ in knees for name in pair)} <= known:
-        raise ValueError("its shape does not fit its motion")
-    return Shape(*signs, embed, heights, data["springs"], knees)

@@ -62,7 +62,7 @@ class Bounces:
         gaps = [half.gap]
         for _ in range(3):
             gaps.append(along(gaps[-1], states, rates))
-        weights, coordinate = [expression(each) for each in m.gap], m.kept[0]
+        weights, coordinate = [expression(each) for each in m.gap], m.independent[0]
         mobility = solved(m.inertia, weights)
         mass = 1 / inner_product(weights, mobility)
         after = [v - each * mass * gaps[1] for v, each in zip(m.v, mobility, strict=True)]

@@ -59,10 +59,6 @@ def _is_among(reason: str, reasons: Sequence[str]) -> bool:
     return any(each.startswith(condition) and each.endswith(words) for each in reasons)
 
 
-def _with_parameter(stated: StatedMachine, name: str, bounds: Bounds) -> StatedMachine:
-    return replace(stated, parameters={**stated.parameters, name: bounds})
-
-
 def _contain(stated: StatedMachine, own: Mapping[str, Bounds]) -> bool:
     """Whether the intervals contain a machine's own values."""
     return all(stated.parameters[name][0] <= own[name][0] <= stated.parameters[name][1] for name in stated.wide)
@@ -78,7 +74,7 @@ def _parts(
     low, high = stated.parameters[widest]
     middle = (low + high) / 2
     for ends in ((low, middle), (middle, high)):
-        half = _with_parameter(stated, widest, ends)
+        half = replace(stated, parameters={**stated.parameters, widest: ends})
         proof = whole_proof(claim, half, *options, about_claim=_contain(half, own))
         last = proof.proved or depth == 1 or REFUTED in proof.conditions.values()
         found += [proof] if last else _parts(claim, half, own, options, depth - 1)

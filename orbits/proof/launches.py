@@ -197,7 +197,7 @@ def _landing_functions(half: HalfOrbit, arc: ExactArc) -> list[ExactExpression]:
     for _ in range(3):
         gaps.append(along(gaps[-1], own, arc.rates[0][: len(own)]))
     gaps_by_speed = [along(each, own, arc.states[len(own) :]) for each in gaps[:3]]
-    weights, coordinate = [expression(each) for each in m.gap], m.kept[0]
+    weights, coordinate = [expression(each) for each in m.gap], m.independent[0]
     mobility = solved(m.inertia, weights)
     mass = 1 / inner_product(weights, mobility)
     after = m.v[coordinate] - mobility[coordinate] * mass * gaps[1]

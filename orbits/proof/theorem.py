@@ -197,7 +197,8 @@ class Proof(Result, what="proof", document_is_whole=True):
     def __str__(self) -> str:
         """The statement, wrapped, stands before the table."""
         head, *lines = super().__str__().splitlines()
-        wrapped = [line for text in self._notes() for line in _wrapped(text)]
+        style: dict[str, Any] = {"initial_indent": "  ", "subsequent_indent": "  ", "break_long_words": False}
+        wrapped = [line for text in self._notes() for line in textwrap.wrap(text, LINE_WIDTH, **style)]
         return "\n".join([head, *wrapped, *lines[: len(self.rows())]])
 
 
@@ -213,7 +214,3 @@ def _part_of(data: Mapping[str, Any]) -> Part:
         return Part(**{**data, **boxes})
     polynomials = {name: tuple(each) for name, each in data["polynomials"].items()}
     return CurvePart(**{**data, **boxes, "polynomials": polynomials})
-
-
-def _wrapped(text: str) -> list[str]:
-    return textwrap.wrap(text, LINE_WIDTH, initial_indent="  ", subsequent_indent="  ", break_long_words=False)

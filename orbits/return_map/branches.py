@@ -173,7 +173,7 @@ class LaunchSegment(Segment):
     """The branch between two neighbouring points."""
 
     @staticmethod
-    def may_happen(points: Sequence[CurvePoint], asked: tuple[float, ...], watch: Watch) -> np.ndarray:
+    def may_happen(points: Sequence[CurvePoint], requested: tuple[float, ...], watch: Watch) -> np.ndarray:
         return np.ones(len(points) - 1, bool)
 
     def _excess(self, level: float, point: CurvePoint) -> float | None:

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple, TypedDict
 
 import numpy as np
 
-from ..consistency.accepted import check_machine
 from ..continuation.checkpoint import versions
 from ..design.problem import formula_names, known_formula
 from ..errors import InputError, finite_number
@@ -129,7 +128,6 @@ def question_of(
     machine: Machine, members: Members, family: Any, quantities: Sequence[str], outcome: str, between: Any
 ) -> Question:
     """The question of `sweep`; raises `InputError` that names the invalid argument."""
-    check_machine(machine, "with_values")
     if outcome not in OUTCOMES:
         raise InputError(f"outcome = {outcome!r}; it is one of {', '.join(OUTCOMES)}")
     families = tuple(family) if isinstance(family, list | tuple | range) else (family,)

@@ -65,7 +65,7 @@ class Store:
 
     def write(self, table: Table) -> None:
         """Write the members of a table; once this returns, they are in the file for good."""
-        columns = (_storable(column) for column in table.columns.values())
+        columns = (column.tolist() for column in table.columns.values())  # SQLite stores NaN as NULL
         rows = ((*row, _digest_of_row(row)) for row in zip(table.members.tolist(), *columns, strict=True))
         marks = ", ".join("?" * (2 + len(table.columns)))
         with self._using("written"):
@@ -101,8 +101,8 @@ class Store:
 
     def _make(self) -> None:
         requested = self.question.columns()
-        kinds = zip(_names_in_file(requested), _sql_types(requested).values(), strict=True)
-        columns = ", ".join(f"{name} {kind}" for name, kind in kinds)
+        kinds = ({str: "TEXT", int: "INTEGER"}.get(kind, "REAL") for kind in requested.values())
+        columns = ", ".join(map(" ".join, zip(_names_in_file(requested), kinds, strict=True)))
         self.connection.execute("BEGIN IMMEDIATE")
         if _tables_of(self.connection):  # another process has begun the same store meanwhile
             self.connection.execute("ROLLBACK")
@@ -231,15 +231,6 @@ def _is_unspoilt(row: Sequence[object]) -> bool:
         return row[-1] == _digest_of_row(row[:-1])
     except TypeError:  # bytes where a text or a number was
         return False
-
-
-def _storable(column: np.ndarray) -> list:
-    """The values of a column as SQLite takes them; SQLite stores NaN as NULL."""
-    return column.tolist()
-
-
-def _sql_types(columns: Mapping[str, type]) -> dict[str, str]:
-    return {name: {str: "TEXT", int: "INTEGER"}.get(kind, "REAL") for name, kind in columns.items()}
 
 
 def _names_in_file(columns: Iterable[str]) -> list[str]:

@@ -186,7 +186,8 @@ class Sweep(Result, what="sweep", document_is_whole=True):
             yield row
 
     def document(self) -> Document:
-        status = dict.fromkeys(self.known_statuses(), 0) | self.statuses()
+        known = DESIGN_STATUSES if self.about["outcome"] == "find" else ()  # counted even where no member has them
+        status = dict.fromkeys(known, 0) | self.statuses()
         document = {"parameters": list(self.parameters), "count": self.count, "status": status}
         document |= {"units": self.units} if self.units else {}
         return {**document, "members": list(self.members())}
@@ -199,10 +200,6 @@ class Sweep(Result, what="sweep", document_is_whole=True):
         """The number of members that have a result."""
         first = self.columns[self.numbers[0]]
         return int(np.isfinite(first).sum())
-
-    def known_statuses(self) -> tuple[str, ...]:
-        """The statuses that a document counts even where no member has them."""
-        return DESIGN_STATUSES if self.about["outcome"] == "find" else ()
 
     def orbit(self, member: int) -> Orbit:
         """A member as a whole orbit, with its motion."""

@@ -216,13 +216,9 @@ def follow_command(
     """Follow a family of orbits along a parameter, past folds, to its end."""
     from orbits.continuation.family import Family
     from orbits.continuation.follow import follow, orbit_at
-    from orbits.errors import InputError
     from orbits.show.plot import plot_family, save_figure, spread, thumbnails
 
-    try:
-        values = [float(value) for value in at.split(",")] if at else []
-    except ValueError:
-        raise InputError(f"--at {at!r} is not a list of numbers, as 0.5,1,2") from None
+    values = options.numbers("--at", at, float) if at else []
     before = None if resume is None else Family.load(resume)
     machine = options.machine_of(**stated, first=None if start is None else (along, start))
     with options.progress() as report:
@@ -367,8 +363,7 @@ def optimize_command(file: str, as_json: bool, plot: str | None, save: str | Non
 
 
 @orbits.command(
-    "sweep",
-    epilog="\b\nExit code: 0 done, also where some members have no orbit; 1 where none has one, 2 bad input.",
+    "sweep", epilog="\b\nExit code: 0 done, also where some members have no orbit; 1 where none has one, 2 bad input."
 )
 @options.machine_options
 @click.option(
@@ -402,7 +397,6 @@ def sweep_command(
 ) -> None:  # fmt: skip
     """Find the orbits of many machines, over ranges of their parameters."""
     from orbits.errors import InputError
-    from orbits.show.plot import save_figure
     from orbits.sweeps.sweep import sweep
 
     axes, table = options.swept_members(over, designs)
@@ -418,17 +412,12 @@ def sweep_command(
         store=store, resume=resume,
         **options.computed_by(workers),
     )  # fmt: skip
-    options.write(result, as_json, save=output)
-    if plot is not None:
-        save_figure(result.plot(), plot)
+    options.write(result, as_json, plot, save=output)
     if not result.found:
         raise click.exceptions.Exit(1)
 
 
-@orbits.command(
-    "existence",
-    epilog="\b\nExit code: 0 done; 1 where no member has an orbit, 2 bad input.",
-)
+@orbits.command("existence", epilog="\b\nExit code: 0 done; 1 where no member has an orbit, 2 bad input.")
 @options.machine_options
 @click.option("--along", required=True, metavar="NAME=LOW:HIGH[:log]", help="The parameter of the rows.")
 @click.option("--across", required=True, metavar="NAME=RANGE", help="The one that differs between rows; also V1,V2,...")

@@ -11,7 +11,7 @@ from orbits.errors import InputError
 
 from ..laws import gravity as gravities, springs
 from .dials import Dial
-from .scene import GIVEN, DroppedRows, Scene, beginning
+from .scene import PYTHON_MACHINE, DroppedRows, Scene, beginning
 
 KINDS_IN_WORDS = {
     "hopper": "hopper",
@@ -34,7 +34,7 @@ def shown_fields(scene: Scene, dials: list[Dial], has_python_machine: bool) -> d
     rows, fixed = scene.rows, scene.fixed_laws
     shown = [_with_value(dial, scene.numbers.get(dial.name, dial.value)) for dial in dials]
     families = sorted({*range(1, OFFERED_FAMILIES + 1), scene.family})
-    kinds = KINDS_IN_WORDS | ({GIVEN: "as it was given"} if has_python_machine else {})
+    kinds = KINDS_IN_WORDS | ({PYTHON_MACHINE: "as it was given"} if has_python_machine else {})
     names = [dial.name for dial in dials if dial.name != "restitution"]
     return {
         "scene": {
@@ -87,23 +87,11 @@ def _to_number(scene: Scene, data: Mapping[str, object]) -> Scene:
     return scene.with_numbers(**{name: data.get("value")})  # type: ignore[arg-type]  # the scene checks it
 
 
-def _to_spring(scene: Scene, data: Mapping[str, object]) -> Scene:
-    return replace(scene, spring=data.get("value"), rows=None, start=None)  # type: ignore[arg-type]
-
-
-def _to_gravity(scene: Scene, data: Mapping[str, object]) -> Scene:
-    return replace(scene, gravity=data.get("value"), start=None)  # type: ignore[arg-type]
-
-
 def _to_machine(scene: Scene, data: Mapping[str, object]) -> Scene:
     kind, _, si = str(data.get("value")).partition(" ")
-    if kind == GIVEN:
+    if kind == PYTHON_MACHINE:
         raise InputError("go back to the machine that was given with undo, or by reloading the page without a link")
     return beginning(kind, si == "si")
-
-
-def _to_family(scene: Scene, data: Mapping[str, object]) -> Scene:
-    return replace(scene, family=data.get("value"), start=None)  # type: ignore[arg-type]  # the scene checks it
 
 
 def _to_floating(scene: Scene, data: Mapping[str, object]) -> Scene:
@@ -111,10 +99,6 @@ def _to_floating(scene: Scene, data: Mapping[str, object]) -> Scene:
     if data.get("value") is not True:
         numbers["rest_length"] = REST_LENGTHS[scene.si]
     return replace(scene, numbers=numbers)
-
-
-def _to_rows(scene: Scene, data: Mapping[str, object]) -> Scene:
-    return replace(scene, rows=DroppedRows(data.get("name"), data.get("text")), start=None)  # type: ignore[arg-type]
 
 
 def _to_option_of_rows(name: str) -> Callable[[Scene, Mapping[str, object]], Scene]:
@@ -127,19 +111,19 @@ def _to_option_of_rows(name: str) -> Callable[[Scene, Mapping[str, object]], Sce
     return change
 
 
-# The fields by name.
-CHANGES: dict[str, Callable[[Scene, Mapping[str, object]], Scene]] = {
+# The fields by name; the scene checks the values.
+CHANGES: dict[str, Callable[[Scene, Any], Scene]] = {
     "number": _to_number,
-    "spring": _to_spring,
-    "gravity": _to_gravity,
+    "spring": lambda scene, data: replace(scene, spring=data.get("value"), rows=None, start=None),
+    "gravity": lambda scene, data: replace(scene, gravity=data.get("value"), start=None),
     "machine": _to_machine,
-    "family": _to_family,
+    "family": lambda scene, data: replace(scene, family=data.get("value"), start=None),
     "floating": _to_floating,
-    "rows": _to_rows,
+    "rows": lambda scene, data: replace(scene, rows=DroppedRows(data.get("name"), data.get("text")), start=None),
     "rows-away": lambda scene, data: replace(scene, rows=None, start=None),
     "branch": _to_option_of_rows("branch"),
     "noise": _to_option_of_rows("noise"),
     "along": lambda scene, data: replace(scene, along=str(data.get("value") or "")),
-    "launch": lambda scene, data: replace(scene, launch=data.get("value")),  # type: ignore[arg-type]
+    "launch": lambda scene, data: replace(scene, launch=data.get("value")),
     "lowest": lambda scene, data: replace(scene, start=None),
 }

@@ -11,7 +11,7 @@ from urllib.parse import urlencode
 from orbits.errors import InputError
 
 from ..machines.files import MASSES, SI_KEYS
-from .scene import LARGEST_ROWS, LINEAR_IN_SI, LOSSES, DroppedRows, Scene, with_surroundings
+from .scene import LARGEST_ROWS, LINEAR_IN_SI, LOSSES, PYTHON_MACHINE, DroppedRows, Scene, with_surroundings
 
 # Characters of packed measured rows in a link; browsers and servers accept addresses of some 60,000.
 LONGEST_ROWS_IN_LINK = 8000
@@ -176,10 +176,9 @@ def python_lines(scene: Scene) -> str:
     find = f"orbit = find(machine, family={scene.family}{start})\nprint(orbit)\n"
     if scene.fixed_laws:
         numbers = ", ".join(f"{name}={value!r}" for name, value in scene.numbers.items() if name != "restitution")
-        made = (
-            f"from problems import {scene.machine}\n\nmachine = {scene.machine}()" if scene.machine != "given" else ""
-        )
-        made = made or "\n# machine: the one that explore was called with\nmachine = machine"
+        made = f"from problems import {scene.machine}\n\nmachine = {scene.machine}()"
+        if scene.machine == PYTHON_MACHINE:
+            made = "\n# machine: the one that explore was called with\nmachine = machine"
         return f"from orbits import find\n{made}.with_values({numbers})\n{find}"
     stated = scene.statement()
     si, parameters = stated.get("si"), stated.get("parameters")

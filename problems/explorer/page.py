@@ -22,9 +22,9 @@ from orbits.show.pages.hop_view import HopFigures
 from orbits.show.pages.law_view import LawFigure
 from orbits.show.pages.map_view import MapData, MapFigure
 
-from .answers import DialsAnswer, FamilyAnswer, HopAnswer, same_family
 from .fields import changed
 from .page_state import Computed, Requested, kind_of, tab_state
+from .results import DialsResult, FamilyResult, HopResult, same_family
 from .scene import Scene
 from .worker import Done, Failure, Task, Worker
 
@@ -223,7 +223,7 @@ class Explorer:
             if known == key and 0 <= place < len(family.values) and family.holds(self._computed.scene):
                 self._go_along(family, place)
 
-    def _go_along(self, family: FamilyAnswer, place: int) -> None:
+    def _go_along(self, family: FamilyResult, place: int) -> None:
         scene = self._computed.scene.with_numbers(**{family.along: family.values[place]})
         self._go(replace(scene, start=family.starts[place]), "family point")
 
@@ -239,9 +239,9 @@ class Explorer:
         if awaited is None or isinstance(result, Done):
             return  # a result on its way when the task was stopped is not shown
         newest = task.number == awaited.number
-        if isinstance(result, HopAnswer):
+        if isinstance(result, HopResult):
             self._show_hop(task.arguments[0], result)
-        elif isinstance(result, DialsAnswer):
+        elif isinstance(result, DialsResult):
             dials = {**self._computed.dials, kind_of(task.arguments[0]): result.dials}
             self._computed = replace(self._computed, dials=dials)
             newest = False  # the hop comes after them
@@ -254,7 +254,7 @@ class Explorer:
             del self._tasks["hop"]
         self._send_state()
 
-    def _show_hop(self, requested: Scene, result: HopAnswer) -> None:
+    def _show_hop(self, requested: Scene, result: HopResult) -> None:
         """Show the hop of a scene, in place of the current one."""
         before, shown = self._computed, self._requested.around(result.scene)
         if requested.hop == self._requested.scene.hop:
@@ -316,7 +316,7 @@ class Explorer:
         if isinstance(result, Failure):
             del self._tasks["family"]
             self._no_family(f"No family here: {result.reason}")
-        elif isinstance(result, FamilyAnswer):
+        elif isinstance(result, FamilyResult):
             before = self._computed.family
             self._computed = self._computed.with_family(f"{task.number} {len(result.values)}", result)
             self._figures.family.figure.visible = True

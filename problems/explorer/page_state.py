@@ -7,10 +7,10 @@ from dataclasses import dataclass, field, replace
 from orbits.errors import InputError
 from orbits.tables import html_table
 
-from .answers import FamilyAnswer, HopAnswer
 from .dials import Dial
 from .fields import shown_fields
 from .forms import link_of, machine_file, python_lines
+from .results import FamilyResult, HopResult
 from .scene import Scene
 
 LONGEST_HISTORY = 200
@@ -75,24 +75,24 @@ class Computed:
     """
 
     scene: Scene
-    hop: HopAnswer | None = None
+    hop: HopResult | None = None
     count: int = 0
     failed: Mapping[str, str] = field(default_factory=dict)
     dials: Mapping[Hashable, list[Dial]] = field(default_factory=dict)
-    family: FamilyAnswer | None = None
+    family: FamilyResult | None = None
     family_text: str = ""
-    pieces: tuple[tuple[str, FamilyAnswer], ...] = ()
+    pieces: tuple[tuple[str, FamilyResult], ...] = ()
     map_text: str = ""
 
     def dials_for(self, scene: Scene) -> list[Dial]:
         """The sliders of a scene; none where they are not known yet."""
         return self.dials.get(kind_of(scene), [])
 
-    def family_of(self, scene: Scene) -> FamilyAnswer | None:
+    def family_of(self, scene: Scene) -> FamilyResult | None:
         """The drawn family, if it is that of a scene's hop; another one may be in computation."""
         return self.family if self.family is not None and self.family.holds(scene) else None
 
-    def with_family(self, key: str, family: FamilyAnswer) -> "Computed":
+    def with_family(self, key: str, family: FamilyResult) -> "Computed":
         """The same with a family that is drawn from now on."""
         pieces = (*self.pieces, (key, family))[-MOST_SENT_PIECES:]
         return replace(self, family=family, family_text=family.text, pieces=pieces)

@@ -23,7 +23,7 @@ from ..machines.files import KINDS, MASSES, SI_KEYS, SI_PARAMETERS, build
 from ..machines.in_si import AnyMachine, MachineInSI
 
 # A machine passed to `explore` that no statement makes.
-GIVEN = "given"
+PYTHON_MACHINE = "given"
 # Machines whose laws the page does not change, by the names of the functions of `problems` that make them.
 WITH_FIXED_LAWS = ("inerter_hopper", "knee_hopper")
 # The spring of a machine in SI whose stiffness is a parameter of its own.
@@ -99,7 +99,7 @@ def _law_of_rows(name: str, text: str, branch: str | None, noise: float | None, 
 class Scene:
     """The scene that the page shows.
 
-    machine : "hopper", "juggler", one of `WITH_FIXED_LAWS`, or `GIVEN`
+    machine : "hopper", "juggler", one of `WITH_FIXED_LAWS`, or `PYTHON_MACHINE`
     si : whether a hopper or a juggler is stated in SI
     spring, gravity : formulas or names of laws; ignored where the laws are fixed
     rows : a measured spring, which replaces `spring`
@@ -123,7 +123,7 @@ class Scene:
     launch: float | None = None
 
     def __post_init__(self) -> None:
-        known = (*KINDS, *WITH_FIXED_LAWS, GIVEN)
+        known = (*KINDS, *WITH_FIXED_LAWS, PYTHON_MACHINE)
         if self.machine not in known:
             raise InputError(f"unknown machine {str(self.machine)[:40]!r}{suggest(str(self.machine)[:40], known)}")
         for name in ("spring", "gravity"):
@@ -204,9 +204,9 @@ class Scene:
         if self.machine in KINDS:
             statement = self.statement()
             return build({**statement, "spring": self.rows.law(self.si)} if self.rows else statement, "this machine")
-        if self.machine == GIVEN and python_machine is None:
+        if self.machine == PYTHON_MACHINE and python_machine is None:
             raise InputError("this link is of a machine made in Python: open it from the page that shows the machine")
-        base = python_machine if self.machine == GIVEN else _with_its_own_laws(self.machine)
+        base = python_machine if self.machine == PYTHON_MACHINE else _with_its_own_laws(self.machine)
         return base.with_values(**{name: value for name, value in self.numbers.items() if name != "restitution"})
 
 
@@ -227,7 +227,7 @@ def beginning(machine: str, si: bool = False) -> Scene:
     return Scene(machine, si, **BEGINNINGS[machine, si])
 
 
-def scene_with_fixed_laws(machine: Machine, name: str = GIVEN) -> Scene:
+def scene_with_fixed_laws(machine: Machine, name: str = PYTHON_MACHINE) -> Scene:
     """The scene of a machine whose laws are fixed."""
     return Scene(name, numbers={each: machine.values[each] for each in free_parameters(machine)})
 

@@ -121,11 +121,11 @@ def _page_of_text(text: str) -> object:
     return bokeh("models").Div(text=escape(text))
 
 
-def run(scene: "Scene", port: int, browser: bool, tell: Callable[[str], None]) -> None:
+def run(scene: "Scene", port: int, browser: bool, report: Callable[[str], None]) -> None:
     """Serve the page until the program is interrupted, and open it in a browser if `browser` is true."""
     server, address = serve(scene, port)
     server.start()
-    tell(f"{address} shows the page; Ctrl-C ends it")
+    report(f"{address} shows the page; Ctrl-C ends it")
     if browser:
         import webbrowser
 

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 from orbits.errors import OrbitsError
 
-from .answers import ANSWERS
 from .processes import process_context
+from .results import COMPUTATIONS
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
@@ -34,7 +34,7 @@ IMPATIENT = 3.0
 
 @dataclass(frozen=True)
 class Task:
-    """What a worker computes: a name of `answers.ANSWERS` and its arguments; no two tasks have the same number."""
+    """What a worker computes: a name of `results.COMPUTATIONS` and its arguments; no two tasks have the same number."""
 
     name: str
     arguments: tuple[Any, ...]
@@ -185,7 +185,7 @@ def compute_tasks(pipe: "Connection", python_machine: object, calm: bool) -> Non
 def _results_of(task: Task, python_machine: object) -> Iterator[object]:
     """The results of a task; an error is a `Failure` with its message."""
     try:
-        yield from ANSWERS[task.name](python_machine, *task.arguments)
+        yield from COMPUTATIONS[task.name](python_machine, *task.arguments)
     except OrbitsError as error:
         yield Failure(str(error))
     except MemoryError:

@@ -9,8 +9,9 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from orbits.errors import InputError
-from orbits.laws import law as laws
-from orbits.laws.law import Law, LawLike, positive
+from orbits.laws import law_statement as laws
+from orbits.laws.law import Law, positive
+from orbits.laws.law_statement import LawLike
 
 
 def formula(text: str, /, **parameters: float) -> Law:
@@ -54,12 +55,12 @@ def exponential(*, H: float = 1000.0) -> Law:
 NAMED = {law.__name__: law for law in (constant, inverse_square, linear, exponential)}
 
 
-def as_gravity(law: LawLike, given: Mapping[str, float] | None = None, shared: bool = False) -> Law:
-    """A gravity law from a law, a formula, a law's name or a Python function, with parameters `given` by name; `shared`
-    is as in `springs.as_spring`. Raises `InputError` for anything else."""
+def as_gravity(law: LawLike, parameters: Mapping[str, float] | None = None, shared: bool = False) -> Law:
+    """A gravity law from a law, a formula, a law's name or a Python function, with parameters by name; `shared` is
+    as in `springs.as_spring`. Raises `InputError` for anything else."""
     if isinstance(law, str) and law.startswith(("table:", "potential:")):
         raise InputError(f"gravity '{law}': gravity is a formula of z or a law's name; only springs are tables")
-    return _checked(laws.from_any(law, "z", given, NAMED, "gravity", shared))
+    return _checked(laws.from_any(law, "z", parameters, NAMED, "gravity", shared))
 
 
 def _checked(law: Law) -> Law:

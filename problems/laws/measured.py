@@ -59,8 +59,8 @@ def read_table(path: Path, in_si: bool) -> tuple[tuple[np.ndarray, np.ndarray], 
 def _sense(path: Path, headers: list[str]) -> float:
     """-1.0 where the headers of extension and force say that compression counts, else 1.0."""
     compressed = [any(word.startswith("compress") for word in _words(header)) for header in headers]
-    for header, other, itself in zip(headers, headers[::-1], compressed, strict=True):
-        if not itself and any(compressed) and not TENSILE.isdisjoint(_words(header)):
+    for header, other, is_compressed in zip(headers, headers[::-1], compressed, strict=True):
+        if not is_compressed and any(compressed) and not TENSILE.isdisjoint(_words(header)):
             both = f"{short(header.strip())!r} and {short(other.strip())!r}"
             raise InputError(f"the table {short(path)}: {both} count opposite ways: turn one column and its name round")
     return -1.0 if any(compressed) else 1.0

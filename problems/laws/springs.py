@@ -18,8 +18,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orbits.errors import InputError
-from orbits.laws import law as laws
-from orbits.laws.law import NOISE, Expression, Law, LawLike, Written, number, positive
+from orbits.laws import law_statement as laws
+from orbits.laws.law import NOISE, Law, Written, number, positive
+from orbits.laws.law_expressions import Expression
+from orbits.laws.law_statement import LawLike
 from orbits.symbolic.formula import suggest
 
 from .measured import read_table, short
@@ -189,11 +191,13 @@ NAMED = {
 }
 
 
-def as_spring(law: LawLike, given: Mapping[str, float] | None = None, in_si: bool = False, shared: bool = False) -> Law:
+def as_spring(
+    law: LawLike, parameters: Mapping[str, float] | None = None, in_si: bool = False, shared: bool = False
+) -> Law:
     """A spring from a law, a formula, a law's name, "table:FILE", "table:FILE?branch=loading&noise=0.5",
     "potential:FORMULA" or a Python function.
 
-    given : values of parameters by name
+    parameters : their values by name
     in_si : as in `table`
     shared : whether the parameters are another law's too; this law then takes those that it has, while otherwise one
         that it does not have is an `InputError`
@@ -204,7 +208,7 @@ def as_spring(law: LawLike, given: Mapping[str, float] | None = None, in_si: boo
         if not path.strip():
             raise InputError(f"spring '{law}' names no file after the colon")
         law = table(path, in_si=in_si, **options)
-    return laws.from_any(law, "r", given, NAMED, "a spring", shared)
+    return laws.from_any(law, "r", parameters, NAMED, "a spring", shared)
 
 
 def _line_expression(x, p, q):

@@ -23,7 +23,7 @@ from itertools import pairwise
 
 from orbits import Mechanism
 from orbits.errors import InputError
-from orbits.laws.law import LawLike
+from orbits.laws.law_statement import LawLike
 from orbits.mechanics import Mass, Spring
 
 from ..laws.springs import as_spring

@@ -14,7 +14,9 @@ import numpy as np
 
 from orbits import Mechanism
 from orbits.errors import InputError
-from orbits.laws.law import UNIT_FORCE, UNIT_LENGTH, WRONG_SIGN, Algebraic, Law, LawLike, Parameters, number, stated
+from orbits.laws.law import WRONG_SIGN, Algebraic, Law, Parameters, number, stated
+from orbits.laws.law_expressions import UNIT_FORCE, UNIT_LENGTH
+from orbits.laws.law_statement import LawLike
 from orbits.mechanics import Mass
 from orbits.mechanics.dimensions import coefficient_dimensions
 from orbits.model.model import Model, reparametrised

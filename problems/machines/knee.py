@@ -18,7 +18,8 @@ from math import pi
 
 from orbits import Mechanism
 from orbits.errors import InputError
-from orbits.laws.law import LawLike, number
+from orbits.laws.law import number
+from orbits.laws.law_statement import LawLike
 from orbits.mechanics import Mass, Spring
 from orbits.mechanics.elements import names_in
 

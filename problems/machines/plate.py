@@ -26,7 +26,7 @@ those near a zero of the denominator shake the plate hard.
 from collections.abc import Mapping, Sequence
 
 from orbits import Mechanism
-from orbits.laws.law import LawLike
+from orbits.laws.law_statement import LawLike
 from orbits.mechanics import Mass, Spring
 
 from ..laws.springs import as_spring

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from orbits.model.liftoff import Liftoff
-from orbits.model.model import FOLLOWING, Model
+from orbits.model.model import DERIVED_FIELDS, Model
 from orbits.model.phase import Affine, Phase
 from orbits.periodic.guess import guess
 from problems import Chain, Hopper, Juggler
@@ -241,7 +241,7 @@ FIELDS = {Hopper: hopper, Juggler: juggler, Chain: chain}
 
 def by_hand(machine: Hopper | Juggler | Chain) -> Model:
     """The model of a machine, written by hand."""
-    return Model(**{name: part for name, part in FIELDS[type(machine)](machine).items() if name not in FOLLOWING})
+    return Model(**{name: part for name, part in FIELDS[type(machine)](machine).items() if name not in DERIVED_FIELDS})
 
 
 def written(machine: Hopper | Juggler | Chain) -> SimpleNamespace:

@@ -182,7 +182,7 @@ def test_a_family_begins_with_what_find_gives(machine, along, stop, family):
 
 
 def test_a_first_orbit_of_another_family_is_refused(monkeypatch):
-    found = solve_family(Hopper("cubic", parameters={"beta": 0.0}), 2, None)
+    found = solve_family(Hopper("cubic", parameters={"beta": 0.0}), 2, "relative")
     monkeypatch.setattr("orbits.continuation.follow.solve_family", lambda machine, family, method: found)
     with pytest.raises(NoOrbit, match="family 1 ended on an orbit of family 2"):
         follow(Hopper("cubic"), "beta", 1.0, 0.0)

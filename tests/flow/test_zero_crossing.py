@@ -112,7 +112,7 @@ def test_flights_to_their_landings(name):
     if "table" in name:
         x = x[np.abs(x[:, 0] - x[:, 2]) < 3]
     times, rows, failed = first_zeros(rules.flight, x, rules.p, rules.gap, 40.0)
-    assert first_zeros(rules.flight, x, rules.p, rules.gap, 40.0, told=False)[2].keys() == failed.keys()
+    assert first_zeros(rules.flight, x, rules.p, rules.gap, 40.0, reasons=False)[2].keys() == failed.keys()
     for i, start in enumerate(x):
         try:
             path, _ = rules.flight.run(start, rules.p, 40.0, stop=first_zero(rules.gap))

@@ -21,8 +21,8 @@ def test_a_fold_is_searched_once(monkeypatch):
     """Beyond the fold of cubic springs the lateness has a minimum above zero before the barrier."""
     from orbits.periodic import guess as launch
 
-    runs, count = launch.half_oscillations, []
-    monkeypatch.setattr(launch, "half_oscillations", lambda *a: (count.append(1), runs(*a))[1])
+    runs, count = launch.half_oscillation, []
+    monkeypatch.setattr(launch, "half_oscillation", lambda *a: (count.append(1), runs(*a))[1])
     with pytest.raises(NoOrbit, match="does not come back"):
         find(Hopper("r + beta*r**3 + delta*r**5", parameters={"beta": -0.0126, "delta": -1e-5}))
     assert len(count) < 30
@@ -32,8 +32,8 @@ def test_a_fold_is_searched_once(monkeypatch):
 def test_a_spring_that_never_pushes_is_soon_refused(spring, monkeypatch):
     from orbits.periodic import guess as launch
 
-    runs, count = launch.half_oscillations, []
-    monkeypatch.setattr(launch, "half_oscillations", lambda *a: (count.append(1), runs(*a))[1])
+    runs, count = launch.half_oscillation, []
+    monkeypatch.setattr(launch, "half_oscillation", lambda *a: (count.append(1), runs(*a))[1])
     with pytest.raises(NoOrbit, match=r"does not come back|none up to"):
         find(Hopper(spring))
     assert len(count) < 200

@@ -37,7 +37,7 @@ class FamilyData:
 
     value, motions, others : (k,) the parameter along the curve, and the quantity where the orbits are motions and where
         they are not, NaN elsewhere
-    points : columns (k,) of the orbits: "value", "quantity", "alpha", and "told", whether they are motions and which
+    points : columns (k,) of the orbits: "value", "quantity", "alpha", and "note", whether they are motions and which
         event is there
     events : columns of the events and of the end: "value", "quantity", "kind"
     labels : of the two axes, with units
@@ -66,7 +66,7 @@ def family_data(family: Any, quantity: str = "alpha") -> FamilyData:
         marked, kinds = [*marked, len(along) - 1], [*kinds, f"end: {family.end.kind}"]
         texts[-1] += f"; {kinds[-1]}, {ending(family)}"
     speeds = [number_text(point.alpha, speed_in) for point, _ in along]
-    points = {"value": value, "quantity": whole, "alpha": speeds, "told": texts}
+    points = {"value": value, "quantity": whole, "alpha": speeds, "note": texts}
     events = {"value": value[marked], "quantity": whole[marked], "kind": kinds}
     labels = family.heading(family.name), family.heading(quantity).replace("_", " ")
     return FamilyData(value, motions, others, points, events, labels)
@@ -90,7 +90,7 @@ class FamilyFigure:
     def __init__(self, height: int = 360) -> None:
         models, new = bokeh("models"), bokeh("models").ColumnDataSource
         self._curve = new(empty_columns("value", "motions", "others"))
-        self.points = new(empty_columns("value", "quantity", "alpha", "told"))
+        self.points = new(empty_columns("value", "quantity", "alpha", "note"))
         self._events = new(empty_columns("value", "quantity", "kind", "marker"))
         self._here = new(empty_columns("value", "quantity"))
         self.figure = figure = new_figure("", height)
@@ -108,7 +108,7 @@ class FamilyFigure:
         self._items = [new_item(label="motions", renderers=[line]), new_item(label="no motions", renderers=[dashed])]
         self._items.append(new_item(label="shown", renderers=[here], visible=False))
         legend_above(figure, *self._items, new_item(label={"field": "kind"}, renderers=[events]), columns=3)
-        self._hover = hover([points], [("", "@told")])
+        self._hover = hover([points], [("", "@note")])
         figure.add_tools(self._hover, models.TapTool(renderers=[points]))
 
     def show(self, data: FamilyData, steady: bool = True) -> None:
@@ -124,7 +124,7 @@ class FamilyFigure:
         kinds = data.events["kind"]
         markers = [SHAPE_OF_END if kind.startswith("end: ") else SHAPES.get(kind, OTHER_SHAPE) for kind in kinds]
         tips = [(across, "@value{%.7g}"), (up, "@quantity{%.7g}")]
-        tips += [("", "@told")] if up.startswith("alpha") else [("alpha", "@alpha"), ("", "@told")]
+        tips += [("", "@note")] if up.startswith("alpha") else [("alpha", "@alpha"), ("", "@note")]
         changes: list[Change] = [
             (self._curve, "data", {name: getattr(data, name) for name in ("value", "motions", "others")}),
             (self.points, "data", data.points),

@@ -46,13 +46,13 @@ def _source(sweep: Any, quantity: str, rows: np.ndarray) -> object:
     """The source of these members."""
     if not len(rows):
         return bokeh("models").ColumnDataSource(
-            empty_columns(*_columns(sweep), "quantity", "member", "told", "kind", "family")
+            empty_columns(*_columns(sweep), "quantity", "member", "note", "kind", "family")
         )
     status, reason = (sweep[name][rows].astype(str) for name in ("status", "reason"))
     families = np.array(sweep.about["families"])
     texts = [f"{a}: {b[:LONGEST_REASON]}" if b else a for a, b in zip(status.tolist(), reason.tolist(), strict=True)]
     columns = {column: sweep[name][rows] for column, name in _columns(sweep).items()}
-    columns |= {"quantity": sweep[quantity][rows], "member": sweep.index[rows], "told": texts}
+    columns |= {"quantity": sweep[quantity][rows], "member": sweep.index[rows], "note": texts}
     columns["kind"] = np.where(np.isin(status, MOTIONS), "motions", "no motions").tolist()
     columns["family"] = [_family_name(family) for family in families[sweep.index[rows] % len(families)].tolist()]
     return bokeh("models").ColumnDataSource(columns)
@@ -114,7 +114,7 @@ def _member_tool(sweep: Any, quantity: str | None, renderers: list[object]) -> o
     tips = [("member", "@member")] + ([("", "@family")] if len(sweep.about["families"]) > 1 else [])
     tips += [(sweep.heading(name), f"@{column}{{%.6g}}") for column, name in _columns(sweep).items()]
     tips += [(_label(sweep, quantity), "@quantity{%.7g}")] if quantity else []
-    return hover(renderers, [*tips, ("", "@told")])
+    return hover(renderers, [*tips, ("", "@note")])
 
 
 def _empty_figure(sweep: Any, across: str, up: str) -> Any:

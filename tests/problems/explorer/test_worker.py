@@ -16,7 +16,7 @@ from problems import Hopper
 
 pytest.importorskip("bokeh")
 
-from problems.explorer.answers import HopAnswer
+from problems.explorer.results import HopResult
 from problems.explorer.scene import Scene, beginning
 from problems.explorer.worker import Done, Failure, Task, Worker
 from tests.browser import wait_for
@@ -85,7 +85,7 @@ def test_the_newest_question_wins(made):
     values = [0.3 + k / 1000 for k in range(400)]
     for value in values:
         worker.ask(last := hop(CUBIC.with_numbers(beta=value)))
-    hops = [each for each in answered(answers, last) if isinstance(each, HopAnswer)]
+    hops = [each for each in answered(answers, last) if isinstance(each, HopResult)]
     assert hops[-1].scene.numbers["beta"] == values[-1]
     assert len(hops) < 200
     assert worker.busy == 0.0

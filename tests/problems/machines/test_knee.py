@@ -43,7 +43,7 @@ from orbits import (
     simulate,
 )
 from orbits.errors import InconsistentModel
-from orbits.model.model import FOLLOWING, Model
+from orbits.model.model import DERIVED_FIELDS, Model
 from orbits.model.phase import Affine, Phase
 from orbits.model.state_formula import StateFormula
 from orbits.sweeps.sweep import sweep
@@ -146,7 +146,7 @@ FIELDS = dict(  # noqa: C408 -- as the arguments of a Model are written
     rest=lambda p: [0.0, 0.0, p["rest_angle"], 0.0],
     units=lambda p: SI,
 )
-MODEL = Model(**{name: part for name, part in FIELDS.items() if name not in FOLLOWING})
+MODEL = Model(**{name: part for name, part in FIELDS.items() if name not in DERIVED_FIELDS})
 WRITTEN = SimpleNamespace(**FIELDS)  # also what follows from the rest
 
 

@@ -19,8 +19,8 @@ def test_a_family_has_its_motions_events_and_end(folded_family):
     known = dict(zip(data.events["kind"], data.events["value"].tolist(), strict=True))
     assert known["fold"] == pytest.approx(-0.0106952149164040, rel=1e-9)  # the reference value
     assert [kind for kind in known if kind.startswith("end")] == ["end: escaped"]
-    assert "end: escaped" in data.points["told"][-1]
-    assert "tends to" in data.points["told"][-1]
+    assert "end: escaped" in data.points["note"][-1]
+    assert "tends to" in data.points["note"][-1]
     # Motions end where the contact collapses; there both lines meet.
     collapse = data.value.tolist().index(known["collapse"])
     assert np.isfinite(data.motions[: collapse + 1]).all()

@@ -9,7 +9,7 @@ from problems import Hopper
 
 pytest.importorskip("bokeh")
 
-from problems.explorer.answers import family_answers, hop_answer, map_answers
+from problems.explorer.results import family_results, hop_results, map_results
 from problems.explorer.scene import beginning
 
 pytestmark = pytest.mark.extra("bokeh")
@@ -18,7 +18,7 @@ CUBIC = beginning("hopper")
 
 def test_a_family_comes_in_pieces_and_is_that_of_follow():
     scene = replace(CUBIC, along="beta")
-    pieces = list(family_answers(None, scene, -0.5, 2.0))
+    pieces = list(family_results(None, scene, -0.5, 2.0))
     assert len(pieces) > 3
     assert "still growing" in pieces[0].text
     assert list(pieces[0].data.events["kind"]) == []
@@ -38,7 +38,7 @@ def test_a_family_comes_in_pieces_and_is_that_of_follow():
 
 
 def test_a_family_from_the_upper_end_of_its_slider_goes_down():
-    *_, family = family_answers(None, replace(CUBIC, along="beta"), 0.1, CUBIC.numbers["beta"])
+    *_, family = family_results(None, replace(CUBIC, along="beta"), 0.1, CUBIC.numbers["beta"])
     assert "down: reached" in family.text
     assert "up" not in family.text
 
@@ -48,24 +48,24 @@ def test_a_point_beyond_a_fold_is_come_back_to():
     softening = replace(
         beginning("hopper"), numbers={"mass_ratio": 1.0, "rest_length": 30.0, "beta": 0.0}, along="beta"
     )
-    *_, family = family_answers(None, softening, -0.02, 0.02)
+    *_, family = family_results(None, softening, -0.02, 0.02)
     place = family.nearest(-0.005, 15.0)
     high = family.starts[place][1]
     scene = replace(softening.with_numbers(beta=family.values[place]), start=family.starts[place])
-    (answer,) = hop_answer(None, scene, False)
-    assert answer.alpha == pytest.approx(high, rel=1e-9)
-    (moved,) = hop_answer(None, answer.scene.with_numbers(rest_length=29.0), False)
+    (result,) = hop_results(None, scene, False)
+    assert result.alpha == pytest.approx(high, rel=1e-9)
+    (moved,) = hop_results(None, result.scene.with_numbers(rest_length=29.0), False)
     assert moved.alpha == pytest.approx(high, rel=1e-6)  # constant gravity knows no rest length
-    (other,) = hop_answer(None, replace(scene, start=None), False)
+    (other,) = hop_results(None, replace(scene, start=None), False)
     assert other.alpha < 0.9 * high
 
 
 def test_the_map_is_drawn_first_and_then_its_basin():
-    first, second = map_answers(None, replace(beginning("juggler"), launch=4.6))
+    first, second = map_results(None, replace(beginning("juggler"), launch=4.6))
     assert first.basin is None
     assert first.web.shape[0] == 2
     assert first.web.shape[1] > 4
     assert 0 < second.share < 1
-    again = list(map_answers(None, replace(beginning("juggler"), launch=4.7)))
+    again = list(map_results(None, replace(beginning("juggler"), launch=4.7)))
     assert len(again) == 1  # another cobweb needs no other basin
     assert (again[0].basin == second.basin).all()

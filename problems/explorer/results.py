@@ -28,14 +28,14 @@ COBWEB = 80  # hops
 
 
 @dataclass(frozen=True)
-class DialsAnswer:
+class DialsResult:
     """The sliders of a scene's parameters, which are sent before its hop, also where there is no hop."""
 
     dials: list[Dial]
 
 
 @dataclass(frozen=True, eq=False)
-class HopAnswer:
+class HopResult:
     """A hop as the page shows it.
 
     scene : the scene, whose start, if it has one, leads to this hop again
@@ -53,11 +53,11 @@ class HopAnswer:
     admissible: bool
 
 
-def hop_answer(python_machine: object, scene: Scene, with_dials: bool) -> Iterator[DialsAnswer | HopAnswer]:
+def hop_results(python_machine: object, scene: Scene, with_dials: bool) -> Iterator[DialsResult | HopResult]:
     """The hop of a scene, preceded by the sliders where these are requested; raises `NoOrbit` where there is no hop."""
     machine = scene.build(python_machine)
     if with_dials:
-        yield DialsAnswer(dials_of(machine, scene))
+        yield DialsResult(dials_of(machine, scene))
     orbit = _orbit_of_scene(machine, scene)
     if scene.start is not None:
         scene = replace(scene, start=start_of(orbit))
@@ -66,7 +66,7 @@ def hop_answer(python_machine: object, scene: Scene, with_dials: bool) -> Iterat
     except InputError:
         law = None
     rows = [row for row in orbit.rows() if row[0] != "machine"]  # the fields of the page have its numbers
-    yield HopAnswer(scene, hop_data(orbit), law, rows, orbit.alpha, orbit.admissible)
+    yield HopResult(scene, hop_data(orbit), law, rows, orbit.alpha, orbit.admissible)
 
 
 def start_of(orbit: Orbit | Point) -> tuple[float, float, float]:
@@ -75,7 +75,7 @@ def start_of(orbit: Orbit | Point) -> tuple[float, float, float]:
 
 
 @dataclass(frozen=True, eq=False)
-class FamilyAnswer:
+class FamilyResult:
     """The part of a family that has been computed, and the status of its ends.
 
     of : the scene, with the parameter that the family is followed along
@@ -119,7 +119,7 @@ def _beside(scene: Scene) -> Scene:
     return replace(scene, start=None, launch=None, numbers=others)
 
 
-def family_answers(python_machine: object, scene: Scene, low: float, high: float) -> Iterator[FamilyAnswer]:
+def family_results(python_machine: object, scene: Scene, low: float, high: float) -> Iterator[FamilyResult]:
     """The family through a scene's hop along its parameter, between two values, as it grows from the hop upward and
     then downward."""
     machine, along = scene.build(python_machine), scene.along
@@ -158,7 +158,7 @@ def joined_ways(parts: list[Family]) -> Family:
     return replace(up, points=(*down.points[:0:-1], *up.points), events=tuple(events))
 
 
-def _family_result(scene: Scene, parts: dict[str, Family], ways: int) -> FamilyAnswer:
+def _family_result(scene: Scene, parts: dict[str, Family], ways: int) -> FamilyResult:
     family = joined_ways(list(parts.values()))
     ended = {word: part for word, part in parts.items() if not _is_growing(part)}
     endings = ". ".join(f"{word}: {part.end.kind}, {part.end.reason}" for word, part in ended.items())
@@ -171,10 +171,10 @@ def _family_result(scene: Scene, parts: dict[str, Family], ways: int) -> FamilyA
         name: [*list(column)[:-1], *(end[k] for end in ends)] for k, (name, column) in enumerate(data.events.items())
     }
     data = replace(data, events=events)
-    return FamilyAnswer(scene, data, values, starts, text)
+    return FamilyResult(scene, data, values, starts, text)
 
 
-def map_answers(python_machine: object, scene: Scene) -> Iterator[MapData]:
+def map_results(python_machine: object, scene: Scene) -> Iterator[MapData]:
     """The return map around a scene's hop with its cobweb, then the same with the basin of lossless hops."""
     plain = replace(scene, launch=None, along="")
     step, low, high = _map_of(python_machine, plain)
@@ -197,4 +197,8 @@ def _map_of(python_machine: object, scene: Scene) -> tuple[ReturnMap, float, flo
 
 
 # The functions of tasks by name; each takes the page's machine that was made in Python and the task's arguments.
-ANSWERS: dict[str, Callable[..., Iterator[object]]] = {"hop": hop_answer, "family": family_answers, "map": map_answers}
+COMPUTATIONS: dict[str, Callable[..., Iterator[object]]] = {
+    "hop": hop_results,
+    "family": family_results,
+    "map": map_results,
+}

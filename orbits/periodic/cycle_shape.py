@@ -1,0 +1,68 @@
+"""The shape of a cycle: how the whole of it is made of the stored motions, and the parts of it that are shown."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NotRequired, TypedDict
+
+import numpy as np
+
+from ..flow.trajectory import Trajectory
+from ..model.model import Knee
+from ..model.phase import Affine
+from ..model.state_formula import SavedHeight, StateFormula, height_of
+
+
+@dataclass(frozen=True)
+class Shape:
+    """The construction of a whole cycle from the stored half motions, and the parts of it to show.
+
+    reversor, contact_reversor : signs of the states under time reversal, None where whole motions are stored
+    embed : (n, m) matrix from contact to flight states
+    heights : names and functions of the flight state, the masses first
+    springs : names of the heights, lower and upper, that springs join, None for the ground
+    knees : such names with the length of each of the two links that join them
+    """
+
+    reversor: tuple[int, ...] | None
+    contact_reversor: tuple[int, ...] | None
+    embed: np.ndarray
+    heights: Mapping[str, Affine | StateFormula]
+    springs: tuple[tuple[str | None, str], ...]
+    knees: tuple[Knee, ...] = ()
+
+
+def mirrored(path: Trajectory, t: np.ndarray, duration: float, signs: tuple[int, ...] | None) -> np.ndarray:
+    """States at times `t` of a motion with the first half `path`; its image under `signs`, if any, is the second."""
+    t = np.clip(t, 0, duration)
+    if signs is None:
+        return path(t)
+    later = t > path.times[-1]
+    states = path(np.where(later, duration - t, t))[..., : len(signs)]
+    return np.where(later[..., None], states * np.array(signs), states)
+
+
+class SavedShape(TypedDict):
+    """A `Shape` in a file: its heights as pairs of weights and offset, or as formulas."""
+
+    reversor: tuple[int, ...] | None
+    contact_reversor: tuple[int, ...] | None
+    embed: np.ndarray
+    heights: Mapping[str, SavedHeight]
+    springs: tuple[tuple[str | None, str], ...]
+    knees: NotRequired[tuple[Knee, ...]]
+
+
+def shape_of(data: SavedShape, flight: Trajectory, contact: Trajectory | None) -> Shape:
+    """A shape for the states of the motions; raises `ValueError` where it does not fit them."""
+    embed, signs = data["embed"], (data["reversor"], data["contact_reversor"])
+    sizes = embed.shape if embed.ndim == 2 and embed.dtype.kind in "fi" and np.isfinite(embed).all() else (0, 0)
+    heights = {name: height_of(height, flight.names[: sizes[0]]) for name, height in data["heights"].items()}
+    known = {*heights, None}
+    fits = 0 < sizes[0] <= len(flight.names) and 0 < sizes[1] <= (sizes[1] if contact is None else len(contact.names))
+    fits &= all(each is None or len(each) == size for each, size in zip(signs, sizes, strict=True))
+    weights = (height.weights for height in heights.values() if isinstance(height, Affine))
+    fits &= bool(heights) and all(len(each) == sizes[0] for each in weights)
+    knees = data.get("knees", ())
+    if not fits or not {*sum(data["springs"], ()), *(name for *pair, _ in knees for name in pair)} <= known:
+        raise ValueError("its shape does not fit its motion")
+    return Shape(*signs, embed, heights, data["springs"], knees)
