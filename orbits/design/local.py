@@ -1,45 +1,62 @@
-"""From one orbit to a local optimum of a design, by nonlinear programs on the meshes of certified orbits.
+"""From orbits to local optima of a design, from all starts together, by steps within trust regions.
 
-Each round solves the nonlinear program on the mesh of the current orbit, within a trust region of the parameters. The
-orbit is then corrected at the new parameters by its own equations, and certified. Conditions that the certificate finds
-nearly violated become demands from then on, and an extreme that has moved to another place is evaluated there. The
-search ends where a round no longer changes the design and the optimality conditions hold.
+Each round takes one step from the orbit of every start: quadratic models about it are minimised within a trust region.
+The orbits at the new parameters are found and certified together, and a step is accepted if the objective and the
+violations fall by enough of what the models predict. Conditions that a certificate finds violated become demands from
+then on, and an extreme that alternates between two places is held at both. A search ends where the best step no longer
+changes the design and the optimality conditions hold.
 """
 
-import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import NoOrbit
+from ..errors import InputError, NoOrbit, OrbitsError
 from ..model.machine import Machine
-from ..periodic.certified import certified_orbit, solve_from
 from ..periodic.orbit import Orbit
+from ..periodic.orbits_at_once import orbits_near
 from ..running import interrupts
-from ..shooting.formulations import iterative, method_of
-from ..symbolic.ipopt import Minimum
-from ..units import without_units
-from .design_statement import base_statement, without_contact
-from .nlp import DEMAND_MARGIN, DesignPoint, Ties, Weights, design_point
+from ..shooting.single_shooting import SMALLEST_UNIT
+from ..symbolic.quadratic_models import Weights
+from .design_point import Case, DesignPoint, Ties, design_points, no_motion, unknowns_of
 from .optimality import Design, optimum_at
 from .problem import DesignProblem, Outputs
 
-# The cost of a nonlinear program is the objective, with the constraints held; or the violations and a little of the
-# objective, until the constraints are met; or the violations alone, to determine whether they can be met at all.
-OBJECTIVE, PENALISED, FEASIBILITY = Weights(1.0, 0.0), Weights(1e-3, 1.0), Weights(0.0, 1.0)
-MOST_ROUNDS = 25  # nonlinear programs solved from one start, at most
-LEAST_REACH = 1e-4  # smallest trust region, as a share of the parameters' range
-MOST_COLLAPSES = 6  # rounds that lead to a contact without end, before the objective counts as unbounded
+# The constraints are met, or nearly, if the sum of their violations, as shares of their sizes, is no larger.
+MET, NEARLY_MET = 1e-8, 1e-3
+# The cost of a step is the objective, with the constraints held; or, where they are not nearly met, the objective and
+# penalised violations, the next of these where they do not fall, and at last the violations alone, to determine whether
+# they can be met at all.
+HELD, PENALISED = Weights(1.0, 0.0, NEARLY_MET), (Weights(1.0, 10.0), Weights(1e-3, 1.0), Weights(0.0, 1.0))
+MOST_ROUNDS = 250  # steps from one start, at most
+# The trust region at first and at least: the largest change of a parameter as a share of its range, or nine times less
+# than the relative change of what is measured by its logarithm.
+REACH_AT_FIRST, LEAST_REACH = 0.5, 1e-7
 # An orbit this many times as fast or long as the first escapes, if the parameters change by no more than the share REST
-# of their values and of their distances to the bounds. Where the search cannot continue, a smaller ratio is enough.
+# of their values and of their distances to the bounds while it becomes twice as fast or long. Where the search cannot
+# continue, a smaller ratio is enough.
 ESCAPE_RATIO, LOSS_RATIO, REST = 10.0, 2.0, 1e-2
-# The mesh is fine enough if the correction changes the unknowns by less than the share AGREEMENT plus SWING times the
-# share by which a parameter was rounded or put on its bound. A correction by a larger share leads to another orbit.
-AGREEMENT, SWING, LARGEST_CORRECTION = 1e-11, 10.0, 1e-3
+# Demands on a motion stay this far above zero, in the machine's units: a motion that just touches is refused.
+DEMAND_MARGIN = 1e-9
+LEAST_JERK = 1e-6  # lower bound of the landing jerk, as a share of its value before the step
+LARGEST_CORRECTION = 0.5  # an orbit farther from that of the models, as a share of its unknowns, is another one
 ON_BOUND = 1e-8  # a parameter nearer to its bound than this share of its unit is put on it, since Ipopt stays inside
+LEAST_OBJECTIVE = 1e-6  # the scale of an objective that vanishes, as a share of its value at the start
 LARGEST_SLOPE = 1e-6  # largest slope of the Lagrangian, as a share of the objective over a parameter's range
-MET = 1e-8  # the constraints are met if the sum of their violations, as shares of their sizes, is no larger
-STILL = 1e-3  # largest change of the parameters, as a share of their units, where a penalised search has come to rest
+# A step that is shorter than the first number, in units of the parameters, does not change the design; nor does one
+# that is shorter than the second and not half as long as the last one, so that rounding decides.
+UNCHANGED, NEARLY_UNCHANGED = 1e-14, 1e-6
+# Where a step gains no more than the first number, optimality conditions that hold to the second hold to rounding.
+SMALL_GAIN, SMALLEST_SLOPE = 1e-9, 1e-13
+STILL = 1e-9  # violations that a step reduces by no more are least
+# A step is accepted if the merit falls by this share of what is predicted, unless that is rounding; and the trust
+# region grows or shrinks where it falls by more or less than the next two shares.
+ACCEPTED, ROUNDED_GAIN, GOOD, POOR = 0.1, 1e-11, 0.7, 0.3
+# In the merit of a step violations count this many times their largest multiplier, or the objective's own scale if
+# that is more.
+PENALTY = 2.0
 
 
 class Unbounded(NoOrbit):
@@ -52,188 +69,271 @@ class Infeasible(NoOrbit):
     size = 0.0
 
 
+class DesignStep(NamedTuple):
+    """A step: the machine and the unknowns (n,) of the orbit that it leads to, its length in units of the parameters
+    and as a share of the trust region, the weights in its merit, the predicted fall of that, and why the models have no
+    minimum with the constraints held, if so."""
+
+    machine: Machine
+    u: np.ndarray
+    length: float
+    share: float
+    weights: Weights
+    gain: float
+    reason: str
+
+
 @dataclass(frozen=True, eq=False)
 class LocalSearch:
     """The state of a search from one start."""
 
     problem: DesignProblem
     first: Orbit  # the orbit at the start
+    least: float  # the least scale of the objective
     sizes: np.ndarray  # the unit of each constraint, see `_constraint_sizes`
     flat: np.ndarray  # whether each parameter (k,) had no effect at the start
-    machine: Machine  # the current machine; the next two fields are current too
-    orbit: Orbit
     point: DesignPoint  # the objective and the constraints at the current orbit
-    demands: tuple[str, ...]  # quantities that are constrained to be positive
-    ties: Ties = field(default_factory=dict)  # extremes that are held equal at several places
-    visited: tuple[tuple, ...] = ()  # the places of the extremes at earlier orbits
-    reach: float = 1.0  # the trust region, as a share of the parameters' range
-    weights: Weights = OBJECTIVE  # of the cost in the next round
-    collapses: int = 0  # number of rounds that led into a contact without end
-    reason: str = ""  # why the last rejected round was rejected
-
-    def at(self, machine: Machine, orbit: Orbit, ties: Ties) -> "LocalSearch":
-        """The search at another orbit, with the demands that this orbit adds."""
-        demands = _demands(orbit, self.demands)
-        point = _point_at(machine, orbit, self.problem, demands, ties)
-        return replace(self, machine=machine, orbit=orbit, demands=demands, point=point, ties=ties)
+    ties: Ties = field(default_factory=dict)  # further places of extremes, which are held equal to the first
+    refused: tuple[tuple, ...] = ()  # the places of the extremes after steps from here that were refused
+    reach: float = REACH_AT_FIRST  # the trust region
+    length: float = np.inf  # of the last step, in units of the parameters
+    stage: int = 0  # the number of the weights in `PENALISED`, of the cost where the constraints are not nearly met
+    collapsed: bool = False  # whether a step led into a contact without end
+    reason: str = ""  # why the last refused step was refused
 
     def scales(self) -> np.ndarray:
-        """Scales of the objective (with its sign), the constraints, the landing jerk and the demands."""
-        values, m = self.point.scaled_values, len(self.sizes)
-        _check_values(self.problem, self.machine, values)
-        objective = self.problem.sign * (abs(values[0]) or 1.0)
-        return np.array([objective, *self.sizes, abs(values[1 + m]), *np.ones(len(values) - m - 2)])
+        """Scales of the objective (with its sign), the constraints, the landing jerk, the demands and the ties."""
+        values, m = self.point.values, len(self.sizes)
+        objective = self.problem.sign * (max(abs(values[0]), self.least) or 1.0)
+        ones = np.ones(len(self.point.demands) + len(values[self.point.tied]))
+        return np.array([objective, *self.sizes, abs(values[1 + m]), *ones])
 
-    def solve(self) -> Minimum:
-        """The nonlinear program solved on the mesh of the current orbit."""
-        problem, theta = self.problem, self.point.theta
-        low, high = (np.array([getattr(c, side) for c in problem.constraints]) / self.sizes for side in ("low", "high"))
-        bounds, units = problem.within(theta, self.reach), problem.units(theta)
-        return self.point.minimise(bounds, units, self.reach, (low, high), self.scales(), self.weights)
+    def limits(self) -> np.ndarray:
+        """The least and the largest values, (2, ...), of the scaled results after the objective."""
+        stated = [(c.low / size, c.high / size) for c, size in zip(self.problem.constraints, self.sizes, strict=True)]
+        demanded = [(LEAST_JERK, np.inf), *[(DEMAND_MARGIN, np.inf)] * len(self.point.demands)]
+        return np.array([*stated, *demanded, *[(0.0, 0.0)] * len(self.point.values[self.point.tied])]).T
 
+    def excess(self, values: np.ndarray) -> np.ndarray:
+        """The violations of the limits by results, without ties; those of the constraints are the first."""
+        last = self.point.scaled.stop
+        scaled, (low, high) = values[1:last] / self.scales()[1:last], self.limits()[:, : last - 1]
+        return np.maximum(np.maximum(low - scaled, scaled - high), 0.0)
+
+    @property
     def violations(self) -> np.ndarray:
         """The violation of each constraint, as a share of its size."""
-        stated = zip(self.problem.constraints, self.point.values[1:], self.sizes, strict=False)
-        return np.array([constraint.violation(float(value)) / size for constraint, value, size in stated])
+        return self.excess(self.point.values)[: len(self.sizes)]
+
+    def merit(self, values: np.ndarray, weights: Weights) -> float:
+        """The weighted sum of the objective and the violations."""
+        violation = np.maximum(self.excess(values) - weights.spared, 0.0).sum()
+        return float(weights.objective * values[0] / self.scales()[0] + weights.violation * violation)
+
+    def results(self, end: DesignPoint) -> np.ndarray:
+        """The results of another point without ties; a demand that its orbit does not have is met."""
+        count = 2 + len(self.sizes)
+        known = dict(zip(end.demands, end.values[count:].tolist(), strict=False))
+        return np.append(end.values[:count], [known.get(name, 1.0) for name in self.point.demands])
+
+    def step(self, weights: Weights) -> DesignStep:
+        """The step to the minimum of the models within the trust region, with these weights in its cost."""
+        problem, models, theta, scales = self.problem, self.point.models, self.point.theta, self.scales()
+        assert models is not None
+        low, high = np.array(problem.low), np.array(problem.high)
+        largest = np.log1p(9 * self.reach)
+        radius = np.where(problem.wide, largest, self.reach)
+        bounds = np.clip([problem.change(theta, end) for end in (low, high)], -radius, radius) * ~self.flat
+        ones = np.ones(len(models.values) - len(scales))
+        # The lift-off extension may change its sign, and so by any amount.
+        within = np.append(np.inf, largest * ones[1:])
+        limits = np.hstack([self.limits(), [-within, within]])
+        minimum = models.over(np.append(scales, ones)).minimum(len(self.sizes), bounds, limits, weights)
+        to = np.clip(problem.changed(theta, minimum.x[: len(theta)]), low, high)
+        near = np.minimum(to - low, high - to) < ON_BOUND * problem.units(to)
+        to = np.where(self.flat, theta, np.where(near, np.where(to - low < high - to, low, high), to))
+        change = problem.change(theta, to)
+        expected = models(change)
+        moved = expected[len(scales) :]
+        multiplier = np.abs(minimum.multipliers[1][: len(scales) - 1]).max()
+        weights = weights._replace(violation=weights.violation or PENALTY * max(1.0, multiplier))
+        gain = self.merit(self.point.values, weights) - self.merit(expected, weights)
+        machine = self.point.machine.with_values(**dict(zip(problem.names, to.tolist(), strict=True)))
+        share = max(np.abs(change / radius).max(), np.abs(moved[1:]).max() / largest)
+        length = float(np.abs(change).max())
+        return DesignStep(machine, self.point.moved(moved), length, float(share), weights, gain, minimum.reason)
 
 
-def local_optimum(machine: Machine, orbit: Orbit, problem: DesignProblem) -> Design:
-    """The local optimum found from an orbit; raises `NoOrbit` with the reason when none is found."""
-    search = _initial_search(machine, orbit, problem)
-    for _ in range(MOST_ROUNDS):
-        interrupts.heed()
-        result = _next(search)
-        if isinstance(result, Design):
-            return result
-        search = result
-    reason = search.reason and f": {search.reason}"
-    raise NoOrbit(f"no optimum within {MOST_ROUNDS} nonlinear programs, at {problem.where(search.machine)}{reason}")
+def local_optima(
+    machines: Sequence[Machine],
+    orbits: Sequence[Orbit | OrbitsError],
+    problem: DesignProblem,
+    report: Callable[[float], None],
+) -> list[Design | OrbitsError]:
+    """The local optima found from several dimensionless orbits, or the reasons why there are none.
 
-
-def _initial_search(machine: Machine, orbit: Orbit, problem: DesignProblem) -> LocalSearch:
-    """The search at its start; the constraints are penalised first where they are not met there."""
-    demands = _demands(orbit, ())
-    point = _point_at(machine, orbit, problem, demands, {})
-    stated = 1 + len(problem.constraints)
-    _check_values(problem, machine, point.values[:stated])
-    sizes, flat = _constraint_sizes(machine, problem, point), np.logical_not(point.slopes[:stated].any(axis=0))
-    search = LocalSearch(problem, orbit, sizes, flat, machine, orbit, point, demands)
-    return search if search.violations().sum() <= MET else replace(search, weights=PENALISED)
-
-
-def _next(search: LocalSearch) -> LocalSearch | Design:
-    """The search after one more round, or the optimum."""
-    minimum = search.solve()
-    if minimum.reason and not search.weights.violation:
-        search = replace(search, weights=PENALISED)
-        minimum = search.solve()
-    try:
-        machine, orbit, agrees = _correct(search, minimum.x)
-    except NoOrbit as error:
-        collapsed = str(error) == search.machine.model.violations["end"]
-        return _rejected(replace(search, collapses=search.collapses + collapsed), str(error))
-    stopped = _at_trust_region(search, minimum.x)
-    if stopped and _resting(search.problem, search.machine, machine):
-        _check_escape(search, machine, orbit, ESCAPE_RATIO)
-    return _accepted(search, search.at(machine, orbit, search.ties), minimum, stopped, agrees and not stopped)
-
-
-def _accepted(search: LocalSearch, moved: LocalSearch, minimum: Minimum, stopped: bool, converged: bool):
-    """The search after a round that led to another orbit, or the optimum if the round did not change the design."""
-    same = (moved.point.places, moved.point.demands) == (search.point.places, search.point.demands)
-    settled = converged and same and moved.orbit.admissible
-    if search.weights.violation:
-        moved = _toward_feasibility(moved, settled, search.point)
-    elif settled and not minimum.reason:
-        optimum = optimum_at(moved.machine, moved.orbit, moved.problem, moved.point, search.scales(), search.flat)
-        if optimum.kkt <= LARGEST_SLOPE:
-            return optimum
-        return _rejected(moved, f"the optimality conditions are off by {optimum.kkt:.1e}")
-    if not same:
-        moved = _with_ties(search, moved, converged)
-    # A nonlinear program is not valid once extremes move to other places, so the trust region then shrinks.
-    return replace(moved, reach=search.reach / 2 if stopped and not same else min(1.0, 2 * search.reach))
-
-
-def _rejected(search: LocalSearch, reason: str) -> LocalSearch:
-    """The search with a smaller trust region; raises the reason when it has become too small."""
-    search = replace(search, reach=search.reach / 4, reason=reason)
-    if search.reach >= LEAST_REACH and search.collapses <= MOST_COLLAPSES:
-        return search
-    where, collapse = search.problem.where(search.machine), search.machine.model.violations["end"]
-    if search.collapses:
-        raise Unbounded(f"the design runs into a collapse just beyond {where}: {collapse}") from None
-    _check_escape(search, search.machine, search.orbit, LOSS_RATIO)
-    raise NoOrbit(f"the design cannot be carried on from {where}: {reason}") from None
-
-
-def _correct(search: LocalSearch, x: np.ndarray) -> tuple[Machine, Orbit, bool]:
-    """The certified orbit near the solution of a nonlinear program, and whether it agrees with that solution.
-
-    Raises `NoOrbit` where there is none of the same family.
+    report : called with the share of the searches that have ended
     """
-    problem, low, high = search.problem, np.array(search.problem.low), np.array(search.problem.high)
-    k, theta = len(problem.names), np.clip(x[: len(low)], low, high)
-    units = problem.units(theta)
-    near = np.minimum(theta - low, high - theta) < ON_BOUND * units
-    theta = np.where(near, np.where(theta - low < 0.5 * (high - low), low, high), theta)
-    machine = search.machine.with_values(**dict(zip(problem.names, theta.tolist(), strict=True)))
-    guess = x[k : k + len(base_statement(machine.model).unknowns)]
-    with without_units(machine.units):
-        orbit, u = corrected_orbit(machine, guess)
-    change = np.max(np.abs(u - guess) / np.maximum(np.abs(u), 1e-3))
-    if change > LARGEST_CORRECTION or orbit.family != search.first.family:
-        raise NoOrbit("the nonlinear program leads to another orbit")
-    if orbit.contact_time is None:
-        raise without_contact(machine, orbit)
-    return machine, orbit, bool(change < AGREEMENT + SWING * np.max(np.abs(theta - x[:k]) / units))
+    found: list[Any] = list(orbits)
+    began = [i for i, orbit in enumerate(orbits) if isinstance(orbit, Orbit)]
+    points = design_points([_case(machines[i], found[i], problem) for i in began], problem)
+    for i, point in zip(began, points, strict=True):
+        found[i] = attempt(_initial_search, point, problem)
+    for left in reversed(range(MOST_ROUNDS)):
+        interrupts.heed()
+        going = [i for i, each in enumerate(found) if isinstance(each, LocalSearch)]
+        for i in going:
+            found[i] = attempt(_proposed, found[i], left)
+        stepping = [i for i in going if isinstance(found[i], tuple)]
+        for i, end in zip(stepping, _ends([found[i] for i in stepping]), strict=True):
+            found[i] = attempt(_next, *found[i], end)
+        report(1 - len(going) / len(found))
+        if not going:
+            break
+    return found
 
 
-def corrected_orbit(machine: Machine, u: np.ndarray) -> tuple[Orbit, np.ndarray]:
-    """The certified orbit of a machine near unknowns `u` of its simplest statement, and the corrected unknowns."""
-    began = time.perf_counter()
-    solved = solve_from(machine, iterative(method_of(machine.model)), u)
-    return certified_orbit(machine, solved, began=began), solved.us[0]
+def attempt(function: Callable, *arguments: Any) -> Any:
+    """The result of a function, or the error that it raises; raises `InputError`."""
+    try:
+        return function(*arguments)
+    except InputError:
+        raise
+    except OrbitsError as error:
+        return error
 
 
-def _toward_feasibility(moved: LocalSearch, settled: bool, before: DesignPoint) -> LocalSearch:
-    """The search with the weights of its next round, as long as violations are penalised."""
-    violations = moved.violations()
-    if violations.sum() <= MET:
-        return replace(moved, weights=OBJECTIVE)
-    if settled and not moved.weights.objective:
-        raise _infeasible(moved, violations)
-    change = np.abs(moved.point.theta - before.theta) / moved.problem.units(before.theta)
-    return replace(moved, weights=FEASIBILITY) if settled and change.max() <= STILL else moved
-
-
-def _with_ties(search: LocalSearch, moved: LocalSearch, converged: bool) -> LocalSearch:
-    """The search with the places of its extremes; an extreme that alternates between two places is held at both."""
-    places, ties = moved.point.places, dict(search.ties)
-    if converged and places in search.visited and moved.point.demands == search.point.demands:
-        left = {place: time for place, time in search.point.place_times.items() if place not in places}
-        ties |= {place.extreme: ((place, time),) for place, time in left.items()}
-        moved = moved.at(moved.machine, moved.orbit, ties)
-    return replace(moved, visited=(*search.visited, search.point.places))
-
-
-def _point_at(machine, orbit, problem: DesignProblem, demands: tuple[str, ...], ties: Ties) -> DesignPoint:
-    """The objective, the constraints and the demands at an orbit."""
+def _case(
+    machine: Machine, orbit: Orbit, problem: DesignProblem, known: Sequence[str] = (), ties: Ties | None = None
+) -> Case:
+    """The objective, the constraints and the demands at an orbit: those known, and those that it adds."""
     formulas = problem.formula, *(constraint.formula for constraint in problem.constraints)
-    return design_point(machine, orbit, Outputs(formulas, problem.names, demands), ties)
+    return Case(machine, orbit, Outputs(formulas, problem.names, _demands(orbit, known)), ties or {})
 
 
-def _demands(orbit: Orbit, demands: tuple[str, ...]) -> tuple[str, ...]:
-    """The demands, and the quantities of the orbit that are too small, or nearly so, for a motion."""
+def _demands(orbit: Orbit, known: Sequence[str]) -> tuple[str, ...]:
+    """The known demands, and the quantities of an orbit that are too small, or nearly so, for a motion."""
     names = ("clearance", "smallest_separation", "smallest_contact_force")
-    margins = {name: getattr(orbit.certificate, name) for name in names if name not in demands}
-    return (*demands, *(name for name, x in margins.items() if x is not None and x < 2 * DEMAND_MARGIN))
+    margins = {name: getattr(orbit.certificate, name) for name in names if name not in known}
+    return (*known, *(name for name, x in margins.items() if x is not None and x < 2 * DEMAND_MARGIN))
 
 
-def _constraint_sizes(machine: Machine, problem: DesignProblem, point: DesignPoint) -> np.ndarray:
+def _ends(steps: Sequence[tuple[LocalSearch, DesignStep]]) -> list[DesignPoint | NoOrbit]:
+    """The points to which steps lead, or the reasons why there are none."""
+    if not steps:
+        return []
+    (search, _), cases = steps[0], dict[int, Case]()
+    machines, us = [step.machine for _, step in steps], [step.u for _, step in steps]
+    found: list[Any] = orbits_near(machines, us, search.first.family)
+    for i, ((search, step), orbit) in enumerate(zip(steps, found, strict=True)):
+        u = step.u if orbit is None else unknowns_of(step.machine, orbit)
+        if orbit is None or np.max(np.abs(u - step.u) / np.maximum(np.abs(u), SMALLEST_UNIT)) > LARGEST_CORRECTION:
+            found[i] = NoOrbit("no orbit of the family is found near that of the models")
+        else:
+            cases[i] = _case(step.machine, orbit, search.problem, search.point.demands, search.ties)
+    for i, point in zip(cases, design_points(list(cases.values()), search.problem), strict=True):
+        found[i] = point
+    return found
+
+
+def _initial_search(point: DesignPoint | NoOrbit, problem: DesignProblem) -> LocalSearch:
+    """The search at its start."""
+    if isinstance(point, NoOrbit):
+        raise point
+    stated = 1 + len(problem.constraints)
+    if not np.isfinite(point.values[:stated]).all():
+        raise NoOrbit(f"'{problem.text}' or a constraint has no value at {problem.where(point.machine)}")
+    sizes, flat = _constraint_sizes(problem, point), np.logical_not(point.slopes[:stated].any(axis=0))
+    return LocalSearch(problem, point.orbit, LEAST_OBJECTIVE * abs(point.values[0]), sizes, flat, point)
+
+
+def _proposed(search: LocalSearch, left: int) -> tuple[LocalSearch, DesignStep] | LocalSearch | Design:
+    """The next step, where some are `left`, or what the search has come to where no step changes the design."""
+    if not left:
+        reason = f"at {search.problem.where(search.point.machine)}{search.reason and ': ' + search.reason}"
+        raise NoOrbit(f"no optimum within {MOST_ROUNDS} steps, {reason}")
+    violation = search.violations.sum()
+    step = search.step(HELD) if violation <= NEARLY_MET else None
+    penalised = step is None or bool(step.reason)
+    if step is None or penalised:
+        step = search.step(PENALISED[search.stage])
+    settled = step.length <= UNCHANGED or 0.5 * search.length < step.length <= NEARLY_UNCHANGED
+    if penalised and violation > MET and (settled or step.gain <= STILL):
+        if search.stage + 1 == len(PENALISED):
+            raise _infeasible(search)
+        return replace(search, stage=search.stage + 1)
+    if settled or abs(step.gain) <= SMALL_GAIN:
+        optimum = optimum_at(search.problem, search.point, search.scales(), search.flat)
+        admissible = search.point.orbit.admissible
+        if admissible and optimum.kkt <= (LARGEST_SLOPE if settled else SMALLEST_SLOPE):
+            return optimum
+        if settled:
+            off = f"the optimality conditions are off by {optimum.kkt:.1e}"
+            return _refused(search, off if admissible else str(no_motion(search.point.machine, search.point.orbit)))
+    return replace(search, length=step.length), step
+
+
+def _next(search: LocalSearch, step: DesignStep, end: DesignPoint | NoOrbit) -> LocalSearch:
+    """The search after a step."""
+    if isinstance(end, NoOrbit):
+        return _refused(search, str(end), step.share, str(end) == step.machine.model.violations["end"])
+    if not (np.isfinite(end.values).all() and np.isfinite(end.slopes).all()):
+        texts = " or ".join(repr(formula.text) for formula in end.outputs.formulas)
+        remedy = "keep the parameters, by their bounds, where it has; else state the machine in units nearer to 1"
+        return _refused(search, f"{texts} has no finite value or slope on the way: {remedy}", step.share)
+    results = search.results(end)
+    missed = (results[2 + len(search.sizes) :] < DEMAND_MARGIN).any()
+    if search.point.orbit.admissible and not (end.orbit.admissible or missed):
+        # The step is refused, and the demands of its orbit hold from here on.
+        refused = _refused(search, str(no_motion(end.machine, end.orbit)), step.share)
+        again = _again(refused, _demands(end.orbit, search.point.demands), search.ties)
+        return replace(again, reach=search.reach) if again.point.demands != search.point.demands else again
+    fall = search.merit(search.point.values, step.weights) - search.merit(results, step.weights)
+    growth, stopped = 1.0, step.share > 0.999
+    if step.gain > ROUNDED_GAIN:
+        if fall < ACCEPTED * step.gain:
+            return _with_ties(search, end, step)
+        growth = 2.0 if stopped and fall > GOOD * step.gain else 0.5 if fall < POOR * step.gain else 1.0
+    if stopped and _resting(search.problem, search.point, end):
+        _check_escape(search, end.machine, end.orbit, ESCAPE_RATIO)
+    return replace(search, point=end, refused=(), reach=min(1.0, growth * search.reach))
+
+
+def _with_ties(search: LocalSearch, end: DesignPoint, step: DesignStep) -> LocalSearch:
+    """The search after a step that the merit refuses; an extreme that alternates between two places is held at both."""
+    refused = _refused(search, "the models do not hold", step.share)
+    known, kinds = [place.kind for place in search.point.places], tuple(place.kind for place in end.places)
+    if kinds == tuple(known) or kinds not in search.refused:
+        return replace(refused, refused=(*search.refused, kinds))
+    ties = {place.kind.extreme: place for place in end.places if place.kind not in known}
+    return _again(refused, search.point.demands, {**search.ties, **ties})
+
+
+def _again(search: LocalSearch, demands: tuple[str, ...], ties: Ties) -> LocalSearch:
+    """The search with other demands and ties at the same orbit."""
+    case = _case(search.point.machine, search.point.orbit, search.problem, demands, ties)
+    (point,) = design_points([case], search.problem)
+    return search if isinstance(point, NoOrbit) else replace(search, point=point, ties=ties)
+
+
+def _refused(search: LocalSearch, reason: str, share: float = 1.0, collapsed: bool = False) -> LocalSearch:
+    """The search with a smaller trust region after a step over this share of it; raises the reason where it has become
+    too small."""
+    reach, collapsed = 0.25 * search.reach * min(share, 1.0), search.collapsed or collapsed
+    if reach >= LEAST_REACH:
+        return replace(search, reach=reach, reason=reason, collapsed=collapsed, length=np.inf)
+    machine = search.point.machine
+    if collapsed:
+        where, collapse = search.problem.where(machine), machine.model.violations["end"]
+        raise Unbounded(f"the design runs into a collapse just beyond {where}: {collapse}")
+    _check_escape(search, machine, search.point.orbit, LOSS_RATIO)
+    raise NoOrbit(f"the design cannot be carried on from {search.problem.where(machine)}: {reason}")
+
+
+def _constraint_sizes(problem: DesignProblem, point: DesignPoint) -> np.ndarray:
     """The unit of each constraint: the largest of its bounds and of the terms that it compares; where that is zero, its
     value, or its change by the parameters. The units stay fixed: with shrinking units it would never count as met."""
-    known, theta, sizes = machine.values | point.quantities, point.theta, []
+    known, theta, sizes = point.machine.values | point.quantities, point.theta, []
     ranges = np.where(theta, np.abs(theta), np.subtract(problem.high, problem.low))
     for constraint, value, slope in zip(problem.constraints, point.values[1:], point.slopes[1:], strict=False):
         terms = constraint.formula.terms
@@ -242,12 +342,6 @@ def _constraint_sizes(machine: Machine, problem: DesignProblem, point: DesignPoi
             magnitudes += [abs(float(term(**{name: known[name] for name in term.names}))) for term in terms]
         sizes.append(max(magnitudes) or max(abs(value), (np.abs(slope) * ranges).max()) or 1.0)
     return np.array(sizes)
-
-
-def _check_values(problem: DesignProblem, machine: Machine, values: np.ndarray) -> None:
-    """Raise `NoOrbit` where the objective or a constraint is not a finite number."""
-    if not np.isfinite(values).all():
-        raise NoOrbit(f"'{problem.text}' or a constraint has no value at {problem.where(machine)}")
 
 
 def _check_escape(search: LocalSearch, machine: Machine, orbit: Orbit, ratio: float) -> None:
@@ -262,31 +356,21 @@ def _check_escape(search: LocalSearch, machine: Machine, orbit: Orbit, ratio: fl
                 f"the objective has no {'least' if problem.sign > 0 else 'largest'} value: '{problem.text}' gets "
                 f"better as the orbit {end}, {name} = {value:.4g} at {problem.where(machine)} and still going; bound "
                 f"it, as subject_to=['{name} {relation} ...']"
-            ) from None
+            )
 
 
-def _resting(problem: DesignProblem, before: Machine, after: Machine) -> bool:
-    """Whether the parameters hardly change any more while they lie inside their bounds."""
-    old, new = problem.theta(before), problem.theta(after)
+def _resting(problem: DesignProblem, before: DesignPoint, after: DesignPoint) -> bool:
+    """Whether the parameters hardly change any more, beside the orbit, while they lie inside their bounds."""
+    old, new = before.theta, after.theta
     ahead = np.where(new < old, new - problem.low, problem.high - new)
-    return bool((np.abs(new - old) <= REST * np.minimum(np.abs(new), ahead)).all())
+    ratios = [getattr(after.orbit, name) / getattr(before.orbit, name) for name in ("alpha", "contact_time")]
+    pace = REST * np.abs(np.log2(ratios)).max()
+    return bool((np.abs(new - old) <= pace * np.minimum(np.abs(new), ahead)).all())
 
 
-def _at_trust_region(search: LocalSearch, x: np.ndarray) -> bool:
-    """Whether the solution of a nonlinear program lies on the trust region of the parameters or unknowns."""
-    problem, point, reach = search.problem, search.point, search.reach
-    k, n = len(problem.names), len(point.u)
-    theta, (low, high) = x[:k], problem.within(point.theta, reach)
-    # A bound of the problem itself does not count.
-    below, above = np.where(low > problem.low, theta - low, np.inf), np.where(high < problem.high, high - theta, np.inf)
-    changes = np.abs(np.log(x[k + 1 : k + n] / point.u[1:]))
-    near = np.minimum(below, above) < 1e-3 * reach * problem.units(point.theta)
-    return bool(near.any() or (changes > 0.999 * np.log1p(min(reach, 1.0))).any())
-
-
-def _infeasible(search: LocalSearch, violations: np.ndarray) -> Infeasible:
+def _infeasible(search: LocalSearch) -> Infeasible:
     """The error that names the violated constraints."""
-    problem = search.problem
+    problem, violations = search.problem, search.violations
     stated = zip(problem.constraints, search.point.values[1:].tolist(), violations, strict=False)
     far = [(constraint, value) for constraint, value, violation in stated if violation > MET]
     missed = [f"'{c.text}' is missed by {c.violation(value):.4g}, at {value:.6g}" for c, value in far]
@@ -294,7 +378,7 @@ def _infeasible(search: LocalSearch, violations: np.ndarray) -> Infeasible:
     bounds = ", ".join(f"{low:g} <= {name} <= {high:g}" for low, name, high in ranges)
     error = Infeasible(
         f"no motion was found with {bounds} that meets the constraints: at best {' and '.join(missed)}, with "
-        f"{problem.where(search.machine)}; relax it, or widen the bounds"
+        f"{problem.where(search.point.machine)}; relax it, or widen the bounds"
     )
     error.size = float(violations.sum())
     return error

@@ -13,9 +13,9 @@ import numpy as np
 from ..errors import InputError
 from ..io import Document, conform
 from ..model.machine import Machine
-from ..periodic.orbit import Orbit, orbit_of
+from ..periodic.orbit import Orbit
 from ..result import Axes, Result, Row, is_of
-from .nlp import DesignPoint
+from .design_point import DesignPoint
 from .problem import DesignProblem
 
 ACTIVE = 1e-7  # a bound or a constraint is active within this share of its size; solutions are more exact than that
@@ -163,28 +163,25 @@ class _ActiveRow(NamedTuple):
     equation: bool
 
 
-def optimum_at(
-    machine: Machine, orbit: Orbit, problem: DesignProblem, point: DesignPoint, scales: np.ndarray, flat: np.ndarray
-) -> Design:
-    """The local optimum with its optimality conditions, all recomputed at the certified orbit.
+def optimum_at(problem: DesignProblem, point: DesignPoint, scales: np.ndarray, flat: np.ndarray) -> Design:
+    """The design at a point, with its dimensionless orbit, and its optimality conditions.
 
-    point : the objective, the constraints and the demands at that orbit
-    scales : the scales of these, as in `DesignPoint.minimise`
+    scales : of the objective, the constraints, the landing jerk, the demands and the ties
     flat : whether each parameter (k,) had no effect on any of them at the start
     """
     units, size = problem.units(point.theta), abs(scales[0])
     rows, violation = _active_constraints(problem, point, scales)
     # Where two places have the same extreme, either one may be the larger.
-    tied = point.slopes[point.program.tied] * units / size
+    tied = point.slopes[point.tied] * units / size
     ties = [_ActiveRow("an extreme at two places", row, size, True) for row in tied]
     rows = [*_active_bounds(problem, point.theta), *rows, *ties]
     multipliers, rest = _multipliers(problem.sign * point.slopes[0] * units / size, rows)
-    parameters = {name: machine.values[name] for name in problem.names}
+    parameters = dict(zip(problem.names, point.theta.tolist(), strict=True))
     active = tuple(Active(r.text, float(x * size / r.unit)) for r, x in zip(rows, multipliers, strict=True) if x)
-    idle = _idle(problem, flat & ~point.slopes[: len(scales)].any(0))
+    idle = _idle(problem, flat & ~point.slopes[point.scaled].any(0))
     found, kkt = (float(point.values[0]), point.quantities), max(float(np.abs(rest).max()), violation)
-    stated = orbit_of(machine, orbit)
-    return Design(machine, stated, parameters, problem.verb, problem.text, *found, active, idle, kkt)
+    stated = point.machine, point.orbit, parameters, problem.verb, problem.text
+    return Design(*stated, *found, active, idle, kkt)
 
 
 def _active_bounds(problem: DesignProblem, theta: np.ndarray) -> list[_ActiveRow]:
@@ -202,8 +199,9 @@ def _active_constraints(problem: DesignProblem, point: DesignPoint, scales: np.n
     rows, violation, units = [], 0.0, problem.units(point.theta)
     stated = [(c.text, c.low, c.high) for c in problem.constraints]
     stated += [(f"{name} > 0", 0.0, np.inf) for name in ("-landing_jerk", *point.demands)]
-    results = point.scaled_values[1:], point.slopes[1:], scales[1:], [*(1.0 for _ in problem.constraints), *point.sizes]
-    for (text, low, high), value, slope, scale, size in zip(stated, *results, strict=False):
+    sizes = [*(1.0 for _ in problem.constraints), *point.sizes]
+    results = zip(stated, point.values[1:], point.slopes[1:], scales[1:], sizes, strict=False)
+    for (text, low, high), value, slope, scale, size in results:
         violation = max(violation, max(low - value, value - high, 0.0) / scale)
         for side, bound in ((-1.0, low), (1.0, high)):
             if abs(value - bound) <= ACTIVE * scale:

@@ -6,15 +6,17 @@ Objectives and constraints are formulas of the quantities in an orbit's JSON doc
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from ..errors import InputError, NoOrbit, OrbitsError, whole_number
 from ..model.machine import Machine
 from ..periodic.find import Progress, find
+from ..periodic.orbit import Orbit
 from ..running import interrupts
 from ..running.exclusive import exclusive
-from .local import Infeasible, Unbounded, local_optimum
+from .local import Infeasible, Unbounded, attempt, local_optima
 from .optimality import Design, Start
 from .problem import DesignProblem, design_problem
 from .seeds import seeds_of
@@ -124,25 +126,26 @@ def best_design(
     An objective without bound is concluded from one path of the search, whereas an optimum is certified: so it is only
     raised when no start leads to an optimum.
     """
-    began, tried, optima, errors = time.perf_counter(), list[Start](), list[Design](), list[OrbitsError]()
-    for i, point in enumerate(points):
-        interrupts.heed()
-        values = {name: point[name] for name in problem.names}
-        try:
-            varied = machine.with_values(**values)
-            optima.append(local_optimum(varied, (point.get("orbit") or find(varied, family)).dimensionless(), problem))
-            tried.append(Start(values, optima[-1].objective, optimum=optima[-1].parameters))
-        except InputError:
-            raise
-        except OrbitsError as error:
-            errors.append(error)
-            tried.append(Start(values, None, str(error)))
-        if progress:
-            progress((i + 1) / len(points))
-    if not optima:
-        raise _most_informative(errors)
+    began, report = time.perf_counter(), progress or (lambda share: None)
+    values = [{name: point[name] for name in problem.names} for point in points]
+    machines = [machine.with_values(**each) for each in values]
+    orbits = [attempt(_start, *each, family) for each in zip(machines, points, strict=True)]
+    ends = local_optima(machines, orbits, problem, report)
+    tried = tuple(
+        Start(each, end.objective, optimum=end.parameters) if isinstance(end, Design) else Start(each, None, str(end))
+        for each, end in zip(values, ends, strict=True)
+    )
+    if not (optima := [end for end in ends if isinstance(end, Design)]):
+        raise _most_informative([end for end in ends if isinstance(end, OrbitsError)])
     best = min(optima, key=lambda optimum: optimum.objective * problem.sign)
-    return replace(best, starts=tuple(tried), seconds=time.perf_counter() - began)
+    orbit = find(best.source, start=best.orbit)
+    return replace(best, orbit=orbit, starts=tried, seconds=time.perf_counter() - began)
+
+
+def _start(machine: Machine, point: Mapping[str, Any], family: int) -> Orbit:
+    """The dimensionless orbit of a machine at a starting point."""
+    interrupts.heed()
+    return (point.get("orbit") or find(machine, family)).dimensionless()
 
 
 def starting_points(machine: Machine, problem: DesignProblem, count: int, seed: int) -> list[dict[str, float]]:

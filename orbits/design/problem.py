@@ -10,10 +10,9 @@ from ..consistency.accepted import check_parameters
 from ..errors import InputError, finite_number
 from ..model.machine import Machine, free_parameters
 from ..model.model import Model
-from ..model.phase import Statement
 from ..numerics.sobol import sobol_points
 from ..symbolic.formula import Formula, parse, suggest
-from .design_statement import VARIATIONAL, Place, design_statement, quantity_names
+from .design_quantities import extremes_of, quantity_names
 
 # Bounds nearer together than this share of their size are refused: rounding of the parameter changes an orbit as much.
 NARROWEST = 1e-9
@@ -80,12 +79,14 @@ class DesignProblem:
         """The unit of each parameter at values (k,): the distance between its bounds, or its value."""
         return np.where(self.wide, np.abs(theta), np.subtract(self.high, self.low))
 
-    def within(self, theta: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
-        """The bounds within a trust region about values (k,); a reach of 1 is the whole range, or a decade."""
-        factor, step = 1 + 9 * reach, reach * np.subtract(self.high, self.low)
-        low = np.where(self.wide, theta / factor, theta - step)
-        high = np.where(self.wide, theta * factor, theta + step)
-        return np.maximum(self.low, low), np.minimum(self.high, high)
+    def change(self, theta: np.ndarray, to: np.ndarray) -> np.ndarray:
+        """The change (k,) from values to others: of logarithms where bounds span decades, else as shares of ranges."""
+        ratio = np.where(self.wide, to, 1.0) / np.where(self.wide, theta, 1.0)
+        return np.where(self.wide, np.log(ratio), np.subtract(to, theta) / np.subtract(self.high, self.low))
+
+    def changed(self, theta: np.ndarray, change: np.ndarray) -> np.ndarray:
+        """The values (k,) after a `change` (k,)."""
+        return theta + self.units(theta) * np.where(self.wide, np.expm1(np.minimum(change, 700.0)), change)
 
 
 @dataclass(frozen=True)
@@ -102,9 +103,9 @@ class Outputs:
         used = set(self.demands).union(*(formula.names for formula in self.formulas)) - p.keys()
         return [name for name in quantity_names(model, p) if name in used]
 
-    def statement(self, model: Model, p: Mapping, places: tuple[Place, ...]) -> Statement:
-        """The boundary value problem of an orbit that determines them, with the extremes at these places."""
-        return design_statement(model, any(name in VARIATIONAL for name in self.quantities(model, p)), places)
+    def extremes(self, model: Model, p: Mapping) -> list[str]:
+        """The extremes that the quantities in use are made of."""
+        return list(dict.fromkeys(extreme for name in self.quantities(model, p) for extreme in extremes_of(name)))
 
 
 def design_problem(

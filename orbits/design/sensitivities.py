@@ -4,14 +4,15 @@ from collections.abc import Sequence
 from typing import TypeAlias
 
 from ..consistency.accepted import check_parameters
-from ..errors import InputError
+from ..errors import InputError, OrbitsError
 from ..model.machine import Machine, free_parameters, machine_in_words
 from ..periodic.find import find
 from ..periodic.orbit import Orbit
 from ..running import interrupts
 from ..running.exclusive import exclusive
-from .design_statement import extremes_of, locate, quantity_names
-from .nlp import DesignPoint, design_point
+from .design_point import Case, DesignPoint, design_points, no_motion
+from .design_quantities import extremes_of, quantity_names
+from .extremes import places_of
 from .problem import Outputs, formula_names, known_formula
 
 # Requested names, None for all.
@@ -83,7 +84,10 @@ def _formulas_at(machine: Machine, orbit: Orbit, texts: Sequence[str], over: Seq
     """Formulas at an orbit, over some of the machine's parameters."""
     known = formula_names(machine)
     formulas = tuple(known_formula(text, known, "the quantity") for text in texts)
-    return design_point(machine, orbit.dimensionless(), Outputs(formulas, tuple(over)))
+    (point,) = design_points([Case(machine, orbit.dimensionless(), Outputs(formulas, tuple(over)), {})])
+    if isinstance(point, OrbitsError):
+        raise point
+    return point
 
 
 def _requested(machine: Machine, orbit: Orbit, names: Names) -> Sequence[str]:
@@ -95,4 +99,7 @@ def _requested(machine: Machine, orbit: Orbit, names: Names) -> Sequence[str]:
     if names is not None:
         return list(names)
     known, bare = quantity_names(machine.model, machine.values), orbit.dimensionless()
-    return [name for name in known if all(locate(machine, bare, extreme) for extreme in extremes_of(name))]
+    if bare.contact is None:
+        raise no_motion(machine, bare)
+    (places,) = places_of([machine], [bare], {extreme for name in known for extreme in extremes_of(name)})
+    return [name for name in known if all(places[extreme] for extreme in extremes_of(name))]

@@ -89,12 +89,13 @@ class Flow:
     ) -> tuple[Trajectories, Array]:
         """`run` of several motions with sensitivities, from states (m, n) with parameters (m, np) for times (m,).
 
-        All have the same seeds (n, columns) and parameter seeds (np, columns). Returns the motions and the derivatives
-        (m, n, columns) of their ends. Raises the `FlowError` of the first that cannot be followed.
+        All have the same seeds (n, columns) and parameter seeds (np, columns), or (m, n, columns) and (m, np, columns)
+        are those of each. Returns the motions and the derivatives (m, n, columns) of their ends. Raises the `FlowError`
+        of the first that cannot be followed.
         """
         if not self.smooth or (self.phase.closed_form and not parameter_seeds.any()):
             return self._run_each(starts, ps, durations, seeds, parameter_seeds)
-        stepper = self.stepper(seeds.shape[1], rows_used(parameter_seeds))
+        stepper = self.stepper(seeds.shape[-1], rows_used(parameter_seeds))
         assert isinstance(stepper, TaylorStepper)
         found = stepper.advance_all(starts, ps, durations, seeds, parameter_seeds, self.control.max_block)
         begins = begins_of_steps(found.steps, found.counts)
@@ -107,7 +108,8 @@ class Flow:
 
     def _run_each(self, starts, ps, durations, *seeds) -> tuple[Trajectories, Array]:
         """`run_all` of one motion after the other."""
-        found = [self.run(*one, *seeds) for one in zip(starts, ps, durations.tolist(), strict=True)]
+        own = [each if each.ndim > 2 else [each] * len(starts) for each in seeds]
+        found = [self.run(*one) for one in zip(starts, ps, durations.tolist(), *own, strict=True)]
         return Trajectories.of([path for path, _ in found]), np.array([variations for _, variations in found])
 
     def _run_in_closed_form(self, start, p, duration: float, seeds, stop: StopTest | None):

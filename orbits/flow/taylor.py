@@ -1,6 +1,6 @@
 """Taylor steps of a flow with their sensitivities, of one motion or of many, in kernels."""
 
-from functools import cached_property
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import casadi as ca
@@ -12,7 +12,7 @@ from ..numerics.roots import Array
 from ..symbolic.caches import cached
 from ..symbolic.calls import BufferedFunction
 from ..symbolic.kernels import Kernel
-from ..symbolic.taylor_series import variations
+from ..symbolic.taylor_series import tangent, variations
 from .vector_field import FLOW_CONTROL, TAYLOR_ORDER, Steps, VectorField, symbolic_powers
 
 # Truncation error of a step relative to the state: a tenth of the rounding error of the sum.
@@ -130,12 +130,15 @@ class TaylorStepper:
         self, x: Array, p: Array, durations: Array, dx: Array, dp: Array, count: int = FLOW_CONTROL.max_steps
     ) -> Motions:
         """Motions from states (m, n) with parameters (m, np) or (1, np), each for its duration (m,) or at most `count`
-        steps; dx (n, columns) and dp (np, columns) are the seeds."""
+        steps; dx (n, columns) and dp (np, columns) are the seeds of all, or dx (m, n, columns) and dp (m, np, columns)
+        those of each."""
         size, n, columns, count_p, at = len(x), self.n, self.columns, p.shape[1], self.places
-        z, data = (np.empty((length, self.kernel.sizes_in[i])) for i, length in enumerate((size, len(p))))
-        z[:, at.state], z[:, at.sensitivities] = x, dx.T.ravel()
+        dx, dp = (np.swapaxes(seeds, -1, -2) for seeds in (dx, dp[..., self.varied, :]))
+        moves = np.atleast_2d(dp.reshape(*dp.shape[:-2], -1))
+        z, data = (np.empty((rows, self.kernel.sizes_in[i])) for i, rows in enumerate((size, max(len(p), len(moves)))))
+        z[:, at.state], z[:, at.sensitivities] = x, dx.reshape(*dx.shape[:-2], -1)
         z[:, at.left], z[:, at.longest] = durations, LONGEST_STEP
-        data[:, :count_p], data[:, count_p:] = p, dp[self.varied].T.ravel()
+        data[:, :count_p], data[:, count_p:] = p, moves
         z, (c, begins, steps), counts, _ = self.kernel(z, data, most=count)
         moving = z[:, at.sensitivities], begins
         variations, begins = (each.reshape(len(each), columns, n).swapaxes(1, 2) for each in moving)
@@ -258,7 +261,8 @@ def _step_function(graph: VectorField, at: Places, columns: int, varied: tuple[i
     x, dx = z[at.state], ca.reshape(z[at.sensitivities], n, columns)
     p, dp = data[:size], ca.reshape(data[size:], len(varied), columns)
     if columns:
-        c, dc = variations(graph.field, varied, columns, TAYLOR_ORDER)(x, p, dx, dp)
+        one, more = partial(tangent, graph.field, varied), partial(variations, graph.field, varied, columns)
+        c, dc = (one if columns == 1 else more)(TAYLOR_ORDER)(x, p, dx, dp)
     else:
         c = ca.Function("series", [graph.x, graph.p], [ca.densify(graph.series.T)])(x, p)
         dc = ca.MX(TAYLOR_ORDER + 1, 0)

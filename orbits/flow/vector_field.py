@@ -37,8 +37,8 @@ FLOW_CONTROL = FlowControl()
 
 
 def rows_used(seeds: Array) -> tuple[int, ...]:
-    """The rows of parameter seeds (np, columns) that are not zero."""
-    return tuple(np.flatnonzero(seeds.any(1)).tolist())
+    """The rows of parameter seeds (..., np, columns) that are not zero."""
+    return tuple(np.flatnonzero(seeds.any((*range(seeds.ndim - 2), -1))).tolist())
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,7 @@
 """From solved unknowns to certified orbits: error bounds, cycles and certificates of m solutions together."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -134,24 +134,36 @@ def certified_orbit(machine: Machine, solved: Solved, *, began: float) -> Orbit:
     found, refused = certified(solved)
     if found is None:
         raise refused[0]
-    model, p, cycles, (certificate,) = machine.model, machine.values, found.cycles, found.certificates
-    if noise := [name for name in p if name.startswith(NOISE)]:
+    if noise := [name for name in machine.values if name.startswith(NOISE)]:
         deviation = noise_of_alpha(solved.equations, solved.us[0], solved.ps[0], solved.evaluation, noise)
-        certificate = replace(certificate, alpha_noise=deviation)
-    reversor = model.mirror if model.reversor else None
-    knees = tuple(model.knees(p)) if model.knees else ()
-    return Orbit(
-        machine=machine.describe(),
-        **{name: number for name, (number,) in motion_numbers(model, cycles).items()},
-        flight=cycles.flight[0],
-        contact=cycles.contacts[0] if cycles.contacts else None,
-        shape=Shape(model.reversor, reversor, model.embed, model.heights(p), model.springs, knees),
-        certificate=certificate,
-        method=solved.method,
-        skipped=_skipped(model, p, solved.method, any(flow.compiled for flow in solved.equations.flows)),
-        seconds=time.perf_counter() - began,
-        source=machine,
-    )
+        found.certificates[0] = replace(found.certificates[0], alpha_noise=deviation)
+    return orbits_of([machine], solved.method, solved.equations, found, began)[0]
+
+
+def orbits_of(
+    machines: Sequence[Machine], method: str, equations: Shooting, found: Certified, began: float
+) -> dict[int, Orbit]:
+    """The orbits, without dimensions, of certified solutions for machines of one model, by the index of each."""
+    model, cycles, orbits = machines[0].model, found.cycles, dict[int, Orbit]()
+    numbers = motion_numbers(model, cycles)
+    contacts = dict(zip(cycles.with_contact.tolist(), cycles.contacts or (), strict=True))
+    for which, place in zip(found.which.tolist(), found.places.tolist(), strict=True):
+        machine = machines[which]
+        p, knees = machine.values, tuple(model.knees(machine.values)) if model.knees else ()
+        mirror = model.mirror if model.reversor else None
+        orbits[which] = Orbit(
+            machine=machine.describe(),
+            **{name: values[place] for name, values in numbers.items()},
+            flight=cycles.flight[place],
+            contact=contacts.get(place),
+            shape=Shape(model.reversor, mirror, model.embed, model.heights(p), model.springs, knees),
+            certificate=found.certificates[place],
+            method=method,
+            skipped=_skipped(model, p, method, any(flow.compiled for flow in equations.flows)),
+            seconds=time.perf_counter() - began,
+            source=machine,
+        )
+    return orbits
 
 
 @exclusive

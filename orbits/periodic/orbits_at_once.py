@@ -4,21 +4,25 @@ Each is found as `find` finds it, from its own guess, so that no result depends 
 not lead directly to a certified orbit of the family, the machine is left to `find`.
 """
 
+import time
+from collections.abc import Sequence
 from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
 
 from ..errors import NoOrbit, OrbitsError
+from ..model.machine import Machine
 from ..model.model import Model
 from ..shooting.formulations import equations_of, iterative, method_of
 from ..shooting.newton_kernel import NewtonKernel, Solutions, newton_kernel
 from ..shooting.single_shooting import SMALLEST_UNIT, Evaluation, Shooting
-from .certified import Certified, Solved, certified
+from .certified import Certified, Solved, certified, certified_orbit, orbits_of, solve_from
 from .family_search import Lateness
 from .find import none_found, with_search
 from .guess import Guesses, guesses
 from .homotopy import MAX_CORRECTION
+from .orbit import Orbit
 
 
 class _Family(NamedTuple):
@@ -61,6 +65,29 @@ def lowest_orbits(
         best = np.array([lowest.get(machine) == alpha for machine, alpha in each], dtype=bool)
         parts.append(searched.only(best & ~settled[searched.which]))
     return parts, absent
+
+
+def orbits_near(machines: Sequence[Machine], us: Sequence[np.ndarray], family: int) -> list[Orbit | None]:
+    """The orbits of a family, without dimensions, to which Newton's method converges from unknowns (n,) of the simplest
+    statement; None where it does not."""
+    orbits = dict[int, Orbit]()
+    for model in dict.fromkeys(machine.model for machine in machines):
+        these, began = [i for i, machine in enumerate(machines) if machine.model is model], time.perf_counter()
+        part, guess = [machines[i] for i in these], np.array([us[i] for i in these])
+        names, ps = tuple(part[0].values), np.array([list(machine.values.values()) for machine in part])
+        method = iterative(method_of(model))
+        sought = _Family(model, names, ps, family, method, equations_of(model, method, names))
+        if sought.equations.in_lanes:
+            solved = _at_value(_kernel_of(model, sought.equations), guess, ps, with_motions=True)
+            if found := _certified(sought, solved.which, solved.xs[:, :-1], solved.evaluation):
+                each = orbits_of(part, method, sought.equations, found, began)
+                orbits |= {these[k]: orbit for k, orbit in each.items()}
+            continue
+        for i, machine, u in zip(these, part, guess, strict=True):
+            with suppress(NoOrbit):
+                orbit = certified_orbit(machine, solve_from(machine, method, u), began=began)
+                orbits |= {i: orbit} if orbit.family == family else {}
+    return [orbits.get(i) for i in range(len(machines))]
 
 
 def _no_guesses(model: Model, names: tuple[str, ...], ps: np.ndarray) -> Guesses:

@@ -1,21 +1,16 @@
 """Multiple shooting: the equations of a statement with the state at the end of every integration step as an unknown."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from ..flow.flow import Flow, flow_of
+from ..flow.flow import Flow
 from ..flow.trajectory import Trajectories, Trajectory
 from ..model.phase import Statement
 
 # A duration stays above this share of its guess: a solver that shrinks it to zero collapses the phase.
 SHORTEST_DURATION = 1e-3
-# A mesh has this many times the steps of its trajectory and a few more, so that it serves neighbouring motions too.
-# The number of steps is a multiple of `STEP_GROUP`, so that graphs are built for few different numbers.
-MESH_RESERVE, SPARE_MESH_STEPS, STEP_GROUP = 1.1, 1, 4
 
 
 def boundary_functions(statement: Statement, parameters: tuple[str, ...]) -> list[tuple[ca.Function, ca.Function]]:
@@ -117,62 +112,3 @@ def _legs(flow: Flow, path: Trajectory, p: np.ndarray) -> tuple[np.ndarray, list
     change = np.diff(piece) != 0
     levels = [breaks[max(a, b)] for a, b in zip(piece[:-1][change], piece[1:][change], strict=True)]
     return np.concatenate([[0], np.cumsum(change)]), levels, flow.phase.pieces.coordinate
-
-
-@dataclass(frozen=True, eq=False)
-class MeshTrajectory:
-    """The trajectory of a statement on a mesh, as values for the symbols of a `ShootingMesh` with these `counts`;
-    `sizes` are the units of the `nodes`."""
-
-    counts: tuple[int, ...]
-    data: np.ndarray
-    nodes: np.ndarray
-    sizes: np.ndarray
-
-
-def trajectory_on_mesh(statement: Statement, u: dict[str, float], p: dict[str, float]) -> MeshTrajectory:
-    """The trajectory of a statement at unknowns and parameters by name, on a mesh that serves neighbouring ones too."""
-    counts, data, nodes, sizes = [], [], [], []
-    before: list[float] = []
-    for arc in statement.arcs:
-        start, duration = [float(x) for x in arc.start(u, before, p)], float(arc.duration(u, p))
-        path, _ = flow_of(arc.phase, tuple(p)).run(start, np.array(list(p.values())), duration)
-        groups = int(np.ceil((MESH_RESERVE * len(path.steps) + SPARE_MESH_STEPS) / STEP_GROUP))
-        counts.append(STEP_GROUP * groups)
-        times = np.interp(np.linspace(0, len(path.steps), counts[-1] + 1), np.arange(len(path.times)), path.times)
-        states = path(times[1:])[:, : len(start)]
-        size = np.maximum(np.abs(states).max(0), 1.0)
-        data += [np.diff(times) / times[-1], size]
-        nodes.append(states.ravel())
-        sizes.append(np.tile(size, counts[-1]))
-        before = states[-1].tolist()
-    return MeshTrajectory(tuple(counts), *map(np.concatenate, (data, nodes, sizes)))
-
-
-class ShootingMesh:
-    """The multiple-shooting equations of a statement with `counts` steps, fixed shares of the time, in its arcs, at
-    expressions `u` (n,) of its unknowns and `p` (np,) of the parameters: one graph serves a nonlinear program.
-
-    nodes : symbol of all shooting nodes, arc by arc and step by step
-    data : symbol of the step sizes as shares of an arc's duration (N,), and of the sizes of its states (n,), arc by arc
-    equations : vanish on a solution; all are of order one, the defects first and then the statement's own conditions
-    ends : the state at the end of each arc
-    """
-
-    def __init__(self, statement: Statement, parameters: tuple[str, ...], counts: Sequence[int], u: ca.MX, p: ca.MX):
-        flows = [flow_of(arc.phase, parameters) for arc in statement.arcs]
-        arcs = list(zip(flows, counts, boundary_functions(statement, parameters), strict=True))
-        node_ends = np.cumsum([0, *(flow.size * count for flow, count, _ in arcs)]).tolist()
-        data_ends = np.cumsum([0, *(flow.size + count for flow, count, _ in arcs)]).tolist()
-        self.nodes, self.data = ca.MX.sym("x", node_ends[-1]), ca.MX.sym("mesh", data_ends[-1])
-        self.ends: list[ca.MX] = []
-        steps, conditions, before = [], [], ca.MX(0, 1)
-        parts = ca.vertsplit(self.nodes, node_ends), ca.vertsplit(self.data, data_ends)
-        for (flow, count, (departure, arrival)), nodes, data in zip(arcs, *parts, strict=True):
-            nodes, shares, sizes = ca.reshape(nodes, flow.size, count), data[:count].T, data[count:]
-            start, duration = departure(u, before, p)
-            steps.append(defects(flow, start, nodes, duration * shares, ca.repmat(p, 1, count), sizes))
-            before = nodes[:, -1]
-            conditions.append(arrival(u, start, before, p, ca.MX(0, 1)))
-            self.ends.append(before)
-        self.equations = ca.vertcat(*steps, *conditions)

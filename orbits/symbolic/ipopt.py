@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -13,6 +13,7 @@ from ..running import heartbeat, interrupts
 from .caches import weigh
 
 Pair = tuple[ndarray, ndarray]
+_S = TypeVar("_S", ca.SX, ca.MX)
 
 # The meaning of Ipopt's return statuses where the equations are not solved, and the remedy.
 REASONS = {
@@ -131,10 +132,10 @@ class Minimiser:
     The `options` are of Ipopt, in addition to `MINIMISING`.
     """
 
-    def __init__(self, unknowns: ca.MX, p: ca.MX, cost: ca.MX, constraints: ca.MX, options: Mapping | None = None):
+    def __init__(self, unknowns: _S, p: _S, cost: _S, constraints: _S, options: Mapping | None = None):
         self.options = dict(options or {})
         self.problem: dict[str, Any] = {"x": unknowns, "p": p, "f": cost, "g": constraints}
-        multipliers = ca.MX.sym("multipliers", constraints.numel())
+        multipliers = type(unknowns).sym("multipliers", constraints.numel())
         gradient = ca.gradient(cost, unknowns) + ca.jtimes(constraints, unknowns, multipliers, True)
         self.conditions = ca.Function("conditions", [unknowns, p, multipliers], [cost, gradient, constraints])
         self._watch = _Watch(unknowns.numel(), constraints.numel(), p.numel())

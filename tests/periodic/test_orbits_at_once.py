@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from orbits import find, find_all
-from orbits.periodic.orbits_at_once import lowest_orbits
-from problems import Juggler
+from orbits.design.design_point import unknowns_of
+from orbits.periodic.orbits_at_once import lowest_orbits, orbits_near
+from problems import Hopper, Juggler
 from studies.search import Case
 
 
@@ -36,3 +37,19 @@ def test_the_lowest_of_many_is_found_beyond_barriers():
     assert sorted(together.which) == list(range(12))
     assert not none
     assert together.alphas == pytest.approx(alphas[together.which], rel=1e-9)  # a few are close to a barrier
+
+
+def test_orbits_near_are_of_the_family():
+    """Machines of two models, in lanes and not, from guesses that are off by a percent and from one far away."""
+    machines = [
+        *(Hopper("r + b*r**3", parameters={"b": b}, rest_length=20.0) for b in (0.1, 0.3)),
+        Hopper("r*(1 + 0.1*abs(r))", rest_length=20.0),
+    ]
+    orbits = [find(machine) for machine in machines]
+    us = [unknowns_of(machine, orbit) for machine, orbit in zip(machines, orbits, strict=True)]
+    found = orbits_near([*machines, machines[0]], [*(1.01 * u for u in us), 50 * us[0]], 1)
+    assert [orbit is None for orbit in found] == [False, False, False, True]
+    for orbit, near in zip(orbits, found, strict=False):
+        assert near is not None
+        assert near.alpha == pytest.approx(orbit.alpha, rel=1e-12)
+    assert orbits_near(machines[:1], us[:1], 2) == [None]

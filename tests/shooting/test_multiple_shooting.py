@@ -8,7 +8,6 @@ from orbits import find
 from orbits.flow.flow import flow_of
 from orbits.model import Arc, Phase, Pieces, Statement
 from orbits.shooting.formulations import equations_of
-from orbits.shooting.multiple_shooting import trajectory_on_mesh
 from orbits.shooting.single_shooting import Shooting
 
 
@@ -34,9 +33,12 @@ def test_a_step_that_other_solvers_differentiate(reference):
     orbit, p = find(machine, reference["family"]), machine.values
     statement = equations_of(machine.model, orbit.method, tuple(p)).statement
     known = {"liftoff": orbit.liftoff_extension, "alpha": orbit.alpha, "duration": orbit.flight_time / 2}
-    mesh = trajectory_on_mesh(statement, {name: known[name] for name in statement.unknowns}, p)
-    flow, (count,) = flow_of(statement.arcs[0].phase, tuple(p)), mesh.counts
-    nodes, lengths = mesh.nodes.reshape(count, flow.size), mesh.data[:count] * orbit.flight_time / 2
-    for before, after, h in zip(nodes[:-1], nodes[1:], lengths[1:], strict=True):
-        end = flow.vector_field.step(before, h, list(p.values())).full().ravel()
+    (arc,), data = statement.arcs, np.array(list(p.values()))
+    flow = flow_of(arc.phase, tuple(p))
+    path, _ = flow.run(arc.start(known, [], p), data, known["duration"])
+    shares = np.linspace(0, len(path.steps), int(1.2 * len(path.steps)) + 2)
+    times = np.interp(shares, np.arange(len(path.times)), path.times)
+    nodes, lengths = path(times)[:, : flow.size], np.diff(times)
+    for before, after, h in zip(nodes[:-1], nodes[1:], lengths, strict=True):
+        end = flow.vector_field.step(before, h, data).full().ravel()
         assert np.abs(end - after).max() <= 40 * np.finfo(float).eps * np.abs(nodes).max()

@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from orbits.symbolic.taylor_series import has_taylor_series, taylor_coefficients, variations
+from orbits.symbolic.taylor_series import has_taylor_series, tangent, taylor_coefficients, variations
 
 ORDER = 10
 FUNCTIONS = {
@@ -83,3 +83,5 @@ def test_sensitivities_with_columns_of_nothing():
         change = np.eye(6)[i]
         moved = [end(start + sign * step * change[:3], values + sign * step * change[3:]) for sign in (1, -1)]
         assert dx == pytest.approx((moved[0] - moved[1]) / (2 * step), abs=1e-8)
+        alone = tangent(field, (0, 1, 2), 20)(start, values, *np.split(change, 2))[1].full()
+        assert powers @ alone == pytest.approx(dx, rel=1e-14, abs=1e-14)

@@ -1,0 +1,212 @@
+"""The outputs of a design at orbits, with their slopes along which the orbit stays lossless, and quadratic models.
+
+Second derivatives are differences of exact first ones at neighbours, which need not be orbits.
+"""
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import chain
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+
+from ..errors import FlowError, NoOrbit
+from ..model.machine import Machine
+from ..numerics.polynomial_roots import TINY
+from ..numerics.roots import Array
+from ..periodic.orbit import Orbit
+from ..shooting.formulations import vector
+from ..symbolic.quadratic_models import QuadraticModels
+from ..units import DIMENSIONS, Message, Units, in_units
+from .design_quantities import ABSENT, base_statement, extremes_of
+from .evaluator import DesignPoints, Evaluator, Varied, evaluator
+from .extremes import Kind, Place, place_near, places_of
+from .problem import DesignProblem, Outputs
+
+# Neighbours differ by this share of a unit, or by less where a time or an unknown would change by more than the second
+# share of itself: second derivatives are then exact to about the first share.
+NEIGHBOUR_SHARE, LARGEST_SHIFT = 1e-5, 1e-3
+# Further places of extremes, by name, which are held equal to the first.
+Ties: TypeAlias = Mapping[str, Place]
+
+
+class Case(NamedTuple):
+    """Outputs that are evaluated at a machine's dimensionless orbit."""
+
+    machine: Machine
+    orbit: Orbit
+    outputs: Outputs
+    ties: Ties
+
+
+@dataclass(frozen=True, eq=False)
+class DesignPoint:
+    """The outputs at an orbit.
+
+    outputs : with the demands that the orbit has
+    places : of the extremes
+    values, slopes : (rows,), (rows, k), of the formulas, minus the landing jerk, the demands, the differences between
+        two places of an extreme, and the quantities in use, by the parameters, along which the orbit stays lossless
+    models : quadratic models by the change of the parameters, where they were requested: of all but the quantities in
+        use, and of the change of the unknowns, see `moved`
+    """
+
+    machine: Machine
+    orbit: Orbit
+    outputs: Outputs
+    places: tuple[Place, ...]
+    values: Array
+    slopes: Array
+    models: QuadraticModels | None
+
+    @property
+    def demands(self) -> tuple[str, ...]:
+        """The quantities that must be positive on a motion."""
+        return self.outputs.demands
+
+    @property
+    def theta(self) -> Array:
+        """The parameters to design, (k,)."""
+        return np.array([self.machine.values[name] for name in self.outputs.over])
+
+    def moved(self, change: Array) -> Array:
+        """The unknowns (n,) of the orbit after a change (n,), which is that of their logarithms, except for the first:
+        the lift-off extension may have either sign."""
+        u = unknowns_of(self.machine, self.orbit)
+        return np.append(u[:1] + change[:1], u[1:] * np.exp(np.minimum(change[1:], 700.0)))
+
+    @cached_property
+    def scaled(self) -> slice:
+        """The results that have a scale: the first three."""
+        return slice(len(self.outputs.formulas) + 1 + len(self.demands))
+
+    @cached_property
+    def tied(self) -> slice:
+        """The differences between two places of an extreme."""
+        return slice(self.scaled.stop, len(self.values) - len(self.quantities))
+
+    @cached_property
+    def quantities(self) -> dict[str, float]:
+        """The quantities in use, by name."""
+        names = self.outputs.quantities(self.machine.model, self.machine.values)
+        return dict(zip(names, self.values[len(self.values) - len(names) :].tolist(), strict=True))
+
+    @property
+    def sizes(self) -> list[float]:
+        """The units of the dimensionless landing jerk and demands; 1 for a dimensionless machine."""
+        units = self.machine.units or Units(1.0, 1.0, 1.0)
+        return [units.of(DIMENSIONS[name]) for name in ("landing_jerk", *self.demands)]
+
+
+def no_motion(machine: Machine, orbit: Orbit) -> NoOrbit:
+    """The error of a machine's dimensionless orbit that is no motion."""
+    return NoOrbit(in_units(Message.joined("; ", orbit.violations), machine.units))
+
+
+def unknowns_of(machine: Machine, orbit: Orbit) -> Array:
+    """The unknowns (n,) of the simplest statement at a dimensionless orbit."""
+    known = machine.model.launch_at(orbit.flight.coefficients[0, :, 0].tolist())
+    known |= {"alpha": orbit.alpha, "duration": orbit.flight_time / 2}
+    return np.array([known[name] for name in base_statement(machine.model).unknowns])
+
+
+def design_points(cases: Sequence[Case], problem: DesignProblem | None = None) -> list[DesignPoint | NoOrbit]:
+    """The outputs at several orbits; the formulas' numbers are in SI for a machine in SI.
+
+    problem : with the units of the parameters, for quadratic models; None for none
+
+    In place of a point is the reason why there is none: a contact that does not end, or a missing extreme. Orbits whose
+    extremes have the same kinds of places are evaluated together.
+    """
+    found: list[Any] = [None if case.orbit.contact else no_motion(case.machine, case.orbit) for case in cases]
+    groups = defaultdict[tuple, dict[int, tuple[Case, tuple[Place, ...]]]](dict)
+    for model in dict.fromkeys(case.machine.model for case in cases):
+        these = [i for i, case in enumerate(cases) if case.machine.model is model and not found[i]]
+        machines, orbits = [cases[i].machine for i in these], [cases[i].orbit for i in these]
+        used = chain(*(cases[i].outputs.extremes(model, cases[i].machine.values) for i in these))
+        places = places_of(machines, orbits, dict.fromkeys(used)) if these else []
+        for i, own in zip(these, places, strict=True):
+            try:
+                case, held = _placed(cases[i], own)
+                groups[model, case.outputs, tuple(held)][i] = case, tuple(held.values())
+            except NoOrbit as error:
+                found[i] = error
+    for (model, outputs, kinds), group in groups.items():
+        evaluate = evaluator(model, tuple(next(iter(group.values()))[0].machine.values), outputs, kinds)
+        for i, point in zip(group, _together(evaluate, list(group.values()), problem), strict=True):
+            found[i] = point
+    return found
+
+
+def _placed(case: Case, own: Mapping[str, Place | None]) -> tuple[Case, dict[Kind, Place]]:
+    """The case with the demands that its orbit has, and the places that it needs by their kinds, of the extremes before
+    those that are tied to them; raises `NoOrbit` where one is missing."""
+    demands = tuple(name for name in case.outputs.demands if own[extremes_of(name)[0]])
+    case = case._replace(outputs=replace(case.outputs, demands=demands))
+    held = dict[Kind, Place]()
+    for extreme in case.outputs.extremes(case.machine.model, case.machine.values):
+        if not (place := own[extreme]):
+            raise NoOrbit(f"the orbit has no {ABSENT[extreme]}")
+        held[place.kind] = place
+    for tie in (place_near(case.machine, case.orbit, tie) for name, tie in case.ties.items() if own.get(name)):
+        held.setdefault(tie.kind, tie)
+    return case, held
+
+
+def _together(
+    evaluate: Evaluator, group: list[tuple[Case, tuple[Place, ...]]], problem: DesignProblem | None
+) -> list[DesignPoint | NoOrbit]:
+    """The points of orbits with the same outputs and kinds of places."""
+    ps = np.array([vector(case.machine.values) for case, _ in group])
+    us = np.array([unknowns_of(case.machine, case.orbit) for case, _ in group])
+    ends = [case.orbit.contact.times[-1] for case, _ in group if case.orbit.contact]
+    times = [[*(place.time for place in places), end] for (_, places), end in zip(group, ends, strict=True)]
+    points = DesignPoints(ps, us, np.array(times))
+    try:
+        found, moves = evaluate(points)
+    except FlowError as error:
+        return [error] if len(group) == 1 else [_together(evaluate, [each], problem)[0] for each in group]
+    models = _models(evaluate, points, found, moves, problem) if problem else [None] * len(group)
+    return [
+        DesignPoint(*case[:3], places, *numbers)
+        for (case, places), *numbers in zip(group, found.values, found.by, models, strict=True)
+    ]
+
+
+def _models(
+    evaluate: Evaluator, points: DesignPoints, found: Varied, moves: DesignPoints, problem: DesignProblem
+) -> list[QuadraticModels]:
+    """The models at m points, from the slopes there and at neighbours along each parameter.
+
+    moves : the derivatives (m, ..., k) of the points by the parameters
+    """
+    over, (m, n, k) = evaluate.over, moves.us.shape
+    theta = points.ps[:, over]
+    units = problem.units(theta)
+    # The first unknown, the lift-off extension, may be zero, as the time of a place that is not inside half a phase.
+    sizes = np.hstack([points.us[:, 1:], np.where(points.times > 0, points.times, np.inf)])
+    changes = np.concatenate([moves.us[:, 1:], moves.times], axis=1) * units[:, None] / sizes[..., None]
+    # Neighbours lie within the bounds, beyond which a formula may have no value.
+    inward = np.where(theta > 0.5 * np.add(problem.low, problem.high), -1, 1)
+    steps = inward * np.minimum(NEIGHBOUR_SHARE, LARGEST_SHIFT / np.maximum(np.abs(changes).max(1), TINY))
+    lengths = (units * np.where(problem.wide, np.expm1(steps), steps))[:, None]
+    shifts = [(each[:, None] + (by * lengths).swapaxes(1, 2)) for each, by in zip(points, moves, strict=True)]
+    near = DesignPoints(*(each.reshape(m * k, -1) for each in shifts))
+
+    def slopes_at(points: DesignPoints, found: Varied, moves: DesignPoints) -> Array:
+        """The slopes of the rows and of the unknowns, by the change of the parameters."""
+        of_us = moves.us / np.where(np.arange(n) > 0, points.us, 1.0)[..., None]
+        return (
+            np.concatenate([found.by[:, evaluate.modelled], of_us], axis=1) * problem.units(points.ps[:, over])[:, None]
+        )
+
+    slopes = slopes_at(points, found, moves)
+    try:
+        bends = slopes_at(near, *evaluate(near)).reshape(m, k, -1, k) - slopes[:, None]
+        bends = np.nan_to_num((bends / steps[:, :, None, None]).swapaxes(1, 2), posinf=0.0, neginf=0.0)
+    except FlowError:
+        bends = np.zeros((*slopes.shape, k))
+    values = np.hstack([found.values[:, evaluate.modelled], np.zeros((m, n))])
+    return [QuadraticModels(*each) for each in zip(values, slopes, 0.5 * (bends + bends.swapaxes(2, 3)), strict=True)]

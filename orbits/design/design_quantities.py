@@ -1,0 +1,163 @@
+"""The quantities of an orbit that a design may use, as expressions.
+
+Names are those of an orbit's JSON document. A quantity is evaluated at one place of the motion, or is made of extremes,
+each the largest value of a function of the state over the cycle.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+
+from ..errors import InputError
+from ..model.model import Model
+from ..model.phase import Arc, Phase, Statement
+from ..periodic.loss_coefficient import by_launch_speed, launch_power, loss_coefficient
+from ..periodic.quantities import DESIGNED
+from ..shooting.formulations import half_orbit
+
+VARIATIONAL = ("landing_sensitivity", "loss_coefficient")  # these need the variation of the flight with alpha
+# The extremes whose sum is a quantity, each with its sign; a rise has one extreme, of its own name.
+COMPOSITION = {
+    "stroke": {"longest": 1, "shortest": 1},
+    "clearance": {"gap": -1},
+    "smallest_separation": {"separation": -1},
+    "smallest_contact_force": {"force": -1},
+    "largest_contact_force": {"peak": 1},
+    "largest_spring_force": {"tension": 1},
+}
+# Extremes for which only local maxima after the start count, and the text of the error for an orbit without one.
+ABSENT = {
+    "gap": "clearance: the gap has no lowest point inside the flight",
+    "force": "smallest_contact_force: the force has no lowest value inside the contact",
+}
+
+
+def quantity_names(model: Model, p: Mapping) -> list[str]:
+    """The quantities of a model's orbits."""
+    missing = [] if model.tension else ["largest_spring_force"]
+    missing += [] if model.separation(p) is not None else ["smallest_separation"]
+    return [name for name in DESIGNED if name not in missing] + list(model.rises(p))
+
+
+def extremes_of(name: str) -> tuple[str, ...]:
+    """The names of the extremes that a quantity is made of."""
+    return (name,) if name.endswith("_rise") else tuple(COMPOSITION.get(name, ()))
+
+
+@lru_cache(maxsize=256)
+def extreme_of(model: Model, name: str) -> tuple[tuple[str, Callable], ...]:
+    """The functions of the state whose largest value over the cycle an extreme is, each (x, p) -> value with its phase;
+    the extreme is one of those in `COMPOSITION`, or a rise."""
+
+    def over_cycle(function: Callable) -> tuple:
+        """A function of the flight state, over flight and contact."""
+        embedded = lambda x: [sum((w * v for w, v in zip(row, x, strict=False) if w), 0.0) for row in model.embed]  # noqa: E731
+        return ("flight", function), ("contact", lambda x, p: function(embedded(x), p))
+
+    force, tension = model.contact.watch["contact force"], model.tension or (lambda x, p, q: 0.0)
+    functions = {
+        "longest": over_cycle(lambda x, p: model.extension.at(x)),
+        "shortest": over_cycle(lambda x, p: -model.extension.at(x)),
+        "gap": (("flight", lambda x, p: -model.gap(p).at(x)),),
+        "separation": over_cycle(lambda x, p: -model.separation(p).at(x)),
+        "force": (("contact", lambda x, p: -force(x, p, [])),),
+        "peak": (("contact", lambda x, p: force(x, p, [])),),
+        "tension": over_cycle(lambda x, p: tension(x, p, [])) + over_cycle(lambda x, p: -tension(x, p, [])),
+    }
+    return functions.get(name) or (("flight", lambda x, p: model.rises(p)[name].at(x)),)
+
+
+def base_statement(model: Model) -> Statement:
+    """The simplest statement of a model's orbits; raises `InputError` for a model whose motions are not their own
+    mirror images."""
+    if not model.reversor:
+        raise InputError("a design needs a machine whose motion is its own mirror image in time: leave out the damping")
+    return model.reduction.statement if model.reduction else half_orbit(model)
+
+
+@lru_cache(maxsize=64)
+def variational_arc(model: Model) -> Arc:
+    """Half the flight, whose states are those of the simplest statement, their derivatives by alpha, and the adjoint of
+    the gap at landing, which takes these back over the mirrored half."""
+    (arc,) = base_statement(model).arcs
+    phase, n = arc.phase, len(arc.phase.states)
+
+    def field(x, p, q):
+        rates = ca.vertcat(*phase.field(x[:n], p, q))
+        jacobian = ca.jacobian(rates, ca.vertcat(*x[:n]))
+        variation, adjoint = jacobian @ ca.vertcat(*x[n : 2 * n]), -jacobian.T @ ca.vertcat(*x[2 * n :])
+        return [*ca.vertsplit(rates), *ca.vertsplit(ca.densify(variation)), *ca.vertsplit(ca.densify(adjoint))]
+
+    def start(u, before, p):
+        slope = model.liftoff_slope(u, p) if model.liftoff_slope else None
+        variation = by_launch_speed(lambda u: arc.start(u, before, p), u, slope)
+        adjoint = [sign * w for sign, w in zip(_reversor(model), _gap_weights(model, n, p), strict=True)]
+        return [*arc.start(u, before, p), *variation, *adjoint]
+
+    states = (*phase.states, *(f"d{name}" for name in phase.states), *(f"gap by {name}" for name in phase.states))
+    return Arc(Phase(phase.name, states, field, reaches=phase.reaches), start, arc.duration, lambda u, x, p: [])
+
+
+def _reversor(model):
+    """The sign of each state of the simplest statement under time reversal."""
+    return model.reduction.reversor if model.reduction else model.reversor or ()
+
+
+def _gap_weights(model, n, p):
+    """Derivatives of the gap at landing by the state of the simplest statement there."""
+    if not model.reduction:
+        return list(model.gap(p).weights)
+    slope, zero = model.reduction.gap_slope, [0.0] * n
+    return [slope(0.0, [float(i == j) for j in range(n)], p) - slope(0.0, zero, p) for i in range(n)]
+
+
+def _landing_jerk(model, u, p):
+    """Third derivative of the gap at landing, which is minus that at lift-off."""
+    x = ca.SX.sym("x", len(model.flight.states))
+    rates = ca.vertcat(*model.flight.field(ca.vertsplit(x), p, []))
+    value = ca.SX(model.gap(p).at(ca.vertsplit(x)))
+    for _ in range(3):
+        value = ca.jacobian(value, x) @ rates
+    return -ca.substitute(value, x, ca.vertcat(*model.launch(u, p)))
+
+
+def landing_sensitivity(model: Model, half: Any, end: Sequence, p: Mapping) -> Any:
+    """Derivative of the gap at the time of landing by alpha, from half the flight time and the end of `variational_arc`
+    there."""
+    n = len(end) // 3
+    variation, adjoint = end[n : 2 * n], end[2 * n :]
+    carried = sum(a * sign * d for a, sign, d in zip(adjoint, _reversor(model), variation, strict=True))
+    return carried + (model.reduction.gap_slope(2 * half, [0.0] * n, p) if model.reduction else 0.0)
+
+
+def _loss(model, jerk, slope, u, p):
+    """C of the map alpha + d -> alpha + d - C d**(4/3), from the landing jerk and the landing sensitivity."""
+    gradient = model.flight_gradient(model.launch(u, p), p, [])
+    liftoff = model.liftoff_slope(u, p) if model.liftoff_slope else None
+    power = launch_power(gradient, by_launch_speed(lambda u: model.launch(u, p), u, liftoff))
+    at_landing = [sign * x for sign, x in zip(model.reversor, model.launch(u, p), strict=True)]
+    return loss_coefficient(model.impact_mass(at_landing, p), -jerk, ca.fabs(slope), power)
+
+
+def expressions(
+    model: Model, names: Sequence[str], extremes: Mapping[str, Any], u: Mapping, slope: Any, p: Mapping
+) -> dict[str, Any]:
+    """The quantities of these names as expressions.
+
+    extremes : values of the extremes that they are made of, by name
+    u : the unknowns of the simplest statement, and "contact", half the contact time
+    slope : the landing sensitivity, for the quantities that need it
+    """
+    half, contact, jerk = base_statement(model).arcs[0].duration(u, p), u["contact"], _landing_jerk(model, u, p)
+    values = {"alpha": u["alpha"], "liftoff_extension": model.liftoff_extension(u, p), "landing_jerk": jerk}
+    values |= {"flight_time": 2 * half, "contact_time": 2 * contact, "period": 2 * (half + contact)}
+    if any(name in VARIATIONAL for name in names):
+        values |= {"landing_sensitivity": slope, "loss_coefficient": _loss(model, jerk, slope, u, p)}
+    for name in names:
+        if name in COMPOSITION:
+            values[name] = sum(sign * extremes[extreme] for extreme, sign in COMPOSITION[name].items())
+        elif name not in values:
+            values[name] = extremes[name] - model.rises(p)[name].at(model.launch(u, p))
+    return {name: values[name] for name in names}

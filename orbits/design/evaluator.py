@@ -1,0 +1,163 @@
+"""The outputs of a design at many points together, with exact derivatives.
+
+The unknowns u of the simplest statement of an orbit are functions of the parameters theta by its equations. All else
+follows: an extreme is stationary at its place, and the middle of the contact is where its speed vanishes, so that
+derivatives of states at fixed times suffice.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from ..flow.flow import flow_of
+from ..model.model import Model
+from ..numerics.roots import Array, solve
+from ..symbolic.caches import cached
+from ..symbolic.calls import MappedFunction
+from ..units import DIMENSIONS, LENGTH, Units
+from .design_quantities import (
+    VARIATIONAL,
+    base_statement,
+    expressions,
+    extreme_of,
+    landing_sensitivity,
+    variational_arc,
+)
+from .extremes import Kind, extreme_function
+from .problem import Outputs
+
+
+class DesignPoints(NamedTuple):
+    """Points (m,): parameters (m, np), unknowns (m, n), and times (m, e + 1) of the extremes from the start of their
+    phase, and half the contact times."""
+
+    ps: Array
+    us: Array
+    times: Array
+
+
+class Varied(NamedTuple):
+    """Numbers (m, rows) at m points, and their derivatives (m, rows, K) by K unknowns or parameters."""
+
+    values: Array
+    by: Array
+
+    def only(self, rows: list[int]) -> "Varied":
+        """Some of the rows."""
+        return Varied(self.values[:, rows], self.by[:, rows])
+
+
+class Evaluator:
+    """The outputs of a design by its parameters theta (k,); without any no derivatives are taken.
+
+    kinds : the places of the extremes; an extreme that occurs again is tied to its first place
+    """
+
+    def __init__(self, model: Model, names: tuple[str, ...], outputs: Outputs, kinds: tuple[Kind, ...]):
+        statement, k = base_statement(model), len(outputs.over)
+        self.model, self.names, self.outputs, self.kinds = model, names, outputs, kinds
+        self.over, n = [names.index(name) for name in outputs.over], len(statement.unknowns)
+        columns = k + n if k else 0
+        self.du, self.dp = np.eye(n, columns, k), np.zeros((len(names), columns))
+        self.dp[self.over, range(k)] = 1.0
+        extremes = [kind.extreme for kind in kinds]
+        first = [extremes.index(extreme) for extreme in extremes]
+        u, p = ca.SX.sym("u", n), ca.SX.sym("p", len(names))
+        unknowns = dict(zip(statement.unknowns, ca.vertsplit(u), strict=True))
+        values = dict(zip(names, ca.vertsplit(p), strict=True))
+        used, (arc,) = outputs.quantities(model, values), statement.arcs
+        variational = any(name in VARIATIONAL for name in used)
+        longer = variational_arc(model) if variational else arc
+        start, end = arc.start(unknowns, [], values), ca.SX.sym("end", len(longer.phase.states))
+        phases = {"flight": model.flight, "contact": model.contact, "half": longer.phase}
+        begins = model.launch(unknowns, values), model.touchdown(unknowns, values), longer.start(unknowns, [], values)
+        self.flows = {name: flow_of(phase, names) for name, phase in phases.items()}
+        self.begins = {name: _of_varied([u, p], begin) for name, begin in zip(phases, begins, strict=True)}
+        self.duration = _of_varied([u, p], [arc.duration(unknowns, values)])
+        half, contact, slope = (ca.SX.sym(name) for name in ("half", "contact", "slope"))
+        largest, states = ca.SX.sym("extremes", len(kinds)), ca.vertsplit(end)
+        equations = [*arc.guard(unknowns, start, values, []), *arc.conditions(unknowns, states[: len(start)], values)]
+        sensitivity = landing_sensitivity(model, half, states, values) if variational else 0.0
+        self.closing = _of_varied([u, end, half, p], [sensitivity, *equations])
+        of_extremes = {extreme: largest[i] for extreme, i in zip(extremes, first, strict=True)}
+        found = expressions(model, [*used, "landing_jerk"], of_extremes, unknowns | {"contact": contact}, slope, values)
+        # Formulas and quantities are in SI for a model in SI, whose units vary with its parameters. A rise is a length.
+        units = model.units(values) if model.units else Units(1.0, 1.0, 1.0)
+        stated = values | {name: found[name] * units.of(DIMENSIONS.get(name, LENGTH)) for name in used}
+        results = [formula(**{name: stated[name] for name in formula.names}) for formula in outputs.formulas]
+        results += [-found["landing_jerk"], *map(found.get, outputs.demands)]
+        results += [largest[i] - largest[j] for j, i in enumerate(first) if i != j]
+        self.modelled = slice(len(results))
+        results += map(stated.get, used)
+        self.results = _of_varied([u, contact, largest, slope, p], results)
+
+    def __call__(self, points: DesignPoints) -> tuple[Varied, DesignPoints]:
+        """The results at some points by the parameters theta, and the derivatives (m, ..., k) of the points, along
+        which the equations of an orbit hold; raises `FlowError` where a motion cannot be followed.
+
+        The rows are those that are `modelled`, the formulas, minus the landing jerk, the demands, and the differences
+        between two places of an extreme; and then the quantities in use.
+        """
+        m, k = len(points.ps), len(self.over)
+        p, u = (Varied(x, np.tile(dx, (m, 1, 1))) for x, dx in ((points.ps, self.dp), (points.us, self.du)))
+        half = self.duration(u, p)
+        closed = self.closing(u, self._after("half", self.begins["half"](u, p), half, p), half, p)
+        # From here on all derivatives are by theta.
+        us_by = -solve(closed.by[:, 1:, k:], closed.by[:, 1:, :k]) if k else u.by
+        along = np.concatenate([np.tile(np.eye(k), (m, 1, 1)), us_by], axis=1)[:, : u.by.shape[2]]
+        p, u, half, slope = (Varied(x, by @ along) for x, by in (p, u, half, closed.only([0])))
+        begins = {phase: begin(u, p) for phase, begin in self.begins.items()}
+        times = Varied(points.times, np.zeros((*points.times.shape, k)))
+        contact = times.only([-1])
+        # The speed of the contact vanishes in its middle.
+        x, speed = self._after("contact", begins["contact"], contact, p), np.array([self.model.contact_speed.weights])
+        rates = self.flows["contact"].fields(x.values, p.values)[0]
+        contact.by[:] = times.by[:, -1:] = -(speed @ x.by) / (speed @ rates[:, :, None])
+        extremes = times.only([*range(len(self.kinds))])
+        for j, (extreme, index, where) in enumerate(self.kinds):
+            phase, _ = extreme_of(self.model, extreme)[index]
+            at = {"middle": half if phase == "flight" else contact, "inside": times.only([j])}.get(where)
+            x = self._after(phase, begins[phase], at, p) if at else begins[phase]
+            found = _of_extreme(self.model, self.names, extreme, index)(x, p)
+            extremes.values[:, j], extremes.by[:, j] = found.values[:, 0], found.by[:, 0]
+            if where == "inside":  # The rate of the function along the motion stays zero.
+                times.by[:, j] = -found.by[:, 1] / found.values[:, 2:]
+        return self.results(u, contact, extremes, slope, p), DesignPoints(p.by, us_by, times.by)
+
+    def _after(self, phase: str, begin: Varied, time: Varied, p: Varied) -> Varied:
+        """The states (m, size) of motions of a phase after times (m, 1)."""
+        flow, (m, _, columns) = self.flows[phase], p.by.shape
+        # Each column is a motion of its own, so that one stepper serves any number of them.
+        lanes, few = np.repeat(np.arange(m), columns or 1), min(columns, 1)
+        seeds = [by.swapaxes(1, 2).reshape(len(lanes), by.shape[1], few) for _, by in (begin, p)]
+        paths, slopes = flow.run_all(begin.values[lanes], p.values[lanes], time.values[lanes, 0], *seeds)
+        ends = paths.finals[:: columns or 1, : flow.size]
+        rates = flow.fields(ends, p.values)[0][:, :, None]
+        return Varied(ends, slopes.reshape(m, columns, flow.size).swapaxes(1, 2) + rates * time.by)
+
+
+# The evaluator, cached for the next call with the same arguments.
+evaluator = cached(Evaluator)
+
+
+@cached
+def _of_extreme(model: Model, names: tuple[str, ...], extreme: str, index: int) -> Callable[..., Varied]:
+    """`extreme_function` of varied arguments."""
+    function = extreme_function(model, names, extreme, index)
+    arguments = function.sx_in()
+    return _of_varied(arguments, function.call(arguments))
+
+
+def _of_varied(arguments: list[ca.SX], results: list) -> Callable[..., Varied]:
+    """The function from arguments, columns of symbols, to results, where both are varied."""
+    value = ca.vertcat(*results)
+    slopes = ca.jacobian(value, ca.vertcat(*arguments))
+    function = MappedFunction(ca.Function("slopes", arguments, [ca.densify(value), ca.densify(slopes)]))
+
+    def along(*varied: Varied) -> Varied:
+        found, slopes = function(*(each.values for each in varied))
+        return Varied(found[:, :, 0], slopes @ np.concatenate([each.by for each in varied], axis=1))
+
+    return along

@@ -1,0 +1,142 @@
+"""Where the extremes of a design lie on many orbits: bracketed by samples, then found exactly."""
+
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from ..errors import InputError
+from ..flow.trajectory import Trajectories
+from ..model.machine import Machine
+from ..model.model import Model
+from ..numerics.polynomial_roots import evaluate, powers
+from ..numerics.roots import Array, enclosed_sign_changes
+from ..periodic.orbit import Orbit
+from ..shooting.formulations import vector
+from ..symbolic.caches import cached
+from ..symbolic.kernels import ElementwiseFunction
+from .design_quantities import ABSENT, extreme_of
+
+SAMPLES_PER_STEP = 24  # samples per step of a trajectory by which an extreme is bracketed before it is found exactly
+
+
+class Kind(NamedTuple):
+    """The kind of the place of an extreme: its name, the index of its function with the largest value, and "start",
+    "middle" or "inside" of half the phase."""
+
+    extreme: str
+    function: int
+    where: str
+
+
+class Place(NamedTuple):
+    """The place of an extreme, and its time from the start of the phase."""
+
+    kind: Kind
+    time: float
+
+
+def places_of(
+    machines: Sequence[Machine], orbits: Sequence[Orbit], extremes: Iterable[str]
+) -> list[dict[str, Place | None]]:
+    """By extreme its places on dimensionless orbits (m,), whose contacts end, of machines (m,) of one model, None where
+    there is none; raises `InputError` for a law in pieces."""
+    model, found = machines[0].model, [dict[str, Place | None]() for _ in orbits]
+    if model.flight.pieces or model.contact.pieces:
+        raise InputError(
+            "a law in pieces cannot be designed: it has no second derivatives everywhere; write it as one formula"
+        )
+    halves = {phase: Trajectories.of([getattr(orbit, phase) for orbit in orbits]) for phase in ("flight", "contact")}
+    for extreme in extremes:
+        for own in found:
+            own[extreme] = None
+        largest = np.full(len(orbits), -np.inf)
+        for index, (phase, _) in enumerate(extreme_of(model, extreme)):
+            sampled = _Sampled(halves[phase], machines, extreme, index)
+            values = np.where(sampled.peaks, sampled.values, -np.inf) if extreme in ABSENT else sampled.values
+            highest, sample = values.max(1), values.argmax(1)
+            better = (highest > largest).nonzero()[0]
+            for i, place in zip(better.tolist(), sampled.places(better, sample[better]), strict=True):
+                found[i][extreme] = place
+            largest = np.maximum(largest, highest)
+    return found
+
+
+def place_near(machine: Machine, orbit: Orbit, place: Place) -> Place:
+    """The place of a local extreme on a machine's orbit that is nearest to a place of its function."""
+    extreme, index, where = place.kind
+    phase, _ = extreme_of(machine.model, extreme)[index]
+    sampled = _Sampled(Trajectories.of([getattr(orbit, phase)]), [machine], extreme, index)
+    peaks = sampled.peaks[0].nonzero()[0]
+    near = sampled.places(0 * peaks, peaks) if where == "inside" else ()
+    return min(near, key=lambda each: abs(each.time - place.time), default=place)
+
+
+class _Sampled:
+    """A function of an extreme on motions of machines (m,) of one model.
+
+    values, rates : (m, samples) at equal shares of the steps, -inf beyond the end of each motion
+    counts : (m,), the last sample of each motion
+    """
+
+    def __init__(self, paths: Trajectories, machines: Sequence[Machine], extreme: str, index: int):
+        ps = np.array([vector(machine.values) for machine in machines])
+        self.function = _elementwise(machines[0].model, tuple(machines[0].values), extreme, index)
+        self.paths, self.ps, self.kind, self.size = paths, ps, (extreme, index), self.function.function.numel_in(0)
+        self.counts = SAMPLES_PER_STEP * paths.counts
+        times = paths.steps[:, None] * (np.arange(SAMPLES_PER_STEP) / SAMPLES_PER_STEP)
+        c = paths.coefficients[:, : self.size]
+        states = np.einsum("nrk,nsk->nsr", c, powers(times, c.shape[2])).reshape(-1, self.size)
+        of_samples = np.concatenate([ps[paths.owner].repeat(SAMPLES_PER_STEP, axis=0), ps])
+        columns = self.function(np.concatenate([states, paths.finals[:, : self.size]]), of_samples)
+        inside, count = np.arange(self.counts.max()) < self.counts[:, None], len(ps)
+        self.values, self.rates = tables = np.full((2, count, self.counts.max() + 1), -np.inf)
+        for table, column in zip(tables, columns, strict=False):
+            table[:, :-1][inside] = column[:-count, 0]
+            table[np.arange(count), self.counts] = column[-count:, 0]
+
+    @property
+    def peaks(self) -> Array:
+        """Whether each value (m, samples) is larger than the one before and no less than the next."""
+        with np.errstate(invalid="ignore"):
+            rises = np.diff(self.values, axis=1) > 0
+        return np.pad(rises & ~np.pad(rises[:, 1:], ((0, 0), (0, 1))), ((0, 0), (1, 0)))
+
+    def places(self, which: Array, place: Array) -> list[Place]:
+        """The places at which the function on motions (k,) is stationary beside samples (k,), unless these are the
+        first or in the middle, where all functions of positions are stationary."""
+        middle = place >= self.counts[which] - 1
+        where, times = np.where(middle, "middle", np.where(place > 0, "inside", "start")), np.zeros(len(place))
+        inside = (where == "inside").nonzero()[0]
+        which, place = which[inside], place[inside]
+        place = place - (self.rates[which, place] < 0)
+        step, share = self.paths.first[which] + place // SAMPLES_PER_STEP, place % SAMPLES_PER_STEP
+        low, high = (self.paths.steps[step] * ((share + k) / SAMPLES_PER_STEP) for k in (0, 1))
+        rates = self.rates[which, place], self.rates[which, place + 1]
+        found = np.where(np.abs(rates[0]) <= np.abs(rates[1]), low, high)
+        turns = np.flatnonzero((rates[0] >= 0) != (rates[1] >= 0))  # elsewhere rounding hides the turn at the sample
+        c, p = self.paths.coefficients[step, : self.size][turns], self.ps[which][turns]
+        rate = lambda t, i: self.function(evaluate(c[i], t[:, None]), p[i])[1][:, 0]  # noqa: E731
+        ends = (each[turns] for each in (low, high, *rates))
+        found[turns] = enclosed_sign_changes(rate, *ends)[0] if len(turns) else 0.0
+        times[inside] = self.paths.starts[step] + found
+        return [Place(Kind(*self.kind, w), t) for w, t in zip(where.tolist(), times.tolist(), strict=True)]
+
+
+@cached
+def extreme_function(model: Model, names: tuple[str, ...], extreme: str, index: int) -> ca.Function:
+    """(x, p) -> the value of a function of an extreme, its rate of change along the motion, and the rate of that."""
+    name, function = extreme_of(model, extreme)[index]
+    phase = getattr(model, name)
+    x, p = ca.SX.sym("x", len(phase.states)), ca.SX.sym("p", len(names))
+    values = dict(zip(names, ca.vertsplit(p), strict=True))
+    field, value = ca.vertcat(*phase.field(ca.vertsplit(x), values, [])), ca.SX(function(ca.vertsplit(x), values))
+    rate = ca.jacobian(value, x) @ field
+    return ca.Function("extreme", [x, p], [value, rate, ca.jacobian(rate, x) @ field])
+
+
+@cached
+def _elementwise(model: Model, names: tuple[str, ...], extreme: str, index: int) -> ElementwiseFunction:
+    """`extreme_function` at several points."""
+    return ElementwiseFunction(extreme_function(model, names, extreme, index))
