@@ -1,31 +1,45 @@
 """Caches of objects that are built for a machine, bounded in number, and all together in memory."""
 
 import gc
+from collections import OrderedDict
 from collections.abc import Callable, Iterable
-from functools import lru_cache
-from typing import Any, TypeVar
+from functools import wraps
+from typing import Any, TypeVar, cast
 
 import casadi as ca
 
-# All caches are cleared once about this number of bytes has been built since the last time.
-BUDGET = 128e6
+# The least recently used half of all results is forgotten once about this number of bytes has been built, and the least
+# recently used one beyond this number of results.
+BUDGET, MOST = 128e6, 512
 # Bytes that an instruction of an SX and of an MX function takes with its graph (fitted to the growth of the process).
 SX_BYTES, MX_BYTES = 90, 1500
 _F = TypeVar("_F", bound=Callable)
 
-_caches: list[Any] = []
+_cached = OrderedDict[tuple, Any]()  # by function and arguments, the one used last at the end
 _seen: set[int] = set()
 _built = 0.0
 
 
-def cached(function: _F, maxsize: int = 64) -> _F:
-    """The same function with a cache of its results, which `weigh` may clear; its arguments are hashable."""
-    _caches.append(lru_cache(maxsize=maxsize)(function))
-    return _caches[-1]
+def cached(function: _F) -> _F:
+    """The same function with a cache of its results, which `weigh` may forget; its arguments are hashable."""
+
+    @wraps(function)
+    def found(*arguments: Any, **options: Any) -> Any:
+        key = function, arguments, *options.items()
+        if key not in _cached:
+            result = function(*arguments, **options)
+            _cached[key] = result
+            if len(_cached) > MOST:
+                _cached.popitem(last=False)
+            return result
+        _cached.move_to_end(key)
+        return _cached[key]
+
+    return cast(_F, found)
 
 
 def weigh(functions: Iterable[ca.Function], size: int = 0) -> None:
-    """Count the memory of the functions and `size` bytes more; when that is too much, clear all caches.
+    """Count the memory of the functions and `size` bytes more; when that is too much, forget the least used.
 
     Code that uses a cached result at the moment has a reference of its own and goes on; the next call builds it anew.
     """
@@ -40,8 +54,8 @@ def weigh(functions: Iterable[ca.Function], size: int = 0) -> None:
             _built += MX_BYTES * part.n_instructions()
     _built += size
     if _built > BUDGET:
-        _built = 0.0
+        _built /= 2
         _seen.clear()
-        for cache in _caches:
-            cache.cache_clear()
+        for _ in range((len(_cached) + 1) // 2):
+            _cached.popitem(last=False)
         gc.collect()

@@ -8,11 +8,11 @@ from many_at_once import cubics
 
 from orbits import NoOrbit, find
 from orbits.errors import FlowError
-from orbits.flow.flow import flow_of
 from orbits.flow.vector_field import FlowControl
 from orbits.model import Arc, Phase, Statement, linear_modes
 from orbits.shooting.formulations import equations_of
 from orbits.shooting.single_shooting import Shooting, joined, settles
+from orbits.symbolic import caches
 from problems import Hopper
 
 
@@ -108,7 +108,7 @@ def test_in_machine_code_it_is_the_same():
     us = np.array([1.0, 2.5, 2.4]) * (1 + 0.01 * np.random.default_rng(2).normal(size=(20, 3)))
     found = []
     for compiled in (False, True):
-        flow_of.cache_clear()
+        caches._cached.clear()
         equations = Shooting(equations_of(machine.model, "half orbit", names).statement, names)
         kernel = equations.flows[0].stepper(5, (names.index("beta"),)).kernel
         kernel.interpretation_budget = -1.0 if compiled else np.inf

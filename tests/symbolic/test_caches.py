@@ -1,5 +1,7 @@
 """Objects that are built for machines are bounded in memory."""
 
+from collections import OrderedDict
+
 import pytest
 from scripts import run
 
@@ -21,3 +23,15 @@ def test_what_is_kept_is_let_go_of_when_it_grows(monkeypatch):
         most = max(most, caches._built)
     assert 0.5e6 < most <= 3e6
     assert find(Hopper("r + 0.3*r**3")).alpha == find(Hopper("r + 0.3*r**3")).alpha
+
+
+def test_the_least_recently_used_is_forgotten(monkeypatch):
+    monkeypatch.setattr(caches, "_cached", OrderedDict())
+    monkeypatch.setattr(caches, "_built", 0.0)
+    built = []
+    build = caches.cached(lambda k: built.append(k) or k)
+    for k in (1, 2, 3, 4, 1):
+        assert build(k) == k
+    caches.weigh([], int(caches.BUDGET) + 1)
+    assert [build(k) for k in (4, 1, 2)] == [4, 1, 2]
+    assert built == [1, 2, 3, 4, 2]
