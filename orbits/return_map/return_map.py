@@ -19,7 +19,7 @@ from ..model.machine import Machine, dimensionless, machine_in_words
 from ..numerics.roots import enclosed_sign_changes
 from ..periodic.find import Progress, find
 from ..result import Axes, Result, Row, cell, known, shown
-from ..running.exclusive import exclusive
+from ..running.exclusive import exclusive, in_threads
 from ..simulation.impacts import CAP, FASTEST_LAUNCH, STATUS, Impacts, decided_impacts, injected
 from ..simulation.multiplier import multiplier
 from ..simulation.simulation import simulate
@@ -27,7 +27,7 @@ from ..tables import number_text
 from ..units import DIMENSIONS_OF_HOPS, LIFTOFF_SPEED, Message, Quantity, Units, in_own_units
 from .resolved_map import JUMP, SLOWEST_LOSSLESS, Intervals, ResolvedMap, lossless_speeds
 
-BATCH_SIZE = 5000  # launch speeds in one batch: enough to pay for the calls, few enough for the memory
+BATCH_SIZE = 4096  # launch speeds in one batch: enough to pay for the calls, few enough for one call of machine code
 # The launches in the picture of a map, and the fastest of them where there is no lossless one, in units of the machine.
 SHOWN, HIGH_LAUNCH = 1000, 9.0
 HOP_COLUMNS = ("alpha", "next", "loss", "impacts", "status")
@@ -189,8 +189,9 @@ class ReturnMap:
         nothing = np.full(alpha.shape, np.nan)
         hops = Hops(alpha, nothing, nothing.copy(), np.zeros(alpha.shape, int), np.full(alpha.shape, "invalid", STATUS))
         places = np.flatnonzero(launches)
-        for batch in np.array_split(places, -(-len(places) // BATCH_SIZE)) if len(places) else ():
-            found = _hops_from(self.impacts, alpha.flat[batch], self.inject, self.cap)
+        batches = np.array_split(places, -(-len(places) // BATCH_SIZE)) if len(places) else []
+        each = lambda batch: _hops_from(self.impacts, alpha.flat[batch], self.inject, self.cap)  # noqa: E731
+        for batch, found in zip(batches, in_threads(each, batches), strict=True):
             for name in ("next", "loss", "impacts", "status"):
                 getattr(hops, name).reshape(-1)[batch] = getattr(found, name)
         return hops

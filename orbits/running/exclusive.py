@@ -9,23 +9,32 @@ program that uses CasADi itself in several threads does so `with LOCK`.
 import os
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from functools import cached_property, wraps
 from typing import Any, ParamSpec, TypeVar
 
 import casadi as ca
 
 from ..errors import InputError
+from . import interrupts
 from .heartbeat import running
 
 LOCK = threading.RLock()
 MOST_THREADS = 256
+CHECK_INTERVAL = 0.5  # seconds between checks for an interrupt while other threads compute
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
+_T = TypeVar("_T")
+_sharing = threading.local()  # whether a thread is one of `in_threads`
 
 
 def threads() -> int:
-    """The number of threads that share the points of a call: the environment's ORBITS_THREADS, by default 1."""
+    """The number of threads that share the points of a call: the environment's ORBITS_THREADS, by default 1; also 1 in
+    a thread that has its share already."""
+    if getattr(_sharing, "own", False):
+        return 1
     text = os.environ.get("ORBITS_THREADS") or "1"
     count = int(text) if text.isascii() and text.isdigit() and len(text) < 9 else 0
     if not 1 <= count <= MOST_THREADS:
@@ -44,6 +53,46 @@ def exclusive(function: Callable[_P, _R]) -> Callable[_P, _R]:
             return function(*arguments, **options)
 
     return alone
+
+
+def in_threads(function: Callable[[_T], _R], items: Sequence[_T]) -> list[_R]:
+    """The results of a function of each item. The `threads` that share the items take turns with the lock, which this
+    thread has, except where they are `apart`."""
+    if (workers := min(threads(), len(items))) < 2:
+        return [function(item) for item in items]
+    turns, ended = threading.Condition(LOCK), []
+
+    def one(item: _T) -> _R:
+        _sharing.own = True
+        with turns:
+            try:
+                return function(item)
+            finally:
+                ended.append(item)
+                turns.notify_all()
+
+    with turns, ThreadPoolExecutor(workers) as pool:
+        calls = [pool.submit(one, item) for item in items]
+        try:
+            while not turns.wait_for(lambda: len(ended) == len(calls), CHECK_INTERVAL):
+                interrupts.heed()
+            return [call.result() for call in calls]
+        finally:
+            begun = [call for call in calls if not call.cancel()]
+            turns.wait_for(lambda: len(ended) == len(begun))
+
+
+@contextmanager
+def apart() -> Iterator[None]:
+    """Let the other threads of `in_threads` have the lock, in a block of arithmetic that touches no graph."""
+    if not getattr(_sharing, "own", False):
+        yield
+        return
+    LOCK.release()
+    try:
+        yield
+    finally:
+        LOCK.acquire()
 
 
 class exclusive_property(cached_property):

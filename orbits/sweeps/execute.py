@@ -19,6 +19,7 @@ import numpy as np
 from ..errors import InputError, whole_number
 from ..io import MEGABYTE
 from ..running import interrupts
+from ..running.exclusive import CHECK_INTERVAL
 from .members import failed_table, solve_chunk
 from .question import CHUNK, Question, Table
 
@@ -32,8 +33,6 @@ MOST_CRASHES = 3
 QUEUED = 2
 # The number of workers assumed for an executor that does not state it.
 MANY_WORKERS = 16
-# Seconds between checks for an interrupt while workers compute.
-CHECK_INTERVAL = 0.5
 # Options of the C library's `mallopt` with their thresholds in bytes; see `_retain_freed_memory`.
 MALLOC_THRESHOLDS = {-1: 16 * MEGABYTE, -3: 4 * MEGABYTE}  # M_TRIM_THRESHOLD, M_MMAP_THRESHOLD
 

@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from ..running import interrupts
-from ..running.exclusive import LOCK, threads
+from ..running.exclusive import LOCK, apart, threads
 from .caches import weigh
 from .calls import BufferedFunction, MappedFunction
 from .machine_code import MOST_LANES, MachineCode, compile_seconds, say_interpreted, target
@@ -23,8 +23,8 @@ from .machine_code import MOST_LANES, MachineCode, compile_seconds, say_interpre
 SECONDS_INTERPRETED = 3e-9
 # About the share of that which machine code takes.
 COMPILED_SHARE = 0.03
-# From this many instructions on, optimised code takes longer to make than it repays.
-LONG = 15_000
+# From this many instructions on, optimised code is hardly faster, and takes long to make.
+LONG = 25_000
 # The most iterations of a point.
 LONGEST_RUN = 100_000
 # The number of iterations after which an interrupt of the user may be checked.
@@ -226,7 +226,8 @@ class Kernel:
         def run(first: int) -> list[np.ndarray]:
             part, mine = slice(first, first + size), free.pop()
             own = [array[part] if len(array) == count else array for array in inputs]
-            records = self._chunk(code, own, ends[part], capacity, mine)
+            with apart():
+                records = self._chunk(code, own, ends[part], capacity, mine)
             free.append(mine)
             return records
 

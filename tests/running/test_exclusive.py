@@ -5,11 +5,12 @@ Calls in threads are made by a process of their own, which a fault ends by a sig
 import threading
 
 import casadi as ca
+import numpy as np
 import pytest
 from scripts import run
 
-from orbits import trace
-from orbits.running.exclusive import _DYING, LOCK, exclusive
+from orbits import InputError, ReturnMap, trace
+from orbits.running.exclusive import _DYING, LOCK, apart, exclusive, in_threads
 from problems import Hopper
 
 
@@ -67,3 +68,39 @@ def test_what_an_object_refers_to_ends_while_the_lock_is_held():
     x.__dict__["this"] = Graph()
     del x
     assert owned == [True]
+
+
+@pytest.mark.parametrize("threads", ["1", "3"])
+def test_threads_share_the_items_of_a_call(monkeypatch, threads):
+    """They have the lock one at a time, except where they are apart; errors and results are those of one thread."""
+    monkeypatch.setenv("ORBITS_THREADS", threads)
+    inside, most, meet = [], [], threading.Barrier(int(threads))
+
+    def square(item: int) -> int:
+        inside.append(item)
+        most.append(len(inside))
+        inside.remove(item)
+        with apart():
+            meet.wait(10.0)  # all threads come here together
+        if item == 100:
+            raise InputError("one item fails")
+        return item**2
+
+    with LOCK:
+        assert in_threads(square, range(6)) == [0, 1, 4, 9, 16, 25]
+        assert max(most) == 1
+        with pytest.raises(InputError, match="one item fails"):
+            in_threads(square, [1, 100, 3])
+        assert in_threads(square, []) == []
+
+
+def test_a_map_in_threads(monkeypatch):
+    """Not a bit depends on their number, where several batches of launches share them."""
+    for machine in (Hopper(), Hopper("cubic", parameters={"beta": 0.3})):
+        monkeypatch.setenv("ORBITS_THREADS", "1")
+        step, alpha = ReturnMap(machine), np.linspace(3.0, 9.0, 9000)
+        one = step(alpha)
+        monkeypatch.setenv("ORBITS_THREADS", "2")
+        two = step(alpha)
+        for name in ("next", "loss", "impacts", "status"):
+            np.testing.assert_array_equal(getattr(two, name), getattr(one, name))
