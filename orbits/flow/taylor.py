@@ -6,14 +6,14 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from ..numerics.exclusion import control_values, without_first_zero
+from ..numerics.exclusion import HIGHEST_ORDER, control_values
 from ..numerics.polynomial_roots import TINY
 from ..numerics.roots import Array
 from ..symbolic.caches import cached
 from ..symbolic.calls import BufferedFunction
 from ..symbolic.kernels import Kernel
-from ..symbolic.taylor_series import tangent, variations
-from .vector_field import FLOW_CONTROL, TAYLOR_ORDER, Steps, VectorField, symbolic_powers
+from ..symbolic.taylor_series import driven_coefficients, tangent, variations
+from .vector_field import FLOW_CONTROL, TAYLOR_ORDER, Steps, VectorField, rows_used, symbolic_powers
 
 # Truncation error of a step relative to the state: a tenth of the rounding error of the sum.
 TRUNCATION = 1e-17
@@ -23,6 +23,8 @@ LARGEST_DEFECT = 1e-10
 LONGEST_STEP = 1e9
 # Where less than this many steps are left of the duration, the last two share it evenly, so that none is tiny.
 SHARED_STEPS = 1.5
+# Up to this degree the terms of a watched function are bounded together, the others one by one.
+BOUND_DEGREE = 6
 
 
 class Motions(NamedTuple):
@@ -88,7 +90,7 @@ class TaylorStepper:
         self.places = Places(slice(self.n), slice(self.n, left), slice(numbers.stop, None), *numbers)
         self.step_function = _step_function(graph, self.places, columns, varied)
         self.kernel = Kernel(self.motion_function)
-        self._watching: dict[tuple[int, int], Kernel] = {}  # of `watch`, by the functions and turns
+        self._watching: dict[tuple[tuple, int], Kernel] = {}  # of `watch`, by the rows in the functions and turns
 
     def advance(self, x: Array, p: Array, dx: Array, dp: Array, count: int, left: float, hint: float | None) -> Steps:
         """At most `count` steps of one motion, which last no longer than `left`; the `hint` is not used.
@@ -160,9 +162,9 @@ class TaylorStepper:
         Returns z when each has ended; the steps that are recorded; the number (m,) of these of each motion; and whether
         it would go on (m,), after the last record or after the most steps.
         """
-        count, size = offsets.shape
-        if (kind := (size, turns)) not in self._watching:
-            self._watching[kind] = Kernel(_watch_function(self, size, turns))
+        count = len(offsets)
+        if (kind := (tuple(map(rows_used, weights.transpose(1, 2, 0))), turns)) not in self._watching:
+            self._watching[kind] = Kernel(_watch_function(self, *kind))
         data = [np.broadcast_to(p, (count, p.shape[1])), weights.reshape(count, -1), offsets, limits[:, None]]
         data.append(np.full((count, 1), float(most is not None)))
         z, (c, begins, signs), counts, going = self._watching[kind](z, np.hstack(data), most=most or 1)
@@ -202,15 +204,15 @@ def _progress(n: int, size: int) -> ca.Function:
     return ca.Function("progress", [x, left, c, made], [ca.logic_and(finite, made[0] > 0), goes])
 
 
-def _watch_function(stepper: TaylorStepper, size: int, turns: int) -> ca.Function:
-    """A step of `TaylorStepper.watch` with `size` functions and these turns, as a `Kernel` iterates it."""
-    at, rows, count = stepper.places, stepper.rows, stepper.step_function.numel_in(1)
+def _watch_function(stepper: TaylorStepper, used: tuple[tuple[int, ...], ...], turns: int) -> ca.Function:
+    """A step of `TaylorStepper.watch` with functions of the rows `used` and these turns, as a `Kernel` iterates it."""
+    at, rows, size, count = stepper.places, stepper.rows, len(used), stepper.step_function.numel_in(1)
     z, data = ca.MX.sym("z", at.signs.start + size), ca.MX.sym("p", count + size * (rows + 1) + 2)
     p, tests, limit, all_steps = data[:count], data[count:-2], data[-2], data[-1]
     after, c, made = stepper.step_function(z[: at.time], p)
     taken, goes = _progress(stepper.n, c.numel())(after[at.state], after[at.left], ca.vec(c), made)
     inside = ca.logic_and(taken, ca.mmax(ca.fabs(after[at.state])) < FLOW_CONTROL.runaway)
-    may_change, signs, turned = _may_change_sign(rows, size, turns > 0)(c, made[0], tests, z[at.order], z[at.signs])
+    may_change, signs, turned = _may_change_sign(rows, used, turns > 0)(c, made[1], tests, z[at.order], z[at.signs])
     found = ca.logic_and(inside, may_change)
     new = ca.vertcat(after, z[at.time] + made[0], 0, found, z[at.changes] + turned, signs)
     # A motion that runs away stays where it was, so that it can be followed from there alone.
@@ -225,32 +227,37 @@ def _watch_function(stepper: TaylorStepper, size: int, turns: int) -> ca.Functio
 
 
 @cached
-def _may_change_sign(rows: int, size: int, counts: bool) -> ca.Function:
+def _may_change_sign(rows: int, used: tuple[tuple[int, ...], ...], counts: bool) -> ca.Function:
     """(coefficients (K + 1, rows), step, weights (rows, size) and offsets (size,), order of the first function's zero,
     signs (size,) before) -> whether an affine function may change its sign in the step, the signs after it, and whether
     that of the second has changed. With `counts` the second function may change it, else this is not checked.
+    `used` are the rows of each function whose weights are not 0.
 
-    As in `numerics.polynomial_roots`: a polynomial has no zero where its Bernstein coefficients have one sign, and the
-    sign at the start is that at the end of the step before.
+    A polynomial has no zero where the Bernstein coefficients of its first terms have one sign and are larger than the
+    sum of the other terms; the sign at the start is that at the end of the step before.
     """
-    c, h, order = ca.SX.sym("c", TAYLOR_ORDER + 1, rows), ca.SX.sym("h"), ca.SX.sym("order")
+    c, h, order, size = ca.SX.sym("c", TAYLOR_ORDER + 1, rows), ca.SX.sym("h"), ca.SX.sym("order"), len(used)
     tests, before = ca.SX.sym("w", size * (rows + 1)), ca.SX.sym("s", size)
-    powers, change, after, turned = symbolic_powers(h), ca.SX(0), [], ca.SX(0)
-    for i in range(size):
-        series = c @ tests[i * rows : (i + 1) * rows]
+    terms, change, after, turned = ca.diag(symbolic_powers(h)) @ c, ca.SX(0), [], ca.SX(0)
+    for i, own in enumerate(used):
+        series = sum((terms[:, row] * tests[i * rows + row] for row in own), ca.SX.zeros(TAYLOR_ORDER + 1))
         series[0] += tests[size * rows + i]
+        rest = ca.sum1(ca.fabs(series[BOUND_DEGREE + 1 :]))
+        first = [series[: BOUND_DEGREE + 1]]
+        for skipped in range(1, HIGHEST_ORDER + 1) if i == 0 else ():
+            first.append(series[skipped : skipped + BOUND_DEGREE + 1])
+            series[skipped - 1] = ca.if_else(order >= skipped, 0, series[skipped - 1])
+        start, ends = first[0], ca.sum1(series)
+        for skipped, shifted in enumerate(first[1:], start=1):
+            start = ca.if_else(order >= skipped, shifted, start)
+        begins = ca.if_else(before[i] == 0, start[0], before[i]) >= 0
+        after.append(ca.if_else(ends >= 0, 1.0, -1.0))
         if counts and i == 1:
-            ends = ca.dot(series, powers) >= 0
-            turned = (ca.if_else(before[i] == 0, series[0], before[i]) >= 0) != ends
-            after.append(ca.if_else(ends, 1.0, -1.0))
+            turned = begins != (ends >= 0)
             continue
-        values = control_values(without_first_zero(series, order) if i == 0 else series, powers)
-        begins = ca.if_else(before[i] == 0, values[0], before[i]) >= 0
-        rest = ca.vertcat(*values[1:])
-        same = ca.if_else(begins, ca.mmin(rest) >= 0, ca.mmax(rest) < 0)
-        same = ca.logic_and(same, ca.fabs(values[-1]) < np.inf)
-        change = ca.logic_or(change, ca.logic_not(same))
-        after.append(ca.if_else(values[-1] >= 0, 1.0, -1.0))
+        bounds = ca.vertcat(*control_values(start, ca.SX.ones(start.numel()))[1:], ends)
+        same = ca.if_else(begins, ca.mmin(bounds) >= rest, ca.mmax(bounds) < -rest)
+        change = ca.logic_or(change, ca.logic_not(ca.logic_and(same, ca.fabs(ends) < np.inf)))
     return ca.Function("signs", [c, h, tests, order, before], [change, ca.vertcat(*after), turned])
 
 
@@ -260,25 +267,33 @@ def _step_function(graph: VectorField, at: Places, columns: int, varied: tuple[i
     z, data = ca.MX.sym("z", at.time), ca.MX.sym("p", size + len(varied) * columns)
     x, dx = z[at.state], ca.reshape(z[at.sensitivities], n, columns)
     p, dp = data[:size], ca.reshape(data[size:], len(varied), columns)
+    base, shares = ca.SX(n, TAYLOR_ORDER + 1), ca.SX.eye(n)
     if columns:
         one, more = partial(tangent, graph.field, varied), partial(variations, graph.field, varied, columns)
         c, dc = (one if columns == 1 else more)(TAYLOR_ORDER)(x, p, dx, dp)
+        series = c[:, :n]
     else:
-        c = ca.Function("series", [graph.x, graph.p], [ca.densify(graph.series.T)])(x, p)
-        dc = ca.MX(TAYLOR_ORDER + 1, 0)
-    choice = _length_function(graph, columns, len(varied))
-    powers, left, longest, made = choice(c[:, :n], dc, p, ca.vec(dp), z[at.left], z[at.longest])
-    ends = (powers.T @ ca.horzcat(c[:, :n], dc)).T
+        base, shares, driven = driven_coefficients(graph.field, graph.x, graph.p, TAYLOR_ORDER)
+        series, dc = ca.Function("series", [graph.x, graph.p], [ca.densify(driven.T)])(x, p), ca.MX(TAYLOR_ORDER + 1, 0)
+        symbols = graph.x, graph.p, ca.SX.sym("series", *series.shape)
+        c = ca.Function("rows", symbols, [ca.densify((base + shares @ symbols[-1].T).T)])(x, p, series)
+        base, shares = base[:n, :], shares[:n, :]
+    choice = _length_function(graph, base, shares, columns, len(varied))
+    numbers = x, p, ca.vec(dp), z[at.left], z[at.longest]
+    ends, powers, left, longest, made = choice(series, c[:, :n], dc, *numbers)
+    ends = ca.vertcat(ends, (powers.T @ dc).T)
     # A choice between ends costs less than powers of a chosen length, into which CasADi draws the choice.
     after = ca.vertcat(ca.if_else(made[0] > 0, ends, z[: at.left]), left, longest)
     return ca.Function("taylor", [z, data], [after, c, made])
 
 
-def _length_function(graph: VectorField, columns: int, varied: int) -> ca.Function:
-    """The choice of a step's length: coefficients of a step, p, dp, the time left and the longest step to try -> the
-    powers (K + 1,) of the length tried, the time left then and the next longest step, the lengths taken and tried."""
+def _length_function(graph: VectorField, base: ca.SX, shares: ca.SX, columns: int, varied: int) -> ca.Function:
+    """The choice of a step's length: the series of a step, its coefficients, those of the sensitivities, x, p, dp, the
+    time left and the longest step to try -> the state after the length tried, the powers (K + 1,) of this length, the
+    time left then and the next longest step, the lengths taken and tried. The coefficients are those of `base` (n, K +
+    1) and of the series in these `shares` (n, s)."""
     n, orders = graph.size, TAYLOR_ORDER + 1
-    c, dc = ca.SX.sym("c", orders, n), ca.SX.sym("dc", orders, n * columns)
+    series, c, dc = (ca.SX.sym("c", orders, count) for count in (shares.shape[1], n, n * columns))
     dp, left, longest = ca.SX.sym("dp", varied * columns), ca.SX.sym("left"), ca.SX.sym("longest")
     length = _truncated_length(c, 0)
     if varied:  # The series of f_p may have a smaller radius of convergence than that of f.
@@ -289,20 +304,24 @@ def _length_function(graph: VectorField, columns: int, varied: int) -> ca.Functi
     h = ca.if_else(h >= left, left, ca.if_else(SHARED_STEPS * h >= left, 0.5 * left, h))
     size = ca.fmax(ca.norm_inf(ca.vec(c[:2, :])), TINY)  # The size of a motion at rest at the origin would be 0.
     powers = symbolic_powers(h)
-    accepted = _defect(graph, ca.diag(powers) @ c, h) <= LARGEST_DEFECT * size
+    terms, free = ca.diag(powers) @ series, ca.diag(powers) @ base.T
+    ends = ca.sum1(free).T + shares @ ca.sum1(terms).T
+    accepted = _defect(graph, ends, free, terms, shares, h) <= LARGEST_DEFECT * size
     # A step that is far too long for the rate of the state is shortened in one go instead of halved many times.
     shorter = 0.5 * ca.fmin(h, ca.sqrt(h * size / ca.norm_inf(c[1, :])))
     taken, next_longest = ca.if_else(accepted, h, 0), ca.if_else(accepted, LONGEST_STEP, shorter)
-    results = [powers, left - taken, next_longest, ca.vertcat(taken, h)]
-    return ca.Function("measure", [c, dc, graph.p, dp, left, longest], results)
+    results = [ends, powers, left - taken, next_longest, ca.vertcat(taken, h)]
+    return ca.Function("measure", [series, c, dc, graph.x, graph.p, dp, left, longest], results)
 
 
 def _truncated_length(c: ca.SX, size: ca.SX | float) -> ca.SX:
     """The step at which the last two terms of series (K + 1, rows) vanish beside the first two and `size`, by Jorba and
     Zou (2005), the source of `taylor_series`."""
     scale, before, last = (ca.norm_inf(ca.vec(part)) for part in (c[:2, :], c[-2, :], c[-1, :]))
-    bound = TRUNCATION * (scale + size)
-    return ca.fmin((bound / before) ** (1 / (TAYLOR_ORDER - 1)), (bound / last) ** (1 / TAYLOR_ORDER))
+    bound, order = TRUNCATION * (scale + size), TAYLOR_ORDER
+    # The lesser one of two roots, chosen before it is taken, since a root takes as long as a hundred products.
+    sooner = bound / before <= (before / last) ** (order - 1)
+    return (bound / ca.if_else(sooner, before, last)) ** ca.if_else(sooner, 1 / (order - 1), 1 / order)
 
 
 def _time_within(c: ca.SX, weights: tuple[float, ...], reach: float) -> ca.SX:
@@ -311,16 +330,24 @@ def _time_within(c: ca.SX, weights: tuple[float, ...], reach: float) -> ca.SX:
     return 2 * reach / (speed + ca.sqrt(speed**2 + 4 * half_rate * reach))
 
 
-def _defect(graph: VectorField, terms: ca.SX, h: ca.SX) -> ca.SX:
+def _defect(graph: VectorField, ends: ca.SX, free: ca.SX, terms: ca.SX, shares: ca.SX, h: ca.SX) -> ca.SX:
     """The largest defect of the polynomial in the differential equation at the quarters of the step, times its length.
+    The polynomial has the terms `free` (K + 1, n) and shares (n, s) in others (K + 1, s), and is `ends` at the end.
 
     It shows what a series cannot show where a law is flat to the last digit, as a saturated spring is.
     """
-    orders, defects = np.arange(TAYLOR_ORDER + 1), [ca.SX(0)]  # A state whose rate is another state has no defect.
+    orders, defects = ca.DM(range(TAYLOR_ORDER + 1)), [ca.SX(0)]  # A state whose rate is another state has no defect.
     rows = [i for i, rate in enumerate(ca.vertsplit(graph.field(graph.x, graph.p)[0])) if not rate.is_symbolic()]
+    rates = [(ca.diag(orders) @ part)[1:, :] for part in (free, terms)]
     for part in (0.25, 0.5, 0.75, 1.0):
-        scale = part**orders
-        for i, rate in enumerate(ca.vertsplit(graph.field(terms.T @ ca.DM(scale), graph.p)[0])):
-            if i in rows:
-                defects.append(ca.fabs(terms[:, i].T @ ca.DM(orders * scale) / part - h * rate))
+        # Horner's rule, as the powers of the part would be as many constants.
+        value = lambda a, b, part=part: _at(a, part).T + shares @ _at(b, part).T  # noqa: E731
+        state = value(free, terms) if part < 1 else ends
+        difference = value(*rates) - h * graph.field(state, graph.p)[0]
+        defects += [ca.fabs(difference[i]) for i in rows]
     return ca.mmax(ca.vertcat(*defects))
+
+
+def _at(terms: ca.SX, part: float) -> ca.SX:
+    """The polynomials with these terms (K + 1, s) in a step at a part of it, (1, s)."""
+    return ca.horzcat(*(ca.polyval(each[::-1], part) for each in ca.horzsplit(ca.densify(terms))))

@@ -62,17 +62,13 @@ class VectorField:
         return has_taylor_series(self.field)
 
     @cached_property
-    def series(self) -> ca.SX:
-        """Taylor coefficients (n + m, TAYLOR_ORDER + 1) of the n states and m watched quantities."""
-        return taylor_coefficients(self.field, self.x, self.p, TAYLOR_ORDER)
-
-    @cached_property
     def step(self) -> ca.Function:
         """One step of length h, a function (x, h, p) -> x for equations that other solvers differentiate."""
-        h, few = ca.SX.sym("h"), STEP_ORDER + 1
+        h = ca.SX.sym("h")
         if not self.has_series:
             return ca.Function("step", [self.x, h, self.p], [runge_kutta(self, self.x, h)])
-        end = self.series[: self.size, :few] @ symbolic_powers(h)[:few]
+        series = taylor_coefficients(self.field, self.x, self.p, STEP_ORDER)
+        end = series[: self.size, :] @ symbolic_powers(h)[: STEP_ORDER + 1]
         return ca.Function("step", [self.x, h, self.p], [end])
 
 

@@ -8,6 +8,7 @@ from ..model.phase import Affine
 from ..numerics.polynomial_roots import Crossings, PiecewisePolynomials, evaluate
 from ..numerics.roots import Array
 from ..running import interrupts
+from ..running.exclusive import apart
 from .breakpoints import ActivePieces
 from .flow import Flow, StopTest
 from .taylor import LONGEST_STEP, TaylorStepper, Watched
@@ -20,6 +21,8 @@ CLOSED_STEP, CLOSED_ORDER, CLOSED_BLOCK = 1.0, 18, 2
 MOST_CLOSED_STEPS = 1e12
 # The search resumes this number of expansions before the end of a range without zeros, which is known to rounding.
 EARLY = 0.01
+# The distance from an end of a piece that lies at infinity.
+NEVER_REACHED = 1e300
 # The error of all motions that break off, where no reasons are requested.
 BREAKS_OFF = FlowError("the motion breaks off")
 
@@ -87,7 +90,8 @@ def first_zeros(
     ps = np.atleast_2d(p)
     search = _ZeroSearch(flow, np.asarray(starts, dtype=float), ps, quantity, limit, skip, rising, over, reasons)
     if flow.phase.closed_form:
-        search.in_closed_form(np.broadcast_to(ahead, len(search.starts)))
+        with apart():
+            search.in_closed_form(np.broadcast_to(ahead, len(search.starts)))
     elif isinstance(flow.stepper(0), TaylorStepper):
         search.by_taylor_steps()
     else:
@@ -176,7 +180,8 @@ class _ZeroSearch:
                 steps = Watched(*(values[last] for values in steps))
             remaining, z = remaining[found], z[found]
             pieces.keep(found)
-            left = self._search_steps(pieces, remaining, z, steps)
+            with apart():
+                left = self._search_steps(pieces, remaining, z, steps)
             remaining, z = remaining[left], z[left]
             pieces.enter(left)
         self._give_up(remaining)
@@ -208,8 +213,8 @@ class _ZeroSearch:
         if self.flow.phase.pieces is None:
             return weights, offsets
         ends, coordinate = pieces.ends, np.zeros((count, 2, rows))
-        coordinate[:, :, : self.flow.size] = np.isfinite(ends)[:, :, None] * self.flow.coordinate
-        levels = np.where(np.isfinite(ends), -ends, 1.0)
+        coordinate[:, :, : self.flow.size] = self.flow.coordinate
+        levels = np.where(np.isfinite(ends), -ends, NEVER_REACHED)
         return np.concatenate([weights, coordinate], axis=1), np.concatenate([offsets, levels], axis=1)
 
     def _beyond(self, indices, x, began, orders):
@@ -269,7 +274,7 @@ class _ZeroSearch:
         owner, _, t = polynomials.first_roots(orders.astype(int), self.rising, signs[:, 0])
         hits, found = remaining[owner], times[owner] + t
         self.times[hits] = np.where(found <= self.limit[hits], found, np.nan)
-        self.rows[hits] = evaluate(c[owner], t[:, None])
+        self.rows[hits] = evaluate(c if len(owner) == count else c[owner], t[:, None])
         left = np.ones(count, bool)
         left[owner] = False
         z[:, at.order], z[:, at.found], after = 0.0, 0.0, z[:, at.signs]  # a view

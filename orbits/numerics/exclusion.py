@@ -14,7 +14,7 @@ HIGHEST_ORDER = 3
 
 def control_values(series: ca.SX, of_h: ca.SX) -> list[ca.SX]:
     """Bernstein coefficients on [0, h] of a polynomial, from its coefficients and the powers of h, by differences."""
-    rise, values = series * of_h / ca.DM([comb(series.numel() - 1, k) for k in range(series.numel())]), []
+    rise, values = series * of_h * ca.DM([1 / comb(series.numel() - 1, k) for k in range(series.numel())]), []
     while rise.numel():
         values.append(rise[0])
         rise = rise[:-1] + rise[1:]

@@ -45,6 +45,32 @@ def taylor_coefficients(field: ca.Function, x: ca.SX, p: ca.SX, order: int) -> c
     return ca.vertcat(*[ca.horzcat(*row) for row in (*state, *watched)])
 
 
+def driven_coefficients(field: ca.Function, x: ca.SX, p: ca.SX, order: int) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """The coefficients of `taylor_coefficients` as base + shares @ series, with the fewest series found.
+
+    Where x' = b + R x + Q f(x) with R R = 0, as without damping under constant gravity, the state is a motion without
+    forces, which is short, and Q u + R Q w, with u' = f and w' = u: the motion of a few forces drives all states.
+    """
+    (rates, watched), n = field(x, p), x.numel()
+    parts = _separated(rates, x, p)
+    linear, count, rows = parts.rates, parts.functions.numel(), n + watched.numel()
+    if not 0 < 2 * count < n or (linear @ linear).nnz():
+        return ca.SX(rows, order + 1), ca.SX.eye(rows), taylor_coefficients(field, x, p, order)
+    # Each force is counted as its acceleration of the first state that it acts on, where it does.
+    scales = parts.multiples.nz[parts.multiples.sparsity().colind()[:-1]]
+    scales = ca.if_else(scales == 0, 1, scales)
+    multiples = parts.multiples @ ca.diag(1 / scales)
+    shares = ca.horzcat(linear @ multiples, multiples)
+    z, scale, share = ca.SX.sym("z", n + 2 * count), ca.SX.sym("s", count), ca.SX.sym("q", shares.sparsity())
+    functions = ca.Function("functions", [x, p], [parts.functions, watched])
+    forces, watched = functions(z[:n] + share @ z[n:], p)
+    moves = ca.vertcat(linear @ z[:n] + parts.constants, z[n + count :], scale * forces)
+    driven = ca.Function("driven", [z, ca.vertcat(p, scale, share.nz[:])], [ca.densify(moves), watched])
+    c = taylor_coefficients(driven, ca.vertcat(x, ca.SX.zeros(2 * count)), ca.vertcat(p, scales, shares.nz[:]), order)
+    base = ca.vertcat(c[:n, :], ca.SX(rows - n, order + 1))
+    return ca.sparsify(base), ca.diagcat(shares, ca.SX.eye(rows - n)), c[n:, :]
+
+
 def composed_coefficients(function: ca.Function, rows: Sequence[Sequence[ca.SX]], p: ca.SX) -> ca.SX:
     """Taylor coefficients (K + 1,) of the SX function (x, p) -> value along x(t), whose elements have the coefficients
     `rows` (n of K + 1 each)."""
@@ -105,9 +131,11 @@ def tangent(field: ca.Function, varied: tuple[int, ...], order: int) -> ca.Funct
 
 
 class _Separated(NamedTuple):
-    """The derivative f_x = R + Q D A of rates that are affine in the state and in nonlinear functions of a few affine
-    ones of it. All but the slopes D are functions of the parameters alone."""
+    """Rates R x + b + Q f(A x) that are affine in the state and in nonlinear functions f of a few affine ones of it,
+    with their derivative R + Q D A. All but the slopes D, and f, are functions of the parameters alone."""
 
+    constants: ca.SX  # b (n,)
+    functions: ca.SX  # f (functions,)
     rates: ca.SX  # R (n, n)
     multiples: ca.SX  # Q (n, functions)
     slopes: ca.SX  # D (functions, arguments)
@@ -115,7 +143,7 @@ class _Separated(NamedTuple):
 
 
 def _separated(rates: ca.SX, x: ca.SX, p: ca.SX) -> _Separated:
-    """The derivative of rates (n,) by the state, separated.
+    """Rates (n,) and their derivative by the state, separated.
 
     A sum, or a multiple by a factor without the state, is taken apart; a sum of nonlinear functions of one
     argument is one function.
@@ -162,7 +190,11 @@ def _separated(rates: ca.SX, x: ca.SX, p: ca.SX) -> _Separated:
     found, names = (ca.SX(ca.vertcat(*each)) for each in ([nonlinear(i) for i in functions], functions.values()))
     s, at = (ca.SX(ca.vertcat(*each)) for each in (symbols.values(), [values[i] for i in symbols]))
     slopes = ca.substitute(ca.jacobian(found, s), s, at)
-    return _Separated(ca.jacobian(sums, x), ca.jacobian(sums, names), slopes, ca.jacobian(at, x))
+    names, forces = ca.vertcat(*functions.values()), ca.vertcat(*(values[i] for i in functions))
+    constants = ca.substitute(sums, ca.vertcat(x, names), ca.SX.zeros(x.numel() + names.numel()))
+    return _Separated(
+        constants, ca.SX(forces), ca.jacobian(sums, x), ca.jacobian(sums, names), slopes, ca.jacobian(at, x)
+    )
 
 
 def _applied(op: int, inputs: Sequence[ca.SX]) -> ca.SX:
