@@ -23,6 +23,8 @@ from orbits.check_proof import check
 from problems import Chain, Hopper, Juggler, hopper_in_si, inerter_hopper, knee_hopper
 from problems.laws import springs
 
+# Seconds that no proof here comes to, also on a busy machine.
+LIMIT = 600.0
 # Laws of springs with the range of their parameter.
 LAWS = {
     "r + p*r**3": (0.02, 0.8),
@@ -138,7 +140,7 @@ def verdicts(machine: Any, family: int, how: dict[str, Any], number: int) -> dic
     """Whether the proof of a machine's orbit is verified, and whether each program refuses a false theorem of it."""
     orbit = orbit_of(machine, family)
     began = time.process_time()
-    proof = prove(orbit, **how)
+    proof = prove(orbit, **how, limit=LIMIT)
     proved = time.process_time()
     document = json.loads(json.dumps(proof.document()))
     reasons = [*proof.reasons, *(check(document) if proof.proved else [])]
@@ -153,7 +155,7 @@ def verdicts(machine: Any, family: int, how: dict[str, Any], number: int) -> dic
         "verified": not reasons,
         "reasons": reasons,
         "false": what,
-        "first_refuses": not prove(liar, **how).proved,
+        "first_refuses": not prove(liar, **how, limit=LIMIT).proved,
         "second_refuses": bool(check(false)),
         "seconds": (proved - began, done - proved),
     }
