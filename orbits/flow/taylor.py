@@ -1,12 +1,12 @@
 """Taylor steps of a flow with their sensitivities, of one motion or of many, in kernels."""
 
-from functools import cached_property, partial
+from functools import cached_property
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from ..numerics.exclusion import HIGHEST_ORDER, control_values
+from ..numerics.exclusion import HIGHEST_ORDER, bernstein_coefficients
 from ..numerics.polynomial_roots import TINY
 from ..numerics.roots import Array
 from ..symbolic.caches import cached
@@ -84,7 +84,7 @@ class TaylorStepper:
     """
 
     def __init__(self, graph: VectorField, columns: int, varied: tuple[int, ...] = ()):
-        self.n, self.columns, self.varied = graph.size, columns, list(varied)
+        self.graph, self.n, self.columns, self.varied = graph, graph.size, columns, list(varied)
         self.rows, left = graph.size + graph.field.numel_out(1), graph.size * (1 + columns)
         numbers = range(left, left + 6)
         self.places = Places(slice(self.n), slice(self.n, left), slice(numbers.stop, None), *numbers)
@@ -99,7 +99,7 @@ class TaylorStepper:
         single NaN is returned for the steps when none is accepted.
         """
         if count == 1:  # without a kernel's preparations, which take as long as some steps
-            length, c, _ = self._one_step(x, p, dx, dp, left)
+            length, c = self._one_step(x, p, dx, dp, left)
             return np.array([length]), c[None], dx[None]
         found = self.advance_all(x[None], p[None], np.array([left]), dx, dp, count)
         if not len(found.steps):
@@ -110,19 +110,30 @@ class TaylorStepper:
 
     def sensitivities_after(self, x: Array, p: Array, dx: Array, dp: Array, h: float) -> Array:
         """The sensitivities (n, columns) at the end of a step of length h, not longer than the accepted one."""
-        return self._one_step(x, p, dx, dp, h)[2]
+        return self._sensitivities(x, p, dx, dp[self.varied], h)[0]
 
-    def _one_step(self, x: Array, p: Array, dx: Array, dp: Array, left: float) -> tuple[float, Array, Array]:
-        """The length of the first accepted step, NaN without one, its coefficients and the sensitivities after it."""
-        at, z = self.places, np.concatenate([x, dx.T.ravel(), [left, LONGEST_STEP]])
-        data = np.concatenate([p, dp[self.varied].T.ravel()])
+    @cached_property
+    def _sensitivities(self) -> BufferedFunction:
+        x, p, dx, dp = _expansion(self.graph, self.columns, tuple(self.varied)).mx_in()
+        _, series = _expansion(self.graph, self.columns, tuple(self.varied))(x, p, dx, dp)
+        h, length = ca.MX.sym("h"), ca.SX.sym("h")
+        powers = ca.Function("powers", [length], [symbolic_powers(length)])(h)
+        after = ca.reshape(series.T @ powers, self.n, self.columns)
+        return BufferedFunction(ca.Function("sensitivities", [x, p, dx, dp, h], [after]))
+
+    def _one_step(self, x: Array, p: Array, dx: Array, dp: Array, left: float) -> tuple[float, Array]:
+        """The length of the first accepted step, NaN without one, and its coefficients."""
+        z, data = (
+            np.concatenate([x, dx.T.ravel(), [left, LONGEST_STEP]]),
+            np.concatenate([p, dp[self.varied].T.ravel()]),
+        )
         while True:
             after, c, made = self._interpreted_step(z, data)
             z, (taken, tried) = after[:, 0], made[:, 0].tolist()
             if taken > 0:
-                return taken, c.T, z[at.sensitivities].reshape(self.columns, self.n).T
+                return taken, c.T
             if not tried > FLOW_CONTROL.shortest_step:
-                return np.nan, x[:, None], dx
+                return np.nan, x[:, None]
 
     @cached_property
     def _interpreted_step(self) -> BufferedFunction:
@@ -234,7 +245,9 @@ def _may_change_sign(rows: int, used: tuple[tuple[int, ...], ...], counts: bool)
     `used` are the rows of each function whose weights are not 0.
 
     A polynomial has no zero where the Bernstein coefficients of its first terms have one sign and are larger than the
-    sum of the other terms; the sign at the start is that at the end of the step before.
+    sum of the other terms; the sign at the start is that at the end of the step before. The first of these coefficients
+    may be smaller: the other terms are at most their sum times t, and the first terms at least that much, if the value
+    at the start has the same sign.
     """
     c, h, order, size = ca.SX.sym("c", TAYLOR_ORDER + 1, rows), ca.SX.sym("h"), ca.SX.sym("order"), len(used)
     tests, before = ca.SX.sym("w", size * (rows + 1)), ca.SX.sym("s", size)
@@ -255,10 +268,18 @@ def _may_change_sign(rows: int, used: tuple[tuple[int, ...], ...], counts: bool)
         if counts and i == 1:
             turned = begins != (ends >= 0)
             continue
-        bounds = ca.vertcat(*control_values(start, ca.SX.ones(start.numel()))[1:], ends)
+        bounds = ca.vertcat(*bernstein_coefficients(start, ca.SX.ones(start.numel()))[1:], ends)
         same = ca.if_else(begins, ca.mmin(bounds) >= rest, ca.mmax(bounds) < -rest)
         change = ca.logic_or(change, ca.logic_not(ca.logic_and(same, ca.fabs(ends) < np.inf)))
     return ca.Function("signs", [c, h, tests, order, before], [change, ca.vertcat(*after), turned])
+
+
+@cached
+def _expansion(graph: VectorField, columns: int, varied: tuple[int, ...]) -> ca.Function:
+    """(x, p, dx, dp) -> the coefficients of a step and those of its sensitivities."""
+    if columns == 1:
+        return tangent(graph.field, varied, TAYLOR_ORDER)
+    return variations(graph.field, varied, columns, TAYLOR_ORDER)
 
 
 def _step_function(graph: VectorField, at: Places, columns: int, varied: tuple[int, ...]) -> ca.Function:
@@ -269,8 +290,7 @@ def _step_function(graph: VectorField, at: Places, columns: int, varied: tuple[i
     p, dp = data[:size], ca.reshape(data[size:], len(varied), columns)
     base, shares = ca.SX(n, TAYLOR_ORDER + 1), ca.SX.eye(n)
     if columns:
-        one, more = partial(tangent, graph.field, varied), partial(variations, graph.field, varied, columns)
-        c, dc = (one if columns == 1 else more)(TAYLOR_ORDER)(x, p, dx, dp)
+        c, dc = _expansion(graph, columns, varied)(x, p, dx, dp)
         series = c[:, :n]
     else:
         base, shares, driven = driven_coefficients(graph.field, graph.x, graph.p, TAYLOR_ORDER)

@@ -8,11 +8,11 @@ import casadi as ca
 from ..symbolic.caches import cached
 from ..symbolic.kernels import ElementwiseFunction
 
-# The highest order of a zero at the start that is divided out.
+# The highest order of a zero at the start that is divided out; where it is higher, fewer polynomials are excluded.
 HIGHEST_ORDER = 3
 
 
-def control_values(series: ca.SX, of_h: ca.SX) -> list[ca.SX]:
+def bernstein_coefficients(series: ca.SX, of_h: ca.SX) -> list[ca.SX]:
     """Bernstein coefficients on [0, h] of a polynomial, from its coefficients and the powers of h, by differences."""
     rise, values = series * of_h * ca.DM([1 / comb(series.numel() - 1, k) for k in range(series.numel())]), []
     while rise.numel():
@@ -36,7 +36,7 @@ def sign_changes(size: int) -> ElementwiseFunction:
     c, h, order, by_rate = (ca.SX.sym(name, count) for name, count in zip("chor", (size, 1, 1, 1), strict=True))
     rate = ca.vertcat(*[k * c[k] for k in range(1, size)], 0)
     powers = ca.vertcat(1, *accumulate([h] * (size - 1), lambda power, h: power * h))
-    values = control_values(without_first_zero(ca.if_else(by_rate, rate, c), order), powers)
+    values = bernstein_coefficients(without_first_zero(ca.if_else(by_rate, rate, c), order), powers)
     positive = [value >= 0 for value in values]
     changes = sum((before != after for before, after in pairwise(positive)), ca.SX(0))
     results = [values[0], values[-1], changes]

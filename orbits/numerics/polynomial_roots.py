@@ -149,6 +149,7 @@ class PiecewisePolynomials:
         stationary : report the roots of the rate instead, for all or (m,)
         """
         if not len(self.steps):
+            self._ends = self._ends if before is None else before
             return np.zeros(0, int), np.zeros(0, int), np.zeros(0)
         rises, by_rate = (np.broadcast_to(each, self.first.shape)[self.owner] for each in (rising, stationary))
         orders = np.zeros(len(self.steps))
@@ -209,7 +210,7 @@ class PiecewisePolynomials:
 
     def _starts(self, by_rate: Array) -> Array:
         """The values (N,) at the beginnings of the pieces."""
-        return np.where(by_rate, self.coefficients[:, 1], self.coefficients[:, 0])
+        return self.coefficients[np.arange(len(by_rate)), by_rate.astype(int)]
 
     def lowest(self) -> _Places:
         """The least value (m,) of each polynomial, the piece (m,) and the time in it (m,) where it is taken."""

@@ -84,7 +84,8 @@ def in_threads(function: Callable[[_T], _R], items: Sequence[_T]) -> list[_R]:
 
 @contextmanager
 def apart() -> Iterator[None]:
-    """Let the other threads of `in_threads` have the lock, in a block of arithmetic that touches no graph."""
+    """Let the other threads of `in_threads` have the lock, in a block of arithmetic; graphs are built in it under the
+    lock alone. Inside of functions that are `exclusive` once more, this thread goes on having the lock."""
     if not getattr(_sharing, "own", False):
         yield
         return

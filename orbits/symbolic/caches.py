@@ -8,6 +8,8 @@ from typing import Any, TypeVar, cast
 
 import casadi as ca
 
+from ..running.exclusive import LOCK
+
 # The least recently used half of all results is forgotten once about this number of bytes has been built, and the least
 # recently used one beyond this number of results.
 BUDGET, MOST = 128e6, 512
@@ -26,20 +28,22 @@ def cached(function: _F) -> _F:
     @wraps(function)
     def found(*arguments: Any, **options: Any) -> Any:
         key = function, arguments, *options.items()
-        if key not in _cached:
-            result = function(*arguments, **options)
-            _cached[key] = result
-            if len(_cached) > MOST:
-                _cached.popitem(last=False)
-            return result
-        _cached.move_to_end(key)
-        return _cached[key]
+        with LOCK:  # what is built are graphs
+            if key not in _cached:
+                result = function(*arguments, **options)
+                _cached[key] = result
+                if len(_cached) > MOST:
+                    _cached.popitem(last=False)
+                return result
+            _cached.move_to_end(key)
+            return _cached[key]
 
     return cast(_F, found)
 
 
 def weigh(functions: Iterable[ca.Function], size: int = 0) -> None:
-    """Count the memory of the functions and `size` bytes more; when that is too much, forget the least used.
+    """Count the memory of the functions and `size` bytes more; when that is too much, forget the least used, as if all
+    results had equal shares of the memory.
 
     Code that uses a cached result at the moment has a reference of its own and goes on; the next call builds it anew.
     """

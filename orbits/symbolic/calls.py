@@ -83,10 +83,10 @@ class MappedFunction:
         """Results of each point; an argument (1, size) is shared by all points."""
         count = max(map(len, arguments))
         capacity = room_for(count)
-        if capacity not in self._batches:
-            self._batches[capacity] = self._batch(capacity)
-        call, inputs, outputs = self._batches[capacity]
         with LOCK:
+            if capacity not in self._batches:
+                self._batches[capacity] = self._batch(capacity)
+            call, inputs, outputs = self._batches[capacity]
             for memory, argument in zip(inputs, arguments, strict=True):
                 memory[:count] = argument
                 if count < capacity:

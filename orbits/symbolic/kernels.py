@@ -52,6 +52,19 @@ class Iterated(NamedTuple):
     going: np.ndarray  # (m,), which points would go on beyond the most records
 
 
+def _checked(arguments: Sequence[np.ndarray], sizes: list[int]) -> tuple[list[np.ndarray], int]:
+    """Arguments (m, size), m >= 1, or (1, size) for all points, as contiguous arrays, and m; machine code reads them
+    without looking where they end. Raises `ValueError` for others."""
+    inputs = [np.ascontiguousarray(argument, dtype=float) for argument in arguments]
+    count = max(map(len, inputs))
+    if [array.shape[1:] for array in inputs] != [(size,) for size in sizes] or not {*map(len, inputs)} <= {1, count} - {
+        0
+    }:
+        found = ", ".join(str(array.shape) for array in inputs)
+        raise ValueError(f"arguments of shapes {found}; they are (m, size) or (1, size) of sizes {sizes}")
+    return inputs, count
+
+
 class Kernel:
     """A function of vectors iterated at several points, at each until it says that it is done.
 
@@ -64,7 +77,6 @@ class Kernel:
     def __init__(self, function: ca.Function):
         self.function = function.expand()  # without its calls it takes a fifth less time
         self.sizes_in = [function.nnz_in(i) for i in range(function.n_in())]
-        self.shapes = [(size,) for size in self.sizes_in]
         self.sizes_out = [function.nnz_out(i) for i in range(function.n_out())]
         self.width = max(1, sum(self.sizes_out[1:-2]))  # numbers in the records of one iteration
         length = self.function.n_instructions()
@@ -123,12 +135,7 @@ class Kernel:
 
     def __call__(self, *arguments: np.ndarray, most: int = 2**31) -> Iterated:
         """Iterate from arguments (m, size), m >= 1, or (1, size) for all points, to at most `most` records of each."""
-        inputs = [np.ascontiguousarray(argument, dtype=float) for argument in arguments]
-        count = max(map(len, inputs))
-        # Machine code reads arrays without looking where they end.
-        if [array.shape[1:] for array in inputs] != self.shapes or not {*map(len, inputs)} <= {1, count} - {0}:
-            found = ", ".join(str(array.shape) for array in inputs)
-            raise ValueError(f"arguments of shapes {found}; they are (m, size) or (1, size) of sizes {self.sizes_in}")
+        inputs, count = _checked(arguments, self.sizes_in)
         inputs[0] = inputs[0].copy() if len(inputs[0]) == count else np.tile(inputs[0], (count, 1))
         # The records of each point, whether it has ended, its iterations; and the most of each.
         done, bounds = np.zeros((count, 3)), np.array([most, 1.0, LONGEST_RUN])
@@ -272,11 +279,10 @@ class ElementwiseFunction(MappedFunction):
 
     def __call__(self, *arguments: np.ndarray) -> list[np.ndarray]:
         """Results of each point; an argument (1, size) is shared by all points."""
-        count = max(map(len, arguments))
+        inputs, count = _checked(arguments, self.kernel.sizes_in[1:])
         code = self.kernel.code_for(count)
         if code is None:
-            return [np.ascontiguousarray(result[:, :, 0]) for result in super().__call__(*arguments)]
-        inputs = [np.ascontiguousarray(argument, dtype=float) for argument in arguments]
+            return [np.ascontiguousarray(result[:, :, 0]) for result in super().__call__(*inputs)]
         results = [np.empty((count, size)) for size in self.kernel.sizes_out[1:-2]]
         # There is nothing to iterate, and the numbers of iterations are the same for all points.
         arrays = [_ONCE[:0], *inputs, *results, _ONCE]

@@ -42,8 +42,8 @@ Completion of commands and options by the shell, from a line in its start file:
   eval "$(_ORBITS_COMPLETE=bash_source orbits)"        in ~/.bashrc; zsh_source in ~/.zshrc
   _ORBITS_COMPLETE=fish_source orbits | source         in ~/.config/fish/config.fish
 """
-# The number of new objects after which garbage is collected.
-FEW_COLLECTIONS = 50_000
+# Garbage is collected after this number of new objects, more than a short command makes.
+GARBAGE_THRESHOLD = 50_000
 # A map of more launches is printed as a summary.
 LONGEST_TABLE = 100
 # The number of orbits drawn small above the figure of a family.
@@ -480,7 +480,7 @@ def explore_command(family: int, no_browser: bool, port: int, **stated: object) 
 def main() -> None:
     """Run the command; an error is one message and an exit code, never a traceback."""
     # Searches for garbage, while modules are imported and once more at the end, take a sixth of a short command.
-    gc.set_threshold(FEW_COLLECTIONS)
+    gc.set_threshold(GARBAGE_THRESHOLD)
     atexit.register(gc.freeze)
     try:
         code = orbits.main(prog_name="orbits", standalone_mode=False) or 0

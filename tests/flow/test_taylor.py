@@ -5,6 +5,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from orbits.flow.flow import flow_of
+from orbits.flow.taylor import _may_change_sign
+from orbits.flow.vector_field import TAYLOR_ORDER
 from orbits.flow.zero_crossing import first_zero, until_zero
 from orbits.model.phase import Affine
 from orbits.symbolic.calls import BufferedFunction
@@ -49,3 +51,39 @@ def test_steps_share_the_time_and_are_halved_in_vain():
         one, _ = along.run(start, p, stop=first_zero(Affine((1.0, 0.0))))
         assert path.times[-1] == pytest.approx(one.times[-1], rel=1e-12)
     assert (motions.steps > 0).all()
+
+
+@pytest.mark.parametrize("columns", [1, 2])
+def test_sensitivities_after_a_shorter_step(columns):
+    """At the end of a step of any length up to the accepted one they are those of a motion that ends there."""
+    flow, p = flow_of(Hopper("cubic").model.reduction.statement.arcs[0].phase, ("beta",)), np.array([0.4])
+    stepper, x, dx, dp = (
+        flow.stepper(columns, (0,)),
+        np.array([1.2, 2.0]),
+        np.eye(2)[:, :columns],
+        np.ones((1, columns)),
+    )
+    (h,), _, begins = stepper.advance(x, p, dx, dp, 1, 100.0, None)
+    assert np.array_equal(begins[0], dx)
+    for share in (0.1, 0.7, 1.0):
+        whole = stepper.advance_all(x[None], p[None], np.array([share * h]), dx, dp)
+        assert stepper.sensitivities_after(x, p, dx, dp, share * h) == pytest.approx(whole.variations[0], rel=1e-13)
+
+
+def test_a_step_that_is_excluded_has_no_zero():
+    """Random series, most of whose terms soon vanish, after zeros of order 0 to 3: where no sign change is said to be
+    possible, there is none in two thousand places; and most of the others have one."""
+    rng, size = np.random.default_rng(8), 600
+    function = _may_change_sign(1, ((0,),), counts=False).map(size)
+    orders = rng.integers(0, 4, size)
+    c = rng.normal(size=(size, TAYLOR_ORDER + 1)) * rng.uniform(0.1, 0.6, (size, 1)) ** np.arange(TAYLOR_ORDER + 1)
+    c[np.arange(TAYLOR_ORDER + 1) < orders[:, None]] = 0.0
+    weights = np.vstack([rng.choice([-1.0, 1.0], size), np.zeros(size)])
+    may, after, _ = (np.array(each).ravel() for each in function(c.T.reshape(-1, size), 1.0, weights, orders, 0.0))
+    places = np.linspace(0.0, 1.0, 2001)[1:]
+    values = weights[0, :, None] * (c @ places ** np.arange(TAYLOR_ORDER + 1)[:, None])
+    changes = (np.sign(values) != np.sign(values[:, :1])).any(1)
+    assert not (changes & (may == 0)).any()
+    assert ((values[:, -1] >= 0) == (after > 0)).all()
+    assert (may == 0).sum() > 200
+    assert changes.sum() > 50

@@ -10,8 +10,6 @@ import pytest
 from orbits.numerics.exclusion import sign_changes
 from orbits.numerics.polynomial_roots import PiecewisePolynomials, bernstein, derivative, powers
 
-RNG = np.random.default_rng(12)
-
 
 def test_control_values_in_fractions():
     """A polynomial of degree 4 and its rate, after a zero of order 1: all coefficients worked out in fractions."""
@@ -28,8 +26,8 @@ def test_control_values_in_fractions():
 @pytest.mark.parametrize("compiled", [False, True])
 def test_as_numpy_finds_them(compiled):
     """In 500 polynomials the sign changes are those of NumPy's coefficients, which are far enough from 0."""
-    c, h = RNG.normal(size=(500, 13)), RNG.uniform(0.2, 2.0, 500)
-    by_rate = RNG.random(500) < 0.5
+    rng = np.random.default_rng(12)
+    c, h, by_rate = rng.normal(size=(500, 13)), rng.uniform(0.2, 2.0, 500), rng.random(500) < 0.5
     function = sign_changes(13)
     if compiled:
         assert function.kernel.compile()
@@ -49,12 +47,18 @@ def test_as_numpy_finds_them(compiled):
 @pytest.mark.parametrize("rising", [False, True])
 def test_nothing_is_lost_by_exclusion(stationary, rising, monkeypatch):
     """Roots among many pieces, with exclusion, are those without it, whatever the signs with which they begin."""
-    c, steps = RNG.normal(size=(300, 9)), RNG.uniform(0.3, 1.5, 300)
+    rng = np.random.default_rng(13)
+    c, steps = rng.normal(size=(300, 9)), rng.uniform(0.3, 1.5, 300)
     counts = np.array([3] * 80 + [60])
     for i in np.delete(np.arange(299), counts.cumsum()[:-1] - 1):  # joined up
         c[i + 1, 0] = c[i] @ steps[i] ** np.arange(9)
         c[i + 1, 1] = derivative(c[i]) @ steps[i] ** np.arange(8)
-    before, orders = RNG.integers(-1, 2, 81), RNG.integers(0, 3, 81)
+    # A zero of order 4 is more than the machine code divides out.
+    c[::9, :4], orders = (
+        0.0,
+        np.where(np.isin(counts.cumsum() - counts, range(0, 300, 9)), 4 - stationary, rng.integers(0, 3, 81)),
+    )
+    before = rng.integers(-1, 2, 81)
     found = []
     for few in (10, 1000):
         monkeypatch.setattr("orbits.numerics.polynomial_roots.FEW_PIECES", few)
@@ -65,3 +69,14 @@ def test_nothing_is_lost_by_exclusion(stationary, rising, monkeypatch):
     for mine, theirs in zip(places, others, strict=True):
         assert np.array_equal(mine, theirs)
     assert np.array_equal(after, after_others)
+
+
+def test_no_pieces_and_constant_ones():
+    """Where there is no piece, the sign before is the sign after; a constant has no root, and no rate."""
+    none = PiecewisePolynomials(np.zeros((0, 5)), np.zeros(0), np.zeros(2, int))
+    assert all(len(each) == 0 for each in none.roots(before=np.array([-1, 1])))
+    assert none.after.tolist() == [-1.0, 1.0]
+    for count in (3, 150):
+        constant = PiecewisePolynomials(-np.ones((count, 1)), np.ones(count), np.array([count]))
+        assert len(constant.roots()[0]) == 0
+        assert constant.after.tolist() == [-1.0]

@@ -11,6 +11,7 @@ from scripts import run
 
 from orbits import InputError, ReturnMap, trace
 from orbits.running.exclusive import _DYING, LOCK, apart, exclusive, in_threads
+from orbits.symbolic import caches
 from problems import Hopper
 
 
@@ -95,12 +96,25 @@ def test_threads_share_the_items_of_a_call(monkeypatch, threads):
 
 
 def test_a_map_in_threads(monkeypatch):
-    """Not a bit depends on their number, where several batches of launches share them."""
+    """Not a bit depends on their number, where several batches of launches share them; what they build is built once,
+    by a thread that has the lock."""
+    built = []
+    build = ca.Function.__init__
+
+    def with_lock(self, *arguments, **options):
+        assert LOCK._is_owned()
+        built.append(self)
+        build(self, *arguments, **options)
+
     for machine in (Hopper(), Hopper("cubic", parameters={"beta": 0.3})):
-        monkeypatch.setenv("ORBITS_THREADS", "1")
         step, alpha = ReturnMap(machine), np.linspace(3.0, 9.0, 9000)
-        one = step(alpha)
+        monkeypatch.setattr(caches, "_cached", type(caches._cached)())
         monkeypatch.setenv("ORBITS_THREADS", "2")
+        monkeypatch.setattr(ca.Function, "__init__", with_lock)
         two = step(alpha)
+        monkeypatch.setattr(ca.Function, "__init__", build)
+        assert built
+        monkeypatch.setenv("ORBITS_THREADS", "1")
+        one = step(alpha)
         for name in ("next", "loss", "impacts", "status"):
             np.testing.assert_array_equal(getattr(two, name), getattr(one, name))

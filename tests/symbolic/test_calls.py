@@ -22,12 +22,28 @@ def test_functions_at_many_points(compiled):
         assert rows.kernel.compile()
     for count in (1, 2, 7, 100):
         points, parameters = rng.normal(size=(count, 3)), rng.normal(size=(count, 2))
-        for given in (parameters, parameters[:1]):
-            found = rows(points, given)
+        for values in (parameters, parameters[:1], np.asfortranarray(parameters)):
+            found = rows(points, values)
             for i in range(count):
-                expected = function(points[i], given[min(i, len(given) - 1)])
+                expected = function(points[i], values[min(i, len(values) - 1)])
                 for mine, theirs in zip(found, expected, strict=True):
                     assert mine[i] == pytest.approx(theirs.full().ravel(), rel=1e-15)
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+def test_arguments_of_wrong_shapes_are_refused(compiled):
+    """Machine code would read and write beyond their ends."""
+    x, p = ca.SX.sym("x", 3), ca.SX.sym("p")
+    rows = ElementwiseFunction(ca.Function("f", [x, p], [x * p]))
+    if compiled:
+        assert rows.kernel.compile()
+    assert np.array_equal(rows(np.arange(12).reshape(4, 3), np.full((4, 1), 2))[0], 2.0 * np.arange(12).reshape(4, 3))
+    points, values = np.ones((4, 3)), np.ones((4, 1))
+    for wrong in ((points, values[:, 0]), (points[:, :2], values), (points, values[:2]), (points[:0], values[:0])):
+        with pytest.raises(ValueError, match="arguments of shapes"):
+            rows(*wrong)
+    with pytest.raises(ValueError, match="arguments of shapes"):
+        rows(points, values, values)
 
 
 class TestCalls:

@@ -4,7 +4,13 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from orbits.symbolic.taylor_series import has_taylor_series, tangent, taylor_coefficients, variations
+from orbits.symbolic.taylor_series import (
+    driven_coefficients,
+    has_taylor_series,
+    tangent,
+    taylor_coefficients,
+    variations,
+)
 
 ORDER = 10
 FUNCTIONS = {
@@ -85,3 +91,21 @@ def test_sensitivities_with_columns_of_nothing():
         assert dx == pytest.approx((moved[0] - moved[1]) / (2 * step), abs=1e-8)
         alone = tangent(field, (0, 1, 2), 20)(start, values, *np.split(change, 2))[1].full()
         assert powers @ alone == pytest.approx(dx, rel=1e-14, abs=1e-14)
+
+
+def test_forces_drive_all_states():
+    """Two masses on one nonlinear spring, of four multiples, also of 0: the motion of one force gives every state, and
+    the watched quantity; with damping nothing is driven."""
+    x, p = ca.SX.sym("x", 4), ca.SX.sym("p", 4)
+    force = ca.sinh(x[0] - x[2])
+    rates = ca.vertcat(x[1], -p[2] - p[0] * force, x[3], -p[3] + p[1] * force)
+    rng = np.random.default_rng(5)
+    for own, driven in ((rates, True), (rates - 0.1 * ca.vertcat(0, x[1], 0, x[3]), False)):
+        field = ca.Function("field", [x, p], [own, x[0] * x[2]])
+        base, shares, series = driven_coefficients(field, x, p, 12)
+        assert (series.shape[0] < 5) == driven
+        both = [base + shares @ series, taylor_coefficients(field, x, p, 12)]
+        compared = ca.Function("compared", [x, p], [ca.densify(each) for each in both])
+        for multiples in (rng.uniform(0.5, 2, 4), np.array([0.0, 1.5, 1.0, 1.0]), np.array([1e-9, -1e9, 0.0, 1.0])):
+            mine, theirs = (np.array(each) for each in compared(rng.normal(size=4), multiples))
+            assert mine == pytest.approx(theirs, rel=1e-11, abs=1e-12 * np.abs(theirs).max())
