@@ -2,8 +2,8 @@
 
 In flight M y'' = -K y + f. In contact the gap g = weights . y is held at 0 until the force that holds it vanishes: it
 has no acceleration in flight then either. A lossless hop is its own mirror image in time, from rest in mid-contact to
-rest in mid-flight, with speeds and accelerations that are continuous at lift-off. Both are free of the load: they are
-sums of modes that swing with frequencies r in contact and w in flight. At lift-off, half the time of contact s after
+rest in mid-flight, with speeds and accelerations that are continuous at lift-off. These are sums of modes that swing
+with frequencies r in contact and w in flight, and the load, which is constant, is in none of them. At lift-off, half the time of contact s after
 mid-contact, the accelerations are H cos(r s) c and the speeds H sin(r s)/r c, where the columns of H are the modes of
 contact in coordinates of the modes of flight. These come to rest after half the time of flight T where
 
@@ -118,7 +118,7 @@ class _HopEquations:
         self.squares, self.loads, self.size = flight.squares, flight.loads, len(flight.squares)
         weights = np.array(gap, dtype=float)
         if weights.shape != (self.size,) or not np.isfinite(weights).all() or not weights.any():
-            raise InputError(f"gap = {gap!r}: it is told by one weight for each of the {self.size} coordinates")
+            raise InputError(f"gap = {gap!r}: it has one weight for each of the {self.size} coordinates")
         of_gap = weights @ flight.shapes
         closed = np.linalg.qr(of_gap[:, None], mode="complete")[0][:, 1:]
         squares, turned = np.linalg.eigh(closed.T * self.squares @ closed)

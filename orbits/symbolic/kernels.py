@@ -52,7 +52,7 @@ class Iterated(NamedTuple):
     going: np.ndarray  # (m,), which points would go on beyond the most records
 
 
-def _checked(arguments: Sequence[np.ndarray], sizes: list[int]) -> tuple[list[np.ndarray], int]:
+def _contiguous(arguments: Sequence[np.ndarray], sizes: list[int]) -> tuple[list[np.ndarray], int]:
     """Arguments (m, size), m >= 1, or (1, size) for all points, as contiguous arrays, and m; machine code reads them
     without looking where they end. Raises `ValueError` for others."""
     inputs = [np.ascontiguousarray(argument, dtype=float) for argument in arguments]
@@ -135,7 +135,7 @@ class Kernel:
 
     def __call__(self, *arguments: np.ndarray, most: int = 2**31) -> Iterated:
         """Iterate from arguments (m, size), m >= 1, or (1, size) for all points, to at most `most` records of each."""
-        inputs, count = _checked(arguments, self.sizes_in)
+        inputs, count = _contiguous(arguments, self.sizes_in)
         inputs[0] = inputs[0].copy() if len(inputs[0]) == count else np.tile(inputs[0], (count, 1))
         # The records of each point, whether it has ended, its iterations; and the most of each.
         done, bounds = np.zeros((count, 3)), np.array([most, 1.0, LONGEST_RUN])
@@ -279,7 +279,7 @@ class ElementwiseFunction(MappedFunction):
 
     def __call__(self, *arguments: np.ndarray) -> list[np.ndarray]:
         """Results of each point; an argument (1, size) is shared by all points."""
-        inputs, count = _checked(arguments, self.kernel.sizes_in[1:])
+        inputs, count = _contiguous(arguments, self.kernel.sizes_in[1:])
         code = self.kernel.code_for(count)
         if code is None:
             return [np.ascontiguousarray(result[:, :, 0]) for result in super().__call__(*inputs)]

@@ -34,7 +34,7 @@ def shown_fields(scene: Scene, dials: list[Dial], has_python_machine: bool) -> d
     rows, fixed = scene.rows, scene.fixed_laws
     shown = [_with_value(dial, scene.numbers.get(dial.name, dial.value)) for dial in dials]
     families = sorted({*range(1, OFFERED_FAMILIES + 1), scene.family})
-    kinds = KINDS_IN_WORDS | ({PYTHON_MACHINE: "as it was given"} if has_python_machine else {})
+    kinds = KINDS_IN_WORDS | ({PYTHON_MACHINE: "the machine of the Python call"} if has_python_machine else {})
     names = [dial.name for dial in dials if dial.name != "restitution"]
     return {
         "scene": {
@@ -90,7 +90,7 @@ def _to_number(scene: Scene, data: Mapping[str, object]) -> Scene:
 def _to_machine(scene: Scene, data: Mapping[str, object]) -> Scene:
     kind, _, si = str(data.get("value")).partition(" ")
     if kind == PYTHON_MACHINE:
-        raise InputError("go back to the machine that was given with undo, or by reloading the page without a link")
+        raise InputError("go back to the machine of the Python call with undo, or by reloading the page without a link")
     return beginning(kind, si == "si")
 
 
