@@ -3,9 +3,10 @@
 In flight M y'' = -K y + f. In contact the gap g = weights . y is held at 0 until the force that holds it vanishes: it
 has no acceleration in flight then either. A lossless hop is its own mirror image in time, from rest in mid-contact to
 rest in mid-flight, with speeds and accelerations that are continuous at lift-off. These are sums of modes that swing
-with frequencies r in contact and w in flight, and the load, which is constant, is in none of them. At lift-off, half the time of contact s after
-mid-contact, the accelerations are H cos(r s) c and the speeds H sin(r s)/r c, where the columns of H are the modes of
-contact in coordinates of the modes of flight. These come to rest after half the time of flight T where
+with frequencies r in contact and w in flight, and the load, which is constant, is in none of them. At lift-off, half
+the time of contact s after mid-contact, the accelerations are H cos(r s) c and the speeds H sin(r s)/r c, where the
+columns of H are the modes of contact in coordinates of the modes of flight. These come to rest after half the time of
+flight T where
 
     (cos(w T) H sin(r s)/r + sin(w T)/w H cos(r s)) c = 0.
 
