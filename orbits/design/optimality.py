@@ -57,12 +57,14 @@ class Design(Result, what="design"):
     active : active constraints, bounds and conditions of a motion
     idle : parameters on which neither objective nor constraints depend; they have the values of the start
     kkt : largest violation of the optimality conditions: the gradient of the Lagrangian as a share of the objective
-        over each parameter's range, by the implicit function theorem at the certified orbit, and the constraints'
-        violations
+        over each parameter's range, by the implicit function theorem, and the constraints' violations
     starts : all that were tried
     seconds : wall time
     pair : both objectives, for a design on a Pareto front; None otherwise
     share : of the designs of a global search that led to this optimum; None for any other search
+
+    The objective, the quantities and the optimality conditions are those at the end of the search. The orbit is found
+    once more from there and differs by rounding.
     """
 
     source: Machine
@@ -164,7 +166,8 @@ class _ActiveRow(NamedTuple):
 
 
 def optimum_at(problem: DesignProblem, point: DesignPoint, scales: np.ndarray, flat: np.ndarray) -> Design:
-    """The design at a point, with its dimensionless orbit, and its optimality conditions.
+    """The design at a point of a search, with the optimality conditions and the dimensionless orbit there, which
+    `best_design` replaces by one that is certified as by `find`.
 
     scales : of the objective, the constraints, the landing jerk, the demands and the ties
     flat : whether each parameter (k,) had no effect on any of them at the start

@@ -123,29 +123,38 @@ def best_design(
 ) -> Design:
     """The best design from some starts, each the parameters by name, with an "orbit" where one is known.
 
-    An objective without bound is concluded from one path of the search, whereas an optimum is certified: so it is only
-    raised when no start leads to an optimum.
+    The optima are certified as by `find` in the order of their objectives, up to the first that can be. An objective
+    without bound is concluded from one path of the search, whereas an optimum is certified: so it is only raised when
+    no start leads to an optimum.
     """
     began, report = time.perf_counter(), progress or (lambda share: None)
     values = [{name: point[name] for name in problem.names} for point in points]
     machines = [machine.with_values(**each) for each in values]
     orbits = [attempt(_start, *each, family) for each in zip(machines, points, strict=True)]
     ends = local_optima(machines, orbits, problem, report)
+    optima = {i: end.objective * problem.sign for i, end in enumerate(ends) if isinstance(end, Design)}
+    for i in sorted(optima, key=optima.__getitem__):
+        ends[i] = best = attempt(_certified_design, ends[i])
+        if isinstance(best, Design):
+            break
+    else:
+        raise _most_informative([end for end in ends if isinstance(end, OrbitsError)])
     tried = tuple(
         Start(each, end.objective, optimum=end.parameters) if isinstance(end, Design) else Start(each, None, str(end))
         for each, end in zip(values, ends, strict=True)
     )
-    if not (optima := [end for end in ends if isinstance(end, Design)]):
-        raise _most_informative([end for end in ends if isinstance(end, OrbitsError)])
-    best = min(optima, key=lambda optimum: optimum.objective * problem.sign)
-    orbit = find(best.source, start=best.orbit)
-    return replace(best, orbit=orbit, starts=tried, seconds=time.perf_counter() - began)
+    return replace(best, starts=tried, seconds=time.perf_counter() - began)
 
 
 def _start(machine: Machine, point: Mapping[str, Any], family: int) -> Orbit:
     """The dimensionless orbit of a machine at a starting point."""
     interrupts.heed()
     return (point.get("orbit") or find(machine, family)).dimensionless()
+
+
+def _certified_design(design: Design) -> Design:
+    """A design with its orbit found again and certified, in place of the dimensionless orbit of the search."""
+    return replace(design, orbit=find(design.source, start=design.orbit))
 
 
 def starting_points(machine: Machine, problem: DesignProblem, count: int, seed: int) -> list[dict[str, float]]:

@@ -6,8 +6,8 @@ from designs import CUBIC, LEG, RANGE, VARYING
 from scipy.optimize import brentq
 
 from orbits import InputError, NoOrbit, find, follow, optimize, pareto, quantities, sensitivities
-from orbits.design.optimize import starting_points
-from orbits.design.problem import DesignProblem
+from orbits.design.optimize import best_design, starting_points
+from orbits.design.problem import DesignProblem, design_problem
 from problems import Chain, Hopper, hopper_in_si
 
 
@@ -140,6 +140,29 @@ def test_machines_that_cannot_be_designed():
         optimize(Hopper(damping=0.1), minimise="alpha", over={"mass_ratio": (0.1, 0.2)})
     with pytest.raises(NoOrbit, match="no clearance"):
         optimize(CUBIC, maximise="clearance", over={"b": RANGE})
+
+
+def test_where_the_best_optimum_cannot_be_certified_the_next_is_returned(monkeypatch):
+    """The loss coefficient falls from equal masses to both bounds, and farther to the lower one."""
+    machine, points, least = Hopper(mass_ratio=1.5), [{"mass_ratio": 0.8}, {"mass_ratio": 1.5}], 0.0
+    problem = design_problem(machine, "loss_coefficient", None, {"mass_ratio": (0.3, 2.0)}, ())
+    assert best_design(machine, problem, 1, points).parameters == {"mass_ratio": 0.3}
+
+    def refusing(machine, *family, start=None):
+        if start and machine.values["mass_ratio"] < least:
+            raise NoOrbit("the orbit cannot be certified")
+        return find(machine, *family, start=start)
+
+    monkeypatch.setattr("orbits.design.optimize.find", refusing)
+    least = 1.0
+    best = best_design(machine, problem, 1, points)
+    assert best.parameters == {"mass_ratio": 2.0}
+    assert best.objective == pytest.approx(find(Hopper(mass_ratio=2.0)).certificate.loss_coefficient, rel=1e-12)
+    assert [start.reason for start in best.starts] == ["the orbit cannot be certified", ""]
+    assert [start.objective for start in best.starts] == [None, best.objective]
+    least = 3.0
+    with pytest.raises(NoOrbit, match="no start within the bounds leads to an optimum: the orbit cannot be certified"):
+        best_design(machine, problem, 1, points)
 
 
 def test_starts_within_bounds_over_decades_are_spread_by_their_logarithm():
