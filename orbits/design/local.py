@@ -176,8 +176,8 @@ def local_optima(
     """
     found: list[Any] = list(orbits)
     began = [i for i, orbit in enumerate(orbits) if isinstance(orbit, Orbit)]
-    points = design_points([_case(machines[i], found[i], problem) for i in began], problem)
-    for i, point in zip(began, points, strict=True):
+    cases = [_case(machines[i], found[i], problem) for i in began]
+    for i, point in zip(began, _of_each(design_points, cases, problem), strict=True):
         found[i] = attempt(_initial_search, point, problem)
     for left in reversed(range(MOST_ROUNDS)):
         interrupts.heed()
@@ -185,7 +185,7 @@ def local_optima(
         for i in going:
             found[i] = attempt(_proposed, found[i], left)
         stepping = [i for i in going if isinstance(found[i], tuple)]
-        for i, end in zip(stepping, _ends([found[i] for i in stepping]), strict=True):
+        for i, end in zip(stepping, _of_each(_ends, [found[i] for i in stepping], problem), strict=True):
             found[i] = attempt(_next, *found[i], end)
         report(1 - len(going) / len(found))
         if not going:
@@ -203,6 +203,14 @@ def attempt(function: Callable, *arguments: Any) -> Any:
         return error
 
 
+def _of_each(function: Callable[..., list], items: Sequence, problem: DesignProblem) -> list:
+    """The results of a function of several items together; where that raises an error, of each alone, or its error."""
+    found = attempt(function, items, problem)
+    if not isinstance(found, OrbitsError):
+        return found
+    return [found] if len(items) == 1 else [_of_each(function, [item], problem)[0] for item in items]
+
+
 def _case(
     machine: Machine, orbit: Orbit, problem: DesignProblem, known: Sequence[str] = (), ties: Ties | None = None
 ) -> Case:
@@ -218,27 +226,25 @@ def _demands(orbit: Orbit, known: Sequence[str]) -> tuple[str, ...]:
     return (*known, *(name for name, x in margins.items() if x is not None and x < 2 * DEMAND_MARGIN))
 
 
-def _ends(steps: Sequence[tuple[LocalSearch, DesignStep]]) -> list[DesignPoint | NoOrbit]:
+def _ends(steps: Sequence[tuple[LocalSearch, DesignStep]], problem: DesignProblem) -> list[DesignPoint | NoOrbit]:
     """The points to which steps lead, or the reasons why there are none."""
-    if not steps:
-        return []
-    (search, _), cases = steps[0], dict[int, Case]()
     machines, us = [step.machine for _, step in steps], [step.u for _, step in steps]
-    found: list[Any] = orbits_near(machines, us, search.first.family)
+    found: list[Any] = orbits_near(machines, us, [search.first.family for search, _ in steps])
+    cases = dict[int, Case]()
     for i, ((search, step), orbit) in enumerate(zip(steps, found, strict=True)):
         u = step.u if orbit is None else unknowns_of(step.machine, orbit)
         if orbit is None or np.max(np.abs(u - step.u) / np.maximum(np.abs(u), SMALLEST_UNIT)) > LARGEST_CORRECTION:
             found[i] = NoOrbit("no orbit of the family is found near that of the models")
         else:
-            cases[i] = _case(step.machine, orbit, search.problem, search.point.demands, search.ties)
-    for i, point in zip(cases, design_points(list(cases.values()), search.problem), strict=True):
+            cases[i] = _case(step.machine, orbit, problem, search.point.demands, search.ties)
+    for i, point in zip(cases, design_points(list(cases.values()), problem), strict=True):
         found[i] = point
     return found
 
 
-def _initial_search(point: DesignPoint | NoOrbit, problem: DesignProblem) -> LocalSearch:
+def _initial_search(point: DesignPoint | OrbitsError, problem: DesignProblem) -> LocalSearch:
     """The search at its start."""
-    if isinstance(point, NoOrbit):
+    if isinstance(point, OrbitsError):
         raise point
     stated = 1 + len(problem.constraints)
     if not np.isfinite(point.values[:stated]).all():
@@ -273,9 +279,9 @@ def _proposed(search: LocalSearch, left: int) -> tuple[LocalSearch, DesignStep] 
     return replace(search, length=step.length), step
 
 
-def _next(search: LocalSearch, step: DesignStep, end: DesignPoint | NoOrbit) -> LocalSearch:
+def _next(search: LocalSearch, step: DesignStep, end: DesignPoint | OrbitsError) -> LocalSearch:
     """The search after a step."""
-    if isinstance(end, NoOrbit):
+    if isinstance(end, OrbitsError):
         return _refused(search, str(end), step.share, str(end) == step.machine.model.violations["end"])
     if not (np.isfinite(end.values).all() and np.isfinite(end.slopes).all()):
         texts = " or ".join(repr(formula.text) for formula in end.outputs.formulas)

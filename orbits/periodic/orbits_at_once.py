@@ -67,12 +67,13 @@ def lowest_orbits(
     return parts, absent
 
 
-def orbits_near(machines: Sequence[Machine], us: Sequence[np.ndarray], family: int) -> list[Orbit | None]:
-    """The orbits of a family, without dimensions, to which Newton's method converges from unknowns (n,) of the simplest
-    statement; None where it does not."""
+def orbits_near(machines: Sequence[Machine], us: Sequence[np.ndarray], families: Sequence[int]) -> list[Orbit | None]:
+    """The orbits of machines, each of its own family and without dimensions, to which Newton's method converges from
+    unknowns (n,) of the simplest statement; None where it does not."""
     orbits = dict[int, Orbit]()
-    for model in dict.fromkeys(machine.model for machine in machines):
-        these, began = [i for i, machine in enumerate(machines) if machine.model is model], time.perf_counter()
+    sought_by = [(machine.model, family) for machine, family in zip(machines, families, strict=True)]
+    for model, family in dict.fromkeys(sought_by):
+        these, began = [i for i, each in enumerate(sought_by) if each == (model, family)], time.perf_counter()
         part, guess = [machines[i] for i in these], np.array([us[i] for i in these])
         names, ps = tuple(part[0].values), np.array([list(machine.values.values()) for machine in part])
         method = iterative(method_of(model))

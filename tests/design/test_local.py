@@ -4,6 +4,9 @@ import pytest
 from designs import CUBIC, RANGE
 
 from orbits import NoOrbit, find, follow, optimize, quantities, sensitivities
+from orbits.design import local
+from orbits.design.optimality import Design
+from orbits.design.problem import design_problem
 from problems import Hopper
 
 
@@ -88,3 +91,38 @@ def test_phase_that_collapses():
         quantities(endless, find(endless))
     with pytest.raises(NoOrbit, match="the spring collapses"):
         sensitivities(Hopper("tanh(b*r)/b", mass_ratio=0.05, parameters={"b": 0.1}), 2)
+
+
+def searched(starts, families):
+    """The ends of searches for the least sum of loss coefficient and launch speed, from values of b."""
+    problem = design_problem(CUBIC, "loss_coefficient + alpha", None, {"b": RANGE}, ())
+    machines = [CUBIC.with_values(b=b) for b in starts]
+    orbits = [find(machine, family) for machine, family in zip(machines, families, strict=True)]
+    return local.local_optima(machines, orbits, problem, lambda share: None)
+
+
+@pytest.mark.parametrize("name", ["design_points", "orbits_near"])
+def test_an_error_at_one_start_is_no_error_of_the_others(monkeypatch, name):
+    """Where orbits of the second family are refused, a search in the first is as it is alone."""
+    (alone,) = searched([0.3], [1])
+    function = getattr(local, name)
+
+    def refusing(items, *others):
+        families = others[1] if name == "orbits_near" else [case.orbit.family for case in items]
+        if 2 in families:
+            raise NoOrbit("the family is refused")
+        return function(items, *others)
+
+    monkeypatch.setattr(local, name, refusing)
+    refused, best = searched([0.3, 0.3], [2, 1])
+    assert isinstance(refused, NoOrbit)
+    assert "the family is refused" in str(refused)
+    assert (best.parameters, best.objective, best.kkt) == (alone.parameters, alone.objective, alone.kkt)
+
+
+def test_each_search_stays_in_the_family_of_its_start():
+    both, alone = searched([0.3, 0.3], [1, 2]), [searched([0.3], [family])[0] for family in (1, 2)]
+    for family, end, own in zip((1, 2), both, alone, strict=True):
+        assert isinstance(end, Design)
+        assert end.orbit.family == family
+        assert (end.parameters, end.objective) == (own.parameters, own.objective)

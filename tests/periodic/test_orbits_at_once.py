@@ -47,9 +47,18 @@ def test_orbits_near_are_of_the_family():
     ]
     orbits = [find(machine) for machine in machines]
     us = [unknowns_of(machine, orbit) for machine, orbit in zip(machines, orbits, strict=True)]
-    found = orbits_near([*machines, machines[0]], [*(1.01 * u for u in us), 50 * us[0]], 1)
+    found = orbits_near([*machines, machines[0]], [*(1.01 * u for u in us), 50 * us[0]], [1] * 4)
     assert [orbit is None for orbit in found] == [False, False, False, True]
     for orbit, near in zip(orbits, found, strict=False):
         assert near is not None
         assert near.alpha == pytest.approx(orbit.alpha, rel=1e-12)
-    assert orbits_near(machines[:1], us[:1], 2) == [None]
+    assert orbits_near(machines[:1], us[:1], [2]) == [None]
+
+
+def test_each_orbit_near_is_of_its_own_family():
+    machine = Hopper("r + b*r**3", parameters={"b": 0.1}, rest_length=20.0)
+    orbits = [find(machine, family) for family in (1, 2)]
+    us = [1.001 * unknowns_of(machine, orbit) for orbit in orbits]
+    found = orbits_near([machine] * 3, [*us, us[0]], [1, 2, 2])
+    assert [orbit and orbit.family for orbit in found] == [1, 2, None]
+    assert [orbit.alpha for orbit in found[:2]] == pytest.approx([orbit.alpha for orbit in orbits], rel=1e-12)
