@@ -47,8 +47,9 @@ class DesignPoint:
 
     outputs : with the demands that the orbit has
     places : of the extremes
-    values, slopes : (rows,), (rows, k), of the formulas, minus the landing jerk, the demands, the differences between
-        two places of an extreme, and the quantities in use, by the parameters, along which the orbit stays lossless
+    values : (rows,), of the formulas, minus the landing jerk, the demands, the differences between two places of an
+        extreme, and the quantities in use
+    slopes : (rows, k), the derivatives of the values by the parameters, along which the orbit stays lossless
     models : quadratic models by the change of the parameters, where they were requested: of all but the quantities in
         use, and of the change of the unknowns, see `moved`
     """
@@ -72,14 +73,14 @@ class DesignPoint:
         return np.array([self.machine.values[name] for name in self.outputs.over])
 
     def moved(self, change: Array) -> Array:
-        """The unknowns (n,) of the orbit after a change (n,), which is that of their logarithms, except for the first:
-        the lift-off extension may have either sign."""
+        """The n unknowns of the orbit after a change of each: of its logarithm, except for the first, the lift-off
+        extension, which may have either sign and changes by a difference."""
         u = unknowns_of(self.machine, self.orbit)
         return np.append(u[:1] + change[:1], u[1:] * np.exp(np.minimum(change[1:], 700.0)))
 
     @cached_property
     def scaled(self) -> slice:
-        """The results that have a scale: the first three."""
+        """The results that have a scale: the formulas, minus the landing jerk, and the demands."""
         return slice(len(self.outputs.formulas) + 1 + len(self.demands))
 
     @cached_property
