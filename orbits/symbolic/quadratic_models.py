@@ -23,8 +23,13 @@ OF_MODELS = {
 
 
 class Weights(NamedTuple):
-    """Weights in a cost; constraints with a violation of weight 0 are held exactly, and the cost of an outcome counts
-    violations beyond those that are `spared`, since a step along curved constraints violates them."""
+    """Weights in the cost of a step.
+
+    objective : weight of the first function
+    violation : weight of the sum of the violations; if 0, `minimum` holds the constraints of the models exactly
+    spared : size up to which a violation costs nothing once a step is taken, as a step along the models of curved
+        constraints violates the constraints themselves; `minimum`, which is about the models, has no use for it
+    """
 
     objective: float
     violation: float
