@@ -151,14 +151,15 @@ class PiecewisePolynomials:
         if not len(self.steps):
             self._ends = self._ends if before is None else before
             return np.zeros(0, int), np.zeros(0, int), np.zeros(0)
-        rises, by_rate = (np.broadcast_to(each, self.first.shape)[self.owner] for each in (rising, stationary))
+        rises, by_rate = (self._of_pieces(each) for each in (rising, stationary))
         orders = np.zeros(len(self.steps))
         orders[self.first] = start
         which = np.arange(len(self.steps))
         if len(which) > FEW_PIECES:
             which, self._ends = self._doubtful(orders, rises, by_rate, before)
-        series, rated, steps = self.coefficients[which], by_rate[which], self.steps[which]
-        series[rated, :-1], series[rated, -1] = derivative(series[rated]), 0.0
+        series, steps = self.coefficients[which], self.steps[which]
+        if (rated := by_rate[which]).any():
+            series[rated, :-1], series[rated, -1] = derivative(series[rated]), 0.0
         series = _without_first_zero(series, orders[which])
         values = bernstein(series, powers(steps, series.shape[1]))
         self._join(values, which, by_rate, before)
@@ -200,13 +201,19 @@ class PiecewisePolynomials:
     def _join(self, values: Array, which: Array, by_rate: Array, before: Array | None) -> None:
         """Give the Bernstein coefficients (k, K + 1) of some pieces one sign on both sides of a joint: else rounding
         loses a root there."""
-        at_end = which == self.last[self.owner[which]]
-        self._ends[self.owner[which[at_end]]] = values[at_end, -1]
-        values[~at_end, -1] = self._starts(by_rate)[which[~at_end] + 1]
+        owner = self.owner[which]
+        ends = (which == self.last[owner]).nonzero()[0]
+        own = values[ends, -1]
+        values[:, -1] = self._starts(by_rate)[np.minimum(which + 1, len(self.steps) - 1)]
+        values[ends, -1] = self._ends[owner[ends]] = own
         if before is not None:
-            begins = which == self.first[self.owner[which]]
-            signs, own = before[self.owner[which[begins]]], values[begins, 0]
+            begins = which == self.first[owner]
+            signs, own = before[owner[begins]], values[begins, 0]
             values[begins, 0] = np.where(signs == 0, own, signs * np.maximum(np.abs(own), TINY))
+
+    def _of_pieces(self, values: ArrayLike) -> Array:
+        """Values for all polynomials, or (m,), of each piece (N,)."""
+        return values[self.owner] if isinstance(values, np.ndarray) else np.full(len(self.owner), values)
 
     def _starts(self, by_rate: Array) -> Array:
         """The values (N,) at the beginnings of the pieces."""

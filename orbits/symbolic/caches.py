@@ -29,14 +29,13 @@ def cached(function: _F) -> _F:
     def found(*arguments: Any, **options: Any) -> Any:
         key = function, arguments, *options.items()
         with LOCK:  # what is built are graphs
-            if key not in _cached:
-                result = function(*arguments, **options)
-                _cached[key] = result
-                if len(_cached) > MOST:
-                    _cached.popitem(last=False)
-                return result
-            _cached.move_to_end(key)
-            return _cached[key]
+            if key in _cached:
+                _cached.move_to_end(key)
+                return _cached[key]
+            result = _cached[key] = function(*arguments, **options)
+            if len(_cached) > MOST:
+                _cached.popitem(last=False)
+            return result
 
     return cast(_F, found)
 

@@ -92,7 +92,7 @@ class MappedFunction:
                 if count < capacity:
                     memory[count:] = argument[-1]
             call.trigger()
-            return [memory[:count].copy() for memory in outputs]
+            return [memory[:count].copy(order="K") for memory in outputs]
 
     def _batch(self, capacity):
         """The function of a whole batch, with views of its arguments and results by point."""
