@@ -146,12 +146,12 @@ class TaylorStepper:
         steps; dx (n, columns) and dp (np, columns) are the seeds of all, or dx (m, n, columns) and dp (m, np, columns)
         those of each."""
         size, n, columns, count_p, at = len(x), self.n, self.columns, p.shape[1], self.places
-        dx, dp = (np.swapaxes(seeds, -1, -2) for seeds in (dx, dp[..., self.varied, :]))
-        moves = np.atleast_2d(dp.reshape(*dp.shape[:-2], -1))
-        z, data = (np.empty((rows, self.kernel.sizes_in[i])) for i, rows in enumerate((size, max(len(p), len(moves)))))
+        dx, dp = dx.swapaxes(-1, -2), dp[..., self.varied, :].swapaxes(-1, -2)
+        z = np.empty((size, self.kernel.sizes_in[0]))
+        data = np.empty((max(len(p), len(dp) if dp.ndim > 2 else 1), self.kernel.sizes_in[1]))
         z[:, at.state], z[:, at.sensitivities] = x, dx.reshape(*dx.shape[:-2], -1)
         z[:, at.left], z[:, at.longest] = durations, LONGEST_STEP
-        data[:, :count_p], data[:, count_p:] = p, moves
+        data[:, :count_p], data[:, count_p:] = p, dp.reshape(*dp.shape[:-2], -1)
         z, (c, begins, steps), counts, _ = self.kernel(z, data, most=count)
         moving = z[:, at.sensitivities], begins
         variations, begins = (each.reshape(len(each), columns, n).swapaxes(1, 2) for each in moving)

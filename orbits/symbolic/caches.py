@@ -1,23 +1,25 @@
 """Caches of objects that are built for a machine, bounded in number, and all together in memory."""
 
 import gc
-from collections import OrderedDict
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from functools import wraps
+from itertools import count
 from typing import Any, TypeVar, cast
 
 import casadi as ca
 
 from ..running.exclusive import LOCK
 
-# The least recently used half of all results is forgotten once about this number of bytes has been built, and the least
-# recently used one beyond this number of results.
+# The least recently used half of all results is forgotten once about this number of bytes has been built, and beyond
+# this number of results.
 BUDGET, MOST = 128e6, 512
 # Bytes that an instruction of an SX and of an MX function takes with its graph (fitted to the growth of the process).
 SX_BYTES, MX_BYTES = 90, 1500
 _F = TypeVar("_F", bound=Callable)
 
-_cached = OrderedDict[tuple, Any]()  # by function and arguments, the one used last at the end
+_cached = dict[tuple, "_Result"]()  # by function and arguments
+_clock = count()
 _seen: set[int] = set()
 _built = 0.0
 
@@ -29,15 +31,28 @@ def cached(function: _F) -> _F:
     def found(*arguments: Any, **options: Any) -> Any:
         key = function, arguments, *options.items()
         with LOCK:  # what is built are graphs
-            if key in _cached:
-                _cached.move_to_end(key)
-                return _cached[key]
-            result = _cached[key] = function(*arguments, **options)
-            if len(_cached) > MOST:
-                _cached.popitem(last=False)
-            return result
+            result = _cached.get(key)
+            if result is None:
+                if len(_cached) >= MOST:
+                    _forget_half()
+                result = _cached[key] = _Result(function(*arguments, **options))
+            result.used = next(_clock)
+            return result.value
 
     return cast(_F, found)
+
+
+@dataclass(slots=True)
+class _Result:
+    """A cached result, and when it was used last."""
+
+    value: Any
+    used: int = 0
+
+
+def _forget_half() -> None:
+    for key in sorted(_cached, key=lambda key: _cached[key].used)[: (len(_cached) + 1) // 2]:
+        del _cached[key]
 
 
 def weigh(functions: Iterable[ca.Function], size: int = 0) -> None:
@@ -59,6 +74,5 @@ def weigh(functions: Iterable[ca.Function], size: int = 0) -> None:
     if _built > BUDGET:
         _built /= 2
         _seen.clear()
-        for _ in range((len(_cached) + 1) // 2):
-            _cached.popitem(last=False)
+        _forget_half()
         gc.collect()

@@ -108,7 +108,7 @@ def test_a_map_in_threads(monkeypatch):
 
     for machine in (Hopper(), Hopper("cubic", parameters={"beta": 0.3})):
         step, alpha = ReturnMap(machine), np.linspace(3.0, 9.0, 9000)
-        monkeypatch.setattr(caches, "_cached", type(caches._cached)())
+        monkeypatch.setattr(caches, "_cached", {})
         monkeypatch.setenv("ORBITS_THREADS", "2")
         monkeypatch.setattr(ca.Function, "__init__", with_lock)
         two = step(alpha)

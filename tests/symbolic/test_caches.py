@@ -1,7 +1,5 @@
 """Objects that are built for machines are bounded in memory."""
 
-from collections import OrderedDict
-
 import pytest
 from scripts import run
 
@@ -26,7 +24,7 @@ def test_what_is_kept_is_let_go_of_when_it_grows(monkeypatch):
 
 
 def test_the_least_recently_used_is_forgotten(monkeypatch):
-    monkeypatch.setattr(caches, "_cached", OrderedDict())
+    monkeypatch.setattr(caches, "_cached", {})
     monkeypatch.setattr(caches, "_built", 0.0)
     built = []
     build = caches.cached(lambda k: built.append(k) or k)
@@ -35,3 +33,7 @@ def test_the_least_recently_used_is_forgotten(monkeypatch):
     caches.weigh([], int(caches.BUDGET) + 1)
     assert [build(k) for k in (4, 1, 2)] == [4, 1, 2]
     assert built == [1, 2, 3, 4, 2]
+    monkeypatch.setattr(caches, "MOST", 4)
+    assert [build(k) for k in (5, 6, 2)] == [5, 6, 2]
+    assert built == [1, 2, 3, 4, 2, 5, 6]
+    assert len(caches._cached) <= 4
