@@ -8,6 +8,7 @@ from orbits import find
 from orbits.flow.flow import flow_of
 from orbits.model import Arc, Phase, Pieces, Statement
 from orbits.shooting.formulations import equations_of
+from orbits.shooting.multiple_shooting import MultipleShooting
 from orbits.shooting.single_shooting import Shooting
 
 
@@ -24,6 +25,10 @@ def test_breakpoints_are_nodes_of_the_multiple_shooting():
     equations = Shooting(Statement("swing", ("half",), (arc,), ("half",)), ("k",))
     for solver in (equations.newton, equations.multiple_shooting):
         assert solver([2.3], np.array([4.0]))[0] == pytest.approx([0.75 * np.pi], rel=1e-13)
+    # A duration keeps a thousandth of its guess, so that no arc collapses; the times of legs and the states are free.
+    lower = MultipleShooting(equations, np.array([2.3]), np.array([4.0])).lower
+    assert lower[0] == pytest.approx(2.3e-3)
+    assert set(lower[1:].tolist()) == {0.0, -np.inf}
 
 
 @pytest.mark.parametrize("reference", [each for each in REFERENCES if each["spring"] != "r"])
