@@ -44,6 +44,7 @@ from orbits import (
 )
 from orbits.errors import InconsistentModel
 from orbits.mechanics import Inerter
+from orbits.model.model import DERIVED_FIELDS, Model
 from orbits.model.phase import Affine, Phase
 from orbits.model.state_formula import StateFormula
 from orbits.sweeps.sweep import sweep
