@@ -259,7 +259,9 @@ def lanes_of(seconds: float, quick: bool) -> dict[str, list[dict]]:
         took, motions = timed(lambda many=many, stepper=stepper: stepper.advance_all(*many), seconds)
         row = {"way": f"lanes, {columns} columns", "seconds": took / steps, "setting": count}
         found[scene].append(row | {"error": float(np.abs(motions.ends[:, 1::2]).max())})
-    for way, options in (("heyoka, batch", {}), ("heyoka, batch, fast", {"force_avx512": True, "fast_math": True})):
+    fast = {"force_avx512": True, "fast_math": True}
+    ways = ("heyoka, batch", {}), ("heyoka, batch, fast", fast), ("heyoka, batch, recorded", {**fast, "record": True})
+    for way, options in ways:
         with contextlib.suppress(ImportError):
             batch = peers.flows_by_heyoka(machine, **options)
             took, (ends, _) = timed(lambda batch=batch: batch(np.tile(starts, (count, 1)), half), seconds)

@@ -18,6 +18,7 @@ OURS = (*METHODS, "warm", "Taylor, virtual machine", "Taylor, compiled", "Runge-
 LOOKS = {way: ("o", colour) for way, colour in zip(OURS, cycle(COLOURS), strict=False)}
 LOOKS |= {"lanes, 4 columns": ("*", COLOURS[0]), "Opti, RK4": ("^-", "0.6"), "rockit, RK4": ("v-", "0.75")}
 LOOKS |= {"heyoka + Newton": ("D", "0.2"), "heyoka": ("D", "0.2"), "heyoka, batch": ("d", "0.2")}
+LOOKS |= {"heyoka, batch, fast": ("d", "0.5"), "heyoka, batch, recorded": ("d", "0.75")}
 LOOKS |= {"scipy DOP853 + root": ("s-", "0.35"), "scipy DOP853": ("s-", "0.35")}
 
 

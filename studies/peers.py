@@ -159,10 +159,10 @@ def flow_by_heyoka(machine) -> Callable:
     return run
 
 
-def flows_by_heyoka(machine, **options: bool) -> Callable:
+def flows_by_heyoka(machine, record: bool = False, **options: bool) -> Callable:
     """(starts (m, 4), times (m,)) -> the states and transition matrices there, (m, 4) and (m, 4, 4), as
-    `flow_by_heyoka`, in its batch mode of the width that it recommends, with further options of its integrator; raises
-    `ImportError` without heyoka."""
+    `flow_by_heyoka`, in its batch mode of the width that it recommends, with further options of its integrator, and
+    with all its steps if `record`; raises `ImportError` without heyoka."""
     import heyoka as hy
 
     width = 8 if options.get("force_avx512") else hy.recommended_simd_size()
@@ -176,7 +176,7 @@ def flows_by_heyoka(machine, **options: bool) -> Callable:
             chosen = np.minimum(np.arange(first, first + width), len(starts) - 1)
             integrator.set_time([0.0] * width)
             integrator.state[:4], integrator.state[4:] = starts[chosen].T, slopes
-            integrator.propagate_until(times[chosen].tolist())
+            integrator.propagate_until(times[chosen].tolist(), c_output=record)
             ends[chosen] = integrator.state.T
         return ends[:, :4], ends[:, 4:].reshape(-1, 4, 4)
 
