@@ -29,7 +29,7 @@ def cached(function: _F) -> _F:
 
     @wraps(function)
     def found(*arguments: Any, **options: Any) -> Any:
-        key = function, arguments, *options.items()
+        key = (function, *arguments, *options.items()) if options else (function, *arguments)
         with LOCK:  # what is built are graphs
             result = _cached.get(key)
             if result is None:
