@@ -183,7 +183,8 @@ def _level_crossings(force_and_slope: Callable, level: np.ndarray, low: np.ndarr
         force, slope = force_and_slope(r)
         low, high = np.where(force < level, r, low), np.where(force < level, high, r)
         new = np.divide(level - force, slope, out=low - r, where=slope != 0) + r
-        if (np.abs(new - r) <= 4e-16 * np.abs(r)).all():
+        settled = np.abs(new - r) <= 4e-16 * np.abs(r)
+        if settled.all():
             break
-        r = np.where((low < new) & (new < high), new, 0.5 * (low + high))
+        r = np.where(settled | ((low < new) & (new < high)), new, 0.5 * (low + high))
     return np.clip(new, low, high)
