@@ -12,7 +12,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from ..symbolic.kernels import ElementwiseFunction
+from ..symbolic.kernels import ElementwiseFunction, Kernel
 from .law import Algebraic, Key, Parameters, from_key, values_and_slopes
 
 # The number of sampled slopes, up to this distance from rest in units of length, and up to twice the height. A hop of
@@ -154,22 +154,37 @@ def features_of_many(key: Key, spring: Key, p: Mapping[str, np.ndarray]) -> tupl
         return lengths, bends
     values = np.column_stack([p[name] for name in key.names]) if key.names else np.zeros((len(units), 0))
     (low, high), hides = ends_of_features(key, p, units), hiding(key)[0]
-    for first in range(0, len(units), BLOCK):
-        rows = slice(first, first + BLOCK)
-        places, slopes = _sampled_slopes(key, values[rows], low[rows], high[rows])
-        with np.errstate(invalid="ignore"):
-            plain = (np.abs(slopes) < SINGULAR_SLOPE / units[rows, None]).all(axis=1)
-        # A law that bends at most once needs no finer samples unless it may hide something.
-        falls = slopes[:, 1:] < slopes[:, :-1]
-        turns = np.count_nonzero(falls[:, 1:] != falls[:, :-1], axis=1)
-        steady = plain & (not hides) & (turns <= 1)
-        lengths[rows][steady], bends[rows][steady] = math.inf, turns[steady]
-        if (rest := plain & ~steady).any():
-            found = _lengths_and_bends(slopes[rest], units[rows][rest], (places[:, 1] - places[:, 0])[rest])
-            lengths[rows][rest], bends[rows][rest] = found
-        for i in np.flatnonzero(~plain).tolist():
-            lengths[first + i], bends[first + i] = _features_of_branch(places[i], slopes[i], units[first + i])
+    start = np.array([[0.0, 0.0, 0.0, 0.0, 1.0]])
+    *_, turns, plain = _turns(key)(start, np.column_stack([low, high, SINGULAR_SLOPE / units, values])).z.T
+    # A law that bends at most once needs no more of its samples unless it may hide something.
+    steady = (plain == 1) & (not hides) & (turns <= 1)
+    lengths[steady], bends[steady] = math.inf, turns[steady]
+    others = (~steady).nonzero()[0]
+    for first in range(0, len(others), BLOCK):
+        block = others[first : first + BLOCK]
+        places, slopes = _sampled_slopes(key, values[block], low[block], high[block])
+        whole = plain[block] == 1
+        if whole.any():
+            spacing = (places[:, 1] - places[:, 0])[whole]
+            found = _lengths_and_bends(slopes[whole], units[block[whole]], spacing)
+            lengths[block[whole]], bends[block[whole]] = found
+        for i in np.flatnonzero(~whole).tolist():
+            lengths[block[i]], bends[block[i]] = _features_of_branch(places[i], slopes[i], units[block[i]])
     return lengths, bends
+
+
+@lru_cache(maxsize=256)
+def _turns(key: Key) -> Kernel:
+    """The samples of a law's slopes, one after the other: (z, (low, high, singular slope, parameters)) -> z, which is
+    the number of samples, the last slope, whether it fell, how often a fall began or ended, and whether no slope is
+    singular."""
+    z, data = ca.SX.sym("z", 5), ca.SX.sym("data", 3 + len(key.names))
+    (count, before, fell, turns, plain), (low, high, singular) = ca.vertsplit(z), ca.vertsplit(data[:3])
+    slope = _slopes(key).function(low + (high - low) * (count * SAMPLED_SHARES[1]), data[3:])
+    falls = slope < before
+    turned = ca.logic_and(count >= 2, falls != fell)
+    new = ca.vertcat(count + 1, slope, falls, turns + turned, ca.logic_and(plain, ca.fabs(slope) < singular))
+    return Kernel(ca.Function("turns", [z, data], [new, 0, count + 1 < LAW_SAMPLES]))
 
 
 def _sampled_slopes(key: Key, values: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
