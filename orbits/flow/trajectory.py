@@ -202,8 +202,9 @@ class Trajectories:
         weights = np.array(np.broadcast_arrays(*quantity.weights) if varying else quantity.weights)
         weights = weights.T[self.owner] if weights.ndim > 1 else weights[None]
         weights = weights if embed is None else weights @ embed
-        values = np.zeros(self.coefficients.shape[::2])
-        for i in np.flatnonzero(weights.any(0)):  # many times faster than products of small matrices
+        first, *others = np.flatnonzero(weights.any(0)).tolist() or [0]
+        values = weights[:, first, None] * self.coefficients[:, first]
+        for i in others:  # many times faster than products of small matrices
             values += weights[:, i, None] * self.coefficients[:, i]
         values[:, 0] += offset[self.owner] if offset.ndim else offset
         return values
