@@ -163,7 +163,8 @@ def features_of_many(key: Key, spring: Key, p: Mapping[str, np.ndarray]) -> tupl
     for first in range(0, len(others), BLOCK):
         block = others[first : first + BLOCK]
         places, slopes = _sampled_slopes(key, values[block], low[block], high[block])
-        whole = plain[block] == 1
+        with np.errstate(invalid="ignore"):
+            whole = (np.abs(slopes) < SINGULAR_SLOPE / units[block, None]).all(axis=1)
         if whole.any():
             spacing = (places[:, 1] - places[:, 0])[whole]
             found = _lengths_and_bends(slopes[whole], units[block[whole]], spacing)
@@ -177,14 +178,15 @@ def features_of_many(key: Key, spring: Key, p: Mapping[str, np.ndarray]) -> tupl
 def _turns(key: Key) -> Kernel:
     """The samples of a law's slopes, one after the other: (z, (low, high, singular slope, parameters)) -> z, which is
     the number of samples, the last slope, whether it fell, how often a fall began or ended, and whether no slope is
-    singular."""
+    singular. A law that bends more than once, or has a singularity, is not sampled to its end."""
     z, data = ca.SX.sym("z", 5), ca.SX.sym("data", 3 + len(key.names))
     (count, before, fell, turns, plain), (low, high, singular) = ca.vertsplit(z), ca.vertsplit(data[:3])
     slope = _slopes(key).function(low + (high - low) * (count * SAMPLED_SHARES[1]), data[3:])
     falls = slope < before
     turned = ca.logic_and(count >= 2, falls != fell)
-    new = ca.vertcat(count + 1, slope, falls, turns + turned, ca.logic_and(plain, ca.fabs(slope) < singular))
-    return Kernel(ca.Function("turns", [z, data], [new, 0, count + 1 < LAW_SAMPLES]))
+    turns, plain = turns + turned, ca.logic_and(plain, ca.fabs(slope) < singular)
+    goes = ca.logic_and(ca.logic_and(plain, turns <= 1), count + 1 < LAW_SAMPLES)
+    return Kernel(ca.Function("turns", [z, data], [ca.vertcat(count + 1, slope, falls, turns, plain), 0, goes]))
 
 
 def _sampled_slopes(key: Key, values: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
