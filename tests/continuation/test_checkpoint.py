@@ -109,3 +109,13 @@ def test_a_family_to_resume_with_a_further_parameter_is_another_machines(saved_d
     path.write_text("\n".join([json.dumps(record), *rest]))
     with pytest.raises(InputError, match="of another machine or parameter"):
         follow(Hopper("cubic", rest_length=20), "beta", 0.3, 0.1, longest=0.5, resume=Family.load(path))
+
+
+@pytest.mark.parametrize("stop", [0.4, 0.1])
+def test_progress_is_the_share_of_the_way(stop):
+    """From a value that is not 0, in either direction: from 0 to 1, with each point as far as it lies."""
+    shares = list[float]()
+    family = follow(Hopper("cubic", rest_length=9.0), "beta", stop, start=0.2, progress=shares.append)
+    values = np.array([point.value for point in family.points])
+    assert shares == pytest.approx((values - 0.2) / (stop - 0.2), abs=1e-12)
+    assert (shares[0], shares[-1]) == (0.0, 1.0)
