@@ -56,10 +56,9 @@ def _contiguous(arguments: Sequence[np.ndarray], sizes: list[int]) -> tuple[list
     """Arguments (m, size), m >= 1, or (1, size) for all points, as contiguous arrays, and m; machine code reads them
     without looking where they end. Raises `ValueError` for others."""
     inputs = [np.ascontiguousarray(argument, dtype=float) for argument in arguments]
-    count = max(map(len, inputs))
-    if [array.shape[1:] for array in inputs] != [(size,) for size in sizes] or not {*map(len, inputs)} <= {1, count} - {
-        0
-    }:
+    lengths, shapes = [*map(len, inputs)], [array.shape[1:] for array in inputs]
+    count = max(lengths)
+    if shapes != [(size,) for size in sizes] or not {*lengths} <= {1, count} - {0}:
         found = ", ".join(str(array.shape) for array in inputs)
         raise ValueError(f"arguments of shapes {found}; they are (m, size) or (1, size) of sizes {sizes}")
     return inputs, count

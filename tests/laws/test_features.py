@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from orbits import NoOrbit, find
-from orbits.laws.features import features, unit_of_length
+from orbits.laws.features import features, features_of_many, unit_of_length
 from problems import Hopper
 from studies.search import Case
 
@@ -101,3 +101,25 @@ def test_a_narrow_quotient_is_not_leapt_over():
 )
 def test_steps_along_laws_with_a_pole_are_not_bounded(machine):
     assert {key.reach for key in machine.keys if key} == {np.inf}
+
+
+@pytest.mark.parametrize(
+    ("law", "low", "high"),
+    [
+        ("r + b*r**3", -0.01, 0.3),
+        ("r + b*r**3 - b**2*r**5", 0.001, 0.3),
+        ("tanh(b*r)/b", 0.05, 2.0),
+        ("r + 0.1*exp(-((r - 2)/b)**2)", 0.02, 1.0),
+        ("r/(1 - b*r**2)", 0.01, 2.0),
+    ],
+)
+def test_features_of_many_laws_are_those_of_each(law, low, high):
+    """Bends are as many, and lengths to the last digit, but where a law bends once at most and none is determined."""
+    key, values = Hopper(law, parameters={"b": 0.1}).model.relative.law, np.linspace(low, high, 40)
+    p = {name: values if name == "b" else np.ones(40) for name in key.names}
+    lengths, bends = features_of_many(key, key, p)
+    for i in range(40):
+        own = {name: float(column[i]) for name, column in p.items()}
+        alone = features(key, unit_of_length(key, own), own)
+        assert bends[i] == alone.bends
+        assert lengths[i] == alone.length or (lengths[i] == np.inf and bends[i] <= 1)
