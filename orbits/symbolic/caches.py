@@ -18,7 +18,7 @@ BUDGET, MOST = 128e6, 512
 SX_BYTES, MX_BYTES = 90, 1500
 _F = TypeVar("_F", bound=Callable)
 
-_cached = dict[tuple, "_Result"]()  # by function and arguments
+_cached = dict[tuple, "_Stored"]()  # by function and arguments
 _clock = count()
 _seen: set[int] = set()
 _built = 0.0
@@ -35,7 +35,7 @@ def cached(function: _F) -> _F:
             if result is None:
                 if len(_cached) >= MOST:
                     _forget_half()
-                result = _cached[key] = _Result(function(*arguments, **options))
+                result = _cached[key] = _Stored(function(*arguments, **options))
             result.used = next(_clock)
             return result.value
 
@@ -43,7 +43,7 @@ def cached(function: _F) -> _F:
 
 
 @dataclass(slots=True)
-class _Result:
+class _Stored:
     """A cached result, and when it was used last."""
 
     value: Any
