@@ -230,6 +230,8 @@ class Kernel:
         free = [memory[worker * size * row :] for worker in range(workers)]
 
         def run(first: int) -> list[np.ndarray]:
+            if workers > 1 and first and interrupts.pending():
+                raise KeyboardInterrupt  # before the loop below can heed it
             part, mine = slice(first, first + size), free.pop()
             own = [array[part] if len(array) == count else array for array in inputs]
             with apart():
