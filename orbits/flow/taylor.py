@@ -114,19 +114,16 @@ class TaylorStepper:
 
     @cached_property
     def _sensitivities(self) -> BufferedFunction:
-        x, p, dx, dp = _expansion(self.graph, self.columns, tuple(self.varied)).mx_in()
-        _, series = _expansion(self.graph, self.columns, tuple(self.varied))(x, p, dx, dp)
-        h, length = ca.MX.sym("h"), ca.SX.sym("h")
+        expansion = _expansion(self.graph, self.columns, tuple(self.varied))
+        arguments, h, length = expansion.mx_in(), ca.MX.sym("h"), ca.SX.sym("h")
         powers = ca.Function("powers", [length], [symbolic_powers(length)])(h)
-        after = ca.reshape(series.T @ powers, self.n, self.columns)
-        return BufferedFunction(ca.Function("sensitivities", [x, p, dx, dp, h], [after]))
+        after = ca.reshape(expansion(*arguments)[1].T @ powers, self.n, self.columns)
+        return BufferedFunction(ca.Function("sensitivities", [*arguments, h], [after]))
 
     def _one_step(self, x: Array, p: Array, dx: Array, dp: Array, left: float) -> tuple[float, Array]:
         """The length of the first accepted step, NaN without one, and its coefficients."""
-        z, data = (
-            np.concatenate([x, dx.T.ravel(), [left, LONGEST_STEP]]),
-            np.concatenate([p, dp[self.varied].T.ravel()]),
-        )
+        z = np.concatenate([x, dx.T.ravel(), [left, LONGEST_STEP]])
+        data = np.concatenate([p, dp[self.varied].T.ravel()])
         while True:
             after, c, made = self._interpreted_step(z, data)
             z, (taken, tried) = after[:, 0], made[:, 0].tolist()

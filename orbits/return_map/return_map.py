@@ -27,7 +27,7 @@ from ..tables import number_text
 from ..units import DIMENSIONS_OF_HOPS, LIFTOFF_SPEED, Message, Quantity, Units, in_own_units
 from .resolved_map import JUMP, SLOWEST_LOSSLESS, Intervals, ResolvedMap, lossless_speeds
 
-BATCH_SIZE = 4096  # launch speeds in one batch: enough to pay for the calls, few enough for one call of machine code
+BATCH_SIZE = 8192  # launch speeds in one batch: enough to pay for the calls, few enough for the processor's cache
 # The launches in the picture of a map, and the fastest of them where there is no lossless one, in units of the machine.
 SHOWN, HIGH_LAUNCH = 1000, 9.0
 HOP_COLUMNS = ("alpha", "next", "loss", "impacts", "status")
