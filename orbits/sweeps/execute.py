@@ -20,6 +20,7 @@ from ..errors import InputError, whole_number
 from ..io import MEGABYTE
 from ..running import interrupts
 from ..running.exclusive import CHECK_INTERVAL
+from ..symbolic.machine_code import Compiled, compiled_here, receive
 from .members import failed_table, solve_chunk
 from .question import CHUNK, Question, Table
 
@@ -120,15 +121,17 @@ def _retain_freed_memory() -> None:
         mallopt(option, size)
 
 
-def _begin_worker(alive: "Connection") -> None:
-    """Initialise a process of the pool: it leaves interrupts to the sweeping process, and ends as soon as that process
-    closes its end of the pipe `alive`, also by its death, after which the worker would otherwise wait for ever."""
+def _begin_worker(alive: "Connection", compiled: Compiled) -> None:
+    """Initialise a process of the pool: it uses the machine code of the sweeping process, leaves interrupts to it, and
+    ends as soon as that process closes its end of the pipe `alive`, also by its death, after which the worker would
+    otherwise wait for ever."""
 
     def watch() -> None:
         alive.poll(None)
         os._exit(1)
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    receive(compiled)
     threading.Thread(target=watch, daemon=True).start()
 
 
@@ -163,7 +166,7 @@ class _Processes:
 
         for _ in range(MOST_CRASHES):  # a worker may be killed as it starts, too
             theirs, alive = self.context.Pipe(duplex=False)
-            pool = ProcessPoolExecutor(self.size, self.context, _begin_worker, (theirs,))
+            pool = ProcessPoolExecutor(self.size, self.context, _begin_worker, (theirs, compiled_here()))
             try:
                 with interrupts.not_for_children():
                     first = pool.submit(int)

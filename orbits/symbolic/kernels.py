@@ -125,7 +125,9 @@ class Kernel:
             merged = ca.Function(self.function.name(), arguments, self.function.call(arguments), {"cse": True})
             try:
                 self._code = MachineCode(merged, optimised)
-                weigh([merged], self._code.size)
+                weigh([merged], 2 * len(self._code.compiled))
+                if self._code.optimised:
+                    self.optimisation_budget = np.inf
             except NotImplementedError:
                 return
             except RuntimeError:

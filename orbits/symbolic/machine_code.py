@@ -1,17 +1,20 @@
 """CasADi functions as vector machine code: several points side by side, each in a lane of the processor's vectors.
 
 An SX function is written as LLVM's intermediate code, one instruction of its graph in one line, and compiled in this
-process by llvmlite; no C compiler is needed and nothing is stored on disk. Sums and products are neither contracted nor
-reordered, so that the results are those of CasADi's virtual machine.
+process by llvmlite; no C compiler is needed and nothing is stored on disk. Processes of the same machine may receive
+the code of another one. Sums and products are neither contracted nor reordered, so that the results are those of
+CasADi's virtual machine.
 """
 
 import ctypes
+import hashlib
 import os
 import struct
 import warnings
 from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any
+from weakref import WeakSet
 
 import casadi as ca
 
@@ -33,6 +36,10 @@ _LIBRARY = {getattr(ca, f"OP_{name.upper()}"): name for name in _CALLED} | {ca.O
 FEWEST_SECONDS = 4e-3
 # (addresses of arrays, lengths of their rows, number of points)
 Run = Callable[[Any, Any, int], None]
+# The code of an object file and whether it is optimised, by a hash of the text that it was compiled from.
+Compiled = dict[bytes, tuple[bytes, bool]]
+
+_received: Compiled = {}
 
 
 @cache
@@ -69,7 +76,8 @@ def compile_seconds(instructions: int, optimised: bool = False) -> float:
 
 class MachineCode:
     """An SX function iterated at several points, as in `Kernel`, in machine code; `lanes` of them go side by side, and
-    the code takes `size` bytes. `optimised` code takes 1.4 to 3.3 times less time, and more than twice as long to make.
+    its object file has the bytes `compiled`. `optimised` code takes 1.4 to 3.3 times less time, and more than twice as
+    long to make.
 
     Raises `NotImplementedError` for an operation that has no machine code, and `RuntimeError` where LLVM fails. It is
     made under the `LOCK` of CasADi, whose graph it reads; LLVM too compiles one function at a time.
@@ -81,22 +89,38 @@ class MachineCode:
             raise RuntimeError("LLVM is not available")
         llvm, self.lanes = found
         text = _Iteration(self.lanes).text(function)
-        # The module lives in a context of its own and is dropped once it is compiled, as its graph is large.
-        module = llvm.parse_assembly(text, llvm.create_context())
-        compiled = self._processor(llvm, 2 * optimised).emit_object(module)
-        self.size = len(compiled)
+        self.key = hashlib.sha256(text.encode()).digest()
+        self.compiled, self.optimised = _received.get(self.key, (b"", False))
+        if not self.compiled or optimised > self.optimised:
+            # The module lives in a context of its own and is dropped once it is compiled, as its graph is large.
+            module = llvm.parse_assembly(text, llvm.create_context())
+            self.compiled, self.optimised = self._processor(llvm, 2 * optimised).emit_object(module), optimised
         # An engine owns its description of the processor, so that each needs one of its own.
         self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), self._processor(llvm, 0))
-        self._engine.add_object_file(llvm.ObjectFileRef.from_data(compiled))
+        self._engine.add_object_file(llvm.ObjectFileRef.from_data(self.compiled))
         self._engine.finalize_object()
         kind = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 2, ctypes.c_int64)  # it releases the interpreter lock
         self.run: Run = kind(self._engine.get_function_address("run"))
+        _in_use.add(self)
 
     @staticmethod
     def _processor(llvm: Any, level: int) -> Any:
         features = llvm.get_host_cpu_features().flatten()
         triple = llvm.Target.from_default_triple()
         return triple.create_target_machine(cpu=llvm.get_host_cpu_name(), features=features, opt=level, jit=True)
+
+
+_in_use = WeakSet[MachineCode]()
+
+
+def compiled_here() -> Compiled:
+    """The machine code that is in use in this process, for other processes of the same machine."""
+    return {code.key: (code.compiled, code.optimised) for code in list(_in_use)}
+
+
+def receive(compiled: Compiled) -> None:
+    """Use machine code that another process has compiled, instead of compiling it again."""
+    _received.update(compiled)
 
 
 class _Code:

@@ -1,5 +1,6 @@
 """Machine code against CasADi's virtual machine, number for number, and what runs without it."""
 
+import pickle
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -211,3 +212,15 @@ print(used(40) - first)
 """
     more = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert float(more) < 10
+
+
+def test_code_from_another_process(monkeypatch):
+    """Received code is used instead of the text's own, optimised or not, and another text is compiled here."""
+    monkeypatch.setattr(machine_code, "_received", {})
+    function, other = countdown(), once([x], [x**2])
+    fast = machine_code.MachineCode(function, optimised=True)
+    machine_code.receive(pickle.loads(pickle.dumps(machine_code.compiled_here())))
+    again = machine_code.MachineCode(function)
+    assert again.optimised
+    assert again.compiled == fast.compiled
+    assert not machine_code.MachineCode(other).optimised
