@@ -2,21 +2,21 @@
 
 import numpy as np
 
-from ..numerics.polynomial_roots import PiecewisePolynomials, roots
+from ..numerics.polynomial_roots import roots
 from ..numerics.roots import Array
-from .vector_field import rows_used
 
 # How far from a breakpoint the limits of the field on its two sides are evaluated, relative to the breakpoint. They are
 # extrapolated to it from this distance and its double, so that an error of second order, 1e-12, remains.
 SIDE_DISTANCE = 1e-6
+# The least share of a step after which it may reach a breakpoint, since a shorter step is no step.
+LEAST_SHARE = 1e-12
 
 
 class ActivePiece:
     """The smooth piece that one motion with sensitivities is on: its data, their seeds, and its two breakpoints."""
 
-    def __init__(self, flow, p, x, columns: int, parameter_seeds):
-        self.flow, self.p, self.data = flow, p, p
-        self.seeds = self.parameter_seeds = np.zeros((len(p), columns)) if parameter_seeds is None else parameter_seeds
+    def __init__(self, flow, p: Array, x: Array, seeds: Array):
+        self.flow, self.p, self.data, self.seeds, self.parameter_seeds = flow, p, p, seeds, seeds
         if flow.phase.pieces is None:
             return
         (self.breaks, self.table, self.slopes), self.weights = flow.piece_table(p), flow.coordinate
@@ -26,11 +26,6 @@ class ActivePiece:
         place = float(self.weights @ x)
         # The breakpoint that the state is on, whose exact zero at the start of the next step is divided out.
         self.level = place if place in self.breaks else None
-
-    def varied(self) -> tuple[int, ...]:
-        """Rows of the seeds that are not zero on some piece."""
-        rows = rows_used(self.parameter_seeds)
-        return (*rows, *(range(len(self.parameter_seeds), len(self.seeds)) if rows else ()))
 
     def cut(self, c: Array, h: float) -> tuple[float, int]:
         """The step shortened to the end of the piece, and the end it reaches: -1 lower, +1 upper, 0 neither."""
@@ -43,7 +38,7 @@ class ActivePiece:
             order = int(np.argmax(distance[1:] != 0)) + 1 if level == self.level else 0
             found = roots(distance[order:], h)
             if found and found[0] < h:
-                h, crossed = found[0], side
+                h, crossed = max(found[0], LEAST_SHARE * h), side
         self.level = None
         return h, crossed
 
@@ -78,74 +73,3 @@ class ActivePiece:
         near, far = (rates(x + k * away, self.data) - rates(x - k * away, before) for k in (1.0, 2.0))
         return 2 * near - far
 
-
-class ActivePieces:
-    """The smooth pieces that several motions without sensitivities are on, one for each motion."""
-
-    def __init__(self, flow, p, x):
-        self.pieces, self.p = flow.phase.pieces, p
-        self.index = self.crossed = np.zeros(len(x), int)
-        if self.pieces is None:
-            return
-        (self.breaks, self.table, _), self.weights = flow.piece_table(p), flow.coordinate
-        places = x @ self.weights
-        self.index = np.searchsorted(self.breaks, places, "right") - 1
-        on = np.isin(places, self.breaks)
-        self.index[on] = [flow.first_piece(p, one) for one in x[on]]
-        self.level = np.where(on, places, np.nan)
-
-    @property
-    def inside(self) -> Array:
-        """Which motions (m,) are on a piece."""
-        return np.ones(len(self.index), bool) if self.pieces is None else self._nearest == self.index
-
-    @property
-    def ends(self) -> Array:
-        """The two breakpoints (m, 2) of the piece that each motion is on."""
-        return self.breaks[self._nearest[:, None] + [0, 1]]
-
-    @property
-    def _nearest(self) -> Array:
-        return np.clip(self.index, 0, len(self.table) - 1)
-
-    @property
-    def data(self) -> Array:
-        """Parameters with the data of the pieces, (m, np + nq)."""
-        data = np.tile(self.p, (len(self.index), 1))
-        return data if self.pieces is None else np.hstack([data, self.table[self._nearest]])
-
-    def cut(self, c: Array, steps: Array, entering: Array, signs: Array) -> Array:
-        """Steps (m,) with coefficients (m, rows, K + 1), shortened to the ends of their pieces; some (m,) begin where
-        their pieces are entered. `signs` (m, 2) are those of the distances from both ends before the steps, and are
-        changed to those after them."""
-        self.crossed = np.zeros(len(steps), int)
-        if self.pieces is None:
-            return steps
-        lengths = steps.copy()
-        coordinate = np.einsum("i,mik->mk", self.weights, c[:, : len(self.weights)])
-        for side in (0, 1):
-            level = self.breaks[self._nearest + side]
-            distance = coordinate.copy()
-            distance[:, 0] -= level
-            distance[~np.isfinite(level)] = 1.0
-            orders = np.where(entering & (level == self.level), (distance[:, 1:] != 0).argmax(1) + 1, 0)
-            polynomials = PiecewisePolynomials(distance, lengths, np.ones(len(lengths), int))
-            owner, _, t = polynomials.first_roots(orders, before=signs[:, side])
-            signs[:, side] = polynomials.after
-            hit = t < lengths[owner]
-            lengths[owner[hit]], self.crossed[owner[hit]] = t[hit], 2 * side - 1
-        return lengths
-
-    def enter(self, which: Array) -> None:
-        """Keep the motions `which`, on the next pieces where they have crossed a breakpoint."""
-        if self.pieces is not None:
-            ahead = self.index + self.crossed
-            passed = self.breaks[np.maximum(self.index, ahead)]
-            self.index, self.level = ahead, np.where(self.crossed != 0, passed, np.nan)
-        self.keep(which)
-
-    def keep(self, which: Array) -> None:
-        """Keep the motions `which` alone."""
-        self.index, self.crossed = self.index[which], self.crossed[which]
-        if self.pieces is not None:
-            self.level = self.level[which]

@@ -17,12 +17,11 @@ from ..model.phase import Phase
 from ..numerics.roots import Array
 from ..running import interrupts
 from ..symbolic.caches import cached
-from ..symbolic.calls import BufferedFunction
+from ..symbolic.calls import BufferedFunction, MappedFunction
 from ..symbolic.kernels import ElementwiseFunction
 from ..units import TIME, Message, Quantity, described
-from .breakpoints import ActivePiece
-from .runge_kutta import RungeKuttaStepper
-from .taylor import TaylorStepper
+from .runge_kutta import RungeKuttaMotion, RungeKuttaStepper
+from .taylor import OnPieces, TaylorMotion, TaylorStepper
 from .trajectory import Trajectories, Trajectory, begins_of_steps
 from .vector_field import FLOW_CONTROL, TAYLOR_ORDER, VectorField, rows_used
 
@@ -93,11 +92,12 @@ class Flow:
         are those of each. Returns the motions and the derivatives (m, n, columns) of their ends. Raises the `FlowError`
         of the first that cannot be followed.
         """
-        if not self.smooth or (self.phase.closed_form and not parameter_seeds.any()):
+        stepper = self.stepper(seeds.shape[-1], self.varied(parameter_seeds))
+        in_closed_form = self.phase.closed_form and not parameter_seeds.any()
+        if in_closed_form or not isinstance(stepper, TaylorStepper):
             return self._run_each(starts, ps, durations, seeds, parameter_seeds)
-        stepper = self.stepper(seeds.shape[-1], rows_used(parameter_seeds))
-        assert isinstance(stepper, TaylorStepper)
-        found = stepper.advance_all(starts, ps, durations, seeds, parameter_seeds, self.control.max_block)
+        on = self.on_pieces(starts, ps, parameter_seeds)
+        found = stepper.advance_all(starts, ps, durations, seeds, parameter_seeds, self.control.max_block, on)
         begins = begins_of_steps(found.steps, found.counts)
         vanishing = found.steps <= self.control.shortest_step * np.maximum(begins, 1.0)
         done = (found.left == 0) & (durations > 0) & (np.abs(found.ends).max(1) <= self.control.runaway)
@@ -139,37 +139,36 @@ class Flow:
     def _integrate(self, x, p, duration, seeds, parameter_seeds, stop):
         variations = np.zeros((len(x), 0)) if seeds is None else seeds
         columns = variations.shape[1]
-        piece = ActivePiece(self, p, x, columns, parameter_seeds)
-        stepper = self.stepper(columns, piece.varied())
-        coefficients, moving, times, h, taken = [], [], [0.0], None, 0
-        block = 1 if self.phase.pieces else self.control.look_ahead if stop else self.control.max_block
+        moving = np.zeros((len(p), columns)) if parameter_seeds is None else parameter_seeds
+        stepper = self.stepper(columns, self.varied(moving))
+        motion: TaylorMotion | RungeKuttaMotion = (
+            TaylorMotion(self, stepper, p, moving, x, variations, self.on_pieces(x[None], p[None], moving))
+            if isinstance(stepper, TaylorStepper)
+            else RungeKuttaMotion(self, stepper, p, moving, x, variations)
+        )
+        coefficients, begins, times, h, taken = [], [], [0.0], None, 0
+        block = self.control.look_ahead if stop else self.control.max_block
         while times[-1] < duration:
             interrupts.heed()
             left = duration - times[-1]
-            steps, c, begins = stepper.advance(x, piece.data, variations, piece.seeds, block, left, h)
-            steps, c = self._accepted_steps(steps, c, times[-1], taken)
-            lengths, side, stopped = self._block_end(piece, c, steps, left, stop)
+            found = motion.advance(block, left)
+            steps, c = self._accepted_steps(found.steps, found.coefficients, times[-1], taken)
+            lengths, stopped = self._block_end(c, steps, left, stop)
             times.extend((times[-1] + lengths.cumsum()).tolist())
             coefficients.append(c[: (count := len(lengths))])
+            begins.append(found.begins[:count])
             taken += count
-            power = lengths[-1] ** np.arange(c.shape[2])
-            before, x = c[count - 1, : self.size, 0], c[count - 1, : self.size] @ power
-            if columns:
-                moving.append(begins[:count])
-                last = before, piece.data, begins[count - 1], piece.seeds, lengths[-1]
-                variations = stepper.sensitivities_after(*last)
+            motion = motion.after(found, count, lengths[-1])
             h = steps[count - 1]
-            if np.abs(x).max() > self.control.runaway:
+            if np.abs(motion.x).max() > self.control.runaway:
                 kind = RunsAway if h > self.control.singular_step else BreaksDown
-                raise kind(self.failure("runs away", times[-1], x))
+                raise kind(self.failure("runs away", times[-1], motion.x))
             if stopped:
                 break
             if duration - times[-1] < SAME_TIME * duration:
                 times[-1] = duration
-            if side:
-                variations = piece.enter(side, x, variations)
-        with_variations = np.concatenate(moving) if columns else None
-        return Trajectory(np.array(times), np.concatenate(coefficients), self.names, with_variations), variations
+        with_variations = np.concatenate(begins) if columns else None
+        return Trajectory(np.array(times), np.concatenate(coefficients), self.names, with_variations), motion.variations
 
     def _accepted_steps(self, steps, c, t: float, taken: int) -> tuple[Array, Array]:
         """The leading steps that are numbers and not vanishing; raises `FlowError` when there is none."""
@@ -180,21 +179,18 @@ class Flow:
         count = len(steps) if accepted.all() else int(np.argmin(accepted))
         return steps[:count], c[:count]
 
-    def _block_end(self, piece, c, steps, left: float, stop: StopTest | None) -> tuple[Array, int, bool]:
-        """Where a block ends: the lengths of its steps, the end of the piece there as in `ActivePiece.cut`, and whether
-        the motion stops."""
-        lengths, reached, almost, side = steps.copy(), steps.cumsum(), left * (1 - self.control.rounding), 0
+    def _block_end(self, c, steps, left: float, stop: StopTest | None) -> tuple[Array, bool]:
+        """The lengths of the steps of a block up to its end, and whether the motion stops there."""
+        lengths, reached, almost = steps.copy(), steps.cumsum(), left * (1 - self.control.rounding)
         if reached[-1] >= almost:
             count = int((reached >= almost).argmax()) + 1
             lengths = lengths[:count]
             lengths[-1] = left - (reached[count - 2] if count > 1 else 0.0)
-        if self.phase.pieces:
-            lengths[-1], side = piece.cut(c[0], lengths[-1])
         if stop and (halt := stop(c[: len(lengths)], lengths)):
             lengths = lengths[: halt[0] + 1]
             lengths[-1] = halt[1]
-            return lengths, 0, True
-        return lengths, side, False
+            return lengths, True
+        return lengths, False
 
     def failure(self, what: str, t: float, x: Array) -> Message:
         """The message about what happens to a motion in a state at a time."""
@@ -209,7 +205,8 @@ class Flow:
         arguments = self.symbols(x, p)
         rates = ca.vertcat(*self.phase.field(*arguments))
         watched = ca.vertcat(*[quantity(*arguments) for quantity in self.phase.watch.values()])
-        return VectorField(ca.Function("field", [x, p], ca.cse([rates, watched])), x, p, self.phase.reaches)
+        field, pieces = ca.Function("field", [x, p], ca.cse([rates, watched])), self.phase.pieces
+        return VectorField(field, x, p, self.phase.reaches, pieces and pieces.coordinate, count)
 
     def symbols(self, x: ca.SX, p: ca.SX) -> tuple[list, dict, list]:
         """The arguments (x, p, q) of a phase's expressions from vectors of states and of parameters with piece data."""
@@ -230,6 +227,11 @@ class Flow:
         if self.phase.closed_form:
             return "closed form"
         return "Taylor" if self.vector_field.has_series else "Runge-Kutta"
+
+    @property
+    def in_lanes(self) -> bool:
+        """Whether many motions are integrated together, as Taylor series."""
+        return self.vector_field.has_series
 
     @cached_property
     def smooth(self) -> bool:
@@ -307,16 +309,52 @@ class Flow:
 
     def piece_table(self, p: Array) -> tuple[Array, Array, Array]:
         """Breaks (m + 1,), data (m, nq) and its derivatives (m, nq, np) at parameters (np,)."""
-        breaks, data, slopes = self._piece_function(p)
-        return breaks.ravel(), data, slopes.reshape(data.shape[1], data.shape[0], len(p)).swapaxes(0, 1)
+        breaks, data, slopes = (each[0] for each in self._piece_function(p[None]))
+        return breaks.ravel(), data, slopes[len(breaks) :].reshape(*data.shape, len(p))
 
     @cached_property
-    def _piece_function(self):
+    def _piece_function(self) -> MappedFunction:
+        """Parameters -> breaks (m + 1,), data (m, nq), and the derivatives of both, one row of the data after the
+        other."""
         pieces, p = self.phase.pieces, ca.SX.sym("p", len(self.parameters))
+        assert pieces is not None
         breaks, rows = pieces.table(self.symbols(ca.SX(0, 1), p)[1])
         data = ca.vertcat(*[ca.horzcat(*row) for row in rows]) if pieces.size else ca.SX(len(rows), 0)
-        results = ca.vertcat(*breaks), data, ca.jacobian(ca.vec(data), p)
-        return BufferedFunction(ca.Function("pieces", [p], [ca.densify(result) for result in results]))
+        slopes = ca.jacobian(ca.vertcat(*breaks, ca.vec(data.T)), p)
+        results = [ca.densify(result) for result in (ca.vertcat(*breaks), data, slopes)]
+        return MappedFunction(ca.Function("pieces", [p], results))
+
+    @cached_property
+    def _piece_parameters(self) -> set[int]:
+        """The places of the parameters that breaks and data depend on."""
+        patterns = (self._piece_function.function.jac_sparsity(i, 0) for i in (0, 1))
+        return {column for pattern in patterns for column in pattern.get_triplet()[1]}
+
+    def varied(self, parameter_seeds: Array) -> tuple[int, ...]:
+        """The rows of the seeds (..., np, columns) of parameters that are not zero, and those of the data of a piece if
+        one of these parameters changes it."""
+        rows = rows_used(parameter_seeds)
+        if self.phase.pieces is None or not self._piece_parameters & set(rows):
+            return rows
+        count = len(self.parameters)
+        return *rows, *range(count, count + self.phase.pieces.size)
+
+    def on_pieces(self, starts: Array, ps: Array, parameter_seeds: Array | None = None) -> OnPieces | None:
+        """The pieces that motions from states (m, n) with parameters (m, np) or (1, np) begin on, with the derivatives
+        along seeds (np, columns) or (m, np, columns) of the parameters; None for a smooth field."""
+        if self.phase.pieces is None:
+            return None
+        own = sorted(self._piece_parameters)
+        seeds = np.zeros((ps.shape[1], 0)) if parameter_seeds is None else parameter_seeds
+        shared = seeds.ndim == 2 and (ps[:, own] == ps[0, own]).all()
+        breaks, data, slopes = self._piece_function(ps[:1] if shared else ps)
+        stepper = self.stepper(seeds.shape[-1], self.varied(seeds))
+        breaks, places = breaks[:, :, 0], starts @ self.coordinate
+        numbers = (breaks <= places[:, None]).sum(1)
+        numbers[places == breaks[:, -1]] -= 1
+        for i in (places[:, None] == breaks).any(1).nonzero()[0].tolist():
+            numbers[i] = self.first_piece(ps[i if len(ps) > 1 else 0], starts[i]) + 1
+        return OnPieces(stepper.piece_rows.tables(breaks, data, slopes @ seeds), numbers.astype(float))
 
     def first_piece(self, p: Array, x: Array) -> int:
         """Index of the piece on which the motion from a state begins, -1 where there is none.
@@ -336,6 +374,12 @@ class Flow:
             elif place == breaks[index + 1] and heading > 0:
                 index += 1
         return index if index < len(table) else -1
+
+    def inside(self, on: OnPieces | None, numbers: Array) -> Array:
+        """Which of the `numbers` (m,) are those of pieces."""
+        if on is None:
+            return np.ones(len(numbers), bool)
+        return (numbers > 0) & (numbers < on.tables.shape[1] // self.stepper(0).piece_rows.width - 1)
 
     def out_of_range(self, p: Array, x: Array) -> OutOfRange:
         """The error of a motion that leaves the range of its law at the state `x`."""

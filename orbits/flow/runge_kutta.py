@@ -1,11 +1,14 @@
 """Runge-Kutta steps of order 8 with sensitivities, for vector fields that have no Taylor series."""
 
+from typing import NamedTuple
+
 import casadi as ca
 import numpy as np
 
 from ..numerics.roots import Array
 from ..symbolic.calls import BufferedFunction
-from .vector_field import FLOW_CONTROL, Steps, VectorField, runge_kutta
+from .breakpoints import ActivePiece
+from .vector_field import FLOW_CONTROL, VectorField, runge_kutta
 
 # The first step that is tried. Later ones try four times the step before, so that the length can also grow.
 FIRST_STEP, GROWTH = 0.1, 4.0
@@ -13,6 +16,15 @@ FIRST_STEP, GROWTH = 0.1, 4.0
 DOUBLE_STEP_ERROR = 2e-14
 # States smaller than this are measured against it, since the error of a state near 0 cannot be relative.
 SMALLEST_SCALE = 1e-3
+
+
+class Steps(NamedTuple):
+    """Steps (m,) of one motion, their coefficients (m, rows, K + 1), and the sensitivities (m, n, columns) at their
+    beginnings."""
+
+    steps: Array
+    coefficients: Array
+    begins: Array
 
 
 class RungeKuttaStepper:
@@ -36,17 +48,13 @@ class RungeKuttaStepper:
         self.powers = np.vander(self.NODES, increasing=True)
         self.watched = BufferedFunction(ca.Function("watched", [x, p], [ca.densify(field(x, p)[1])]))
 
-    def advance(self, x: Array, p: Array, dx: Array, dp: Array, count: int, left: float, hint: float | None) -> Steps:
-        """One step, whatever `count` and `left` are; the caller cuts it where it leads too far.
-
-        Returns its length (1,), at most `GROWTH` times the `hint`, or NaN where no step is accepted; coefficients
-        (1, rows, K + 1); and the sensitivities (1, n, columns) at its beginning.
-        """
-        h = self._length(x, p, dx, dp[self.varied], GROWTH * hint if hint else FIRST_STEP)
+    def step_from(self, x: Array, p: Array, dx: Array, dp: Array, longest: float) -> tuple[float, Array]:
+        """The length of the longest step up to `longest` from a state, NaN where none is accepted, and its coefficients
+        (rows, K + 1)."""
+        h = self._length(x, p, dx, dp[self.varied], longest)
         ends, watched = self.nodes(x, h * self.NODES, p)
         start = np.concatenate([x, self.watched(x, p)[0].ravel()])
-        c = self._polynomial(start, np.vstack([ends, watched]), h)
-        return np.array([h]), c[None], dx[None]
+        return h, self._polynomial(start, np.vstack([ends, watched]), h)
 
     def sensitivities_after(self, x: Array, p: Array, dx: Array, dp: Array, h: float) -> Array:
         """The sensitivities (n, columns) at the end of a step of length h, not longer than the accepted one."""
@@ -67,3 +75,33 @@ class RungeKuttaStepper:
                 return h
             h *= min(0.5, max(0.1, 0.9 * (bound / error) ** (1 / 9))) if np.isfinite(error) else 0.1
         return np.nan
+
+
+class RungeKuttaMotion:
+    """One motion, as a `TaylorMotion`, whose steps are taken one by one and cut where a piece ends."""
+
+    def __init__(self, flow, stepper: RungeKuttaStepper, p: Array, seeds: Array, x: Array, variations: Array):
+        self.flow, self.stepper, self.x, self.variations = flow, stepper, x, variations
+        self.piece, self.before = ActivePiece(flow, p, x, seeds), FIRST_STEP / GROWTH
+        self.side = 0  # at which the last step found ends its piece
+
+    def advance(self, count: int, left: float) -> Steps:
+        """One step, whatever `count` is, which lasts no longer than `left`; its length is NaN where none is accepted.
+        Raises `OutOfRange` where no piece is left."""
+        h, c = self.stepper.step_from(self.x, self.piece.data, self.variations, self.piece.seeds, GROWTH * self.before)
+        self.before, self.side = h, 0
+        if h >= left * (1 - FLOW_CONTROL.rounding):
+            h = left
+        if self.flow.phase.pieces and h > 0:
+            h, self.side = self.piece.cut(c, h)
+        return Steps(np.array([h]), c[None], self.variations[None])
+
+    def after(self, found: Steps, count: int, h: float) -> "RungeKuttaMotion":
+        """The same motion after the step found, or a part of it with the length h."""
+        c, before, piece = found.coefficients[0, : self.stepper.n], self.x, self.piece
+        self.x = c @ h ** np.arange(c.shape[1])
+        if self.variations.size:
+            self.variations = self.stepper.sensitivities_after(before, piece.data, self.variations, piece.seeds, h)
+        if self.side and h == found.steps[0]:
+            self.variations = piece.enter(self.side, self.x, self.variations)
+        return self

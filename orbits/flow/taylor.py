@@ -1,7 +1,13 @@
-"""Taylor steps of a flow with their sensitivities, of one motion or of many, in kernels."""
+"""Taylor steps of a flow with their sensitivities, of one motion or of many, in kernels.
 
+A step on a piece of a piecewise field ends where the piece ends. The coordinate of the pieces is either too near to its
+start in the whole step to reach an end, or monotone, so that it reaches one end once: other steps are shortened.
+"""
+
+from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -13,7 +19,7 @@ from ..symbolic.caches import cached
 from ..symbolic.calls import BufferedFunction
 from ..symbolic.kernels import Kernel
 from ..symbolic.taylor_series import driven_coefficients, tangent, variations
-from .vector_field import FLOW_CONTROL, TAYLOR_ORDER, Steps, VectorField, rows_used, symbolic_powers
+from .vector_field import FLOW_CONTROL, TAYLOR_ORDER, VectorField, rows_used, symbolic_powers
 
 # Truncation error of a step relative to the state: a tenth of the rounding error of the sum.
 TRUNCATION = 1e-17
@@ -25,6 +31,10 @@ LONGEST_STEP = 1e9
 SHARED_STEPS = 1.5
 # Up to this degree the terms of a watched function are bounded together, the others one by one.
 BOUND_DEGREE = 6
+# The lengths of a step on a piece that are tried, each half of the one before; the steps of Newton's method to the end
+# of a piece, which converges quadratically, as the speed changes by less than half; the least share of the step that it
+# finds; and the change of a coordinate, relative to it, that is rounding.
+TRIED_LENGTHS, NEWTON_STEPS, LEAST_SHARE, ROUNDING = 8, 7, 1e-12, 1e-16
 
 
 class Motions(NamedTuple):
@@ -33,8 +43,10 @@ class Motions(NamedTuple):
     ends, variations : states (m, n) at their ends, and their derivatives (m, n, columns)
     steps, coefficients : (N,) and (N, rows, K + 1) of one motion after the other
     begins : derivatives (N, n, columns) of the states at the beginnings of the steps
+    on : (N,), the pieces of the steps
     counts : (m,), how many steps each takes
     left : (m,), the time that is left, 0 where a motion has not broken down
+    pieces : (m,), the pieces at their ends
     """
 
     ends: Array
@@ -42,8 +54,22 @@ class Motions(NamedTuple):
     steps: Array
     coefficients: Array
     begins: Array
+    on: Array
     counts: Array
     left: Array
+    pieces: Array
+
+
+class OnPieces(NamedTuple):
+    """The pieces that m motions are on: the tables of `PieceRows`, (m, size) or (1, size), and the numbers (m,) of the
+    pieces."""
+
+    tables: Array
+    numbers: Array
+
+    def of(self, which: Array) -> Array:
+        """The tables of some motions."""
+        return self.tables[which] if len(self.tables) > 1 else self.tables
 
 
 class Places(NamedTuple):
@@ -55,6 +81,7 @@ class Places(NamedTuple):
     signs: slice  # (q,) of the functions, 0 where they begin; they come last
     left: int  # the time left
     longest: int  # the longest step to try
+    piece: int  # the number of the piece that the motion is on, see `PieceRows`
     time: int  # the time gone by
     order: int  # of the zero of the first function at this time, which is divided out
     found: int  # whether a function may change its sign in the step before
@@ -72,95 +99,135 @@ class Watched(NamedTuple):
     signs: Array  # (N, q)
 
 
+@dataclass(frozen=True)
+class PieceRows:
+    """The layout of a row of the table of pieces, which a kernel reads in each step: the ends of the piece, its data
+    (nq,), those of the pieces below and above it, and the derivatives of ends and data along `columns`.
+
+    The pieces are numbered from 1; the rows before the first piece and behind the last one are NaN.
+    """
+
+    data: int
+    columns: int
+
+    @property
+    def varied(self) -> bool:
+        """Whether ends and data vary."""
+        return self.columns > 0
+
+    @property
+    def width(self) -> int:
+        """The length of a row."""
+        return 2 + 3 * self.data + self.columns * (2 + self.data)
+
+    def split(self, row: ca.MX) -> list[ca.MX]:
+        """The ends (2,), the data (nq,) of the piece, of that below and that above it, and the derivatives
+        (columns, 2) and (columns, nq)."""
+        first = [0, 2, *(2 + k * self.data for k in (1, 2, 3))]
+        parts = [row[begin:end] for begin, end in pairwise(first)]
+        moves = ca.reshape(row[first[-1] :], 2 + self.data, self.columns).T
+        return [*parts, moves[:, :2], moves[:, 2:]]
+
+    def tables(self, breaks: Array, data: Array, moves: Array) -> Array:
+        """The tables (m, rows width) of pieces between breaks (m, k + 1) with data (m, k, nq), whose derivatives are
+        those of the breaks and data together, (m, k + 1 + k nq, columns)."""
+        m, k, nq = data.shape
+        around = np.pad(data, ((0, 0), (1, 1), (0, 0)), "edge")
+        rows = [breaks[:, :-1, None], breaks[:, 1:, None], data, around[:, :-2], around[:, 2:]]
+        if self.varied:
+            by_breaks, by_data = np.split(moves, [k + 1], axis=1)
+            ends = np.stack([by_breaks[:, :-1], by_breaks[:, 1:]], axis=2)
+            of_pieces = np.concatenate([ends, by_data.reshape(m, k, nq, -1)], axis=2)
+            rows.append(of_pieces.swapaxes(2, 3).reshape(m, k, -1))
+        beyond = (0, 0), (1, 1), (0, 0)
+        return np.pad(np.concatenate(rows, axis=2), beyond, constant_values=np.nan).reshape(m, -1)
+
+
+class _NoPieces(PieceRows):
+    """Of a field that is smooth everywhere."""
+
+    width = 0
+
+    def split(self, row: ca.MX) -> list[ca.MX]:
+        """Nothing."""
+        return [ca.MX([-np.inf, np.inf]), *[ca.MX(0, 1)] * 3, ca.MX(0, 2), ca.MX(0, 0)]
+
+
+NO_PIECES = _NoPieces(0, 0)
+
+
 class TaylorStepper:
     """Takes Taylor steps with the sensitivities of the states.
 
-    `step_function` makes one step: (z, data) -> (z after it, coefficients (K + 1, n + m) of the n states and m watched
-    quantities, lengths taken and tried (2,)). Its argument z is as `places` states, and `data` are the parameters and
-    their seeds. A rejected step has length 0, and the next one tries half its length or less.
+    `step_function` makes one step: (z, data, row) -> (z after it, coefficients (K + 1, n + m) of the n states and m
+    watched quantities, lengths taken and tried (2,)). Its argument z is as `places` states, `data` are the parameters
+    and their seeds, and `row` is that of the piece, as in `PieceRows`. A rejected step has length 0, and the next one
+    tries half its length or less.
 
     The sensitivities solve the variational equations dx' = f_x dx + f_p dp. The series of f_x and f_p are found once,
-    and with them one column after another; `varied` are the rows of dp that are not zero.
+    and with them one column after another; `varied` are the rows of dp that are not zero, among them all or none of the
+    data of a piece. Where the field jumps at the end of a piece, a change of the time at which it is reached changes
+    the state by the jump (saltation).
     """
 
     def __init__(self, graph: VectorField, columns: int, varied: tuple[int, ...] = ()):
-        self.graph, self.n, self.columns, self.varied = graph, graph.size, columns, list(varied)
+        self.graph, self.n, self.columns = graph, graph.size, columns
+        count_p = graph.p.numel() - graph.data  # the number of parameters
+        self.varied, self.varied_parameters = varied, [row for row in varied if row < count_p]
+        moves = columns * (len(self.varied_parameters) < len(varied))
+        self.piece_rows = PieceRows(graph.data, moves) if graph.coordinate else NO_PIECES
         self.rows, left = graph.size + graph.field.numel_out(1), graph.size * (1 + columns)
-        numbers = range(left, left + 6)
+        numbers = range(left, left + 7)
         self.places = Places(slice(self.n), slice(self.n, left), slice(numbers.stop, None), *numbers)
-        self.step_function = _step_function(graph, self.places, columns, varied)
-        self.kernel = Kernel(self.motion_function)
+        self.step_function = _step_function(graph, self.places, columns, varied, self.piece_rows)
+        self.kernel = self.kernel_of(self.motion_function)
         self._watching: dict[tuple[tuple, int], Kernel] = {}  # of `watch`, by the rows in the functions and turns
 
-    def advance(self, x: Array, p: Array, dx: Array, dp: Array, count: int, left: float, hint: float | None) -> Steps:
-        """At most `count` steps of one motion, which last no longer than `left`; the `hint` is not used.
-
-        Returns steps (m,), coefficients (m, rows, K + 1) and the sensitivities (m, n, columns) at their beginnings. A
-        single NaN is returned for the steps when none is accepted.
-        """
-        if count == 1:  # without a kernel's preparations, which take as long as some steps
-            length, c = self._one_step(x, p, dx, dp, left)
-            return np.array([length]), c[None], dx[None]
-        found = self.advance_all(x[None], p[None], np.array([left]), dx, dp, count)
-        if not len(found.steps):
-            return np.full(1, np.nan), x[None, :, None], dx[None]
-        if found.left[0] == 0:  # the time was counted down, with other roundings than those of the sum of the steps
-            found.steps[-1] += left - np.cumsum(found.steps)[-1]
-        return found.steps, found.coefficients, found.begins
+    def kernel_of(self, function: ca.Function) -> Kernel:
+        """The kernel that iterates a step, which takes the row of its piece."""
+        return Kernel(function, None if self.graph.coordinate is None else self.places.piece)
 
     def sensitivities_after(self, x: Array, p: Array, dx: Array, dp: Array, h: float) -> Array:
         """The sensitivities (n, columns) at the end of a step of length h, not longer than the accepted one."""
-        return self._sensitivities(x, p, dx, dp[self.varied], h)[0]
+        return self._sensitivities(x, p, dx, dp, h)[0]
 
     @cached_property
     def _sensitivities(self) -> BufferedFunction:
-        expansion = _expansion(self.graph, self.columns, tuple(self.varied))
+        expansion = _expansion(self.graph, self.columns, self.varied)
         arguments, h, length = expansion.mx_in(), ca.MX.sym("h"), ca.SX.sym("h")
         powers = ca.Function("powers", [length], [symbolic_powers(length)])(h)
         after = ca.reshape(expansion(*arguments)[1].T @ powers, self.n, self.columns)
         return BufferedFunction(ca.Function("sensitivities", [*arguments, h], [after]))
 
-    def _one_step(self, x: Array, p: Array, dx: Array, dp: Array, left: float) -> tuple[float, Array]:
-        """The length of the first accepted step, NaN without one, and its coefficients."""
-        z = np.concatenate([x, dx.T.ravel(), [left, LONGEST_STEP]])
-        data = np.concatenate([p, dp[self.varied].T.ravel()])
-        while True:
-            after, c, made = self._interpreted_step(z, data)
-            z, (taken, tried) = after[:, 0], made[:, 0].tolist()
-            if taken > 0:
-                return taken, c.T
-            if not tried > FLOW_CONTROL.shortest_step:
-                return np.nan, x[:, None]
-
-    @cached_property
-    def _interpreted_step(self) -> BufferedFunction:
-        return BufferedFunction(self.step_function)
-
     def advance_all(
-        self, x: Array, p: Array, durations: Array, dx: Array, dp: Array, count: int = FLOW_CONTROL.max_steps
-    ) -> Motions:
+        self, x: Array, p: Array, durations: Array, dx: Array, dp: Array, count: int = FLOW_CONTROL.max_steps,
+        on: OnPieces | None = None,
+    ) -> Motions:  # fmt: skip
         """Motions from states (m, n) with parameters (m, np) or (1, np), each for its duration (m,) or at most `count`
         steps; dx (n, columns) and dp (np, columns) are the seeds of all, or dx (m, n, columns) and dp (m, np, columns)
-        those of each."""
+        those of each. They begin `on` pieces of a piecewise field."""
         size, n, columns, count_p, at = len(x), self.n, self.columns, p.shape[1], self.places
-        dx, dp = dx.swapaxes(-1, -2), dp[..., self.varied, :].swapaxes(-1, -2)
+        dx, dp = dx.swapaxes(-1, -2), dp[..., self.varied_parameters, :].swapaxes(-1, -2)
         z = np.empty((size, self.kernel.sizes_in[0]))
         data = np.empty((max(len(p), len(dp) if dp.ndim > 2 else 1), self.kernel.sizes_in[1]))
         z[:, at.state], z[:, at.sensitivities] = x, dx.reshape(*dx.shape[:-2], -1)
-        z[:, at.left], z[:, at.longest] = durations, LONGEST_STEP
+        z[:, at.left], z[:, at.longest], z[:, at.piece] = durations, LONGEST_STEP, on.numbers if on else 0.0
         data[:, :count_p], data[:, count_p:] = p, dp.reshape(*dp.shape[:-2], -1)
-        z, (c, begins, steps), counts, _ = self.kernel(z, data, most=count)
+        z, (c, begins, made), counts, _ = self.kernel(z, data, *(on[:1] if on else ()), most=count)
         moving = z[:, at.sensitivities], begins
         variations, begins = (each.reshape(len(each), columns, n).swapaxes(1, 2) for each in moving)
         c = c.reshape(-1, self.rows, TAYLOR_ORDER + 1)
-        return Motions(z[:, at.state], variations, steps[:, 0], c, begins, counts, z[:, at.left])
+        ends, left, numbers = z[:, at.state], z[:, at.left], z[:, at.piece]
+        return Motions(ends, variations, made[:, 0], c, begins, made[:, 1], counts, left, numbers)
 
     def watch(
-        self, z: Array, p: Array, weights: Array, offsets: Array, limits: Array, turns: int = 0, most: int | None = None
-    ) -> tuple[Array, Watched, Array, Array]:
+        self, z: Array, p: Array, weights: Array, offsets: Array, limits: Array, tables: Array | None, turns: int = 0,
+        most: int | None = None,
+    ) -> tuple[Array, Watched, Array, Array]:  # fmt: skip
         """Motions until an affine function may change its sign, or until their times reach the `limits` (m,).
 
-        z : (m, n + 6 + q) as `watched_state` makes it; p (m, np) or (1, np)
+        z : (m, n + 7 + q) as `watched_state` makes it; p (m, np) or (1, np)
+        tables : of `OnPieces`, None for a smooth field
         weights, offsets : (m, q, rows) and (m, q), of the q functions
         turns : if not 0, the second function ends no motion before its sign at the ends of steps has changed
             this number of times
@@ -172,34 +239,36 @@ class TaylorStepper:
         """
         count = len(offsets)
         if (kind := (tuple(map(rows_used, weights.transpose(1, 2, 0))), turns)) not in self._watching:
-            self._watching[kind] = Kernel(_watch_function(self, *kind))
+            self._watching[kind] = self.kernel_of(_watch_function(self, *kind))
         data = [np.broadcast_to(p, (count, p.shape[1])), weights.reshape(count, -1), offsets, limits[:, None]]
         data.append(np.full((count, 1), float(most is not None)))
-        z, (c, begins, signs), counts, going = self._watching[kind](z, np.hstack(data), most=most or 1)
+        own = () if tables is None else (tables,)
+        z, (c, begins, signs), counts, going = self._watching[kind](z, np.hstack(data), *own, most=most or 1)
         lengths, times, orders, changes = begins.T
         c = c.reshape(-1, self.rows, TAYLOR_ORDER + 1)
         return z, Watched(c, lengths, times, orders, changes, signs), counts, going
 
-    def watched_state(self, x: Array, times: Array, orders: Array, signs: Array) -> Array:
-        """The argument z of `watch`: states (m, n) at times (m,), the orders (m,) of the zeros of the first function
-        there, and signs (m, q) of the functions, 0 where they begin; the time left is not limited."""
-        z, at = np.zeros((len(x), self.places.signs.start + signs.shape[1])), self.places
-        z[:, at.state], z[:, at.left], z[:, at.longest], z[:, at.time] = x, np.inf, LONGEST_STEP, times
-        z[:, at.order], z[:, at.signs] = orders, signs
+    def watched_state(self, x: Array, orders: Array, count: int, numbers: Array | float) -> Array:
+        """The argument z of `watch` with `count` functions: states (m, n), the orders (m,) of the zeros of the first
+        function there, and the numbers (m,) of pieces; the time left is not limited."""
+        z, at = np.zeros((len(x), self.places.signs.start + count)), self.places
+        z[:, at.state], z[:, at.left], z[:, at.longest], z[:, at.piece] = x, np.inf, LONGEST_STEP, numbers
+        z[:, at.order] = orders
         return z
 
     @cached_property
     def motion_function(self) -> ca.Function:
-        """A step of a motion as a `Kernel` iterates it, (z, data) -> (z after it, coefficients, the sensitivities
-        before it, the length, whether it counts, whether to go on); it goes on until no time is left, the state runs
-        away or no step is accepted."""
-        z, data = (ca.MX.sym(name, self.step_function.numel_in(i)) for i, name in enumerate("zp"))
-        (after, c, made), at = self.step_function(z, data), self.places
+        """A step of a motion as a `Kernel` iterates it, (z, data, row of the piece) -> (z after it, coefficients, the
+        sensitivities before it, the length and the piece, whether it counts, whether to go on); it goes on until no
+        time is left, the state runs away or no step is accepted."""
+        arguments = z, *_ = self.step_function.mx_in()
+        (after, c, made), at = self.step_function(*arguments), self.places
         taken, goes = _progress(self.n, c.numel())(after[at.state], after[at.left], ca.vec(c), made)
         # A motion whose last step is no number has not come to its end.
         left = ca.if_else(ca.logic_and(made[0] > 0, ca.logic_not(taken)), np.nan, after[at.left])
-        after = ca.vertcat(after[: at.left], left, after[at.longest])
-        return ca.Function("motion", [z, data], [after, c, z[at.sensitivities], made[0], taken, goes])
+        after = ca.vertcat(after[: at.left], left, after[at.longest :])
+        step = ca.vertcat(made[0], z[at.piece])
+        return ca.Function("motion", arguments, [after, c, z[at.sensitivities], step, taken, goes])
 
 
 def _progress(n: int, size: int) -> ca.Function:
@@ -217,21 +286,22 @@ def _watch_function(stepper: TaylorStepper, used: tuple[tuple[int, ...], ...], t
     at, rows, size, count = stepper.places, stepper.rows, len(used), stepper.step_function.numel_in(1)
     z, data = ca.MX.sym("z", at.signs.start + size), ca.MX.sym("p", count + size * (rows + 1) + 2)
     p, tests, limit, all_steps = data[:count], data[count:-2], data[-2], data[-1]
-    after, c, made = stepper.step_function(z[: at.time], p)
+    row = [ca.MX.sym("row", stepper.piece_rows.width)] if stepper.graph.coordinate else []
+    after, c, made = stepper.step_function(z[: at.time], p, *row)
     taken, goes = _progress(stepper.n, c.numel())(after[at.state], after[at.left], ca.vec(c), made)
     inside = ca.logic_and(taken, ca.mmax(ca.fabs(after[at.state])) < FLOW_CONTROL.runaway)
     may_change, signs, turned = _may_change_sign(rows, used, turns > 0)(c, made[1], tests, z[at.order], z[at.signs])
     found = ca.logic_and(inside, may_change)
     new = ca.vertcat(after, z[at.time] + made[0], 0, found, z[at.changes] + turned, signs)
     # A motion that runs away stays where it was, so that it can be followed from there alone.
-    new = ca.if_else(inside, new, ca.vertcat(z[at.state], after[at.left :], z[at.time :]))
+    new = ca.if_else(inside, new, ca.vertcat(z[at.state], after[at.left : at.piece], z[at.piece :]))
     goes = ca.logic_and(ca.logic_and(goes, ca.logic_not(found)), new[at.time] < limit)
     goes = ca.logic_and(goes, made[1] > FLOW_CONTROL.shortest_step * z[at.time])
     if turns:
         goes = ca.logic_and(goes, new[at.changes] < turns)
     begins = ca.vertcat(made[0], z[at.time], z[at.order], z[at.changes])
     records = c, begins, z[at.signs], ca.logic_and(inside, ca.logic_or(found, all_steps))
-    return ca.Function("watch", [z, data], [new, *records, goes])
+    return ca.Function("watch", [z, data, *row], [new, *records, goes])
 
 
 @cached
@@ -279,12 +349,18 @@ def _expansion(graph: VectorField, columns: int, varied: tuple[int, ...]) -> ca.
     return variations(graph.field, varied, columns, TAYLOR_ORDER)
 
 
-def _step_function(graph: VectorField, at: Places, columns: int, varied: tuple[int, ...]) -> ca.Function:
+def _step_function(
+    graph: VectorField, at: Places, columns: int, varied: tuple[int, ...], piece_rows: PieceRows
+) -> ca.Function:
     """The `step_function` of a `TaylorStepper`."""
-    n, size = graph.size, graph.p.numel()
-    z, data = ca.MX.sym("z", at.time), ca.MX.sym("p", size + len(varied) * columns)
+    n, count_p = graph.size, graph.p.numel() - graph.data
+    own = [row for row in varied if row < count_p]
+    z, data = ca.MX.sym("z", at.time), ca.MX.sym("p", count_p + len(own) * columns)
+    row = ca.MX.sym("row", piece_rows.width)
+    ends_of_piece, q, below, above, moved_ends, dq = piece_rows.split(row)
     x, dx = z[at.state], ca.reshape(z[at.sensitivities], n, columns)
-    p, dp = data[:size], ca.reshape(data[size:], len(varied), columns)
+    p, dp = ca.vertcat(data[:count_p], q), ca.reshape(data[count_p:], len(own), columns)
+    dp = ca.vertcat(dp, dq.T) if piece_rows.varied else dp
     base, shares = ca.SX(n, TAYLOR_ORDER + 1), ca.SX.eye(n)
     if columns:
         c, dc = _expansion(graph, columns, varied)(x, p, dx, dp)
@@ -296,22 +372,41 @@ def _step_function(graph: VectorField, at: Places, columns: int, varied: tuple[i
         c = ca.Function("rows", symbols, [ca.densify((base + shares @ symbols[-1].T).T)])(x, p, series)
         base, shares = base[:n, :], shares[:n, :]
     choice = _length_function(graph, base, shares, columns, len(varied))
-    numbers = x, p, ca.vec(dp), z[at.left], z[at.longest]
-    ends, powers, left, longest, made = choice(series, c[:, :n], dc, *numbers)
-    ends = ca.vertcat(ends, (powers.T @ dc).T)
+    numbers = x, p, ca.vec(dp), z[at.left], z[at.longest], ends_of_piece
+    ends, powers, left, longest, made, side = choice(series, c[:, :n], dc, *numbers)
+    moved = (powers.T @ dc).T
+    if columns and graph.coordinate:
+        beyond = ca.vertcat(data[:count_p], ca.if_else(side > 0, above, below))
+        by_end = ca.if_else(side > 0, moved_ends[:, 1], moved_ends[:, 0])
+        moved = _saltation(graph, columns)(ends, p, beyond, moved, by_end, side)
     # A choice between ends costs less than powers of a chosen length, into which CasADi draws the choice.
-    after = ca.vertcat(ca.if_else(made[0] > 0, ends, z[: at.left]), left, longest)
-    return ca.Function("taylor", [z, data], [after, c, made])
+    after = ca.if_else(made[0] > 0, ca.vertcat(ends, moved), z[: at.left])
+    after = ca.vertcat(after, left, longest, z[at.piece] + ca.if_else(made[0] > 0, side, 0))
+    return ca.Function("taylor", [z, data, row] if graph.coordinate else [z, data], [after, c, made])
+
+
+def _saltation(graph: VectorField, columns: int) -> ca.Function:
+    """(state at the end of a piece, p there and beyond it, sensitivities (n columns,), those of the place of the end
+    (columns,), side) -> the sensitivities beyond the end; unchanged where the side is 0."""
+    n, x, side = graph.size, graph.x, ca.SX.sym("side")
+    p, beyond = (ca.SX.sym(name, graph.p.numel()) for name in ("p", "beyond"))
+    moved, by_end, weights = ca.SX.sym("dx", n, columns), ca.SX.sym("de", columns), ca.DM(graph.coordinate)
+    before, after = (graph.field(x, data)[0] for data in (p, beyond))
+    earlier = (weights.T @ moved - by_end.T) / ca.dot(weights, before)
+    jump = ca.if_else(side == 0, 0, (after - before) @ earlier)
+    return ca.Function("saltation", [x, p, beyond, ca.vec(moved), by_end, side], [ca.vec(moved + jump)])
 
 
 def _length_function(graph: VectorField, base: ca.SX, shares: ca.SX, columns: int, varied: int) -> ca.Function:
     """The choice of a step's length: the series of a step, its coefficients, those of the sensitivities, x, p, dp, the
-    time left and the longest step to try -> the state after the length tried, the powers (K + 1,) of this length, the
-    time left then and the next longest step, the lengths taken and tried. The coefficients are those of `base` (n, K +
-    1) and of the series in these `shares` (n, s)."""
+    time left, the longest step to try and the ends of the piece -> the state after the length tried, the powers
+    (K + 1,) of this length, the time left then and the next longest step, the lengths taken and tried, and the side on
+    which the step reaches an end of the piece, 0 for none. The coefficients are those of `base` (n, K + 1) and of the
+    series in these `shares` (n, s)."""
     n, orders = graph.size, TAYLOR_ORDER + 1
     series, c, dc = (ca.SX.sym("c", orders, count) for count in (shares.shape[1], n, n * columns))
     dp, left, longest = ca.SX.sym("dp", varied * columns), ca.SX.sym("left"), ca.SX.sym("longest")
+    ends_of_piece = ca.SX.sym("ends", 2)
     length = _truncated_length(c, 0)
     if varied:  # The series of f_p may have a smaller radius of convergence than that of f.
         length = ca.fmin(length, _truncated_length(dc, ca.norm_inf(dp)))
@@ -319,16 +414,57 @@ def _length_function(graph: VectorField, base: ca.SX, shares: ca.SX, columns: in
         length = ca.fmin(length, _time_within(c, weights, reach))
     h = ca.fmin(longest, length)
     h = ca.if_else(h >= left, left, ca.if_else(SHARED_STEPS * h >= left, 0.5 * left, h))
+    within, side = ca.SX(1), ca.SX(0)
+    if graph.coordinate:
+        h, within, side = _on_piece(c @ ca.DM(graph.coordinate), h, *ca.vertsplit(ends_of_piece))
     size = ca.fmax(ca.norm_inf(ca.vec(c[:2, :])), TINY)  # The size of a motion at rest at the origin would be 0.
     powers = symbolic_powers(h)
     terms, free = ca.diag(powers) @ series, ca.diag(powers) @ base.T
     ends = ca.sum1(free).T + shares @ ca.sum1(terms).T
     accepted = _defect(graph, ends, free, terms, shares, h) <= LARGEST_DEFECT * size
+    accepted = ca.logic_and(accepted, within) if graph.coordinate else accepted
     # A step that is far too long for the rate of the state is shortened in one go instead of halved many times.
     shorter = 0.5 * ca.fmin(h, ca.sqrt(h * size / ca.norm_inf(c[1, :])))
     taken, next_longest = ca.if_else(accepted, h, 0), ca.if_else(accepted, LONGEST_STEP, shorter)
-    results = [ends, powers, left - taken, next_longest, ca.vertcat(taken, h)]
-    return ca.Function("measure", [series, c, dc, graph.x, graph.p, dp, left, longest], results)
+    results = [ends, powers, left - taken, next_longest, ca.vertcat(taken, h), side]
+    return ca.Function("measure", [series, c, dc, graph.x, graph.p, dp, left, longest, ends_of_piece], results)
+
+
+def _on_piece(s: ca.SX, h: ca.SX, low: ca.SX, high: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """The length of a step of the coordinate with coefficients `s` (K + 1,) that stays between two ends, at most h,
+    whether it does so, and the side on which it reaches an end, 0 for none.
+
+    The coordinate stays away from both ends, or its first term that is more than rounding outweighs the others, so
+    that it is monotone and its end shows whether it has reached an end of the piece.
+    """
+    start, room = s[0], ca.fmin(high - s[0], s[0] - low)
+    length, terms, steep, within = h, ca.SX.zeros(TAYLOR_ORDER), ca.SX(0), ca.SX(0)
+    orders = ca.DM(range(1, TAYLOR_ORDER + 1))
+    for halvings in range(TRIED_LENGTHS):
+        tried = h * 0.5**halvings
+        moves = symbolic_powers(tried)[1:] * s[1:]
+        sizes, weighted = ca.fabs(moves), orders * ca.fabs(moves)
+        outweighs = [2 * ca.sum1(weighted[k + 1 :]) <= weighted[k] for k in range(2)]
+        rounded = sizes[0] ** 2 <= ROUNDING * sizes[1] * (ca.fabs(start) + sizes[1])
+        valid = ca.logic_or(ca.sum1(sizes) < room, ca.logic_or(outweighs[0], ca.logic_and(rounded, outweighs[1])))
+        chosen = ca.logic_and(valid, ca.logic_not(within))
+        length, terms, steep = (
+            ca.if_else(chosen, new, old)
+            for new, old in ((tried, length), (moves, terms), (outweighs[0], steep))
+        )
+        within = ca.logic_or(within, valid)
+    length = ca.if_else(within, length, tried)
+    move = ca.sum1(terms)
+    rises, falls = ca.logic_and(move > 0, start + move >= high), ca.logic_and(move < 0, start + move <= low)
+    side = ca.if_else(rises, 1, ca.if_else(falls, -1, 0))
+    distance = ca.if_else(rises, high, low) - start
+    share = distance / move
+    share = ca.if_else(steep, share, ca.sqrt(share))
+    for _ in range(NEWTON_STEPS):
+        value = share * ca.polyval(terms[::-1], share) - distance
+        slope = ca.polyval((orders * terms)[::-1], share)
+        share = ca.fmin(ca.fmax(share - value / slope, LEAST_SHARE), 1)
+    return length * ca.if_else(side == 0, 1, share), within, side
 
 
 def _truncated_length(c: ca.SX, size: ca.SX | float) -> ca.SX:
@@ -368,3 +504,50 @@ def _defect(graph: VectorField, ends: ca.SX, free: ca.SX, terms: ca.SX, shares: 
 def _at(terms: ca.SX, part: float) -> ca.SX:
     """The polynomials with these terms (K + 1, s) in a step at a part of it, (1, s)."""
     return ca.horzcat(*(ca.polyval(each[::-1], part) for each in ca.horzsplit(ca.densify(terms))))
+
+
+class TaylorMotion(NamedTuple):
+    """One motion: its flow and stepper, parameters (np,) and their seeds (np, columns), its state (n,) with
+    sensitivities (n, columns), and the piece that it is on."""
+
+    flow: Any
+    stepper: TaylorStepper
+    p: Array
+    seeds: Array
+    x: Array
+    variations: Array
+    on: OnPieces | None
+
+    def advance(self, count: int, left: float) -> Motions:
+        """At most `count` steps, which last no longer than `left`; a single NaN stands for the steps when none is
+        accepted. Raises `OutOfRange` where no piece is left."""
+        if self.on and not 0 < self.on.numbers[0] < self.on.tables.size // self.stepper.piece_rows.width - 1:
+            raise self.flow.out_of_range(self.p, self.x)
+        own = self.x[None], self.p[None], np.array([left]), self.variations, self.seeds
+        found = self.stepper.advance_all(*own, count, self.on)
+        if not len(found.steps):
+            return found._replace(steps=np.full(1, np.nan), coefficients=self.x[None, :, None])
+        if found.left[0] == 0:  # the time was counted down, with other roundings than those of the sum of the steps
+            found.steps[-1] += left - np.cumsum(found.steps)[-1]
+        return found
+
+    def after(self, found: Motions, count: int, h: float) -> "TaylorMotion":
+        """The motion after so many of the steps found, the last of them with the length h, not longer than found."""
+        if count == len(found.steps) and h == found.steps[-1]:
+            x, variations, numbers = found.ends[0], found.variations[0], found.pieces
+        else:
+            c, before, numbers = found.coefficients[count - 1], found.begins[count - 1], found.on[count - 1 : count]
+            x, variations, data = c[: self.stepper.n] @ h ** np.arange(c.shape[1]), before, self.p
+            if before.shape[1]:
+                p, seeds = self._data(int(numbers[0]))
+                variations = self.stepper.sensitivities_after(c[: self.stepper.n, 0], p, before, seeds, h)
+        return self._replace(x=x, variations=variations, on=self.on and self.on._replace(numbers=numbers))
+
+    def _data(self, number: int) -> tuple[Array, Array]:
+        """Parameters and data of a piece, and the rows of their seeds that are varied."""
+        seeds, layout = self.seeds[self.stepper.varied_parameters], self.stepper.piece_rows
+        if self.on is None:
+            return self.p, seeds
+        row = self.on.tables.reshape(-1, layout.width)[number]
+        moves = row[2 + 3 * layout.data :].reshape(layout.columns, -1)[:, 2:].T
+        return np.append(self.p, row[2 : 2 + layout.data]), np.vstack([seeds, moves]) if layout.varied else seeds

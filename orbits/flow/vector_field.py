@@ -10,8 +10,6 @@ import numpy as np
 from ..numerics.roots import Array
 from ..symbolic.taylor_series import has_taylor_series, taylor_coefficients
 
-# The lengths and coefficients of some steps, and the sensitivities at their beginnings.
-Steps = tuple[Array, Array, Array]
 # A high order makes few and long steps, and each step costs a fixed amount besides its series.
 TAYLOR_ORDER = 28
 # Order of a step in equations that other solvers differentiate, at a cost that grows with its square. On a mesh a fifth
@@ -44,12 +42,15 @@ def rows_used(seeds: Array) -> tuple[int, ...]:
 @dataclass(frozen=True, eq=False)
 class VectorField:
     """A vector field as an SX function (x, p) -> (x', watched quantities), the two symbols x and p, and the `reaches`
-    of its phase."""
+    of its phase; p are the parameters, followed by the data of a smooth piece, whose `coordinate` is that of `Pieces`.
+    """
 
     field: ca.Function
     x: ca.SX
     p: ca.SX
     reaches: tuple[tuple[tuple[float, ...], float], ...] = ()
+    coordinate: tuple[float, ...] | None = None
+    data: int = 0
 
     @property
     def size(self) -> int:

@@ -9,9 +9,8 @@ from ..numerics.polynomial_roots import Crossings, PiecewisePolynomials, evaluat
 from ..numerics.roots import Array
 from ..running import interrupts
 from ..running.exclusive import apart
-from .breakpoints import ActivePieces
 from .flow import Flow, StopTest
-from .taylor import LONGEST_STEP, TaylorStepper, Watched
+from .taylor import OnPieces, TaylorStepper, Watched
 from .trajectory import Trajectories, begins_of_steps
 
 # Closed forms are expanded about points this far apart, in units of the oscillation's 1 / frequency. The terms beyond
@@ -21,8 +20,6 @@ CLOSED_STEP, CLOSED_ORDER, CLOSED_BLOCK = 1.0, 18, 2
 MOST_CLOSED_STEPS = 1e12
 # The search resumes this number of expansions before the end of a range without zeros, which is known to rounding.
 EARLY = 0.01
-# The distance from an end of a piece that lies at infinity.
-NEVER_REACHED = 1e300
 # The error of all motions that break off, where no reasons are requested.
 BREAKS_OFF = FlowError("the motion breaks off")
 
@@ -43,7 +40,7 @@ def until_zero(
     no motion does, and where motions are better followed one by one: on a piecewise field, without a Taylor series, and
     for a single start in closed form. `skip_start` is that of `first_zero`.
     """
-    if (flow.phase.closed_form and len(starts) == 1) or not flow.smooth:
+    if (flow.phase.closed_form and len(starts) == 1) or not flow.in_lanes:
         return np.zeros(0, int), None
     search = _ZeroSearch(flow, starts, ps, quantity, np.inf, skip_start, all_steps=True)
     search.by_taylor_steps()
@@ -149,42 +146,45 @@ class _ZeroSearch:
         """Search motions in lanes, each to the next step in which an event may occur, and one by one from a step on
         that cannot be used."""
         flow, stepper = self.flow, self.flow.stepper(0)
-        at = stepper.places
-        most = flow.control.max_block if self.all_steps else None
-        pieces = ActivePieces(flow, self.ps[0], self.starts)
-        remaining, signs = np.arange(len(self.starts)), np.zeros((len(self.starts), self._tests(pieces)[1].shape[1]))
-        z = stepper.watched_state(self.starts, np.zeros(len(signs)), self.skip, signs)
+        at, turns = stepper.places, self.over[1] if self.over else 0
+        most, on = flow.control.max_block if self.all_steps else None, flow.on_pieces(self.starts, self.ps)
+        remaining, (weights, offsets) = np.arange(len(self.starts)), self._tests()
+        z = stepper.watched_state(self.starts, self.skip, offsets.shape[1], on.numbers if on else 0.0)
         for _ in range(flow.control.max_calls):
-            inside = pieces.inside
-            for i in (~inside).nonzero()[0]:
-                self.failed[int(remaining[i])] = flow.out_of_range(self.ps[0], z[i, at.state])
-            remaining, z = remaining[inside], z[inside]
-            pieces.keep(inside)
+            remaining, z = self._on_pieces(on, remaining, z)
             if not len(remaining):
                 return
             interrupts.heed()
-            p = pieces.data if flow.phase.pieces else self.ps[remaining] if len(self.ps) > 1 else self.ps
-            turns = self.over[1] if self.over else 0
-            limits, tests = self.limit[remaining], self._tests(pieces)
-            z, steps, counts, going = stepper.watch(z, p, *tests, limits, turns, most)
+            p = self.ps[remaining] if len(self.ps) > 1 else self.ps
+            tests, limits = (weights[remaining], offsets[remaining]), self.limit[remaining]
+            z, steps, counts, going = stepper.watch(z, p, *tests, limits, on and on.of(remaining), turns, most)
             found = z[:, at.found] > 0
             never = ~found & self._never(z)
             self.times[remaining[never]] = np.inf
-            broken = ~(found | never | going | (z[:, at.time] >= limits))
+            left = ~never & ~flow.inside(on, z[:, at.piece])
+            broken = ~(found | never | going | left | (z[:, at.time] >= limits))
             if not self.all_steps:
                 self._give_up(remaining[going & ~found & ~never])
-                self._beyond(remaining[broken], *(z[broken, place] for place in (at.state, at.time, at.order)))
+                self._beyond(remaining[broken], on, z[broken])
             else:
                 self._record(remaining, steps, counts, found)
                 last = np.cumsum(counts)[found] - 1
                 steps = Watched(*(values[last] for values in steps))
-            remaining, z = remaining[found], z[found]
-            pieces.keep(found)
+            searched = z[found]
             with apart():
-                left = self._search_steps(pieces, remaining, z, steps)
+                left[found] = self._search_steps(remaining[found], searched, steps)
+            z[found] = searched
             remaining, z = remaining[left], z[left]
-            pieces.enter(left)
         self._give_up(remaining)
+
+    def _on_pieces(self, on: OnPieces | None, remaining: Array, z: Array) -> tuple[Array, Array]:
+        """The motions that are on a piece, and their z; the others have left the range of a law."""
+        at = self.flow.stepper(0).places
+        inside = self.flow.inside(on, z[:, at.piece])
+        for i in (~inside).nonzero()[0].tolist():
+            p = self.ps[remaining[i] if len(self.ps) > 1 else 0]
+            self.failed[int(remaining[i])] = self.flow.out_of_range(p, z[i, at.state])
+        return (remaining, z) if inside.all() else (remaining[inside], z[inside])
 
     def _give_up(self, remaining):
         """Motions that have neither the zero nor an end after the most calls."""
@@ -202,35 +202,31 @@ class _ZeroSearch:
         changes = self.flow.stepper(0).places.changes
         return z[:, changes] >= self.over[1] if self.over else np.zeros(len(z), bool)
 
-    def _tests(self, pieces: ActivePieces) -> tuple[Array, Array]:
-        """Weights (m, q, rows) and offsets (m, q) of the possible events: the zero, the breakpoints, and the zero of
-        `over`."""
-        count, rows = len(pieces.index), len(self.flow.names)
-        tests = [self.quantity] + ([self.over[0]] if self.over else [])
-        weights, offsets = np.zeros((count, len(tests), rows)), np.zeros((count, len(tests)))
+    def _tests(self) -> tuple[Array, Array]:
+        """Weights (m, q, rows) and offsets (m, q) of the zero, and of the zero of `over`."""
+        count, tests = len(self.starts), [self.quantity] + ([self.over[0]] if self.over else [])
+        weights, offsets = np.zeros((count, len(tests), len(self.flow.names))), np.zeros((count, len(tests)))
         for i, test in enumerate(tests):
             weights[:, i, : len(test.weights)], offsets[:, i] = test.weights, test.offset
-        if self.flow.phase.pieces is None:
-            return weights, offsets
-        ends, coordinate = pieces.ends, np.zeros((count, 2, rows))
-        coordinate[:, :, : self.flow.size] = self.flow.coordinate
-        levels = np.where(np.isfinite(ends), -ends, NEVER_REACHED)
-        return np.concatenate([weights, coordinate], axis=1), np.concatenate([offsets, levels], axis=1)
+        return weights, offsets
 
-    def _beyond(self, indices, x, began, orders):
-        """Search the motions `indices` from a step on that cannot be used, with the arguments of `one_by_one`. Most of
-        them break off soon or end in time, which is determined together."""
-        if len(indices) and self.flow.smooth:
-            left = ~self._ended(indices, x, began, orders.astype(int))
-            indices, x, began, orders = indices[left], x[left], began[left], orders[left]
-        self.one_by_one(indices, x, began, orders)
+    def _beyond(self, indices: Array, on: OnPieces | None, z: Array) -> None:
+        """Search the motions `indices` with these z from a step on that cannot be used. Most of them break off soon or
+        end in time, which is determined together."""
+        at = self.flow.stepper(0).places
+        if len(indices):
+            left = ~self._ended(indices, on and OnPieces(on.of(indices), z[:, at.piece]), z)
+            indices, z = indices[left], z[left]
+        self.one_by_one(indices, *(z[:, place] for place in (at.state, at.time, at.order)))
 
-    def _ended(self, indices, x, began, orders) -> Array:
-        """Whether motions end without the zero within the steps of one call of `Flow.run`, which decides it in the same
+    def _ended(self, indices: Array, on: OnPieces | None, z: Array) -> Array:
+        """Whether motions `on` pieces end without the zero within the steps of one call of `Flow.run`, which decides it in the same
         way: no step can be used, or all can and the state runs away or the time is over. Stores their errors."""
         flow, control, seeds = self.flow, self.flow.control, np.zeros((self.flow.size, 0))
+        stepper = flow.stepper(0)
+        x, began, orders = (z[:, getattr(stepper.places, place)] for place in ("state", "time", "order"))
         ps, durations = self.ps[indices] if len(self.ps) > 1 else self.ps, self.limit[indices] - began
-        found = flow.stepper(0).advance_all(x, ps, durations, seeds, np.zeros((ps.shape[1], 0)), control.look_ahead)
+        found = stepper.advance_all(x, ps, durations, seeds, np.zeros((ps.shape[1], 0)), control.look_ahead, on)
         c, steps, counts = found.coefficients, found.steps, found.counts
         owner, ends, begun = np.repeat(np.arange(len(x)), counts), np.cumsum(counts), counts > 0
         times = began[owner] + begins_of_steps(steps, counts)
@@ -242,7 +238,7 @@ class _ZeroSearch:
         if whole.any():
             chosen = whole[owner]
             polynomials = PiecewisePolynomials(self.quantity.series(c[chosen]), steps[chosen], counts[whole])
-            whole[whole.nonzero()[0][polynomials.first_roots(orders[whole], self.rising)[0]]] = False
+            whole[whole.nonzero()[0][polynomials.first_roots(orders[whole].astype(int), self.rising)[0]]] = False
         for i in (none | (whole & away)).nonzero()[0].tolist():
             last = ends[i] - 1
             at = (began[i], x[i]) if none[i] else (times[last] + steps[last], found.ends[i])
@@ -264,12 +260,10 @@ class _ZeroSearch:
             if path.times[-1] < left:
                 self.times[index], self.rows[index] = before + path.times[-1], path.end
 
-    def _search_steps(self, pieces: ActivePieces, remaining, z, steps: Watched) -> Array:
+    def _search_steps(self, remaining, z, steps: Watched) -> Array:
         """Search one step of each motion, at whose end z is that of `TaylorStepper.watch`; returns which motions have
         no zero there, with z where these go on."""
-        at, count, (c, lengths, times, orders, changes, signs) = self.flow.stepper(0).places, len(remaining), steps
-        of_ends = signs[:, -2:].copy()
-        lengths = pieces.cut(c, lengths, signs[:, -1] == 0, of_ends)
+        at, count, (c, lengths, times, orders, _, signs) = self.flow.stepper(0).places, len(remaining), steps
         polynomials = PiecewisePolynomials(self.quantity.series(c), lengths, np.ones(count, int))
         owner, _, t = polynomials.first_roots(orders.astype(int), self.rising, signs[:, 0])
         hits, found = remaining[owner], times[owner] + t
@@ -277,17 +271,7 @@ class _ZeroSearch:
         self.rows[hits] = evaluate(c if len(owner) == count else c[owner], t[:, None])
         left = np.ones(count, bool)
         left[owner] = False
-        z[:, at.order], z[:, at.found], after = 0.0, 0.0, z[:, at.signs]  # a view
-        after[:, 0] = polynomials.after
-        if self.flow.phase.pieces:
-            after[:, -2:] = of_ends
-        if len(cut := pieces.crossed.nonzero()[0]):
-            z[cut, at.state] = evaluate(c[cut, at.state], lengths[cut, None])
-            z[cut, at.longest], z[cut, at.time], after[cut, -2:] = LONGEST_STEP, times[cut] + lengths[cut], 0.0
-            if self.over:  # the sign at the end of the whole step is not that where it is cut
-                value, was = self.over[0](z[cut, at.state]), signs[cut, 1]
-                turned = (value >= 0) != (np.where(was == 0, self.over[0](c[cut, at.state, 0]), was) >= 0)
-                after[cut, 1], z[cut, at.changes] = np.where(value >= 0, 1.0, -1.0), changes[cut] + turned
+        z[:, at.order], z[:, at.found], z[:, at.signs.start] = 0.0, 0.0, polynomials.after
         never = left & self._never(z)
         self.times[remaining[never]] = np.inf
         left &= ~never

@@ -118,7 +118,7 @@ class NewtonKernel:
         restarts = ca.logic_and(solves, ca.logic_or(does == SOLVING, does == RECORDING))
         x = known[: self.size]  # known are the places from the point up to the state of the lane
         begin = self.equations.ends[0][0].function(x[:-1], ca.MX(0, 1), parameters_at(x))[0]
-        start = ca.vertcat(begin[:-1], ca.vec(ca.DM(self.seeds)), begin[-1], LONGEST_STEP)
+        start = ca.vertcat(begin[:-1], ca.vec(ca.DM(self.seeds)), begin[-1], LONGEST_STEP, 0)
         duration = ca.if_else(restarts, begin[-1], z[at.duration])
         new = ca.vertcat(ca.if_else(restarts, start, after), known, does, duration)
         goes = ca.logic_or(restarts, ca.logic_and(goes, ca.logic_not(ended)))

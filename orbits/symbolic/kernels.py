@@ -52,7 +52,7 @@ class Iterated(NamedTuple):
     going: np.ndarray  # (m,), which points would go on beyond the most records
 
 
-def _contiguous(arguments: Sequence[np.ndarray], sizes: list[int]) -> tuple[list[np.ndarray], int]:
+def _contiguous(arguments: Sequence[np.ndarray], sizes: Sequence[int]) -> tuple[list[np.ndarray], int]:
     """Arguments (m, size), m >= 1, or (1, size) for all points, as contiguous arrays, and m; machine code reads them
     without looking where they end. Raises `ValueError` for others."""
     inputs = [np.ascontiguousarray(argument, dtype=float) for argument in arguments]
@@ -71,10 +71,13 @@ class Kernel:
     on), all dense. Its iterations are interpreted until that has taken as long as compiling it, and compiled code is
     optimised when it has run for as long as that takes: so nothing is compiled for a few points. Each number is the
     same either way, and with any number of threads.
+
+    chooses : an entry of z, a whole number, where the last argument of the function is that row of a table; a call then
+        has tables (m, rows size), or (1, rows size) for all points, whose rows follow each other
     """
 
-    def __init__(self, function: ca.Function):
-        self.function = function.expand()  # without its calls it takes a fifth less time
+    def __init__(self, function: ca.Function, chooses: int | None = None):
+        self.function, self.chooses = function.expand(), chooses  # without its calls it takes a fifth less time
         self.sizes_in = [function.nnz_in(i) for i in range(function.n_in())]
         self.sizes_out = [function.nnz_out(i) for i in range(function.n_out())]
         self.width = max(1, sum(self.sizes_out[1:-2]))  # numbers in the records of one iteration
@@ -124,7 +127,7 @@ class Kernel:
             arguments = self.function.sx_in()
             merged = ca.Function(self.function.name(), arguments, self.function.call(arguments), {"cse": True})
             try:
-                self._code = MachineCode(merged, optimised)
+                self._code = MachineCode(merged, optimised, self.chooses)
                 weigh([merged], 2 * len(self._code.compiled))
                 if self._code.optimised:
                     self.optimisation_budget = np.inf
@@ -136,7 +139,8 @@ class Kernel:
 
     def __call__(self, *arguments: np.ndarray, most: int = 2**31) -> Iterated:
         """Iterate from arguments (m, size), m >= 1, or (1, size) for all points, to at most `most` records of each."""
-        inputs, count = _contiguous(arguments, self.sizes_in)
+        sizes = self.sizes_in if self.chooses is None else [*self.sizes_in[:-1], arguments[-1].shape[-1]]
+        inputs, count = _contiguous(arguments, sizes)
         inputs[0] = inputs[0].copy() if len(inputs[0]) == count else np.tile(inputs[0], (count, 1))
         # The records of each point, whether it has ended, its iterations; and the most of each.
         done, bounds = np.zeros((count, 3)), np.array([most, 1.0, LONGEST_RUN])
@@ -191,7 +195,8 @@ class Kernel:
         """`_iterated` at one point, by CasADi's virtual machine."""
         with LOCK:
             call = self._interpreted = self._interpreted or BufferedFunction(self.function)
-            for memory, array in zip(call.arguments, inputs, strict=True):
+            chooses, fixed = self.chooses, inputs if self.chooses is None else inputs[:-1]
+            for memory, array in zip(call.arguments, fixed, strict=False):
                 memory[:] = array
             sizes, whole = self.sizes_out, call.whole
             after, values, before, trigger = call.flat[0], whole[sizes[0] : -2], call.arguments[0], call.trigger
@@ -200,6 +205,8 @@ class Kernel:
             while going and count < most and tried < longest:
                 if tried % CHECKED == 0:
                     interrupts.heed()
+                if chooses is not None:
+                    call.arguments[-1][:] = inputs[-1].reshape(-1, self.sizes_in[-1])[int(before[chooses])]
                 trigger()
                 tried += 1
                 before[:] = after
@@ -258,7 +265,7 @@ class Kernel:
             records.append(memory[used : used + count * length].reshape(count, capacity, length // capacity))
             places.append(start + used * memory.itemsize)
             used += count * length
-        strides = [size if len(array) == count else 0 for array, size in zip(inputs, self.sizes_in, strict=True)]
+        strides = [array.shape[1] if len(array) == count else 0 for array in inputs]
         strides += [*lengths, 3]
         pointers = (ctypes.c_void_p * len(strides))(*places, end)
         code.run(pointers, (ctypes.c_int64 * len(strides))(*strides), count)

@@ -75,7 +75,7 @@ def compile_seconds(instructions: int, optimised: bool = False) -> float:
 
 
 class MachineCode:
-    """An SX function iterated at several points, as in `Kernel`, in machine code; `lanes` of them go side by side, and
+    """The function of a `Kernel` iterated at several points in machine code; `lanes` of them go side by side, and
     its object file has the bytes `compiled`. `optimised` code takes 1.4 to 3.3 times less time, and more than twice as
     long to make.
 
@@ -83,12 +83,12 @@ class MachineCode:
     made under the `LOCK` of CasADi, whose graph it reads; LLVM too compiles one function at a time.
     """
 
-    def __init__(self, function: ca.Function, optimised: bool = False):
+    def __init__(self, function: ca.Function, optimised: bool = False, chooses: int | None = None):
         found = target()
         if found is None:
             raise RuntimeError("LLVM is not available")
         llvm, self.lanes = found
-        text = _Iteration(self.lanes).text(function)
+        text = _Iteration(self.lanes).text(function, chooses)
         self.key = hashlib.sha256(text.encode()).digest()
         self.compiled, self.optimised = _received.get(self.key, (b"", False))
         if not self.compiled or optimised > self.optimised:
@@ -270,16 +270,18 @@ class _Iteration(_Code):
     the point has ended, and the number of its iterations.
     """
 
-    def text(self, function: ca.Function) -> str:
-        """The module of LLVM with the one function `run`."""
+    def text(self, function: ca.Function, chooses: int | None) -> str:
+        """The module of LLVM with the one function `run`; `chooses` is that of a `Kernel`."""
         n_in, n_out = function.n_in(), function.n_out()
         self.do("br label %block", "block:", "%i = phi i64 [0, %entry], [%next, %end]")
         index = self._points()
         *inputs, ends = (self.rows(i, index) for i in (*range(n_in), n_in + n_out - 3))
         records = [self.rows(n_in + i, index) for i in range(n_out - 3)]
-        start, *data = [[self.load(rows, j) for j in range(function.nnz_in(i))] for i, rows in enumerate(inputs)]
+        table = None if chooses is None else (inputs[-1], chooses, function.nnz_in(n_in - 1))
+        fixed = enumerate(inputs if table is None else inputs[:-1])
+        start, *data = [[self.load(rows, j) for j in range(function.nnz_in(i))] for i, rows in fixed]
         bounds = [self(f"fptosi {self.vector} {self.load(ends, j)} to {self.indices}") for j in (0, 2)]
-        self._step(function, start, data, records, bounds)
+        self._step(function, start, data, table, records, bounds)
         self.do("end:")
         for j in range(len(start)):
             self.store(inputs[0], j, f"%n{j}")
@@ -300,8 +302,12 @@ class _Iteration(_Code):
         inside = self(f"icmp slt {self.indices} {ahead}, {final}")
         return self(f"select {self.masks} {inside}, {self.indices} {ahead}, {self.indices} {final}")
 
-    def _step(self, function: ca.Function, start: list[str], data: list, records: list, bounds: list[str]) -> None:
-        """The loop over iterations, which ends when no lane is alive; bounded are records and iterations."""
+    def _step(
+        self, function: ca.Function, start: list[str], data: list, table: tuple[str, int, int] | None, records: list,
+        bounds: list[str],
+    ) -> None:  # fmt: skip
+        """The loop over iterations, which ends when no lane is alive; bounded are records and iterations. Of a `table`
+        that each lane has, with the entry of z that chooses its row and the length of its rows, a row is data."""
         self.do("br label %step", "step:")
         z = [f"%z{j}" for j in range(len(start))]
         self.do(*(f"%z{j} = phi {self.vector} [{value}, %block], [%n{j}, %go]" for j, value in enumerate(start)))
@@ -309,6 +315,12 @@ class _Iteration(_Code):
         for name, kind in kinds.items():
             first = "splat (i1 1)" if name == "alive" else "zeroinitializer"
             self.do(f"%{name} = phi {kind} [{first}, %block], [%{name}_next, %go]")
+        if table is not None:
+            first, chooses, length = table
+            row = self(f"fptosi {self.vector} {z[chooses]} to {self.indices}")
+            offset = self(f"mul {self.indices} {row}, splat (i64 {length})")
+            rows = self(f"getelementptr double, {self.pointers} {first}, {self.indices} {offset}")
+            data = [*data, [self.load(rows, j) for j in range(length)]]
         after, *values, recorded, going = self.graph(function, [z, *data])
         taken = self(f"and {self.masks} %alive, {self.nonzero(recorded[0])}")
         goes = self(f"and {self.masks} %alive, {self.nonzero(going[0])}")

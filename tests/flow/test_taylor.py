@@ -31,7 +31,7 @@ def test_steps_share_the_time_and_are_halved_in_vain():
     along = flow_of(Hopper("tanh", parameters={"b": 1.0}).model.reduction.statement.arcs[0].phase, ("b",))
     start, p, duration, count = np.array([-30.0, 4.0]), np.array([1.0]), 12.0, 60
     end, _, (taken, tried) = BufferedFunction(along.stepper(0).step_function.mapaccum(count))(
-        [*start, duration, 1e9], np.ones((count, 1))
+        [*start, duration, 1e9, 0.0], np.ones((count, 1))
     )
     assert taken.sum() == pytest.approx(duration, rel=1e-15)
     assert end[2, -1] == 0.0
@@ -63,7 +63,7 @@ def test_sensitivities_after_a_shorter_step(columns):
         np.eye(2)[:, :columns],
         np.ones((1, columns)),
     )
-    (h,), _, begins = stepper.advance(x, p, dx, dp, 1, 100.0, None)
+    (h, *_), begins = (getattr(flow.run(x, p, 100.0, dx, dp)[0], name) for name in ("steps", "variations"))
     assert np.array_equal(begins[0], dx)
     for share in (0.1, 0.7, 1.0):
         whole = stepper.advance_all(x[None], p[None], np.array([share * h]), dx, dp)

@@ -203,7 +203,7 @@ def test_a_zero_before_a_step_in_vain(height):
     starts = np.array([[r + height, v, height, w] for r in (2.0, 4.0, 6.0) for v in (-2.0, 1.0) for w in (0.3, 2.0)])
     ps = np.tile(rules.p, (len(starts), 1))
     stepper = flight.stepper(0)
-    states = np.column_stack([starts, np.full((len(starts), 2), (np.inf, 1e9))])
+    states = np.column_stack([starts, np.full((len(starts), 3), (np.inf, 1e9, 0.0))])
     assert any(stepper.step_function(z, p)[2][0] == 0 for z, p in zip(states, ps, strict=True))
     times, _, failed = first_zeros(flight, starts, rules.p, foot, 50.0, 1)
     which, motions = until_zero(flight, starts, ps, foot, 1)
