@@ -533,11 +533,11 @@ class TaylorMotion(NamedTuple):
 
     def after(self, found: Motions, count: int, h: float) -> "TaylorMotion":
         """The motion after so many of the steps found, the last of them with the length h, not longer than found."""
-        if count == len(found.steps) and h == found.steps[-1]:
+        if count == len(found.steps) and h >= found.steps[-1] * (1 - FLOW_CONTROL.rounding):
             x, variations, numbers = found.ends[0], found.variations[0], found.pieces
         else:
             c, before, numbers = found.coefficients[count - 1], found.begins[count - 1], found.on[count - 1 : count]
-            x, variations, data = c[: self.stepper.n] @ h ** np.arange(c.shape[1]), before, self.p
+            x, variations = c[: self.stepper.n] @ h ** np.arange(c.shape[1]), before
             if before.shape[1]:
                 p, seeds = self._data(int(numbers[0]))
                 variations = self.stepper.sensitivities_after(c[: self.stepper.n, 0], p, before, seeds, h)
@@ -549,5 +549,5 @@ class TaylorMotion(NamedTuple):
         if self.on is None:
             return self.p, seeds
         row = self.on.tables.reshape(-1, layout.width)[number]
-        moves = row[2 + 3 * layout.data :].reshape(layout.columns, -1)[:, 2:].T
-        return np.append(self.p, row[2 : 2 + layout.data]), np.vstack([seeds, moves]) if layout.varied else seeds
+        moves = row[2 + 3 * layout.data :].reshape(layout.columns, 2 + layout.data)[:, 2:]
+        return np.append(self.p, row[2 : 2 + layout.data]), np.vstack([seeds, moves.T]) if layout.varied else seeds
