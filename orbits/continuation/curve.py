@@ -143,7 +143,7 @@ class Curve:
     @property
     def kernel(self) -> NewtonKernel | None:
         """Newton's method for points in one call; None where the motion has several arcs, or a law bends."""
-        return newton_kernel(self.equations, self.along) if self.equations.in_lanes else None
+        return newton_kernel(self.equations, self.along) if self.equations.in_lanes_along(self.along) else None
 
     def rescued(self, x: np.ndarray) -> np.ndarray:
         """A point (n + 1,) near another, with its value of the parameter, by Ipopt's multiple shooting."""

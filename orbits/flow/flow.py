@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from ..errors import BreaksDown, FlowError, OutOfRange, RunsAway
 from ..model.modes import Modes
 from ..model.phase import Phase
+from ..numerics.polynomial_roots import evaluate
 from ..numerics.roots import Array
 from ..running import interrupts
 from ..symbolic.caches import cached
@@ -273,33 +274,36 @@ class Flow:
         """Parameters with the data of the piece of each state (m, n): (m, np + nq), or (1, np) without pieces."""
         if self.phase.pieces is None:
             return np.reshape(p, (1, -1))
-        breaks, table, _ = self.piece_table(p)
-        return np.hstack([np.tile(p, (len(xs), 1)), table[self.piece(xs, breaks)]])
+        return np.hstack([np.tile(p, (len(xs), 1)), self.piece_data(xs, p[None])[0]])
 
-    def piece_data(self, x: Array, p: Array) -> tuple[Array, Array]:
-        """Data (nq,) of the piece at state `x` and its derivatives (nq, np)."""
+    def piece_data(self, xs: Array, ps: Array) -> tuple[Array, Array]:
+        """Data (m, nq) of the pieces at states (m, n) with parameters (m, np) or (1, np), and the derivatives
+        (m, nq, np)."""
         if self.phase.pieces is None:
-            return np.zeros(0), np.zeros((0, len(p)))
-        breaks, table, slopes = self.piece_table(p)
-        index = self.piece(x, breaks)
-        return table[index], slopes[index]
+            return np.zeros((len(xs), 0)), np.zeros((len(xs), 0, ps.shape[1]))
+        breaks, data, slopes = self._pieces_at(ps)
+        index, own = self.piece(xs, breaks), np.arange(len(xs)) if len(data) > 1 else 0
+        by_data = slopes[:, breaks.shape[1] :].reshape(*data.shape, -1)
+        return data[own, index], by_data[own, index]
 
     def mesh_data(self, motions: Trajectories, ps: Array) -> Array:
         """Parameters (m, np) with the data of the piece that each step of motions lies in, (N, np + nq)."""
+        own = ps[motions.owner]
         if self.phase.pieces is None:
-            return ps[motions.owner]
-        return np.concatenate([self.data(self._middles(path), p) for path, p in zip(motions, ps, strict=True)])
+            return own
+        return np.hstack([own, self.piece_data(self._middles(motions), own)[0]])
 
     def mesh_pieces(self, path: Trajectory, breaks: Array) -> Array:
         """Index (N,) of the piece that each step of a motion lies in."""
-        return self.piece(self._middles(path), breaks)
+        return self.piece(self._middles(Trajectories.of([path])), breaks[None])
 
-    def _middles(self, path):
-        return path(0.5 * (path.times[1:] + path.times[:-1]))[:, : self.size]
+    def _middles(self, motions: Trajectories) -> Array:
+        """The states (N, n) in the middle of each step."""
+        return evaluate(motions.coefficients[:, : self.size], 0.5 * motions.steps[:, None])
 
-    def piece(self, x: Array, breaks: Array) -> Array:
-        """Indices (...) of the pieces that hold states (..., n)."""
-        return np.clip(np.searchsorted(breaks, x @ self.coordinate, "right") - 1, 0, len(breaks) - 2)
+    def piece(self, xs: Array, breaks: Array) -> Array:
+        """Indices (m,) of the pieces between breaks (m, k + 1) or (1, k + 1) that contain states (m, n)."""
+        return np.clip((breaks <= (xs @ self.coordinate)[:, None]).sum(1) - 1, 0, breaks.shape[1] - 2)
 
     @cached_property
     def coordinate(self) -> Array:
@@ -309,8 +313,15 @@ class Flow:
 
     def piece_table(self, p: Array) -> tuple[Array, Array, Array]:
         """Breaks (m + 1,), data (m, nq) and its derivatives (m, nq, np) at parameters (np,)."""
-        breaks, data, slopes = (each[0] for each in self._piece_function(p[None]))
-        return breaks.ravel(), data, slopes[len(breaks) :].reshape(*data.shape, len(p))
+        breaks, data, slopes = (each[0] for each in self._pieces_at(p[None]))
+        return breaks, data, slopes[len(breaks) :].reshape(*data.shape, len(p))
+
+    def _pieces_at(self, ps: Array) -> tuple[Array, Array, Array]:
+        """Breaks (m, k + 1), data (m, k, nq) and the derivatives (m, k + 1 + k nq, np) of both at parameters (m, np);
+        with a first axis of length 1 where all are the same."""
+        own = sorted(self._piece_parameters)
+        breaks, data, slopes = self._piece_function(ps[:1] if (ps[:, own] == ps[0, own]).all() else ps)
+        return breaks[:, :, 0], data, slopes
 
     @cached_property
     def _piece_function(self) -> MappedFunction:
@@ -330,11 +341,20 @@ class Flow:
         patterns = (self._piece_function.function.jac_sparsity(i, 0) for i in (0, 1))
         return {column for pattern in patterns for column in pattern.get_triplet()[1]}
 
+    @cached_property
+    def breaks(self) -> int:
+        """The number of breakpoints, those at the ends of the range included; 0 for a smooth field."""
+        return self._piece_function.function.numel_out(0) if self.phase.pieces else 0
+
+    def depends_on(self, name: str) -> bool:
+        """Whether the pieces depend on a parameter."""
+        return self.phase.pieces is not None and self.parameters.index(name) in self._piece_parameters
+
     def varied(self, parameter_seeds: Array) -> tuple[int, ...]:
         """The rows of the seeds (..., np, columns) of parameters that are not zero, and those of the data of a piece if
         one of these parameters changes it."""
         rows = rows_used(parameter_seeds)
-        if self.phase.pieces is None or not self._piece_parameters & set(rows):
+        if self.phase.pieces is None or not self._piece_parameters & {*rows}:
             return rows
         count = len(self.parameters)
         return *rows, *range(count, count + self.phase.pieces.size)
@@ -344,17 +364,15 @@ class Flow:
         along seeds (np, columns) or (m, np, columns) of the parameters; None for a smooth field."""
         if self.phase.pieces is None:
             return None
-        own = sorted(self._piece_parameters)
         seeds = np.zeros((ps.shape[1], 0)) if parameter_seeds is None else parameter_seeds
-        shared = seeds.ndim == 2 and (ps[:, own] == ps[0, own]).all()
-        breaks, data, slopes = self._piece_function(ps[:1] if shared else ps)
-        stepper = self.stepper(seeds.shape[-1], self.varied(seeds))
-        breaks, places = breaks[:, :, 0], starts @ self.coordinate
+        breaks, data, slopes = self._pieces_at(ps)
+        stepper, places = self.stepper(seeds.shape[-1], self.varied(seeds)), starts @ self.coordinate
         numbers = (breaks <= places[:, None]).sum(1)
         numbers[places == breaks[:, -1]] -= 1
         for i in (places[:, None] == breaks).any(1).nonzero()[0].tolist():
             numbers[i] = self.first_piece(ps[i if len(ps) > 1 else 0], starts[i]) + 1
-        return OnPieces(stepper.piece_rows.tables(breaks, data, slopes @ seeds), numbers.astype(float))
+        tables = stepper.piece_rows.tables(breaks, data, slopes @ seeds)
+        return OnPieces(tables, numbers.astype(float), breaks)
 
     def first_piece(self, p: Array, x: Array) -> int:
         """Index of the piece on which the motion from a state begins, -1 where there is none.
@@ -364,7 +382,7 @@ class Flow:
         (breaks, table, _), weights = self.piece_table(p), self.coordinate
         if not breaks[0] <= (place := float(weights @ x)) <= breaks[-1]:
             return -1
-        index = int(self.piece(x, breaks))
+        index = int(self.piece(x[None], breaks[None])[0])
         if place in breaks:
             data = np.concatenate([p, table[index]])
             rates = self.rates(x, data)

@@ -61,11 +61,12 @@ class Motions(NamedTuple):
 
 
 class OnPieces(NamedTuple):
-    """The pieces that m motions are on: the tables of `PieceRows`, (m, size) or (1, size), and the numbers (m,) of the
-    pieces."""
+    """The pieces that m motions are on: the tables of `PieceRows`, (m, size) or (1, size), the numbers (m,) of the
+    pieces, and the breakpoints (m, k + 1) or (1, k + 1)."""
 
     tables: Array
     numbers: Array
+    breaks: Array
 
     def of(self, which: Array) -> Array:
         """The tables of some motions."""
@@ -131,7 +132,8 @@ class PieceRows:
     def tables(self, breaks: Array, data: Array, moves: Array) -> Array:
         """The tables (m, rows width) of pieces between breaks (m, k + 1) with data (m, k, nq), whose derivatives are
         those of the breaks and data together, (m, k + 1 + k nq, columns)."""
-        m, k, nq = data.shape
+        m, (_, k, nq) = max(len(data), len(moves)), data.shape
+        breaks, data = np.broadcast_to(breaks, (m, k + 1)), np.broadcast_to(data, (m, k, nq))
         around = np.pad(data, ((0, 0), (1, 1), (0, 0)), "edge")
         rows = [breaks[:, :-1, None], breaks[:, 1:, None], data, around[:, :-2], around[:, 2:]]
         if self.varied:

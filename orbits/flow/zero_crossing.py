@@ -215,7 +215,7 @@ class _ZeroSearch:
         end in time, which is determined together."""
         at = self.flow.stepper(0).places
         if len(indices):
-            left = ~self._ended(indices, on and OnPieces(on.of(indices), z[:, at.piece]), z)
+            left = ~self._ended(indices, on and on._replace(tables=on.of(indices), numbers=z[:, at.piece]), z)
             indices, z = indices[left], z[left]
         self.one_by_one(indices, *(z[:, place] for place in (at.state, at.time, at.order)))
 

@@ -155,15 +155,15 @@ def _carried_rounding(evaluation: Evaluation, weights: list[Rows]) -> ndarray:
 def _moves_by_defects(flow: Flow, motions: Trajectories, ps: ndarray, back: ndarray) -> ndarray:
     """The changes (m,) of alpha by the defects of the steps."""
     c, lengths = motions.coefficients[:, : flow.size], motions.steps[:, None]
-    (rates,) = _mean_rates(flow)(c.reshape(len(c), -1), lengths, ps[motions.owner])
+    (rates,) = _mean_rates(flow)(c.reshape(len(c), -1), lengths, flow.mesh_data(motions, ps))
     defects = motions.step_ends[:, : flow.size] - c[:, :, 0] - lengths * rates
     return np.add.reduceat(np.einsum("Ni,Ni->N", back, defects), motions.first)
 
 
 @cached
 def _mean_rates(flow: Flow) -> ElementwiseFunction:
-    """The mean of a smooth field over steps, by Gauss's rule, (coefficients of the states, one state after the other,
-    length, parameters)."""
+    """The mean of a field over steps, by Gauss's rule, (coefficients of the states, one state after the other, length,
+    parameters with the data of the piece)."""
     c, h, p = ca.SX.sym("c", TAYLOR_ORDER + 1, flow.size), ca.SX.sym("h"), flow.vector_field.p
     terms = ca.diag(symbolic_powers(h)) @ c
     states = ca.DM(powers(GAUSS_PLACES, TAYLOR_ORDER + 1)) @ terms

@@ -272,7 +272,7 @@ def _contacts(model: Model, u: Mapping, p: Mapping, limits: ndarray):
     ended = zip(done.tolist(), contacts or (), strict=True)
     found: dict[int, Any] = {i: contact for i, contact in ended if contact.times[-1] < limits[i]}
     rest = np.array(sorted({*range(len(starts))} - found.keys()), int)
-    if len(rest) and model.one_speed and flow.smooth and not flow.phase.closed_form:
+    if len(rest) and model.one_speed and flow.in_lanes and not flow.phase.closed_form:
         # A contact that never ends takes thousands of steps, so that it is detected without storing them.
         times, *_ = first_zeros(flow, starts[rest], ps[rest], end[0], limits[rest], end[1])
         found |= dict.fromkeys(rest[~np.isfinite(times)].tolist(), model.violations["end"])

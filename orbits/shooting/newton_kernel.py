@@ -41,6 +41,8 @@ class NewtonPlaces(NamedTuple):
     taken: int  # the number of Newton steps
     doing: int  # the state of the lane
     duration: int  # of the motion
+    begins: int  # whether the motion begins
+    data: slice  # of the piece where it begins
 
 
 class NewtonKernel:
@@ -49,7 +51,7 @@ class NewtonKernel:
 
     Steps of the motion are iterated; where one ends, the next Newton step begins another motion. The argument z is that
     of the motion, then the entries at `places`. The data are the row, the level, the unit of each component of X, the
-    parameters, the least number of Newton steps, and whether the motion of the solution is requested.
+    parameters, the least number of Newton steps, whether the motion of the solution is requested, and the breakpoints.
     """
 
     def __init__(self, equations: Shooting, along: str):
@@ -59,9 +61,12 @@ class NewtonKernel:
         stepper = self.flow.stepper(self.seeds.shape[1], rows_used(parameter_seeds))
         assert isinstance(stepper, TaylorStepper)
         self.rows, self.motion, first = stepper.rows, stepper.places, stepper.places.time
-        others = range(first + 2 * self.size, first + 2 * self.size + 5)
-        self.places = NewtonPlaces(slice(first, first + self.size), slice(first + self.size, others.start), *others)
-        self.kernel = Kernel(self._function(stepper.motion_function, parameter_seeds[stepper.varied]))
+        others = range(first + 2 * self.size, first + 2 * self.size + 6)
+        data = slice(others.stop, others.stop + self.flow.vector_field.data)
+        self.places = NewtonPlaces(
+            slice(first, first + self.size), slice(first + self.size, others.start), *others, data
+        )
+        self.kernel = stepper.kernel_of(self._function(stepper, parameter_seeds))
 
     def __call__(
         self, xs: Array, rows: Array, levels: Array, units: Array, ps: Array, least: int, with_motions: bool
@@ -73,9 +78,13 @@ class NewtonKernel:
         z = np.zeros((len(xs), self.kernel.sizes_in[0]))
         z[:, at.point], z[:, at.last], z[:, at.duration], z[:, motion.state] = xs, np.inf, begin[:, -1], begin[:, :-1]
         z[:, motion.sensitivities], z[:, motion.left] = self.seeds.T.ravel(), begin[:, -1]
-        z[:, motion.longest], z[:, at.doing] = LONGEST_STEP, SOLVING
-        data = np.hstack([rows, levels[:, None], units, ps, np.full((len(xs), 2), (least, with_motions))])
-        z, (c, before, steps), counts, _ = self.kernel(z, data, most=control.max_block)
+        z[:, motion.longest], z[:, at.doing], z[:, at.begins] = LONGEST_STEP, SOLVING, 1.0
+        data = [rows, levels[:, None], units, ps, np.full((len(xs), 2), (least, with_motions))]
+        tables = list[Array]()
+        if on := self.flow.on_pieces(begin[:, :-1], ps):
+            z[:, motion.piece], tables = on.numbers, [on.tables]
+            data.append(np.broadcast_to(on.breaks, (len(xs), self.flow.breaks)))
+        z, (c, before, steps), counts, _ = self.kernel(z, np.hstack(data), *tables, most=control.max_block)
         solved = (z[:, at.doing] == DONE) & (np.abs(z[:, motion.state]).max(1) <= control.runaway)
         owner, begins = np.repeat(np.arange(len(z)), counts), begins_of_steps(steps[:, 0], counts)
         solved[owner[steps[:, 0] <= control.shortest_step * np.maximum(begins, 1.0)]] = False
@@ -95,22 +104,26 @@ class NewtonKernel:
         evaluation = self.equations.closed(xs[:, :-1], ps, (self.along,), [(motions, ends, transitions)])
         return Solutions(which, xs, directions, growths, evaluation)
 
-    def _function(self, motion_function: ca.Function, parameter_seeds: Array) -> ca.Function:
+    def _function(self, stepper: TaylorStepper, parameter_seeds: Array) -> ca.Function:
         """The function that the kernel iterates."""
         at, motion, shape = self.places, self.motion, self.seeds.shape
-        sizes = self.size, 1, self.size, len(self.equations.parameters), 1, 1
-        z, data = ca.MX.sym("z", at.duration + 1), ca.MX.sym("data", sum(sizes))
+        sizes = self.size, 1, self.size, len(self.equations.parameters), 1, 1, self.flow.breaks
+        z, data = ca.MX.sym("z", at.data.stop), ca.MX.sym("data", sum(sizes))
+        _, _, *piece = stepper.motion_function.mx_in()
         x, doing = z[at.point], z[at.doing]
-        row, level, unit, p, *options = ca.vertsplit(data, np.cumsum([0, *sizes]).tolist())
+        row, level, unit, p, *options, breaks = ca.vertsplit(data, np.cumsum([0, *sizes]).tolist())
         parameters = ca.vertsplit(p)
 
         def parameters_at(point: ca.MX) -> ca.MX:
             return ca.vertcat(*parameters[: self.place], point[-1], *parameters[self.place + 1 :])
 
-        parameters_with_seeds = ca.vertcat(parameters_at(x), ca.DM(parameter_seeds).reshape((-1, 1)))
-        after, c, before, length, accepted, goes = motion_function(z[: at.point.start], parameters_with_seeds)
+        seeds_of_parameters = ca.DM(parameter_seeds[stepper.varied_parameters]).reshape((-1, 1))
+        arguments = z[: at.point.start], ca.vertcat(parameters_at(x), seeds_of_parameters), *piece
+        after, c, before, length, accepted, goes = stepper.motion_function(*arguments)
+        q = stepper.piece_rows.split(*piece)[1] if piece else ca.MX(0, 1)
+        begun = ca.if_else(z[at.begins] > 0, q, z[at.data]) if piece else q
         ended = ca.logic_and(accepted, after[motion.left] <= 0)
-        closing = parameters_at(x), after[motion.state], ca.reshape(after[motion.sensitivities], *shape)
+        closing = parameters_at(x), after[motion.state], ca.reshape(after[motion.sensitivities], *shape), begun, q
         found, does = self._newton()(x, *closing, row, level, unit, z[at.last], z[at.taken] + 1, *options)
         solves = ca.logic_and(ended, doing == SOLVING)
         does = ca.if_else(solves, does, ca.if_else(ended, DONE, doing))
@@ -118,22 +131,31 @@ class NewtonKernel:
         restarts = ca.logic_and(solves, ca.logic_or(does == SOLVING, does == RECORDING))
         x = known[: self.size]  # known are the places from the point up to the state of the lane
         begin = self.equations.ends[0][0].function(x[:-1], ca.MX(0, 1), parameters_at(x))[0]
-        start = ca.vertcat(begin[:-1], ca.vec(ca.DM(self.seeds)), begin[-1], LONGEST_STEP, 0)
+        number = self._piece(begin[:-1], breaks) if piece else 0.0
+        start = ca.vertcat(begin[:-1], ca.vec(ca.DM(self.seeds)), begin[-1], LONGEST_STEP, number)
         duration = ca.if_else(restarts, begin[-1], z[at.duration])
-        new = ca.vertcat(ca.if_else(restarts, start, after), known, does, duration)
+        begins = ca.logic_or(restarts, ca.logic_and(z[at.begins] > 0, ca.logic_not(accepted)))
+        new = ca.vertcat(ca.if_else(restarts, start, after), known, does, duration, begins, begun)
         goes = ca.logic_or(restarts, ca.logic_and(goes, ca.logic_not(ended)))
         recorded = ca.logic_and(accepted, doing == RECORDING)
-        return ca.Function("solve", [z, data], [new, c, before, length, recorded, goes])
+        return ca.Function("solve", [z, data, *piece], [new, c, before, length, recorded, goes])
+
+    def _piece(self, x: ca.MX, breaks: ca.MX) -> ca.MX:
+        """The number of the piece at a state, as in `PieceRows`."""
+        place = ca.dot(ca.DM(self.flow.phase.pieces.coordinate), x)
+        return ca.fmin(ca.fmax(ca.sum1(breaks <= place), 1), self.flow.breaks - 1)
 
     def _newton(self) -> ca.Function:
-        """(X, parameters, end of the motion, its transition, row, level, unit, size of the last Newton step, number of
-        steps, the least, whether its motion is requested) -> the new entries of z, and the next state of the lane."""
+        """(X, parameters, end of the motion, its transition, data of the pieces at its start and end, row, level, unit,
+        size of the last Newton step, number of steps, the least, whether its motion is requested) -> the new entries of
+        z, and the next state of the lane. The data of the pieces do not vary along the curve."""
         closing = self.equations.closing((self.along,)).function
         x, row, unit = (ca.SX.sym(name, self.size) for name in ("x", "row", "unit"))
         p, end, transition, _, q, slopes = (ca.SX.sym("a", *closing.size_in(i)) for i in range(1, 7))
         level, last, taken, least, with_motions = ca.vertsplit(ca.SX.sym("options", 5))
-        speed = self.flow.vector_field.field(end, p)[0]
-        residual, jacobian, *_ = closing(x[:-1], p, end, transition, speed, q, slopes)
+        q_end = ca.SX.sym("q", q.numel())
+        speed = self.flow.vector_field.field(end, ca.vertcat(p, q_end))[0]
+        residual, jacobian, *_ = closing(x[:-1], p, end, transition, speed, q, ca.SX(*slopes.shape))
         sides = ca.vertcat(ca.horzcat(-residual, ca.SX(self.size - 1, 1)), ca.horzcat(level - ca.dot(row, x), 1))
         found = _solved(ca.densify(ca.horzcat(ca.vertcat(jacobian, row.T), sides)))
         size, growth = ca.mmax(ca.fabs(found[:, 0] / unit)), ca.mmax(ca.fabs(transition[:, : end.numel()]))
@@ -141,7 +163,7 @@ class NewtonKernel:
         failed = ca.logic_or(ca.logic_not(size < STALLED_RATIO * last), taken >= MOST_NEWTON_STEPS)
         does = ca.if_else(settled, ca.if_else(with_motions, RECORDING, DONE), ca.if_else(failed, FAILED, SOLVING))
         known = ca.vertcat(x + found[:, 0], found[:, 1], size, growth, taken)
-        arguments = [x, p, end, transition, row, level, unit, last, taken, least, with_motions]
+        arguments = [x, p, end, transition, q, q_end, row, level, unit, last, taken, least, with_motions]
         return ca.Function("newton", arguments, [known, ca.if_else(taken >= least, does, SOLVING)])
 
 

@@ -99,8 +99,12 @@ class Shooting:
 
     @property
     def in_lanes(self) -> bool:
-        """Whether the motions of many points can be integrated together: those of one arc that no breakpoint ends."""
-        return len(self.flows) == 1 and self.flows[0].smooth
+        """Whether the motions of many points can be integrated together: those of one arc."""
+        return len(self.flows) == 1 and self.flows[0].in_lanes
+
+    def in_lanes_along(self, name: str) -> bool:
+        """Whether the solutions at many values of a parameter can be found together: not where pieces depend on it."""
+        return self.in_lanes and not self.flows[0].depends_on(name)
 
     @cached_property
     def ends(self) -> list[tuple[BufferedFunction, BufferedFunction]]:
@@ -142,9 +146,7 @@ class Shooting:
         for flow, (motions, ends, transitions) in zip(self.flows, arcs, strict=True):
             c, last = motions.coefficients[:, : flow.size], motions.last
             speeds = np.einsum("mrk,mk->mr", derivative(c[last]), motions.of_steps[last, :-1])
-            starts = zip(c[motions.first, :, 0], ps, strict=True)
-            pieces = [flow.piece_data(x, p) for x, p in starts] if flow.phase.pieces else ()
-            data, slopes = map(np.array, zip(*pieces, strict=True)) if pieces else (us[:, :0], us[:, :0, None])
+            data, slopes = flow.piece_data(c[motions.first, :, 0], ps)
             known += [ends, transitions.swapaxes(1, 2), speeds, data, slopes.swapaxes(1, 2)]
         residual, jacobian, *rest = self.closing(vary)(us, ps, *(array.reshape(len(us), -1) for array in known))
         trajectories, _, transitions = zip(*arcs, strict=True)
@@ -191,7 +193,7 @@ class Shooting:
         for flow, path, (departure, arrival) in zip(self.flows, paths, self.ends, strict=True):
             start = departure(u, before, p)[0][:-1, 0]
             before = end_of(flow, start, p, path)
-            q, _ = flow.piece_data(start, p)
+            (q,), _ = flow.piece_data(start[None], p[None])
             residuals.append(arrival(u, start, before, p, q)[0].ravel())
         return np.concatenate(residuals)
 
