@@ -94,7 +94,7 @@ def reaches_of_many(key: Key, lengths: np.ndarray, bends: np.ndarray, units: np.
 
 
 def units_of_length(spring: Key, p: Mapping[str, np.ndarray]) -> np.ndarray:
-    """`unit_of_length` of laws with parameters (m,) by name and no pieces."""
+    """`unit_of_length` of laws with parameters (m,) by name, at rest at 0."""
     _, slopes = values_and_slopes(spring, p, np.zeros((len(next(iter(p.values()))), 1)))
     slope = slopes[:, 0]
     with np.errstate(all="ignore"):

@@ -119,9 +119,9 @@ class Law:
             return x, x
         p, q = np.array([list(self.parameters.values())]), np.zeros((1, 0))
         with LOCK:
-            call, table = _numeric(self.key)
+            call, table = _numeric(self.key), pieces_of(self.key)
             if table is not None:
-                breaks, data = (np.array(out) for out in table(p[0]))
+                (breaks,), (data,) = table(p)
                 breaks = breaks.ravel()
                 if not (breaks[0] <= x.min() and x.max() <= breaks[-1]):
                     low, high = (Quantity(float(end), LENGTH) for end in breaks[[0, -1]])
@@ -213,32 +213,47 @@ def from_key(key: Key, p: Mapping[str, float]) -> Law:
 
 @exclusive
 def values_and_slopes(key: Key, p: Mapping[str, np.ndarray], x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Values and slopes (m, k) of smooth laws with parameters (m,) by name at places (m, k)."""
+    """Values and slopes (m, k) of laws with parameters (m,) by name at places (m, k), NaN outside their ranges."""
     columns = [np.broadcast_to(p[name], len(x)) for name in key.names]
-    values = np.column_stack(columns) if columns else np.zeros((len(x), 0))
-    value, slope = _many(key)(x.reshape(-1, 1), np.repeat(values, x.shape[1], axis=0))
-    return value.reshape(x.shape), slope.reshape(x.shape)
+    values, data, inside = np.column_stack(columns) if columns else np.zeros((len(x), 0)), np.zeros((1, 0)), None
+    if table := pieces_of(key):
+        breaks, rows = table(values[:1] if (values == values[:1]).all() else values)
+        breaks, (count, pieces, size) = breaks[:, :, 0], rows.shape
+        if count == 1:
+            index = np.searchsorted(breaks[0], x, "right") - 1
+        else:
+            index = (breaks[:, None] <= x[:, :, None]).sum(2) - 1
+        inside = (breaks[:, :1] <= x) & (x <= breaks[:, -1:])
+        first = pieces * np.arange(count)[:, None]
+        data = rows.reshape(-1, size)[(first + np.clip(index, 0, pieces - 1)).ravel()]
+    found = _many(key)(x.reshape(-1, 1), np.repeat(values, x.shape[1], axis=0), data)
+    value, slope = (each.reshape(x.shape) for each in found)
+    return (value, slope) if inside is None else (np.where(inside, value, np.nan), np.where(inside, slope, np.nan))
+
+
+@cached
+def pieces_of(key: Key) -> MappedFunction | None:
+    """Parameters -> breaks (k + 1,) and data (k, size of q) of a law; None for a smooth one."""
+    if key.pieces is None:
+        return None
+    p = symbols_of(key.variable, key.names)[1]
+    breaks, data = key.pieces[1](p)
+    rows = ca.vertcat(*[ca.horzcat(*row) for row in data]) if key.pieces[0] else ca.SX(len(data), 0)
+    results = [ca.densify(ca.SX(ca.vertcat(*breaks))), ca.densify(ca.SX(rows))]
+    return MappedFunction(ca.Function("pieces", [ca.vertcat(*p.values())], results))
 
 
 @cached
 def _many(key: Key) -> ElementwiseFunction:
-    """(x, p) -> value and slope of a smooth law."""
+    """(x, p, q) -> value and slope of a law."""
     x, p = symbols_of(key.variable, key.names)
-    value = ca.SX(key.expression(x, p, []))
-    return ElementwiseFunction(ca.Function("laws", [x, ca.vertcat(*p.values())], [value, ca.jacobian(value, x)]))
+    q = ca.SX.sym("q", key.pieces[0] if key.pieces else 0)
+    value = ca.SX(key.expression(x, p, ca.vertsplit(q)))
+    arguments = [x, ca.vertcat(*p.values()), q]
+    return ElementwiseFunction(ca.Function("laws", arguments, [value, ca.jacobian(value, x)]))
 
 
 @cached
-def _numeric(key: Key):
-    """The function (x, p, q) -> (value, slope), and p -> (breaks, data) for a piecewise law."""
-    (x, p), pieces = symbols_of(key.variable, key.names), key.pieces
-    q = ca.SX.sym("q", pieces[0] if pieces else 0)
-    value = ca.SX(key.expression(x, p, ca.vertsplit(q)))
-    vector = ca.vertcat(*p.values())
-    table = None
-    if pieces:
-        breaks, data = pieces[1](p)
-        rows = ca.vertcat(*[ca.horzcat(*row) for row in data]) if pieces[0] else ca.SX(len(data), 0)
-        table = ca.Function("table", [vector], [ca.vertcat(*breaks), ca.densify(rows)])
-    results = [ca.densify(value), ca.densify(ca.jacobian(value, x))]
-    return MappedFunction(ca.Function("law", [x, vector, q], results)), table
+def _numeric(key: Key) -> MappedFunction:
+    """The function (x, p, q) -> (value, slope), which nothing compiles for a few values."""
+    return MappedFunction(_many(key).function)

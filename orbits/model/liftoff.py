@@ -70,11 +70,11 @@ class Liftoff:
         return self._checked(law, float(_level_crossings(law.with_slope, np.array([level]), low, high)[0]))
 
     def extensions(self, key: Key, p: Mapping[str, np.ndarray]) -> np.ndarray:
-        """`extension` of smooth springs with parameters (m,) by name, whose force rises or falls all the way from rest
+        """`extension` of springs with parameters (m,) by name, whose force rises or falls all the way from rest, at 0,
         to the level; NaN for others."""
         count, level = len(next(iter(p.values()))), 1.0 - self.load
         found = np.full(count, np.nan)
-        if not count or key.pieces is not None or key.degree() == 0:
+        if not count or key.degree() == 0:
             return found
         forces, slopes = values_and_slopes(key, p, np.zeros((count, 1)))
         away = np.where(forces[:, 0] < level, 1.0, -1.0)

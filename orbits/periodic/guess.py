@@ -77,12 +77,10 @@ def guess(model: Model, family: int, p: Mapping[str, float]) -> dict[str, float]
 def guesses(relative: Relative, family: int, p: Mapping[str, np.ndarray]) -> Guesses:
     """The guesses of many machines with parameters (m,) by name, from their relative motions."""
     p = relative.own(p)
-    extension, alpha = np.full((2, len(next(iter(p.values())))), np.nan)
-    own, single = np.zeros((2, len(alpha)), bool)
-    if relative.law.pieces is None:
-        extension = relative.liftoff.extensions(relative.law, p)
-        own, single = relative.own_and_single(p)
-        own &= np.isfinite(extension)
+    alpha = np.full(len(next(iter(p.values()))), np.nan)
+    extension = relative.liftoff.extensions(relative.law, p)
+    own, single = relative.own_and_single(p)
+    own &= np.isfinite(extension)
     law, refused = relative.law, dict[int, NoOrbit]()
     if len(rows := np.flatnonzero(own)):
         those, places = {name: values[rows] for name, values in p.items()}, extension[rows]
