@@ -207,7 +207,9 @@ class Flow:
         rates = ca.vertcat(*self.phase.field(*arguments))
         watched = ca.vertcat(*[quantity(*arguments) for quantity in self.phase.watch.values()])
         field, pieces = ca.Function("field", [x, p], ca.cse([rates, watched])), self.phase.pieces
-        return VectorField(field, x, p, self.phase.reaches, pieces and pieces.coordinate, count)
+        if pieces is None:
+            return VectorField(field, x, p, self.phase.reaches)
+        return VectorField(field, x, p, self.phase.reaches, pieces.coordinate, ca.SX(pieces.unit(arguments[1])), count)
 
     def symbols(self, x: ca.SX, p: ca.SX) -> tuple[list, dict, list]:
         """The arguments (x, p, q) of a phase's expressions from vectors of states and of parameters with piece data."""
@@ -282,7 +284,7 @@ class Flow:
         if self.phase.pieces is None:
             return np.zeros((len(xs), 0)), np.zeros((len(xs), 0, ps.shape[1]))
         breaks, data, slopes = self._pieces_at(ps)
-        index, own = self.piece(xs, breaks), np.arange(len(xs)) if len(data) > 1 else 0
+        index, own = self.piece(xs, ps, breaks), np.arange(len(xs)) if len(data) > 1 else 0
         by_data = slopes[:, breaks.shape[1] :].reshape(*data.shape, -1)
         return data[own, index], by_data[own, index]
 
@@ -293,17 +295,23 @@ class Flow:
             return own
         return np.hstack([own, self.piece_data(self._middles(motions), own)[0]])
 
-    def mesh_pieces(self, path: Trajectory, breaks: Array) -> Array:
+    def mesh_pieces(self, path: Trajectory, p: Array) -> Array:
         """Index (N,) of the piece that each step of a motion lies in."""
-        return self.piece(self._middles(Trajectories.of([path])), breaks[None])
+        return self.piece(self._middles(Trajectories.of([path])), p[None], self._pieces_at(p[None])[0])
 
     def _middles(self, motions: Trajectories) -> Array:
         """The states (N, n) in the middle of each step."""
         return evaluate(motions.coefficients[:, : self.size], 0.5 * motions.steps[:, None])
 
-    def piece(self, xs: Array, breaks: Array) -> Array:
+    def piece(self, xs: Array, ps: Array, breaks: Array) -> Array:
         """Indices (m,) of the pieces between breaks (m, k + 1) or (1, k + 1) that contain states (m, n)."""
-        return np.clip((breaks <= (xs @ self.coordinate)[:, None]).sum(1) - 1, 0, breaks.shape[1] - 2)
+        return np.clip((breaks <= self._places(xs, ps)[:, None]).sum(1) - 1, 0, breaks.shape[1] - 2)
+
+    def _places(self, xs: Array, ps: Array) -> Array:
+        """The coordinates (m,) of states (m, n) times their units."""
+        pieces, p = self.phase.pieces, dict(zip(self.parameters, ps.T, strict=True))
+        assert pieces is not None
+        return xs @ self.coordinate * pieces.unit(p)
 
     @cached_property
     def coordinate(self) -> Array:
@@ -314,7 +322,9 @@ class Flow:
     def piece_table(self, p: Array) -> tuple[Array, Array, Array]:
         """Breaks (m + 1,), data (m, nq) and its derivatives (m, nq, np) at parameters (np,)."""
         breaks, data, slopes = (each[0] for each in self._pieces_at(p[None]))
-        return breaks, data, slopes[len(breaks) :].reshape(*data.shape, len(p))
+        assert self.phase.pieces is not None
+        unit = self.phase.pieces.unit(dict(zip(self.parameters, p.tolist(), strict=True)))
+        return breaks / unit, data, slopes[len(breaks) :].reshape(*data.shape, len(p))
 
     def _pieces_at(self, ps: Array) -> tuple[Array, Array, Array]:
         """Breaks (m, k + 1), data (m, k, nq) and the derivatives (m, k + 1 + k nq, np) of both at parameters (m, np);
@@ -337,7 +347,7 @@ class Flow:
 
     @cached_property
     def _piece_parameters(self) -> set[int]:
-        """The places of the parameters that breaks and data depend on."""
+        """The places of the parameters that the table of pieces depends on."""
         patterns = (self._piece_function.function.jac_sparsity(i, 0) for i in (0, 1))
         return {column for pattern in patterns for column in pattern.get_triplet()[1]}
 
@@ -347,7 +357,7 @@ class Flow:
         return self._piece_function.function.numel_out(0) if self.phase.pieces else 0
 
     def depends_on(self, name: str) -> bool:
-        """Whether the pieces depend on a parameter."""
+        """Whether the table of pieces depends on a parameter."""
         return self.phase.pieces is not None and self.parameters.index(name) in self._piece_parameters
 
     def varied(self, parameter_seeds: Array) -> tuple[int, ...]:
@@ -366,7 +376,7 @@ class Flow:
             return None
         seeds = np.zeros((ps.shape[1], 0)) if parameter_seeds is None else parameter_seeds
         breaks, data, slopes = self._pieces_at(ps)
-        stepper, places = self.stepper(seeds.shape[-1], self.varied(seeds)), starts @ self.coordinate
+        stepper, places = self.stepper(seeds.shape[-1], self.varied(seeds)), self._places(starts, ps)
         numbers = (breaks <= places[:, None]).sum(1)
         numbers[places == breaks[:, -1]] -= 1
         for i in (places[:, None] == breaks).any(1).nonzero()[0].tolist():
@@ -382,7 +392,7 @@ class Flow:
         (breaks, table, _), weights = self.piece_table(p), self.coordinate
         if not breaks[0] <= (place := float(weights @ x)) <= breaks[-1]:
             return -1
-        index = int(self.piece(x[None], breaks[None])[0])
+        index = int(np.clip(np.searchsorted(breaks, place, "right") - 1, 0, len(breaks) - 2))
         if place in breaks:
             data = np.concatenate([p, table[index]])
             rates = self.rates(x, data)

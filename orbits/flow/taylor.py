@@ -380,23 +380,24 @@ def _step_function(
     if columns and graph.coordinate:
         beyond = ca.vertcat(data[:count_p], ca.if_else(side > 0, above, below))
         by_end = ca.if_else(side > 0, moved_ends[:, 1], moved_ends[:, 0])
-        moved = _saltation(graph, columns)(ends, p, beyond, moved, by_end, side)
+        moved = _saltation(graph, columns, varied)(ends, p, beyond, moved, ca.vec(dp), by_end, side)
     # A choice between ends costs less than powers of a chosen length, into which CasADi draws the choice.
     after = ca.if_else(made[0] > 0, ca.vertcat(ends, moved), z[: at.left])
     after = ca.vertcat(after, left, longest, z[at.piece] + ca.if_else(made[0] > 0, side, 0))
     return ca.Function("taylor", [z, data, row] if graph.coordinate else [z, data], [after, c, made])
 
 
-def _saltation(graph: VectorField, columns: int) -> ca.Function:
-    """(state at the end of a piece, p there and beyond it, sensitivities (n columns,), those of the place of the end
+def _saltation(graph: VectorField, columns: int, varied: tuple[int, ...]) -> ca.Function:
+    """(state at the end of a piece, p there and beyond it, sensitivities (n columns,), those of p, those of the end
     (columns,), side) -> the sensitivities beyond the end; unchanged where the side is 0."""
-    n, x, side = graph.size, graph.x, ca.SX.sym("side")
-    p, beyond = (ca.SX.sym(name, graph.p.numel()) for name in ("p", "beyond"))
-    moved, by_end, weights = ca.SX.sym("dx", n, columns), ca.SX.sym("de", columns), ca.DM(graph.coordinate)
-    before, after = (graph.field(x, data)[0] for data in (p, beyond))
-    earlier = (weights.T @ moved - by_end.T) / ca.dot(weights, before)
+    n, x, p, side, beyond = graph.size, graph.x, graph.p, ca.SX.sym("side"), ca.SX.sym("beyond", graph.p.numel())
+    moved, by_end, dp = ca.SX.sym("dx", n, columns), ca.SX.sym("de", columns), ca.SX.sym("dp", len(varied), columns)
+    before, after, weights = graph.field(x, p)[0], graph.field(x, beyond)[0], ca.DM(graph.coordinate)
+    by_unit = ca.jacobian(graph.unit, p)[:, list(varied)] @ dp * ca.dot(weights, x)
+    earlier = (weights.T @ moved - (by_end.T - by_unit) / graph.unit) / ca.dot(weights, before)
     jump = ca.if_else(side == 0, 0, (after - before) @ earlier)
-    return ca.Function("saltation", [x, p, beyond, ca.vec(moved), by_end, side], [ca.vec(moved + jump)])
+    arguments = [x, p, beyond, ca.vec(moved), ca.vec(dp), by_end, side]
+    return ca.Function("saltation", arguments, [ca.vec(moved + jump)])
 
 
 def _length_function(graph: VectorField, base: ca.SX, shares: ca.SX, columns: int, varied: int) -> ca.Function:
@@ -418,7 +419,7 @@ def _length_function(graph: VectorField, base: ca.SX, shares: ca.SX, columns: in
     h = ca.if_else(h >= left, left, ca.if_else(SHARED_STEPS * h >= left, 0.5 * left, h))
     within, side = ca.SX(1), ca.SX(0)
     if graph.coordinate:
-        h, within, side = _on_piece(c @ ca.DM(graph.coordinate), h, *ca.vertsplit(ends_of_piece))
+        h, within, side = _on_piece(c @ ca.DM(graph.coordinate) * graph.unit, h, *ca.vertsplit(ends_of_piece))
     size = ca.fmax(ca.norm_inf(ca.vec(c[:2, :])), TINY)  # The size of a motion at rest at the origin would be 0.
     powers = symbolic_powers(h)
     terms, free = ca.diag(powers) @ series, ca.diag(powers) @ base.T

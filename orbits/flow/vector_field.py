@@ -42,7 +42,8 @@ def rows_used(seeds: Array) -> tuple[int, ...]:
 @dataclass(frozen=True, eq=False)
 class VectorField:
     """A vector field as an SX function (x, p) -> (x', watched quantities), the two symbols x and p, and the `reaches`
-    of its phase; p are the parameters, followed by the data of a smooth piece, whose `coordinate` is that of `Pieces`.
+    of its phase; p are the parameters, followed by the data of a smooth piece, whose `coordinate` and `unit` are those of
+    `Pieces`.
     """
 
     field: ca.Function
@@ -50,6 +51,7 @@ class VectorField:
     p: ca.SX
     reaches: tuple[tuple[tuple[float, ...], float], ...] = ()
     coordinate: tuple[float, ...] | None = None
+    unit: ca.SX | None = None
     data: int = 0
 
     @property

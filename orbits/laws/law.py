@@ -23,7 +23,7 @@ from ..symbolic.formula import suggest
 from ..symbolic.kernels import ElementwiseFunction
 from ..symbolic.taylor_series import has_taylor_series
 from ..units import LENGTH, Message, Quantity
-from .law_expressions import UNIT_FORCE, UNIT_LENGTH, scaled_expression, scaled_table, symbols_of
+from .law_expressions import UNIT_FORCE, UNIT_LENGTH, scaled_expression, symbols_of
 
 # Arguments of formulas, in sequences and by name: numbers, arrays (m,) of numbers, or CasADi expressions.
 Algebraic: TypeAlias = Any
@@ -49,6 +49,23 @@ class Written(NamedTuple):
     potential: bool = False
 
 
+class LawPieces(NamedTuple):
+    """Where a law is smooth.
+
+    size : number of data values of a piece
+    table : parameters -> (breaks, data), of the variable times its unit
+    unit : the name of the parameter that is the unit; None for 1
+    """
+
+    size: int
+    table: Callable
+    unit: str | None = None
+
+    def in_unit(self, p: Parameters) -> Algebraic:
+        """The unit of the variable."""
+        return 1.0 if self.unit is None else p[self.unit]
+
+
 class Key(NamedTuple):
     """A law without its parameters' values; laws with equal keys share everything that is built from them.
 
@@ -60,7 +77,7 @@ class Key(NamedTuple):
     variable: str
     expression: Callable
     names: tuple[str, ...]
-    pieces: tuple[int, Callable] | None
+    pieces: LawPieces | None
     reach: float = math.inf
     written: Written | None = None
 
@@ -85,7 +102,7 @@ class Law:
     variable : "r", an extension, or "z", a height
     expression : (x, p, q) -> value, on CasADi scalars; `p` maps names to parameters, `q` is the data of a smooth piece
     parameters : values of the parameters
-    pieces : (size of q, parameters -> (breaks, data)) for a piecewise law, None for a smooth one
+    pieces : `LawPieces`, or their first two entries, for a piecewise law; None for a smooth one
     written : the law in formulas; None where it cannot be written in formulas
     """
 
@@ -93,12 +110,13 @@ class Law:
     variable: str
     expression: Callable
     parameters: Mapping[str, float] = field(default_factory=dict)
-    pieces: tuple[int, Callable] | None = None
+    pieces: LawPieces | None = None
     written: Written | None = None
 
     def __post_init__(self) -> None:
         checked = {name: number(name, value) for name, value in self.parameters.items()}
         object.__setattr__(self, "parameters", MappingProxyType(checked))
+        object.__setattr__(self, "pieces", self.pieces and LawPieces(*self.pieces))
 
     def __reduce__(self) -> tuple[type, tuple]:
         return Law, (self.text, self.variable, self.expression, dict(self.parameters), self.pieces, self.written)
@@ -122,7 +140,7 @@ class Law:
             call, table = _numeric(self.key), pieces_of(self.key)
             if table is not None:
                 (breaks,), (data,) = table(p)
-                breaks = breaks.ravel()
+                breaks = breaks.ravel() / self.key.pieces.in_unit(self.parameters)
                 if not (breaks[0] <= x.min() and x.max() <= breaks[-1]):
                     low, high = (Quantity(float(end), LENGTH) for end in breaks[[0, -1]])
                     text = "{variable} is outside the law's range, [{low:.6g}, {high:.6g}]"
@@ -136,8 +154,8 @@ class Law:
         everywhere."""
         if self.pieces is None:
             return -np.inf, np.inf
-        breaks = self.pieces[1](self.parameters)[0]
-        return float(breaks[0]), float(breaks[-1])
+        breaks, unit = self.pieces.table(self.parameters)[0], self.pieces.in_unit(self.parameters)
+        return float(breaks[0]) / unit, float(breaks[-1]) / unit
 
     def rest(self) -> float:
         """The value of the variable nearest to 0 in the range, where a spring is unloaded."""
@@ -154,7 +172,7 @@ class Law:
     def scaled(self, length: float, force: float | None = None) -> "Law":
         """The law in units of `length` and `force`, which become its parameters; None does not scale the values."""
         expression = scaled_expression(self.expression, force is not None)
-        pieces = self.pieces and (self.pieces[0], scaled_table(self.pieces[1]))
+        pieces = self.pieces and self.pieces._replace(unit=UNIT_LENGTH)
         units = {UNIT_LENGTH: length} | ({} if force is None else {UNIT_FORCE: force})
         return replace(
             self, expression=expression, pieces=pieces, parameters={**self.parameters, **units}, written=None
@@ -217,13 +235,15 @@ def values_and_slopes(key: Key, p: Mapping[str, np.ndarray], x: np.ndarray) -> t
     columns = [np.broadcast_to(p[name], len(x)) for name in key.names]
     values, data, inside = np.column_stack(columns) if columns else np.zeros((len(x), 0)), np.zeros((1, 0)), None
     if table := pieces_of(key):
-        breaks, rows = table(values[:1] if (values == values[:1]).all() else values)
+        used = values[:, [i for i, name in enumerate(key.names) if name != key.pieces.unit]]
+        breaks, rows = table(values[:1] if (used == used[:1]).all() else values)
         breaks, (count, pieces, size) = breaks[:, :, 0], rows.shape
+        places = x * np.reshape(key.pieces.in_unit(p), (-1, 1))
         if count == 1:
-            index = np.searchsorted(breaks[0], x, "right") - 1
+            index = np.searchsorted(breaks[0], places, "right") - 1
         else:
-            index = (breaks[:, None] <= x[:, :, None]).sum(2) - 1
-        inside = (breaks[:, :1] <= x) & (x <= breaks[:, -1:])
+            index = (breaks[:, None] <= places[:, :, None]).sum(2) - 1
+        inside = (breaks[:, :1] <= places) & (places <= breaks[:, -1:])
         first = pieces * np.arange(count)[:, None]
         data = rows.reshape(-1, size)[(first + np.clip(index, 0, pieces - 1)).ravel()]
     found = _many(key)(x.reshape(-1, 1), np.repeat(values, x.shape[1], axis=0), data)
@@ -237,8 +257,8 @@ def pieces_of(key: Key) -> MappedFunction | None:
     if key.pieces is None:
         return None
     p = symbols_of(key.variable, key.names)[1]
-    breaks, data = key.pieces[1](p)
-    rows = ca.vertcat(*[ca.horzcat(*row) for row in data]) if key.pieces[0] else ca.SX(len(data), 0)
+    breaks, data = key.pieces.table(p)
+    rows = ca.vertcat(*[ca.horzcat(*row) for row in data]) if key.pieces.size else ca.SX(len(data), 0)
     results = [ca.densify(ca.SX(ca.vertcat(*breaks))), ca.densify(ca.SX(rows))]
     return MappedFunction(ca.Function("pieces", [ca.vertcat(*p.values())], results))
 
@@ -247,7 +267,7 @@ def pieces_of(key: Key) -> MappedFunction | None:
 def _many(key: Key) -> ElementwiseFunction:
     """(x, p, q) -> value and slope of a law."""
     x, p = symbols_of(key.variable, key.names)
-    q = ca.SX.sym("q", key.pieces[0] if key.pieces else 0)
+    q = ca.SX.sym("q", key.pieces.size if key.pieces else 0)
     value = ca.SX(key.expression(x, p, ca.vertsplit(q)))
     arguments = [x, ca.vertcat(*p.values()), q]
     return ElementwiseFunction(ca.Function("laws", arguments, [value, ca.jacobian(value, x)]))

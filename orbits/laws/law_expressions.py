@@ -101,14 +101,3 @@ def scaled_expression(expression: Callable, has_force: bool) -> Callable:
         return value / p[UNIT_FORCE] if has_force else value
 
     return Expression(scaled, scaled_expression, expression, has_force)
-
-
-@lru_cache(maxsize=256)
-def scaled_table(table: Callable) -> Callable:
-    """The pieces of a law in a unit of length that is its parameter."""
-
-    def scaled(p):
-        breaks, data = table(p)
-        return [b / p[UNIT_LENGTH] for b in breaks], data
-
-    return Expression(scaled, scaled_table, table)

@@ -254,7 +254,8 @@ def reparametrised(model: Model, own: Callable[[Parameters], Parameters], **chan
         return called
 
     def moved(phase: Phase) -> Phase:
-        pieces = phase.pieces and replace(phase.pieces, table=of_own(phase.pieces.table))
+        pieces = phase.pieces
+        pieces = pieces and replace(pieces, table=of_own(pieces.table), unit=of_own(pieces.unit))
         watch = {name: of_own(function, 1) for name, function in phase.watch.items()}
         closed_form = of_own(phase.closed_form)
         return replace(phase, field=of_own(phase.field, 1), watch=watch, pieces=pieces, closed_form=closed_form)

@@ -6,12 +6,13 @@ states, a mapping `p` of parameters by name and a list `q`, the data of the smoo
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..io import fields_in_line
-from ..laws.law import Algebraic, Scalars
+from ..laws.law import Algebraic, Parameters, Scalars
 from .modes import Modes
 
 
@@ -71,14 +72,17 @@ class Pieces:
 
     coordinate : weights w (n,) of the coordinate w . x
     size : number of data values of a piece, the `q` of the vector field
-    table : parameters -> (breakpoints (m + 1,), data (m, size)); a motion may not leave the interval that they span
+    table : parameters -> (breakpoints (m + 1,) of the coordinate times its unit, data (m, size)); a motion may not
+        leave the interval that they span
     label : name of the coordinate in messages
+    unit : parameters -> the unit, where it is not 1; parameters that change the unit alone have the same table
     """
 
     coordinate: tuple[float, ...]
     size: int
-    table: Callable[[Mapping[str, float]], tuple[np.ndarray, np.ndarray]]
+    table: Callable[[Parameters], tuple[Any, Any]]
     label: str = "coordinate"
+    unit: Callable[[Parameters], Algebraic] = lambda p: 1.0
 
 
 @dataclass(frozen=True, eq=False)

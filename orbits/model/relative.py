@@ -199,7 +199,9 @@ def relative_phase(law: Key, load: float, rate: Callable | None) -> Phase:
 
 def pieces_along(key: Key, coordinate: tuple[float, ...]) -> Pieces | None:
     """The smooth pieces of a spring law's key, for a phase whose state gives the extension by these weights."""
-    return Pieces(coordinate, *key.pieces, "extension") if key.pieces else None
+    if key.pieces is None:
+        return None
+    return Pieces(coordinate, key.pieces.size, key.pieces.table, "extension", key.pieces.in_unit)
 
 
 def reach_along(key: Key, coordinate: tuple[float, ...]) -> tuple[Reach, ...]:

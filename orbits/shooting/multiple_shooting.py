@@ -108,7 +108,7 @@ def _legs(flow: Flow, path: Trajectory, p: np.ndarray) -> tuple[np.ndarray, list
     if flow.phase.pieces is None:
         return np.zeros(len(path.steps), int), [], ()
     breaks = flow.piece_table(p)[0]
-    piece = flow.mesh_pieces(path, breaks)
+    piece = flow.mesh_pieces(path, p)
     change = np.diff(piece) != 0
     levels = [breaks[max(a, b)] for a, b in zip(piece[:-1][change], piece[1:][change], strict=True)]
     return np.concatenate([[0], np.cumsum(change)]), levels, flow.phase.pieces.coordinate

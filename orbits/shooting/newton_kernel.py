@@ -131,7 +131,7 @@ class NewtonKernel:
         restarts = ca.logic_and(solves, ca.logic_or(does == SOLVING, does == RECORDING))
         x = known[: self.size]  # known are the places from the point up to the state of the lane
         begin = self.equations.ends[0][0].function(x[:-1], ca.MX(0, 1), parameters_at(x))[0]
-        number = self._piece(begin[:-1], breaks) if piece else 0.0
+        number = self._piece(begin[:-1], parameters_at(x), breaks) if piece else 0.0
         start = ca.vertcat(begin[:-1], ca.vec(ca.DM(self.seeds)), begin[-1], LONGEST_STEP, number)
         duration = ca.if_else(restarts, begin[-1], z[at.duration])
         begins = ca.logic_or(restarts, ca.logic_and(z[at.begins] > 0, ca.logic_not(accepted)))
@@ -140,9 +140,10 @@ class NewtonKernel:
         recorded = ca.logic_and(accepted, doing == RECORDING)
         return ca.Function("solve", [z, data, *piece], [new, c, before, length, recorded, goes])
 
-    def _piece(self, x: ca.MX, breaks: ca.MX) -> ca.MX:
+    def _piece(self, x: ca.MX, p: ca.MX, breaks: ca.MX) -> ca.MX:
         """The number of the piece at a state, as in `PieceRows`."""
-        place = ca.dot(ca.DM(self.flow.phase.pieces.coordinate), x)
+        graph = self.flow.vector_field
+        place = ca.dot(ca.DM(graph.coordinate), x) * ca.Function("unit", [graph.p[: p.numel()]], [graph.unit])(p)
         return ca.fmin(ca.fmax(ca.sum1(breaks <= place), 1), self.flow.breaks - 1)
 
     def _newton(self) -> ca.Function:
