@@ -5,6 +5,7 @@ each the largest value of a function of the state over the cycle.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -48,25 +49,25 @@ def extremes_of(name: str) -> tuple[str, ...]:
 
 @lru_cache(maxsize=256)
 def extreme_of(model: Model, name: str) -> tuple[tuple[str, Callable], ...]:
-    """The functions of the state whose largest value over the cycle an extreme is, each (x, p) -> value with its phase;
-    the extreme is one of those in `COMPOSITION`, or a rise."""
+    """The functions of the state whose largest value over the cycle an extreme is, each (x, p, q) -> value with its
+    phase; the extreme is one of those in `COMPOSITION`, or a rise."""
 
     def over_cycle(function: Callable) -> tuple:
         """A function of the flight state, over flight and contact."""
         embedded = lambda x: [sum((w * v for w, v in zip(row, x, strict=False) if w), 0.0) for row in model.embed]  # noqa: E731
-        return ("flight", function), ("contact", lambda x, p: function(embedded(x), p))
+        return ("flight", function), ("contact", lambda x, p, q: function(embedded(x), p, q))
 
     force, tension = model.contact.watch["contact force"], model.tension or (lambda x, p, q: 0.0)
     functions = {
-        "longest": over_cycle(lambda x, p: model.extension.at(x)),
-        "shortest": over_cycle(lambda x, p: -model.extension.at(x)),
-        "gap": (("flight", lambda x, p: -model.gap(p).at(x)),),
-        "separation": over_cycle(lambda x, p: -model.separation(p).at(x)),
-        "force": (("contact", lambda x, p: -force(x, p, [])),),
-        "peak": (("contact", lambda x, p: force(x, p, [])),),
-        "tension": over_cycle(lambda x, p: tension(x, p, [])) + over_cycle(lambda x, p: -tension(x, p, [])),
+        "longest": over_cycle(lambda x, p, q: model.extension.at(x)),
+        "shortest": over_cycle(lambda x, p, q: -model.extension.at(x)),
+        "gap": (("flight", lambda x, p, q: -model.gap(p).at(x)),),
+        "separation": over_cycle(lambda x, p, q: -model.separation(p).at(x)),
+        "force": (("contact", lambda x, p, q: -force(x, p, q)),),
+        "peak": (("contact", force),),
+        "tension": over_cycle(tension) + over_cycle(lambda x, p, q: -tension(x, p, q)),
     }
-    return functions.get(name) or (("flight", lambda x, p: model.rises(p)[name].at(x)),)
+    return functions.get(name) or (("flight", lambda x, p, q: model.rises(p)[name].at(x)),)
 
 
 def base_statement(model: Model) -> Statement:
@@ -97,7 +98,9 @@ def variational_arc(model: Model) -> Arc:
         return [*arc.start(u, before, p), *variation, *adjoint]
 
     states = (*phase.states, *(f"d{name}" for name in phase.states), *(f"gap by {name}" for name in phase.states))
-    return Arc(Phase(phase.name, states, field, reaches=phase.reaches), start, arc.duration, lambda u, x, p: [])
+    pieces = phase.pieces and replace(phase.pieces, coordinate=(*phase.pieces.coordinate, *[0.0] * (2 * n)))
+    longer = Phase(phase.name, states, field, pieces=pieces, reaches=phase.reaches)
+    return Arc(longer, start, arc.duration, lambda u, x, p: [])
 
 
 def _reversor(model):
@@ -113,10 +116,10 @@ def _gap_weights(model, n, p):
     return [slope(0.0, [float(i == j) for j in range(n)], p) - slope(0.0, zero, p) for i in range(n)]
 
 
-def _landing_jerk(model, u, p):
+def _landing_jerk(model, u, p, q):
     """Third derivative of the gap at landing, which is minus that at lift-off."""
     x = ca.SX.sym("x", len(model.flight.states))
-    rates = ca.vertcat(*model.flight.field(ca.vertsplit(x), p, []))
+    rates = ca.vertcat(*model.flight.field(ca.vertsplit(x), p, q))
     value = ca.SX(model.gap(p).at(ca.vertsplit(x)))
     for _ in range(3):
         value = ca.jacobian(value, x) @ rates
@@ -132,9 +135,9 @@ def landing_sensitivity(model: Model, half: Any, end: Sequence, p: Mapping) -> A
     return carried + (model.reduction.gap_slope(2 * half, [0.0] * n, p) if model.reduction else 0.0)
 
 
-def _loss(model, jerk, slope, u, p):
+def _loss(model, jerk, slope, u, p, q):
     """C of the map alpha + d -> alpha + d - C d**(4/3), from the landing jerk and the landing sensitivity."""
-    gradient = model.flight_gradient(model.launch(u, p), p, [])
+    gradient = model.flight_gradient(model.launch(u, p), p, q)
     liftoff = model.liftoff_slope(u, p) if model.liftoff_slope else None
     power = launch_power(gradient, by_launch_speed(lambda u: model.launch(u, p), u, liftoff))
     at_landing = [sign * x for sign, x in zip(model.reversor, model.launch(u, p), strict=True)]
@@ -142,19 +145,20 @@ def _loss(model, jerk, slope, u, p):
 
 
 def expressions(
-    model: Model, names: Sequence[str], extremes: Mapping[str, Any], u: Mapping, slope: Any, p: Mapping
+    model: Model, names: Sequence[str], extremes: Mapping[str, Any], u: Mapping, slope: Any, p: Mapping, q: Sequence
 ) -> dict[str, Any]:
     """The quantities of these names as expressions.
 
     extremes : values of the extremes that they are made of, by name
     u : the unknowns of the simplest statement, and "contact", half the contact time
     slope : the landing sensitivity, for the quantities that need it
+    q : the data of the piece at launch
     """
-    half, contact, jerk = base_statement(model).arcs[0].duration(u, p), u["contact"], _landing_jerk(model, u, p)
+    half, contact, jerk = base_statement(model).arcs[0].duration(u, p), u["contact"], _landing_jerk(model, u, p, q)
     values = {"alpha": u["alpha"], "liftoff_extension": model.liftoff_extension(u, p), "landing_jerk": jerk}
     values |= {"flight_time": 2 * half, "contact_time": 2 * contact, "period": 2 * (half + contact)}
     if any(name in VARIATIONAL for name in names):
-        values |= {"landing_sensitivity": slope, "loss_coefficient": _loss(model, jerk, slope, u, p)}
+        values |= {"landing_sensitivity": slope, "loss_coefficient": _loss(model, jerk, slope, u, p, q)}
     for name in names:
         if name in COMPOSITION:
             values[name] = sum(sign * extremes[extreme] for extreme, sign in COMPOSITION[name].items())

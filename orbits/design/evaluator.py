@@ -13,6 +13,7 @@ import numpy as np
 
 from ..flow.flow import flow_of
 from ..model.model import Model
+from ..model.phase import Phase
 from ..numerics.roots import Array, solve
 from ..symbolic.caches import cached
 from ..symbolic.calls import MappedFunction
@@ -72,17 +73,20 @@ class Evaluator:
         longer = variational_arc(model) if variational else arc
         start, end = arc.start(unknowns, [], values), ca.SX.sym("end", len(longer.phase.states))
         phases = {"flight": model.flight, "contact": model.contact, "half": longer.phase}
+        begun, launched = (_data_of(phases[phase]) for phase in ("half", "flight"))
         begins = model.launch(unknowns, values), model.touchdown(unknowns, values), longer.start(unknowns, [], values)
         self.flows = {name: flow_of(phase, names) for name, phase in phases.items()}
         self.begins = {name: _of_varied([u, p], begin) for name, begin in zip(phases, begins, strict=True)}
         self.duration = _of_varied([u, p], [arc.duration(unknowns, values)])
         half, contact, slope = (ca.SX.sym(name) for name in ("half", "contact", "slope"))
         largest, states = ca.SX.sym("extremes", len(kinds)), ca.vertsplit(end)
-        equations = [*arc.guard(unknowns, start, values, []), *arc.conditions(unknowns, states[: len(start)], values)]
+        guards = arc.guard(unknowns, start, values, ca.vertsplit(begun))
+        equations = [*guards, *arc.conditions(unknowns, states[: len(start)], values)]
         sensitivity = landing_sensitivity(model, half, states, values) if variational else 0.0
-        self.closing = _of_varied([u, end, half, p], [sensitivity, *equations])
+        self.closing = _of_varied([u, end, half, p, begun], [sensitivity, *equations])
         of_extremes = {extreme: largest[i] for extreme, i in zip(extremes, first, strict=True)}
-        found = expressions(model, [*used, "landing_jerk"], of_extremes, unknowns | {"contact": contact}, slope, values)
+        at, names_of_all = (unknowns | {"contact": contact}, slope, values), [*used, "landing_jerk"]
+        found = expressions(model, names_of_all, of_extremes, *at, ca.vertsplit(launched))
         # Formulas and quantities are in SI for a model in SI, whose units vary with its parameters. A rise is a length.
         units = model.units(values) if model.units else Units(1.0, 1.0, 1.0)
         stated = values | {name: found[name] * units.of(DIMENSIONS.get(name, LENGTH)) for name in used}
@@ -91,7 +95,7 @@ class Evaluator:
         results += [largest[i] - largest[j] for j, i in enumerate(first) if i != j]
         self.modelled = slice(len(results))
         results += map(stated.get, used)
-        self.results = _of_varied([u, contact, largest, slope, p], results)
+        self.results = _of_varied([u, contact, largest, slope, p, launched], results)
 
     def __call__(self, points: DesignPoints) -> tuple[Varied, DesignPoints]:
         """The results at some points by the parameters theta, and the derivatives (m, ..., k) of the points, along
@@ -102,8 +106,8 @@ class Evaluator:
         """
         m, k = len(points.ps), len(self.over)
         p, u = (Varied(x, np.tile(dx, (m, 1, 1))) for x, dx in ((points.ps, self.dp), (points.us, self.du)))
-        half = self.duration(u, p)
-        closed = self.closing(u, self._after("half", self.begins["half"](u, p), half, p), half, p)
+        half, begin = self.duration(u, p), self.begins["half"](u, p)
+        closed = self.closing(u, self._after("half", begin, half, p), half, p, self._data("half", begin, p))
         # From here on all derivatives are by theta.
         us_by = -solve(closed.by[:, 1:, k:], closed.by[:, 1:, :k]) if k else u.by
         along = np.concatenate([np.tile(np.eye(k), (m, 1, 1)), us_by], axis=1)[:, : u.by.shape[2]]
@@ -113,18 +117,29 @@ class Evaluator:
         contact = times.only([-1])
         # The speed of the contact vanishes in its middle.
         x, speed = self._after("contact", begins["contact"], contact, p), np.array([self.model.contact_speed.weights])
-        rates = self.flows["contact"].fields(x.values, p.values)[0]
+        rates = self._rates("contact", x.values, p)
         contact.by[:] = times.by[:, -1:] = -(speed @ x.by) / (speed @ rates[:, :, None])
         extremes = times.only([*range(len(self.kinds))])
         for j, (extreme, index, where) in enumerate(self.kinds):
             phase, _ = extreme_of(self.model, extreme)[index]
             at = {"middle": half if phase == "flight" else contact, "inside": times.only([j])}.get(where)
             x = self._after(phase, begins[phase], at, p) if at else begins[phase]
-            found = _of_extreme(self.model, self.names, extreme, index)(x, p)
+            found = _of_extreme(self.model, self.names, extreme, index)(x, p, self._data(phase, x, p))
             extremes.values[:, j], extremes.by[:, j] = found.values[:, 0], found.by[:, 0]
             if where == "inside":  # The rate of the function along the motion stays zero.
                 times.by[:, j] = -found.by[:, 1] / found.values[:, 2:]
-        return self.results(u, contact, extremes, slope, p), DesignPoints(p.by, us_by, times.by)
+        launched = self._data("flight", begins["flight"], p)
+        return self.results(u, contact, extremes, slope, p, launched), DesignPoints(p.by, us_by, times.by)
+
+    def _data(self, phase: str, x: Varied, p: Varied) -> Varied:
+        """The data (m, nq) of the pieces at states of a phase."""
+        values, slopes = self.flows[phase].piece_data(x.values, p.values)
+        return Varied(values, slopes @ p.by)
+
+    def _rates(self, phase: str, x: Array, p: Varied) -> Array:
+        """The rates (m, size) at states (m, size) of a phase."""
+        flow = self.flows[phase]
+        return flow.fields(x, np.hstack([p.values, flow.piece_data(x, p.values)[0]]))[0]
 
     def _after(self, phase: str, begin: Varied, time: Varied, p: Varied) -> Varied:
         """The states (m, size) of motions of a phase after times (m, 1)."""
@@ -134,7 +149,7 @@ class Evaluator:
         seeds = [by.swapaxes(1, 2).reshape(len(lanes), by.shape[1], few) for _, by in (begin, p)]
         paths, slopes = flow.run_all(begin.values[lanes], p.values[lanes], time.values[lanes, 0], *seeds)
         ends = paths.finals[:: columns or 1, : flow.size]
-        rates = flow.fields(ends, p.values)[0][:, :, None]
+        rates = self._rates(phase, ends, p)[:, :, None]
         return Varied(ends, slopes.reshape(m, columns, flow.size).swapaxes(1, 2) + rates * time.by)
 
 
@@ -148,6 +163,11 @@ def _of_extreme(model: Model, names: tuple[str, ...], extreme: str, index: int) 
     function = extreme_function(model, names, extreme, index)
     arguments = function.sx_in()
     return _of_varied(arguments, function.call(arguments))
+
+
+def _data_of(phase: Phase) -> ca.SX:
+    """Symbols of the data of a phase's pieces."""
+    return ca.SX.sym("q", phase.pieces.size if phase.pieces else 0)
 
 
 def _of_varied(arguments: list[ca.SX], results: list) -> Callable[..., Varied]:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from ..errors import InputError
+from ..flow.flow import flow_of
 from ..flow.trajectory import Trajectories
 from ..model.machine import Machine
 from ..model.model import Model
@@ -41,12 +41,8 @@ def places_of(
     machines: Sequence[Machine], orbits: Sequence[Orbit], extremes: Iterable[str]
 ) -> list[dict[str, Place | None]]:
     """By extreme its places on dimensionless orbits (m,), whose contacts end, of machines (m,) of one model, None where
-    there is none; raises `InputError` for a law in pieces."""
+    there is none."""
     model, found = machines[0].model, [dict[str, Place | None]() for _ in orbits]
-    if model.flight.pieces or model.contact.pieces:
-        raise InputError(
-            "a law in pieces cannot be designed: it has no second derivatives everywhere; write it as one formula"
-        )
     halves = {phase: Trajectories.of([getattr(orbit, phase) for orbit in orbits]) for phase in ("flight", "contact")}
     for extreme in extremes:
         for own in found:
@@ -84,17 +80,23 @@ class _Sampled:
         ps = np.array([vector(machine.values) for machine in machines])
         self.function = _elementwise(machines[0].model, tuple(machines[0].values), extreme, index)
         self.paths, self.ps, self.kind, self.size = paths, ps, (extreme, index), self.function.function.numel_in(0)
+        phase = getattr(machines[0].model, extreme_of(machines[0].model, extreme)[index][0])
+        self.flow = flow_of(phase, tuple(machines[0].values))
         self.counts = SAMPLES_PER_STEP * paths.counts
         times = paths.steps[:, None] * (np.arange(SAMPLES_PER_STEP) / SAMPLES_PER_STEP)
         c = paths.coefficients[:, : self.size]
         states = np.einsum("nrk,nsk->nsr", c, powers(times, c.shape[2])).reshape(-1, self.size)
         of_samples = np.concatenate([ps[paths.owner].repeat(SAMPLES_PER_STEP, axis=0), ps])
-        columns = self.function(np.concatenate([states, paths.finals[:, : self.size]]), of_samples)
+        columns = self._at(np.concatenate([states, paths.finals[:, : self.size]]), of_samples)
         inside, count = np.arange(self.counts.max()) < self.counts[:, None], len(ps)
         self.values, self.rates = tables = np.full((2, count, self.counts.max() + 1), -np.inf)
         for table, column in zip(tables, columns, strict=False):
             table[:, :-1][inside] = column[:-count, 0]
             table[np.arange(count), self.counts] = column[-count:, 0]
+
+    def _at(self, states: Array, ps: Array) -> list[Array]:
+        """The results of the function at states (k, size) of machines with parameters (k, np)."""
+        return self.function(states, ps, self.flow.piece_data(states, ps)[0])
 
     @property
     def peaks(self) -> Array:
@@ -117,7 +119,7 @@ class _Sampled:
         found = np.where(np.abs(rates[0]) <= np.abs(rates[1]), low, high)
         turns = np.flatnonzero((rates[0] >= 0) != (rates[1] >= 0))  # elsewhere rounding hides the turn at the sample
         c, p = self.paths.coefficients[step, : self.size][turns], self.ps[which][turns]
-        rate = lambda t, i: self.function(evaluate(c[i], t[:, None]), p[i])[1][:, 0]  # noqa: E731
+        rate = lambda t, i: self._at(evaluate(c[i], t[:, None]), p[i])[1][:, 0]  # noqa: E731
         ends = (each[turns] for each in (low, high, *rates))
         found[turns] = enclosed_sign_changes(rate, *ends)[0] if len(turns) else 0.0
         times[inside] = self.paths.starts[step] + found
@@ -126,14 +128,16 @@ class _Sampled:
 
 @cached
 def extreme_function(model: Model, names: tuple[str, ...], extreme: str, index: int) -> ca.Function:
-    """(x, p) -> the value of a function of an extreme, its rate of change along the motion, and the rate of that."""
+    """(x, p, data of the piece) -> the value of a function of an extreme, its rate of change along the motion, and the
+    rate of that."""
     name, function = extreme_of(model, extreme)[index]
     phase = getattr(model, name)
     x, p = ca.SX.sym("x", len(phase.states)), ca.SX.sym("p", len(names))
-    values = dict(zip(names, ca.vertsplit(p), strict=True))
-    field, value = ca.vertcat(*phase.field(ca.vertsplit(x), values, [])), ca.SX(function(ca.vertsplit(x), values))
+    q = ca.SX.sym("q", phase.pieces.size if phase.pieces else 0)
+    arguments = ca.vertsplit(x), dict(zip(names, ca.vertsplit(p), strict=True)), ca.vertsplit(q)
+    field, value = ca.vertcat(*phase.field(*arguments)), ca.SX(function(*arguments))
     rate = ca.jacobian(value, x) @ field
-    return ca.Function("extreme", [x, p], [value, rate, ca.jacobian(rate, x) @ field])
+    return ca.Function("extreme", [x, p, q], [value, rate, ca.jacobian(rate, x) @ field])
 
 
 @cached
