@@ -167,7 +167,7 @@ def data_of_pieces(phase: Phase, states: np.ndarray, p: Mapping[str, float]) -> 
     if phase.pieces is None:
         return np.zeros((len(states), 0))
     breaks, data = (np.asarray(each, float) for each in phase.pieces.table(p))
-    place = states @ np.array(phase.pieces.coordinate) * phase.pieces.unit(p)
+    place = phase.pieces.place(states, p)
     index = np.clip(np.searchsorted(breaks, place, "right") - 1, 0, len(data) - 1)
     inside = (place >= breaks[0]) & (place <= breaks[-1])
     return np.where(inside[:, None], data[index], np.nan)

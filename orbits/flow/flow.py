@@ -209,7 +209,8 @@ class Flow:
         field, pieces = ca.Function("field", [x, p], ca.cse([rates, watched])), self.phase.pieces
         if pieces is None:
             return VectorField(field, x, p, self.phase.reaches)
-        return VectorField(field, x, p, self.phase.reaches, pieces.coordinate, ca.SX(pieces.unit(arguments[1])), count)
+        unit, origin = (ca.SX(function(arguments[1])) for function in (pieces.unit, pieces.origin))
+        return VectorField(field, x, p, self.phase.reaches, pieces.coordinate, unit, origin, count)
 
     def symbols(self, x: ca.SX, p: ca.SX) -> tuple[list, dict, list]:
         """The arguments (x, p, q) of a phase's expressions from vectors of states and of parameters with piece data."""
@@ -283,10 +284,13 @@ class Flow:
         (m, nq, np)."""
         if self.phase.pieces is None:
             return np.zeros((len(xs), 0)), np.zeros((len(xs), 0, ps.shape[1]))
-        breaks, data, slopes = self._pieces_at(ps)
+        (breaks, data), slopes = self._pieces_at(ps), np.zeros((1, 1, 1))
         index, own = self.piece(xs, ps, breaks), np.arange(len(xs)) if len(data) > 1 else 0
-        by_data = slopes[:, breaks.shape[1] :].reshape(*data.shape, -1)
-        return data[own, index], by_data[own, index]
+        if not self._piece_parameters:
+            return data[own, index], np.zeros((len(xs), data.shape[2], ps.shape[1]))
+        slopes = self._slopes_at(ps)[:, breaks.shape[1] :]
+        own = np.arange(len(xs)) if len(slopes) > 1 else 0
+        return data[own, index], slopes.reshape(len(slopes), *data.shape[1:], -1)[own, index]
 
     def mesh_data(self, motions: Trajectories, ps: Array) -> Array:
         """Parameters (m, np) with the data of the piece that each step of motions lies in, (N, np + nq)."""
@@ -308,10 +312,9 @@ class Flow:
         return np.clip((breaks <= self._places(xs, ps)[:, None]).sum(1) - 1, 0, breaks.shape[1] - 2)
 
     def _places(self, xs: Array, ps: Array) -> Array:
-        """The coordinates (m,) of states (m, n) times their units."""
-        pieces, p = self.phase.pieces, dict(zip(self.parameters, ps.T, strict=True))
-        assert pieces is not None
-        return xs @ self.coordinate * pieces.unit(p)
+        """The coordinates (m,) of states (m, n) that are compared with breakpoints."""
+        assert self.phase.pieces is not None
+        return self.phase.pieces.place(xs, dict(zip(self.parameters, ps.T, strict=True)))
 
     @cached_property
     def coordinate(self) -> Array:
@@ -321,29 +324,41 @@ class Flow:
 
     def piece_table(self, p: Array) -> tuple[Array, Array, Array]:
         """Breaks (m + 1,), data (m, nq) and its derivatives (m, nq, np) at parameters (np,)."""
-        breaks, data, slopes = (each[0] for each in self._pieces_at(p[None]))
+        (breaks,), (data,) = self._pieces_at(p[None])
         assert self.phase.pieces is not None
-        unit = self.phase.pieces.unit(dict(zip(self.parameters, p.tolist(), strict=True)))
-        return breaks / unit, data, slopes[len(breaks) :].reshape(*data.shape, len(p))
+        levels = self.phase.pieces.levels(breaks, dict(zip(self.parameters, p.tolist(), strict=True)))
+        return levels, data, self._slopes_at(p[None])[0, len(breaks) :].reshape(*data.shape, len(p))
 
-    def _pieces_at(self, ps: Array) -> tuple[Array, Array, Array]:
-        """Breaks (m, k + 1), data (m, k, nq) and the derivatives (m, k + 1 + k nq, np) of both at parameters (m, np);
-        with a first axis of length 1 where all are the same."""
+    def _pieces_at(self, ps: Array) -> tuple[Array, Array]:
+        """Breaks (m, k + 1) and data (m, k, nq) at parameters (m, np), for m = 1 where they are the same for all."""
+        breaks, data = self._piece_function(self._different(ps))
+        return breaks[:, :, 0], data
+
+    def _slopes_at(self, ps: Array) -> Array:
+        """The derivatives (m, k + 1 + k nq, np) of breaks and data, one row of the data after the other."""
+        return self._piece_slopes(self._different(ps))[0]
+
+    def _different(self, ps: Array) -> Array:
+        """The parameters (m, np), for m = 1 where they make the same table."""
         own = sorted(self._piece_parameters)
-        breaks, data, slopes = self._piece_function(ps[:1] if (ps[:, own] == ps[0, own]).all() else ps)
-        return breaks[:, :, 0], data, slopes
+        return ps[:1] if (ps[:, own] == ps[0, own]).all() else ps
 
     @cached_property
     def _piece_function(self) -> MappedFunction:
-        """Parameters -> breaks (m + 1,), data (m, nq), and the derivatives of both, one row of the data after the
-        other."""
+        """Parameters -> breaks (k + 1,) and data (k, nq)."""
         pieces, p = self.phase.pieces, ca.SX.sym("p", len(self.parameters))
         assert pieces is not None
         breaks, rows = pieces.table(self.symbols(ca.SX(0, 1), p)[1])
         data = ca.vertcat(*[ca.horzcat(*row) for row in rows]) if pieces.size else ca.SX(len(rows), 0)
-        slopes = ca.jacobian(ca.vertcat(*breaks, ca.vec(data.T)), p)
-        results = [ca.densify(result) for result in (ca.vertcat(*breaks), data, slopes)]
-        return MappedFunction(ca.Function("pieces", [p], results))
+        return MappedFunction(ca.Function("pieces", [p], [ca.densify(ca.vertcat(*breaks)), ca.densify(data)]))
+
+    @cached_property
+    def _piece_slopes(self) -> MappedFunction:
+        """Parameters -> the derivatives of breaks and data."""
+        p = ca.SX.sym("p", len(self.parameters))
+        breaks, data = self._piece_function.function(p)
+        slopes = ca.jacobian(ca.vertcat(breaks, ca.vec(data.T)), p)
+        return MappedFunction(ca.Function("slopes", [p], [ca.densify(slopes)]))
 
     @cached_property
     def _piece_parameters(self) -> set[int]:
@@ -375,13 +390,14 @@ class Flow:
         if self.phase.pieces is None:
             return None
         seeds = np.zeros((ps.shape[1], 0)) if parameter_seeds is None else parameter_seeds
-        breaks, data, slopes = self._pieces_at(ps)
+        breaks, data = self._pieces_at(ps)
         stepper, places = self.stepper(seeds.shape[-1], self.varied(seeds)), self._places(starts, ps)
         numbers = (breaks <= places[:, None]).sum(1)
         numbers[places == breaks[:, -1]] -= 1
         for i in (places[:, None] == breaks).any(1).nonzero()[0].tolist():
             numbers[i] = self.first_piece(ps[i if len(ps) > 1 else 0], starts[i]) + 1
-        tables = stepper.piece_rows.tables(breaks, data, slopes @ seeds)
+        moves = self._slopes_at(ps) @ seeds if stepper.piece_rows.varied else np.zeros((1, 0, 0))
+        tables = stepper.piece_rows.tables(breaks, data, moves)
         return OnPieces(tables, numbers.astype(float), breaks)
 
     def first_piece(self, p: Array, x: Array) -> int:

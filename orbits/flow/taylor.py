@@ -393,8 +393,9 @@ def _saltation(graph: VectorField, columns: int, varied: tuple[int, ...]) -> ca.
     n, x, p, side, beyond = graph.size, graph.x, graph.p, ca.SX.sym("side"), ca.SX.sym("beyond", graph.p.numel())
     moved, by_end, dp = ca.SX.sym("dx", n, columns), ca.SX.sym("de", columns), ca.SX.sym("dp", len(varied), columns)
     before, after, weights = graph.field(x, p)[0], graph.field(x, beyond)[0], ca.DM(graph.coordinate)
-    by_unit = ca.jacobian(graph.unit, p)[:, list(varied)] @ dp * ca.dot(weights, x)
-    earlier = (weights.T @ moved - (by_end.T - by_unit) / graph.unit) / ca.dot(weights, before)
+    place = ca.dot(weights, x) * graph.unit - graph.origin
+    changes = ca.jacobian(place, x) @ moved + ca.jacobian(place, p)[:, list(varied)] @ dp - by_end.T
+    earlier = changes / (ca.jacobian(place, x) @ before)
     jump = ca.if_else(side == 0, 0, (after - before) @ earlier)
     arguments = [x, p, beyond, ca.vec(moved), ca.vec(dp), by_end, side]
     return ca.Function("saltation", arguments, [ca.vec(moved + jump)])
@@ -419,7 +420,9 @@ def _length_function(graph: VectorField, base: ca.SX, shares: ca.SX, columns: in
     h = ca.if_else(h >= left, left, ca.if_else(SHARED_STEPS * h >= left, 0.5 * left, h))
     within, side = ca.SX(1), ca.SX(0)
     if graph.coordinate:
-        h, within, side = _on_piece(c @ ca.DM(graph.coordinate) * graph.unit, h, *ca.vertsplit(ends_of_piece))
+        places = c @ ca.DM(graph.coordinate) * graph.unit
+        places[0] -= graph.origin
+        h, within, side = _on_piece(places, h, *ca.vertsplit(ends_of_piece))
     size = ca.fmax(ca.norm_inf(ca.vec(c[:2, :])), TINY)  # The size of a motion at rest at the origin would be 0.
     powers = symbolic_powers(h)
     terms, free = ca.diag(powers) @ series, ca.diag(powers) @ base.T

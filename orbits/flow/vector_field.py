@@ -42,8 +42,8 @@ def rows_used(seeds: Array) -> tuple[int, ...]:
 @dataclass(frozen=True, eq=False)
 class VectorField:
     """A vector field as an SX function (x, p) -> (x', watched quantities), the two symbols x and p, and the `reaches`
-    of its phase; p are the parameters, followed by the data of a smooth piece, whose `coordinate` and `unit` are those of
-    `Pieces`.
+    of its phase; p are the parameters, followed by the data of a smooth piece, whose `coordinate`, `unit` and `origin` are
+    those of `Pieces`.
     """
 
     field: ca.Function
@@ -51,13 +51,19 @@ class VectorField:
     p: ca.SX
     reaches: tuple[tuple[tuple[float, ...], float], ...] = ()
     coordinate: tuple[float, ...] | None = None
-    unit: ca.SX | None = None
+    unit: ca.SX | float = 1.0
+    origin: ca.SX | float = 0.0
     data: int = 0
 
     @property
     def size(self) -> int:
         """Number of states n."""
         return self.x.numel()
+
+    def place(self, x: ca.SX, p: ca.SX) -> ca.SX:
+        """The coordinate of a state that is compared with breakpoints."""
+        place = ca.dot(ca.DM(self.coordinate), self.x) * self.unit - self.origin
+        return ca.Function("place", [self.x, self.p[: p.numel()]], [place])(x, p)
 
     @cached_property
     def has_series(self) -> bool:

@@ -53,17 +53,26 @@ class LawPieces(NamedTuple):
     """Where a law is smooth.
 
     size : number of data values of a piece
-    table : parameters -> (breaks, data), of the variable times its unit
-    unit : the name of the parameter that is the unit; None for 1
+    table : parameters -> (breaks, data), of the variable times its unit minus its origin
+    unit, origin : the names of the parameters that are the unit and the origin; None for 1 and 0
     """
 
     size: int
     table: Callable
     unit: str | None = None
+    origin: str | None = None
 
-    def in_unit(self, p: Parameters) -> Algebraic:
+    def units(self, p: Parameters) -> Algebraic:
         """The unit of the variable."""
         return 1.0 if self.unit is None else p[self.unit]
+
+    def origins(self, p: Parameters) -> Algebraic:
+        """The origin of the variable."""
+        return 0.0 if self.origin is None else p[self.origin]
+
+    def ends(self, breaks: Algebraic, p: Parameters) -> Algebraic:
+        """The values of the variable at breaks."""
+        return (breaks + self.origins(p)) / self.units(p)
 
 
 class Key(NamedTuple):
@@ -140,7 +149,7 @@ class Law:
             call, table = _numeric(self.key), pieces_of(self.key)
             if table is not None:
                 (breaks,), (data,) = table(p)
-                breaks = breaks.ravel() / self.key.pieces.in_unit(self.parameters)
+                breaks = self.key.pieces.ends(breaks.ravel(), self.parameters)
                 if not (breaks[0] <= x.min() and x.max() <= breaks[-1]):
                     low, high = (Quantity(float(end), LENGTH) for end in breaks[[0, -1]])
                     text = "{variable} is outside the law's range, [{low:.6g}, {high:.6g}]"
@@ -154,8 +163,8 @@ class Law:
         everywhere."""
         if self.pieces is None:
             return -np.inf, np.inf
-        breaks, unit = self.pieces.table(self.parameters)[0], self.pieces.in_unit(self.parameters)
-        return float(breaks[0]) / unit, float(breaks[-1]) / unit
+        breaks = self.pieces.table(self.parameters)[0]
+        return float(self.pieces.ends(breaks[0], self.parameters)), float(self.pieces.ends(breaks[-1], self.parameters))
 
     def rest(self) -> float:
         """The value of the variable nearest to 0 in the range, where a spring is unloaded."""
@@ -235,10 +244,10 @@ def values_and_slopes(key: Key, p: Mapping[str, np.ndarray], x: np.ndarray) -> t
     columns = [np.broadcast_to(p[name], len(x)) for name in key.names]
     values, data, inside = np.column_stack(columns) if columns else np.zeros((len(x), 0)), np.zeros((1, 0)), None
     if table := pieces_of(key):
-        used = values[:, [i for i, name in enumerate(key.names) if name != key.pieces.unit]]
+        used = values[:, [i for i, name in enumerate(key.names) if name not in (key.pieces.unit, key.pieces.origin)]]
         breaks, rows = table(values[:1] if (used == used[:1]).all() else values)
         breaks, (count, pieces, size) = breaks[:, :, 0], rows.shape
-        places = x * np.reshape(key.pieces.in_unit(p), (-1, 1))
+        places = x * np.reshape(key.pieces.units(p), (-1, 1)) - np.reshape(key.pieces.origins(p), (-1, 1))
         if count == 1:
             index = np.searchsorted(breaks[0], places, "right") - 1
         else:

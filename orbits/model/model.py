@@ -254,8 +254,9 @@ def reparametrised(model: Model, own: Callable[[Parameters], Parameters], **chan
         return called
 
     def moved(phase: Phase) -> Phase:
-        pieces = phase.pieces
-        pieces = pieces and replace(pieces, table=of_own(pieces.table), unit=of_own(pieces.unit))
+        if pieces := phase.pieces:
+            of_pieces = (of_own(function) for function in (pieces.table, pieces.unit, pieces.origin))
+            pieces = replace(pieces, **dict(zip(("table", "unit", "origin"), of_pieces, strict=True)))
         watch = {name: of_own(function, 1) for name, function in phase.watch.items()}
         closed_form = of_own(phase.closed_form)
         return replace(phase, field=of_own(phase.field, 1), watch=watch, pieces=pieces, closed_form=closed_form)

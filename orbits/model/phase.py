@@ -72,10 +72,11 @@ class Pieces:
 
     coordinate : weights w (n,) of the coordinate w . x
     size : number of data values of a piece, the `q` of the vector field
-    table : parameters -> (breakpoints (m + 1,) of the coordinate times its unit, data (m, size)); a motion may not
-        leave the interval that they span
+    table : parameters -> (breakpoints (m + 1,), data (m, size)), of the coordinate times its unit minus its origin; a
+        motion may not leave the interval that they span
     label : name of the coordinate in messages
-    unit : parameters -> the unit, where it is not 1; parameters that change the unit alone have the same table
+    unit, origin : parameters -> the unit and the origin, where they are not 1 and 0; the table does not depend on
+        parameters that change these alone
     """
 
     coordinate: tuple[float, ...]
@@ -83,6 +84,15 @@ class Pieces:
     table: Callable[[Parameters], tuple[Any, Any]]
     label: str = "coordinate"
     unit: Callable[[Parameters], Algebraic] = lambda p: 1.0
+    origin: Callable[[Parameters], Algebraic] = lambda p: 0.0
+
+    def place(self, x: ArrayLike, p: Parameters) -> Any:
+        """The coordinates (...) of states (..., n), times their unit, minus their origin."""
+        return np.asarray(x) @ np.array(self.coordinate) * self.unit(p) - self.origin(p)
+
+    def levels(self, breaks: ArrayLike, p: Parameters) -> Any:
+        """The values of w . x at breakpoints."""
+        return (np.asarray(breaks, dtype=float) + self.origin(p)) / self.unit(p)
 
 
 @dataclass(frozen=True, eq=False)

@@ -142,8 +142,7 @@ class NewtonKernel:
 
     def _piece(self, x: ca.MX, p: ca.MX, breaks: ca.MX) -> ca.MX:
         """The number of the piece at a state, as in `PieceRows`."""
-        graph = self.flow.vector_field
-        place = ca.dot(ca.DM(graph.coordinate), x) * ca.Function("unit", [graph.p[: p.numel()]], [graph.unit])(p)
+        place = self.flow.vector_field.place(x, p)
         return ca.fmin(ca.fmax(ca.sum1(breaks <= place), 1), self.flow.breaks - 1)
 
     def _newton(self) -> ca.Function:

@@ -29,7 +29,7 @@ from .smoothing import SmoothCurve, branch_of, curve_of
 
 # A sample to try tables with: a leg's spring in mm and N, with noise as from a bench.
 SAMPLE = Path(__file__).with_name("leg_spring.csv")
-TABLE_OPTIONS = ("branch", "noise")
+TABLE_OPTIONS = ("branch", "noise", "scale", "shift")
 
 
 def formula(text: str, /, **parameters: float) -> Law:
@@ -146,6 +146,8 @@ def table(
     in_si: bool = False,
     branch: str | None = None,
     noise: float | None = None,
+    scale: str | None = None,
+    shift: str | None = None,
 ) -> Law:
     """A spring from measured pairs: a file of text columns with a header, or (extensions, forces) as two sequences.
 
@@ -155,6 +157,8 @@ def table(
         travel grows (away from rest, if the table has one side only), "unloading", or "mean", the mean of both where
         both have been measured
     noise : standard deviation of a row's force, in the law's unit; 0 where the rows are exact, None to estimate it
+    scale, shift : names of parameters of the law, s and d, for the force s f(r - d) of a measured force f; 1 and 0
+        where a machine does not say otherwise
 
     The header names one column of `tables.EXTENSION_NAMES` and one of `tables.FORCE_NAMES`, tension and extension
     positive; the signs of both are reversed where one says compression, unless the other says tension. Units follow the
@@ -182,7 +186,14 @@ def table(
     r, force = _columns_of(pairs, label)
     curve = curve_of(branch_of(r, force, sense, branch, label), noise)
     note = ", ".join(filter(None, (branch, curve.note)))
-    return Law(f"table:{label}" + (f" ({note})" if note else ""), "r", _piece_expression, *_table_pieces(curve))
+    parameters, pieces = _table_pieces(curve)
+    text = f"table:{label}" + (f" ({note})" if note else "")
+    own = {_name(name, what): value for name, what, value in ((scale, "scale", 1.0), (shift, "shift", 0.0)) if name}
+    if len(own) < len([name for name in (scale, shift) if name]):
+        raise InputError(f"scale = shift = '{scale}': they are two parameters, with two names")
+    moved = _moved_expression(_piece_expression, scale, shift) if own else _piece_expression
+    text = f"{scale}*{text}" if scale else text
+    return Law(f"{text} moved by {shift}" if shift else text, "r", moved, parameters | own, (*pieces, None, shift))
 
 
 NAMED = {
@@ -223,6 +234,24 @@ def _bilinear_pieces(p):
 def _end_stop_pieces(p):
     gap, stop = p["gap"], p["stop"]
     return [-math.inf, -gap, gap, math.inf], [[-gap, -gap, stop], [0.0, 0.0, 1.0], [gap, gap, stop]]
+
+
+@lru_cache(maxsize=64)
+def _moved_expression(expression: Callable, scale: str | None, shift: str | None) -> Expression:
+    """The expression of a law with a factor and with a shift of its variable, each a parameter if it has a name."""
+
+    def moved(x, p, q):
+        value = expression(x - p[shift] if shift else x, p, q)
+        return p[scale] * value if scale else value
+
+    return Expression(moved, _moved_expression, expression, scale, shift)
+
+
+def _name(name: Any, what: str) -> str:
+    """A name of a parameter; raises `InputError` for anything else."""
+    if not (isinstance(name, str) and name.isidentifier()) or name == "r":
+        raise InputError(f"{what} = {name!r}; it is the name of a parameter, as in table(file, {what}='{what[0]}')")
+    return name
 
 
 def _piece_expression(x, p, q):
