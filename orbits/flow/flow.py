@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import BreaksDown, FlowError, OutOfRange, RunsAway
+from ..laws.law import parameters_of
 from ..model.modes import Modes
 from ..model.phase import Phase
 from ..numerics.polynomial_roots import evaluate
@@ -340,7 +341,7 @@ class Flow:
 
     def _different(self, ps: Array) -> Array:
         """The parameters (m, np), for m = 1 where they make the same table."""
-        own = sorted(self._piece_parameters)
+        own = self._piece_parameters
         return ps[:1] if (ps[:, own] == ps[0, own]).all() else ps
 
     @cached_property
@@ -360,11 +361,10 @@ class Flow:
         slopes = ca.jacobian(ca.vertcat(breaks, ca.vec(data.T)), p)
         return MappedFunction(ca.Function("slopes", [p], [ca.densify(slopes)]))
 
-    @cached_property
-    def _piece_parameters(self) -> set[int]:
+    @property
+    def _piece_parameters(self) -> list[int]:
         """The places of the parameters that the table of pieces depends on."""
-        patterns = (self._piece_function.function.jac_sparsity(i, 0) for i in (0, 1))
-        return {column for pattern in patterns for column in pattern.get_triplet()[1]}
+        return parameters_of(self._piece_function)
 
     @cached_property
     def breaks(self) -> int:
@@ -379,7 +379,7 @@ class Flow:
         """The rows of the seeds (..., np, columns) of parameters that are not zero, and those of the data of a piece if
         one of these parameters changes it."""
         rows = rows_used(parameter_seeds)
-        if self.phase.pieces is None or not self._piece_parameters & {*rows}:
+        if self.phase.pieces is None or not {*self._piece_parameters} & {*rows}:
             return rows
         count = len(self.parameters)
         return *rows, *range(count, count + self.phase.pieces.size)

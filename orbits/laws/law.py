@@ -244,7 +244,7 @@ def values_and_slopes(key: Key, p: Mapping[str, np.ndarray], x: np.ndarray) -> t
     columns = [np.broadcast_to(p[name], len(x)) for name in key.names]
     values, data, inside = np.column_stack(columns) if columns else np.zeros((len(x), 0)), np.zeros((1, 0)), None
     if table := pieces_of(key):
-        used = values[:, [i for i, name in enumerate(key.names) if name not in (key.pieces.unit, key.pieces.origin)]]
+        used = values[:, parameters_of(table)]
         breaks, rows = table(values[:1] if (used == used[:1]).all() else values)
         breaks, (count, pieces, size) = breaks[:, :, 0], rows.shape
         places = x * np.reshape(key.pieces.units(p), (-1, 1)) - np.reshape(key.pieces.origins(p), (-1, 1))
@@ -270,6 +270,13 @@ def pieces_of(key: Key) -> MappedFunction | None:
     rows = ca.vertcat(*[ca.horzcat(*row) for row in data]) if key.pieces.size else ca.SX(len(data), 0)
     results = [ca.densify(ca.SX(ca.vertcat(*breaks))), ca.densify(ca.SX(rows))]
     return MappedFunction(ca.Function("pieces", [ca.vertcat(*p.values())], results))
+
+
+@cached
+def parameters_of(table: MappedFunction) -> list[int]:
+    """The places of the parameters that breaks or data depend on."""
+    patterns = (table.function.jac_sparsity(i, 0) for i in (0, 1))
+    return sorted({column for pattern in patterns for column in pattern.get_triplet()[1]})
 
 
 @cached
