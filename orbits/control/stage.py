@@ -1,7 +1,7 @@
 """Stages of an optimal control problem: phases passed once, with their inputs, conditions and costs."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from math import comb
 from numbers import Real
@@ -43,7 +43,7 @@ class Input:
 class Stage:
     """A phase passed through once. Its functions are as in `Phase`, with the inputs by name in `p`, and q empty.
 
-    phase : the `Phase`, smooth
+    phase : the `Phase`
     intervals : number of intervals, all of the same length
     duration : bounds (low, high) of the duration, the lower one above 0
     inputs : inputs by name
@@ -113,7 +113,9 @@ def interval_phase(stage: Stage) -> Phase:
         return [*(length * rate for rate in field), 1.0, length * stage.running(states, named, q)]
 
     watch = {name: lambda x, p, q, of=of: of(*with_inputs(x, p), q) for name, of in stage.path.items()}
-    return Phase(stage.phase.name, (*stage.phase.states, "clock", "cost"), rates, watch, reaches=stage.phase.reaches)
+    states, pieces = (*stage.phase.states, "clock", "cost"), stage.phase.pieces
+    pieces = pieces and replace(pieces, coordinate=(*pieces.coordinate, 0.0, 0.0))
+    return Phase(stage.phase.name, states, rates, watch, pieces, reaches=stage.phase.reaches)
 
 
 def stage_flow(stage: Stage, names: tuple[str, ...]) -> Flow:
@@ -127,8 +129,6 @@ def check_stage(number: int, stage: Stage, parameters: Collection[str]) -> None:
     if check_range(f"{where}: duration", stage.duration)[0] <= 0:
         raise InputError(f"{where}: duration from {stage.duration[0]:g}; it is above 0")
     whole_number(f"{where}: intervals", stage.intervals, "intervals")
-    if stage.phase.pieces:
-        raise InputError(f"{where}: its law is piecewise; control needs a law that is smooth, as a formula")
     for name in (*stage.phase.states, *stage.inputs):
         if name in COLUMNS_OF_CONTROL:
             raise InputError(f"{where}: '{name}' is a column of the motion's table already; rename the state or input")

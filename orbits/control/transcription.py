@@ -47,8 +47,13 @@ class _Constraint(NamedTuple):
 
 @cached
 def advance(stage: Stage, names: tuple[str, ...], substeps: int) -> ca.Function:
-    """(state, share, parameters with length and coefficients) -> state, cost, path expressions after that share."""
-    graph = stage_flow(stage, names).vector_field
+    """(state, share, parameters with length and coefficients) -> state, cost, path expressions after that share.
+
+    A step is taken on the piece of a law on which it begins; where it leads beyond, steps are halved until that does
+    not matter.
+    """
+    flow = stage_flow(stage, names)
+    graph, count = flow.vector_field, len(flow.parameters)
     size, share = len(stage.phase.states), ca.SX.sym("share")
     if graph.has_series:
         series = taylor_coefficients(graph.field, graph.x, graph.p, CONTROL_ORDER)[: graph.size, :]
@@ -60,12 +65,16 @@ def advance(stage: Stage, names: tuple[str, ...], substeps: int) -> ca.Function:
     else:
         end = runge_kutta(graph, graph.x, share)
     step = ca.Function("step", [graph.x, share, graph.p], [end])
-    x = ca.SX.sym("x", size)
-    z = ca.vertcat(x, 0, 0)
+    x, p = ca.SX.sym("x", size), graph.p[:count]
+    z, named = ca.vertcat(x, 0, 0), flow.symbols(ca.SX(0, 1), p)[1]
+
+    def with_data(z: ca.SX) -> ca.SX:
+        return ca.vertcat(p, *flow.phase.data(ca.vertsplit(z), named))
+
     for _ in range(substeps):
-        z = step(z, share / substeps, graph.p)
-    results = [z[:size], z[size + 1], graph.field(z, graph.p)[1]]
-    return ca.Function("advance", [x, share, graph.p], [ca.densify(result) for result in results])
+        z = step(z, share / substeps, with_data(z))
+    results = [z[:size], z[size + 1], graph.field(z, with_data(z))[1]]
+    return ca.Function("advance", [x, share, p], [ca.densify(result) for result in results])
 
 
 @cached

@@ -32,6 +32,8 @@ Parameters: TypeAlias = Mapping[str, Algebraic]
 # Parameters whose names begin so are 0 on every machine; each stands for a change of a measured law by one standard
 # deviation of the effect of noise on it, independently of the others.
 NOISE = "_noise"
+# On both sides of a breakpoint, at this share of the pieces, value and slope differ by the second share if they jump.
+SIDE, JUMP = 1e-6, 1e-4
 # The message about a spring whose force falls as it is stretched from rest.
 WRONG_SIGN = "is tension positive? A force acts against the extension, as in k*r, and the sign is that of r"
 
@@ -165,6 +167,19 @@ class Law:
             return -np.inf, np.inf
         breaks = self.pieces.table(self.parameters)[0]
         return float(self.pieces.ends(breaks[0], self.parameters)), float(self.pieces.ends(breaks[-1], self.parameters))
+
+    def corners(self) -> list[float]:
+        """The values of the variable inside the range at which the slope or the value jumps."""
+        if self.pieces is None:
+            return []
+        levels = self.pieces.ends(np.array(self.pieces.table(self.parameters)[0], dtype=float), self.parameters)
+        widths = np.minimum(np.diff(levels)[:-1], np.diff(levels)[1:])
+        away, levels = SIDE * np.minimum(widths, 1 + np.abs(levels[1:-1])), levels[1:-1]
+        sides = [self.with_slope(levels + side * away) for side in (-1.0, 1.0)]
+        largest = [np.abs(before) + np.abs(after) for before, after in zip(*sides, strict=True)]
+        jumps = [np.abs(after - before) for before, after in zip(*sides, strict=True)]
+        rises = 2 * away * largest[1]  # of a continuous value
+        return levels[(jumps[1] > JUMP * largest[1]) | (jumps[0] > rises + JUMP * largest[0])].tolist()
 
     def rest(self) -> float:
         """The value of the variable nearest to 0 in the range, where a spring is unloaded."""

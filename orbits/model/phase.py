@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -122,6 +123,18 @@ class Phase:
 
     def __repr__(self) -> str:
         return fields_in_line(self, "name", "states")
+
+    def data(self, x: Scalars, p: Parameters) -> list[Algebraic]:
+        """The data of the piece at a state as expressions, none for a smooth field; beyond the range of the pieces they
+        are those of the last piece."""
+        if self.pieces is None:
+            return []
+        breaks, rows = self.pieces.table(p)
+        place = weighted_sum(self.pieces.coordinate, x) * self.pieces.unit(p) - self.pieces.origin(p)
+        q = list(rows[-1])
+        for level, row in reversed(list(zip(breaks[1:-1], rows, strict=False))):
+            q = [ca.if_else(place < level, below, above) for below, above in zip(row, q, strict=True)]
+        return q
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,7 +33,7 @@ SIZES = ("length", "time", "force")
 class Actuated(Stated):
     """A machine whose spring's end is moved, as `simulate` takes it; the last state u is the displacement of this end.
 
-    machine : a `Hopper` or `Juggler` with a smooth spring law, or one in SI, which is stored without units
+    machine : a `Hopper` or `Juggler`, or one in SI, which is stored without units
     units : of the machine in SI, None for a dimensionless one
     """
 
@@ -47,8 +47,9 @@ class Actuated(Stated):
         if not isinstance(self.machine, TwoMassMachine):
             kind = type(self.machine).__name__
             raise InputError(f"a {kind} is no machine whose spring can be moved, as problems.Hopper()")
-        if self.machine.spring.pieces:
-            raise InputError(f"spring '{self.machine.spring.text}' is piecewise; an actuator needs a smooth law")
+        if corners := self.machine.spring.corners():
+            text = f"spring '{self.machine.spring.text}' has a corner at r = {corners[0]:.6g}"
+            raise InputError(f"{text}: an actuator needs a law with a continuous slope; round it, as by a table of rows")
         refuse_taken((END, RATE, "peak"), self.machine.parameters, "the actuator's own name")
 
     @exclusive_property

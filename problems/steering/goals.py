@@ -333,11 +333,11 @@ def _lowest(orbit: Orbit) -> np.ndarray:
 def _rest(driven: Actuated, orbit: Orbit) -> float:
     """Where the upper mass rests in contact, between its lowest position on the orbit and lift-off."""
     contact = flow_of(driven.model.contact, tuple(driven.values))
-    p, onto = list(driven.values.values()), np.linalg.pinv(driven.model.embed)
+    p, onto = np.array(list(driven.values.values())), np.linalg.pinv(driven.model.embed)
     low, high = (float((onto @ np.append(x, 0.0))[0]) for x in (_lowest(orbit), orbit(0.0)))
 
     def acceleration(y):
-        return float(contact.rates([y, 0.0, 0.0], p)[1])
+        return float(contact.field(np.array([[y, 0.0, 0.0]]), p)[0][0, 1])
 
     return bracketed_root(acceleration, low, high, acceleration(low), acceleration(high))
 
@@ -365,7 +365,11 @@ def _hop_stages(model, gap, intervals, times, limits, cost, lossless, periodic) 
     bounds, inputs = [(SHORTEST_SHARE * time, LONGEST_SHARE * time) for time in times], limits.inputs(cost)
 
     def gap_speed(x, p):
-        return Affine(gap.weights).at(model.flight.field(x, {**p, RATE: 0.0}, []))
+        p = {**p, RATE: 0.0}
+        return Affine(gap.weights).at(model.flight.field(x, p, model.flight.data(x, p)))
+
+    def force_at(x, p):
+        return force(x, p, model.contact.data(x, p))
 
     def lifted(x, before, p):
         if periodic:  # Spring's end and motion could be moved together: the end is at 0 where the cycle begins.
@@ -373,14 +377,14 @@ def _hop_stages(model, gap, intervals, times, limits, cost, lossless, periodic) 
         return _difference(x, model.launch({"liftoff": p["liftoff"], "alpha": p["launch"]}, p))
 
     def landed(x, p):
-        return [gap.at(x), *([gap_speed(x, p), force(product(onto, x), p, [])] if lossless else [])]
+        return [gap.at(x), *([gap_speed(x, p), force_at(product(onto, x), p)] if lossless else [])]
 
     def stuck(x, before, p):
         speed = gap_speed(before, p)
         return _difference(x, product(onto, _difference(before, [speed * share for share in model.impact(before, p)])))
 
     def launched(x, p):
-        return [force(x, p, []), *([] if periodic else [model.contact_speed.at(x) - p["aim"], x[-1]])]
+        return [force_at(x, p), *([] if periodic else [model.contact_speed.at(x) - p["aim"], x[-1]])]
 
     def approaching(x, p):
         return [] if lossless else [-gap_speed(x, p)]
@@ -411,7 +415,8 @@ def _swing_stages(model, pumps, intervals, limits, time) -> tuple[Stage, ...]:
             return _difference(x, before if index else [p["rest"], 0.0, 0.0])
 
         def end(x, p):
-            return [force(x, p, []), speed.at(x) - p["aim"], x[-1]] if last else [speed.at(x)]
+            pressed = force(x, p, model.contact.data(x, p))
+            return [pressed, speed.at(x) - p["aim"], x[-1]] if last else [speed.at(x)]
 
         path = {
             "contact force": lambda x, p, q: force(x, p, q) - margin,
