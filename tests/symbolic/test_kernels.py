@@ -172,3 +172,25 @@ def test_nothing_is_compiled_for_a_few_points():
     while not kernel.compiled:
         kernel(starts(1000, 6), np.ones((1, 1)))
     assert_equal(kernel(z, np.ones((1, 1))), few)
+
+
+def test_rows_of_a_table():
+    """Each point goes through the rows of its own table, or of one that all share, up to a row that leads to itself."""
+    z, row, nothing = ca.SX.sym("z", 2), ca.SX.sym("row", 2), ca.SX.sym("d", 0)
+    after = ca.vertcat(z[0] + row[0], row[1])
+    function = ca.Function("walk", [z, nothing, row], [after, z[1], 1, row[1] != z[1]])
+    rng, tables, starts = np.random.default_rng(4), [], np.zeros((11, 2))
+    for _ in starts:
+        order = rng.permutation(6)
+        table = np.column_stack([rng.normal(size=6), np.full(6, order[-1])])
+        table[order[:-1], 1] = order[1:]
+        tables.append(table)
+    starts[:, 1] = [np.setdiff1d(np.arange(6), table[:, 1])[0] for table in tables]
+    own, none = np.array([table.ravel() for table in tables]), np.zeros((1, 0))
+    for several in (own, own[:1]):
+        compiled, interpreted = Kernel(function, 1), Kernel(function, 1)
+        assert compiled.compile()
+        interpreted.interpretation_budget = np.inf
+        one, other = compiled(starts, none, several), interpreted(starts, none, several)
+        assert_equal(one, other)
+    assert compiled(starts, none, own).z[:, 0] == pytest.approx([table[:, 0].sum() for table in tables])
