@@ -4,12 +4,11 @@ import numpy as np
 
 from ..numerics.polynomial_roots import roots
 from ..numerics.roots import Array
+from .vector_field import SHORTEST_CUT
 
 # How far from a breakpoint the limits of the field on its two sides are evaluated, relative to the breakpoint. They are
 # extrapolated to it from this distance and its double, so that an error of second order, 1e-12, remains.
 SIDE_DISTANCE = 1e-6
-# The least share of a step after which it may reach a breakpoint, since a shorter step is no step.
-LEAST_SHARE = 1e-12
 
 
 class ActivePiece:
@@ -38,7 +37,7 @@ class ActivePiece:
             order = int(np.argmax(distance[1:] != 0)) + 1 if level == self.level else 0
             found = roots(distance[order:], h)
             if found and found[0] < h:
-                h, crossed = max(found[0], LEAST_SHARE * h), side
+                h, crossed = max(found[0], SHORTEST_CUT * h), side
         self.level = None
         return h, crossed
 
@@ -72,4 +71,3 @@ class ActivePiece:
         away = side * SIDE_DISTANCE * min(1 + abs(level), room) * self.weights / (self.weights @ self.weights)
         near, far = (rates(x + k * away, self.data) - rates(x - k * away, before) for k in (1.0, 2.0))
         return 2 * near - far
-

@@ -23,7 +23,7 @@ from ..symbolic.calls import BufferedFunction, MappedFunction
 from ..symbolic.kernels import ElementwiseFunction
 from ..units import TIME, Message, Quantity, described
 from .runge_kutta import RungeKuttaMotion, RungeKuttaStepper
-from .taylor import OnPieces, TaylorMotion, TaylorStepper
+from .taylor import OnPieces, PieceRows, TaylorMotion, TaylorStepper
 from .trajectory import Trajectories, Trajectory, begins_of_steps
 from .vector_field import FLOW_CONTROL, TAYLOR_ORDER, VectorField, rows_used
 
@@ -391,14 +391,19 @@ class Flow:
             return None
         seeds = np.zeros((ps.shape[1], 0)) if parameter_seeds is None else parameter_seeds
         breaks, data = self._pieces_at(ps)
-        stepper, places = self.stepper(seeds.shape[-1], self.varied(seeds)), self._places(starts, ps)
+        rows, places = self._piece_rows(seeds.shape[-1], self.varied(seeds)), self._places(starts, ps)
         numbers = (breaks <= places[:, None]).sum(1)
         numbers[places == breaks[:, -1]] -= 1
         for i in (places[:, None] == breaks).any(1).nonzero()[0].tolist():
             numbers[i] = self.first_piece(ps[i if len(ps) > 1 else 0], starts[i]) + 1
-        moves = self._slopes_at(ps) @ seeds if stepper.piece_rows.varied else np.zeros((1, 0, 0))
-        tables = stepper.piece_rows.tables(breaks, data, moves)
-        return OnPieces(tables, numbers.astype(float), breaks)
+        moves = self._slopes_at(ps) @ seeds if rows.varied else np.zeros((1, 0, 0))
+        return OnPieces(rows.tables(breaks, data, moves), numbers.astype(float), breaks)
+
+    def _piece_rows(self, columns: int, varied: tuple[int, ...] = ()) -> PieceRows:
+        """The layout of the tables that the stepper for these sensitivities reads."""
+        stepper = self.stepper(columns, varied)
+        assert isinstance(stepper, TaylorStepper)
+        return stepper.piece_rows
 
     def first_piece(self, p: Array, x: Array) -> int:
         """Index of the piece on which the motion from a state begins, -1 where there is none.
@@ -423,7 +428,7 @@ class Flow:
         """Which of the `numbers` (m,) are those of pieces."""
         if on is None:
             return np.ones(len(numbers), bool)
-        return (numbers > 0) & (numbers < on.tables.shape[1] // self.stepper(0).piece_rows.width - 1)
+        return (numbers > 0) & (numbers < on.tables.shape[1] // self._piece_rows(0).width - 1)
 
     def out_of_range(self, p: Array, x: Array) -> OutOfRange:
         """The error of a motion that leaves the range of its law at the state `x`."""

@@ -19,7 +19,7 @@ from ..symbolic.caches import cached
 from ..symbolic.calls import BufferedFunction
 from ..symbolic.kernels import Kernel
 from ..symbolic.taylor_series import driven_coefficients, tangent, variations
-from .vector_field import FLOW_CONTROL, TAYLOR_ORDER, VectorField, rows_used, symbolic_powers
+from .vector_field import FLOW_CONTROL, SHORTEST_CUT, TAYLOR_ORDER, VectorField, rows_used, symbolic_powers
 
 # Truncation error of a step relative to the state: a tenth of the rounding error of the sum.
 TRUNCATION = 1e-17
@@ -32,9 +32,9 @@ SHARED_STEPS = 1.5
 # Up to this degree the terms of a watched function are bounded together, the others one by one.
 BOUND_DEGREE = 6
 # The lengths of a step on a piece that are tried, each half of the one before; the steps of Newton's method to the end
-# of a piece, which converges quadratically, as the speed changes by less than half; the least share of the step that it
-# finds; and the change of a coordinate, relative to it, that is rounding.
-TRIED_LENGTHS, NEWTON_STEPS, LEAST_SHARE, ROUNDING = 8, 7, 1e-12, 1e-16
+# of a piece, which converges quadratically, as the speed changes by less than half; and the change of a coordinate,
+# relative to it, that is rounding.
+TRIED_LENGTHS, STEPS_TO_END, ROUNDED_CHANGE = 8, 7, 1e-16
 
 
 class Motions(NamedTuple):
@@ -187,7 +187,7 @@ class TaylorStepper:
 
     def kernel_of(self, function: ca.Function) -> Kernel:
         """The kernel that iterates a step, which takes the row of its piece."""
-        return Kernel(function, None if self.graph.coordinate is None else self.places.piece)
+        return Kernel(function, self.places.piece if self.graph.coordinate else None)
 
     def sensitivities_after(self, x: Array, p: Array, dx: Array, dp: Array, h: float) -> Array:
         """The sensitivities (n, columns) at the end of a step of length h, not longer than the accepted one."""
@@ -451,12 +451,11 @@ def _on_piece(s: ca.SX, h: ca.SX, low: ca.SX, high: ca.SX) -> tuple[ca.SX, ca.SX
         moves = symbolic_powers(tried)[1:] * s[1:]
         sizes, weighted = ca.fabs(moves), orders * ca.fabs(moves)
         outweighs = [2 * ca.sum1(weighted[k + 1 :]) <= weighted[k] for k in range(2)]
-        rounded = sizes[0] ** 2 <= ROUNDING * sizes[1] * (ca.fabs(start) + sizes[1])
+        rounded = sizes[0] ** 2 <= ROUNDED_CHANGE * sizes[1] * (ca.fabs(start) + sizes[1])
         valid = ca.logic_or(ca.sum1(sizes) < room, ca.logic_or(outweighs[0], ca.logic_and(rounded, outweighs[1])))
         chosen = ca.logic_and(valid, ca.logic_not(within))
         length, terms, steep = (
-            ca.if_else(chosen, new, old)
-            for new, old in ((tried, length), (moves, terms), (outweighs[0], steep))
+            ca.if_else(chosen, new, old) for new, old in ((tried, length), (moves, terms), (outweighs[0], steep))
         )
         within = ca.logic_or(within, valid)
     length = ca.if_else(within, length, tried)
@@ -466,10 +465,10 @@ def _on_piece(s: ca.SX, h: ca.SX, low: ca.SX, high: ca.SX) -> tuple[ca.SX, ca.SX
     distance = ca.if_else(rises, high, low) - start
     share = distance / move
     share = ca.if_else(steep, share, ca.sqrt(share))
-    for _ in range(NEWTON_STEPS):
+    for _ in range(STEPS_TO_END):
         value = share * ca.polyval(terms[::-1], share) - distance
         slope = ca.polyval((orders * terms)[::-1], share)
-        share = ca.fmin(ca.fmax(share - value / slope, LEAST_SHARE), 1)
+        share = ca.fmin(ca.fmax(share - value / slope, SHORTEST_CUT), 1)
     return length * ca.if_else(side == 0, 1, share), within, side
 
 

@@ -15,6 +15,8 @@ TAYLOR_ORDER = 28
 # Order of a step in equations that other solvers differentiate, at a cost that grows with its square. On a mesh a fifth
 # finer than steps of the order above, whose last terms are below a tenth of rounding, it leaves a few roundings.
 STEP_ORDER = 20
+# A step is cut where its piece ends, but to no shorter share of its length, as it would be no step.
+SHORTEST_CUT = 1e-12
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +44,7 @@ def rows_used(seeds: Array) -> tuple[int, ...]:
 @dataclass(frozen=True, eq=False)
 class VectorField:
     """A vector field as an SX function (x, p) -> (x', watched quantities), the two symbols x and p, and the `reaches`
-    of its phase; p are the parameters, followed by the data of a smooth piece, whose `coordinate`, `unit` and `origin` are
+    of its phase; p are the parameters, followed by the data of a smooth piece. `coordinate`, `unit` and `origin` are
     those of `Pieces`.
     """
 
@@ -50,7 +52,7 @@ class VectorField:
     x: ca.SX
     p: ca.SX
     reaches: tuple[tuple[tuple[float, ...], float], ...] = ()
-    coordinate: tuple[float, ...] | None = None
+    coordinate: tuple[float, ...] = ()
     unit: ca.SX | float = 1.0
     origin: ca.SX | float = 0.0
     data: int = 0
@@ -60,10 +62,11 @@ class VectorField:
         """Number of states n."""
         return self.x.numel()
 
-    def place(self, x: ca.SX, p: ca.SX) -> ca.SX:
-        """The coordinate of a state that is compared with breakpoints."""
+    @cached_property
+    def place(self) -> ca.Function:
+        """The coordinate of a state that is compared with breakpoints, a function (x, parameters)."""
         place = ca.dot(ca.DM(self.coordinate), self.x) * self.unit - self.origin
-        return ca.Function("place", [self.x, self.p[: p.numel()]], [place])(x, p)
+        return ca.Function("place", [self.x, self.p[: self.p.numel() - self.data]], [place])
 
     @cached_property
     def has_series(self) -> bool:

@@ -220,8 +220,9 @@ class _ZeroSearch:
         self.one_by_one(indices, *(z[:, place] for place in (at.state, at.time, at.order)))
 
     def _ended(self, indices: Array, on: OnPieces | None, z: Array) -> Array:
-        """Whether motions `on` pieces end without the zero within the steps of one call of `Flow.run`, which decides it in the same
-        way: no step can be used, or all can and the state runs away or the time is over. Stores their errors."""
+        """Whether motions `on` pieces end without the zero within the steps of one call of `Flow.run`, which decides it
+        in the same way: no step can be used, or all can and the state runs away or the time is over. Stores their
+        errors."""
         flow, control, seeds = self.flow, self.flow.control, np.zeros((self.flow.size, 0))
         stepper = flow.stepper(0)
         x, began, orders = (z[:, getattr(stepper.places, place)] for place in ("state", "time", "order"))

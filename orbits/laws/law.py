@@ -33,7 +33,7 @@ Parameters: TypeAlias = Mapping[str, Algebraic]
 # deviation of the effect of noise on it, independently of the others.
 NOISE = "_noise"
 # On both sides of a breakpoint, at this share of the pieces, value and slope differ by the second share if they jump.
-SIDE, JUMP = 1e-6, 1e-4
+SIDE, CORNER = 1e-6, 1e-4
 # The message about a spring whose force falls as it is stretched from rest.
 WRONG_SIGN = "is tension positive? A force acts against the extension, as in k*r, and the sign is that of r"
 
@@ -113,7 +113,7 @@ class Law:
     variable : "r", an extension, or "z", a height
     expression : (x, p, q) -> value, on CasADi scalars; `p` maps names to parameters, `q` is the data of a smooth piece
     parameters : values of the parameters
-    pieces : `LawPieces`, or their first two entries, for a piecewise law; None for a smooth one
+    pieces : of a piecewise law; None for a smooth one
     written : the law in formulas; None where it cannot be written in formulas
     """
 
@@ -127,7 +127,6 @@ class Law:
     def __post_init__(self) -> None:
         checked = {name: number(name, value) for name, value in self.parameters.items()}
         object.__setattr__(self, "parameters", MappingProxyType(checked))
-        object.__setattr__(self, "pieces", self.pieces and LawPieces(*self.pieces))
 
     def __reduce__(self) -> tuple[type, tuple]:
         return Law, (self.text, self.variable, self.expression, dict(self.parameters), self.pieces, self.written)
@@ -149,9 +148,9 @@ class Law:
         p, q = np.array([list(self.parameters.values())]), np.zeros((1, 0))
         with LOCK:
             call, table = _numeric(self.key), pieces_of(self.key)
-            if table is not None:
+            if table is not None and self.pieces:
                 (breaks,), (data,) = table(p)
-                breaks = self.key.pieces.ends(breaks.ravel(), self.parameters)
+                breaks = self.pieces.ends(breaks.ravel(), self.parameters)
                 if not (breaks[0] <= x.min() and x.max() <= breaks[-1]):
                     low, high = (Quantity(float(end), LENGTH) for end in breaks[[0, -1]])
                     text = "{variable} is outside the law's range, [{low:.6g}, {high:.6g}]"
@@ -179,7 +178,7 @@ class Law:
         largest = [np.abs(before) + np.abs(after) for before, after in zip(*sides, strict=True)]
         jumps = [np.abs(after - before) for before, after in zip(*sides, strict=True)]
         rises = 2 * away * largest[1]  # of a continuous value
-        return levels[(jumps[1] > JUMP * largest[1]) | (jumps[0] > rises + JUMP * largest[0])].tolist()
+        return levels[(jumps[1] > CORNER * largest[1]) | (jumps[0] > rises + CORNER * largest[0])].tolist()
 
     def rest(self) -> float:
         """The value of the variable nearest to 0 in the range, where a spring is unloaded."""
@@ -258,7 +257,7 @@ def values_and_slopes(key: Key, p: Mapping[str, np.ndarray], x: np.ndarray) -> t
     """Values and slopes (m, k) of laws with parameters (m,) by name at places (m, k), NaN outside their ranges."""
     columns = [np.broadcast_to(p[name], len(x)) for name in key.names]
     values, data, inside = np.column_stack(columns) if columns else np.zeros((len(x), 0)), np.zeros((1, 0)), None
-    if table := pieces_of(key):
+    if (table := pieces_of(key)) and key.pieces:
         used = values[:, parameters_of(table)]
         breaks, rows = table(values[:1] if (used == used[:1]).all() else values)
         breaks, (count, pieces, size) = breaks[:, :, 0], rows.shape

@@ -12,7 +12,7 @@ from ..errors import InputError
 from ..running.exclusive import exclusive
 from ..symbolic.formula import CONSTANTS, parse, suggest
 from ..symbolic.tracing import traced
-from .law import Algebraic, Key, Law, Written, number, stated
+from .law import Algebraic, Key, Law, LawPieces, Written, number, stated
 from .law_expressions import HOW_TO_WRITE, break_table, derivative_expression, formula_expression, function_expression
 
 # A law as it is stated: itself, a formula, the name of a law, or a Python function.
@@ -99,7 +99,7 @@ def from_function(function: Callable, variable: str, parameters: Values = None, 
     if not isinstance(breakpoints, list | tuple):
         raise InputError(f"breakpoints = {breakpoints!r}; they are a tuple of extensions")
     breaks = [-math.inf, *sorted(number("breakpoint", b) for b in breakpoints), math.inf]
-    table = (0, break_table(tuple(breaks))) if breakpoints else None
+    table = LawPieces(0, break_table(tuple(breaks))) if breakpoints else None
     parameters = dict(parameters or {})
     text = None if breakpoints else traced(function, (variable,), tuple(parameters))
     expression = function_expression(function, variable, tuple(parameters))

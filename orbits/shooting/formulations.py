@@ -274,18 +274,24 @@ def _contacts(model: Model, u: Mapping, p: Mapping, limits: ndarray):
     rest = np.array(sorted({*range(len(starts))} - found.keys()), int)
     if len(rest) and model.one_speed and flow.in_lanes and not flow.phase.closed_form:
         # A contact that never ends takes thousands of steps, so that it is detected without storing them.
-        times, *_ = first_zeros(flow, starts[rest], ps[rest], end[0], limits[rest], end[1])
-        found |= dict.fromkeys(rest[~np.isfinite(times)].tolist(), model.violations["end"])
+        times, _, failed = first_zeros(flow, starts[rest], ps[rest], end[0], limits[rest], end[1])
+        found |= {int(rest[k]): _end_of_contact(model, failed.get(k)) for k in (~np.isfinite(times)).nonzero()[0]}
     for i in {*range(len(starts))} - found.keys():
         try:
             path, _ = flow.run(starts[i], ps[i], limits[i], stop=first_zero(*end) if model.one_speed else None)
             found[i] = model.violations["end"] if model.one_speed and not path.times[-1] < limits[i] else path
         except FlowError as error:
-            outside = Message("contact: {error}", error=error) if isinstance(error, OutOfRange) else None
-            found[i] = outside or model.violations["end"]
+            found[i] = _end_of_contact(model, error)
     reasons = {i: contact for i, contact in sorted(found.items()) if isinstance(contact, str)}
     order = sorted(found.keys() - reasons.keys())
     return np.array(order, int), Trajectories.of([found[i] for i in order]) if order else None, reasons
+
+
+def _end_of_contact(model: Model, error: FlowError | None) -> str:
+    """Why a contact does not end, whose motion may have broken off with an error."""
+    if isinstance(error, OutOfRange):
+        return Message("contact: {error}", error=error)
+    return model.violations["end"]
 
 
 def columns(values: Iterable) -> ndarray:

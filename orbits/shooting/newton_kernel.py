@@ -10,7 +10,6 @@ from ..flow.trajectory import Trajectories, begins_of_steps
 from ..flow.vector_field import rows_used
 from ..numerics.roots import Array
 from ..symbolic.caches import cached
-from ..symbolic.kernels import Kernel
 from .single_shooting import STALLED_RATIO, Evaluation, Shooting, settles
 
 # Newton steps of a corrector that converges, with some to spare.
@@ -61,11 +60,10 @@ class NewtonKernel:
         stepper = self.flow.stepper(self.seeds.shape[1], rows_used(parameter_seeds))
         assert isinstance(stepper, TaylorStepper)
         self.rows, self.motion, first = stepper.rows, stepper.places, stepper.places.time
-        others = range(first + 2 * self.size, first + 2 * self.size + 6)
-        data = slice(others.stop, others.stop + self.flow.vector_field.data)
-        self.places = NewtonPlaces(
-            slice(first, first + self.size), slice(first + self.size, others.start), *others, data
-        )
+        last = first + 2 * self.size
+        parts = slice(first, first + self.size), slice(first + self.size, last)
+        data = slice(last + 6, last + 6 + self.flow.vector_field.data)
+        self.places = NewtonPlaces(*parts, last, last + 1, last + 2, last + 3, last + 4, last + 5, data)
         self.kernel = stepper.kernel_of(self._function(stepper, parameter_seeds))
 
     def __call__(
@@ -142,8 +140,8 @@ class NewtonKernel:
 
     def _piece(self, x: ca.MX, p: ca.MX, breaks: ca.MX) -> ca.MX:
         """The number of the piece at a state, as in `PieceRows`."""
-        place = self.flow.vector_field.place(x, p)
-        return ca.fmin(ca.fmax(ca.sum1(breaks <= place), 1), self.flow.breaks - 1)
+        reached = ca.sum1(breaks <= self.flow.vector_field.place(x, p))
+        return ca.fmin(ca.fmax(reached, 1), self.flow.breaks - 1)
 
     def _newton(self) -> ca.Function:
         """(X, parameters, end of the motion, its transition, data of the pieces at its start and end, row, level, unit,

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from orbits.errors import InputError
 from orbits.laws import law_statement as laws
-from orbits.laws.law import NOISE, Law, Written, number, positive
+from orbits.laws.law import NOISE, Law, LawPieces, Written, number, positive
 from orbits.laws.law_expressions import Expression
 from orbits.laws.law_statement import LawLike
 from orbits.symbolic.formula import suggest
@@ -104,13 +104,17 @@ def morse(*, a: float = 0.05) -> Law:
 def bilinear(*, ratio: float = 3.0, gap: float = 0.5) -> Law:
     """Stiffness 1 up to the extension `gap`, `ratio` beyond: a second spring engages (Shaw and Holmes 1983)."""
     written = Written(("r", "gap + ratio*(r - gap)"), ("gap",))
-    return Law("bilinear", "r", _line_expression, positive(ratio=ratio, gap=gap), (3, _bilinear_pieces), written)
+    return Law(
+        "bilinear", "r", _line_expression, positive(ratio=ratio, gap=gap), LawPieces(3, _bilinear_pieces), written
+    )
 
 
 def end_stops(*, gap: float = 3.0, stop: float = 20.0) -> Law:
     """Stiffness 1 between extensions -gap and gap, `stop` beyond: bump stop and strap (Shaw and Holmes 1983)."""
     written = Written(("-gap + stop*(r + gap)", "r", "gap + stop*(r - gap)"), ("-gap", "gap"))
-    return Law("end_stops", "r", _line_expression, positive(gap=gap, stop=stop), (3, _end_stop_pieces), written)
+    return Law(
+        "end_stops", "r", _line_expression, positive(gap=gap, stop=stop), LawPieces(3, _end_stop_pieces), written
+    )
 
 
 def air(*, length: float = 5.0, exponent: float = 1.4) -> Law:
@@ -193,7 +197,9 @@ def table(
         raise InputError(f"scale = shift = '{scale}': they are two parameters, with two names")
     moved = _moved_expression(_piece_expression, scale, shift) if own else _piece_expression
     text = f"{scale}*{text}" if scale else text
-    return Law(f"{text} moved by {shift}" if shift else text, "r", moved, parameters | own, (*pieces, None, shift))
+    return Law(
+        f"{text} moved by {shift}" if shift else text, "r", moved, parameters | own, LawPieces(*pieces, origin=shift)
+    )
 
 
 NAMED = {

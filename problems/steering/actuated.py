@@ -49,7 +49,9 @@ class Actuated(Stated):
             raise InputError(f"a {kind} is no machine whose spring can be moved, as problems.Hopper()")
         if corners := self.machine.spring.corners():
             text = f"spring '{self.machine.spring.text}' has a corner at r = {corners[0]:.6g}"
-            raise InputError(f"{text}: an actuator needs a law with a continuous slope; round it, as by a table of rows")
+            raise InputError(
+                f"{text}: an actuator needs a law with a continuous slope; round it, as by a table of rows"
+            )
         refuse_taken((END, RATE, "peak"), self.machine.parameters, "the actuator's own name")
 
     @exclusive_property
