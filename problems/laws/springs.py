@@ -196,10 +196,8 @@ def table(
     if len(own) < len([name for name in (scale, shift) if name]):
         raise InputError(f"scale = shift = '{scale}': they are two parameters, with two names")
     moved = _moved_expression(_piece_expression, scale, shift) if own else _piece_expression
-    text = f"{scale}*{text}" if scale else text
-    return Law(
-        f"{text} moved by {shift}" if shift else text, "r", moved, parameters | own, LawPieces(*pieces, origin=shift)
-    )
+    text = (f"{scale}*" if scale else "") + text + (f" moved by {shift}" if shift else "")
+    return Law(text, "r", moved, parameters | own, LawPieces(*pieces, origin=shift))
 
 
 NAMED = {
