@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 from fractions import Fraction
+from itertools import product
 
 import mpmath
 import pytest
@@ -121,16 +122,16 @@ def test_an_extension_that_moves_alone(name, scale):
 
 @pytest.mark.parametrize("scale", SCALES, ids=["in its own units", "scaled"])
 def test_an_extension_in_pieces(scale):
-    """Its laws meet at a breakpoint, at 2 body - foot = 0.5 + 0.5 in the machine's units, beside another spring."""
+    """Its laws meet at the breakpoints, at 2 body - foot = 1 and 1.5 in the machine's units, beside another spring."""
     stated = stated_machine(Mechanism(("body", "foot"), [*MASSES, LEG], "foot"), {})
-    broken = StatedSpring("2*body - foot - 0.5", ("r", "3*r - 1"), ("0.5",))
+    broken = StatedSpring("2*body - foot - 0.5", ("r", "3*r - 1", "r/2 + 1.5"), ("0.5", "1"))
     found = ExactMechanics(replace(stated, springs=(broken, StatedSpring("foot/2 - body", ("r**3",)))), scale)
     check_lone(found)
     assert found.pieces.weights == (2 * scale.length, -scale.length)
-    (at,) = (each.value for each in found.pieces.breaks)
-    for step in (-1, 0, 1):
-        place = [(at + step) / found.pieces.weights[0], 0]
-        below, above = (values_of(each, found.y, place) for each in found.accelerations)
+    assert [each.value for each in found.pieces.breaks] == [1, Fraction(3, 2)]
+    for step, (k, at) in product((-1, 0, 1), enumerate(found.pieces.breaks)):
+        place = [(at.value + step) / found.pieces.weights[0], 0]
+        below, above = (values_of(found.accelerations[piece], found.y, place) for piece in (k, k + 1))
         assert (below == above) == (step == 0)
 
 
