@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from looks import check_looks
 
 from orbits import InputError, Mechanism, find, simulate, starts
 from orbits.mechanics import Mass, Spring
@@ -30,11 +31,13 @@ def drawn(monkeypatch, tmp_path):
     """A function that animates something and returns the heights in its last frame by name, and the lengths of the
     coils."""
 
-    def draw(motion):
+    def draw(motion, looks=None):
         kept, new_axes = [], plot.new_axes
         monkeypatch.setattr(animation, "new_axes", lambda *size: kept.append(new_axes(*size)) or kept[-1])
         assert motion.animate(tmp_path / "motion.gif", FRAMES).stat().st_size > 1000
         (axes,) = kept
+        if looks:
+            check_looks(f"animation: {looks}", axes.figure, draw=False)
         lines = [line for line in axes.lines if np.size(line.get_ydata())]
         heights = {line.get_label(): line.get_ydata()[0] for line in lines if not line.get_label().startswith("_")}
         return heights, [np.ptp(line.get_ydata()) for line in lines if np.size(line.get_ydata()) > 2]
@@ -65,7 +68,7 @@ def test_what_lands_on_a_mass_is_drawn_on_it(motion, rooms, drawn):
     """Each spring has a room of its own, and the two sides of the gap have the same room below them, so that they touch
     in contact."""
     orbit = motion()
-    heights, coils = drawn(orbit)
+    heights, coils = drawn(orbit, " ".join(rooms))
     assert rooms == lifts(heights, orbit)
     assert len(coils) == len(orbit.shape.springs)
     assert min(coils, default=1.0) > 0
