@@ -31,18 +31,28 @@ ROOT = Path(__file__).parent.parent
 COPIED = ("orbits", "problems", "studies", "tests", "README.md", "pyproject.toml")
 # The tests of rooms whose own folder does not have all of them.
 TESTED_BY = {
+    "balls": ("balls", "proof/test_branch.py"),
     "consistency": ("consistency", "test_checks.py"),
     "continuation": ("continuation", "periodic/test_fold_statement.py", "shooting/test_newton_kernel.py"),
     "control": ("control", "problems/steering"),
     "design": ("design", "problems/command/test_optimize_command.py"),
     "exact": ("exact", "proof"),
+    "flow": ("flow", "shooting", "mechanics/test_mechanism.py", "control/test_control.py"),
     "laws": ("laws", "problems/laws", "periodic"),
-    "model": ("model", "flow", "periodic"),
-    "periodic": ("periodic", "shooting", "laws/test_features.py", "problems/machines"),
+    "model": ("model", "flow", "periodic", *(f"mechanics/test_{name}.py" for name in ("derived", "parts", "terms"))),
+    "numerics": ("numerics", "simulation/test_impacts.py", "return_map/test_resolved_map.py"),
+    "periodic": (
+        *("periodic", "shooting", "laws/test_features.py", "problems/machines", "design/test_designs_at_once.py"),
+        *("sweeps/test_members.py", "continuation/test_table.py"),
+    ),
     "proof": ("proof", "exact", "continuation/test_proved_curve.py"),
-    "return_map": ("return_map", "simulation/test_multiplier.py", "problems/machines/test_juggler.py"),
+    "return_map": (
+        *("return_map", "simulation/test_multiplier.py", "problems/machines/test_juggler.py"),
+        "show/test_map_figures.py",
+    ),
     "running": ("running", "symbolic"),
     "shooting": ("shooting", "periodic"),
+    "simulation": ("simulation", "mechanics/test_parts.py", "problems/machines", "return_map/test_return_map.py"),
     "sweeps": ("sweeps", "design/test_designs_at_once.py"),
 }
 # What rooms do for machines in SI is tested here; numerics knows no units.
