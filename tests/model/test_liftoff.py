@@ -1,4 +1,4 @@
-"""Lift-off: where a spring's force opens the contact, of one spring and of many, and springs that cannot lift the foot."""
+"""Lift-off: where a force opens the contact, of one spring and of many, and springs that cannot lift the foot."""
 
 import numpy as np
 import pytest
