@@ -31,7 +31,7 @@ ROOT = Path(__file__).parent.parent
 COPIED = ("orbits", "problems", "studies", "tests", "README.md", "pyproject.toml")
 # The tests of rooms whose own folder does not have all of them.
 TESTED_BY = {
-    "balls": ("balls", "proof/test_branch.py"),
+    "balls": ("balls", "proof/test_branch.py", "proof/test_case.py", "exact/test_stated.py"),
     "consistency": ("consistency", "test_checks.py"),
     "continuation": ("continuation", "periodic/test_fold_statement.py", "shooting/test_newton_kernel.py"),
     "control": ("control", "problems/steering"),
@@ -50,13 +50,14 @@ TESTED_BY = {
         *("return_map", "simulation/test_multiplier.py", "problems/machines/test_juggler.py"),
         "show/test_map_figures.py",
     ),
-    "running": ("running", "symbolic"),
+    "running": ("running", "symbolic", "sweeps/test_execute.py"),
     "shooting": ("shooting", "periodic"),
     "simulation": ("simulation", "mechanics/test_parts.py", "problems/machines", "return_map/test_return_map.py"),
+    "symbolic": ("symbolic", "laws/test_features.py", "laws/test_law_statement.py", "design/test_problem.py"),
     "sweeps": ("sweeps", "design/test_designs_at_once.py"),
 }
-# What rooms do for machines in SI is tested here; numerics knows no units.
-IN_SI = "tests/test_units.py", "tests/test_messages.py"
+# What rooms do for machines in SI, and what every result can do, is tested here; numerics has neither units nor results.
+SHARED = "tests/test_units.py", "tests/test_messages.py", "tests/test_result.py"
 SWAPPED = {
     **{ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.Pow: ast.Mult},
     **{ast.And: ast.Or, ast.Or: ast.And, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq},
@@ -83,7 +84,7 @@ class Mutation:
         """Where the tests of the module's room are."""
         room = Path(self.module).parts[1]
         rooms = TESTED_BY.get(room, (f"test_{room}" if room.endswith(".py") else room,))
-        return *(f"tests/{name}" for name in rooms), *(IN_SI if room != "numerics" else ())
+        return *(f"tests/{name}" for name in rooms), *(SHARED if room != "numerics" else ())
 
 
 @dataclass(frozen=True)
