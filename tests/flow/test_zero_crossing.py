@@ -217,7 +217,7 @@ def test_a_zero_before_a_step_in_vain(height):
 @pytest.mark.parametrize("spring", ["bilinear", "r + 0.1*r**3"])
 @pytest.mark.parametrize("rising", [False, True])
 def test_after_some_turns_a_motion_has_no_zero(spring, rising):
-    """In contact the body goes to and fro through one breakpoint or two: after this many turns no zero is searched any
+    """In contact the body goes to and fro through a breakpoint: after this many turns no zero is searched any
     more, and one before them is found. Each motion alone tells how many those are."""
     rules = Impacts(Hopper(spring, parameters={"ratio": 3.0, "gap": 0.5} if spring == "bilinear" else {}))
     rng = np.random.default_rng(9)
