@@ -56,8 +56,9 @@ TESTED_BY = {
     "symbolic": ("symbolic", "laws/test_features.py", "laws/test_law_statement.py", "design/test_problem.py"),
     "sweeps": ("sweeps", "design/test_designs_at_once.py"),
 }
-# What rooms do for machines in SI, and what every result can do, is tested here; numerics has neither units nor results.
-SHARED = "tests/test_units.py", "tests/test_messages.py", "tests/test_result.py"
+# What rooms do for machines in SI, what every result can do, and how much computations take are tested here; numerics
+# has neither units nor results.
+SHARED = tuple(f"tests/test_{name}.py" for name in ("units", "messages", "result", "efforts"))
 SWAPPED = {
     **{ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.Pow: ast.Mult},
     **{ast.And: ast.Or, ast.Or: ast.And, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq},

@@ -1,0 +1,80 @@
+"""What computations take, counted: iterations of kernels, evaluations of balls, programs of Ipopt.
+
+Clocks are too unsteady for that, and a search that still ends where it should may have become much longer. The numbers
+in `data/efforts.json` are those of a run; where a change makes one smaller, or larger for a reason, run the tests with
+RECORD_EFFORTS=1 in the environment and look at the difference.
+"""
+
+import json
+import os
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+from carts import STRAIGHT, cart
+
+from orbits import ReturnMap, find, follow, optimize, prove, simulate, steer, sweep
+from orbits.balls.programs import BallProgram
+from orbits.symbolic.ipopt import Minimiser
+from orbits.symbolic.kernels import Kernel
+from problems import Chain, Hopper, hopper_in_si
+
+FILE = Path(__file__).parent / "data" / "efforts.json"
+SLACK = 0.02  # rounding may differ, and with it a few of the numbers a little
+
+
+@pytest.fixture
+def counts(monkeypatch) -> Counter:
+    """The counts of what is computed in this process."""
+    found = Counter()
+
+    def counted(owner, name, what, size):
+        function = getattr(owner, name)
+
+        def call(self, *arguments, **options):
+            found[what] += size(arguments)
+            return function(self, *arguments, **options)
+
+        monkeypatch.setattr(owner, name, call)
+
+    counted(Kernel, "code_for", "iterations of kernels", lambda arguments: int(arguments[0]))
+    counted(BallProgram, "__call__", "evaluations of balls", lambda arguments: 1)
+    counted(Minimiser, "__call__", "programs of Ipopt", lambda arguments: 1)
+    return found
+
+
+def hopper(spring="r + b*r**3", b=0.3, **more):
+    """A hopper with one parameter."""
+    return Hopper(spring, parameters={"b": b}, rest_length=more.pop("rest_length", 20.0), **more)
+
+
+LEG = hopper_in_si(60.0, 3.0, force="k*r + b*r**3", parameters={"k": 8000.0, "b": 2e6}, rest_length=0.8)
+EFFORTS = {
+    "find": lambda: find(hopper(), 2),
+    "find by integration of all": lambda: find(hopper(gravity="1/(1 + z/150)**2")),
+    "find with many bends": lambda: find(hopper("r + b*sin(3*r)", 0.2)),
+    "find in pieces": lambda: find(Hopper("bilinear", rest_length=20.0, parameters={"ratio": 2.5})),
+    "follow through a fold": lambda: follow(hopper(b=0.001, rest_length=30.0), "b", -0.02),
+    "follow to a limit": lambda: follow(hopper("tanh(b*r)/b", 0.1), "b", 0.9),
+    "simulate": lambda: simulate(hopper(restitution=0.3, damping=0.01), 3.5, hops=4),
+    "return map": lambda: ReturnMap(hopper(), inject=0.03)(np.linspace(1.0, 6.0, 200)),
+    "fixed points": lambda: ReturnMap(hopper(), inject=0.03).fixed_points(2.5, 3.5),
+    "sweep": lambda: sweep(hopper(), {"b": (0.01, 1.0)}, 50, seed=3),
+    "optimize": lambda: optimize(LEG, minimise="stroke", over={"k": (4e3, 2e4)}, subject_to=["largest_contact_force <= 2800"]),
+    "prove an interval": lambda: prove(find(hopper()), parameters={"b": ("0.3", "0.3001")},
+    "steer": lambda: steer([cart()], guess=STRAIGHT),
+    "chain": lambda: simulate(Chain(), {"y1": 0.5, "y1'": 3.0, "liftoff": 1.0, "alpha": 4.0}, time=15.0),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", EFFORTS)
+def test_efforts(name, counts):
+    EFFORTS[name]()  # what is known of laws and machines from before is not counted
+    counts.clear()
+    EFFORTS[name]()
+    known = json.loads(FILE.read_text(encoding="utf-8"))
+    if os.environ.get("RECORD_EFFORTS"):
+        known[name] = dict(sorted(counts.items()))
+        FILE.write_text(json.dumps(dict(sorted(known.items())), indent=1) + "\n", encoding="utf-8")
+    assert dict(counts) == pytest.approx(known[name], rel=SLACK, abs=1.0)
