@@ -50,6 +50,7 @@ def hopper(spring="r + b*r**3", b=0.3, **more):
 
 
 LEG = hopper_in_si(60.0, 3.0, force="k*r + b*r**3", parameters={"k": 8000.0, "b": 2e6}, rest_length=0.8)
+FORCE = ["largest_contact_force <= 2800"]
 EFFORTS = {
     "find": lambda: find(hopper(), 2),
     "find by integration of all": lambda: find(hopper(gravity="1/(1 + z/150)**2")),
@@ -61,8 +62,8 @@ EFFORTS = {
     "return map": lambda: ReturnMap(hopper(), inject=0.03)(np.linspace(1.0, 6.0, 200)),
     "fixed points": lambda: ReturnMap(hopper(), inject=0.03).fixed_points(2.5, 3.5),
     "sweep": lambda: sweep(hopper(), {"b": (0.01, 1.0)}, 50, seed=3),
-    "optimize": lambda: optimize(LEG, minimise="stroke", over={"k": (4e3, 2e4)}, subject_to=["largest_contact_force <= 2800"]),
-    "prove an interval": lambda: prove(find(hopper()), parameters={"b": ("0.3", "0.3001")},
+    "optimize": lambda: optimize(LEG, minimise="stroke", over={"k": (4e3, 2e4)}, subject_to=FORCE),
+    "prove an interval": lambda: prove(find(hopper()), parameters={"b": ("0.3", "0.3001")}),
     "steer": lambda: steer([cart()], guess=STRAIGHT),
     "chain": lambda: simulate(Chain(), {"y1": 0.5, "y1'": 3.0, "liftoff": 1.0, "alpha": 4.0}, time=15.0),
 }  # fmt: skip
