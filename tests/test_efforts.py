@@ -62,6 +62,7 @@ EFFORTS = {
     "return map": lambda: ReturnMap(hopper(), inject=0.03)(np.linspace(1.0, 6.0, 200)),
     "fixed points": lambda: ReturnMap(hopper(), inject=0.03).fixed_points(2.5, 3.5),
     "sweep": lambda: sweep(hopper(), {"b": (0.01, 1.0)}, 50, seed=3),
+    "sweep under gravity that varies": lambda: sweep(hopper(gravity="1 + 0.01*z"), {"b": (0.0, 1.0)}, 20, seed=3),
     "optimize": lambda: optimize(LEG, minimise="stroke", over={"k": (4e3, 2e4)}, subject_to=FORCE),
     "prove an interval": lambda: prove(find(hopper()), parameters={"b": ("0.3", "0.3001")}),
     "steer": lambda: steer([cart()], guess=STRAIGHT),
