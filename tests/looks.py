@@ -1,12 +1,4 @@
-"""What a figure looks like, as lines of text: axes, curves, areas, marks and legends with their styles and extents.
-
-`data/looks.json` has the looks of figures that a reader has found good. Run the tests with RECORD_LOOKS=1 in the
-environment to record those of new figures, and look at the difference.
-"""
-
-import json
-import os
-from pathlib import Path
+"""What a figure looks like, as lines of text: axes, curves, areas, marks and legends with their styles and extents."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,8 +8,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.spines import Spine
 from matplotlib.text import Text
-
-FILE = Path(__file__).parent / "data" / "looks.json"
+from recorded import known
 
 
 def check_looks(name: str, figure, draw: bool = True) -> None:
@@ -25,11 +16,7 @@ def check_looks(name: str, figure, draw: bool = True) -> None:
     if draw:
         figure.draw_without_rendering()
     found = [_number(figure.get_size_inches()), *(line for axes in figure.findobj(Axes) for line in _of_axes(axes))]
-    known = json.loads(FILE.read_text(encoding="utf-8"))
-    if os.environ.get("RECORD_LOOKS"):
-        known[name] = found
-        FILE.write_text(json.dumps(dict(sorted(known.items())), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    assert found == known[name]
+    assert found == known("looks", name, found)
 
 
 def _number(values) -> str:

@@ -1,26 +1,21 @@
 """What computations take, counted: iterations of kernels, evaluations of balls, programs of Ipopt.
 
-Clocks are too unsteady for that, and a search that still ends where it should may have become much longer. The numbers
-in `data/efforts.json` are those of a run; where a change makes one smaller, or larger for a reason, run the tests with
-RECORD_EFFORTS=1 in the environment and look at the difference.
+Clocks are too unsteady for that, and a search that still ends where it should may have become much longer.
 """
 
-import json
-import os
 from collections import Counter
-from pathlib import Path
 
 import numpy as np
 import pytest
 from carts import STRAIGHT, cart
+from recorded import known
 
-from orbits import ReturnMap, find, follow, optimize, prove, simulate, steer, sweep
+from orbits import NoOrbit, ReturnMap, find, follow, optimize, prove, simulate, steer, sweep
 from orbits.balls.programs import BallProgram
 from orbits.symbolic.ipopt import Minimiser
 from orbits.symbolic.kernels import Kernel
 from problems import Chain, Hopper, hopper_in_si
 
-FILE = Path(__file__).parent / "data" / "efforts.json"
 SLACK = 0.02  # rounding may differ, and with it a few of the numbers a little
 
 
@@ -49,8 +44,16 @@ def hopper(spring="r + b*r**3", b=0.3, **more):
     return Hopper(spring, parameters={"b": b}, rest_length=more.pop("rest_length", 20.0), **more)
 
 
+def infeasible(function, *arguments, **options):
+    """Call a function that finds nothing."""
+    with pytest.raises(NoOrbit):
+        function(*arguments, **options)
+
+
 LEG = hopper_in_si(60.0, 3.0, force="k*r + b*r**3", parameters={"k": 8000.0, "b": 2e6}, rest_length=0.8)
 FORCE = ["largest_contact_force <= 2800"]
+ONE, SPEED = {"k": (4e3, 5e3)}, ["alpha >= 3"]
+TWO = {"k": (4e3, 2e4), "b": (1e5, 1e7)}
 EFFORTS = {
     "find": lambda: find(hopper(), 2),
     "find by integration of all": lambda: find(hopper(gravity="1/(1 + z/150)**2")),
@@ -64,6 +67,8 @@ EFFORTS = {
     "sweep": lambda: sweep(hopper(), {"b": (0.01, 1.0)}, 50, seed=3),
     "sweep under gravity that varies": lambda: sweep(hopper(gravity="1 + 0.01*z"), {"b": (0.0, 1.0)}, 20, seed=3),
     "optimize": lambda: optimize(LEG, minimise="stroke", over={"k": (4e3, 2e4)}, subject_to=FORCE),
+    "optimize over two parameters": lambda: optimize(LEG, maximise="alpha", over=TWO, subject_to=FORCE),
+    "optimize beyond what can be met": lambda: infeasible(optimize, LEG, minimise="stroke", over=ONE, subject_to=SPEED),
     "prove an interval": lambda: prove(find(hopper()), parameters={"b": ("0.3", "0.3001")}),
     "steer": lambda: steer([cart()], guess=STRAIGHT),
     "chain": lambda: simulate(Chain(), {"y1": 0.5, "y1'": 3.0, "liftoff": 1.0, "alpha": 4.0}, time=15.0),
@@ -75,8 +80,4 @@ def test_efforts(name, counts):
     EFFORTS[name]()  # what is known of laws and machines from before is not counted
     counts.clear()
     EFFORTS[name]()
-    known = json.loads(FILE.read_text(encoding="utf-8"))
-    if os.environ.get("RECORD_EFFORTS"):
-        known[name] = dict(sorted(counts.items()))
-        FILE.write_text(json.dumps(dict(sorted(known.items())), indent=1) + "\n", encoding="utf-8")
-    assert dict(counts) == pytest.approx(known[name], rel=SLACK, abs=1.0)
+    assert dict(counts) == pytest.approx(known("efforts", name, dict(sorted(counts.items()))), rel=SLACK, abs=1.0)
