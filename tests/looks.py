@@ -1,6 +1,9 @@
 """What a figure looks like, as lines of text: axes, curves, areas, marks and legends with their styles and extents."""
 
+from difflib import ndiff
+
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.collections import Collection
 from matplotlib.colors import to_hex
@@ -10,13 +13,16 @@ from matplotlib.spines import Spine
 from matplotlib.text import Text
 from recorded import known
 
+FEW = 30  # of more numbers the count may differ, as that of a family's points
+
 
 def check_looks(name: str, figure, draw: bool = True) -> None:
     """Hold a figure against its recorded looks; an animation would begin anew where it is drawn."""
     if draw:
         figure.draw_without_rendering()
     found = [_number(figure.get_size_inches()), *(line for axes in figure.findobj(Axes) for line in _of_axes(axes))]
-    assert found == known("looks", name, found)
+    changes = [line for line in ndiff(known("looks", name, found), found) if line[0] in "+-"]
+    assert not changes, "\n".join(changes)
 
 
 def _number(values) -> str:
@@ -26,11 +32,13 @@ def _number(values) -> str:
 
 
 def _extent(values) -> str:
-    """How many numbers there are, how many of them are finite, and the first, the least, the largest and the last."""
+    """How many numbers there are, if few, and how many of them are finite; the first, the least, the largest and the
+    last."""
     values = np.ravel(np.ma.filled(np.ma.asarray(values, dtype=float), np.nan))
     finite = values[np.isfinite(values)]
     ends = _number([finite[0], finite.min(), finite.max(), finite[-1]]) if len(finite) else ""
-    return f"{len(values)} {len(finite)} [{ends}]"
+    counts = f"{len(values)} {len(finite)}" if len(values) <= FEW else "many"
+    return f"{counts} [{ends}]"
 
 
 def _colour(colours) -> str:
@@ -84,7 +92,8 @@ def _of_artist(artist) -> str:
         return f"{own}{colours}{artist.get_hatch()} {_number([*places.min(0), *places.max(0)])}"
     values = artist.get_array()
     if values is not None:
-        colours = f"{artist.get_cmap().name} {_extent(values)} {_number(artist.get_linewidth())} "
+        name = artist.get_cmap().name
+        colours = f"{name if name in colormaps else ''} {_extent(values)} {_number(artist.get_linewidth())} "
     data = [path.vertices for path in artist.get_paths()]
     sizes = _extent(artist.get_sizes()) if hasattr(artist, "get_sizes") else ""
     extents = [_extent(np.concatenate(data)[:, k]) for k in (0, 1)] if data and any(map(len, data)) else []
