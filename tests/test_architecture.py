@@ -70,7 +70,6 @@ TESTED_WITH = {
     "show/pages/map_view": "problems/explorer/test_page",
     "show/pages/player": "show/pages/test_hop_view",
     "symbolic/polynomials": "symbolic/test_rational",
-    "symbolic/tracing": "laws/test_law",
     "problems/explorer/processes": "problems/explorer/test_worker",
     "problems/explorer/page_state": "problems/explorer/test_page",
 }

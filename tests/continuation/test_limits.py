@@ -202,6 +202,7 @@ NEAR = history(lambda s: 0.8 - s, np.geomspace(4.0, 0.004, 300), 1)
         (last_point(4000.0, 8e8), FAR, True, "gravity no longer returns the machine near b = 0.75"),
         (last_point(5.0, 8e8), FAR, True, "gravity no longer returns the machine near b = 0.75"),
         (last_point(4000.0, 8000.0, -1e6), FAR, True, "the spring no longer lifts the foot near b = 0.75"),
+        (last_point(4000.0, 8000.0, 60.0), FAR, True, "the launch speed grows without bound"),
         (last_point(0.004, 0.01), NEAR, True, "the flight shrinks to nothing near b = 0.75"),
         (last_point(0.004, 0.01), NEAR, False, "the flight shrinks to nothing near b = 0.75"),
         (last_point(-0.004, 4.0), NEAR, True, "the launch speed falls to nothing near b = 0.75"),
