@@ -34,7 +34,6 @@ def test_the_share_of_the_starts_that_have_ended():
     optimize(CUBIC, minimise="alpha + loss_coefficient", over={"b": (0.1, 2.0)}, starts=3, progress=shares.append)
     assert shares == sorted(shares)
     assert (shares[0], shares[-1]) == (0.0, 1.0)
-    assert set(shares) <= {0.0, 1 / 3, 2 / 3, 1.0} | {1 - 2 / 3, 1 - 1 / 3}
 
 
 @pytest.mark.parametrize(
