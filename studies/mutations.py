@@ -31,22 +31,40 @@ ROOT = Path(__file__).parent.parent
 COPIED = ("orbits", "problems", "studies", "tests", "README.md", "pyproject.toml")
 # The tests of rooms whose own folder does not have all of them.
 TESTED_BY = {
-    "consistency": ("consistency", "test_checks.py"),
+    "balls": ("balls", "proof/test_branch.py", "proof/test_case.py", "exact/test_stated.py"),
+    "consistency": ("consistency", "test_checks.py", "mechanics/test_parts.py"),
     "continuation": ("continuation", "periodic/test_fold_statement.py", "shooting/test_newton_kernel.py"),
     "control": ("control", "problems/steering"),
     "design": ("design", "problems/command/test_optimize_command.py"),
     "exact": ("exact", "proof"),
+    "flow": (
+        *("flow", "shooting", "mechanics/test_mechanism.py", "control/test_control.py", "laws/test_features.py"),
+        "laws/test_law_statement.py",
+    ),
     "laws": ("laws", "problems/laws", "periodic"),
-    "model": ("model", "flow", "periodic"),
-    "periodic": ("periodic", "shooting", "laws/test_features.py", "problems/machines"),
+    "model": ("model", "flow", "periodic", *(f"mechanics/test_{name}.py" for name in ("derived", "parts", "terms"))),
+    "numerics": ("numerics", "simulation/test_impacts.py", "return_map/test_resolved_map.py"),
+    "periodic": (
+        *("periodic", "shooting", "laws/test_features.py", "problems/machines", "design/test_designs_at_once.py"),
+        *("sweeps/test_members.py", "continuation/test_table.py"),
+    ),
     "proof": ("proof", "exact", "continuation/test_proved_curve.py"),
-    "return_map": ("return_map", "simulation/test_multiplier.py", "problems/machines/test_juggler.py"),
-    "running": ("running", "symbolic"),
-    "shooting": ("shooting", "periodic"),
+    "return_map": (
+        *("return_map", "simulation/test_multiplier.py", "problems/machines/test_juggler.py"),
+        "show/test_map_figures.py",
+    ),
+    "running": ("running", "symbolic", "sweeps/test_execute.py"),
+    "shooting": ("shooting", "periodic", "mechanics/test_parts.py", "problems/laws/test_measured.py"),
+    "simulation": ("simulation", "mechanics/test_parts.py", "problems/machines", "return_map/test_return_map.py"),
+    "symbolic": (
+        *("symbolic", "laws/test_features.py", "laws/test_law_statement.py", "design/test_problem.py"),
+        "control/test_steer.py",
+    ),
     "sweeps": ("sweeps", "design/test_designs_at_once.py"),
 }
-# What rooms do for machines in SI is tested here; numerics knows no units.
-IN_SI = "tests/test_units.py", "tests/test_messages.py"
+# What rooms do for machines in SI, what every result can do, and how much computations take are tested here; numerics
+# has neither units nor results.
+SHARED = tuple(f"tests/test_{name}.py" for name in ("units", "messages", "result", "efforts"))
 SWAPPED = {
     **{ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.Pow: ast.Mult},
     **{ast.And: ast.Or, ast.Or: ast.And, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq},
@@ -73,7 +91,7 @@ class Mutation:
         """Where the tests of the module's room are."""
         room = Path(self.module).parts[1]
         rooms = TESTED_BY.get(room, (f"test_{room}" if room.endswith(".py") else room,))
-        return *(f"tests/{name}" for name in rooms), *(IN_SI if room != "numerics" else ())
+        return *(f"tests/{name}" for name in rooms), *(SHARED if room != "numerics" else ())
 
 
 @dataclass(frozen=True)
@@ -99,7 +117,7 @@ def places(tree: ast.AST) -> Iterator[ast.AST]:
             skipped.update(map(id, ast.iter_child_nodes(node)))
         swapped = isinstance(node, ast.BinOp | ast.BoolOp) and type(node.op) in SWAPPED
         turned = isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.Not)
-        counted = isinstance(node, ast.Constant) and type(node.value) in (int, float)
+        counted = isinstance(node, ast.Constant) and type(node.value) in (int, float) and node.value + 1 != node.value
         if swapped or turned or counted or isinstance(node, ast.Compare):
             yield node
 

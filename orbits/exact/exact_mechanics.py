@@ -154,7 +154,8 @@ class ExactMechanics:
     def _inertia(self) -> ExactRows:
         s, matrix = self.stated, [[ZERO] * self.size for _ in range(self.size)]
         if s.inertia:
-            matrix = [[self.formula(entry) for entry in row] for row in s.inertia]
+            square = self.scale.length**2
+            matrix = [[square * self.formula(entry) for entry in row] for row in s.inertia]
             for i in range(self.size):
                 for j in range(i):
                     if not vanishes(matrix[i][j] - matrix[j][i]):

@@ -279,6 +279,6 @@ def _drawn(c: Coordinates, s: Structure) -> tuple[tuple[str | None, str], ...]:
 def _interleaved(weights: Scalars, ends: int, first: int = 0) -> tuple[Algebraic, ...]:
     """Weights of coordinates, or where `first` is 1 of their rates, as weights of the states; the last `ends`
     states have no rates."""
-    pairs = weights[: len(weights) - ends] if ends and not first else weights
-    states = [weight if place == first else 0.0 for weight in pairs for place in (0, 1)]
-    return (*states, *(weights[len(weights) - ends :] if ends and not first else [0.0] * ends))
+    last = len(weights) if first else len(weights) - ends
+    states = [weight if place == first else 0.0 for weight in weights[:last] for place in (0, 1)]
+    return (*states, *(weights[last:] or [0.0] * ends))

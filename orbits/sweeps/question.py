@@ -149,7 +149,8 @@ def question_of(
             raise InputError(f"'{name}' is a column of every answer: leave it out of the quantities and parameters")
         if name in names[:i]:
             raise InputError(f"'{name}' is asked for twice: leave one of them out of the quantities")
-    return Question(machine, members, families, tuple(quantities), outcome, between and _speeds(between))
+    speeds = None if between is None else _speeds(between)
+    return Question(machine, members, families, tuple(quantities), outcome, speeds)
 
 
 def _check_quantities(machine: Machine, quantities: Sequence[str]) -> None:

@@ -126,6 +126,15 @@ class TestBranchPoint:
             assert other.end.kind == "reached"
             assert other.at(value)[0].alpha == pytest.approx(family.at(-value)[0].alpha, rel=1e-12)
 
+    def test_at_another_value_of_the_parameter(self):
+        machine = Hopper("r + (b + (q - 1)**2)*r**3", rest_length=30.0, parameters={"b": FOLD, "q": 0.92})
+        (point,) = events(follow(machine, "q", 1.08), "branch point")
+        assert point.value == pytest.approx(1, abs=1e-8)
+        for upper, stop in ((True, 0.92), (False, 1.08)):
+            assert follow_branch(machine, point, "q", stop, upper=upper)[-1].value == stop
+            with pytest.raises(InputError, match=f"away from stop = {2 - stop:g}: give upper = {not upper}"):
+                follow_branch(machine, point, "q", 2 - stop, upper=upper)
+
     def test_what_cannot_be_meant(self, family):
         (point,) = events(family, "branch point")
         with pytest.raises(InputError, match="away from stop"):

@@ -1,11 +1,15 @@
 """How curves of orbits end: at a bound, closed, lost, or escaped to a limit that is known."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from conftest import slow_after
 from families import FOLD, FOLD_ALPHA, events
 
 from orbits import InputError, NoOrbit, follow
+from orbits.continuation.limits import Endings, limit
+from orbits.continuation.step_control import Options, StepControl
 from problems import Hopper
 
 
@@ -100,3 +104,139 @@ def test_asked_values_on_a_closed_curve():
     family = follow(isola, "q", (-0.1, 0.1), at=[0.0, 0.01, -0.01], most=600)
     assert family.end.kind == "closed"
     assert sorted(point.value for point in events(family, "asked")) == [-0.01, -0.01, 0.0, 0.01, 0.01]
+
+
+def history(value, alpha, power=-1):
+    """Launch speeds, and a function of their powers."""
+    return [(float(a), float(value(a**power))) for a in alpha]
+
+
+EVERYWHERE = (-np.inf, np.inf)
+
+
+@pytest.mark.parametrize("power", [-1, 1])
+@pytest.mark.parametrize(
+    "value",
+    [
+        lambda s: 0.25 + 0.3 * s - 0.2 * s**2 + 0.05 * s**4,
+        lambda s: -2.0 + 0.7 * s**2 + 0.1 * s**5,
+        lambda s: 1.0 - np.sin(0.5 * s),
+        lambda s: np.cosh(s) / (1 + s**2),
+    ],
+    ids=["with the first power", "without it", "sine", "even"],
+)
+def test_a_limit_is_extrapolated_by_a_series(value, power):
+    """Its error is stated, and small beside the way that is left."""
+    alpha = np.geomspace(1.0, 20.0, 200) ** -power
+    points, end = history(value, alpha, power), value(0.0)
+    found, error = limit(points, EVERYWHERE, power)
+    left = abs(points[-1][1] - end)
+    assert abs(found - end) <= error + 1e-13
+    assert error < 2e-3 * left
+    mirrored = [(-a, v) for a, v in points]
+    assert limit(mirrored, EVERYWHERE, power) == (found, error)
+    # Before a launch speed's change of sign the curve is another one.
+    other = [(-a, 5.0 + k) for k, (a, _) in enumerate(points)]
+    assert limit([*other, *points], EVERYWHERE, power) == (found, error)
+    assert limit([*other, (0.0, 3.0), *points], EVERYWHERE, power) == (found, error)
+    low, high = sorted((points[-1][1], end))
+    assert limit(points, (low - 0.1, high + 0.1), power) == (found, error)
+    assert limit(points, (end + 2 * error + 1e-9, np.inf), power) is None
+    assert limit(points, (-np.inf, end - 2 * error - 1e-9), power) is None
+
+
+def test_what_tends_to_no_clear_limit_has_none():
+    alpha = np.geomspace(1.0, 50.0, 300)
+    assert limit(history(lambda s: 1 / (1 - np.log(s)), alpha), EVERYWHERE, -1) is None
+    assert limit(history(lambda s: np.sin(2 * np.log(s)), alpha), EVERYWHERE, -1) is None
+    turned = history(lambda s: s * (s - 1.2 / 50), alpha)  # it would come back to where it was before
+    assert limit(turned, EVERYWHERE, -1) is None
+    assert limit([(a, v) for a, v in turned if v > 0.001], EVERYWHERE, -1)[0] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_limit_that_is_reached_but_for_rounding():
+    """What is left is less than rounding, on either side."""
+    alpha = np.geomspace(1.0, 2000.0, 200)
+    for side in (-1, 1):
+        points = history(lambda s, side=side: 1.0 + s**6 + side * 1e-13 * (s < 1e-3), alpha)
+        found, error = limit(points, EVERYWHERE, -1)
+        assert abs(found - 1.0) <= error + 1e-12 < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("points", "found"),
+    [
+        ([(1.0, 0.0), (10.0, 1.0), (100.0, 1.0 + 1e-8)], (1.0 + 1e-8, 3e-8)),
+        ([(1.0, 0.0), (10.0, 1.0), (100.0, 1.0 + 1e-6)], None),  # it still changes
+        ([(1.0, 0.0), (30.0, 0.5), (98.0, 1.0), (100.0, 1.0)], None),  # the last points are close to one another
+        ([(1.0, 0.0), (5.0, 0.5), (10.0, 1.0), (100.0, 1.0)], (1.0, 0.0)),  # those before do not matter
+    ],
+)
+def test_a_limit_where_long_steps_lead_to_it(points, found):
+    assert limit(points, EVERYWHERE, -1) == (found and pytest.approx(found, rel=1e-6))
+
+
+def endings(one_speed=True, start=0.5, **control):
+    """The endings of a curve along b from an orbit with the launch speed 4, the flight time 8 and lift-off at 1."""
+    machine = SimpleNamespace(model=SimpleNamespace(one_speed=one_speed))
+    curve = SimpleNamespace(along="b", span=2.0, machine=machine, units_at=lambda value, also: None)
+    origin = SimpleNamespace(alpha=4.0, flight_time=8.0, liftoff_extension=1.0)
+    return Endings(curve, origin, start, (0.0, 2.0), Options(step_control=StepControl(**control)))
+
+
+def last_point(alpha, time, extension=1.0, amplification=1.0, value=0.75):
+    """The last point of a curve."""
+    point = SimpleNamespace(alpha=alpha, flight_time=time, liftoff_extension=extension, also={})
+    return SimpleNamespace(point=point, value=value, amplification=amplification)
+
+
+FAR = history(lambda s: 0.8 - s, np.geomspace(4.0, 4000.0, 300))
+NEAR = history(lambda s: 0.8 - s, np.geomspace(4.0, 0.004, 300), 1)
+
+
+@pytest.mark.parametrize(
+    ("point", "points", "one_speed", "reason"),
+    [
+        (last_point(4000.0, 8000.0), FAR, True, "the launch speed grows without bound"),
+        (last_point(-4000.0, 8000.0), FAR, True, "the launch speed grows without bound"),
+        (last_point(4000.0, 8e8), FAR, True, "gravity no longer returns the machine near b = 0.75"),
+        (last_point(5.0, 8e8), FAR, True, "gravity no longer returns the machine near b = 0.75"),
+        (last_point(4000.0, 8000.0, -1e6), FAR, True, "the spring no longer lifts the foot near b = 0.75"),
+        (last_point(4000.0, 8000.0, 60.0), FAR, True, "the launch speed grows without bound"),
+        (last_point(0.004, 0.01), NEAR, True, "the flight shrinks to nothing near b = 0.75"),
+        (last_point(0.004, 0.01), NEAR, False, "the flight shrinks to nothing near b = 0.75"),
+        (last_point(-0.004, 4.0), NEAR, True, "the launch speed falls to nothing near b = 0.75"),
+        (last_point(0.004, 4.0), NEAR, False, None),
+        (last_point(4000.0, 8000.0), FAR[:2], True, None),
+        (last_point(0.004, 0.01), NEAR[:2], True, None),
+        (last_point(40.0, 80.0), FAR, True, None),
+        (last_point(0.4, 0.8), NEAR, True, None),
+    ],
+)
+def test_what_a_curve_that_goes_far_ends_in(point, points, one_speed, reason):
+    end = endings(one_speed, escape_ratio=50.0).far(point, points)
+    assert (end and end.reason) == reason
+    if reason:
+        assert end.kind == ("escaped" if "grows" in reason else "degenerate")
+        assert abs(end.limit - 0.8) <= end.limit_error + 1e-12
+
+
+def test_what_a_lost_curve_ends_in():
+    """Where it escapes the limit says more than the reason; an error of the machine is one."""
+    lost, reason = endings(running_ratio=4.0).lost, NoOrbit("no root")
+    end = lost(reason, last_point(4000.0, 8000.0), FAR)
+    assert (end.kind, end.limit) == ("escaped", pytest.approx(0.8))
+    assert end.reason.endswith("was followed to b = 0.75, alpha = 4000")
+    for point, points in ((last_point(12.0, 8000.0), FAR), (last_point(-4000.0, 8000.0), FAR[:2])):
+        end = lost(reason, point, points)
+        assert (end.kind, end.reason) == ("stuck", f"at b = 0.75, alpha = {point.point.alpha:g}: no root")
+    end = lost(InputError("no mass"), last_point(12.0, 8000.0), FAR)
+    assert (end.kind, end.reason) == (
+        "degenerate",
+        "there is no such machine any more at b = 0.75, alpha = 12: no mass",
+    )
+    beside = last_point(12.0, 8000.0, value=0.5 + 1e-9)
+    assert lost(reason, beside, FAR).reason.endswith("no root; a parameter over decades is followed by its inverse "
+                                                     "or its logarithm")  # fmt: skip
+    end = endings(running_ratio=4.0, largest_amplification=1e3).far(last_point(5.0, 8.0, amplification=1e4), FAR)
+    assert (end.kind, "grow 1e+04-fold" in end.reason) == ("stuck", True)

@@ -28,6 +28,14 @@ def refined(machine, name: str, low: float, high: float, value) -> tuple[float, 
     return x, value(find(machine.with_values(**{name: x})))
 
 
+def test_the_share_of_the_starts_that_have_ended():
+    """It rises from 0 to 1, and stays below it while a search goes on."""
+    shares: list[float] = []
+    optimize(CUBIC, minimise="alpha + loss_coefficient", over={"b": (0.1, 2.0)}, starts=3, progress=shares.append)
+    assert shares == sorted(shares)
+    assert (shares[0], shares[-1]) == (0.0, 1.0)
+
+
 @pytest.mark.parametrize(
     ("verb", "text", "value"),
     [

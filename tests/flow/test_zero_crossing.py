@@ -13,6 +13,7 @@ from orbits.flow.flow import Flow, flow_of
 from orbits.flow.vector_field import FlowControl
 from orbits.flow.zero_crossing import CLOSED_BLOCK, CLOSED_STEP, first_zero, first_zeros, until_zero
 from orbits.model.phase import Affine
+from orbits.numerics.polynomial_roots import piecewise_roots
 from orbits.simulation.impacts import Impacts
 from problems import Hopper
 
@@ -211,3 +212,34 @@ def test_a_zero_before_a_step_in_vain(height):
     assert not failed
     assert times == pytest.approx(landings, rel=1e-10)
     assert motions.ends == pytest.approx(np.array(landings)[which], rel=1e-10)
+
+
+@pytest.mark.parametrize("spring", ["bilinear", "r + 0.1*r**3"])
+@pytest.mark.parametrize("rising", [False, True])
+def test_after_some_turns_a_motion_has_no_zero(spring, rising):
+    """In contact the body goes to and fro through a breakpoint: after this many turns no zero is searched any
+    more, and one before them is found. Each motion alone tells how many those are."""
+    rules = Impacts(Hopper(spring, parameters={"ratio": 3.0, "gap": 0.5} if spring == "bilinear" else {}))
+    rng = np.random.default_rng(9)
+    starts = np.column_stack([rng.uniform(-3.0, 0.5, 40), rng.normal(0.0, 2.0, 40)])
+    height, speed = Affine((1.0, 0.0), 1.2), Affine((0.0, 1.0))
+    times, rows, failed = first_zeros(rules.contact, starts, rules.p, height, 50.0, 0, rising)
+    assert not failed
+    turns = np.zeros(40, int)
+    for i, start in enumerate(starts):
+        path, _ = rules.contact.run(start, rules.p, times[i] if np.isfinite(times[i]) else 50.0)
+        turns[i] = len(piecewise_roots(path.coefficients[:, 1], path.steps))
+    found = np.isfinite(times)
+    assert found.sum() > 20
+    assert (turns[found] > 0).any()
+    assert set(turns[found]) >= {0, 1}
+    for most in (1, 2, 3):
+        over, ends, failed = first_zeros(rules.contact, starts, rules.p, height, 50.0, 0, rising, (speed, most))
+        assert not failed
+        before = found & (turns < most)
+        assert over[before] == pytest.approx(times[before], rel=1e-12)
+        assert ends[before] == pytest.approx(rows[before], rel=1e-11, abs=1e-11)
+        assert np.isinf(over[~found]).all()
+        late = found & ~before  # within the same step as the turns a zero is found still
+        assert most > 1 or np.isinf(over[late]).any()
+        assert over[late] == pytest.approx(np.where(np.isinf(over[late]), np.inf, times[late]), rel=1e-12)

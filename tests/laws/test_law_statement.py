@@ -87,3 +87,10 @@ def test_laws_are_not_mixed_up():
     ):
         with pytest.raises(InputError, match=message):
             make()
+
+
+@pytest.mark.parametrize("text", ["1e-3*abs(r)/r", "r + log(abs(r))*r/r", "r + 1e-6/(r - r)", "sqrt(r)/r*1e-9"])
+def test_what_has_no_limit_at_zero_is_no_removable_division(text):
+    """A jump, however small, a logarithm, a division by nothing, and a pole on one side."""
+    law = springs.formula(text)
+    assert np.isnan(law(0.0)) or np.isinf(law(0.0))

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from mechanisms import VALUES, leg
+from mechanisms import VALUES, leg, same
 from scipy.integrate import solve_ivp
 
 from orbits import Mechanism, ReturnMap, find, find_all
@@ -79,3 +79,16 @@ class TestAnotherMachine:
             lost.append((orbit.alpha + distance - back) / distance ** (4 / 3))
         limit = (lost[1] * 10 ** (1 / 3) - lost[0]) / (10 ** (1 / 3) - 1)
         assert orbit.certificate.loss_coefficient == pytest.approx(limit, rel=3e-3)
+
+
+def test_gravity_that_is_not_1_at_the_ground():
+    """A law may have the acceleration at the ground in it, or be a share of one that is stated beside it."""
+    elements = [Mass("body + 9", "2"), Mass("foot", "0.5"), Spring("body - foot", "3*r + r**3")]
+    whole, share = (
+        Mechanism(("body", "foot"), elements, "foot", counts="body - foot", **gravity)
+        for gravity in (
+            {"gravity": "1.5/(1 + z/60)**2"},
+            {"gravity": "1/(1 + z/60)**2", "surface_gravity": 1.5},
+        )
+    )
+    same(find(whole), find(share))

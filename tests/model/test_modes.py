@@ -53,6 +53,10 @@ def test_states_and_transitions_are_matrix_exponentials(n, thrown):
     grid = modes.state(each, np.reshape(times, (2, 2)))
     np.testing.assert_allclose(grid.reshape(2 * n, 4), modes.state(start, np.array(times)), rtol=1e-13, atol=1e-13)
     assert modes.state(np.zeros((2 * n, 0)), np.zeros(0)).shape == (2 * n, 0)
+    several = np.column_stack([start, 0.5 * start, -start])
+    moved = modes.state(several, 0.7)
+    assert moved.shape == several.shape
+    np.testing.assert_allclose(moved, exact[1][:-1] @ np.vstack([several, np.ones(3)]), atol=2e-13 * scale)
 
 
 @pytest.mark.parametrize(("n", "thrown"), CASES)

@@ -1,8 +1,10 @@
 """Guesses of launch speeds: found below the limit of a spring, and given up soon where there are none."""
 
+import numpy as np
 import pytest
 
 from orbits import NoOrbit, find
+from orbits.periodic.guess import crossable_barriers
 from problems import Hopper
 
 
@@ -37,3 +39,13 @@ def test_a_spring_that_never_pushes_is_soon_refused(spring, monkeypatch):
     with pytest.raises(NoOrbit, match=r"does not come back|none up to"):
         find(Hopper(spring))
     assert len(count) < 200
+
+
+def test_barriers_that_a_hop_can_cross():
+    """The force falls and rises again, further out on either side; slopes are listed outward on both."""
+    slopes = np.ones((6, 8))
+    slopes[1, 1] = -1.0  # on the first side
+    slopes[2, 6] = -1.0  # on the second
+    slopes[3, 3] = slopes[4, 7] = -1.0  # at the far end it only falls
+    slopes[5, 2:4] = slopes[5, 5:] = -1.0
+    assert crossable_barriers(slopes).tolist() == [False, True, True, False, False, False]

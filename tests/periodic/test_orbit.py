@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from conftest import REFERENCES, machine_of
 
-from orbits import InputError, Orbit, OrbitsError, find
+from orbits import InputError, Orbit, OrbitsError, find, orbit_at
 from orbits.io import to_json
 from orbits.show.plot import new_axes, save_figure
 from problems import Hopper, Juggler, hopper_in_si, juggler_in_si
@@ -187,3 +187,46 @@ def test_orbits_are_equal_where_all_that_they_say_is(orbit, tmp_path):
 def test_a_force_with_the_sign_of_pressure(wrong):
     with pytest.raises(OrbitsError, match="is tension positive"):
         find(wrong())
+
+
+@pytest.mark.parametrize(
+    ("machine", "spring"),
+    [
+        (Hopper(), lambda r: r),
+        (Hopper("r + 0.3*r**3", mass_ratio=0.5, rest_length=8.0), lambda r: r + 0.3 * r**3),
+        (Hopper("bilinear"), lambda r: np.where(r < 0.5, r, 3 * r - 1)),
+    ],
+)
+def test_the_contact_force_is_what_the_spring_and_the_foot_leave(machine, spring):
+    """The foot's weight less the spring's pull in contact, 0 in flight; over several cycles, forward and backward."""
+    orbit = find(machine)
+    t = np.concatenate([np.linspace(-2.3, 3.1, 203) * orbit.period, orbit.flight_time + np.array([1e-9, -1e-9])])
+    force, extension = orbit.contact_force(t), orbit(t)[:, 0] - orbit(t)[:, 2]
+    standing = np.mod(t, orbit.period) > orbit.flight_time
+    assert 50 < standing.sum() < 153
+    assert force == pytest.approx(np.where(standing, 1 - spring(extension), 0.0), abs=1e-9)
+    assert force.max() <= orbit.certificate.largest_contact_force * (1 + 1e-9)
+    assert orbit.contact_force(orbit.flight_time + 0.5 * orbit.contact_time) == pytest.approx(
+        orbit.certificate.largest_contact_force, rel=1e-9
+    )
+    table = orbit.table()
+    assert (table["time"][0], table["time"][-1]) == (0.0, orbit.period)
+    assert (table["phase"][0], table["phase"][-2]) == ("flight", "contact")
+    assert ((table["phase"] == "contact") == (np.mod(table["time"], orbit.period) > orbit.flight_time)).all()
+    assert table["contact force"] == pytest.approx(orbit.contact_force(table["time"]))
+    assert table["y1"] == pytest.approx(orbit(table["time"])[:, 0])
+    own = orbit.table([0.5, 1.5 * orbit.period])
+    assert own["time"].tolist() == [0.5, 1.5 * orbit.period]
+
+
+def test_an_orbit_whose_contact_does_not_end_has_no_force(softening_family):
+    """Beyond the collapse of the family its table ends with the landing."""
+    orbit = orbit_at(Hopper("cubic", rest_length=30.0), softening_family[-1], "beta")
+    assert orbit.contact_time is None
+    times = [0.0, 0.5 * orbit.flight_time, orbit.flight_time]
+    assert orbit.contact_force(times).tolist() == [0.0] * 3
+    table = orbit.table()
+    assert table["time"][-1] == orbit.flight_time
+    assert set(table["phase"]) == {"flight"}
+    with pytest.raises(InputError, match="the contact never ends: times lie between 0 and"):
+        orbit.contact_force(1.1 * orbit.flight_time)

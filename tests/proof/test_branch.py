@@ -53,7 +53,6 @@ def test_a_short_curve(machine):
     assert set(proof.conditions.values()) == {"proved"}
 
 
-@pytest.mark.slow
 def test_both_sheets_in_the_document(folded_curve):
     family, proof = folded_curve
     document = json.loads(json.dumps(proof.document()))

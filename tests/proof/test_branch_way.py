@@ -18,7 +18,6 @@ def machine():
     return Hopper("cubic", rest_length=30.0)
 
 
-@pytest.mark.slow
 def test_a_fold_on_the_way(folded_curve):
     _, proof = folded_curve
     assert proof.proved, proof.reasons
@@ -30,7 +29,6 @@ def test_a_fold_on_the_way(folded_curve):
     assert "where beta is least" in proof.statement
 
 
-@pytest.mark.slow
 def test_pieces_follow_one_another(folded_curve):
     """The end of a piece along the launch speed lies in the tube of the next one, by the saved numbers alone."""
     _, proof = folded_curve

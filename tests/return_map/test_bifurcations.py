@@ -226,3 +226,21 @@ def test_nothing_comes_back_with_damping_alone():
     assert "no launch of period one comes back" in str(diagram)
     with pytest.raises(InputError, match="nothing to draw"):
         diagram.plot()
+
+
+def test_along_the_mass_ratio_with_an_injection():
+    """A branch through all of a short range, whose ends are fixed points; along other parameters than the injection
+    no attractor is computed where none is asked for."""
+    low, high = 1.0, 1.02
+    diagram = bifurcations(Hopper(), "mass_ratio", (low, high), (4.45, 4.6), inject=0.03, samples=20, sections=2)
+    assert len(diagram.visits) == 0
+    for value in (low, high):
+        known = ReturnMap(Hopper(mass_ratio=value), inject=0.03).fixed_points(4.45, 4.6)
+        found = diagram.periodic(value)
+        assert [alpha for _, alpha, _ in found] == pytest.approx([point.alpha for point in known], rel=1e-10)
+        assert [slope for *_, slope in found] == pytest.approx([point.multiplier for point in known], rel=1e-7)
+    assert {end.kind for branch in diagram.branches for end in branch.ends} == {"reached"}
+    with pytest.raises(InputError, match="every fixed point is a lossless hop here"):
+        bifurcations(Hopper(), "mass_ratio", (low, high), (4.45, 4.6), samples=40, sections=2)
+    with pytest.raises(InputError, match="the range says it all"):
+        bifurcations(Hopper(), "inject", (0.0, 0.1), (4.45, 4.6), inject=0.03)

@@ -80,7 +80,6 @@ def test_the_pair_of_fixed_points_in_closed_form(inject):
         assert ("unstable" in proof.statement) == (abs(slope(alpha, flights)) > 1)
 
 
-@pytest.mark.slow
 def test_the_period_doubling_in_closed_form():
     """Curve (d) of the paper's Fig. 8."""
     flights = FIXED["0.071587384137"][4.5418]

@@ -1,11 +1,13 @@
 """Fixed points, preimages and basins of the map: none missed, each told apart from a jump."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
 from orbits import InputError, NoOrbit, ReturnMap, find
-from orbits.return_map.resolved_map import within
+from orbits.return_map.resolved_map import ResolvedMap, within
 from problems import Hopper, Juggler
 
 
@@ -127,3 +129,68 @@ def test_the_map_is_broken_only_where_it_jumps():
 def test_what_cannot_be_meant(call, words):
     with pytest.raises(InputError, match=words):
         call(ReturnMap(Hopper()))
+
+
+class TestMapsInClosedForm:
+    """Of functions whose preimages, fixed points and basins are known."""
+
+    @staticmethod
+    def resolved(function, lossless, low, high, identity=False, samples=41):
+        return ResolvedMap(lambda a: SimpleNamespace(next=function(a)), lossless, low, high, samples, identity)
+
+    def test_a_basin_grows_backward_until_it_is_complete(self):
+        """From 1 to 2 a launch comes to 1, from 2 to 3 to nothing, and a faster one loses 2 in each hop."""
+
+        def function(a):
+            return np.where(a < 2, 0.5 * (1 + a), np.where(a < 3, 0.0, a - 2))
+
+        found, shares = self.resolved(function, [1.0], 1.0, 20.0), list[float]()
+        for hops in range(4):
+            ends = [(2 * k + 1.0, 2 * k + 2.0) for k in range(hops + 1)]
+            assert np.ravel(found.basin([1.0], hops, 19.0)) == pytest.approx(np.ravel(ends), rel=1e-14)
+        assert len(found.basin([1.0], 100, 19.0, shares.append)) == 10
+        assert shares == pytest.approx([*(k / 19 for k in range(2, 11)), 10 / 19])  # the last hop adds none
+
+    def test_basins_end_where_the_map_falls_below_the_lossless_launch(self):
+        """Two lossless launches, 1 and 6; above each the map comes back to it at 4 and at 7.5."""
+
+        def function(a):
+            return np.where(a < 6, 1 + (a - 1) * (4 - a) / 9, 6 + (a - 6) * (7.5 - a) / 9)
+
+        found = self.resolved(function, [1.0, 6.0], 1.0, 9.0)
+        for only, ends in ((0, [(1.0, 4.0)]), (1, [(6.0, 7.5)]), (None, [(1.0, 4.0), (6.0, 7.5)])):
+            basin = found.basin([1.0, 6.0], 0, 8.0, only=only)
+            assert np.ravel(basin) == pytest.approx(np.ravel(ends), rel=1e-14)
+        whole = found.basin([1.0, 6.0], 50, 8.0)
+        inside = within(np.linspace(1.0, 9.0, 400), whole)
+        alpha = np.linspace(1.0, 9.0, 400)
+        for _ in range(200):
+            alpha = np.where(alpha >= 1, function(alpha), -1.0)
+        assert inside.tolist() == ((np.abs(alpha - 1) < 0.3) | (np.abs(alpha - 6) < 0.3)).tolist()
+
+    def test_crossings_of_the_identity_line_but_no_jumps_over_it(self):
+        """Three crossings, a touching pair closer than the grid, and jumps up and down."""
+        curve = lambda a: a + 0.1 * (a - 1.5) * (a - 2.25) * (a - 3.75)  # noqa: E731
+        found = self.resolved(curve, [], 1.0, 5.0, True).crossings()
+        assert found == pytest.approx([1.5, 2.25, 3.75], rel=1e-13)
+        pair = lambda a: a + (a - 2.51) ** 2 - 1e-6  # noqa: E731
+        assert self.resolved(pair, [], 1.0, 5.0, True).crossings() == pytest.approx([2.509, 2.511], rel=1e-12)
+        jumps = lambda a: a + np.where((a < 2) | (a > 3), 0.1, -0.1)  # noqa: E731
+        assert not len(self.resolved(jumps, [], 1.0, 5.0, True).crossings())
+
+    def test_preimages_of_a_tent(self):
+        """4 - 2 |a - 2|: each interval has one on either side, and two that touch are one."""
+        tent = self.resolved(lambda a: 4 - 2 * np.abs(a - 2), [], 0.1, 3.9)
+        assert np.ravel(tent.preimages([(1.0, 2.0), (3.0, 3.5)])) == pytest.approx(
+            [0.5, 1.0, 1.5, 1.75, 2.25, 2.5, 3.0, 3.5], rel=1e-13
+        )
+        assert np.ravel(tent.preimages([(3.0, 4.5)])) == pytest.approx([1.5, 2.5], rel=1e-13)
+        assert np.ravel(tent.preimages([(0.0, 1.0)])) == pytest.approx([0.1, 0.5, 3.5, 3.9], rel=1e-13)
+        assert tent.preimages([(5.0, 6.0)]) == []
+
+
+def test_what_lies_within_intervals():
+    assert within(np.array([0.0, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0]), [(1.0, 2.0), (3.0, 3.5)]).tolist() == [
+        *(False, True, True, True, False, True, False)
+    ]
+    assert within(np.array([1.0, 2.0]), []).tolist() == [False, False]

@@ -1,12 +1,14 @@
 """The time that a computation may take."""
 
 import time
+from contextlib import ExitStack
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from orbits import InputError, NoOrbit, find, find_all, follow, sweep, time_limit
+from orbits.running.time_limit import check_time
 from problems import Hopper
 
 
@@ -54,3 +56,25 @@ class TestTimeLimit:
     def test_no_time(self, limit):
         with pytest.raises(InputError, match="it is a number of seconds above 0"):
             find(self.SLOW, limit=limit)
+
+
+@pytest.mark.parametrize(
+    ("limits", "until"),
+    [((None,), 30.0), ((60.0, None), 60.0), ((60.0, 10.0), 10.0), ((10.0, 60.0), 10.0), ((None, 60.0), 30.0)],
+)
+def test_the_least_of_the_limits_around_holds(limits, until, monkeypatch):
+    """A block without a limit of its own has that of the block around it, or 30 s; by a clock of its own."""
+    now = [0.0]
+    monkeypatch.setattr("orbits.running.time_limit.time", SimpleNamespace(monotonic=lambda: now[0]))
+
+    def work():
+        with ExitStack() as blocks:
+            for limit in limits:
+                blocks.enter_context(time_limit(limit))
+            for now[0] in (0.5 * until, until, 1.001 * until):
+                check_time()
+
+    with pytest.raises(NoOrbit, match=f"it takes more than {until:g} s"):
+        work()
+    assert now[0] == 1.001 * until
+    check_time()  # outside there is none

@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+from looks import check_looks
+from PIL import Image
 
 from orbits import InputError, Mechanism, find, simulate, starts
 from orbits.mechanics import Mass, Spring
 from orbits.show import animation, plot
-from problems import Chain, Hopper, Juggler, chain_hand, plate_hopper
+from problems import Chain, Hopper, Juggler, chain_hand, knee_hopper, plate_hopper
 
 FRAMES = 6
 
@@ -30,11 +32,15 @@ def drawn(monkeypatch, tmp_path):
     """A function that animates something and returns the heights in its last frame by name, and the lengths of the
     coils."""
 
-    def draw(motion):
+    def draw(motion, looks=None):
         kept, new_axes = [], plot.new_axes
         monkeypatch.setattr(animation, "new_axes", lambda *size: kept.append(new_axes(*size)) or kept[-1])
-        assert motion.animate(tmp_path / "motion.gif", FRAMES).stat().st_size > 1000
+        path = motion.animate(tmp_path / "motion.gif", FRAMES)
+        with Image.open(path) as image:
+            assert (image.n_frames, image.info["duration"]) == (FRAMES, 30)  # hundredths of a second, in milliseconds
         (axes,) = kept
+        if looks:
+            check_looks(f"animation: {looks}", axes.figure, draw=False)
         lines = [line for line in axes.lines if np.size(line.get_ydata())]
         heights = {line.get_label(): line.get_ydata()[0] for line in lines if not line.get_label().startswith("_")}
         return heights, [np.ptp(line.get_ydata()) for line in lines if np.size(line.get_ydata()) > 2]
@@ -65,10 +71,27 @@ def test_what_lands_on_a_mass_is_drawn_on_it(motion, rooms, drawn):
     """Each spring has a room of its own, and the two sides of the gap have the same room below them, so that they touch
     in contact."""
     orbit = motion()
-    heights, coils = drawn(orbit)
+    heights, coils = drawn(orbit, " ".join(rooms))
     assert rooms == lifts(heights, orbit)
     assert len(coils) == len(orbit.shape.springs)
     assert min(coils, default=1.0) > 0
+
+
+def test_a_knee_is_drawn_with_links_of_their_length(tmp_path, monkeypatch):
+    """From below to above, in the picture as long as two links, whatever the heights."""
+    kept, new_axes = [], plot.new_axes
+    monkeypatch.setattr(animation, "new_axes", lambda *size: kept.append(new_axes(*size)) or kept[-1])
+    orbit = find(knee_hopper())
+    orbit.animate(tmp_path / "knee.gif", FRAMES)
+    (axes,), ((below, above, link),) = kept, orbit.shape.knees
+    (leg,) = (line for line in axes.lines if line.get_linewidth() == 4)
+    x, y = leg.get_data()
+    state = orbit(orbit.period * (1 - 1 / FRAMES))
+    assert [y[0], y[2]] == pytest.approx([float(orbit.shape.heights[name](state)) for name in (below, above)])
+    assert (x[0], x[2], y[1]) == (0, 0, pytest.approx(0.5 * (y[0] + y[2])))
+    pixels = axes.transData.transform(np.column_stack([x, y]))
+    per_metre = np.diff(axes.transData.transform([[0, 0], [0, 1]]), axis=0)[0, 1]
+    assert np.hypot(*np.diff(pixels, axis=0).T) / per_metre == pytest.approx([link, link], rel=1e-6)
 
 
 def test_springs_in_any_order():

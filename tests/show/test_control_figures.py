@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from carts import HALF
 from legibility import faults
+from looks import check_looks
 
 from orbits import InputError
 from orbits.show.plot import new_axes, new_row
@@ -22,6 +23,7 @@ def test_the_figure(steered_relay):
     assert heat[-1] == pytest.approx([1, HALF], abs=1e-9)
     assert inputs.get_xlabel() == "time"
     assert not faults(axes.figure)
+    check_looks("control", axes.figure)
 
 
 def test_the_figure_in_a_row_of_others(steered_cart):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from families import events
 from legibility import faults, smallest_text
+from looks import check_looks
 
 from orbits import find, follow, orbit_at, pareto, simulate, starts
 from orbits.show import plot
@@ -73,6 +74,7 @@ def test_figures_can_be_read(kind):
     assert axes.get_title() or axes.figure.get_suptitle()
     names = axes.get_xlabel() + axes.get_ylabel()
     assert ("SI" in kind or kind == "front") == any(unit in names for unit in ("(s)", "(m)", "(m/s)", "(kg)"))
+    check_looks(kind, axes.figure)
 
 
 def test_legends_name_only_what_is_there():

@@ -5,6 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 from legibility import faults, smallest_text
+from looks import check_looks
 
 from orbits import existence, sweep
 from problems import Hopper, hopper_in_si
@@ -42,6 +43,7 @@ def test_figures_can_be_read(kind):
     assert faults(axes.figure) == []
     assert smallest_text(axes.figure, NOTEBOOK) >= SMALLEST
     assert "hopper, family 1" in (axes.get_title() or axes.figure.get_suptitle())
+    check_looks(f"sweep: {kind}", axes.figure)
 
 
 def names(axes) -> set[str]:

@@ -1,5 +1,6 @@
 """Questions of sweeps that are refused at once."""
 
+import numpy as np
 import pytest
 from scipy.stats import norm
 
@@ -19,6 +20,23 @@ from problems import Hopper
         (({"beta": (0, 1)}, 5), {"outcome": "map"}, "a launch speed"),
         (({"beta": (0, 1)}, 5), {"outcome": "fixed_points"}, "between"),
         (({"beta": (0, 1)}, 5), {"between": (4, 5)}, "between"),
+        *(
+            (({"beta": (0, 1)}, 5), {"outcome": "fixed_points", "between": between}, said)
+            for between, said in (
+                (4.0, r"between = 4.0; it is \(low, high\)"),
+                ((), r"between = \(\); it is"),
+                ("45", "between = '45'"),
+                ((4.0, 5.0, 6.0), "two launch speeds"),
+                ((5.0, 4.0), r"between = \(5, 4\): launch speeds go up"),
+                ((4.0, 4.0), "low < high"),
+                ((4.0, "b"), "between = 'b'"),
+            )
+        ),
+        (({"beta": (0, 1)}, 5), {"outcome": "map", "quantities": ["period"]}, "no families and no quantities"),
+        (({"alpha": (3, 4)}, 5), {"outcome": "map", "family": 2}, "no families and no quantities"),
+        (({"alpha": (3, 4)}, 5), {}, "no parameter 'alpha'"),
+        (({"beta": (0, 1)}, 5), {"quantities": ["period", "period"]}, "'period' is asked for twice"),
+        (({"beta": (0, 1)}, 5), {"family": []}, "family = "),
         (({"mass_ratio": (-1.0, 1.0)}, 5), {}, "mass_ratio"),
         (({"mass_ratio": norm(1.0, 1.0)}, 50), {}, "member .* mass_ratio"),
     ],
@@ -26,3 +44,9 @@ from problems import Hopper
 def test_what_cannot_be_asked_is_refused_at_once(arguments, options, said):
     with pytest.raises(InputError, match=said):
         sweep(Hopper("cubic"), *arguments, **options)
+
+
+@pytest.mark.parametrize("kind", [tuple, list, np.array])
+def test_launch_speeds_may_be_an_array(kind):
+    found = sweep(Hopper(), {"mass_ratio": [0.5, 1.0]}, outcome="fixed_points", between=kind([4.0, 5.0]))
+    assert set(found["status"]) == {"certified"}
