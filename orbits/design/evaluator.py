@@ -11,6 +11,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
+from ..errors import InputError
 from ..flow.flow import flow_of
 from ..model.model import Model
 from ..model.phase import Phase
@@ -70,6 +71,7 @@ class Evaluator:
         values = dict(zip(names, ca.vertsplit(p), strict=True))
         used, (arc,) = outputs.quantities(model, values), statement.arcs
         variational = any(name in VARIATIONAL for name in used)
+        self.variational = variational
         longer = variational_arc(model) if variational else arc
         start, end = arc.start(unknowns, [], values), ca.SX.sym("end", len(longer.phase.states))
         phases = {"flight": model.flight, "contact": model.contact, "half": longer.phase}
@@ -104,6 +106,8 @@ class Evaluator:
         The rows are those that are `modelled`, the formulas, minus the landing jerk, the demands, and the differences
         between two places of an extreme; and then the quantities in use.
         """
+        if self.variational:
+            self._refuse_jumps(points.ps[0])
         m, k = len(points.ps), len(self.over)
         p, u = (Varied(x, np.tile(dx, (m, 1, 1))) for x, dx in ((points.ps, self.dp), (points.us, self.du)))
         half, begin = self.duration(u, p), self.begins["half"](u, p)
@@ -130,6 +134,13 @@ class Evaluator:
                 times.by[:, j] = -found.by[:, 1] / found.values[:, 2:]
         launched = self._data("flight", begins["flight"], p)
         return self.results(u, contact, extremes, slope, p, launched), DesignPoints(p.by, us_by, times.by)
+
+    def _refuse_jumps(self, p: Array) -> None:
+        """Raise `InputError` where the force jumps: the variation of the flight is then no motion without jumps."""
+        flow = self.flows["flight"]
+        if jumps := flow.jumps(p):
+            remedy = f"the force jumps at the extension {jumps[0]:.6g}: round the law there"
+            raise InputError(f"{' and '.join(VARIATIONAL)} need a continuous force, and {remedy}")
 
     def _data(self, phase: str, x: Varied, p: Varied) -> Varied:
         """The data (m, nq) of the pieces at states of a phase."""

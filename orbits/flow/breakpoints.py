@@ -19,7 +19,8 @@ class ActivePiece:
         if flow.phase.pieces is None:
             return
         (self.breaks, self.table, self.slopes), self.weights = flow.piece_table(p), flow.coordinate
-        if (index := flow.first_piece(p, x)) < 0:
+        index = int(flow.first_pieces(x[None], p[None])[0]) - 1
+        if not 0 <= index < len(self.table):
             raise flow.out_of_range(p, x)
         self.index, (self.data, self.seeds) = index, self._on(index)
         place = float(self.weights @ x)

@@ -22,6 +22,7 @@ from ..symbolic.caches import cached
 from ..symbolic.calls import BufferedFunction, MappedFunction
 from ..symbolic.kernels import ElementwiseFunction
 from ..units import TIME, Message, Quantity, described
+from .breakpoints import SIDE_DISTANCE
 from .runge_kutta import RungeKuttaMotion, RungeKuttaStepper
 from .taylor import OnPieces, PieceRows, TaylorMotion, TaylorStepper
 from .trajectory import Trajectories, Trajectory, begins_of_steps
@@ -31,6 +32,8 @@ from .vector_field import FLOW_CONTROL, TAYLOR_ORDER, VectorField, rows_used
 OUT_OF_LAW = "leaves the law's range"
 # Shares of a duration that are rounding: of a remaining time in closed form, and of a difference of two times.
 STEP_ROUNDING, SAME_TIME = 1e-12, 1e-15
+# A field that changes by a larger share of its size across a breakpoint jumps.
+LEAST_JUMP = 1e-8
 LARGEST_BLOCK = 4000  # steps in closed form that are searched in one call
 # (coefficients (m, rows, K + 1), steps (m,)) -> the step and the time in it at which to stop, None to go on.
 StopTest = Callable[[Array, Array], tuple[int, float] | None]
@@ -238,11 +241,6 @@ class Flow:
         """Whether many motions are integrated together, as Taylor series."""
         return self.vector_field.has_series
 
-    @cached_property
-    def smooth(self) -> bool:
-        """Whether motions are Taylor series that no breakpoint ends, at least where parameters vary."""
-        return self.vector_field.has_series and not self.phase.pieces
-
     @property
     def compiled(self) -> bool:
         """Whether motions take their steps in machine code."""
@@ -278,27 +276,31 @@ class Flow:
         """Parameters with the data of the piece of each state (m, n): (m, np + nq), or (1, np) without pieces."""
         if self.phase.pieces is None:
             return np.reshape(p, (1, -1))
-        return np.hstack([np.tile(p, (len(xs), 1)), self.piece_data(xs, p[None])[0]])
+        return np.hstack([np.tile(p, (len(xs), 1)), self.data_of_pieces(xs, p[None])])
 
     def piece_data(self, xs: Array, ps: Array) -> tuple[Array, Array]:
         """Data (m, nq) of the pieces at states (m, n) with parameters (m, np) or (1, np), and the derivatives
         (m, nq, np)."""
+        values = self.data_of_pieces(xs, ps)
+        if self.phase.pieces is None or not self._piece_parameters:
+            return values, np.zeros((*values.shape, ps.shape[1]))
+        (breaks, data), slopes = self._pieces_at(ps), self._slopes_at(ps)
+        slopes = slopes[:, breaks.shape[1] :].reshape(len(slopes), *data.shape[1:], -1)
+        return values, slopes[np.arange(len(xs)) if len(slopes) > 1 else 0, self.piece(xs, ps, breaks)]
+
+    def data_of_pieces(self, xs: Array, ps: Array) -> Array:
+        """Data (m, nq) of the pieces at states (m, n) with parameters (m, np) or (1, np)."""
         if self.phase.pieces is None:
-            return np.zeros((len(xs), 0)), np.zeros((len(xs), 0, ps.shape[1]))
-        (breaks, data), slopes = self._pieces_at(ps), np.zeros((1, 1, 1))
-        index, own = self.piece(xs, ps, breaks), np.arange(len(xs)) if len(data) > 1 else 0
-        if not self._piece_parameters:
-            return data[own, index], np.zeros((len(xs), data.shape[2], ps.shape[1]))
-        slopes = self._slopes_at(ps)[:, breaks.shape[1] :]
-        own = np.arange(len(xs)) if len(slopes) > 1 else 0
-        return data[own, index], slopes.reshape(len(slopes), *data.shape[1:], -1)[own, index]
+            return np.zeros((len(xs), 0))
+        breaks, data = self._pieces_at(ps)
+        return data[np.arange(len(xs)) if len(data) > 1 else 0, self.piece(xs, ps, breaks)]
 
     def mesh_data(self, motions: Trajectories, ps: Array) -> Array:
         """Parameters (m, np) with the data of the piece that each step of motions lies in, (N, np + nq)."""
         own = ps[motions.owner]
         if self.phase.pieces is None:
             return own
-        return np.hstack([own, self.piece_data(self._middles(motions), own)[0]])
+        return np.hstack([own, self.data_of_pieces(self._middles(motions), own)])
 
     def mesh_pieces(self, path: Trajectory, p: Array) -> Array:
         """Index (N,) of the piece that each step of a motion lies in."""
@@ -391,13 +393,9 @@ class Flow:
             return None
         seeds = np.zeros((ps.shape[1], 0)) if parameter_seeds is None else parameter_seeds
         breaks, data = self._pieces_at(ps)
-        rows, places = self._piece_rows(seeds.shape[-1], self.varied(seeds)), self._places(starts, ps)
-        numbers = (breaks <= places[:, None]).sum(1)
-        numbers[places == breaks[:, -1]] -= 1
-        for i in (places[:, None] == breaks).any(1).nonzero()[0].tolist():
-            numbers[i] = self.first_piece(ps[i if len(ps) > 1 else 0], starts[i]) + 1
+        rows = self._piece_rows(seeds.shape[-1], self.varied(seeds))
         moves = self._slopes_at(ps) @ seeds if rows.varied else np.zeros((1, 0, 0))
-        return OnPieces(rows.tables(breaks, data, moves), numbers.astype(float), breaks)
+        return OnPieces(rows.tables(breaks, data, moves), self.first_pieces(starts, ps), breaks)
 
     def _piece_rows(self, columns: int, varied: tuple[int, ...] = ()) -> PieceRows:
         """The layout of the tables that the stepper for these sensitivities reads."""
@@ -405,30 +403,50 @@ class Flow:
         assert isinstance(stepper, TaylorStepper)
         return stepper.piece_rows
 
-    def first_piece(self, p: Array, x: Array) -> int:
-        """Index of the piece on which the motion from a state begins, -1 where there is none.
+    def first_pieces(self, starts: Array, ps: Array) -> Array:
+        """Numbers (m,) of the pieces on which motions from states (m, n) begin, from 1 on; 0, or one more than there
+        are pieces, where there is none.
 
-        From a breakpoint it enters a piece by the rate of the coordinate or, where that vanishes, the rate of the rate.
+        From a breakpoint a motion enters a piece by the rate of the coordinate or, where that vanishes, the rate of the
+        rate.
         """
-        (breaks, table, _), weights = self.piece_table(p), self.coordinate
-        if not breaks[0] <= (place := float(weights @ x)) <= breaks[-1]:
-            return -1
-        index = int(np.clip(np.searchsorted(breaks, place, "right") - 1, 0, len(breaks) - 2))
-        if place in breaks:
-            data = np.concatenate([p, table[index]])
-            rates = self.rates(x, data)
-            heading = weights @ rates or weights @ (self.rates(x + rates, data) - rates)
-            if place == breaks[index] and heading < 0:
-                index -= 1
-            elif place == breaks[index + 1] and heading > 0:
-                index += 1
-        return index if index < len(table) else -1
+        (breaks, data), places = self._pieces_at(ps), self._places(starts, ps)[:, None]
+        numbers = (breaks <= places).sum(1) - (breaks[:, -1:] == places)[:, 0]
+        on = ((breaks == places).any(1) & (numbers > 0)).nonzero()[0]
+        if len(on):
+            xs, own = starts[on], ps[on] if len(ps) > 1 else np.tile(ps, (len(on), 1))
+            with_data = np.hstack([own, data[on if len(data) > 1 else 0, numbers[on] - 1]])
+            rates = self.fields(xs, with_data)[0]
+            heading = rates @ self.coordinate
+            turns = (self.fields(xs + rates, with_data)[0] - rates) @ self.coordinate
+            heading = np.where(heading == 0, turns, heading)
+            at_end = (breaks[on if len(breaks) > 1 else 0, numbers[on]] == places[on, 0]) & (heading > 0)
+            numbers[on] += at_end
+            numbers[on] -= (heading < 0) & (breaks[on if len(breaks) > 1 else 0, numbers[on] - 1] == places[on, 0])
+        return numbers.astype(float)
 
     def inside(self, on: OnPieces | None, numbers: Array) -> Array:
         """Which of the `numbers` (m,) are those of pieces."""
         if on is None:
             return np.ones(len(numbers), bool)
         return (numbers > 0) & (numbers < on.tables.shape[1] // self._piece_rows(0).width - 1)
+
+    def jumps(self, p: Array) -> list[float]:
+        """The breakpoints inside the range at which the field jumps, at parameters (np,), where the other coordinates
+        and all speeds are 0."""
+        if self.phase.pieces is None:
+            return []
+        levels, data, _ = self.piece_table(p)
+        levels, weights = levels[1:-1], self.coordinate
+        places, away = levels[:, None] * weights / (weights @ weights), SIDE_DISTANCE * (1 + np.abs(levels))[:, None]
+        away = away * weights / (weights @ weights)
+        sides = [
+            self.fields(places + side * k * away, np.hstack([np.tile(p, (len(levels), 1)), rows]))[0]
+            for side, rows in ((-1, data[:-1]), (1, data[1:]))
+            for k in (1, 2)
+        ]
+        jump = np.abs(2 * (sides[2] - sides[0]) - (sides[3] - sides[1])).max(1)
+        return levels[jump > LEAST_JUMP * (1 + np.abs(sides[0]).max(1))].tolist()
 
     def out_of_range(self, p: Array, x: Array) -> OutOfRange:
         """The error of a motion that leaves the range of its law at the state `x`."""

@@ -62,7 +62,7 @@ class Motions(NamedTuple):
 
 class OnPieces(NamedTuple):
     """The pieces that m motions are on: the tables of `PieceRows`, (m, size) or (1, size), the numbers (m,) of the
-    pieces, and the breakpoints (m, k + 1) or (1, k + 1)."""
+    pieces, which are 0 and k + 1 outside, and the breakpoints (m, k + 1) or (1, k + 1)."""
 
     tables: Array
     numbers: Array
@@ -526,7 +526,7 @@ class TaylorMotion(NamedTuple):
     def advance(self, count: int, left: float) -> Motions:
         """At most `count` steps, which last no longer than `left`; a single NaN stands for the steps when none is
         accepted. Raises `OutOfRange` where no piece is left."""
-        if self.on and not 0 < self.on.numbers[0] < self.on.tables.size // self.stepper.piece_rows.width - 1:
+        if not self.flow.inside(self.on, self.on.numbers if self.on else self.x)[0]:
             raise self.flow.out_of_range(self.p, self.x)
         own = self.x[None], self.p[None], np.array([left]), self.variations, self.seeds
         found = self.stepper.advance_all(*own, count, self.on)

@@ -72,7 +72,7 @@ def first_zeros(
 ) -> tuple[Array, Array, dict[int, FlowError]]:
     """When an affine function of the rows first changes its sign on motions from states (m, n), and where.
 
-    p : parameters (np,) of all or, on a smooth field, (m, np)
+    p : parameters (np,) of all or, of motions that take Taylor steps, (m, np)
     limit : times (m,) by which that must happen
     skip : orders (m,) of the zeros at the start, which are divided out exactly
     rising : count only changes from minus to plus
@@ -161,7 +161,7 @@ class _ZeroSearch:
             found = z[:, at.found] > 0
             never = ~found & self._never(z)
             self.times[remaining[never]] = np.inf
-            left = ~never & ~flow.inside(on, z[:, at.piece])
+            left = ~never & ~flow.inside(on, z[:, at.piece]) & (z[:, at.time] < limits)
             broken = ~(found | never | going | left | (z[:, at.time] >= limits))
             if not self.all_steps:
                 self._give_up(remaining[going & ~found & ~never])

@@ -175,10 +175,10 @@ class Law:
         widths = np.minimum(np.diff(levels)[:-1], np.diff(levels)[1:])
         away, levels = SIDE * np.minimum(widths, 1 + np.abs(levels[1:-1])), levels[1:-1]
         sides = [self.with_slope(levels + side * away) for side in (-1.0, 1.0)]
-        largest = [np.abs(before) + np.abs(after) for before, after in zip(*sides, strict=True)]
-        jumps = [np.abs(after - before) for before, after in zip(*sides, strict=True)]
-        rises = 2 * away * largest[1]  # of a continuous value
-        return levels[(jumps[1] > CORNER * largest[1]) | (jumps[0] > rises + CORNER * largest[0])].tolist()
+        below, above = map(np.array, sides)
+        (value_jumps, slope_jumps), steepest = np.abs(above - below), np.abs([below[1], above[1]]).max(initial=0.0)
+        rises = 2 * away * steepest  # of a continuous value
+        return levels[(slope_jumps > CORNER * steepest) | (value_jumps > rises * (1 + CORNER))].tolist()
 
     def rest(self) -> float:
         """The value of the variable nearest to 0 in the range, where a spring is unloaded."""

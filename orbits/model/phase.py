@@ -125,8 +125,8 @@ class Phase:
         return fields_in_line(self, "name", "states")
 
     def data(self, x: Scalars, p: Parameters) -> list[Algebraic]:
-        """The data of the piece at a state as expressions, none for a smooth field; beyond the range of the pieces they
-        are those of the last piece."""
+        """The data of the piece at a state as expressions, none for a smooth field; outside the range of the pieces
+        they are those of the nearest piece."""
         if self.pieces is None:
             return []
         breaks, rows = self.pieces.table(p)

@@ -140,8 +140,8 @@ class NewtonKernel:
 
     def _piece(self, x: ca.MX, p: ca.MX, breaks: ca.MX) -> ca.MX:
         """The number of the piece at a state, as in `PieceRows`."""
-        reached = ca.sum1(breaks <= self.flow.vector_field.place(x, p))
-        return ca.fmin(ca.fmax(reached, 1), self.flow.breaks - 1)
+        place = self.flow.vector_field.place(x, p)
+        return ca.sum1(breaks <= place) - (breaks[-1] == place)
 
     def _newton(self) -> ca.Function:
         """(X, parameters, end of the motion, its transition, data of the pieces at its start and end, row, level, unit,

@@ -9,6 +9,7 @@ from these: `beta` is 1/length**2, `delta` 1/length**4, `a` and `b` are 1/length
 import math
 from collections.abc import Callable, Mapping
 from functools import lru_cache
+from keyword import iskeyword
 from pathlib import Path
 from typing import Any
 from zlib import crc32
@@ -192,8 +193,9 @@ def table(
     note = ", ".join(filter(None, (branch, curve.note)))
     parameters, pieces = _table_pieces(curve)
     text = f"table:{label}" + (f" ({note})" if note else "")
-    own = {_name(name, what): value for name, what, value in ((scale, "scale", 1.0), (shift, "shift", 0.0)) if name}
-    if len(own) < len([name for name in (scale, shift) if name]):
+    named = [(scale, "scale", 1.0), (shift, "shift", 0.0)]
+    own = {_name(name, what): value for name, what, value in named if name is not None}
+    if scale is not None and scale == shift:
         raise InputError(f"scale = shift = '{scale}': they are two parameters, with two names")
     moved = _moved_expression(_piece_expression, scale, shift) if own else _piece_expression
     text = (f"{scale}*" if scale else "") + text + (f" moved by {shift}" if shift else "")
@@ -253,7 +255,8 @@ def _moved_expression(expression: Callable, scale: str | None, shift: str | None
 
 def _name(name: Any, what: str) -> str:
     """A name of a parameter; raises `InputError` for anything else."""
-    if not (isinstance(name, str) and name.isidentifier()) or name == "r":
+    valid = isinstance(name, str) and name.isidentifier() and not iskeyword(name)
+    if not valid or name == "r" or name.startswith(NOISE):
         raise InputError(f"{what} = {name!r}; it is the name of a parameter, as in table(file, {what}='{what[0]}')")
     return name
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from designs import CUBIC, VARYING
 
-from orbits import find, quantities, sensitivities
+from orbits import InputError, find, quantities, sensitivities
 from problems import Hopper, Juggler, springs
 
 ROWS = np.linspace(-14, 14, 97)
@@ -57,3 +57,12 @@ def test_a_measured_spring_is_the_formula_that_it_was_made_of():
     for quantity, slopes in expected.items():
         for name, slope in slopes.items():
             assert found[quantity][name] == pytest.approx(slope, rel=1e-9, abs=1e-9), (quantity, name)
+
+
+def test_a_force_that_jumps_has_no_smooth_variation():
+    law = springs.function(lambda r, k: r + 0.4 * k * np.where(r > 0.5, 1, 0), breakpoints=(0.5,), k=1.0)
+    machine = Hopper(law, mass_ratio=0.5)
+    orbit = find(machine)
+    assert quantities(machine, orbit, ["alpha"])["alpha"] == pytest.approx(orbit.alpha, rel=1e-12)
+    with pytest.raises(InputError, match="jumps at the extension 0.5"):
+        quantities(machine, orbit, ["loss_coefficient"])

@@ -8,7 +8,7 @@ from scipy.linalg import expm
 
 from orbits import InputError, NoOrbit, find, simulate
 from orbits.simulation.impacts import Impacts
-from problems import Actuated, Chain, Hopper, Juggler, steering
+from problems import Actuated, Chain, Hopper, Juggler, springs, steering
 
 
 def test_a_damped_hopper_is_kept_hopping(driven_hopper):
@@ -232,3 +232,15 @@ def test_a_short_launch_is_brought_back(lossless):
 def test_what_no_actuator_does(question, words):
     with pytest.raises(InputError, match=words):
         question()
+
+
+def test_a_measured_spring_is_driven_as_its_formula():
+    """Rows of a cubic law, whose interpolant is that law: the same motion of least effort."""
+    rows = np.linspace(-14, 14, 29)
+    table = springs.table((rows, rows + 0.02 * rows**3), noise=0)
+    expected, found = (
+        steering.recover(Hopper(law, mass_ratio=0.5, rest_length=10), 0.05, intervals=16)
+        for law in ("r + 0.02*r**3", table)
+    )
+    assert found.cost == pytest.approx(expected.cost, rel=1e-8)
+    assert found.error < 1e-9
