@@ -1,8 +1,8 @@
 """The certificate of an orbit: its properties computed from its motions alone, and the violated conditions."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -15,11 +15,12 @@ from ..model.model import Model
 from ..model.phase import Phase
 from ..numerics.polynomial_roots import PiecewisePolynomials, derivative, evaluate
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
+from ..records import NONE, Records
 from ..shooting.error_bound import DOUBTFUL_RATIO, EPS, NARROW
-from ..shooting.formulations import CONTACT_FORCE, NONE, Cycles, or_none, vectors
+from ..shooting.formulations import CONTACT_FORCE, Cycles, vectors
 from ..symbolic.caches import cached
 from ..symbolic.kernels import ElementwiseFunction
-from ..units import JERK, LENGTH, TIME, Message, Quantity, Record
+from ..units import JERK, LENGTH, TIME, Message, Quantity
 from .loss_coefficient import by_launch_speed, launch_power, loss_coefficient
 
 # An energy drift beyond this share, and far beyond what rounding explains, shows that the steps have leapt over a
@@ -36,6 +37,7 @@ STATIONARY = 1e-6
 LOSS_ROUNDING = 16
 # Up to this many polynomials are searched together; of more, the arrays leave the processor's cache.
 MOST_TOGETHER = 500
+_SIDES = np.array([None, "above", "below"], dtype=object)
 Violation = tuple[int, str]  # the index of the orbit, and the violation in words
 
 
@@ -91,7 +93,7 @@ class Certificate:
         return fields_in_line(self, "family", "error", "clearance", "loss_coefficient", "violations")
 
 
-def certify(model: Model, cycles: Cycles) -> tuple[list[Certificate], dict[int, NoOrbit]]:
+def certify(model: Model, cycles: Cycles) -> tuple[Records[Certificate], dict[int, NoOrbit]]:
     """The certificates of solved orbits (m,) of one model, and the errors, by index, of orbits that can have none."""
     curves = _curves(model, cycles)
     jerk, clearance, collisions = _gaps(model, cycles, curves["gap"])
@@ -122,32 +124,24 @@ def certify(model: Model, cycles: Cycles) -> tuple[list[Certificate], dict[int, 
         losses_off = np.where((loss == NONE) | ~np.isfinite(share), NONE, loss * share)
     # The sides of a loss that may be 0 are not known.
     known = (loss != NONE) & (losses_off != NONE) & (losses_off < loss)
-    sides = zip(known.tolist(), (cycles.gap_slope > 0).tolist(), strict=True)
-    bounce = [("below" if rises else "above") if one else None for one, rises in sides]
-    certificates = records(
-        Certificate,
-        family=families,
-        residual=cycles.residual.tolist(),
-        error=cycles.error.tolist(),
-        energy_drift=drift.tolist(),
-        clearance=or_none(clearance),
-        smallest_separation=or_none(separation),
-        smallest_contact_force=or_none(smallest_force),
-        largest_contact_force=or_none(largest_force),
-        landing_jerk=(-jerk).tolist(),
-        loss_coefficient=or_none(loss),
-        stable_side=["above" if side else None for side in bounce],
-        violations=violations,
-        unfolding=cycles.u["unfolding"].tolist() if "unfolding" in cycles.u else [None] * len(cycles),
-        loss_error=or_none(losses_off),
-        bounce_side=bounce,
-    )
-    return certificates, refused
-
-
-def records(kind: Callable[..., Record], **columns: Iterable[object]) -> list[Record]:
-    """The records (m,) of a kind, whose fields by name are columns (m,)."""
-    return [kind(**dict(zip(columns, row, strict=True))) for row in zip(*columns.values(), strict=True)]
+    columns: dict[str, Any] = {
+        "family": families,
+        "residual": cycles.residual,
+        "error": cycles.error,
+        "energy_drift": drift,
+        "clearance": clearance,
+        "smallest_separation": separation,
+        "smallest_contact_force": smallest_force,
+        "largest_contact_force": largest_force,
+        "landing_jerk": -jerk,
+        "loss_coefficient": loss,
+        "stable_side": _SIDES[np.where(known, 1, 0)],
+        "violations": violations,
+        "unfolding": cycles.u.get("unfolding", np.full(len(cycles), NONE)),
+        "loss_error": losses_off,
+        "bounce_side": _SIDES[np.where(known, np.where(cycles.gap_slope > 0, 2, 1), 0)],
+    }
+    return Records(Certificate, columns), refused
 
 
 def _losses(model: Model, cycles: Cycles, jerk: np.ndarray, power: np.ndarray) -> np.ndarray:
@@ -311,21 +305,21 @@ def _curves(model: Model, cycles: Cycles) -> dict[str, _Curve]:
     return _searched(sought)
 
 
-def count_families(model: Model, halves: Trajectories, per_flight: int) -> list[int]:
+def count_families(model: Model, halves: Trajectories, per_flight: int) -> np.ndarray:
     """The families of flights: the stationary points of the extension after lift-off up to and with mid-flight, less
     one; `per_flight` of the halves belong to each flight."""
     found = _searched({"extension": (halves, halves.series(model.extension), True, 0, False)})
     return _families(found["extension"], per_flight)
 
 
-def _families(extension: _Curve, per_flight: int) -> list[int]:
+def _families(extension: _Curve, per_flight: int) -> np.ndarray:
     """`count_families` from the stationary points of the extension; the one left out is mid-flight."""
     rest, rate, ends = np.abs(extension.at_ends(1)), np.abs(extension.at_ends(2)), extension.motions.ends
     # Rounding moves mid-flight where the extension is nearly constant there.
     moved = np.divide(2 * rest, rate, out=np.zeros(len(ends)), where=rate > 0)
     middle = np.clip(moved, MIDDLE * ends, LARGEST_MIDDLE * ends)
     owner = extension.owner[extension.times < (ends - middle)[extension.owner]] // per_flight
-    return (np.bincount(owner, minlength=len(extension.motions) // per_flight) // per_flight).tolist()
+    return np.bincount(owner, minlength=len(extension.motions) // per_flight) // per_flight
 
 
 def _gaps(model: Model, cycles: Cycles, gap: _Curve) -> tuple[np.ndarray, np.ndarray, list[Violation]]:
