@@ -210,9 +210,10 @@ def _work(phase: Phase, gradient: Callable, motions: Trajectories, p: Mapping) -
 
 
 class _Curve(NamedTuple):
-    """A function on m motions, as coefficients (N, K + 1), with places (r,) on them.
+    """A function on m motions, as coefficients (N, K + 1), with its zeros or stationary points (r,).
 
     owner, times : the motion of each place, and the time in that motion
+    rising : whether the function, or its rate, rises there
     values, ends : the function at the places (r,) and at the ends of the motions (m,)
     """
 
@@ -220,17 +221,19 @@ class _Curve(NamedTuple):
     series: np.ndarray
     owner: np.ndarray
     times: np.ndarray
+    rising: np.ndarray
     values: np.ndarray
     ends: np.ndarray
 
-    def lowest(self, middles: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """The lowest value (m,) on each motion, whose minima are at the places, and its time (m,); with `middles`, that
-        of its minima alone, `NONE` without one, the ends of these motions (e,) being minima and no others."""
-        each, among, starts, ends = np.arange(len(self.ends)), self.inside, np.zeros(0, int), middles
+    def lowest(self, middles: np.ndarray | None = None, sign: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+        """The lowest value (m,) of the function times a sign on each motion, and its time (m,); with `middles`, that of
+        the function's minima alone, `NONE` without one, the ends of these motions (e,) being minima and no others."""
+        each, among, starts, ends = np.arange(len(self.ends)), self.inside & self.rising, np.zeros(0, int), middles
         if ends is None:
             among, starts, ends = np.ones(len(self.owner), bool), each, each
         owner = np.concatenate([self.owner[among], starts, ends])
-        values = np.concatenate([self.values[among], self.series[self.motions.first[starts], 0], self.ends[ends]])
+        begins = self.series[self.motions.first[starts], 0]
+        values = sign * np.concatenate([self.values[among], begins, self.ends[ends]])
         times = np.concatenate([self.times[among], np.zeros(len(starts)), self.motions.ends[ends]])
         lowest, when = np.full(len(each), NONE), np.zeros(len(each))
         order = np.argsort(-values, kind="stable")  # of several assignments to one motion the last, the lowest, counts
@@ -251,64 +254,62 @@ class _Curve(NamedTuple):
         return evaluate(c, self.motions.steps[last])
 
 
-def _searched(sought: Mapping[str, tuple[Trajectories, np.ndarray, bool, int, bool]]) -> dict[str, _Curve]:
+def _searched(sought: Mapping[str, tuple[Trajectories, np.ndarray, bool, int]]) -> dict[str, _Curve]:
     """Functions on motions with their zeros or stationary points, which are all found in one search.
 
     sought : by name the motions, the function (N, K + 1) on them, whether the zeros of its rate are sought or its own,
-        the order of the zero of the searched function at the start of each motion, which is divided out exactly, and
-        whether only rising zeros count
+        and the order of the zero of the searched function at the start of each motion, which is divided out exactly
     """
     if len(sought) > 1 and sum(len(series) for _, series, *_ in sought.values()) > MOST_TOGETHER:
         return {name: _searched({name: one})[name] for name, one in sought.items()}
-    motions, series, by_rate, orders, rising = zip(*sought.values(), strict=True)
+    motions, series, by_rate, orders = zip(*sought.values(), strict=True)
     firsts = np.cumsum([0, *map(len, motions)])
     parts = zip(*((each.starts, each.steps, each.counts) for each in motions), strict=True)
     starts, steps, counts = map(np.concatenate, parts)
-    functions, sizes = np.concatenate(series), np.diff(firsts)
+    functions, sizes = np.concatenate(series) if len(series) > 1 else series[0], np.diff(firsts)
     polynomials = PiecewisePolynomials(functions, steps, counts)
-    order, rises, rate = (np.repeat(values, sizes) for values in (orders, rising, by_rate))
-    owner, piece, t = polynomials.roots(order, rises, stationary=rate)
+    order, rate = (np.repeat(values, sizes) for values in (orders, by_rate))
+    owner, piece, t = polynomials.roots(order, stationary=rate)
     step, last = polynomials.first[owner] + piece, polynomials.last
     values, times = evaluate(functions[step], t), starts[step] + t
     ends = evaluate(functions[last], steps[last])
     places, found = np.searchsorted(owner, firsts).tolist(), dict[str, _Curve]()
     for i, name in enumerate(sought):
         here, each = slice(places[i], places[i + 1]), slice(firsts[i], firsts[i + 1])
-        found[name] = _Curve(motions[i], series[i], owner[here] - firsts[i], times[here], values[here], ends[each])
+        mine = owner[here] - firsts[i], times[here], polynomials.rising[here], values[here]
+        found[name] = _Curve(motions[i], series[i], *mine, ends[each])
     return found
 
 
 def extremes(motions: Trajectories, series: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The lowest and the highest values (m,) on motions of a function with coefficients (N, K + 1)."""
-    curve = _searched({"all": (motions, series, True, 0, False)})["all"]
-    mirrored = curve._replace(series=-curve.series, values=-curve.values, ends=-curve.ends)
-    return curve.lowest()[0], -mirrored.lowest()[0]
+    curve = _searched({"all": (motions, series, True, 0)})["all"]
+    return curve.lowest()[0], -curve.lowest(sign=-1.0)[0]
 
 
 def _curves(model: Model, cycles: Cycles) -> dict[str, _Curve]:
-    """The functions on the motions that a certificate checks: gap, force, -force ("peak") and separations with their
-    minima, the extension with its stationary points, and the force with its zeros ("pull")."""
+    """The functions on the motions that a certificate checks: gap, force, separations and the extension with their
+    stationary points, and the force with its zeros ("pull")."""
     halves, contacts, distance = cycles.halves, cycles.contacts, model.separation(cycles.p_of_halves)
     # Each half starts from a zero of order three of the gap, so of order two of its rate, and the contact force from a
     # simple one.
     gap, extension = halves.series(model.gap(cycles.p_of_halves)), halves.series(model.extension)
-    sought = {"gap": (halves, gap, True, 2, True), "extension": (halves, extension, True, 0, False)}
+    sought = {"gap": (halves, gap, True, 2), "extension": (halves, extension, True, 0)}
     if distance:
-        sought["separation"] = (halves, halves.series(distance), True, 0, True)
+        sought["separation"] = (halves, halves.series(distance), True, 0)
     if contacts:
         force = contacts.coefficients[:, contacts.names.index(CONTACT_FORCE)]
-        sought["force"], sought["peak"] = (contacts, force, True, 0, True), (contacts, -force, True, 0, True)
-        sought["pull"] = (contacts, force, False, 1, False)
+        sought["force"], sought["pull"] = (contacts, force, True, 0), (contacts, force, False, 1)
         if distance:
             apart = contacts.series(model.separation(cycles.p_of_contacts), model.embed)
-            sought["separation in contact"] = (contacts, apart, True, 0, True)
+            sought["separation in contact"] = (contacts, apart, True, 0)
     return _searched(sought)
 
 
 def count_families(model: Model, halves: Trajectories, per_flight: int) -> np.ndarray:
     """The families of flights: the stationary points of the extension after lift-off up to and with mid-flight, less
     one; `per_flight` of the halves belong to each flight."""
-    found = _searched({"extension": (halves, halves.series(model.extension), True, 0, False)})
+    found = _searched({"extension": (halves, halves.series(model.extension), True, 0)})
     return _families(found["extension"], per_flight)
 
 
@@ -361,7 +362,7 @@ def _contact_forces(
     # Mid-contact itself may be a minimum.
     middles = (force.at_ends(2) > 0).nonzero()[0] if model.reversor else np.zeros(0, int)
     low, _ = force.lowest(middles)
-    least[cycles.with_contact], peaks[cycles.with_contact] = low, -curves["peak"].lowest()[0]
+    least[cycles.with_contact], peaks[cycles.with_contact] = low, -force.lowest(sign=-1.0)[0]
     # A whole contact ends on another zero of the force than the one that it starts from.
     inside = np.full(len(pull.times), True) if model.reversor else pull.inside
     owner, times = pull.owner[inside][::-1].tolist(), pull.times[inside][::-1].tolist()

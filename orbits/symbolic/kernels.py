@@ -21,6 +21,8 @@ from .machine_code import MOST_LANES, MachineCode, compile_seconds, say_interpre
 
 # About the seconds that CasADi's virtual machine takes for one instruction (measured on a server core of 2024).
 SECONDS_INTERPRETED = 3e-9
+# About the seconds that an interpreted iteration takes besides, and that a point takes besides its iterations.
+SECONDS_OF_CALL, SECONDS_OF_POINT = 1e-6, 1e-5
 # About the share of that which machine code takes.
 COMPILED_SHARE = 0.03
 # From this many instructions on, optimised code is hardly faster, and takes long to make.
@@ -215,7 +217,7 @@ class Kernel:
                 if recorded:
                     records[count] = values
                     count += 1
-            self.interpretation_budget -= tried * self.seconds_per_step
+            self.interpretation_budget -= tried * (self.seconds_per_step + SECONDS_OF_CALL) + SECONDS_OF_POINT
             inputs[0][:], ends[:] = after, (count, not going, tried)
         places = [*accumulate(sizes[1:-2], initial=0)]
         return [records[:count, first:last].copy() for first, last in pairwise(places)]
