@@ -10,6 +10,7 @@ from io import FileIO
 from itertools import chain
 from pathlib import Path
 from types import TracebackType
+from typing import TypeAlias
 
 from ..errors import InputError
 from ..io import check_ending, refusing, version, writing
@@ -22,6 +23,8 @@ from .curve import CurvePoint, CurvePoints
 from .family import FAMILY_ENDINGS, UNFINISHED, Family, Sealing
 from .point import End, Event, Point, json_line
 from .tracer import Tracer
+
+_Item: TypeAlias = CurvePoints | CurvePoint | Event | End
 
 
 @cache
@@ -37,14 +40,13 @@ def collect_family(
     family = _begun(tracer, resume)
     parts, events, end, before = list[Records[Point]](), [*family.events], family.end, len(family.points)
     with Lines(family, resume, output) as lines, interrupts.deferred():
-        for item in _until_time_is_over(tracer):
+        for item in _until_time_is_over(tracer if progress else tracer.parts()):
             if isinstance(item, CurvePoint | CurvePoints):
                 assert isinstance(item.certified, Records)
                 parts.append(tracer.curve.all_in_units(item.certified))
                 lines.add(parts[-1])
-                if progress:
-                    for value in parts[-1].column("value").tolist():
-                        progress((value - tracer.start) / (tracer.stop - tracer.start))
+                if progress and isinstance(item, CurvePoint):
+                    progress((item.value - tracer.start) / (tracer.stop - tracer.start))
             elif isinstance(item, Event):
                 point = tracer.curve.in_units(item.point)
                 events.append(replace(item, after=item.after + before, point=point))
@@ -56,10 +58,10 @@ def collect_family(
     return replace(family, points=points, events=tuple(events), end=end)
 
 
-def _until_time_is_over(tracer: Tracer) -> Iterator[CurvePoints | CurvePoint | Event | End]:
-    """The parts of a run; with an end "interrupted" when its time limit is reached."""
+def _until_time_is_over(items: Iterable[_Item]) -> Iterator[_Item]:
+    """The items of a run; with an end "interrupted" when its time limit is reached."""
     try:
-        for item in tracer.parts():
+        for item in items:
             yield item
             interrupts.heed()
     except TimeOver as over:
