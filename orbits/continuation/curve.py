@@ -35,11 +35,9 @@ Watch = Mapping[str, Callable[[Orbit], float]]
 TEST_FUNCTIONS: dict[str, Callable[[Records[Point]], np.ndarray]] = {
     "grazing": lambda points: _or_one(points.column("clearance")),
     "masses touch": lambda points: points.column("smallest_separation"),
-    "contact pulls": lambda points: np.where(
-        _lifts_off(points), _or_one(points.column("smallest_contact_force")), NONE
-    ),
+    "contact pulls": lambda points: np.where(_lifts(points), _or_one(points.column("smallest_contact_force")), NONE),
     "landing jerk": lambda points: -points.column("landing_jerk"),
-    "collapse": lambda points: np.where(_lifts_off(points) | _leaves_law(points), 1.0, -1.0),
+    "collapse": lambda points: np.where(_lifts(points) | _leaves_law(points), 1.0, -1.0),
     "law ends": lambda points: np.where(_leaves_law(points), -1.0, 1.0),
 }
 
@@ -48,14 +46,14 @@ def _or_one(values: np.ndarray) -> np.ndarray:
     return np.where(values == NONE, 1.0, values)
 
 
-def _lifts_off(points: Records[Point]) -> np.ndarray:
+def _lifts(points: Records[Point]) -> np.ndarray:
     """Whether the contacts end."""
     return points.column("contact_time") != NONE
 
 
 def _leaves_law(points: Records[Point]) -> np.ndarray:
     """Whether contacts have no end because the motion leaves the range of a law, such as a measured table."""
-    found, violations = ~_lifts_off(points), points.column("violations")
+    found, violations = ~_lifts(points), points.column("violations")
     for i in found.nonzero()[0].tolist():
         found[i] = any(OUT_OF_LAW in violation for violation in violations[i])
     return found
@@ -144,7 +142,7 @@ class CurvePoints(Sequence[CurvePoint]):
 
     @classmethod
     def of(cls, points: Sequence[CurvePoint]) -> "CurvePoints":
-        """Points, none of which or all are certified."""
+        """One point, or several that are not certified."""
         return points if isinstance(points, cls) else cls.joined([cls._one(*point) for point in points])
 
     @classmethod
@@ -154,15 +152,13 @@ class CurvePoints(Sequence[CurvePoint]):
 
     @classmethod
     def joined(cls, parts: Sequence["CurvePoints"]) -> "CurvePoints":
-        """The points of all parts, of which there is one at least."""
+        """The points of one part, or of several that are not certified."""
         if len(parts) == 1:
             return parts[0]
         columns = zip(*((p.xs, p.tangents, p.branch_tests, p.lengths, p.parts) for p in parts), strict=True)
         xs, tangents, tests, lengths, divided = map(np.concatenate, columns)
-        orbits = [part.certified for part in parts if part.certified is not None]
-        evaluation, places = joined([part.own_evaluation for part in parts]), np.arange(len(xs))
-        certified = Records.joined(orbits) if orbits else None
-        return cls(xs, tangents, tests, evaluation, places, lengths, divided, certified)
+        evaluation = joined([part.own_evaluation for part in parts])
+        return cls(xs, tangents, tests, evaluation, np.arange(len(xs)), lengths, divided)
 
     @property
     def own_evaluation(self) -> Evaluation:
