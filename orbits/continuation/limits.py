@@ -72,7 +72,6 @@ class Endings:
     def __init__(self, curve: Curve, origin: Point, start: float, bounds: tuple[float, float], options: Options):
         self.curve, self.origin, self.start, self.bounds = curve, origin, start, bounds
         self.stop_inadmissible, self.control = options.stop_inadmissible, options.step_control
-        self._first = np.array([*origin.u, start])
 
     def may_end(self, before: CurvePoint, points: Sequence[CurvePoint]) -> np.ndarray:
         """Whether the curve may end between each of certified points (m,) and the one before it, or at that point,
@@ -117,6 +116,11 @@ class Endings:
         same = np.max(np.abs(point.x - self._first) / curve.size(a.x)) < self.control.same_point
         onward = point.tangent @ self.origin.tangent > 0
         return curve.certify_at(point, self.start) if same and onward else None
+
+    @property
+    def _first(self) -> np.ndarray:
+        """The first point X of the curve, (n + 1,)."""
+        return np.array([*self.origin.u, self.start])
 
     def _passed(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """The shares (...) at which chords from a to b (..., n + 1) pass the first point, 0 where they do not."""
