@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 
 from .errors import InputError, OrbitsError, finite_number
 from .io import Document, conform
+from .records import Records
 
 # Powers of the units of length, time, force and energy, of the extension at lift-off, which is a length or an angle,
 # and of angles; those left out at the end are 0.
@@ -132,14 +133,15 @@ class Units:
         return argument / self.of(dimension) if known else argument
 
     def convert(self, record: Record, **own: Dimension) -> Record:
-        """A frozen record of dimensionless numbers, converted to SI where the name is known; `own` has further
-        dimensions by name."""
+        """A frozen record of dimensionless numbers, or `Records` for units (m,), converted to SI where the name is
+        known; `own` has further dimensions by name."""
         known: dict[str, object] = {}
-        for field in fields(record):  # type: ignore[arg-type]
-            dimension = own.get(field.name) or DIMENSIONS.get(field.name)
-            if dimension and (value := getattr(record, field.name)) is not None:
-                known[field.name] = value * self.of(dimension)
-        return replace(record, **known)  # type: ignore[type-var]
+        several: Any = record if isinstance(record, Records) else None
+        for name in several.columns if several else [field.name for field in fields(record)]:  # type: ignore[arg-type]
+            dimension = own.get(name) or DIMENSIONS.get(name)
+            if dimension and (value := several.column(name) if several else getattr(record, name)) is not None:
+                known[name] = value * self.of(dimension)
+        return several.replaced(**known) if several else replace(record, **known)  # type: ignore[type-var]
 
     def convert_motion(self, path: Any, own: Mapping[str, Dimension] | None = None) -> Any:
         """A `Trajectory` in SI; `own` has the dimensions of rows that are no states."""

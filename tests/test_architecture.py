@@ -17,6 +17,7 @@ ROOMS = (
     "errors",
     "check_proof",
     "tables",
+    "records",
     "io",
     "running",
     "symbolic",

@@ -2,24 +2,29 @@
 
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 from functools import cache
 from io import FileIO
+from itertools import chain
 from pathlib import Path
 from types import TracebackType
+from typing import TypeAlias
 
 from ..errors import InputError
 from ..io import check_ending, refusing, version, writing
 from ..model.machine import machine_in_words
 from ..periodic.find import Progress
+from ..records import Records
 from ..running import interrupts
 from ..running.time_limit import TimeOver
-from .curve import CurvePoint
+from .curve import CurvePoint, CurvePoints
 from .family import FAMILY_ENDINGS, UNFINISHED, Family, Sealing
 from .point import End, Event, Point, json_line
 from .tracer import Tracer
+
+_Item: TypeAlias = CurvePoints | CurvePoint | Event | End
 
 
 @cache
@@ -33,27 +38,30 @@ def collect_family(
 ) -> Family:
     """The family that a run finds; the other arguments as in `follow`."""
     family = _begun(tracer, resume)
-    points, events, end, before = [*family.points], [*family.events], family.end, len(family.points)
+    parts, events, end, before = list[Records[Point]](), [*family.events], family.end, len(family.points)
     with Lines(family, resume, output) as lines, interrupts.deferred():
-        for item in _until_time_is_over(tracer):
-            line: Point | Event | End
-            if isinstance(item, CurvePoint):
-                points.append(line := tracer.curve.in_units(item.point))
+        for item in _until_time_is_over(tracer if progress else tracer.parts()):
+            if isinstance(item, CurvePoint | CurvePoints):
+                assert isinstance(item.certified, Records)
+                parts.append(tracer.curve.all_in_units(item.certified))
+                lines.add(parts[-1])
+                if progress and isinstance(item, CurvePoint):
+                    progress((item.value - tracer.start) / (tracer.stop - tracer.start))
             elif isinstance(item, Event):
                 point = tracer.curve.in_units(item.point)
-                events.append(line := replace(item, after=item.after + before, point=point))
+                events.append(replace(item, after=item.after + before, point=point))
+                lines.add(events[-1:])
             else:
-                line = end = item
-            lines.add(line)
-            if progress and isinstance(item, CurvePoint):
-                progress((item.value - tracer.start) / (tracer.stop - tracer.start))
-    return replace(family, points=tuple(points), events=tuple(events), end=end)
+                end = item
+                lines.add([end])
+    points = (*family.points, *chain.from_iterable(parts)) if before else Records.joined(parts)
+    return replace(family, points=points, events=tuple(events), end=end)
 
 
-def _until_time_is_over(tracer: Tracer) -> Iterator[CurvePoint | Event | End]:
+def _until_time_is_over(items: Iterable[_Item]) -> Iterator[_Item]:
     """The items of a run; with an end "interrupted" when its time limit is reached."""
     try:
-        for item in tracer:
+        for item in items:
             yield item
             interrupts.heed()
     except TimeOver as over:
@@ -95,9 +103,11 @@ class Lines:
         with refusing("family", self.path):
             self.file = FileIO(self.path, "ab")  # without a buffer, which would be written again as it is closed
 
-    def add(self, item: Point | Event | End) -> None:
-        """Write a further record; it is in the file when this method returns."""
-        if self.file is not None:
+    def add(self, items: Iterable[Point | Event | End]) -> None:
+        """Write further records; they are in the file when this method returns."""
+        if self.file is None:
+            return
+        for item in items:
             with refusing("family", self.path):
                 rest = self.sealing.line(json_line(item)).encode()
                 while rest:

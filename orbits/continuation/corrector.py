@@ -12,7 +12,7 @@ from ..errors import NoOrbit
 from ..numerics.roots import Array, solve
 from ..shooting.newton_kernel import MOST_NEWTON_STEPS, Solutions
 from ..shooting.single_shooting import STALLED_RATIO, Evaluation, settles
-from .curve import Curve, CurvePoint, StepEnd
+from .curve import Curve, CurvePoint, CurvePoints, StepEnd
 from .predictor import around
 
 # Points of the curve that the predictor uses for a step.
@@ -27,7 +27,7 @@ def correct(curve: Curve, guess: Array, row: Array, level: float, before: Array)
 
 def correct_all(
     curve: Curve, guesses: Array, rows: Array, levels: Array, before: Array, gaps: Any = 0.0, parts: Any = 0
-) -> list[CurvePoint]:
+) -> CurvePoints:
     """`correct` of several guesses (m, n + 1), at levels (m,) of rows (m, n + 1), with tangents `before` (m, n + 1);
     `gaps` (m,) and `parts` (m,) are their `length` and their `parts`."""
     _, xs, tangents, _, evaluation = _solutions(curve, guesses, rows, levels)
@@ -35,9 +35,8 @@ def correct_all(
     tangents = _onward(curve, xs, tangents, before)
     sizes = curve.size(xs)
     bordered = np.concatenate([evaluation.jacobian * sizes[:, None], (tangents / sizes)[:, None]], axis=1)
-    columns = np.linalg.det(bordered), np.broadcast_to(gaps, len(xs)), np.broadcast_to(parts, len(xs))
-    each = zip(xs, tangents, *(column.tolist() for column in columns), strict=True)
-    return [CurvePoint(x, t, test, evaluation, i, *others) for i, (x, t, test, *others) in enumerate(each)]
+    others = np.arange(len(xs)), np.broadcast_to(gaps, len(xs)), np.broadcast_to(parts, len(xs))
+    return CurvePoints(xs, tangents, np.linalg.det(bordered), evaluation, *others)
 
 
 def _solutions(

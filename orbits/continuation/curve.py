@@ -5,8 +5,8 @@ X = (u, value), measured in units of its own size.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from itertools import groupby
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple, overload
 
 import numpy as np
 
@@ -14,10 +14,11 @@ from ..consistency.accepted import check_parameters
 from ..errors import InputError, OrbitsError
 from ..flow.flow import OUT_OF_LAW
 from ..model.machine import Machine
-from ..periodic.certificate import Certificate, records
+from ..periodic.certificate import Certificate
 from ..periodic.certified import Solved, certified, orbit_from
 from ..periodic.orbit import Orbit
 from ..periodic.quantities import motion_numbers
+from ..records import NONE, Records
 from ..shooting.formulations import Cycles, equations_of, iterative, method_of
 from ..shooting.newton_kernel import NewtonKernel, newton_kernel
 from ..shooting.single_shooting import Evaluation, joined
@@ -30,24 +31,32 @@ from .predictor import around
 AT_A_FOLD = 1e-3
 # Functions of an orbit whose zeros are events, by name.
 Watch = Mapping[str, Callable[[Orbit], float]]
-# Test functions of a certified orbit, which change their sign at the event. They are None where they are not defined.
-TEST_FUNCTIONS: dict[str, Callable[[Point], float | None]] = {
-    "grazing": lambda point: 1.0 if (least := point.certificate.clearance) is None else least,
-    "masses touch": lambda point: point.certificate.smallest_separation,
-    "contact pulls": lambda point: None if point.contact_time is None else _smallest_force(point),
-    "landing jerk": lambda point: -point.certificate.landing_jerk,
-    "collapse": lambda point: -1.0 if point.contact_time is None and not _leaves_law(point) else 1.0,
-    "law ends": lambda point: -1.0 if point.contact_time is None and _leaves_law(point) else 1.0,
+# Test functions of certified orbits, which change their sign at the event. They are NONE where they are not defined.
+TEST_FUNCTIONS: dict[str, Callable[[Records[Point]], np.ndarray]] = {
+    "grazing": lambda points: _or_one(points.column("clearance")),
+    "masses touch": lambda points: points.column("smallest_separation"),
+    "contact pulls": lambda points: np.where(_lifts(points), _or_one(points.column("smallest_contact_force")), NONE),
+    "landing jerk": lambda points: -points.column("landing_jerk"),
+    "collapse": lambda points: np.where(_lifts(points) | _leaves_law(points), 1.0, -1.0),
+    "law ends": lambda points: np.where(_leaves_law(points), -1.0, 1.0),
 }
 
 
-def _leaves_law(point: Point) -> bool:
-    """Whether the contact has no end because the motion leaves the range of a law, such as a measured table."""
-    return any(OUT_OF_LAW in violation for violation in point.certificate.violations)
+def _or_one(values: np.ndarray) -> np.ndarray:
+    return np.where(values == NONE, 1.0, values)
 
 
-def _smallest_force(point: Point) -> float:
-    return 1.0 if (least := point.certificate.smallest_contact_force) is None else least
+def _lifts(points: Records[Point]) -> np.ndarray:
+    """Whether the contacts end."""
+    return points.column("contact_time") != NONE
+
+
+def _leaves_law(points: Records[Point]) -> np.ndarray:
+    """Whether contacts have no end because the motion leaves the range of a law, such as a measured table."""
+    found, violations = ~_lifts(points), points.column("violations")
+    for i in found.nonzero()[0].tolist():
+        found[i] = any(OUT_OF_LAW in violation for violation in violations[i])
+    return found
 
 
 class CurvePoint(NamedTuple):
@@ -59,7 +68,7 @@ class CurvePoint(NamedTuple):
     evaluation, place : the equations at several solved points, and the index of this point among them
     length : length of the curve from the point before
     parts : number of points that the step ending here is divided into; 0 at a point that does not end a step
-    certified : the orbit without its motion, None before it is certified
+    certified : the orbit (1,) without its motion, None before it is certified
     """
 
     x: np.ndarray
@@ -69,7 +78,7 @@ class CurvePoint(NamedTuple):
     place: int
     length: float = 0.0
     parts: int = 0
-    certified: Point | None = None
+    certified: Sequence[Point] | None = None
 
     @property
     def value(self) -> float:
@@ -86,7 +95,76 @@ class CurvePoint(NamedTuple):
         """The certified orbit without its motion."""
         if self.certified is None:
             raise ValueError("this point of the curve is not certified")
+        return self.certified[0]
+
+
+@dataclass(frozen=True, eq=False)
+class CurvePoints(Sequence[CurvePoint]):
+    """Points (m,) of the curve in order, with the fields of a `CurvePoint` as arrays, of one evaluation."""
+
+    xs: np.ndarray
+    tangents: np.ndarray
+    branch_tests: np.ndarray
+    evaluation: Evaluation
+    places: np.ndarray
+    lengths: np.ndarray
+    parts: np.ndarray
+    certified: Records[Point] | None = None
+
+    def __len__(self) -> int:
+        return len(self.xs)
+
+    @overload
+    def __getitem__(self, i: int) -> CurvePoint: ...
+
+    @overload
+    def __getitem__(self, i: slice) -> "CurvePoints": ...
+
+    def __getitem__(self, i):
+        one = not isinstance(i, slice)
+        i = range(len(self))[i] if one else i
+        arrays = self.xs, self.tangents, self.branch_tests, self.places, self.lengths, self.parts
+        x, tangent, *numbers = (each[i] for each in arrays)
+        test, *others = (each.item() for each in numbers) if one else numbers
+        orbits = None if self.certified is None else self.certified[slice(i, i + 1) if one else i]
+        return (CurvePoint if one else CurvePoints)(x, tangent, test, self.evaluation, *others, orbits)
+
+    @property
+    def orbits(self) -> Records[Point]:
+        """The certified orbits (m,) without their motions."""
+        assert self.certified is not None
         return self.certified
+
+    @property
+    def values(self) -> np.ndarray:
+        """The values (m,) of the parameter."""
+        return self.xs[:, -1]
+
+    @classmethod
+    def of(cls, points: Sequence[CurvePoint]) -> "CurvePoints":
+        """One point, or several that are not certified."""
+        return points if isinstance(points, cls) else cls.joined([cls._one(*point) for point in points])
+
+    @classmethod
+    def _one(cls, x, tangent, test, evaluation, place, length, parts, orbits) -> "CurvePoints":
+        test, place, length, parts = (np.array([number]) for number in (test, place, length, parts))
+        return cls(x[None], tangent[None], test, evaluation, place, length, parts, orbits)
+
+    @classmethod
+    def joined(cls, parts: Sequence["CurvePoints"]) -> "CurvePoints":
+        """The points of one part, or of several that are not certified."""
+        if len(parts) == 1:
+            return parts[0]
+        columns = zip(*((p.xs, p.tangents, p.branch_tests, p.lengths, p.parts) for p in parts), strict=True)
+        xs, tangents, tests, lengths, divided = map(np.concatenate, columns)
+        evaluation = joined([part.own_evaluation for part in parts])
+        return cls(xs, tangents, tests, evaluation, np.arange(len(xs)), lengths, divided)
+
+    @property
+    def own_evaluation(self) -> Evaluation:
+        """The equations at these points alone."""
+        whole = np.array_equal(self.places, np.arange(len(self.evaluation.jacobian)))
+        return self.evaluation if whole else self.evaluation[self.places]
 
 
 class StepEnd(NamedTuple):
@@ -151,56 +229,49 @@ class Curve:
 
     def certify(self, point: CurvePoint) -> CurvePoint:
         """The point, certified; raises the error when it cannot be certified."""
-        if point.certified:
+        if point.certified is not None:
             return point
-        certified, error = self.certify_all([point])
+        certified, error = self.certify_all(CurvePoints.of([point]))
         if error:
             raise error
         return certified[0]
 
-    def certify_all(self, points: Sequence[CurvePoint]) -> tuple[list[CurvePoint], OrbitsError | None]:
+    def certify_all(self, points: Sequence[CurvePoint]) -> tuple[Sequence[CurvePoint], OrbitsError | None]:
         """The points, certified, up to the first that cannot be certified, and its error."""
-        if not points:
+        if not len(points):
             return [], None
+        points = CurvePoints.of(points)
         solved, closing = self.solutions(points)
         found, refused = certified(solved, closing, quickly=True, refused=self._refused(solved.ps))
         end = min(refused, default=len(points))
         if found is None or end == 0:
             return [], refused[0]
-        orbits = self._points(points[:end], found.cycles, found.certificates)
-        return [point._replace(certified=orbit) for point, orbit in zip(points, orbits, strict=False)], refused.get(end)
+        points = points[:end]
+        return replace(points, certified=self._points(points, found.cycles, found.certificates)), refused.get(end)
 
-    def solutions(self, points: Sequence[CurvePoint]) -> tuple[Solved, np.ndarray]:
+    def solutions(self, points: CurvePoints) -> tuple[Solved, np.ndarray]:
         """The solutions (m, n) of the machine's own equations at points, and the rows (m, n + 1) that complete these
         equations for the measurement of errors."""
-        xs = np.array([point.x for point in points])
-        across, ps = np.array([point.tangent for point in points]) / self.size(xs) ** 2, self.parameters_at(xs)
+        xs = points.xs
+        across, ps = points.tangents / self.size(xs) ** 2, self.parameters_at(xs)
         folds = np.abs(across[:, -1]) * self.span < AT_A_FOLD
-        evaluations = []
-        for _, group in groupby(points, key=lambda point: id(point.evaluation)):
-            solved = list(group)
-            indices, evaluation = np.array([point.place for point in solved]), solved[0].evaluation
-            whole = np.array_equal(indices, np.arange(len(evaluation.jacobian)))
-            evaluations.append(evaluation if whole else evaluation[indices])
         closing = np.where(folds[:, None], across, np.eye(xs.shape[1])[-1])
-        return self._solved(xs[:, :-1], ps, joined(evaluations)), closing
+        return self._solved(xs[:, :-1], ps, points.own_evaluation), closing
 
     def _solved(self, us: np.ndarray, ps: np.ndarray, evaluation: Evaluation) -> Solved:
         return Solved(self.machine.model, self.method, self.equations_of_orbits, us, ps, evaluation)
 
-    def _points(self, points: Sequence[CurvePoint], cycles: Cycles, certificates: Sequence[Certificate]) -> list[Point]:
-        """The certified orbits of the first of some points."""
-        xs, tangents = (np.array([getattr(point, name) for point in points]) for name in ("x", "tangent"))
+    def _points(self, points: CurvePoints, cycles: Cycles, certificates: Records[Certificate]) -> Records[Point]:
+        """The certified orbits of points, which are the first of some."""
         also = {name: cycles.p[name].tolist() for name in self.varied(self.parameters) if name != self.along}
         others = [dict(zip(also, row, strict=True)) for row in zip(*also.values(), strict=True)] or [{}] * len(points)
-        columns = {**motion_numbers(self.machine.model, cycles), "certificate": certificates, "also": others}
-        return records(
-            Point,
-            value=xs[:, -1].tolist(),
-            u=map(tuple, xs[:, :-1].tolist()),
-            tangent=map(tuple, tangents.tolist()),
-            **{name: values[: len(points)] for name, values in columns.items()},
-        )
+        found: dict[str, Any] = {
+            **motion_numbers(self.machine.model, cycles),
+            "certificate": certificates,
+            "also": others,
+        }
+        own = {"value": points.values, "u": points.xs[:, :-1], "tangent": points.tangents}
+        return Records(Point, own | {name: values[: len(points)] for name, values in found.items()})
 
     def _refused(self, ps: np.ndarray) -> dict[int, OrbitsError]:
         """The errors, by index, of those parameters (m, np) that are inadmissible for the machine."""
@@ -220,7 +291,7 @@ class Curve:
         machine = self.machine.with_values(**self.varied(self.parameters_at(point.x[None])[0]))
         return orbit_from(machine, self.method, point.x[:-1], point.point.error)
 
-    def units_at(self, value: float, also: Mapping[str, float] | None = None) -> Units | None:
+    def units_at(self, value: Any, also: Mapping[str, Any] | None = None) -> Units | None:
         """The units at a value of the parameter, and at others that vary along the curve; None for a dimensionless
         machine."""
         units = self.machine.model.units
@@ -229,6 +300,18 @@ class Curve:
     def in_units(self, point: Point) -> Point:
         """A dimensionless point in the machine's units: in SI for a machine in SI."""
         return point_in_units(point, self.units_at(point.value, point.also))
+
+    def all_in_units(self, points: Records[Point]) -> Records[Point]:
+        """`in_units` of several points."""
+        also, certificates = points.column("also"), points.column("certificate")
+        units = self.units_at(
+            points.column("value"), {name: np.array([each[name] for each in also]) for name in also[0]}
+        )
+        if units is None:
+            return points
+        each = enumerate(points.column("violations"))
+        violations = [self.in_units(points[i]).violations if own else () for i, own in each]
+        return units.convert(points.replaced(certificate=units.convert(certificates).replaced(violations=violations)))
 
     def dimensionless(self, point: Point) -> Point:
         """A point in the machine's units converted to the dimensionless form of the curve."""

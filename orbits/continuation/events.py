@@ -15,9 +15,10 @@ import numpy as np
 from ..errors import InputError, NoOrbit, OrbitsError, finite_number
 from ..numerics.roots import bracketed_root
 from ..periodic.orbit import Orbit
+from ..records import NONE
 from ..units import LIFTOFF_SPEED
 from .corrector import correct
-from .curve import TEST_FUNCTIONS, Curve, CurvePoint, Watch, interpolated
+from .curve import TEST_FUNCTIONS, Curve, CurvePoint, CurvePoints, Watch, interpolated
 
 # An event is located to this share of the chord between two points, where rounding begins to show.
 WIDTH = 1e-13
@@ -34,16 +35,16 @@ class Segment:
         self.curve, self.a, self.b = curve, a, b
 
     @staticmethod
-    def may_happen(points: Sequence[CurvePoint], requested: tuple[float, ...], watch: Watch) -> np.ndarray:
-        """Whether an event may lie between each pair of neighbouring certified points, (m - 1,)."""
+    def may_happen(
+        before: CurvePoint, points: Sequence[CurvePoint], requested: tuple[float, ...], watch: Watch
+    ) -> np.ndarray:
+        """Whether an event may lie between each of certified points (m,) and the one before it, (m,)."""
         if watch:
-            return np.ones(len(points) - 1, bool)
-        orbits, values = [point.point for point in points], np.array([point.x for point in points])[:, -1:]
-        tests = [[(x := test(orbit)) is not None and x >= 0 for orbit in orbits] for test in TEST_FUNCTIONS.values()]
-        tests += [[point.tangent[-1] >= 0 for point in points], [point.branch_test >= 0 for point in points]]
-        signs = np.array([*tests, [orbit.certificate.family for orbit in orbits]])
+            return np.ones(len(points), bool)
+        parts = [(part.values[:, None], _test_signs(part)) for part in map(CurvePoints.of, ([before], points))]
+        values, signs = map(np.concatenate, zip(*parts, strict=True))
         low, high = np.minimum(values[:-1], values[1:]), np.maximum(values[:-1], values[1:])
-        return (signs[:, :-1] != signs[:, 1:]).any(0) | ((low <= requested) & (requested <= high)).any(1)
+        return (signs[:-1] != signs[1:]).any(1) | ((low <= requested) & (requested <= high)).any(1)
 
     @cached_property
     def row(self) -> np.ndarray:
@@ -100,7 +101,7 @@ class Segment:
 
     def events(self, requested: tuple[float, ...], watch: Watch) -> list[tuple[str, CurvePoint]]:
         """The events by kind and point, in order along the curve; with the `requested` values of the parameter."""
-        if not self.may_happen((self.a, self.b), requested, watch).any():
+        if not self.may_happen(self.a, [self.b], requested, watch).any():
             return []
         located = [(kind, share, self.curve.certify(point)) for kind, share, point in self._sign_changes(watch)]
         turns = [0.0, *([] if self.fold is None else [self.fold]), 1.0]
@@ -145,8 +146,16 @@ class Segment:
         if kind == "family":
             return 1.0 if point.point.family == self.a.point.family else -1.0
         if kind in TEST_FUNCTIONS:
-            return TEST_FUNCTIONS[kind](point.point)
+            value = TEST_FUNCTIONS[kind](CurvePoints.of([point]).orbits).item()
+            return None if value == NONE else value
         return watched(kind, watch[kind], self.curve.orbit(point))
+
+
+def _test_signs(points: CurvePoints) -> np.ndarray:
+    """The signs (m, k) of the test functions of points, and their families."""
+    signs = [((values := test(points.orbits)) >= 0) & (values != NONE) for test in TEST_FUNCTIONS.values()]
+    signs += [points.tangents[:, -1] >= 0, points.branch_tests >= 0, points.orbits.column("family")]
+    return np.array(signs).T
 
 
 def watched(name: str, function: Callable[[Orbit], float | bool | None], orbit: Orbit) -> float | None:

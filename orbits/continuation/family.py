@@ -23,7 +23,7 @@ from ..proof.theorem import Proof
 from ..result import ENDINGS, Axes, Result, Row, is_of, shown
 from ..running.time_limit import LIMIT
 from ..units import saved_units
-from .point import KNOWN, SIDES, End, Event, Point, check_points, json_line, point_in_units
+from .point import KNOWN, SIDES, End, Event, Point, check_points, json_line, numbers_at, point_in_units
 from .proved_curve import branch_claim
 from .table import names_of_motions, numbers_of_motions
 
@@ -114,7 +114,7 @@ class Family(
 
     name: str
     machine: Mapping
-    points: tuple[Point, ...]
+    points: Sequence[Point]
     events: tuple[Event, ...]
     end: End
     settings: Mapping
@@ -150,9 +150,7 @@ class Family(
         """
         numbers = [self.name, *(points[0].also if points else ()), *KNOWN]
         if name in (*numbers, "value"):
-            stored = "value" if name == self.name else name
-            found = (point.also[name] if name in point.also else getattr(point, stored) for point in points)
-            return np.array([np.nan if value is None else float(value) for value in found])
+            return numbers_at(points, "value" if name == self.name else name)
         further = names_of_motions(self.source) if self.source else ()
         if name not in further:
             raise InputError(

@@ -13,7 +13,7 @@ from ..running.exclusive import exclusive
 from ..shooting.formulations import columns
 from ..shooting.single_shooting import shooting_equations
 from .checkpoint import collect_family
-from .curve import Curve, CurvePoint, check_followed, machine_at
+from .curve import Curve, CurvePoints, check_followed, machine_at
 from .family import Family
 from .follow import bounds_of, start_tracer
 from .point import Point
@@ -49,9 +49,9 @@ class _FoldCurve(Curve):
     def varied(self, p: np.ndarray) -> dict[str, float]:
         return {**super().varied(p), self.names[self.folded]: float(p[self.folded])}
 
-    def solutions(self, points: Sequence[CurvePoint]) -> tuple[Solved, np.ndarray]:
+    def solutions(self, points: CurvePoints) -> tuple[Solved, np.ndarray]:
         """As on any curve, with the errors measured across the family that folds: along it only the orbit changes."""
-        names, xs = self.equations_of_orbits.statement.unknowns, np.array([point.x for point in points])
+        names, xs = self.equations_of_orbits.statement.unknowns, points.xs
         us, ps = xs[:, : len(names)], self.parameters_at(xs)
         evaluation = self.equations_of_orbits.evaluate_all(us, ps, (self.names[self.folded],))
         by_name = dict(zip(self.equations.statement.unknowns, xs.T, strict=False))

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..errors import InputError, OrbitsError
 from ..units import LIFTOFF_SPEED, Message, Quantity, in_units
-from .curve import Curve, CurvePoint
+from .curve import Curve, CurvePoint, CurvePoints
 from .events import Segment
 from .point import End, Point
 from .step_control import Options
@@ -23,9 +23,6 @@ CAUTION = 3
 # A flight shrinks to nothing with the launch speed if it lasts less than this share of its first time when the speed is
 # less than the reciprocal of `StepControl.escape_ratio` of its first value.
 SHRUNK = 0.3
-# The curve may pass its first point on a chord that begins within this many lengths of the step from it, in the
-# parameter; these are about the chord's.
-CLOSING = 3
 
 History = Sequence[tuple[float, float]]
 
@@ -76,19 +73,18 @@ class Endings:
         self.curve, self.origin, self.start, self.bounds = curve, origin, start, bounds
         self.stop_inadmissible, self.control = options.stop_inadmissible, options.step_control
 
-    def may_end(self, points: Sequence[CurvePoint]) -> np.ndarray:
-        """Whether the curve may end between each certified point but the first and the previous one, or at that point,
-        (m - 1,); a fold between them is an event."""
-        values, lengths = np.array([point.x for point in points])[:, -1], np.array([point.length for point in points])
-        orbits, first, ratio = [point.point for point in points[1:]], self.origin, self.control.escape_ratio
-        alpha, time = np.array([(orbit.alpha, orbit.flight_time) for orbit in orbits]).reshape(-1, 2).T
-        grown = [point.amplification for point in points[1:]]
-        ends = (values[1:] <= self.bounds[0]) | (values[1:] >= self.bounds[1])
-        ends |= np.abs(self.start - values[:-1]) <= CLOSING * lengths[1:] * self.curve.span
+    def may_end(self, before: CurvePoint, points: Sequence[CurvePoint]) -> np.ndarray:
+        """Whether the curve may end between each of certified points (m,) and the one before it, or at that point,
+        (m,); a fold between them is an event."""
+        points = CurvePoints.of(points)
+        orbits, first, ratio = points.orbits, self.origin, self.control.escape_ratio
+        values, alpha, time = points.values, orbits.column("alpha"), orbits.column("flight_time")
+        ends = (values <= self.bounds[0]) | (values >= self.bounds[1])
+        ends |= self._passed(np.concatenate([before.x[None], points.xs[:-1]]), points.xs) > 0
         speed = np.abs(alpha / first.alpha)
         ends |= (speed > ratio) | (time > ratio * first.flight_time) | (speed < 1 / ratio)
-        ends |= np.array(grown) > self.control.largest_amplification
-        return ends | np.array([self.stop_inadmissible and not orbit.admissible for orbit in orbits], bool)
+        ends |= points.evaluation.amplification[points.places] > self.control.largest_amplification
+        return ends | (self.stop_inadmissible & np.array([*map(bool, orbits.column("violations"))], bool))
 
     def cut(self, segment: Segment) -> tuple[Segment, End | None]:
         """The segment up to the end of the curve on it, and that end; the whole segment and None without an end."""
@@ -113,18 +109,26 @@ class Endings:
 
     def _closing(self, segment: Segment) -> CurvePoint | None:
         """The first point of the curve, if the curve passes it again on a segment."""
-        a, b, curve = segment.a, segment.b, self.curve
-        if a.point is self.origin or abs(self.start - a.value) > CLOSING * b.length * curve.span:
-            return None
-        size, origin = curve.size(a.x), np.array([*self.origin.u, self.start])
-        chord, away = (b.x - a.x) / size, (origin - a.x) / size
-        share = float(away @ chord / (chord @ chord))
-        if np.linalg.norm(away) > 2 * np.linalg.norm(chord) or not 0 < share <= 1 + self.control.same_point:
+        a, curve = segment.a, self.curve
+        if a.point is self.origin or not (share := float(self._passed(a.x, segment.b.x))):
             return None
         point = segment(share)
-        same = np.max(np.abs(point.x - origin) / size) < self.control.same_point
+        same = np.max(np.abs(point.x - self._first) / curve.size(a.x)) < self.control.same_point
         onward = point.tangent @ self.origin.tangent > 0
         return curve.certify_at(point, self.start) if same and onward else None
+
+    @property
+    def _first(self) -> np.ndarray:
+        """The first point X of the curve, (n + 1,)."""
+        return np.array([*self.origin.u, self.start])
+
+    def _passed(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """The shares (...) at which chords from a to b (..., n + 1) pass the first point, 0 where they do not."""
+        size = self.curve.size(a)
+        chord, away = (b - a) / size, (self._first - a) / size
+        along, square = (away * chord).sum(-1), (chord * chord).sum(-1)
+        near = ((away * away).sum(-1) <= 4 * square) & (along > 0) & (along <= (1 + self.control.same_point) * square)
+        return np.where(near, along / square, 0.0)
 
     def far(self, last: CurvePoint, history: History) -> End | None:
         """The end of a curve that goes to infinity or to nothing before the parameter reaches a bound."""

@@ -4,10 +4,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
+import numpy as np
+
 from ..io import fields_in_line, to_json
 from ..periodic.certificate import Certificate
 from ..periodic.orbit import certificate_in_units
 from ..periodic.quantities import CERTIFIED, QUANTITIES
+from ..records import Records, numbers_or_nan
 from ..units import Units
 
 # Unknowns and tangents whose largest component is smaller than this, or larger than its inverse, are invalid.
@@ -66,6 +69,17 @@ COLUMNS = (*NUMBERS, *SIDES)
 KNOWN = (*NUMBERS, "period")  # at every point; further quantities of its motion are in `table`
 # Names that no parameter can have, since a table or a document has columns of these names.
 RESERVED_NAMES = (*COLUMNS, "value", "kind", "after", "violations", "point", "event")
+
+
+def numbers_at(points: Sequence[Point], name: str) -> np.ndarray:
+    """A number (m,) of points by its name, NaN where an orbit does not have it."""
+    if isinstance(points, Records) and not points.columns["also"][0]:
+        if name == "admissible":
+            return np.array([0.0 if violations else 1.0 for violations in points.column("violations")])
+        names = ("flight_time", "contact_time") if name == "period" else (name,)
+        return numbers_or_nan(sum(points.column(each) for each in names))
+    found = (point.also[name] if name in point.also else getattr(point, name) for point in points)
+    return np.array([np.nan if value is None else float(value) for value in found])
 
 
 def point_in_units(point: Point, units: Units | None) -> Point:

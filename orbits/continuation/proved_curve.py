@@ -8,8 +8,9 @@ from ..errors import InputError
 from ..exact.claim import Claim
 from ..model.machine import Machine
 from ..proof.branch_claim import BranchClaim
+from ..records import numbers_or_nan
 from .corrector import correct_all
-from .curve import Curve
+from .curve import Curve, CurvePoints
 from .point import Point
 
 
@@ -40,8 +41,6 @@ def branch_claim(
         certified, error = curve.certify_all(solved)
         if error is not None:
             raise error
-        times = [point.point.contact_time for point in certified]
-        halves = np.array([np.nan if each is None else each / 2 for each in times])
-        return np.array([point.x for point in solved]), halves
+        return solved.xs, numbers_or_nan(CurvePoints.of(certified).orbits.column("contact_time")) / 2
 
     return BranchClaim(machine, along, *ends, (*names, along), xs, tangents, solve)

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import InputError, NoOrbit, OrbitsError, finite_number, whole_number
 from .corrector import MEMORY, correct, correct_all, predict_and_correct
-from .curve import TEST_FUNCTIONS, Curve, CurvePoint, StepEnd, Watch, interpolated
+from .curve import TEST_FUNCTIONS, Curve, CurvePoint, CurvePoints, StepEnd, Watch, interpolated
 from .predictor import around
 
 # Events that are not among `TEST_FUNCTIONS`. The functions of a user cannot have these names.
@@ -184,7 +184,7 @@ class Stepper:
         the next; `planned` is the length that step-size control allowed. Raises `NoOrbit` for a rejected step."""
         control = self.control
         end, guess, rests = predict_and_correct(self.curve, ends, length, value)
-        moved = self._correction(ends[-1], [end], guess[None], np.array([length]))
+        moved = self._correction(ends[-1], end.x[None], end.tangent[None], guess[None], np.array([length]))
         parts = max(2, int(np.ceil(length / self.longest)))
         end = end._replace(length=length / parts, parts=parts)
         if alone:  # otherwise the points between the ends of several steps are later solved together
@@ -203,15 +203,15 @@ class Stepper:
         guess = interpolated([last], row, np.array([row @ last.x + length]))
         x, along_parameter = curve.rescued(guess[0]), np.eye(len(last.x))[-1]
         point = correct(curve, x, along_parameter, x[-1], last.tangent)
-        self._correction(last, [point], guess, np.array([length]))
+        self._correction(last, point.x[None], point.tangent[None], guess, np.array([length]))
         return StepEnd(point.x, point.tangent, point.amplification, along_parameter, length)
 
-    def _correction(self, last: CurvePoint | StepEnd, points: Points, guesses, lengths) -> float:
-        """The largest correction from guesses (m, n + 1) to points `lengths` (m,) apart; raises `NoOrbit` when this
-        correction, or an angle between neighbouring tangents, is too large for one curve."""
+    def _correction(self, last: CurvePoint | StepEnd, xs, tangents, guesses, lengths) -> float:
+        """The largest correction from guesses (m, n + 1) to points (m, n + 1) with tangents, `lengths` (m,) apart;
+        raises `NoOrbit` when this correction, or an angle between neighbouring tangents, is too large for one curve."""
         sizes = self.curve.size(guesses)
-        moved = np.linalg.norm((np.array([point.x for point in points]) - guesses) / sizes, axis=1)
-        tangents = np.array([point.tangent for point in (last, *points)])
+        moved = np.linalg.norm((xs - guesses) / sizes, axis=1)
+        tangents = np.concatenate([last.tangent[None], tangents])
         a, b = tangents[:-1] / sizes, tangents[1:] / sizes
         cosines = np.einsum("mi,mi->m", a, b) / np.linalg.norm(a, axis=1) / np.linalg.norm(b, axis=1)
         turned = float(np.arccos(np.clip(cosines.min(), -1.0, 1.0)))
@@ -220,14 +220,14 @@ class Stepper:
             raise NoOrbit(f"the corrector moves {step}, the tangent turns by {turned:.2g}")
         return float(moved.max())
 
-    def points_between(self, ends: Points, new: Sequence[StepEnd], batch_size: int) -> list[CurvePoint]:
+    def points_between(self, ends: Points, new: Sequence[StepEnd], batch_size: int) -> CurvePoints:
         """The points after the last of `ends`, up to and including the `new` ends; raises `NoOrbit` when one of them
         may lie on another curve."""
         steps, guesses, rows, levels, parts = self._targets(ends[-self.control.neighbours :], new, batch_size > 1)
         tangents = np.array([point.tangent for point in (ends[-1], *new)])[steps]
         lengths = np.array([end.length for end in new])[steps]
         points = correct_all(self.curve, guesses, rows, levels, tangents, lengths, parts)
-        self._correction(ends[-1], points, guesses, lengths)
+        self._correction(ends[-1], points.xs, points.tangents, guesses, lengths)
         return points
 
     def _targets(self, before: Points, ends: Sequence[StepEnd], with_at: bool) -> tuple[np.ndarray, ...]:

@@ -39,7 +39,7 @@ def numbers_of_motions(
         us, errors = np.array([point.u for point in points[some]]), np.array([point.error for point in points[some]])
         ps = np.array([list({**machine.values, **here}.values()) for here in values[some]])
         cycles = known_solutions(model, method, names, us, ps, errors).cycles
-        numbers = numbers_of(model, cycles, (), model.units and model.units(cycles.p), wanted)
+        numbers = numbers_of(model, cycles, None, model.units and model.units(cycles.p), wanted)
         for name in wanted:
             found[name].append(numbers[name])
     return {name: np.concatenate(parts) for name, parts in found.items()}

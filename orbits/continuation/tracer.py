@@ -5,12 +5,15 @@ points, `events` locates the events between them, `limits` tests for the end, an
 """
 
 from collections.abc import Iterator, Sequence
+from itertools import chain
 from typing import NamedTuple
+
+import numpy as np
 
 from ..errors import NoOrbit, OrbitsError
 from ..units import Message
 from .corrector import MEMORY
-from .curve import Curve, CurvePoint, StepEnd
+from .curve import Curve, CurvePoint, CurvePoints, StepEnd
 from .events import Segment
 from .limits import Endings
 from .point import End, Event
@@ -67,10 +70,10 @@ class Tracer:
         self._batch: Batch | None = None
         if first.certified is None:  # the first point is certified in one call with the points that follow it
             batch = self._next_batch(self._state)
-            if batch.rejection and not batch.certified:
+            if batch.rejection and not len(batch.certified):
                 raise batch.rejection
-            first, *certified = batch.certified
-            self._batch = batch._replace(certified=certified)
+            first = batch.certified[0]
+            self._batch = batch._replace(certified=batch.certified[1:])
             self._state = self._state._replace(last=first, ends=(first,))
         self.first = first
         origin = earlier[0] if earlier else first.point
@@ -78,6 +81,10 @@ class Tracer:
 
     def __iter__(self) -> Iterator[CurvePoint | Event | End]:
         """The points of the curve, first to last, each event before the point that follows it, and the end."""
+        return chain.from_iterable(item if isinstance(item, CurvePoints) else [item] for item in self.parts())
+
+    def parts(self) -> Iterator[CurvePoints | CurvePoint | Event | End]:
+        """The items of a run, where points between which nothing happens are together."""
         state, batch, options, control = self._state, self._batch, self.options, self.control
         history = [(point.alpha, point.value) for point in (*self.earlier, self.first.point)]
         yield self.first
@@ -88,24 +95,31 @@ class Tracer:
             state = state._replace(batch_size=min(state.batch_size, options.most - state.before))
             batch = batch or self._next_batch(state)
             last, index, ends = state.last, state.before, [*state.ends]
-            for point, quiet in zip(batch.certified, self._quiet(last, batch.certified), strict=True):
-                try:
-                    items, reached, added, end = (
-                        ([point], point, 1, None) if quiet else self._onward(last, point, index)
-                    )
-                except OrbitsError as error:
-                    reason = NoOrbit(Message("what happens next cannot be located ({error})", error=error))
-                    batch = batch._replace(rejection=reason, length=0.5 * point.length)
-                    break
-                if index + added >= options.most:
+            for points in self._stretches(last, batch.certified):
+                point, room = points[-1], options.most - 1 - index
+                if isinstance(points, CurvePoints):
+                    if some := points[:room]:
+                        yield some
+                    last, index, added = point, index + len(some), len(points)
+                    history += zip(points.orbits.column("alpha").tolist(), points.values.tolist(), strict=True)
+                    ends += [points[i] for i in points.parts[:-1].nonzero()[0][-MEMORY:].tolist()]
+                else:
+                    try:
+                        items, reached, added, end = self._onward(last, point, index)
+                    except OrbitsError as error:
+                        reason = NoOrbit(Message("what happens next cannot be located ({error})", error=error))
+                        batch = batch._replace(rejection=reason, length=0.5 * point.length)
+                        break
+                if room < added:
                     yield End("stopped", f"after {index + 1} points: no more than {options.most} were asked for")
                     return
-                yield from items
-                last, index = reached, index + added
-                history.append((last.point.alpha, last.value))
-                if end := end or (None if quiet else self.endings.far(last, history)):
-                    yield end
-                    return
+                if not isinstance(points, CurvePoints):
+                    yield from items
+                    last, index = reached, index + added
+                    history.append((last.point.alpha, last.value))
+                    if end := end or self.endings.far(last, history):
+                        yield end
+                        return
                 ends += [point] if point.parts else []
             state = self._after(state._replace(last=last, before=index), batch, ends)
             gives_up = state.length <= control.shortest_step or state.rejections > control.most_rejections
@@ -114,11 +128,20 @@ class Tracer:
                 return
             batch = None
 
-    def _quiet(self, last: CurvePoint, points: Sequence[CurvePoint]) -> list[bool]:
-        """For each point, whether neither an event nor the end can lie between the previous point and it, as usual."""
-        points = [last, *points]
-        busy = self.endings.may_end(points) | self.segments.may_happen(points, self.options.at, self.options.watch)
-        return (~busy).tolist()
+    def _stretches(self, last: CurvePoint, points: Sequence[CurvePoint]) -> Iterator[Sequence[CurvePoint]]:
+        """The points in order: together those between which neither an event nor the end can lie, as usual, and each
+        other one alone in a list."""
+        if not len(points):
+            return
+        busy = self.endings.may_end(last, points)
+        busy |= self.segments.may_happen(last, points, self.options.at, self.options.watch)
+        first = 0
+        for i in (*busy.nonzero()[0].tolist(), len(points)):
+            if first < i:
+                yield points[first:i]
+            if i < len(points):
+                yield [points[i]]
+            first = i + 1
 
     def _next_batch(self, state: TracerState) -> Batch:
         """The next points, certified; the state's last point comes first if it is not certified yet."""
@@ -126,13 +149,14 @@ class Tracer:
         points, solved = self._solvable(state, ends)
         if left := ends[solved:]:
             failure, length = None, left[0].length * left[0].parts * (1.0 if solved else 0.5)
-        points = points if state.last.certified else [state.last, *points]
+        if state.last.certified is None:
+            points = CurvePoints.joined([CurvePoints.of(some) for some in ([state.last], points) if len(some)])
         certified, rejection = self._certified(state, points)
         if rejection:  # a later failure may not recur once the steps to the rejected point are shorter
             failure, length = None, 0.5 * points[len(certified)].length
         return Batch(certified, rejection, failure, length, whole=not left)
 
-    def _solvable(self, state: TracerState, ends: Sequence[StepEnd]) -> tuple[list[CurvePoint], int]:
+    def _solvable(self, state: TracerState, ends: Sequence[StepEnd]) -> tuple[Sequence[CurvePoint], int]:
         """The points of the first steps and the number of these steps, which is halved until the points are solved."""
         count = len(ends)
         while count:
@@ -142,14 +166,19 @@ class Tracer:
                 count //= 2
         return [], 0
 
-    def _certified(self, state: TracerState, points: list[CurvePoint]) -> tuple[list[CurvePoint], OrbitsError | None]:
+    def _certified(
+        self, state: TracerState, points: Sequence[CurvePoint]
+    ) -> tuple[Sequence[CurvePoint], OrbitsError | None]:
         """The certified points, up to the first that cannot be certified or is of another family; and its error."""
         certified, error = self.curve.certify_all(points)
-        families = [point.point.certificate.family for point in certified]
-        before = [state.last.point.certificate.family] if state.last.certified else families[:1]
-        for i, (family, new) in enumerate(zip([*before, *families], families, strict=False)):
-            if new != family and certified[i].length > RESOLVED * self.control.shortest_step:
-                return certified[:i], AnotherFamily(f"the orbit changes from family {family} to another one")
+        if not isinstance(certified, CurvePoints):
+            return certified, error
+        families = certified.orbits.column("family")
+        before = families[0] if state.last.certified is None else state.last.point.family
+        changes = np.append(before, families[:-1]) != families
+        for i in (changes & (certified.lengths > RESOLVED * self.control.shortest_step)).nonzero()[0][:1].tolist():
+            family = families[i - 1] if i else before
+            return certified[:i], AnotherFamily(f"the orbit changes from family {family} to another one")
         return certified, error
 
     def _onward(self, last: CurvePoint, point: CurvePoint, before: int) -> tuple[list, CurvePoint, int, End | None]:

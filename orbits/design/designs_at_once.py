@@ -96,12 +96,12 @@ def _fill_in(
     known = {**p, **numbers_of(model, orbits.cycles, orbits.certificates, units, wanted)}
     for name in columns:
         designs.numbers[name][which] = known[name][places]
-    certificates = [orbits.certificates[place] for place in places.tolist()]
+    all_violations = orbits.certificates.column("violations")
     for text, formula in formulas.items():
         with np.errstate(all="ignore"):
             designs.numbers[text][which] = _finite(formula(**{name: known[name][places] for name in formula.names}))
-    for i, place, certificate in zip(which.tolist(), places.tolist(), certificates, strict=True):
-        violations = certificate.violations
+    for i, place in zip(which.tolist(), places.tolist(), strict=True):
+        violations = all_violations[place]
         own = _units_at(model, {name: float(values[place]) for name, values in p.items()}) if violations else None
         _judge(designs, i, tuple(in_units(text, own) for text in violations))
 

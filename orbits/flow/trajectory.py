@@ -200,6 +200,8 @@ class Trajectories:
             return quantity.of(self.owner).series(c if embed is None else embed @ c[:, : embed.shape[1]])
         offset, varying = np.asarray(quantity.offset), np.ndarray in map(type, quantity.weights)
         weights = np.array(np.broadcast_arrays(*quantity.weights) if varying else quantity.weights)
+        if weights.ndim > 1 and (weights == weights[:, :1]).all():  # products with one number are several times faster
+            weights = weights[:, 0]
         weights = weights.T[self.owner] if weights.ndim > 1 else weights[None]
         weights = weights if embed is None else weights @ embed
         first, *others = np.flatnonzero(weights.any(0)).tolist() or [0]
@@ -211,7 +213,7 @@ class Trajectories:
 
     def largest(self, values: np.ndarray) -> np.ndarray:
         """The largest absolute value (m,) of any of `values` (N, ...) on each motion."""
-        return np.maximum.reduceat(np.abs(values).reshape(len(values), -1).max(1), self.first)
+        return np.maximum.reduceat(np.abs(values).ravel(), self.first * (values.size // len(values)))
 
     @cached_property
     def of_steps(self) -> np.ndarray:

@@ -1,4 +1,5 @@
-"""Bernstein exclusion of many polynomials at once: one whose Bernstein coefficients have one sign has no zero."""
+"""Compiled steps of root finding: Bernstein exclusion (a polynomial whose Bernstein coefficients have one sign has no
+zero), and the refinement of a root in a bracket."""
 
 from itertools import accumulate, pairwise
 from math import comb
@@ -6,10 +7,13 @@ from math import comb
 import casadi as ca
 
 from ..symbolic.caches import cached
-from ..symbolic.kernels import ElementwiseFunction
+from ..symbolic.kernels import ElementwiseFunction, Kernel
+from .roots import CLOSED
 
 # The highest order of a zero at the start that is divided out; where it is higher, fewer polynomials are excluded.
 HIGHEST_ORDER = 3
+# Newton's method ends where its next step, predicted from the last two, changes no digit of the root.
+NEGLIGIBLE = 1e-17
 
 
 def bernstein_coefficients(series: ca.SX, of_h: ca.SX) -> list[ca.SX]:
@@ -41,3 +45,25 @@ def sign_changes(size: int) -> ElementwiseFunction:
     changes = sum((before != after for before, after in pairwise(positive)), ca.SX(0))
     results = [values[0], values[-1], changes]
     return ElementwiseFunction(ca.Function("sign_changes", [c, h, order, by_rate], results))
+
+
+@cached
+def refinement(size: int) -> Kernel:
+    """Newton's method for a root in a bracket, or bisection where that leads out of it: (z, (coefficients (size,), 1 or
+    for a falling root -1)) -> z, which is the root, the bracket and the size of the last step of Newton's method."""
+    z, data = ca.SX.sym("z", 4), ca.SX.sym("data", size + 1)
+    t, low, high, last = ca.vertsplit(z)
+    value = slope = ca.SX(0)
+    for c in reversed(ca.vertsplit(data[:-1])):
+        slope = slope * t + value
+        value = value * t + c
+    above = data[-1] * value >= 0
+    low, high = ca.if_else(above, low, t), ca.if_else(above, t, high)
+    new = ca.if_else(slope != 0, t - value / slope, low)
+    step = ca.fabs(new - t)
+    settled = ca.logic_and(last > 0, step * (step / last) ** 2 <= NEGLIGIBLE * high)
+    settled = ca.logic_or(settled, ca.fmin(step, high - low) <= CLOSED * high)
+    inside = ca.logic_and(low < new, new < high)
+    nearer = ca.if_else(inside, new, 0.5 * (low + high))
+    after = ca.vertcat(ca.if_else(settled, ca.fmin(ca.fmax(new, low), high), nearer), low, high, inside * step)
+    return Kernel(ca.Function("refinement", [z, data], [after, 0, ca.logic_not(settled)]))

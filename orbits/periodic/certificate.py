@@ -1,8 +1,8 @@
 """The certificate of an orbit: its properties computed from its motions alone, and the violated conditions."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -15,11 +15,12 @@ from ..model.model import Model
 from ..model.phase import Phase
 from ..numerics.polynomial_roots import PiecewisePolynomials, derivative, evaluate
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
+from ..records import NONE, Records
 from ..shooting.error_bound import DOUBTFUL_RATIO, EPS, NARROW
-from ..shooting.formulations import CONTACT_FORCE, NONE, Cycles, or_none, vectors
+from ..shooting.formulations import CONTACT_FORCE, Cycles, vectors
 from ..symbolic.caches import cached
 from ..symbolic.kernels import ElementwiseFunction
-from ..units import JERK, LENGTH, TIME, Message, Quantity, Record
+from ..units import JERK, LENGTH, TIME, Message, Quantity
 from .loss_coefficient import by_launch_speed, launch_power, loss_coefficient
 
 # An energy drift beyond this share, and far beyond what rounding explains, shows that the steps have leapt over a
@@ -36,6 +37,7 @@ STATIONARY = 1e-6
 LOSS_ROUNDING = 16
 # Up to this many polynomials are searched together; of more, the arrays leave the processor's cache.
 MOST_TOGETHER = 500
+_SIDES = np.array([None, "above", "below"], dtype=object)
 Violation = tuple[int, str]  # the index of the orbit, and the violation in words
 
 
@@ -91,7 +93,7 @@ class Certificate:
         return fields_in_line(self, "family", "error", "clearance", "loss_coefficient", "violations")
 
 
-def certify(model: Model, cycles: Cycles) -> tuple[list[Certificate], dict[int, NoOrbit]]:
+def certify(model: Model, cycles: Cycles) -> tuple[Records[Certificate], dict[int, NoOrbit]]:
     """The certificates of solved orbits (m,) of one model, and the errors, by index, of orbits that can have none."""
     curves = _curves(model, cycles)
     jerk, clearance, collisions = _gaps(model, cycles, curves["gap"])
@@ -122,32 +124,24 @@ def certify(model: Model, cycles: Cycles) -> tuple[list[Certificate], dict[int, 
         losses_off = np.where((loss == NONE) | ~np.isfinite(share), NONE, loss * share)
     # The sides of a loss that may be 0 are not known.
     known = (loss != NONE) & (losses_off != NONE) & (losses_off < loss)
-    sides = zip(known.tolist(), (cycles.gap_slope > 0).tolist(), strict=True)
-    bounce = [("below" if rises else "above") if one else None for one, rises in sides]
-    certificates = records(
-        Certificate,
-        family=families,
-        residual=cycles.residual.tolist(),
-        error=cycles.error.tolist(),
-        energy_drift=drift.tolist(),
-        clearance=or_none(clearance),
-        smallest_separation=or_none(separation),
-        smallest_contact_force=or_none(smallest_force),
-        largest_contact_force=or_none(largest_force),
-        landing_jerk=(-jerk).tolist(),
-        loss_coefficient=or_none(loss),
-        stable_side=["above" if side else None for side in bounce],
-        violations=violations,
-        unfolding=cycles.u["unfolding"].tolist() if "unfolding" in cycles.u else [None] * len(cycles),
-        loss_error=or_none(losses_off),
-        bounce_side=bounce,
-    )
-    return certificates, refused
-
-
-def records(kind: Callable[..., Record], **columns: Iterable[object]) -> list[Record]:
-    """The records (m,) of a kind, whose fields by name are columns (m,)."""
-    return [kind(**dict(zip(columns, row, strict=True))) for row in zip(*columns.values(), strict=True)]
+    columns: dict[str, Any] = {
+        "family": families,
+        "residual": cycles.residual,
+        "error": cycles.error,
+        "energy_drift": drift,
+        "clearance": clearance,
+        "smallest_separation": separation,
+        "smallest_contact_force": smallest_force,
+        "largest_contact_force": largest_force,
+        "landing_jerk": -jerk,
+        "loss_coefficient": loss,
+        "stable_side": _SIDES[np.where(known, 1, 0)],
+        "violations": violations,
+        "unfolding": cycles.u.get("unfolding", np.full(len(cycles), NONE)),
+        "loss_error": losses_off,
+        "bounce_side": _SIDES[np.where(known, np.where(cycles.gap_slope > 0, 2, 1), 0)],
+    }
+    return Records(Certificate, columns), refused
 
 
 def _losses(model: Model, cycles: Cycles, jerk: np.ndarray, power: np.ndarray) -> np.ndarray:
@@ -216,9 +210,10 @@ def _work(phase: Phase, gradient: Callable, motions: Trajectories, p: Mapping) -
 
 
 class _Curve(NamedTuple):
-    """A function on m motions, as coefficients (N, K + 1), with places (r,) on them.
+    """A function on m motions, as coefficients (N, K + 1), with its zeros or stationary points (r,).
 
     owner, times : the motion of each place, and the time in that motion
+    rising : whether the function, or its rate, rises there
     values, ends : the function at the places (r,) and at the ends of the motions (m,)
     """
 
@@ -226,17 +221,19 @@ class _Curve(NamedTuple):
     series: np.ndarray
     owner: np.ndarray
     times: np.ndarray
+    rising: np.ndarray
     values: np.ndarray
     ends: np.ndarray
 
-    def lowest(self, middles: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """The lowest value (m,) on each motion, whose minima are at the places, and its time (m,); with `middles`, that
-        of its minima alone, `NONE` without one, the ends of these motions (e,) being minima and no others."""
-        each, among, starts, ends = np.arange(len(self.ends)), self.inside, np.zeros(0, int), middles
+    def lowest(self, middles: np.ndarray | None = None, sign: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+        """The lowest value (m,) of the function times a sign on each motion, and its time (m,); with `middles`, that of
+        the function's minima alone, `NONE` without one, the ends of these motions (e,) being minima and no others."""
+        each, among, starts, ends = np.arange(len(self.ends)), self.inside & self.rising, np.zeros(0, int), middles
         if ends is None:
             among, starts, ends = np.ones(len(self.owner), bool), each, each
         owner = np.concatenate([self.owner[among], starts, ends])
-        values = np.concatenate([self.values[among], self.series[self.motions.first[starts], 0], self.ends[ends]])
+        begins = self.series[self.motions.first[starts], 0]
+        values = sign * np.concatenate([self.values[among], begins, self.ends[ends]])
         times = np.concatenate([self.times[among], np.zeros(len(starts)), self.motions.ends[ends]])
         lowest, when = np.full(len(each), NONE), np.zeros(len(each))
         order = np.argsort(-values, kind="stable")  # of several assignments to one motion the last, the lowest, counts
@@ -257,75 +254,73 @@ class _Curve(NamedTuple):
         return evaluate(c, self.motions.steps[last])
 
 
-def _searched(sought: Mapping[str, tuple[Trajectories, np.ndarray, bool, int, bool]]) -> dict[str, _Curve]:
+def _searched(sought: Mapping[str, tuple[Trajectories, np.ndarray, bool, int]]) -> dict[str, _Curve]:
     """Functions on motions with their zeros or stationary points, which are all found in one search.
 
     sought : by name the motions, the function (N, K + 1) on them, whether the zeros of its rate are sought or its own,
-        the order of the zero of the searched function at the start of each motion, which is divided out exactly, and
-        whether only rising zeros count
+        and the order of the zero of the searched function at the start of each motion, which is divided out exactly
     """
     if len(sought) > 1 and sum(len(series) for _, series, *_ in sought.values()) > MOST_TOGETHER:
         return {name: _searched({name: one})[name] for name, one in sought.items()}
-    motions, series, by_rate, orders, rising = zip(*sought.values(), strict=True)
+    motions, series, by_rate, orders = zip(*sought.values(), strict=True)
     firsts = np.cumsum([0, *map(len, motions)])
     parts = zip(*((each.starts, each.steps, each.counts) for each in motions), strict=True)
     starts, steps, counts = map(np.concatenate, parts)
-    functions, sizes = np.concatenate(series), np.diff(firsts)
+    functions, sizes = np.concatenate(series) if len(series) > 1 else series[0], np.diff(firsts)
     polynomials = PiecewisePolynomials(functions, steps, counts)
-    order, rises, rate = (np.repeat(values, sizes) for values in (orders, rising, by_rate))
-    owner, piece, t = polynomials.roots(order, rises, stationary=rate)
+    order, rate = (np.repeat(values, sizes) for values in (orders, by_rate))
+    owner, piece, t = polynomials.roots(order, stationary=rate)
     step, last = polynomials.first[owner] + piece, polynomials.last
     values, times = evaluate(functions[step], t), starts[step] + t
     ends = evaluate(functions[last], steps[last])
     places, found = np.searchsorted(owner, firsts).tolist(), dict[str, _Curve]()
     for i, name in enumerate(sought):
         here, each = slice(places[i], places[i + 1]), slice(firsts[i], firsts[i + 1])
-        found[name] = _Curve(motions[i], series[i], owner[here] - firsts[i], times[here], values[here], ends[each])
+        mine = owner[here] - firsts[i], times[here], polynomials.rising[here], values[here]
+        found[name] = _Curve(motions[i], series[i], *mine, ends[each])
     return found
 
 
 def extremes(motions: Trajectories, series: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The lowest and the highest values (m,) on motions of a function with coefficients (N, K + 1)."""
-    curve = _searched({"all": (motions, series, True, 0, False)})["all"]
-    mirrored = curve._replace(series=-curve.series, values=-curve.values, ends=-curve.ends)
-    return curve.lowest()[0], -mirrored.lowest()[0]
+    curve = _searched({"all": (motions, series, True, 0)})["all"]
+    return curve.lowest()[0], -curve.lowest(sign=-1.0)[0]
 
 
 def _curves(model: Model, cycles: Cycles) -> dict[str, _Curve]:
-    """The functions on the motions that a certificate checks: gap, force, -force ("peak") and separations with their
-    minima, the extension with its stationary points, and the force with its zeros ("pull")."""
+    """The functions on the motions that a certificate checks: gap, force, separations and the extension with their
+    stationary points, and the force with its zeros ("pull")."""
     halves, contacts, distance = cycles.halves, cycles.contacts, model.separation(cycles.p_of_halves)
     # Each half starts from a zero of order three of the gap, so of order two of its rate, and the contact force from a
     # simple one.
     gap, extension = halves.series(model.gap(cycles.p_of_halves)), halves.series(model.extension)
-    sought = {"gap": (halves, gap, True, 2, True), "extension": (halves, extension, True, 0, False)}
+    sought = {"gap": (halves, gap, True, 2), "extension": (halves, extension, True, 0)}
     if distance:
-        sought["separation"] = (halves, halves.series(distance), True, 0, True)
+        sought["separation"] = (halves, halves.series(distance), True, 0)
     if contacts:
         force = contacts.coefficients[:, contacts.names.index(CONTACT_FORCE)]
-        sought["force"], sought["peak"] = (contacts, force, True, 0, True), (contacts, -force, True, 0, True)
-        sought["pull"] = (contacts, force, False, 1, False)
+        sought["force"], sought["pull"] = (contacts, force, True, 0), (contacts, force, False, 1)
         if distance:
             apart = contacts.series(model.separation(cycles.p_of_contacts), model.embed)
-            sought["separation in contact"] = (contacts, apart, True, 0, True)
+            sought["separation in contact"] = (contacts, apart, True, 0)
     return _searched(sought)
 
 
-def count_families(model: Model, halves: Trajectories, per_flight: int) -> list[int]:
+def count_families(model: Model, halves: Trajectories, per_flight: int) -> np.ndarray:
     """The families of flights: the stationary points of the extension after lift-off up to and with mid-flight, less
     one; `per_flight` of the halves belong to each flight."""
-    found = _searched({"extension": (halves, halves.series(model.extension), True, 0, False)})
+    found = _searched({"extension": (halves, halves.series(model.extension), True, 0)})
     return _families(found["extension"], per_flight)
 
 
-def _families(extension: _Curve, per_flight: int) -> list[int]:
+def _families(extension: _Curve, per_flight: int) -> np.ndarray:
     """`count_families` from the stationary points of the extension; the one left out is mid-flight."""
     rest, rate, ends = np.abs(extension.at_ends(1)), np.abs(extension.at_ends(2)), extension.motions.ends
     # Rounding moves mid-flight where the extension is nearly constant there.
     moved = np.divide(2 * rest, rate, out=np.zeros(len(ends)), where=rate > 0)
     middle = np.clip(moved, MIDDLE * ends, LARGEST_MIDDLE * ends)
     owner = extension.owner[extension.times < (ends - middle)[extension.owner]] // per_flight
-    return (np.bincount(owner, minlength=len(extension.motions) // per_flight) // per_flight).tolist()
+    return np.bincount(owner, minlength=len(extension.motions) // per_flight) // per_flight
 
 
 def _gaps(model: Model, cycles: Cycles, gap: _Curve) -> tuple[np.ndarray, np.ndarray, list[Violation]]:
@@ -367,7 +362,7 @@ def _contact_forces(
     # Mid-contact itself may be a minimum.
     middles = (force.at_ends(2) > 0).nonzero()[0] if model.reversor else np.zeros(0, int)
     low, _ = force.lowest(middles)
-    least[cycles.with_contact], peaks[cycles.with_contact] = low, -curves["peak"].lowest()[0]
+    least[cycles.with_contact], peaks[cycles.with_contact] = low, -force.lowest(sign=-1.0)[0]
     # A whole contact ends on another zero of the force than the one that it starts from.
     inside = np.full(len(pull.times), True) if model.reversor else pull.inside
     owner, times = pull.owner[inside][::-1].tolist(), pull.times[inside][::-1].tolist()

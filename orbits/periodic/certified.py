@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -12,6 +12,7 @@ from ..errors import InputError, OrbitsError
 from ..laws.law import NOISE
 from ..model.machine import Machine
 from ..model.model import Model
+from ..records import Records
 from ..running.exclusive import exclusive
 from ..shooting.error_bound import error_bounds, noise_of_alpha
 from ..shooting.formulations import Cycles, equations_of, interpret, refused_by_unfolding, vector
@@ -86,7 +87,7 @@ class Certified(NamedTuple):
     which: ndarray
     places: ndarray
     cycles: Cycles
-    certificates: list[Certificate]
+    certificates: Records[Certificate]
 
     def only(self, chosen: ndarray) -> "Certified":
         """The orbits selected by a mask (k,), or by indices in an order."""
@@ -136,7 +137,7 @@ def certified_orbit(machine: Machine, solved: Solved, *, began: float) -> Orbit:
         raise refused[0]
     if noise := [name for name in machine.values if name.startswith(NOISE)]:
         deviation = noise_of_alpha(solved.equations, solved.us[0], solved.ps[0], solved.evaluation, noise)
-        found.certificates[0] = replace(found.certificates[0], alpha_noise=deviation)
+        found = found._replace(certificates=found.certificates.replaced(alpha_noise=np.array([deviation])))
     return orbits_of([machine], solved.method, solved.equations, found, began)[0]
 
 
@@ -145,7 +146,7 @@ def orbits_of(
 ) -> dict[int, Orbit]:
     """The orbits, without dimensions, of certified solutions for machines of one model, by the index of each."""
     model, cycles, orbits = machines[0].model, found.cycles, dict[int, Orbit]()
-    numbers = motion_numbers(model, cycles)
+    numbers: Records[dict[str, Any]] = Records(dict, motion_numbers(model, cycles))
     contacts = dict(zip(cycles.with_contact.tolist(), cycles.contacts or (), strict=True))
     for which, place in zip(found.which.tolist(), found.places.tolist(), strict=True):
         machine = machines[which]
@@ -153,7 +154,7 @@ def orbits_of(
         mirror = model.mirror if model.reversor else None
         orbits[which] = Orbit(
             machine=machine.describe(),
-            **{name: values[place] for name, values in numbers.items()},
+            **numbers[place],
             flight=cycles.flight[place],
             contact=contacts.get(place),
             shape=Shape(model.reversor, mirror, model.embed, model.heights(p), model.springs, knees),

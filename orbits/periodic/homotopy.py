@@ -82,6 +82,6 @@ def _corrected(model: Model, equations: Shooting, correct, predicted, family, p)
         raise NoOrbit("the corrector ends far from the predicted orbit")
     flights = evaluation.trajectories[0].only(model.flight.states)
     halves = halved(flights) if "unfolding" in unknowns else flights
-    if count_families(model, halves, len(halves)) != [family]:
+    if count_families(model, halves, len(halves))[0] != family:
         raise NoOrbit("the family changes")
     return new, evaluation

@@ -1,13 +1,13 @@
 """The quantities of an orbit: the name of each in tables, and its values for m orbits; dimensions are in `units`."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from ..model.model import Model
-from ..shooting.formulations import NONE, Cycles, or_none
+from ..records import NONE, Records, numbers_or_nan
+from ..shooting.formulations import Cycles
 from ..units import DIMENSIONS, LENGTH, Units
 from .certificate import Certificate, extremes
 
@@ -75,13 +75,13 @@ DESIGNED = tuple(name for name, each in QUANTITIES.items() if name in DIMENSIONS
 OF_MANY = tuple(name for name in DESIGNED if QUANTITIES[name].of or name in CERTIFIED)
 
 
-def motion_numbers(model: Model, cycles: Cycles) -> dict[str, list[Any]]:
-    """The quantities `OF_MOTION` of m cycles by name, None where there is none."""
-    return {name: or_none(of(model, cycles)) for name in OF_MOTION if (of := QUANTITIES[name].of)}
+def motion_numbers(model: Model, cycles: Cycles) -> dict[str, np.ndarray]:
+    """The quantities `OF_MOTION` (m,) of cycles by name, `NONE` where there is none."""
+    return {name: of(model, cycles) for name in OF_MOTION if (of := QUANTITIES[name].of)}
 
 
 def numbers_of(
-    model: Model, cycles: Cycles, certificates: Sequence[Certificate], units: Units | None, names: Collection[str]
+    model: Model, cycles: Cycles, certificates: Records[Certificate] | None, units: Units | None, names: Collection[str]
 ) -> dict[str, np.ndarray]:
     """The numbers (m,) of orbits by name, for names that are quantities or rises: NaN where an orbit has none, and
     in SI by units (m,)."""
@@ -91,11 +91,10 @@ def numbers_of(
             series = cycles.halves.series(heights[name])
             rise = extremes(cycles.halves, series)[1] - series[cycles.halves.first, 0]
             found[name] = rise.reshape(len(cycles), -1).max(axis=1)
-        elif name in CERTIFIED:
-            found[name] = np.array([getattr(each, name) for each in certificates], dtype=float)  # None is NaN
+        elif name in CERTIFIED and certificates is not None:
+            found[name] = numbers_or_nan(certificates.column(name))
         elif name in QUANTITIES and (of := QUANTITIES[name].of):
-            values = of(model, cycles)
-            found[name] = np.where(values == NONE, np.nan, values)
+            found[name] = numbers_or_nan(of(model, cycles))
     if units:
         dimensions = {name: DIMENSIONS.get(name, () if name in QUANTITIES else LENGTH) for name in found}
         found = {name: values * units.of(dimensions[name]) for name, values in found.items()}

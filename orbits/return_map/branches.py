@@ -152,13 +152,13 @@ class LaunchCurve:
 
     def certify(self, point: CurvePoint) -> CurvePoint:
         """The point with its `PeriodicLaunch`."""
-        if point.certified:
+        if point.certified is not None:
             return point
         found: Any = point.evaluation
         launches, impacts = (tuple(each[point.place].tolist()) for each in (found.launches, found.impacts))
         slope = self.maps.multiplier(launches, float(self.possible(point.value)))
         shares = point.x / self.scale, point.tangent / self.scale
-        return point._replace(certified=cast(Any, PeriodicLaunch(point.value, launches, slope, impacts, *shares)))
+        return point._replace(certified=[cast(Any, PeriodicLaunch(point.value, launches, slope, impacts, *shares))])
 
     def certify_all(self, points: Sequence[CurvePoint]) -> tuple[list[CurvePoint], None]:
         """The points with their launches, and no error."""
@@ -173,8 +173,10 @@ class LaunchSegment(Segment):
     """The branch between two neighbouring points."""
 
     @staticmethod
-    def may_happen(points: Sequence[CurvePoint], requested: tuple[float, ...], watch: Watch) -> np.ndarray:
-        return np.ones(len(points) - 1, bool)
+    def may_happen(
+        before: CurvePoint, points: Sequence[CurvePoint], requested: tuple[float, ...], watch: Watch
+    ) -> np.ndarray:
+        return np.ones(len(points), bool)
 
     def _excess(self, level: float, point: CurvePoint) -> float | None:
         """The multiplier above a level, None where there is none."""
@@ -209,8 +211,8 @@ class LaunchEndings(Endings):
 
     curve: Any
 
-    def may_end(self, points: Sequence[CurvePoint]) -> np.ndarray:
-        return np.ones(len(points) - 1, bool)
+    def may_end(self, before: CurvePoint, points: Sequence[CurvePoint]) -> np.ndarray:
+        return np.ones(len(points), bool)
 
     def cut(self, segment: Segment) -> tuple[Segment, End | None]:
         if jump := self._jump(segment):
@@ -279,7 +281,7 @@ class LaunchTracer(Tracer):
 
     segments, tests_for_the_end = LaunchSegment, LaunchEndings
 
-    def _certified(self, state: TracerState, points: list[CurvePoint]) -> tuple[list[CurvePoint], None]:
+    def _certified(self, state: TracerState, points: Sequence[CurvePoint]) -> tuple[Sequence[CurvePoint], None]:
         interrupts.heed()
         return self.curve.certify_all(points)[0], None
 

@@ -27,7 +27,7 @@ CHECK_INTERVAL = 0.5  # seconds between checks for an interrupt while other thre
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
 _T = TypeVar("_T")
-_sharing = threading.local()  # whether a thread is one of `in_threads`
+_sharing = threading.local()  # whether a thread is one of `in_threads`, and whether it is `apart`
 
 
 def threads() -> int:
@@ -86,14 +86,16 @@ def in_threads(function: Callable[[_T], _R], items: Sequence[_T]) -> list[_R]:
 def apart() -> Iterator[None]:
     """Let the other threads of `in_threads` have the lock, in a block of arithmetic; graphs are built in it under the
     lock alone. Inside of functions that are `exclusive` once more, this thread goes on having the lock."""
-    if not getattr(_sharing, "own", False):
+    if not getattr(_sharing, "own", False) or getattr(_sharing, "apart", False):
         yield
         return
+    _sharing.apart = True
     LOCK.release()
     try:
         yield
     finally:
         LOCK.acquire()
+        _sharing.apart = False
 
 
 class exclusive_property(cached_property):

@@ -17,11 +17,10 @@ from ..model.model import CONTACT_FORCE, Model
 from ..model.phase import Affine, Arc, Phase, Statement
 from ..model.relative import Reduction
 from ..numerics.roots import solve
+from ..records import NONE
 from ..units import Message
 from .single_shooting import Evaluation, Shooting, shooting_equations
 
-# Marks a minimum, a peak or a time that does not exist.
-NONE = np.inf
 METHODS = ("closed form", "relative", "half orbit", "shooting")  # the simplest first
 # When the unfolding changes the energy over a flight by more than this share, the unfolded equations have no orbit but
 # a forced motion. On orbits it is rounding.
@@ -307,9 +306,3 @@ def vectors(p: Mapping[str, ndarray], count: int) -> ndarray:
 def vector(p: Mapping[str, float]) -> ndarray:
     """The values of parameters by name, in their order."""
     return np.array(list(p.values()), dtype=float)
-
-
-def or_none(values: ndarray) -> list[float | None]:
-    """Numbers (m,), with None for `NONE`."""
-    found = values.tolist()
-    return [None if value == NONE else value for value in found] if NONE in found else found

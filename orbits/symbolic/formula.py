@@ -12,7 +12,7 @@ from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from decimal import Decimal
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import casadi
@@ -101,6 +101,11 @@ def parse(text: str) -> Formula:
         raise InputError(f"a formula is text, not {type(text).__name__}")
     if len(text) > MAX_LENGTH:
         raise InputError(f"the formula has {len(text)} characters; at most {MAX_LENGTH} are allowed")
+    return _checked_formula(text)
+
+
+@lru_cache(maxsize=256)
+def _checked_formula(text: str) -> Formula:
     tokens = _tokens(text)
     _check_tokens(text, tokens)
     # Python's parser sees numbers and names as plain names: keywords may be names here, and 007 is a number.

@@ -21,6 +21,8 @@ from .machine_code import MOST_LANES, MachineCode, compile_seconds, say_interpre
 
 # About the seconds that CasADi's virtual machine takes for one instruction (measured on a server core of 2024).
 SECONDS_INTERPRETED = 3e-9
+# About the seconds that an interpreted iteration takes besides, and that a point takes besides its iterations.
+SECONDS_OF_CALL, SECONDS_OF_POINT = 1e-6, 1e-5
 # About the share of that which machine code takes.
 COMPILED_SHARE = 0.03
 # From this many instructions on, optimised code is hardly faster, and takes long to make.
@@ -142,23 +144,24 @@ class Kernel:
         sizes = self.sizes_in if self.chooses is None else [*self.sizes_in[:-1], arguments[-1].shape[-1]]
         inputs, count = _contiguous(arguments, sizes)
         inputs[0] = inputs[0].copy() if len(inputs[0]) == count else np.tile(inputs[0], (count, 1))
-        # The records of each point, whether it has ended, its iterations; and the most of each.
-        done, bounds = np.zeros((count, 3)), np.array([most, 1.0, LONGEST_RUN])
         room = min(most, max(1, SCRATCH // (MOST_LANES * self.width)))
-        capacity, parts, rounds = min(self._capacity, room), list[list[np.ndarray]](), list[tuple]()
+        capacity, rounds = min(self._capacity, room), list[tuple]()
         longest = max(CHECKED, LONGEST_CALL // (min(count, MOST_POINTS) * self.seconds_per_step))
-        left: slice | np.ndarray = slice(None)
-        while not rounds or len(left := np.logical_and.reduce(done < bounds, axis=1).nonzero()[0]):
-            ends = np.minimum(bounds - done[left], np.array([capacity, 1.0, longest]))
+        # The most records of each point, 1, and the most iterations; then the records, whether it has ended, and so on.
+        done = np.empty((count, 3))
+        done[:] = capacity, 1.0, min(longest, LONGEST_RUN)
+        parts, bounds = self._iterated(inputs, done, capacity), (most, 1.0, LONGEST_RUN)
+        while not done[:, 1].all() and len(left := np.logical_and.reduce(done < bounds, axis=1).nonzero()[0]):
+            rounds, capacity = rounds or [(slice(None), done.copy())], min(2 * capacity, room)
+            ends = np.minimum(np.array(bounds) - done[left], np.array([capacity, 1.0, longest]))
             some = [array[left] if len(array) == count else array for array in inputs]
             parts += self._iterated(some, ends, capacity)
             inputs[0][left] = some[0]
             done[left] += ends
             rounds.append((left, ends))
-            capacity = min(2 * capacity, room)
         counts = done[:, 0].astype(int)
         records = parts[0] if len(parts) == 1 else [np.concatenate(pieces) for pieces in zip(*parts, strict=True)]
-        if len(rounds) > 1:
+        if rounds:
             owners = [np.arange(count)[points].repeat(ends[:, 0].astype(int)) for points, ends in rounds]
             order = np.argsort(np.concatenate(owners), kind="stable")
             records = [record[order] for record in records]
@@ -215,7 +218,7 @@ class Kernel:
                 if recorded:
                     records[count] = values
                     count += 1
-            self.interpretation_budget -= tried * self.seconds_per_step
+            self.interpretation_budget -= tried * (self.seconds_per_step + SECONDS_OF_CALL) + SECONDS_OF_POINT
             inputs[0][:], ends[:] = after, (count, not going, tried)
         places = [*accumulate(sizes[1:-2], initial=0)]
         return [records[:count, first:last].copy() for first, last in pairwise(places)]
@@ -226,7 +229,7 @@ class Kernel:
         code = self._code
         assert code is not None
         count, row = len(ends), capacity * self.width
-        workers = min(threads(), max(1, SCRATCH // (row * code.lanes)))
+        workers = min(threads(), max(1, SCRATCH // (row * code.lanes))) if count > code.lanes else 1
         points = min(MOST_POINTS, SCRATCH // (workers * row), -(-count // workers) + code.lanes - 1)
         size = max(1, points // code.lanes) * code.lanes
         firsts = range(0, count, size)
@@ -269,7 +272,7 @@ class Kernel:
         strides += [*lengths, 3]
         pointers = (ctypes.c_void_p * len(strides))(*places, end)
         code.run(pointers, (ctypes.c_int64 * len(strides))(*strides), count)
-        if count == 1:
+        if count == 1 or not records:
             return [record[0, : int(ends[0, 0])].copy() for record in records]
         recorded = np.arange(capacity) < ends[:, :1]
         return [record[recorded] for record in records]
