@@ -64,5 +64,5 @@ def test_a_force_that_jumps_has_no_smooth_variation():
     machine = Hopper(law, mass_ratio=0.5)
     orbit = find(machine)
     assert quantities(machine, orbit, ["alpha"])["alpha"] == pytest.approx(orbit.alpha, rel=1e-12)
-    with pytest.raises(InputError, match="jumps at the extension 0.5"):
+    with pytest.raises(InputError, match=r"jumps at the extension 0\.5"):
         quantities(machine, orbit, ["loss_coefficient"])
