@@ -37,6 +37,7 @@ ANGLE, ANGULAR_SPEED = (0, 0, 0, 0, 0, 1), (0, -1, 0, 0, 0, 1)
 # of the map is one of the speed's square.
 DIMENSIONS: dict[str, Dimension] = {
     **dict.fromkeys(("alpha", "error", "alpha_noise"), LIFTOFF_SPEED),
+    "alpha_per_noise": (0, -1, -1, 0, 1),
     **dict.fromkeys(("flight_time", "contact_time", "period"), TIME),
     **dict.fromkeys(("liftoff_extension", "stroke"), EXTENSION),
     **dict.fromkeys(("clearance", "smallest_separation"), LENGTH),

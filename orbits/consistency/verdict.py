@@ -14,7 +14,6 @@ from weakref import WeakSet
 import numpy as np
 
 from ..errors import InconsistentModel, OrbitsError
-from ..laws.law import NOISE
 from ..model.model import Model
 from .draws import SEED, Graphs
 from .relations import MECHANICS, Relation
@@ -102,7 +101,7 @@ def _parameters(model: Model, values: Mapping[str, float]) -> Iterator[dict[str,
     """Parameters near the machine's own, no two of them equal by chance; the same in the scene of the guess."""
     moved = 1 + PARAMETER_SPREAD * np.random.default_rng(SEED).uniform(-1, 1, len(values))
     near = zip(values.items(), moved.tolist(), strict=True)
-    p = {name: value if name.startswith(NOISE) else value * factor for (name, value), factor in near}
+    p = {name: value * factor for (name, value), factor in near}
     yield p
     if model.homotopy:
         yield {**p, model.homotopy: 0.0}

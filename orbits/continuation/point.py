@@ -63,7 +63,10 @@ class Point:
 
 # Columns of a table of points, after the parameter's own: numbers of the motion, of the certificate, and words.
 MOTION_COLUMNS = (*(each.name for each in fields(Point) if each.name in QUANTITIES), "admissible")
-NUMBERS = (*MOTION_COLUMNS, *(name for name in CERTIFIED if name not in ("loss_error", "alpha_noise")))
+NUMBERS = (
+    *MOTION_COLUMNS,
+    *(name for name in CERTIFIED if name not in ("loss_error", "alpha_noise", "alpha_per_noise")),
+)
 SIDES = ("stable_side", "bounce_side")
 COLUMNS = (*NUMBERS, *SIDES)
 KNOWN = (*NUMBERS, "period")  # at every point; further quantities of its motion are in `table`

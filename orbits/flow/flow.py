@@ -304,11 +304,15 @@ class Flow:
 
     def mesh_pieces(self, path: Trajectory, p: Array) -> Array:
         """Index (N,) of the piece that each step of a motion lies in."""
-        return self.piece(self._middles(Trajectories.of([path])), p[None], self._pieces_at(p[None])[0])
+        return self.pieces_of(self._middles(Trajectories.of([path])), p[None])
 
     def _middles(self, motions: Trajectories) -> Array:
         """The states (N, n) in the middle of each step."""
         return evaluate(motions.coefficients[:, : self.size], 0.5 * motions.steps[:, None])
+
+    def pieces_of(self, xs: Array, ps: Array) -> Array:
+        """Indices (m,) of the pieces that contain states (m, n) with parameters (m, np)."""
+        return self.piece(xs, ps, self._pieces_at(ps)[0])
 
     def piece(self, xs: Array, ps: Array, breaks: Array) -> Array:
         """Indices (m,) of the pieces between breaks (m, k + 1) or (1, k + 1) that contain states (m, n)."""

@@ -1,7 +1,7 @@
 """A law: force against extension, or gravity against height, with its values, slopes and range."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from fractions import Fraction
@@ -29,9 +29,6 @@ from .law_expressions import UNIT_FORCE, UNIT_LENGTH, scaled_expression, symbols
 Algebraic: TypeAlias = Any
 Scalars: TypeAlias = Sequence[Algebraic]
 Parameters: TypeAlias = Mapping[str, Algebraic]
-# Parameters whose names begin so are 0 on every machine; each stands for a change of a measured law by one standard
-# deviation of the effect of noise on it, independently of the others.
-NOISE = "_noise"
 # On both sides of a breakpoint, at this share of the pieces, value and slope differ by the second share if they jump.
 SIDE, CORNER = 1e-6, 1e-4
 # The message about a spring whose force falls as it is stretched from rest.
@@ -51,18 +48,25 @@ class Written(NamedTuple):
     potential: bool = False
 
 
+# (derivatives (k, size) of a number by the data of the pieces) -> its standard deviation by the noise of the rows of a
+# measured law, None where that is not known; and, where it is not, the deviation for noise of unit deviation.
+RowNoise: TypeAlias = Callable[[np.ndarray], tuple[float | None, float | None]]
+
+
 class LawPieces(NamedTuple):
     """Where a law is smooth.
 
     size : number of data values of a piece
     table : parameters -> (breaks, data), of the variable times its unit minus its origin
     unit, origin : the names of the parameters that are the unit and the origin; None for 1 and 0
+    noise : of a measured law whose rows may be noisy; None for any other
     """
 
     size: int
     table: Callable
     unit: str | None = None
     origin: str | None = None
+    noise: RowNoise | None = None
 
     def units(self, p: Parameters) -> Algebraic:
         """The unit of the variable."""
@@ -189,7 +193,7 @@ class Law:
         """The same law with other values of some parameters."""
         for name in values:
             if name not in self.parameters:
-                raise InputError(f"'{self.text}' has no parameter '{name}'{suggest(name, stated(self.parameters))}")
+                raise InputError(f"'{self.text}' has no parameter '{name}'{suggest(name, self.parameters)}")
         return replace(self, parameters={**self.parameters, **values}) if values else self
 
     def scaled(self, length: float, force: float | None = None) -> "Law":
@@ -202,13 +206,7 @@ class Law:
         )
 
     def __repr__(self) -> str:
-        named = {name: self.parameters[name] for name in stated(self.parameters)}
-        return f"Law({', '.join([repr(self.text), *in_words(named)])})"
-
-
-def stated(names: Iterable[str]) -> list[str]:
-    """The names of parameters that users state: not those that stand for the noise of a table."""
-    return [name for name in names if not name.startswith(NOISE)]
+        return f"Law({', '.join([repr(self.text), *in_words(self.parameters)])})"
 
 
 def number(name: str, value: Any, low: float = -math.inf, high: float = math.inf) -> float:

@@ -12,7 +12,7 @@ from ..errors import InputError
 from ..running.exclusive import exclusive
 from ..symbolic.formula import CONSTANTS, parse, suggest
 from ..symbolic.tracing import traced
-from .law import Algebraic, Key, Law, LawPieces, Written, number, stated
+from .law import Algebraic, Key, Law, LawPieces, Written, number
 from .law_expressions import HOW_TO_WRITE, break_table, derivative_expression, formula_expression, function_expression
 
 # A law as it is stated: itself, a formula, the name of a law, or a Python function.
@@ -36,7 +36,7 @@ def from_any(law: LawLike, variable: str, parameters: Values, table: Named, what
 
     def own(names):
         if not shared and (unused := sorted((parameters or {}).keys() - set(names))):
-            raise InputError(f"this law has no parameter '{unused[0]}'{suggest(unused[0], stated(names))}")
+            raise InputError(f"this law has no parameter '{unused[0]}'{suggest(unused[0], names)}")
         return {name: value for name, value in (parameters or {}).items() if name in names}
 
     if isinstance(law, Law):

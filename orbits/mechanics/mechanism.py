@@ -25,7 +25,7 @@ import numpy as np
 from ..errors import InputError
 from ..io import one_line
 from ..laws.features import with_reach
-from ..laws.law import Key, Law, coefficient_of_restitution, number, stated
+from ..laws.law import Key, Law, coefficient_of_restitution, number
 from ..laws.law_statement import key_of
 from ..model.machine import Stated
 from ..model.model import Model, as_derived
@@ -266,7 +266,7 @@ class Mechanism(Stated):
         """The same mechanism with other values of some parameters; raises `InputError` for an unknown name."""
         for name in values:
             if name not in self.names:
-                raise InputError(f"this machine has no parameter '{name}'{suggest(name, stated(self.names))}")
+                raise InputError(f"this machine has no parameter '{name}'{suggest(name, self.names)}")
         return replace(self, parameters={**self.parameters, **values})
 
     def with_springs(self, forces: Sequence[Any]) -> Self:
@@ -294,7 +294,7 @@ class Mechanism(Stated):
     @property
     def scheduled(self) -> dict[str, float]:
         """The units of the parameters that a simulation may vary in time."""
-        return dict.fromkeys(stated(self.parameters), 1.0)
+        return dict.fromkeys(self.parameters, 1.0)
 
     @property
     def rest_length(self) -> float | None:
@@ -315,7 +315,7 @@ class Mechanism(Stated):
             "mass_ratio": self.parameters.get("mass_ratio"),  # files of orbits have this key for any machine
             "rest_length": self.rest_length,
             "restitution": self.restitution,
-            "parameters": {name: self.parameters[name] for name in stated(self.parameters)},
+            "parameters": dict(self.parameters),
             "laws_in": "SI" if self.in_si else "units of the machine",
             **({"units": {**length, **self.units_of_parameters()}} if self.in_si else {}),
         }

@@ -7,7 +7,6 @@ from numbers import Real
 from typing import Any, get_args
 
 from ..errors import InputError
-from ..laws.law import stated
 from ..symbolic.formula import CONSTANTS, FUNCTIONS, suggest
 from .elements import Damper, Element, Force, Inerter, Mass, Scalar, Weight, fields_of, names_in, value_of
 from .structure import USUAL_WORDS
@@ -149,7 +148,7 @@ def refuse_names_of_parameters(mechanism: Any, names: Iterable[str], used: Colle
     if GRAVITY_SHARE in used:
         raise InputError(f"'{GRAVITY_SHARE}' is the mechanism's own name; call the parameter something else")
     if not mechanism.has_functions and (unused := [name for name in mechanism.parameters if name not in used]):
-        raise InputError(f"no element has a parameter '{unused[0]}'{suggest(unused[0], stated(used))}")
+        raise InputError(f"no element has a parameter '{unused[0]}'{suggest(unused[0], used)}")
 
 
 def hint_of_coordinate(name: str, coordinates: Collection[str]) -> str:

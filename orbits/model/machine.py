@@ -5,7 +5,6 @@ from dataclasses import fields
 from types import MappingProxyType
 from typing import Any, Protocol, Self, cast, runtime_checkable
 
-from ..laws.law import NOISE
 from ..units import Units
 from .model import Model
 
@@ -88,4 +87,4 @@ def dimensionless(machine: Any) -> Any:
 def free_parameters(machine: Machine) -> list[str]:
     """The names of the parameters that may be varied."""
     fixed = (machine.model.homotopy, machine.model.gauge)
-    return [name for name in machine.values if name not in fixed and not name.startswith(NOISE)]
+    return [name for name in machine.values if name not in fixed]

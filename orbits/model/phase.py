@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..io import fields_in_line
-from ..laws.law import Algebraic, Parameters, Scalars
+from ..laws.law import Algebraic, Parameters, RowNoise, Scalars
 from .modes import Modes
 
 
@@ -78,6 +78,7 @@ class Pieces:
     label : name of the coordinate in messages
     unit, origin : parameters -> the unit and the origin, where they are not 1 and 0; the table does not depend on
         parameters that change these alone
+    noise : that of the rows of a measured law
     """
 
     coordinate: tuple[float, ...]
@@ -86,6 +87,7 @@ class Pieces:
     label: str = "coordinate"
     unit: Callable[[Parameters], Algebraic] = lambda p: 1.0
     origin: Callable[[Parameters], Algebraic] = lambda p: 0.0
+    noise: RowNoise | None = None
 
     def place(self, x: ArrayLike, p: Parameters) -> Any:
         """The coordinates (...) of states (..., n), times their unit, minus their origin."""

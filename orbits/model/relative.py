@@ -201,7 +201,7 @@ def pieces_along(key: Key, coordinate: tuple[float, ...]) -> Pieces | None:
     """The smooth pieces of a spring law's key, for a phase whose state gives the extension by these weights."""
     if key.pieces is None:
         return None
-    return Pieces(coordinate, *key.pieces[:2], "extension", key.pieces.units, key.pieces.origins)
+    return Pieces(coordinate, *key.pieces[:2], "extension", key.pieces.units, key.pieces.origins, key.pieces.noise)
 
 
 def reach_along(key: Key, coordinate: tuple[float, ...]) -> tuple[Reach, ...]:

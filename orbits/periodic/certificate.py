@@ -62,7 +62,10 @@ class Certificate:
     violations : the conditions of a motion that it violates, in words; empty for an admissible orbit
     loss_error : estimate of the error of `loss_coefficient`, None where there is none
     unfolding : multiple of the energy gradient added to the equations of motion; None where this is not an unknown
-    alpha_noise : standard deviation of alpha from the noise of measured laws; None without noise, and along a family
+    alpha_noise : standard deviation of alpha from the noise of the rows of a measured law; None without noise, where it
+        is not known, and along a family
+    alpha_per_noise : where that noise is not known, the standard deviation of alpha for each unit of the standard
+        deviation of a row's force; else None
     bounce_side : "above" or "below", the side of alpha on which hops land with a bounce; None if `stable_side` is None
     """
 
@@ -81,6 +84,7 @@ class Certificate:
     unfolding: float | None = None
     loss_error: float | None = None
     alpha_noise: float | None = None
+    alpha_per_noise: float | None = None
     bounce_side: str | None = None
 
     def __post_init__(self) -> None:

@@ -9,12 +9,12 @@ import numpy as np
 from numpy import ndarray
 
 from ..errors import InputError, OrbitsError
-from ..laws.law import NOISE
+from ..laws.law_expressions import UNIT_FORCE
 from ..model.machine import Machine
 from ..model.model import Model
-from ..records import Records
+from ..records import NONE, Records
 from ..running.exclusive import exclusive
-from ..shooting.error_bound import error_bounds, noise_of_alpha
+from ..shooting.error_bound import by_pieces, error_bounds
 from ..shooting.formulations import Cycles, equations_of, interpret, refused_by_unfolding, vector
 from ..shooting.single_shooting import Evaluation, Shooting
 from .certificate import Certificate, certify
@@ -135,9 +135,14 @@ def certified_orbit(machine: Machine, solved: Solved, *, began: float) -> Orbit:
     found, refused = certified(solved)
     if found is None:
         raise refused[0]
-    if noise := [name for name in machine.values if name.startswith(NOISE)]:
-        deviation = noise_of_alpha(solved.equations, solved.us[0], solved.ps[0], solved.evaluation, noise)
-        found = found._replace(certificates=found.certificates.replaced(alpha_noise=np.array([deviation])))
+    if noise := next((pieces.noise for flow in solved.equations.flows if (pieces := flow.phase.pieces)), None):
+        slopes = by_pieces(solved.equations, solved.us, solved.ps, solved.evaluation)
+        deviation, per_unit = (None, None) if slopes is None else noise(slopes)
+        if per_unit is not None:
+            per_unit *= machine.values.get(UNIT_FORCE, 1.0)  # a law in SI of an orbit without units
+        numbers = {"alpha_noise": deviation, "alpha_per_noise": per_unit}
+        columns = {name: np.array([NONE if value is None else value]) for name, value in numbers.items()}
+        found = found._replace(certificates=found.certificates.replaced(**columns))
     return orbits_of([machine], solved.method, solved.equations, found, began)[0]
 
 

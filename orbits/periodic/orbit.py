@@ -247,10 +247,15 @@ class Orbit(Result, what="orbit", printed_digits=15):
             texts = [f"{name} = {{:g}} {unit}".rstrip() for name, (_, unit) in own.items()]
             yield Row("machine", {name: value for name, (value, _) in own.items()}, (", ".join(texts),))
         speed = f" {units['alpha']}" if units else ""
-        yield Row("alpha", {"alpha": self.alpha, "error": c.error}, (f"{{}}{speed}   +- {{:.1e}}",))
+        numbers = {"alpha": self.alpha, "error": c.error}
+        yield Row("alpha", numbers, (f"{{}}{speed}   +- {{:.1e}} (error of the numerics)",))
         if c.alpha_noise is not None:
-            yield Row("  by the table's noise", {"alpha_noise": c.alpha_noise}, (f"+- {{:.1e}}{speed}",))
-        within = f"   +- {c.loss_error:.1e}" if c.loss_error else ""
+            text = f"+- {{:.1e}}{speed} (one standard deviation of the rows)"
+            yield Row("  by the table's noise", {"alpha_noise": c.alpha_noise}, (text,))
+        if c.alpha_per_noise is not None:
+            text = f"+- {{:.2g}}{speed} per {'N' if units else 'unit'} of noise in a row (its standard deviation)"
+            yield Row("  by the table's noise", {"alpha_per_noise": c.alpha_per_noise}, (text,))
+        within = f"   +- {c.loss_error:.1e} (error of the numerics)" if c.loss_error else ""
         after, figures = {"loss_coefficient": within + ATTRACTS.get(c.bounce_side or "", "")}, vars(c) | vars(self)
         for name, quantity in QUANTITIES.items():
             if name == "rises":

@@ -66,6 +66,7 @@ QUANTITIES: dict[str, OrbitQuantity] = {
     "loss_coefficient": OrbitQuantity(words="loss coefficient C"),
     "loss_error": OrbitQuantity(bound=True),
     "alpha_noise": OrbitQuantity(bound=True),
+    "alpha_per_noise": OrbitQuantity(bound=True),
 }
 CERTIFIED = tuple(name for name in QUANTITIES if name in Certificate.__dataclass_fields__)
 # The quantities of the motion that every result has.

@@ -31,8 +31,6 @@ NINTH_TERM = 0.01
 # Errors that defects of the integration steps bound are multiplied by this: in long flights through hard bends of a law
 # alpha was off by up to 2.7 times the bound in 1 of some hundred orbits, against quadrature in 34 digits.
 DEFECTS_SAFETY = 3.0
-# This many standard deviations of noise change an orbit linearly, and by far more than rounding.
-SMALL_NOISE = 1e-3
 EPS = float(np.finfo(float).eps)
 Rows = ndarray | None
 NARROW = (
@@ -98,20 +96,54 @@ def _grown_rounding(equations: Shooting, evaluation: Evaluation, inverse: ndarra
     return np.linalg.norm(inverse, axis=1) * rounding
 
 
-def noise_of_alpha(equations: Shooting, u: ndarray, p: ndarray, evaluation: Evaluation, noise: list[str]) -> float:
-    """The standard deviation of alpha at a solution `u` (n,) when the parameters `noise` have theirs, 1, independently.
+def by_pieces(equations: Shooting, u: ndarray, p: ndarray, evaluation: Evaluation) -> Rows:
+    """The derivatives (k, size) of alpha at a solution (1, n) by the data of the pieces of the law in its fields, with
+    parameters (1, np) and the equations there; None where they are not known."""
+    at_alpha = np.eye(equations.size)[None, equations.statement.unknowns.index("alpha"), :, None]
+    inverse = solve(evaluation.jacobian[:, :, : equations.size].swapaxes(1, 2), at_alpha)[:, :, 0]
+    weights, row, total = _weights_of_steps(equations, evaluation, inverse), 0, None
+    parts = zip(
+        equations.flows, equations.ends, evaluation.trajectories, evaluation.transitions, evaluation.residual_by_end,
+        weights, strict=True,
+    )  # fmt: skip
+    for flow, (_, arrival), motions, transition, by_end, at_ends in parts:
+        own, row = inverse[:, row : row + by_end.shape[1]], row + by_end.shape[1]
+        pieces = flow.phase.pieces
+        if pieces is None or flow.method == "closed form":
+            continue
+        if at_ends is None:
+            return None
+        total = np.zeros(flow.piece_table(p[0])[1].shape) if total is None else total
+        # Within a step the derivative of alpha by the state is a cubic with the right values and slopes at both ends.
+        at_starts = np.concatenate([own @ by_end[0] @ transition[0, :, : flow.size], at_ends[:-1]])
+        c, lengths = motions.coefficients[:, : flow.size], motions.steps[:, None]
+        data = flow.mesh_data(motions, p)
+        (found,) = _by_data(flow)(c.reshape(len(c), -1), lengths, at_starts, at_ends, data)
+        np.add.at(total, flow.mesh_pieces(motions[0], p[0]), -found)
+        # The condition at lift-off has the data of the first piece.
+        start, (q,) = c[:1, :, 0], flow.piece_data(c[:1, :, 0], p)[0]
+        at_start = arrival(u[0], start, motions.finals[:, : flow.size], p, q)[1][:, -len(q) :]
+        total[flow.pieces_of(start, p)] -= own @ at_start
+    return total
 
-    The residuals that changed laws leave come from one integration each, and go through the inverse Jacobian.
-    """
 
-    def residual(values: ndarray) -> ndarray:
-        return equations.residual(u, values, evaluation[0].trajectories, _end_by_another_method)
-
-    places = [equations.parameters.index(name) for name in noise]
-    rows = SMALL_NOISE * np.eye(len(p))[places]
-    changes = np.array([residual(p + row) for row in rows]) - residual(p)
-    moves = solve(evaluation.jacobian[0], changes.T / SMALL_NOISE)
-    return float(np.linalg.norm(moves[equations.statement.unknowns.index("alpha")]))
+@cached
+def _by_data(flow: Flow) -> ElementwiseFunction:
+    """The derivatives of a number by the data of the pieces over steps, by Gauss's rule, (coefficients of the states,
+    one state after the other, length, derivatives by the state at the start and at the end, parameters with data)."""
+    c, h, p = ca.SX.sym("c", TAYLOR_ORDER + 1, flow.size), ca.SX.sym("h"), flow.vector_field.p
+    ends, count = (ca.SX.sym("start", flow.size), ca.SX.sym("end", flow.size)), len(flow.parameters)
+    x, terms = flow.vector_field.x, ca.diag(symbolic_powers(h)) @ c
+    rates = flow.vector_field.field(x, p)[0]
+    slopes = ca.Function("slopes", [x, p], [ca.jacobian(rates, x), ca.jacobian(rates, p)[:, count:]])
+    places = ca.vertsplit(ca.DM(powers(np.array([0.0, 1.0, *GAUSS_PLACES]), TAYLOR_ORDER + 1)) @ terms)
+    falls = [-h * end.T @ slopes(place.T, p)[0] for end, place in zip(ends, places[:2], strict=True)]
+    total = ca.SX(1, flow.phase.pieces.size if flow.phase.pieces else 0)
+    for t, weight, place in zip(GAUSS_PLACES.tolist(), GAUSS_WEIGHTS.tolist(), places[2:], strict=True):
+        basis = (1 + 2 * t) * (1 - t) ** 2, t**2 * (3 - 2 * t), t * (1 - t) ** 2, t**2 * (t - 1)
+        back = sum(share * value for share, value in zip(basis, (*(end.T for end in ends), *falls), strict=True))
+        total += weight * h * back @ slopes(place.T, p)[1]
+    return ElementwiseFunction(ca.Function("by_data", [ca.vec(c), h, *ends, p], [total.T]))
 
 
 def _weights_of_steps(equations: Shooting, evaluation: Evaluation, inverse: ndarray) -> list[Rows]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -51,13 +51,15 @@ class Uncertainty(Result, what="uncertainty", in_line=("share", "mean"), printed
 
 
 def uncertainty(
-    machine: Machine, over: Mapping[str, object], quantities: Sequence[str] = (), *, family: int = 1,
+    machine: Machine, over: Any, quantities: Sequence[str] = (), *, family: int = 1,
     samples: int = 1024, seed: int = 0, **options: Any,
 ) -> Uncertainty:  # fmt: skip
     """The spread of the quantities of an orbit when parameters are known only by their distributions.
 
     machine : as in `sweep`
-    over : frozen distributions of `scipy.stats` (or ranges) by name; the parameters vary independently
+    over : frozen distributions of `scipy.stats` (or ranges) by name, of parameters that vary independently; correlated
+        parameters have a tuple of names and a frozen `multivariate_normal`. Or a result with such `distributions()`, as
+        that of `springs.fit`
     quantities : besides alpha and flight_time, as in `sweep`
     family, seed : as in `sweep`
     samples : number of members, sampled by Sobol's sequence
@@ -74,14 +76,15 @@ def uncertainty(
     (0.0143, 0.0143)
     """
     whole_number("samples", samples, "members", least=2)
-    members = members_of(over, samples, "sobol", seed, list(machine.values))
+    over = over.distributions() if hasattr(over, "distributions") else over
+    uncertain = _uncertain(over, samples, seed, list(machine.values))
     orbit, texts = find(machine, family), ["alpha", "flight_time", *quantities]
-    slopes = sensitivities(machine, orbit, list(over), texts)
-    deviations = {
-        name: float(axis.distribution.std()) if axis.distribution is not None else float(np.std(axis.at(_MIDDLES)))
-        for name, axis in zip(members.names, members.axes, strict=True)
-    }
-    result = swept(machine, over, samples, sampling="sobol", seed=seed, family=family, quantities=quantities, **options)
+    slopes = sensitivities(machine, orbit, list(uncertain.names), texts)
+    options |= {"seed": seed, "family": family, "quantities": quantities}
+    if uncertain.correlated:
+        result = swept(machine, None, dict(zip(uncertain.names, uncertain.values.T, strict=True)), **options)
+    else:
+        result = swept(machine, over, samples, sampling="sobol", **options)
     motions = result["status"] == "certified"
     columns = {text: result[text][motions & np.isfinite(result[text])] for text in texts}
     if empty := [text for text, values in columns.items() if len(values) < 2]:
@@ -90,13 +93,47 @@ def uncertainty(
         text: {f"{share:.0%}": float(np.quantile(values, share)) for share in QUANTILES}
         for text, values in columns.items()
     }
-    linear = {
-        text: float(np.sqrt(sum((slopes[text][name] * deviation) ** 2 for name, deviation in deviations.items())))
-        for text in texts
-    }
+    rows = {text: np.array([slopes[text][name] for name in uncertain.names]) for text in texts}
+    linear = {text: float(np.sqrt(row @ uncertain.covariance @ row)) for text, row in rows.items()}
     mean = {text: float(values.mean()) for text, values in columns.items()}
     deviation = {text: float(values.std(ddof=1)) for text, values in columns.items()}
     return Uncertainty(mean, deviation, quantiles, linear, float(motions.mean()), result)
+
+
+class _Uncertain(NamedTuple):
+    """Uncertain parameters (k,) with their covariance (k, k), and a Sobol sample (m, k) of them."""
+
+    names: tuple[str, ...]
+    covariance: np.ndarray
+    values: np.ndarray
+    correlated: bool
+
+
+def _uncertain(over: Any, samples: int, seed: int, allowed: Sequence[str]) -> _Uncertain:
+    """The parameters that the mapping `over` states; raises `InputError` where it states them wrongly."""
+    groups = {key: each for key, each in over.items() if isinstance(key, tuple)} if isinstance(over, Mapping) else {}
+    for key, each in groups.items():
+        if not hasattr(each, "cov") or np.shape(each.mean) != (len(key),):
+            raise InputError(f"over {key}: correlated parameters have a multivariate_normal of {len(key)} numbers")
+    if groups:
+        from scipy.stats import norm  # slow to import
+
+        names = [name for key in over for name in (key if key in groups else (key,))]
+        if len({*names}) < len(names):
+            raise InputError(f"over: a parameter is named twice among {', '.join(map(str, names))}")
+        over = {name: over.get(name, norm()) for name in names}
+    members = members_of(over, samples, "sobol", seed, allowed)
+    deviations = [
+        float(axis.distribution.std()) if axis.distribution is not None else float(np.std(axis.at(_MIDDLES)))
+        for axis in members.axes
+    ]
+    covariance, values = np.diag(np.square(deviations)), members.values.copy()
+    for key, each in groups.items():
+        places = [members.names.index(name) for name in key]
+        sizes, axes = np.linalg.eigh(each.cov)
+        covariance[np.ix_(places, places)] = each.cov
+        values[:, places] = each.mean + values[:, places] @ (axes * np.sqrt(np.maximum(sizes, 0.0))).T
+    return _Uncertain(members.names, covariance, values, bool(groups))
 
 
 # Midpoints of equal shares, at which the deviation of a range or a list is computed.

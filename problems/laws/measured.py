@@ -39,14 +39,14 @@ class _Header(NamedTuple):
     units: tuple[str, str]
 
 
-def read_table(path: Path, in_si: bool) -> tuple[tuple[np.ndarray, np.ndarray], float]:
-    """Extensions and forces (n,), tension positive, in the order of a file's rows, in SI in m and N; and -1.0 where the
-    file counts compression, else 1.0.
+def read_table(path: Path, text: str, in_si: bool) -> tuple[tuple[np.ndarray, np.ndarray], float]:
+    """Extensions and forces (n,), tension positive, in the order of the rows of a file's text, in SI in m and N; and
+    -1.0 where it counts compression, else 1.0.
 
     Both columns count compression where the header of one says so, as `Compression [mm];Force [N]` does, unless that of
     the other says tension or extension.
     """
-    lines = text_of(path).splitlines()
+    lines = text.splitlines()
     if len(lines) > MOST_LINES:
         raise InputError(f"the table {short(path)} has more than {MOST_LINES} lines: keep every tenth row, or fewer")
     header = _find_header(path, lines[: 2 * MOST_LINES_BEFORE_HEADER])

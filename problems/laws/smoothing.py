@@ -1,5 +1,6 @@
 """Measured rows to a smooth curve: branches of a loop, repeated extensions, noise."""
 
+from math import comb, factorial
 from typing import NamedTuple
 
 import numpy as np
@@ -12,24 +13,32 @@ from .measured import FEWEST_ROWS
 FEWEST_ON_BRANCH = 3
 # Each row between which a spline runs ends an integration step: more would cost minutes and add no digit.
 MOST_ROWS = 500
-# A smoothing spline is found from at most this number of means of neighbouring rows, by an eigendecomposition.
+# Smooth curves are found from at most this number of means of neighbouring rows, by eigendecompositions.
 MOST_MEANS = 256
 # An extension that comes back by this share of its range has turned.
 TURN = 0.02
 # Rows on the way up and on the way down differ where their mean difference is this many times its standard error and
 # this share of the forces' range; a narrower loop is noise.
 LOOP_SIGNIFICANCE, LOOP_WIDTH = 6.0, 5e-3
-# Rows are noisy where a smoothing spline with fewer degrees of freedom than this share of the rows is likelier than
-# the interpolating one, twice the logarithm by this much; noise below the last share of the range is rounding.
-FREEDOM, LIKELIER, EXACT_ROWS = 0.8, 15.0, 1e-9
+# A curve with more degrees of freedom than this share of the rows follows them. Rows are noisy where such curves have
+# less than the second share of the probability; noise below the last share of the range is rounding.
+FREEDOM, DOUBT, EXACT_ROWS = 0.8, 0.05, 1e-9
+# Rows are exact where this share of them lie on polynomials of one of these orders through their neighbours.
+EXACT_SHARE, EXACT_ORDERS = 0.75, (2, 4, 6)
+EXACT_NOTE = "noise not known, rows smooth to rounding"
+# The terms of the polynomial part of smooth curves, and so the largest order of the processes beside it; and the
+# variances of these over that of the noise, the last of which are at the limit of rounding.
+POLYNOMIAL_TERMS, AMPLITUDES, UNRESOLVED = 4, np.geomspace(1e-2, 1e14, 81), 3
+# Amplitudes with a smaller weight, and changes of a smaller share of the largest variance, add nothing.
+SMALLEST_WEIGHT, LEAST_VARIANCE = 1e-4, 1e-9
 # Extensions that differ by this share of their range or less are the same.
 SAME_EXTENSION = 1e-9
 # Below this number of rows noise and shape cannot be distinguished.
 FEWEST_NOISY = 12
 # The number of nodes of a smoothed curve per degree of freedom, and its bounds.
 NODES_PER_FREEDOM, NODES = 2, (16, 128)
-# Directions of the noise in the curve, the smoothest first: all later ones add a tenth to the change of an orbit.
-MOST_DIRECTIONS = 24
+# The number of places at which the spread of curves is computed, twice that of their nodes, has these bounds.
+PLACES = (48, 200)
 
 
 class MeasuredRows(NamedTuple):
@@ -50,13 +59,18 @@ class MeasuredRows(NamedTuple):
 class SmoothCurve(NamedTuple):
     """A smooth curve through rows: forces (n,) at ascending extensions (n,), and the effect of noise on them.
 
-    changes : (k, n), independent changes of the forces by one standard deviation each
+    places, changes : (p,) and (k, p), independent changes of the forces at places by one standard deviation each; none
+        where the noise is not known
+    deviations : (n,) of the forces for noise of unit standard deviation in each row, where the noise may be none; else
+        None
     note : what was done to the rows, in words
     """
 
     extensions: np.ndarray
     forces: np.ndarray
+    places: np.ndarray
     changes: np.ndarray
+    deviations: np.ndarray | None
     note: str
 
 
@@ -125,62 +139,165 @@ def _mean(up: MeasuredRows, down: MeasuredRows, label: str) -> MeasuredRows:
 
 
 def curve_of(rows: MeasuredRows, noise: float | None) -> SmoothCurve:
-    """The curve through rows: the rows themselves, or a smoothing spline.
+    """The curve through rows: the rows themselves, or the mean of smooth curves near them.
 
-    noise : standard deviation of a row's force; None to see from the rows whether they are noisy, 0 for exact ones
-
-    The spline minimises sum w_i (f_i - g(r_i))**2/noise**2 + penalty times the integral of g''**2, with weights w, the
-    penalty of greatest restricted likelihood (Wahba 1985); its posterior covariance gives the changes (Nychka 1988).
+    noise : standard deviation of a row's force; None to estimate it, 0 for exact rows
     """
     if rows.spare < FEWEST_ROWS:  # a few repeated rows show no noise, but may be an outlier
         rows = rows._replace(squares=0.0, spare=0)
-    r, count, fit = rows.extensions, len(rows.extensions), None
-    if noise != 0 and (noise is not None or count + rows.spare >= FEWEST_NOISY):
-        fit = _smoothed(rows, noise)
-    if fit is not None:
-        return fit
-    if count <= MOST_ROWS:
-        return SmoothCurve(r, rows.forces, np.zeros((0, count)), "")
-    chosen = np.linspace(0, count - 1, MOST_ROWS).round().astype(int)
-    return SmoothCurve(r[chosen], rows.forces[chosen], np.zeros((0, MOST_ROWS)), f"{MOST_ROWS} of {count} rows")
+    if noise == 0:
+        return _through(rows)
+    count, exact = len(rows.extensions) + rows.spare, EXACT_ROWS * np.ptp(rows.forces)
+    if noise is None and count < FEWEST_NOISY:
+        return _through(rows, f"noise not known, {count} rows are too few", per_unit=True)
+    repeated = rows.squares > rows.spare * exact**2
+    if noise is None and not repeated and _are_exact(rows, exact):
+        return _through(rows, EXACT_NOTE, per_unit=True)
+    curves = SmoothCurves(rows, noise)
+    if noise is None and (curves.sigma < exact or curves.unresolved > 0.5):
+        return _through(rows, EXACT_NOTE, per_unit=True)
+    if noise is None and not repeated and curves.interpolating > DOUBT:
+        note = f"noise not distinguishable from the law, {curves.sigma:.2g} or less"
+        return _through(rows, note, per_unit=True, curves=curves)
+    return curves.mean(f"{rows.weights.sum():.0f} rows smoothed, noise {curves.sigma:.3g}", noise)
 
 
-def _smoothed(rows: MeasuredRows, noise: float | None) -> SmoothCurve | None:
-    """The smoothing spline; None where the rows are not known to be noisy and do not look it."""
-    from scipy.interpolate import CubicSpline  # only a table needs it, and it takes half a second to import
-    from scipy.linalg import eigh
+def _through(
+    rows: MeasuredRows, note: str = "", per_unit: bool = False, curves: "SmoothCurves | None" = None
+) -> SmoothCurve:
+    """The curve through the rows themselves, of too many through some of them."""
+    count = len(rows.extensions)
+    chosen = np.linspace(0, count - 1, min(count, MOST_ROWS)).round().astype(int)
+    r, force = rows.extensions[chosen], rows.forces[chosen]
+    few = f"{MOST_ROWS} of {count} rows" if count > MOST_ROWS else ""
+    note = ", ".join(filter(None, (few, note)))
+    places, changes = (r, np.zeros((0, len(r)))) if curves is None else curves.changes(r, force)
+    return SmoothCurve(r, force, places, changes, 1 / np.sqrt(rows.weights[chosen]) if per_unit else None, note)
 
-    r, w = rows.extensions, rows.weights
-    starts = np.unique(np.linspace(0, len(r), min(len(r), MOST_MEANS), endpoint=False).astype(int))
-    weights = np.add.reduceat(w, starts)
-    x, y = np.add.reduceat(w * r, starts) / weights, np.add.reduceat(w * rows.forces, starts) / weights
-    n, h, root = len(x), np.diff(x), np.sqrt(weights)
-    bends = CubicSpline(x, np.eye(n), bc_type="natural")(x, 2)  # the spline's second derivatives, linear in its values
-    mass = np.diag((np.r_[h, 0] + np.r_[0, h]) / 3) + np.diag(h / 6, 1) + np.diag(h / 6, -1)
-    penalty = bends.T @ mass @ bends / np.outer(root, root)
-    stiffness, modes = eigh((penalty + penalty.T) / 2)
-    stiffness[:2], z = 0.0, modes.T @ (root * y)  # a straight line is not penalised
-    stiffness[2:] = np.maximum(stiffness[2:], np.finfo(float).eps * stiffness[-1])
-    multiples = np.geomspace(1e-6 / stiffness[-1], 1e6 / stiffness[2], 400)
-    lost = 1 - 1 / (1 + multiples[:, None] * stiffness[2:])
-    squares, freedom = lost @ z[2:] ** 2 + rows.squares, n - 2 + rows.spare
-    with np.errstate(all="ignore"):  # rows on a straight line leave nothing, and no best penalty
-        size = freedom * np.log(squares) if noise is None else squares / noise**2
-        deviance = size - np.log(lost).sum(1)
-        best = int(deviance.argmin())
-        gain = deviance[0] - deviance[best]
-    factors = np.r_[1.0, 1.0, 1 - lost[best]]
-    sigma = float(np.sqrt(squares[best] / freedom)) if noise is None else noise
-    smooth = factors.sum() < FREEDOM * n
-    noisy = (smooth and gain > LIKELIER) or rows.squares > rows.spare * (EXACT_ROWS * np.ptp(y)) ** 2
-    if noise is None and not (noisy and sigma > EXACT_ROWS * np.ptp(y)):
-        return None
-    count = np.clip(NODES_PER_FREEDOM * factors.sum(), *NODES)
-    nodes = np.linspace(r[0], r[-1], int(count)) if smooth else np.r_[r[0], x[1:-1], r[-1]]
-    at_nodes = CubicSpline(x, modes / root[:, None], bc_type="natural")(nodes)
-    changes = sigma * (np.sqrt(factors) * at_nodes).T[:MOST_DIRECTIONS]
-    note = f"{w.sum():.0f} rows smoothed, noise {sigma:.3g} {'estimated' if noise is None else 'stated'}"
-    return SmoothCurve(nodes, at_nodes @ (factors * z), changes, note)
+
+def _are_exact(rows: MeasuredRows, exact: float) -> bool:
+    """Whether most rows lie on polynomials through their neighbours but for rounding, of low order where a law has
+    kinks: the pseudo-residuals of Gasser, Sroka and Jennen-Steinmetz (1986), whose deviation is that of a row."""
+    r, count = rows.extensions / np.ptp(rows.extensions), len(rows.extensions)
+    for order in EXACT_ORDERS:
+        first = np.unique(np.linspace(0, count - order - 1, MOST_ROWS).astype(int))
+        windows = first[:, None] + np.arange(order + 1)
+        weights = 1 / (r[windows][:, :, None] - r[windows][:, None, :] + np.eye(order + 1)).prod(2)
+        sums = (weights * rows.forces[windows]).sum(1)
+        if np.quantile(np.abs(sums) / np.linalg.norm(weights, axis=1), EXACT_SHARE) < exact:
+            return True
+    return False
+
+
+class SmoothCurves:
+    """The distribution of the smooth curves near rows: a law is a polynomial of low degree and an integrated Wiener
+    process, of several orders and amplitudes (Wahba 1978, 1985).
+
+    The mean for one order m and amplitude is the smoothing spline of degree 2 m - 1. Orders and amplitudes have the
+    weights of their restricted likelihood, which are those of the rows' deviations from all polynomials; amplitudes are
+    uniform in their logarithm. The spread of the curves so has the noise, the law's change between and beside the
+    rows, and the choice of the penalty.
+
+    sigma : root of the mean square of a row's noise, or what was stated
+    interpolating : weight of the curves that follow the rows and leave them no noise
+    unresolved : weight of the largest amplitudes that numbers have room for
+    freedom : mean degrees of freedom
+    """
+
+    def __init__(self, rows: MeasuredRows, noise: float | None):
+        r, w = rows.extensions, rows.weights
+        starts = np.unique(np.linspace(0, len(r), min(len(r), MOST_MEANS), endpoint=False).astype(int))
+        weights = np.add.reduceat(w, starts)
+        x, y = np.add.reduceat(w * r, starts) / weights, np.add.reduceat(w * rows.forces, starts) / weights
+        self.low, self.length, self.count = r[0], np.ptp(r), len(x)
+        self.ends, self.places, self.root, self.y = (r[0], r[-1]), self._share(x), np.sqrt(weights), y
+        self.terms = min(POLYNOMIAL_TERMS, len(x) // 2)
+        whitened = self.root[:, None] * self._polynomials(self.places)
+        basis, triangle = np.linalg.qr(whitened, mode="complete")
+        self.by_rows = np.linalg.solve(triangle[: self.terms], basis[:, : self.terms].T) * self.root  # of coefficients
+        others = basis[:, self.terms :]
+        freedom, logs, self.parts = len(x) - self.terms + rows.spare, [], []
+        for order in range(2, self.terms + 1):
+            kernel = _wiener(order, self.places, self.places) * np.outer(self.root, self.root)
+            sizes, modes = np.linalg.eigh(others.T @ kernel @ others)
+            modes, sizes = others @ modes, np.maximum(sizes, 0.0)
+            z = modes.T @ (self.root * y)
+            amplitudes = AMPLITUDES / sizes[-1]
+            spreads = 1 + amplitudes[:, None] * sizes
+            squares = (z**2 / spreads).sum(1) + rows.squares
+            with np.errstate(divide="ignore"):  # rows on a polynomial leave nothing
+                size = freedom * np.log(squares) if noise is None else squares / noise**2
+            logs.append(-0.5 * (np.log(spreads).sum(1) + size))
+            variances = squares / freedom if noise is None else np.full(len(squares), noise**2)
+            self.parts.append((order, modes, z, amplitudes, sizes, spreads, variances))
+        self.weights = np.exp(np.array(logs) - np.max(logs))
+        self.weights /= self.weights.sum()
+        freedoms = np.array([(1 - 1 / spreads).sum(1) + self.terms for *_, spreads, _ in self.parts])
+        self.freedom = float((self.weights * freedoms).sum())
+        self.interpolating = float(self.weights[freedoms > FREEDOM * len(x)].sum())
+        self.unresolved = float(self.weights[:, -UNRESOLVED:].sum())
+        self.sigma = float(np.sqrt(sum(w @ part[-1] for w, part in zip(self.weights, self.parts, strict=True))))
+
+    def mean(self, note: str, noise: float | None) -> SmoothCurve:
+        """The mean of the curves, at evenly spaced nodes where they are smooth, else at the rows."""
+        low, high = self.ends
+        if self.freedom < FREEDOM * self.count:
+            count = int(np.clip(NODES_PER_FREEDOM * self.freedom, *NODES))
+            nodes = np.linspace(low, high, count)
+        else:
+            nodes = np.r_[low, self.low + self.length * self.places[1:-1], high]
+        note = f"{note} {'estimated' if noise is None else 'stated'}"
+        forces = self._means(nodes)[0]
+        return SmoothCurve(nodes, forces, *self.changes(nodes, forces), None, note)
+
+    def changes(self, r: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Places (p,), and independent changes (k, p) there, each by one standard deviation, of the curves from that
+        through forces (n,) at extensions (n,)."""
+        from scipy.interpolate import CubicSpline  # only a table needs it, and it takes half a second to import
+
+        places = np.linspace(*self.ends, int(np.clip(2 * len(r), *PLACES)))
+        mean, covariance = self._means(places, True)
+        away = mean - CubicSpline(r, force)(places)
+        sizes, modes = np.linalg.eigh(covariance + np.outer(away, away))
+        large = sizes > LEAST_VARIANCE * sizes[-1]
+        return places, (modes[:, large] * np.sqrt(sizes[large])).T
+
+    def _means(self, r: np.ndarray, spread: bool = False) -> tuple[np.ndarray, np.ndarray]:
+        """The mean (n,) of the curves at extensions (n,), and their covariance (n, n) where the `spread` is wanted."""
+        s = self._share(r)
+        fit = self._polynomials(s) @ self.by_rows  # (n, rows), the polynomial of least squares
+        base, total, covariance = fit @ self.y, np.zeros(len(r)), np.zeros((len(r), len(r)))
+        noise_of_fit = (fit / self.root) @ (fit / self.root).T
+        for weights, (order, modes, z, amplitudes, _, spreads, variances) in zip(self.weights, self.parts, strict=True):
+            used = weights > SMALLEST_WEIGHT
+            if not used.any():
+                continue
+            across = _wiener(order, s, self.places)
+            among = _wiener(order, self.places, self.places)
+            loads = ((across - fit @ among) * self.root) @ modes
+            own, sizes, spreads = weights[used], amplitudes[used], spreads[used]
+            means = base + (sizes[:, None] * z / spreads) @ loads.T
+            total += own @ means
+            if spread:
+                variance = own * variances[used]
+                free = _wiener(order, s, s) - fit @ across.T - across @ fit.T + fit @ among @ fit.T
+                covariance += (variance @ sizes) * free + variance.sum() * noise_of_fit + (means.T * own) @ means
+                covariance -= (loads * (variance * sizes**2 @ (1 / spreads))) @ loads.T
+        share = self.weights[self.weights > SMALLEST_WEIGHT].sum()
+        return total / share, covariance / share - np.outer(total, total) / share**2
+
+    def _share(self, r: np.ndarray) -> np.ndarray:
+        return (r - self.low) / self.length
+
+    def _polynomials(self, s: np.ndarray) -> np.ndarray:
+        return np.polynomial.legendre.legvander(2 * s - 1, self.terms - 1)
+
+
+def _wiener(order: int, s: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """The covariance (n, m) of a Wiener process integrated `order` - 1 times, at times (n,) and (m,) from 0 on."""
+    first, apart = np.minimum(s[:, None], t), np.abs(s[:, None] - t)
+    terms = (comb(order - 1, j) * apart ** (order - 1 - j) * first ** (order + j) / (order + j) for j in range(order))
+    return sum(terms) / factorial(order - 1) ** 2
 
 
 def _directions(r: np.ndarray) -> np.ndarray:

@@ -12,20 +12,18 @@ from functools import lru_cache
 from keyword import iskeyword
 from pathlib import Path
 from typing import Any
-from zlib import crc32
 
-import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike
 
 from orbits.errors import InputError
 from orbits.laws import law_statement as laws
-from orbits.laws.law import NOISE, Law, LawPieces, Written, number, positive
+from orbits.laws.law import Law, LawPieces, Written, number, positive
 from orbits.laws.law_expressions import Expression
 from orbits.laws.law_statement import LawLike
 from orbits.symbolic.formula import suggest
 
-from .measured import read_table, short
+from .fitting import fit as fit
+from .rows import measured_columns
 from .smoothing import SmoothCurve, branch_of, curve_of
 
 # A sample to try tables with: a leg's spring in mm and N, with noise as from a bench.
@@ -146,7 +144,7 @@ def rubber(*, length: float = 10.0) -> Law:
 
 
 def table(
-    source: str | Path | tuple[ArrayLike, ArrayLike],
+    source: Any,
     *,
     in_si: bool = False,
     branch: str | None = None,
@@ -154,7 +152,8 @@ def table(
     scale: str | None = None,
     shift: str | None = None,
 ) -> Law:
-    """A spring from measured pairs: a file of text columns with a header, or (extensions, forces) as two sequences.
+    """A spring from measured pairs: a file of text columns with a header, a `pandas.DataFrame` whose columns have such
+    names, or (extensions, forces) as two sequences.
 
     in_si : whether the law is in m and N, to which the units in the header are then converted; otherwise units in the
         header are an error, since a dimensionless machine uses the numbers as they are
@@ -184,14 +183,9 @@ def table(
     """
     if noise is not None and number("noise", noise, high=1e100) < 0:
         raise InputError(f"noise = {noise:g} is below 0; it is the standard deviation of a row's force")
-    label, pairs, sense = "table", source, 1.0
-    if isinstance(source, str | Path):
-        label = short(Path(source).name)
-        pairs, sense = read_table(Path(source), in_si)
-    r, force = _columns_of(pairs, label)
+    r, force, sense, label = measured_columns(source, in_si)
     curve = curve_of(branch_of(r, force, sense, branch, label), noise)
     note = ", ".join(filter(None, (branch, curve.note)))
-    parameters, pieces = _table_pieces(curve)
     text = f"table:{label}" + (f" ({note})" if note else "")
     named = [(scale, "scale", 1.0), (shift, "shift", 0.0)]
     own = {_name(name, what): value for name, what, value in named if name is not None}
@@ -199,7 +193,7 @@ def table(
         raise InputError(f"scale = shift = '{scale}': they are two parameters, with two names")
     moved = _moved_expression(_piece_expression, scale, shift) if own else _piece_expression
     text = (f"{scale}*" if scale else "") + text + (f" moved by {shift}" if shift else "")
-    return Law(text, "r", moved, parameters | own, LawPieces(*pieces, origin=shift))
+    return Law(text, "r", moved, own, _table_pieces(curve)._replace(origin=shift))
 
 
 NAMED = {
@@ -268,32 +262,60 @@ def _piece_expression(x, p, q):
     return value
 
 
-def _table_pieces(curve: SmoothCurve) -> tuple[dict[str, float], tuple[int, Callable]]:
-    """The parameters of a table's law, one for each change that noise makes, and its pieces."""
-    x, y = curve.extensions, curve.forces
-    rows = _quintic_pieces(x, y)
-    # Equal curves have equal names in all springs of a machine, different curves different ones.
-    names = tuple(f"{NOISE}_{crc32(rows.tobytes()):08x}_{k}" for k in range(len(curve.changes)))
-    # The curve is cut back where it would overshoot: differences follow that, one standard deviation to both sides.
-    sides = [[_quintic_pieces(x, y + sign * change) for sign in (1, -1)] for change in curve.changes]
-    changes = np.array([(up - down) / 2 for up, down in sides])
-    return dict.fromkeys(names, 0.0), (7, _quintic_table(x.tobytes(), rows.tobytes(), changes.tobytes(), names))
+def _table_pieces(curve: SmoothCurve) -> LawPieces:
+    """The pieces of a table's law, with the noise of its rows."""
+    x = curve.extensions.tobytes()
+    table = _quintic_table(x, _quintic_pieces(curve.extensions, curve.forces).tobytes())
+    if curve.deviations is None and not len(curve.changes):
+        return LawPieces(7, table)
+    unit = None if curve.deviations is None else curve.deviations.tobytes()
+    return LawPieces(7, table, noise=_row_noise(x, curve.places.tobytes(), curve.changes.tobytes(), unit))
 
 
 @lru_cache(maxsize=64)
-def _quintic_table(breaks: bytes, rows: bytes, changes: bytes, names: tuple[str, ...]) -> Expression:
-    """The pieces of a measured law from its extensions, the rows of its pieces and the changes of these by each of the
-    named parameters; in bytes, so that equal ones compare equal."""
-    places, data = np.frombuffer(breaks).tolist(), np.frombuffer(rows).reshape(-1, 7)
-    moves = dict(zip(names, np.frombuffer(changes).reshape(len(names), *data.shape), strict=True))
+def _quintic_table(breaks: bytes, rows: bytes) -> Expression:
+    """The pieces of a measured law from its extensions and the rows of its pieces, in bytes, so that equal ones compare
+    equal."""
+    places, data = np.frombuffer(breaks).tolist(), np.frombuffer(rows).reshape(-1, 7).tolist()
+    return Expression(lambda p: (places, data), _quintic_table, breaks, rows)
 
-    def pieces(p):
-        if not names or not isinstance(p[names[0]], ca.SX):
-            return places, (data + sum(p[name] * move for name, move in moves.items())).tolist()
-        moved = ca.DM(data) + sum(p[name] * ca.DM(move) for name, move in moves.items())
-        return places, [ca.horzsplit(row) for row in ca.vertsplit(moved)]
 
-    return Expression(pieces, _quintic_table, breaks, rows, changes, names)
+@lru_cache(maxsize=64)
+def _row_noise(breaks: bytes, places: bytes, changes: bytes, unit: bytes | None) -> Expression:
+    """The `RowNoise` of a measured law from its extensions and the numbers of its `SmoothCurve`."""
+    x, at, deviations = np.frombuffer(breaks), np.frombuffer(places), unit and np.frombuffer(unit)
+    moves = np.frombuffer(changes).reshape(-1, len(at))
+
+    def noise(slopes: np.ndarray) -> tuple[float | None, float | None]:
+        from scipy.interpolate import CubicSpline
+
+        r, weights = _weights_of_values(x, slopes)
+        known = float(np.linalg.norm(weights @ CubicSpline(at, moves.T)(r))) if len(moves) else None
+        if deviations is None:
+            return known, None
+        return known, float(np.linalg.norm(_by_rows(x, r, weights) * deviations))
+
+    return Expression(noise, _row_noise, breaks, places, changes, unit)
+
+
+def _weights_of_values(x: np.ndarray, slopes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Extensions (m,) and the derivatives (m,) of a number by the law's values there, from those by the data of its
+    pieces between `x`; only pieces that matter have extensions."""
+    used = np.flatnonzero(slopes.any(1))
+    h = np.diff(x)[used, None]
+    shares = (1 - np.cos(np.pi * (np.arange(6) + 0.5) / 6)) / 2
+    weights = (slopes[used, 1:] / h ** np.arange(6)) @ np.linalg.inv(np.vander(shares, increasing=True))
+    return (x[used, None] + h * shares).ravel(), weights.ravel()
+
+
+def _by_rows(x: np.ndarray, r: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """The derivatives (n,) of a number by the forces at `x` (n,), from those by the spline's values at `r` (m,)."""
+    from scipy.interpolate import BSpline
+    from scipy.sparse.linalg import spsolve
+
+    knots = np.r_[[x[0]] * 4, x[2:-2], [x[-1]] * 4]
+    at_rows, at_places = (BSpline.design_matrix(each, knots, 3) for each in (x, r))
+    return spsolve(at_rows.T.tocsc(), at_places.T @ weights)
 
 
 def table_options(text: str) -> tuple[str, dict[str, Any]]:
@@ -310,19 +332,6 @@ def table_options(text: str) -> tuple[str, dict[str, Any]]:
         except ValueError:
             raise InputError(f"noise = {options['noise'][:40]!r} is not a number") from None
     return path, options
-
-
-def _columns_of(source: Any, label: str) -> tuple[np.ndarray, np.ndarray]:
-    """Extensions and forces (n,) of two sequences; raises `InputError` for anything else."""
-    try:
-        r, force = (np.asarray(column, dtype=float) for column in source)
-    except (TypeError, ValueError):
-        raise InputError(f"{label}: a table is two sequences of numbers, extensions and forces") from None
-    if r.ndim != 1 or not r.size or r.shape != force.shape or not (np.isfinite(r).all() and np.isfinite(force).all()):
-        raise InputError(f"{label}: extensions and forces must be two finite lists of one length, with rows")
-    if max(np.abs(r).max(initial=0), np.abs(force).max(initial=0)) > 1e100:
-        raise InputError(f"{label}: extensions or forces too large to compute with; they lie below 1e100")
-    return r, force
 
 
 def _quintic_pieces(x: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ import numpy as np
 
 from orbits import Mechanism
 from orbits.errors import InputError
-from orbits.laws.law import WRONG_SIGN, Algebraic, Law, Parameters, number, stated
+from orbits.laws.law import WRONG_SIGN, Algebraic, Law, Parameters, number
 from orbits.laws.law_expressions import UNIT_FORCE, UNIT_LENGTH
 from orbits.laws.law_statement import LawLike
 from orbits.mechanics import Mass
@@ -176,7 +176,7 @@ class MachineInSI(TwoMasses):
     def stated_values(self) -> dict[str, float]:
         """The values, in SI, of the parameters that users state."""
         hidden = (GAUGE, self.model.homotopy)
-        return {name: self.values[name] for name in stated(self.values) if name not in hidden}
+        return {name: self.values[name] for name in self.values if name not in hidden}
 
     @exclusive_property
     def units(self) -> Units:
@@ -197,7 +197,7 @@ class MachineInSI(TwoMasses):
     @property
     def scheduled(self) -> dict[str, float]:
         """The units of the parameters that a simulation may vary in time, which are not those that define the units."""
-        return {name: 1.0 for name in stated(self.parameters) if name != "stiffness" or self.spring is not None}
+        return {name: 1.0 for name in self.parameters if name != "stiffness" or self.spring is not None}
 
     @property
     def model(self) -> Model:
@@ -322,7 +322,7 @@ def _machine(
     pull = _gravity_law(gravity, body_radius, values)
     known = [*(law.parameters if law else ()), *pull.parameters]
     if unknown := [name for name in values if name not in known]:
-        raise InputError(f"neither formula has a parameter '{unknown[0]}'{suggest(unknown[0], stated(known))}")
+        raise InputError(f"neither formula has a parameter '{unknown[0]}'{suggest(unknown[0], known)}")
     return MachineInSI(base, masses, law, stiffness, pull, **numbers)
 
 

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Self
 from orbits.errors import InputError
 from orbits.io import one_line
 from orbits.laws.features import with_reach
-from orbits.laws.law import Key, Law, coefficient_of_restitution, number, stated
+from orbits.laws.law import Key, Law, coefficient_of_restitution, number
 from orbits.mechanics.mechanism import Mechanism
 from orbits.mechanics.refusals import joined_values
 from orbits.model.machine import Stated
@@ -61,7 +61,7 @@ class TwoMasses(Stated):
             "rest_length": self.rest_length,
             "restitution": self.restitution,
             **({name: getattr(self, name) for name in DAMPERS} if self.damped else {}),
-            "parameters": {name: self.parameters[name] for name in stated(self.parameters)},
+            "parameters": dict(self.parameters),
             "laws_in": laws_in,
         }
 
@@ -114,7 +114,7 @@ class TwoMassMachine(TwoMasses):
         known = {**spring.parameters, **gravity.parameters}
         refuse_taken((*OWN_PARAMETERS, "gravity_share"), [*known, *values], "the machine's own name")
         if unknown := [name for name in values if name not in known]:
-            raise InputError(f"neither formula has a parameter '{unknown[0]}'{suggest(unknown[0], stated(known))}")
+            raise InputError(f"neither formula has a parameter '{unknown[0]}'{suggest(unknown[0], known)}")
         return spring, gravity
 
     @exclusive_property
@@ -176,7 +176,7 @@ class TwoMassMachine(TwoMasses):
 
     def __repr__(self) -> str:
         laws = {"spring": self.spring.text, "gravity": self.gravity.text}
-        own = {name: self.parameters[name] for name in stated(self.parameters)}
+        own = dict(self.parameters)
         stated_fields = {**laws, **own, **self.__getstate__(), **laws}
         plain = {each.name: each.default for each in fields(self)} | {"spring": None, "parameters": self.parameters}
         shown = {name: value for name, value in stated_fields.items() if name not in plain or value != plain[name]}

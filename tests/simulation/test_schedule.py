@@ -44,10 +44,6 @@ def test_a_schedule_names_what_may_change_in_time():
     linear = hopper_in_si(60.0, 3.0, stiffness=5000.0, rest_length=0.8)
     with pytest.raises(InputError, match="none that may change in time"):
         simulate(linear, 1.5, hops=1, schedule=([0.0, 1.0], {"stiffness": [1.0]}))
-    r = np.linspace(-12.0, 8.0, 200)
-    noisy = springs.table((r, r + 0.1 * np.random.default_rng(5).normal(size=200)))
-    assert noisy.parameters  # of the noise
-    for machine in (Hopper(noisy, rest_length=20.0), hopper_in_si(1.0, 1.0, force=noisy)):
-        with pytest.raises(InputError, match="schedule: the machine has no parameter 'zz'") as raised:
+    for machine in (Hopper(rest_length=20.0), linear):
+        with pytest.raises(InputError, match="schedule: the machine has no parameter 'zz'"):
             simulate(machine, 4.0, hops=1, schedule=([0.0, 1.0], {"zz": [1.0]}))
-        assert "_noise" not in str(raised.value)

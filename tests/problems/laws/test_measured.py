@@ -116,7 +116,7 @@ def test_many_rows_are_thinned_and_say_so():
     began, r = time.process_time(), np.linspace(-6, 3, 300_000)
     law = springs.table((r, r + 0.3 * r**3))
     assert time.process_time() - began < 10
-    assert law.text == "table:table (500 of 300000 rows)"
+    assert law.text == "table:table (500 of 300000 rows, noise not known, rows smooth to rounding)"
     assert law(R / 2) == pytest.approx(R / 2 + 0.3 * (R / 2) ** 3, abs=1e-9)
 
 

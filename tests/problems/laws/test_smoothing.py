@@ -11,6 +11,18 @@ from problems.laws.springs import as_spring
 R = np.linspace(-5, 5, 11)
 
 
+def noise_in(law) -> float:
+    return float(law.text.split("noise ")[1].split()[0])
+
+
+def spread_at(law, r: float) -> float:
+    """The standard deviation of a law's force at an extension."""
+    breaks, data = law.pieces.table({})
+    slopes, piece = np.zeros((len(data), 7)), np.searchsorted(breaks, r, "right") - 1
+    slopes[piece, 1:] = (r - data[piece][0]) ** np.arange(6)
+    return law.pieces.noise(slopes)[0]
+
+
 class TestLoop:
     """A cycle up and down on r + 0.02 r**3, whose branches lie 0.3 above and below it."""
 
@@ -28,7 +40,7 @@ class TestLoop:
     def test_is_split_when_asked(self, branch, off):
         law = springs.table((self.TRAVEL, self.FORCE), branch=branch)
         assert law(2.0) == pytest.approx(2 + 0.02 * 8 + off, abs=1e-5)
-        assert law.text == f"table:table ({branch})"
+        assert law.text == f"table:table ({branch}, noise not known, rows smooth to rounding)"
 
     @pytest.mark.parametrize("column", ["extension", "compression", "negative extension"])
     def test_loading_is_where_the_travel_grows(self, column, tmp_path):
@@ -56,7 +68,7 @@ class TestLoop:
         rng, r = np.random.default_rng(5), np.r_[np.linspace(-9, 9, 150), np.linspace(9, -9, 90)]
         force = r + np.repeat([0.4, -0.4], [150, 90]) + 0.2 * rng.normal(size=240)
         law = springs.table((r, force), branch="mean")
-        assert float(law.text.split("noise ")[1].split()[0]) == pytest.approx(0.2, rel=0.2)
+        assert noise_in(law) == pytest.approx(0.2, rel=0.2)
         assert law(R) == pytest.approx(R, abs=0.1)
 
     @pytest.mark.parametrize(("low", "high"), [(-12, 5), (-12, 1), (-5, 12)])
@@ -98,7 +110,7 @@ class TestNoise:
     def test_is_estimated_and_smoothed_away(self, count):
         r, rng = np.linspace(-12, 8, count), np.random.default_rng(4)
         law = springs.table((r, r + 0.02 * r**3 + 0.5 * rng.normal(size=count)))
-        assert float(law.text.split("noise ")[1].split()[0]) == pytest.approx(0.5, rel=4 / np.sqrt(2 * count))
+        assert noise_in(law) == pytest.approx(0.5, rel=4 / np.sqrt(2 * count))
         # The error of the smoothed curve is that of its degrees of freedom, ten to twenty.
         fine = np.linspace(-10, 6, 99)
         assert np.sqrt(np.mean((law(fine) - fine - 0.02 * fine**3) ** 2)) < 0.5 * np.sqrt(25 / count)
@@ -111,12 +123,44 @@ class TestNoise:
         assert machine.units.force / machine.units.length == pytest.approx(8000, rel=0.1)
 
     @pytest.mark.parametrize("force", [np.sinh, np.tanh, lambda r: np.where(r < 0.5, r, 3 * r - 1)])
-    @pytest.mark.parametrize("count", [12, 40, 400])
+    @pytest.mark.parametrize("count", [7, 12, 40, 400])
     def test_exact_rows_are_not_smoothed(self, force, count):
+        """And their law says so: they are too few, or smooth, or their noise may be that of the law between them."""
         r = np.linspace(-3, 3, count)
         law = springs.table((r, force(r)))
-        assert law.text == "table:table"
+        assert "7 rows are too few" in law.text if count == 7 else "rows smooth to" in law.text or "or less" in law.text
         assert law(r) == pytest.approx(force(r), rel=1e-12, abs=1e-12)
+        assert law.pieces.noise is not None
+        if "or less" in law.text:  # what may be noise is not much more than what a spline misses between the rows
+            fine = np.linspace(-2.8, 2.8, 997)
+            assert spread_at(law, 0.1) < 10 * np.abs(law(fine) - force(fine)).max()
+
+    def test_of_unit_size_moves_alpha_as_each_row_does(self):
+        """Rows too few to show their noise, against a hop solved anew with each of them changed."""
+        r, moves = np.linspace(-6.0, 6.0, 8), []
+        force = r + 0.02 * r**3
+        orbit = find(Hopper(springs.table((r, force))))
+        assert orbit.certificate.alpha_noise is None
+        for change in 1e-5 * np.eye(8):
+            moves.append(find(Hopper(springs.table((r, force + change), noise=0))).alpha - orbit.alpha)
+        assert orbit.certificate.alpha_per_noise == pytest.approx(np.linalg.norm(moves) / 1e-5, rel=1e-4)
+        assert "of noise in a row" in str(orbit)
+        exact = find(Hopper(springs.table((r, force), noise=0)))
+        assert (exact.alpha, exact.certificate.alpha_per_noise) == (orbit.alpha, None)
+
+    def test_of_unit_size_is_in_the_units_of_the_table(self):
+        """The same spring in m and N, with 1 N of noise for each of 2 units, and 0.1 m for a unit of length."""
+        r = np.linspace(-6.0, 6.0, 9)
+        bare = find(Hopper(springs.table((r, r + 0.02 * r**3))))
+        table = springs.table((0.1 * r, 2.0 * (r + 0.02 * r**3)), in_si=True)
+        orbit = find(hopper_in_si(2 / 9.80665, 2 / 9.80665, force=table))
+        speed = orbit.alpha / bare.alpha
+        assert orbit.certificate.alpha_per_noise == pytest.approx(
+            bare.certificate.alpha_per_noise * speed / 2, rel=1e-9
+        )
+        bare_again = orbit.dimensionless().certificate.alpha_per_noise
+        assert bare_again == pytest.approx(bare.certificate.alpha_per_noise, rel=1e-9)
+        assert "m/s per N of noise" in str(orbit)
 
     @pytest.mark.parametrize("noise", [None, 0.5])
     def test_repeated_rows_tell_it(self, noise):
@@ -124,10 +168,9 @@ class TestNoise:
         r, rng = np.tile(np.linspace(-12, 8, 21), 25), np.random.default_rng(0)
         law = springs.table((r, r + 0.02 * r**3 + 0.5 * rng.normal(size=525)), noise=noise)
         assert "525 rows smoothed" in law.text
-        assert float(law.text.split("noise ")[1].split()[0]) == pytest.approx(0.5, rel=0.1)
+        assert noise_in(law) == pytest.approx(0.5, rel=0.1)
         assert law(R) == pytest.approx(R + 0.02 * R**3, abs=4 * 0.5 / 5)
-        at_rest = [float(law.with_parameters(**{name: 1.0})(0.0) - law(0.0)) for name in law.parameters]
-        assert 0.02 < np.linalg.norm(at_rest) < 0.5 / 5  # no more than 25 rows at rest alone have
+        assert 0.02 < spread_at(law, 0.0) < 0.5 / 5  # no more than 25 rows at rest alone have
         r = np.repeat(np.linspace(-12, 8, 15), 2)
         assert "30 rows smoothed" in springs.table((r, r + np.tile([0.5, -0.5], 15)), noise=noise).text
 
@@ -140,7 +183,7 @@ class TestNoise:
 
     def test_exact_rows_may_be_repeated(self):
         r = np.tile(np.linspace(-3, 3, 40), 3)
-        assert springs.table((r, np.sinh(r))).text == "table:table"
+        assert springs.table((r, np.sinh(r)))(0.3) == pytest.approx(np.sinh(0.3), rel=1e-5)
 
     def test_can_be_stated(self):
         r = np.linspace(-12, 8, 200)
@@ -151,20 +194,19 @@ class TestNoise:
 
     @pytest.mark.slow
     def test_moves_alpha_by_what_the_certificate_says(self):
-        """Against the same hop solved anew for laws drawn within the noise, and against the true spring's."""
+        """Against the same hop solved anew for rows with other noise, and against the true spring's."""
         truth, r = find(Hopper("r + 0.02*r**3")).alpha, np.linspace(-12, 8, 200)
         law = springs.table((r, r + 0.02 * r**3 + 0.1 * np.random.default_rng(0).normal(size=200)))
         orbit = find(Hopper(law))
-        said = orbit.certificate.alpha_noise
-        assert abs(orbit.alpha - truth) < 3 * said
-        assert f"{said:.1e}" in str(orbit)
+        stated = orbit.certificate.alpha_noise
+        assert abs(orbit.alpha - truth) < 3 * stated
+        assert f"{stated:.1e} (one standard deviation of the rows)" in str(orbit)
         assert orbit.document()["parameters"] == {}
-        rng = np.random.default_rng(6)
-        alphas = []
+        rng, alphas = np.random.default_rng(6), []
         for _ in range(12):
-            values = dict(zip(law.parameters, rng.normal(size=len(law.parameters)), strict=True))
-            alphas.append(find(Hopper(law.with_parameters(**values)), start=orbit).alpha)
-        assert np.std(alphas) == pytest.approx(said, rel=0.5)  # 12 draws tell it to a fifth
+            again = springs.table((r, r + 0.02 * r**3 + 0.1 * rng.normal(size=200)))
+            alphas.append(find(Hopper(again), start=orbit).alpha)
+        assert np.std(alphas) == pytest.approx(stated, rel=0.5)  # that of 12 draws is known to a fifth
 
     @pytest.mark.usefixtures("any_digest")
     def test_old_orbits_without_it_load(self, tmp_path):

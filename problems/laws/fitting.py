@@ -1,0 +1,332 @@
+"""The parameters of a formula fitted to measured force against extension."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from orbits.errors import InputError
+from orbits.laws import law_statement as laws
+from orbits.laws.law import Law, number
+from orbits.result import Axes, Result, Row, shown
+from orbits.running.exclusive import exclusive
+from orbits.symbolic.calls import MappedFunction
+from orbits.symbolic.formula import parse
+
+from .rows import measured_columns
+from .smoothing import FEWEST_NOISY, MeasuredRows, SmoothCurves, branch_of
+
+# Parameters are not determined apart where their changes of the rows are parallel but for this share.
+SAME_DIRECTION = 1e-10
+# Starts of a formula that is not linear in its parameters: their number, their random sizes as powers of 10, those
+# about values that the user has stated, and how many of the best are continued to a relative tolerance.
+STARTS, SIZE, OWN_SIZE, BEST, FIT_TOLERANCE = 200, 3.0, 0.5, 6, 1e-15
+# Where a formula is not finite, its residuals are so many times those of the start.
+OUTSIDE = 1e3
+# A formula does not fit where its residuals exceed the noise by this many standard errors of the logarithm of their
+# ratio and by this factor.
+LACK_SIGNIFICANCE, LACK_FACTOR = 4.0, 1.2
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SpringFit(Result, what="spring fit", in_line=("formula", "parameters", "noise"), printed_digits=8):
+    """A formula fitted to the rows of a measured spring.
+
+    formula : the force as a formula of the extension r
+    parameters : the values of its other names
+    covariance : (k, k), of the parameters in their order
+    extensions, forces : (n,), the rows, means of those at the same extension
+    weights : (n,), of how many rows each is the mean
+    residuals : (n,), forces less those of the formula
+    noise : the standard deviation of a row's force from which the covariance follows: the stated one, else that of the
+        residuals
+    lack : why the formula does not fit, in words; "" where nothing says so
+    source_name : of the table
+    in_si : whether the numbers are in m and N
+    """
+
+    formula: str
+    parameters: Mapping[str, float]
+    covariance: np.ndarray
+    extensions: np.ndarray
+    forces: np.ndarray
+    weights: np.ndarray
+    residuals: np.ndarray
+    noise: float
+    lack: str
+    source_name: str
+    in_si: bool
+
+    machine = property(lambda self: {})
+
+    @cached_property
+    def law(self) -> Law:
+        """The formula with these parameters, as a spring like any other."""
+        return laws.from_formula(self.formula, "r", self.parameters)
+
+    @property
+    def deviations(self) -> dict[str, float]:
+        """The standard deviations of the parameters."""
+        return dict(zip(self.parameters, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+
+    def distributions(self) -> dict[tuple[str, ...], Any]:
+        """The joint normal distribution of the parameters, as `uncertainty` takes it: beside others in
+        ``{**fit.distributions(), "mass_ratio": norm(0.5, 0.01)}``."""
+        from scipy.stats import multivariate_normal  # slow to import
+
+        mean = np.array([*self.parameters.values()])
+        return {tuple(self.parameters): multivariate_normal(mean, self.covariance, allow_singular=True)}
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """The units of the columns and of the noise; empty unless in SI. Those of the parameters follow from it."""
+        own = {"extension": "m", **dict.fromkeys(("force", "fitted", "residual", "noise"), "N")}
+        return own if self.in_si else {}
+
+    def title(self) -> str:
+        return f"{self.formula} fitted to {self.weights.sum():.0f} rows of {self.source_name}"
+
+    def table(self) -> dict[str, np.ndarray]:
+        """The rows as columns: extension, force, what the formula says, and the difference."""
+        fitted = self.forces - self.residuals
+        return {"extension": self.extensions, "force": self.forces, "fitted": fitted, "residual": self.residuals}
+
+    def heads(self) -> list[str]:
+        return []
+
+    def _rows(self) -> list[Row]:
+        after = "{}   +- {:.2g} (one standard deviation)"
+        found = [Row(n, {n: v, f"deviation of {n}": self.deviations[n]}, (after,)) for n, v in self.parameters.items()]
+        noise = Row.of("noise", self.noise, self.unit_of("noise"), " (one standard deviation of a row)")
+        largest = Row.of("largest residual", float(np.abs(self.residuals).max()), self.unit_of("residual"))
+        return [*found, noise, largest]
+
+    def _notes(self) -> list[str]:
+        return [self.lack] if self.lack else []
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Plot the rows and the formula; returns the axes."""
+        axes = shown("plot").new_axes() if axes is None else axes
+        r = np.linspace(self.extensions[0], self.extensions[-1], 400)
+        axes.plot(self.extensions, self.forces, ".", label="measured")
+        axes.plot(r, self.law(r), label=shown("plot").plain(self.formula))
+        axes.set(xlabel=self.heading("extension"), ylabel=self.heading("force"))
+        axes.legend()
+        return axes
+
+
+def fit(
+    table: Any,
+    formula: str | Law,
+    start: Mapping[str, float] | None = None,
+    *,
+    in_si: bool = False,
+    branch: str | None = None,
+    noise: float | ArrayLike | None = None,
+) -> SpringFit:
+    """The parameters of a spring's formula by weighted least squares to measured rows.
+
+    table, in_si, branch : as in `springs.table`
+    formula : the force as a formula of the extension r, every other name in it a parameter; or a law from a formula,
+        such as `springs.air()`, whose parameters are the start
+    start : values of some parameters near which to search; not needed where the formula is linear in its parameters
+    noise : standard deviation of a row's force, in the law's unit, or (n,) that of each row; None to take it from the
+        residuals. A row weighs by the inverse of its variance
+
+    Returns a `SpringFit`, whose `law` is a spring like any other, and whose parameters, which are correlated, are those
+    of `uncertainty(machine, fit)`. It says where the residuals are far larger than the noise of the rows. Raises
+    `InputError` where the rows do not determine all parameters, and where no start leads to a minimum.
+
+    >>> r = [-2.0, -1.0, 0.0, 1.0, 2.0]
+    >>> found = fit((r, [-4.4, -1.3, 0.0, 1.3, 4.4]), "k*r + b*r**3")
+    >>> {name: round(value, 6) for name, value in found.parameters.items()}
+    {'b': 0.3, 'k': 1.0}
+    """
+    text, own = _formula_of(formula)
+    names = sorted(parse(text).names - {"r"})
+    own = own | dict(start or {})
+    if unknown := [name for name in own if name not in names]:
+        raise InputError(f"start: '{text}' has no parameter '{unknown[0]}'; it has {', '.join(names) or 'none'}")
+    own = {name: number(name, value) for name, value in own.items()}
+    if not names:
+        raise InputError(f"'{text}' has no parameters to fit; name them, as in 'k*r + b*r**3'")
+    r, force, sense, label = measured_columns(table, in_si)
+    rows, deviation = _weighted_rows(r, force, sense, branch, label, noise)
+    freedom = len(rows.extensions) + rows.spare - len(names)
+    if freedom < (1 if deviation is None else 0):
+        count = len(rows.extensions) + rows.spare
+        raise InputError(f"{label}: {count} rows for {len(names)} parameters; more rows, or noise=, are needed")
+    model = _Model(text, names, rows)
+    values = model.linear() if model.are_linear.all() else model.nonlinear(own)
+    residual, slopes = model.at(values)
+    inverse, squares = model.inverse(slopes), float(residual @ residual) + rows.squares
+    spread = np.sqrt(squares / freedom) if freedom else 0.0
+    size = spread if deviation is None else deviation
+    return SpringFit(
+        formula=text,
+        parameters=dict(zip(names, values.tolist(), strict=True)),
+        covariance=size**2 * inverse,
+        extensions=rows.extensions,
+        forces=rows.forces,
+        weights=rows.weights,
+        residuals=residual / np.sqrt(rows.weights),
+        noise=float(size),
+        lack=_lack_of_fit(rows, spread, freedom, deviation),
+        source_name=label,
+        in_si=in_si,
+    )
+
+
+def _formula_of(formula: str | Law) -> tuple[str, dict[str, float]]:
+    """The text of a formula, and the values of the parameters of a law."""
+    if not isinstance(formula, Law):
+        if not isinstance(formula, str):
+            raise InputError(f"formula = {formula!r}; it is a text, as 'k*r + b*r**3', or a law from a formula")
+        return formula, {}
+    if formula.written is None or formula.written.potential or len(formula.written.formulas) != 1:
+        raise InputError(f"'{formula.text}' is no formula of the force; state one, as 'k*r + b*r**3'")
+    return formula.written.formulas[0], dict(formula.parameters)
+
+
+def _weighted_rows(
+    r: np.ndarray, force: np.ndarray, sense: float, branch: str | None, label: str, noise: Any
+) -> tuple[MeasuredRows, float | None]:
+    """The rows on a branch, and the standard deviation of one of weight 1 if it is stated."""
+    stated = None if noise is None else np.asarray(noise, dtype=float)
+    if stated is None or stated.ndim == 0:
+        if stated is not None and not number("noise", noise, high=1e100) > 0:
+            raise InputError(f"noise = {noise:g}; it is the standard deviation of a row's force, above 0")
+        return branch_of(r, force, sense, branch, label), None if stated is None else float(stated)
+    if branch is not None:
+        raise InputError("noise of each row is for tables without a branch; state one number")
+    if stated.shape != r.shape or not (np.isfinite(stated).all() and (stated > 0).all()):
+        raise InputError(f"noise: {stated.size} numbers for {len(r)} rows; one above 0 is needed for each row")
+    order = np.argsort(r, kind="stable")
+    size = float(np.sqrt(1 / np.mean(stated**-2)))
+    return MeasuredRows(r[order], force[order], (size / stated[order]) ** 2, 0.0, 0), size
+
+
+class _Model:
+    """Weighted residuals of a formula at measured rows, with their derivatives."""
+
+    def __init__(self, text: str, names: Sequence[str], rows: MeasuredRows):
+        self.names, self.rows, self.root = names, rows, np.sqrt(rows.weights)
+        self.are_linear, self.function = _with_slopes(text, tuple(names))
+
+    def at(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Weighted residuals (n,) and their derivatives (n, k), not finite where the formula is not."""
+        r = self.rows.extensions[:, None]
+        with np.errstate(all="ignore"):
+            force, slopes = self.function(r, np.broadcast_to(values, (len(r), len(values))))
+        return self.root * (self.rows.forces - force.ravel()), -self.root[:, None] * slopes[:, 0, :]
+
+    def linear(self) -> np.ndarray:
+        """The parameters (k,) of least squares of a formula that is linear in them."""
+        self._check(self.at(np.zeros(len(self.names)))[1])
+        values = self._with_best_factors(np.zeros(len(self.names)))
+        assert values is not None  # since it is finite
+        return values
+
+    def nonlinear(self, own: Mapping[str, float]) -> np.ndarray:
+        """The parameters (k,) of the lowest minimum from the starts."""
+        from scipy.optimize import least_squares  # slow to import
+
+        found, starts = [], [values for values in map(self._with_best_factors, self._starts(own)) if values is not None]
+        sizes = [float(np.linalg.norm(self.at(values)[0])) for values in starts]
+        for i in np.argsort(sizes)[:BEST].tolist():
+
+            def residual(values: np.ndarray, outside: float = OUTSIDE * (1 + sizes[i])) -> np.ndarray:
+                residuals = self.at(values)[0]
+                return np.where(np.isfinite(residuals), np.clip(residuals, -outside, outside), outside)
+
+            def slopes(values: np.ndarray) -> np.ndarray:
+                return self.at(values)[1]
+
+            try:
+                result = least_squares(residual, starts[i], slopes, x_scale="jac", xtol=FIT_TOLERANCE, ftol=FIT_TOLERANCE)
+            except ValueError:  # the derivatives are not finite
+                continue
+            if np.isfinite(self.at(result.x)[1]).all():
+                found.append(result)
+        if not found:
+            raise InputError(f"no start leads to values of {', '.join(self.names)}: give start, values near them")
+        values = min(found, key=lambda result: result.cost).x
+        self._check(self.at(values)[1])
+        return values
+
+    def _starts(self, own: Mapping[str, float]) -> np.ndarray:
+        """Values (m, k) at which to start: the user's own, or 1, and random ones around these."""
+        rng, k = np.random.default_rng(0), len(self.names)
+        starts = rng.choice([-1.0, 1.0, 1.0], (STARTS, k)) * 10 ** rng.uniform(-SIZE, SIZE, (STARTS, k))
+        for i, name in enumerate(self.names):
+            if name in own:
+                starts[:, i] = own[name] * np.abs(starts[:, i]) ** (OWN_SIZE / SIZE)
+        starts[0] = [own.get(name, 1.0) for name in self.names]
+        return starts
+
+    def _with_best_factors(self, values: np.ndarray) -> np.ndarray | None:
+        """A start with the best values of the linear parameters, None where the formula is not finite."""
+        values = np.where(self.are_linear, 0.0, values)
+        residual, slopes = self.at(values)
+        slopes = slopes[:, self.are_linear]
+        if not (np.isfinite(residual).all() and np.isfinite(slopes).all()):
+            return None
+        sizes = np.linalg.norm(slopes, axis=0)
+        sizes[sizes == 0] = 1.0
+        values[self.are_linear] = np.linalg.lstsq(-slopes / sizes, residual, rcond=None)[0] / sizes
+        return values
+
+    def inverse(self, slopes: np.ndarray) -> np.ndarray:
+        """The covariance (k, k) of the parameters for noise of unit deviation."""
+        sizes = np.linalg.norm(slopes, axis=0)
+        triangle = np.linalg.inv(np.linalg.qr(slopes / sizes, mode="r"))
+        return triangle @ triangle.T / np.outer(sizes, sizes)
+
+    def _check(self, slopes: np.ndarray) -> None:
+        """Raise `InputError` where the rows do not determine every parameter."""
+        if not np.isfinite(slopes).all():
+            raise InputError("the formula is not finite at some rows: it has to be where it was measured")
+        sizes = np.linalg.norm(slopes, axis=0)
+        if not sizes.all():
+            raise InputError(f"the rows do not depend on the parameter '{self.names[int(np.argmin(sizes))]}'")
+        _, values, rows = np.linalg.svd(slopes / sizes, full_matrices=False)
+        if values[-1] < SAME_DIRECTION * values[0]:
+            together = [name for name, share in zip(self.names, rows[-1], strict=True) if abs(share) > 0.1]
+            raise InputError(f"the rows do not determine {' and '.join(together)} apart: give one of them a value")
+
+
+@exclusive
+def _with_slopes(text: str, names: tuple[str, ...]) -> tuple[np.ndarray, Callable]:
+    """The parameters (k,) in which together a formula is linear; (r, parameters) -> its values and their slopes."""
+    r, p = ca.SX.sym("r"), ca.SX.sym("p", len(names))
+    value = ca.SX(parse(text)(r=r, **dict(zip(names, ca.vertsplit(p), strict=True))))
+    linear = list[int]()
+    for i in range(len(names)):
+        with_this = ca.vertcat(*(p[j] for j in [*linear, i]))
+        if not any(ca.which_depends(value, with_this, 2, True)):
+            linear.append(i)
+    results = [ca.densify(value), ca.densify(ca.jacobian(value, p))]
+    return np.isin(np.arange(len(names)), linear), MappedFunction(ca.Function("formula", [r, p], results))
+
+
+def _lack_of_fit(rows: MeasuredRows, spread: float, freedom: int, stated: float | None) -> str:
+    """In words, where residuals of this spread and number of independent ones are far larger than the rows' noise."""
+    noise, known, words = stated, np.inf, "the stated noise"
+    if noise is None:
+        count = len(rows.extensions) + rows.spare
+        if count < FEWEST_NOISY or freedom < 1:
+            return ""
+        curves = SmoothCurves(rows, None)
+        noise, known, words = curves.sigma, max(count - curves.freedom, 1.0), "the noise of the rows"
+    error = np.sqrt(0.5 / max(freedom, 1) + 0.5 / known)
+    scale = max(float(noise), float(np.finfo(float).eps) * float(np.ptp(rows.forces)))
+    if spread <= scale * max(LACK_FACTOR, np.exp(LACK_SIGNIFICANCE * error)):
+        return ""
+    return (
+        f"the formula does not fit: its residuals, {spread:.3g}, are {spread / scale:.2g} times {words}, {scale:.2g}; "
+        "the deviations of the parameters do not have what it misses"
+    )
