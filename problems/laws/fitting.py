@@ -247,7 +247,9 @@ class _Model:
                 return self.at(values)[1]
 
             try:
-                result = least_squares(residual, starts[i], slopes, x_scale="jac", xtol=FIT_TOLERANCE, ftol=FIT_TOLERANCE)
+                result = least_squares(
+                    residual, starts[i], slopes, x_scale="jac", xtol=FIT_TOLERANCE, ftol=FIT_TOLERANCE
+                )
             except ValueError:  # the derivatives are not finite
                 continue
             if np.isfinite(self.at(result.x)[1]).all():
