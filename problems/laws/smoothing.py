@@ -29,14 +29,17 @@ EXACT_NOTE = "noise not known, rows smooth to rounding"
 # The terms of the polynomial part of smooth curves, and so the largest order of the processes beside it; and the
 # variances of these over that of the noise, the last of which are at the limit of rounding.
 POLYNOMIAL_TERMS, AMPLITUDES, UNRESOLVED = 4, np.geomspace(1e-2, 1e14, 81), 3
+# Noise below this share of the range of force is small.
+SMALL_NOISE = 3e-4
 # Amplitudes with a smaller weight, and changes of a smaller share of the largest variance, add nothing.
 SMALLEST_WEIGHT, LEAST_VARIANCE = 1e-4, 1e-9
 # Extensions that differ by this share of their range or less are the same.
 SAME_EXTENSION = 1e-9
 # Below this number of rows noise and shape cannot be distinguished.
 FEWEST_NOISY = 12
-# The number of nodes of a smoothed curve per degree of freedom, and its bounds.
-NODES_PER_FREEDOM, NODES = 2, (16, 128)
+# The number of nodes of a smoothed curve per degree of freedom, with its bounds, and of places per node from which its
+# slopes follow.
+NODES_PER_FREEDOM, NODES, PLACES_PER_NODE = 2, (16, 128), 8
 # The number of places at which the spread of curves is computed, twice that of their nodes, has these bounds.
 PLACES = (48, 200)
 
@@ -59,6 +62,7 @@ class MeasuredRows(NamedTuple):
 class SmoothCurve(NamedTuple):
     """A smooth curve through rows: forces (n,) at ascending extensions (n,), and the effect of noise on them.
 
+    slopes, curvatures : (n,), of the curve; None where it is the spline through the forces
     places, changes : (p,) and (k, p), independent changes of the forces at places by one standard deviation each; none
         where the noise is not known
     deviations : (n,) of the forces for noise of unit standard deviation in each row, where the noise may be none; else
@@ -68,6 +72,8 @@ class SmoothCurve(NamedTuple):
 
     extensions: np.ndarray
     forces: np.ndarray
+    slopes: np.ndarray | None
+    curvatures: np.ndarray | None
     places: np.ndarray
     changes: np.ndarray
     deviations: np.ndarray | None
@@ -172,7 +178,9 @@ def _through(
     few = f"{MOST_ROWS} of {count} rows" if count > MOST_ROWS else ""
     note = ", ".join(filter(None, (few, note)))
     places, changes = (r, np.zeros((0, len(r)))) if curves is None else curves.changes(r, force)
-    return SmoothCurve(r, force, places, changes, 1 / np.sqrt(rows.weights[chosen]) if per_unit else None, note)
+    return SmoothCurve(
+        r, force, None, None, places, changes, 1 / np.sqrt(rows.weights[chosen]) if per_unit else None, note
+    )
 
 
 def _are_exact(rows: MeasuredRows, exact: float) -> bool:
@@ -228,7 +236,9 @@ class SmoothCurves:
             with np.errstate(divide="ignore"):  # rows on a polynomial leave nothing
                 size = freedom * np.log(squares) if noise is None else squares / noise**2
             logs.append(-0.5 * (np.log(spreads).sum(1) + size))
-            variances = squares / freedom if noise is None else np.full(len(squares), noise**2)
+            variances = squares / max(freedom - 2, 1) if noise is None else np.full(len(squares), noise**2)
+            if noise is None:  # the noise itself is uniform where it is small, its logarithm where it is large
+                logs[-1] -= np.log1p(SMALL_NOISE * np.ptp(y) / np.sqrt(np.maximum(variances, np.finfo(float).tiny)))
             self.parts.append((order, modes, z, amplitudes, sizes, spreads, variances))
         self.weights = np.exp(np.array(logs) - np.max(logs))
         self.weights /= self.weights.sum()
@@ -240,15 +250,19 @@ class SmoothCurves:
 
     def mean(self, note: str, noise: float | None) -> SmoothCurve:
         """The mean of the curves, at evenly spaced nodes where they are smooth, else at the rows."""
-        low, high = self.ends
+        from scipy.interpolate import CubicSpline  # only a table needs it, and it takes half a second to import
+
+        (low, high), slopes, curvatures = self.ends, None, None
         if self.freedom < FREEDOM * self.count:
             count = int(np.clip(NODES_PER_FREEDOM * self.freedom, *NODES))
-            nodes = np.linspace(low, high, count)
+            fine = np.linspace(low, high, PLACES_PER_NODE * (count - 1) + 1)
+            curve, nodes = CubicSpline(fine, self._means(fine)[0]), fine[::PLACES_PER_NODE]
+            forces, slopes, curvatures = (curve(nodes, order) for order in range(3))
         else:
             nodes = np.r_[low, self.low + self.length * self.places[1:-1], high]
+            forces = self._means(nodes)[0]
         note = f"{note} {'estimated' if noise is None else 'stated'}"
-        forces = self._means(nodes)[0]
-        return SmoothCurve(nodes, forces, *self.changes(nodes, forces), None, note)
+        return SmoothCurve(nodes, forces, slopes, curvatures, *self.changes(nodes, forces), None, note)
 
     def changes(self, r: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Places (p,), and independent changes (k, p) there, each by one standard deviation, of the curves from that

@@ -265,7 +265,7 @@ def _piece_expression(x, p, q):
 def _table_pieces(curve: SmoothCurve) -> LawPieces:
     """The pieces of a table's law, with the noise of its rows."""
     x = curve.extensions.tobytes()
-    table = _quintic_table(x, _quintic_pieces(curve.extensions, curve.forces).tobytes())
+    table = _quintic_table(x, _quintic_pieces(*curve[:4]).tobytes())
     if curve.deviations is None and not len(curve.changes):
         return LawPieces(7, table)
     unit = None if curve.deviations is None else curve.deviations.tobytes()
@@ -334,14 +334,18 @@ def table_options(text: str) -> tuple[str, dict[str, Any]]:
     return path, options
 
 
-def _quintic_pieces(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Rows (start, c0 .. c5), one per interval, of the interpolant that `table` describes, of y (n,) at x (n,)."""
+def _quintic_pieces(
+    x: np.ndarray, y: np.ndarray, slope: np.ndarray | None = None, curvature: np.ndarray | None = None
+) -> np.ndarray:
+    """Rows (start, c0 .. c5), one per interval, of the interpolant of y (n,) at x (n,) with these slopes and curvatures,
+    or of the one that `table` describes."""
     from scipy.interpolate import CubicSpline  # only a table needs it, and it takes half a second to import
 
-    spline = CubicSpline(x, y)
     h, rise = np.diff(x), np.diff(y)
-    slope = _limited_slopes(spline(x, 1), rise / h)
-    curvature = _limited_curvatures(spline(x, 2), slope, h, rise)
+    if slope is None or curvature is None:
+        spline = CubicSpline(x, y)
+        slope = _limited_slopes(spline(x, 1), rise / h)
+        curvature = _limited_curvatures(spline(x, 2), slope, h, rise)
     # The coefficients are written out, since through Bernstein form, as in SciPy, the highest lose three digits.
     d0, d1, s0, s1 = slope[:-1], slope[1:], curvature[:-1], curvature[1:]
     c3 = 10 * rise / h**3 - (6 * d0 + 4 * d1) / h**2 - (1.5 * s0 - 0.5 * s1) / h
