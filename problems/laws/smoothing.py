@@ -30,7 +30,7 @@ EXACT_NOTE = "noise not known, rows smooth to rounding"
 # variances of these over that of the noise, the last of which are at the limit of rounding.
 POLYNOMIAL_TERMS, AMPLITUDES, UNRESOLVED = 4, np.geomspace(1e-2, 1e14, 81), 3
 # Noise below this share of the range of force is small.
-SMALL_NOISE = 3e-4
+SMALL_NOISE = 1e-4
 # Amplitudes with a smaller weight, and changes of a smaller share of the largest variance, add nothing.
 SMALLEST_WEIGHT, LEAST_VARIANCE = 1e-4, 1e-9
 # Extensions that differ by this share of their range or less are the same.

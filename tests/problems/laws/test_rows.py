@@ -1,0 +1,64 @@
+"""The rows of a measured spring from a file, a data frame or two sequences."""
+
+import numpy as np
+import pytest
+
+from orbits import InputError
+from problems import springs
+from problems.laws.rows import measured_columns
+
+R = np.linspace(-6.0, 5.0, 60)
+FORCE = R + 0.05 * R**3
+
+
+@pytest.mark.extra("pandas")
+class TestDataFrame:
+    """It is read as the file that it would be written to."""
+
+    @pytest.fixture
+    def frame(self):
+        pandas = pytest.importorskip("pandas")
+        return pandas.DataFrame({"time [s]": range(60), "deflection [mm]": R, "force [N]": FORCE})
+
+    def test_is_a_table(self, frame, tmp_path):
+        frame.to_csv(tmp_path / "rows.csv", index=False)
+        read, framed = (springs.table(source, in_si=True) for source in (tmp_path / "rows.csv", frame))
+        assert framed(0.001 * R[1:-1]).tolist() == read(0.001 * R[1:-1]).tolist()
+        assert framed(0.003) == pytest.approx(3 + 0.05 * 27, abs=1e-3)
+        assert "DataFrame" in framed.text
+
+    def test_may_have_the_extension_as_its_index(self, frame):
+        r, force, sense, _ = measured_columns(frame.set_index("deflection [mm]"), in_si=True)
+        assert r.tolist() == (0.001 * R).tolist()
+        assert (force.tolist(), sense) == (FORCE.tolist(), 1.0)
+
+    def test_is_fitted(self, frame):
+        found = springs.fit(frame, "k*r + b*r**3", in_si=True)
+        assert found.parameters == pytest.approx({"b": 0.05e9, "k": 1e3}, rel=1e-9)
+
+    def test_of_compression(self, frame):
+        turned = frame.rename(columns={"deflection [mm]": "compression [mm]"})
+        assert measured_columns(turned, in_si=True)[2] == -1.0
+
+    @pytest.mark.parametrize(
+        ("columns", "message"),
+        [
+            ({"force [N]": "volt"}, "the table of a DataFrame has no column force"),
+            ({"force [N]": "force [furlong]"}, "unknown unit 'furlong'"),
+        ],
+    )
+    def test_with_other_names_is_refused(self, frame, columns, message):
+        with pytest.raises(InputError, match=message):
+            springs.table(frame.rename(columns=columns), in_si=True)
+
+    def test_with_a_hole_is_refused(self, frame):
+        frame.loc[7, "force [N]"] = np.nan
+        with pytest.raises(InputError, match="row 9: .* does not hold two finite numbers"):
+            springs.table(frame, in_si=True)
+
+
+def test_two_sequences_are_two_columns():
+    r, force, sense, label = measured_columns((R, FORCE), in_si=False)
+    assert (r.tolist(), force.tolist(), sense, label) == (R.tolist(), FORCE.tolist(), 1.0, "table")
+    with pytest.raises(InputError, match="two sequences of numbers"):
+        measured_columns(5, in_si=False)
