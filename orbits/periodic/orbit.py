@@ -250,10 +250,11 @@ class Orbit(Result, what="orbit", printed_digits=15):
         numbers = {"alpha": self.alpha, "error": c.error}
         yield Row("alpha", numbers, (f"{{}}{speed}   +- {{:.1e}} (error of the numerics)",))
         if c.alpha_noise is not None:
-            text = f"+- {{:.1e}}{speed} (one standard deviation of the rows)"
+            text = f"+- {{:.1e}}{speed} (one standard deviation of the rows{', or less' if c.alpha_per_noise else ''})"
             yield Row("  by the table's noise", {"alpha_noise": c.alpha_noise}, (text,))
         if c.alpha_per_noise is not None:
-            text = f"+- {{:.2g}}{speed} per {'N' if units else 'unit'} of noise in a row (its standard deviation)"
+            text = f"+- {{:.2g}}{speed} for each {'N' if units else 'unit'} of a row's standard deviation"
+            text = text if c.alpha_noise is not None else f"not known: {text}"
             yield Row("  by the table's noise", {"alpha_per_noise": c.alpha_per_noise}, (text,))
         within = f"   +- {c.loss_error:.1e} (error of the numerics)" if c.loss_error else ""
         after, figures = {"loss_coefficient": within + ATTRACTS.get(c.bounce_side or "", "")}, vars(c) | vars(self)
