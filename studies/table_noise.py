@@ -7,6 +7,7 @@ Run: python studies/table_noise.py [--count 200] [--seed 1]
 
 import argparse
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -105,7 +106,7 @@ def main(count: int, seed: int) -> list[Outcome]:
     print(f"{'':24}{'tables':>8}{'within 1':>10}{'2':>8}{'3 deviations':>14}   median deviation of alpha")
     rows = {"all": found} | {name: [each for each in found if each.law == name] for name in LAWS}
     for what, bounds in GROUPS.items():
-        for low, high in zip(bounds, bounds[1:], strict=False):
+        for low, high in pairwise(bounds):
             rows[f"{what} {low:g} to {high:g}"] = [each for each in found if low <= getattr(each, what) < high]
     for name, group in rows.items():
         if group:

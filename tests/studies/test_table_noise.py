@@ -1,0 +1,20 @@
+"""The deviation that an orbit states for the noise of a measured spring, against the orbits of the laws themselves."""
+
+import numpy as np
+import pytest
+
+from studies.table_noise import main
+
+
+def test_alpha_is_within_the_stated_deviations(capsys):
+    found = main(2, seed=0)
+    assert all(each.off < 3 for each in found)
+    assert "3 deviations" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_alpha_of_two_hundred_tables_is_within_the_stated_deviations():
+    """Of normal numbers 99.7 % are within three deviations and 68 % within one."""
+    off = np.array([each.off for each in main(200, seed=1)])
+    assert np.mean(off < 3) >= 0.98
+    assert 0.6 < np.mean(off < 1) < 0.8
