@@ -226,8 +226,8 @@ class SmoothCurves:
         others = basis[:, self.terms :]
         freedom, logs, self.parts = len(x) - self.terms + rows.spare, [], []
         for order in range(2, self.terms + 1):
-            kernel = _wiener(order, self.places, self.places) * np.outer(self.root, self.root)
-            sizes, modes = np.linalg.eigh(others.T @ kernel @ others)
+            among = _wiener(order, self.places, self.places)
+            sizes, modes = np.linalg.eigh(others.T @ (among * np.outer(self.root, self.root)) @ others)
             modes, sizes = others @ modes, np.maximum(sizes, 0.0)
             z = modes.T @ (self.root * y)
             amplitudes = AMPLITUDES / sizes[-1]
@@ -239,7 +239,7 @@ class SmoothCurves:
             variances = squares / max(freedom - 2, 1) if noise is None else np.full(len(squares), noise**2)
             if noise is None:  # the noise itself is uniform where it is small, its logarithm where it is large
                 logs[-1] -= np.log1p(SMALL_NOISE * np.ptp(y) / np.sqrt(np.maximum(variances, np.finfo(float).tiny)))
-            self.parts.append((order, modes, z, amplitudes, sizes, spreads, variances))
+            self.parts.append((order, among, modes, z, amplitudes, spreads, variances))
         self.weights = np.exp(np.array(logs) - np.max(logs))
         self.weights /= self.weights.sum()
         freedoms = np.array([(1 - 1 / spreads).sum(1) + self.terms for *_, spreads, _ in self.parts])
@@ -282,12 +282,13 @@ class SmoothCurves:
         fit = self._polynomials(s) @ self.by_rows  # (n, rows), the polynomial of least squares
         base, total, covariance = fit @ self.y, np.zeros(len(r)), np.zeros((len(r), len(r)))
         noise_of_fit = (fit / self.root) @ (fit / self.root).T
-        for weights, (order, modes, z, amplitudes, _, spreads, variances) in zip(self.weights, self.parts, strict=True):
+        for weights, (order, among, modes, z, amplitudes, spreads, variances) in zip(
+            self.weights, self.parts, strict=True
+        ):
             used = weights > SMALLEST_WEIGHT
             if not used.any():
                 continue
             across = _wiener(order, s, self.places)
-            among = _wiener(order, self.places, self.places)
             loads = ((across - fit @ among) * self.root) @ modes
             own, sizes, spreads = weights[used], amplitudes[used], spreads[used]
             means = base + (sizes[:, None] * z / spreads) @ loads.T
@@ -309,9 +310,13 @@ class SmoothCurves:
 
 def _wiener(order: int, s: np.ndarray, t: np.ndarray) -> np.ndarray:
     """The covariance (n, m) of a Wiener process integrated `order` - 1 times, at times (n,) and (m,) from 0 on."""
-    first, apart = np.minimum(s[:, None], t), np.abs(s[:, None] - t)
-    terms = (comb(order - 1, j) * apart ** (order - 1 - j) * first ** (order + j) / (order + j) for j in range(order))
-    return sum(terms) / factorial(order - 1) ** 2
+    first, apart, total = np.minimum(s[:, None], t), np.abs(s[:, None] - t), np.zeros((len(s), len(t)))
+    # The sum over j of comb(order - 1, j) apart**(order - 1 - j) first**(order + j)/(order + j), by Horner's rule.
+    power = np.ones_like(first)
+    for j in range(order):
+        total = total * apart + comb(order - 1, j) / (order + j) * power
+        power = power * first
+    return total * first**order / factorial(order - 1) ** 2
 
 
 def _directions(r: np.ndarray) -> np.ndarray:

@@ -337,8 +337,8 @@ def table_options(text: str) -> tuple[str, dict[str, Any]]:
 def _quintic_pieces(
     x: np.ndarray, y: np.ndarray, slope: np.ndarray | None = None, curvature: np.ndarray | None = None
 ) -> np.ndarray:
-    """Rows (start, c0 .. c5), one per interval, of the interpolant of y (n,) at x (n,) with these slopes and curvatures,
-    or of the one that `table` describes."""
+    """Rows (start, c0 .. c5), one per interval, of the interpolant of y (n,) at x (n,), with these slopes and curvatures
+    or as `table` describes."""
     from scipy.interpolate import CubicSpline  # only a table needs it, and it takes half a second to import
 
     h, rise = np.diff(x), np.diff(y)
