@@ -32,7 +32,7 @@ from orbits import (
 from orbits.continuation.family import Family
 from orbits.io import to_json
 from orbits.result import Result
-from problems import HeavyHand, Hopper, hopper_in_si, steering
+from problems import HeavyHand, Hopper, hopper_in_si, springs, steering
 
 
 @cache
@@ -70,18 +70,19 @@ def made(kind: str):
         "Proof": lambda: prove(find(cubic), motion=False),
         "Checked": lambda: check(cubic),
         "Uncertainty": lambda: uncertainty(leg, {"k": norm(5e3, 100.0)}, samples=16),
+        "SpringFit": lambda: springs.fit(springs.SAMPLE, "k*r + b*r**3", in_si=True),
     }[kind]()
 
 
 RESULTS = (
     *("Orbit", "Orbit in SI", "Certificate", "Trajectory", "Family", "Point", "Event", "End"),
     *("Existence", "Hops", "ReturnMap", "FixedPoint", "Simulation", "ContactEvent", "Control", "Driven", "Disturbed"),
-    *("Design", "Front", "Sweep", "Uncertainty", "BifurcationDiagram", "Proof", "Checked"),
+    *("Design", "Front", "Sweep", "Uncertainty", "BifurcationDiagram", "Proof", "Checked", "SpringFit"),
 )
 # The results that are more than part of another one, and what each does with nothing but itself.
 WHOLE = (
     *("Orbit", "Orbit in SI", "Family", "Sweep", "Existence", "Uncertainty", "Design", "Front", "Control"),
-    *("Simulation", "Hops", "BifurcationDiagram", "Proof", "Checked", "Driven", "Disturbed"),
+    *("Simulation", "Hops", "BifurcationDiagram", "Proof", "Checked", "Driven", "Disturbed", "SpringFit"),
 )
 VERBS = {
     "machine": lambda result: isinstance(result.machine, dict) and "machine" in result.machine,
@@ -102,6 +103,7 @@ FILES = ("json", "csv")
 # What is not in the table of results and verbs, with the reason.
 WITHOUT = {
     ("Control", "machine"): "a motion is of stages, and of no machine",
+    ("SpringFit", "machine"): "a spring may be that of any machine",
     ("Proof", "plot"): "a theorem has nothing to draw",
     ("Checked", "plot"): "relations that hold have nothing to draw",
 }
