@@ -250,7 +250,7 @@ def _moved_expression(expression: Callable, scale: str | None, shift: str | None
 def _name(name: Any, what: str) -> str:
     """A name of a parameter; raises `InputError` for anything else."""
     valid = isinstance(name, str) and name.isidentifier() and not iskeyword(name)
-    if not valid or name == "r" or name.startswith(NOISE):
+    if not valid or name == "r":
         raise InputError(f"{what} = {name!r}; it is the name of a parameter, as in table(file, {what}='{what[0]}')")
     return name
 

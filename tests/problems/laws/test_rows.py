@@ -53,7 +53,7 @@ class TestDataFrame:
 
     def test_with_a_hole_is_refused(self, frame):
         frame.loc[7, "force [N]"] = np.nan
-        with pytest.raises(InputError, match="row 9: .* does not hold two finite numbers"):
+        with pytest.raises(InputError, match=r"row 9: .* does not hold two finite numbers"):
             springs.table(frame, in_si=True)
 
 
