@@ -293,7 +293,7 @@ def _row_noise(breaks: bytes, places: bytes, changes: bytes, unit: bytes | None)
         known = float(np.linalg.norm(weights @ CubicSpline(at, moves.T)(r))) if len(moves) else None
         if deviations is None:
             return known, None
-        return known, float(np.linalg.norm(_by_rows(x, r, weights) * deviations))
+        return known, float(np.linalg.norm(_by_rows(breaks, r, weights) * deviations))
 
     return Expression(noise, _row_noise, breaks, places, changes, unit)
 
@@ -308,14 +308,23 @@ def _weights_of_values(x: np.ndarray, slopes: np.ndarray) -> tuple[np.ndarray, n
     return (x[used, None] + h * shares).ravel(), weights.ravel()
 
 
-def _by_rows(x: np.ndarray, r: np.ndarray, weights: np.ndarray) -> np.ndarray:
+def _by_rows(x: bytes, r: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """The derivatives (n,) of a number by the forces at `x` (n,), from those by the spline's values at `r` (m,)."""
     from scipy.interpolate import BSpline
-    from scipy.sparse.linalg import spsolve
 
-    knots = np.r_[[x[0]] * 4, x[2:-2], [x[-1]] * 4]
-    at_rows, at_places = (BSpline.design_matrix(each, knots, 3) for each in (x, r))
-    return spsolve(at_rows.T.tocsc(), at_places.T @ weights)
+    knots, solve = _spline_through(x)
+    return solve(BSpline.design_matrix(r, knots, 3).T @ weights)
+
+
+@lru_cache(maxsize=64)
+def _spline_through(x: bytes) -> tuple[np.ndarray, Callable]:
+    """The knots of the spline through values at `x` (n,), and the derivatives by its coefficients -> by its values."""
+    from scipy.interpolate import BSpline
+    from scipy.sparse.linalg import splu
+
+    rows = np.frombuffer(x)
+    knots = np.r_[[rows[0]] * 4, rows[2:-2], [rows[-1]] * 4]
+    return knots, splu(BSpline.design_matrix(rows, knots, 3).T.tocsc()).solve
 
 
 def table_options(text: str) -> tuple[str, dict[str, Any]]:
@@ -337,8 +346,8 @@ def table_options(text: str) -> tuple[str, dict[str, Any]]:
 def _quintic_pieces(
     x: np.ndarray, y: np.ndarray, slope: np.ndarray | None = None, curvature: np.ndarray | None = None
 ) -> np.ndarray:
-    """Rows (start, c0 .. c5), one per interval, of the interpolant of y (n,) at x (n,), with these slopes and curvatures
-    or as `table` describes."""
+    """Rows (start, c0 .. c5), one per interval, of the interpolant of y (n,) at x (n,), with these slopes and
+    curvatures or as `table` describes."""
     from scipy.interpolate import CubicSpline  # only a table needs it, and it takes half a second to import
 
     h, rise = np.diff(x), np.diff(y)
