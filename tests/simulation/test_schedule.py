@@ -5,7 +5,6 @@ import pytest
 
 from orbits import InputError, simulate
 from problems import Hopper, hopper_in_si
-from problems.laws import springs
 
 
 def test_a_contact_goes_on_where_its_inputs_change():
