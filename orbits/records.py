@@ -44,6 +44,13 @@ class Records(Sequence[Made], Generic[Made]):
 
     __hash__ = None  # type: ignore[assignment]
 
+    def __add__(self, other: Sequence[Made]) -> tuple[Made, ...]:
+        """These records and others, as tuples are added."""
+        return (*self, *other)
+
+    def __radd__(self, other: Sequence[Made]) -> tuple[Made, ...]:
+        return (*other, *self)
+
     def __repr__(self) -> str:
         return repr(tuple(self))
 

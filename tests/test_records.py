@@ -43,3 +43,9 @@ def test_numbers_that_do_not_exist():
     found = records([1.0, NONE])
     assert found[1].inner.number is None
     np.testing.assert_array_equal(numbers_or_nan(found.column("number")), [1.0, np.nan])
+
+
+def test_records_are_added_like_tuples():
+    records = Records(complex, {"real": np.array([1.0, 2.0]), "imag": np.array([3.0, 4.0])})
+    assert records[:1] + records[1:] == (1 + 3j, 2 + 4j)
+    assert (5j,) + records == (5j, 1 + 3j, 2 + 4j)  # noqa: RUF005
