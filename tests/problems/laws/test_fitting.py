@@ -111,6 +111,9 @@ class TestFit:
         assert f"+- {self.FOUND.deviations['k']:.2g} (one standard deviation)" in text
         assert "fitted" in self.FOUND.plot().get_legend_handles_labels()[1][0] or self.FOUND.plot().lines
         assert "<img" in self.FOUND._repr_html_()
+
+    @pytest.mark.extra("pandas")
+    def test_its_rows_as_a_data_frame(self):
         assert self.FOUND.dataframe().shape == (60, 4)
 
     def test_its_correlations_go_on_into_the_uncertainty(self):
