@@ -8,7 +8,7 @@ from scipy.linalg import expm
 
 from orbits import InputError, NoOrbit, find, simulate
 from orbits.simulation.impacts import Impacts
-from problems import Actuated, Chain, Hopper, Juggler, springs, steering
+from problems import Actuated, Chain, HeavyHand, Hopper, Juggler, springs, steering
 
 
 def test_a_damped_hopper_is_kept_hopping(driven_hopper):
@@ -225,6 +225,7 @@ def test_a_short_launch_is_brought_back(lossless):
         (lambda: steering.recover(Hopper(), None), "short = None"),
         (lambda: steering.recover(Hopper(), 5.0), "some of it is to be left"),
         (lambda: Actuated(Hopper("bilinear")), "corner at r = 0.5"),
+        (lambda: steering.start_up(HeavyHand(), 2), "limit of mechanisms"),
         (lambda: Actuated(3), "whose spring can be moved"),
         (lambda: Actuated(Hopper("r + u*r**3", parameters={"u": 1.0})), "actuator's own name"),
     ],
