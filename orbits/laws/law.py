@@ -117,7 +117,7 @@ class Law:
     variable : "r", an extension, or "z", a height
     expression : (x, p, q) -> value, on CasADi scalars; `p` maps names to parameters, `q` is the data of a smooth piece
     parameters : values of the parameters
-    pieces : of a piecewise law; None for a smooth one
+    pieces : `LawPieces`, or a tuple of the first of their entries; None for a smooth law
     written : the law in formulas; None where it cannot be written in formulas
     """
 
@@ -131,6 +131,7 @@ class Law:
     def __post_init__(self) -> None:
         checked = {name: number(name, value) for name, value in self.parameters.items()}
         object.__setattr__(self, "parameters", MappingProxyType(checked))
+        object.__setattr__(self, "pieces", self.pieces and LawPieces(*self.pieces))
 
     def __reduce__(self) -> tuple[type, tuple]:
         return Law, (self.text, self.variable, self.expression, dict(self.parameters), self.pieces, self.written)
