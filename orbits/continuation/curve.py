@@ -220,7 +220,8 @@ class Curve:
 
     @property
     def kernel(self) -> NewtonKernel | None:
-        """Newton's method for points in one call; None where the motion has several arcs, or a law bends."""
+        """Newton's method for points in one call; None where the motion has several arcs or no Taylor series, and where
+        the table of a law's pieces depends on the parameter."""
         return newton_kernel(self.equations, self.along) if self.equations.in_lanes_along(self.along) else None
 
     def rescued(self, x: np.ndarray) -> np.ndarray:

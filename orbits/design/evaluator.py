@@ -70,9 +70,8 @@ class Evaluator:
         unknowns = dict(zip(statement.unknowns, ca.vertsplit(u), strict=True))
         values = dict(zip(names, ca.vertsplit(p), strict=True))
         used, (arc,) = outputs.quantities(model, values), statement.arcs
-        variational = any(name in VARIATIONAL for name in used)
-        self.variational = variational
-        longer = variational_arc(model) if variational else arc
+        self.variational = any(name in VARIATIONAL for name in used)
+        longer = variational_arc(model) if self.variational else arc
         start, end = arc.start(unknowns, [], values), ca.SX.sym("end", len(longer.phase.states))
         phases = {"flight": model.flight, "contact": model.contact, "half": longer.phase}
         begun, launched = (_data_of(phases[phase]) for phase in ("half", "flight"))
@@ -84,7 +83,7 @@ class Evaluator:
         largest, states = ca.SX.sym("extremes", len(kinds)), ca.vertsplit(end)
         guards = arc.guard(unknowns, start, values, ca.vertsplit(begun))
         equations = [*guards, *arc.conditions(unknowns, states[: len(start)], values)]
-        sensitivity = landing_sensitivity(model, half, states, values) if variational else 0.0
+        sensitivity = landing_sensitivity(model, half, states, values) if self.variational else 0.0
         self.closing = _of_varied([u, end, half, p, begun], [sensitivity, *equations])
         of_extremes = {extreme: largest[i] for extreme, i in zip(extremes, first, strict=True)}
         at, names_of_all = (unknowns | {"contact": contact}, slope, values), [*used, "landing_jerk"]
@@ -150,7 +149,7 @@ class Evaluator:
     def _rates(self, phase: str, x: Array, p: Varied) -> Array:
         """The rates (m, size) at states (m, size) of a phase."""
         flow = self.flows[phase]
-        return flow.fields(x, np.hstack([p.values, flow.piece_data(x, p.values)[0]]))[0]
+        return flow.fields(x, np.hstack([p.values, flow.data_of_pieces(x, p.values)]))[0]
 
     def _after(self, phase: str, begin: Varied, time: Varied, p: Varied) -> Varied:
         """The states (m, size) of motions of a phase after times (m, 1)."""

@@ -96,7 +96,7 @@ class _Sampled:
 
     def _at(self, states: Array, ps: Array) -> list[Array]:
         """The results of the function at states (k, size) of machines with parameters (k, np)."""
-        return self.function(states, ps, self.flow.piece_data(states, ps)[0])
+        return self.function(states, ps, self.flow.data_of_pieces(states, ps))
 
     @property
     def peaks(self) -> Array:

@@ -1,4 +1,7 @@
-"""The smooth pieces of a vector field that motions are on, entered and left at breakpoints."""
+"""The smooth piece of a vector field that a motion by Runge-Kutta steps is on, entered and left at breakpoints.
+
+Taylor steps find these themselves, see `taylor.PieceRows`.
+"""
 
 import numpy as np
 
@@ -45,7 +48,8 @@ class ActivePiece:
     def enter(self, side: int, x: Array, variations: Array) -> Array:
         """Enter the next piece, above (+1) or below (-1), and return the variations (n, columns) beyond the breakpoint.
 
-        Where the field jumps there, a change of the time of crossing changes the state by the jump (saltation).
+        Where the field jumps there, a change of the time of crossing changes the state by the jump (saltation), also
+        where the breakpoint moves with a parameter.
         """
         index = self.index + side
         if not 0 <= index < len(self.table):
@@ -54,7 +58,8 @@ class ActivePiece:
         self.index, (self.data, self.seeds) = index, self._on(index)
         if not variations.size:
             return variations
-        earlier = self.weights @ variations / (self.weights @ self.flow.rates(x, before))
+        by_x, by_p = self.flow.approach(x, self.p, max(index - side, index))
+        earlier = (by_x @ variations + by_p @ self.parameter_seeds) / (by_x @ self.flow.rates(x, before))
         return variations + np.outer(self._jump(x, before, side), earlier)
 
     def _on(self, index: int) -> tuple[Array, Array]:

@@ -429,6 +429,18 @@ class Flow:
             numbers[on] -= (heading < 0) & (breaks[on if len(breaks) > 1 else 0, numbers[on] - 1] == places[on, 0])
         return numbers.astype(float)
 
+    def approach(self, x: Array, p: Array, index: int) -> tuple[Array, Array]:
+        """The derivatives (n,) and (np,) of the distance from a breakpoint, by the state and by the parameters."""
+        by_x, by_p = (each.ravel() for each in self._approach(x, p))
+        return by_x, by_p - (self._slopes_at(p[None])[0, index] if self._piece_parameters else 0.0)
+
+    @cached_property
+    def _approach(self) -> BufferedFunction:
+        graph = self.vector_field
+        arguments = graph.place.sx_in()
+        slopes = [ca.densify(ca.jacobian(graph.place(*arguments), each)) for each in arguments]
+        return BufferedFunction(ca.Function("approach", arguments, slopes))
+
     def inside(self, on: OnPieces | None, numbers: Array) -> Array:
         """Which of the `numbers` (m,) are those of pieces."""
         if on is None:

@@ -121,7 +121,7 @@ def by_pieces(equations: Shooting, u: ndarray, p: ndarray, evaluation: Evaluatio
         (found,) = _by_data(flow)(c.reshape(len(c), -1), lengths, at_starts, at_ends, data)
         np.add.at(total, flow.mesh_pieces(motions[0], p[0]), -found)
         # The condition at lift-off has the data of the first piece.
-        start, (q,) = c[:1, :, 0], flow.piece_data(c[:1, :, 0], p)[0]
+        start, (q,) = c[:1, :, 0], flow.data_of_pieces(c[:1, :, 0], p)
         at_start = arrival(u[0], start, motions.finals[:, : flow.size], p, q)[1][:, -len(q) :]
         total[flow.pieces_of(start, p)] -= own @ at_start
     return total

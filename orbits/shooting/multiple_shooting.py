@@ -69,7 +69,7 @@ class MultipleShooting:
         for flow, path, (departure, arrival) in zip(equations.flows, trajectories, boundaries, strict=True):
             start, duration = departure(symbol, before, p)
             before = self._add_arc(flow, path, start, duration, p)
-            (q,), _ = flow.piece_data(path.coefficients[:1, : flow.size, 0], p[None])
+            (q,) = flow.data_of_pieces(path.coefficients[:1, : flow.size, 0], p[None])
             self._equations.append(arrival(symbol, start, before, p, q))
         unknowns, *values = zip(*self._parts, strict=True)
         self.unknowns, self.equations = ca.vertcat(*unknowns), ca.vertcat(*self._equations)

@@ -193,7 +193,7 @@ class Shooting:
         for flow, path, (departure, arrival) in zip(self.flows, paths, self.ends, strict=True):
             start = departure(u, before, p)[0][:-1, 0]
             before = end_of(flow, start, p, path)
-            (q,), _ = flow.piece_data(start[None], p[None])
+            (q,) = flow.data_of_pieces(start[None], p[None])
             residuals.append(arrival(u, start, before, p, q)[0].ravel())
         return np.concatenate(residuals)
 

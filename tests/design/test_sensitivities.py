@@ -5,7 +5,7 @@ import pytest
 from designs import CUBIC, VARYING
 
 from orbits import InputError, find, quantities, sensitivities
-from problems import Hopper, Juggler, springs
+from problems import Hopper, Juggler, hopper_in_si, springs
 
 ROWS = np.linspace(-14, 14, 97)
 MEASURED = springs.table((ROWS, ROWS + 0.02 * ROWS**3), noise=0, scale="b", shift="d")
@@ -66,3 +66,15 @@ def test_a_force_that_jumps_has_no_smooth_variation():
     assert quantities(machine, orbit, ["alpha"])["alpha"] == pytest.approx(orbit.alpha, rel=1e-12)
     with pytest.raises(InputError, match=r"jumps at the extension 0\.5"):
         quantities(machine, orbit, ["loss_coefficient"])
+
+
+def test_a_jump_that_moves_with_the_units_of_a_machine_in_si():
+    """The unit of length follows from the masses, and with it where the force jumps; against neighbouring orbits."""
+    law = springs.function(lambda r: 1000 * r + 30 * np.where(r > 0.02, 1, 0), breakpoints=(0.02,))
+    leg, names = hopper_in_si(3.0, 1.5, force=law, rest_length=0.3), ["alpha", "stroke"]
+    exact = sensitivities(leg, 1, ["foot_mass"], names)
+    h = 1e-4
+    up, down = (leg.with_values(foot_mass=1.5 + side * h) for side in (1, -1))
+    above, below = (quantities(each, find(each), names) for each in (up, down))
+    for name in names:
+        assert exact[name]["foot_mass"] == pytest.approx((above[name] - below[name]) / (2 * h), rel=1e-7)
