@@ -1,8 +1,9 @@
 """Starts for `find_all` of machines whose launch has more unknowns than a speed: their hops with linear springs,
 followed to the springs' own laws."""
 
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple, overload
 
 import numpy as np
 
@@ -13,19 +14,23 @@ from ..laws.law_statement import from_formula
 from ..mechanics.elements import Damper, Force, Spring
 from ..mechanics.mechanism import Mechanism
 from ..model.machine import Machine
-from ..periodic.find import find
-from ..periodic.linear_hops import linear_hops
-from .follow import follow
+from ..periodic.find import Progress
+from ..periodic.linear_hops import LinearSearch
+from ..running import interrupts
+from ..running.exclusive import exclusive
+from ..running.heartbeat import LOGGER
+from ..running.time_limit import TimeOver, time_limit
+from ..shooting.formulations import method_of
+from .curve import Curve
+from .together import WayTogether, follow_together
 
 # The homotopy parameter, which goes from straight lines at 0 to the springs' own laws at 1.
 LAW_SHARE = "share_of_the_springs_own_law"
-# The longest step along it, as a share, and the most points: hops that need more points are left out, and so are hops
-# that have not reached the least share after the first points.
-LONGEST_LAW_STEP, MOST_LAW_POINTS = 0.1, 200
-FIRST_LAW_POINTS, LEAST_LAW_SHARE = 40, 1e-5
-# A hop of the own laws that differs by less than this share, in its launch and in its times, from a linear hop is taken
-# for the continuation of that hop.
-SAME_HOP = 0.1
+# The longest half contact and half flight that are searched unless they are stated, in slowest natural periods of the
+# contact and of the flight with straight springs. A hop of two masses has half flights of 0.72, 1.23, 1.74, ... of it.
+HALF_CONTACT, HALF_FLIGHT = 0.5, 1.0
+# The share of the work that is the search for linear hops, where these are followed afterwards.
+LINEAR_SHARE = 0.1
 SAME_START = 1e-6  # two hops whose unknowns differ by a smaller share are the same
 # The zero of a law is searched up to this distance from rest, in units of the force divided by its slope at rest.
 FURTHEST_ZERO, ZERO_SAMPLES = 4.0, 801
@@ -43,34 +48,143 @@ class _StraightLine(NamedTuple):
         return from_formula(f"{slope}*(r - {zero})", "r", {slope: self.slope, zero: self.zero})
 
 
-def starts(machine: Mechanism, half_contact: float, half_flight: float, seed: int = 0) -> list[dict[str, float]]:
-    """Starts for `find_all`: the lossless hops of a mechanism with half durations of contact and flight up to these.
+class Ended(NamedTuple):
+    """A hop of straight springs that leads to none of the springs' own laws.
 
-    half_contact, half_flight : the longest half durations of contact and of flight, in the machine's units
-    seed : of the quasi-random pairs of times from which the search starts; another seed may find some more hops
-
-    Returns the unknowns of each hop, by name. For linear springs the hops are those of `linear_hops`. They are initial
-    guesses for the hops of other springs. Where Newton's method does not reach these directly, the hop is followed in
-    steps of a homotopy to the laws, from straight lines through the zero of each force that is nearest to its rest.
-    Hops that end before the last step are left out, as are hops that no linear one leads to. Raises `InputError` for
-    laws in pieces, dampers and other forces, gravity that varies, and extensions that are not linear in the
-    coordinates. Source: for linear springs, after Pankov 2024, arXiv 2402.16010.
+    start : its unknowns by name
+    share : the largest share of the springs' own laws for which it was found
+    why : why it was not followed further
     """
+
+    start: dict[str, float]
+    share: float
+    why: str
+
+
+@dataclass(frozen=True, repr=False)
+class Starts(Sequence[dict[str, float]]):
+    """Starts for `find_all`, the unknowns of each hop by name.
+
+    found : the starts
+    half_contact, half_flight : the longest half durations that were searched
+    periods : the slowest natural periods of contact and of flight with straight springs
+    linear : the number of hops of straight springs that were found
+    ended : those of them that lead to no hop of the springs' own laws
+    stopped : why there may be more hops than these; empty where the search came to its end
+    """
+
+    found: tuple[dict[str, float], ...]
+    half_contact: float
+    half_flight: float
+    periods: tuple[float, float]
+    linear: int
+    ended: tuple[Ended, ...] = ()
+    stopped: str = ""
+
+    def __len__(self) -> int:
+        return len(self.found)
+
+    @overload
+    def __getitem__(self, i: int) -> dict[str, float]: ...
+
+    @overload
+    def __getitem__(self, i: slice) -> tuple[dict[str, float], ...]: ...
+
+    def __getitem__(self, i: Any) -> Any:
+        return self.found[i]
+
+    def __repr__(self) -> str:
+        text = f"{len(self)} starts with half contacts up to {self.half_contact:.6g} and half flights up to "
+        text += f"{self.half_flight:.6g}, from {self.linear} hops of straight springs"
+        text += f"; {len(self.ended)} of these end before the springs' own laws" if self.ended else ""
+        return f"{text}; not all: {self.stopped}" if self.stopped else text
+
+
+@exclusive
+def starts(
+    machine: Any,
+    half_contact: float | None = None,
+    half_flight: float | None = None,
+    seed: int = 0,
+    *,
+    progress: Progress = None,
+    limit: float | None = None,
+) -> Starts:
+    """Starts for `find_all`: the lossless hops of a mechanism with half durations of contact and of flight up to these.
+
+    machine : a `Mechanism`, or a machine that is stated as one, as `problems.Chain`
+    half_contact, half_flight : the longest half durations of contact and of flight, in the machine's units; None for
+        half the slowest natural period of the contact, and for the slowest natural period of the flight. The number of
+        hops grows with the square of these times, divided by the periods of the fastest springs
+    seed : of the quasi-random pairs of times from which the search starts; another seed may find some more hops
+    progress : called with the share that is done
+    limit : time limit in seconds; None for 30, or for the limit of a `time_limit` around it. Where it is reached, the
+        starts that were found until then are returned, with the reason in `stopped`, and a warning is logged
+
+    Returns the unknowns of each hop, by name. For linear springs the hops are those of `linear_hops`. For other springs
+    these are followed, all together, along a homotopy from straight lines through the zero of each force that is
+    nearest to its rest. Hops that end before the springs' own laws are in `ended`, with the reason; hops that no linear
+    one leads to are not found. Raises `InputError` for dampers and other forces, gravity that varies, and extensions
+    that are not linear in the coordinates. Source: for linear springs, after Pankov 2024, arXiv 2402.16010.
+    """
+    machine = machine.stated() if hasattr(machine, "stated") else machine
     springs = _springs_of(machine)
     laws = [from_key(spring.force, machine.values) for spring in springs]
-    straight = [spring.force.degree() == 1 for spring in springs]
-    lines = [None if own else _straight_line(law) for law, own in zip(laws, straight, strict=True)]
+    lines = [
+        None if spring.force.degree() == 1 else _straight_line(law) for spring, law in zip(springs, laws, strict=True)
+    ]
     pairs = list(zip(laws, lines, strict=True))
     linear = machine.with_springs([line.law(i) if line else law for i, (law, line) in enumerate(pairs)])
-    hops = linear_hops(*linear.linear_equations(), linear.gap_weights, half_contact, half_flight, seed)
-    found = [start_from(machine, hop.liftoff, *hop[:2]) for hop in hops]
-    if all(straight):
-        return found
-    mixed, own = machine.with_springs([_mixed(law, line) if line else law for law, line in pairs]), list[dict]()
-    for start in found:
-        if hop := _found_directly(machine, start, own) or _followed_to_own_laws(mixed, start):
-            own.append(hop)
-    return own
+    search, mixes = LinearSearch(linear.linear_equations(), linear.gap_weights), any(lines)
+    contact_period, flight_period = search.periods
+    half_contact = HALF_CONTACT * contact_period if half_contact is None else half_contact
+    half_flight = HALF_FLIGHT * flight_period if half_flight is None else half_flight
+    share, stopped, found = (LINEAR_SHARE if mixes else 1.0), "", list[dict[str, float]]()
+    own, ended = list[dict[str, float]](), list[Ended]()
+    with interrupts.deferred(), time_limit(limit):
+        try:
+            for done in search.batches(half_contact, half_flight, seed):
+                _report(progress, share * done)
+        except TimeOver as over:
+            stopped = f"the search for hops of straight springs has not come to its end: {over}"
+        found = [start_from(machine, hop.liftoff, *hop[:2]) for hop in search.hops]
+        if not mixes:
+            own = found
+        elif found and not stopped:
+            mixed = machine.with_springs([_mixed(law, line) if line else law for law, line in pairs])
+            try:
+                for way in _followed(mixed, found):
+                    own, ended = _own_hops(machine, found, way)
+                    _report(progress, share + (1 - share) * way.share)
+            except TimeOver as over:
+                stopped = f"some hops have not reached the springs' own laws: {over}"
+    if stopped:
+        LOGGER.warning("starts: %s", stopped)
+    return Starts(tuple(own), half_contact, half_flight, search.periods, len(found), tuple(ended), stopped)
+
+
+def _report(progress: Progress, share: float) -> None:
+    """Call `progress`, and heed interrupts and the time limit."""
+    if progress:
+        progress(share)
+    interrupts.heed()
+
+
+def _followed(mixed: Mechanism, found: Sequence[Mapping[str, float]]) -> Iterator[WayTogether]:
+    """The hops of straight springs on their way to the springs' own laws."""
+    names = mixed.model.half_unknowns
+    curve = Curve(mixed, LAW_SHARE, method_of(mixed.model), 1.0)
+    return follow_together(curve, np.array([[start[name] for name in names] for start in found]))
+
+
+def _own_hops(machine: Machine, found: Sequence[dict[str, float]], way: WayTogether) -> tuple[list[dict], list[Ended]]:
+    """The different hops of the springs' own laws that have been reached, and the hops that end before."""
+    names, own = machine.model.half_unknowns, list[dict[str, float]]()
+    for x in way.xs[way.arrived, :-1]:
+        if not any(np.allclose(x, [*each.values()], rtol=SAME_START, atol=0) for each in own):
+            own.append(dict(zip(names, x.tolist(), strict=True)))
+    ended = [Ended(found[i], float(way.furthest[i]), why) for i, why in sorted(way.ended.items())]
+    return own, ended
 
 
 def _springs_of(machine: Mechanism) -> list[Spring]:
@@ -84,9 +198,6 @@ def _springs_of(machine: Mechanism) -> list[Spring]:
             raise InputError(
                 f"the {machine.name} has a {type(element).__name__}: it has no lossless hops to start from"
             )
-    for spring in springs:
-        if spring.force.pieces:
-            raise InputError(f"spring '{spring.force.text}' is in pieces: {remedy}")
     if machine.gravity.degree() > 0:
         raise InputError(f"gravity '{machine.gravity.text}' varies: {remedy}")
     return springs
@@ -151,35 +262,4 @@ def _mixed(law: Law, line: _StraightLine) -> Law:
     def expression(x: Algebraic, p: Parameters, q: Algebraic) -> Algebraic:
         return p[LAW_SHARE] * law.key.expression(x, p, q) + (1 - p[LAW_SHARE]) * line.slope * (x - line.zero)
 
-    return Law(law.text, "r", expression, {**law.parameters, LAW_SHARE: 0.0})
-
-
-def _found_directly(machine: Mechanism, start: Mapping[str, float], known: Sequence[dict]) -> dict[str, float] | None:
-    """The start of the hop of the own laws that Newton's method finds from a hop of straight lines; None where there is
-    none, where it is far from that hop, and where it is known already."""
-    try:
-        orbit = find(machine, start=start)
-    except NoOrbit:
-        return None
-    if orbit.contact_time is None:
-        return None
-    own = start_from(machine, orbit(0.0), orbit.contact_time / 2, orbit.flight_time / 2)
-    launch, linear = (np.array([each[name] for name in machine.model.launch_unknowns]) for each in (own, start))
-    times = ("duration", "contact_duration")
-    near = all(abs(own[name] - start[name]) <= SAME_HOP * start[name] for name in times)
-    near = near and np.linalg.norm(launch - linear) <= SAME_HOP * np.linalg.norm(linear)
-    is_known = any(np.allclose([*own.values()], [*each.values()], rtol=SAME_START) for each in known)
-    return own if near and not is_known else None
-
-
-def _followed_to_own_laws(mixed: Mechanism, start: Mapping[str, float]) -> dict[str, float] | None:
-    """The start of the hop that is followed from one of the straight springs; None where the family ends before."""
-    try:
-        orbit = find(mixed, start=start)
-        for most in (FIRST_LAW_POINTS, MOST_LAW_POINTS):
-            family = follow(mixed, LAW_SHARE, 1.0, orbit=orbit, longest=LONGEST_LAW_STEP, most=most)
-            if family.end.kind != "stopped" or family[-1].value < LEAST_LAW_SHARE:
-                break
-    except NoOrbit:
-        return None
-    return dict(zip(mixed.model.half_unknowns, family[-1].u, strict=True)) if family.end.kind == "reached" else None
+    return Law(law.text, "r", expression, {**law.parameters, LAW_SHARE: 0.0}, law.pieces)

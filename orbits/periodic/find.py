@@ -188,7 +188,8 @@ def _all_of_family(
     """All orbits of a family, as in `find_all`; a reason that is part of `refusal` already is not repeated."""
     model, p = machine.model, machine.values
     if not (model.search and model.reversor):
-        raise InputError(f"the families of a {model.name} are not searched: give find_all starts")
+        remedy = "give find_all starts" if model.one_speed else "find_all(machine, starts(machine)) finds its hops"
+        raise InputError(f"the families of a {model.name} are not searched: {remedy}")
     if method == "closed form":
         only = _solved_for(machine, family, method)
         if fastest is not None and only.alpha > fastest:

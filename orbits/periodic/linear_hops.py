@@ -16,6 +16,7 @@ isolated pairs of times. The size of c is that with which the load holds the gap
 cosines, and they have no poles, whatever modes turn at the same time.
 """
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +26,7 @@ from ..errors import InputError, NoOrbit, finite_number
 from ..model.modes import SLOWEST_SQUARE, linear_modes
 from ..numerics.roots import Array, solve
 from ..numerics.sobol import sobol_points
+from ..running import interrupts
 
 # Newton's method starts together from this many quasi-random pairs of half times, each with all the amplitudes that are
 # stationary for the size of the equations there. It is repeated until this many successive batches bring no new root.
@@ -66,20 +68,45 @@ def linear_hops(
 
     Raises `InputError` for an invalid mechanism, and `NoOrbit` where a motion changes neither spring nor gap.
     """
-    longest = np.array([finite_number("half_contact", half_contact), finite_number("half_flight", half_flight)])
-    if not (longest > 0).all():
-        raise InputError(f"half_contact = {half_contact}, half_flight = {half_flight}: both are above 0")
-    equations, tried, idle = _HopEquations(inertia, stiffness, load, gap), 0, 0
-    roots = np.zeros((0, 1 + equations.size))
-    while idle < IDLE_BATCHES:
-        new = equations.roots(sobol_points(BATCH, 2, seed, tried) * longest, longest)
-        tried += BATCH
-        before, roots = len(roots), _distinct(np.concatenate([roots, new]))
-        idle = idle + 1 if len(roots) == before else 0
-    roots = roots[np.lexsort(roots[:, 1::-1].T)]
-    states, opens = equations.liftoffs(roots)
-    found = zip(*roots[opens, :2].T.tolist(), states[opens], strict=True)
-    return [LinearHop(contact, flight, state) for contact, flight, state in found]
+    search = LinearSearch((inertia, stiffness, load), gap)
+    for _ in search.batches(half_contact, half_flight, seed):
+        interrupts.heed()
+    return search.hops
+
+
+class LinearSearch:
+    """The search of `linear_hops`, for the equations (M, K, f).
+
+    periods : the slowest natural periods of contact and of flight, 0 where no mode of the phase swings
+    """
+
+    def __init__(self, equations: tuple[ArrayLike, ArrayLike, ArrayLike], gap: ArrayLike):
+        self._equations = _HopEquations(*equations, gap)
+        self._roots = np.zeros((0, 1 + self._equations.size))
+        rates = self._equations.rates, self._equations.flight.rates
+        contact, flight = (float(2 * np.pi / each.min(initial=np.inf)) for each in rates)
+        self.periods = contact, flight
+
+    def batches(self, half_contact: float, half_flight: float, seed: int = 0) -> Iterator[float]:
+        """Search by Newton's method from one batch of times after the other; the share that is done after each."""
+        longest = np.array([finite_number("half_contact", half_contact), finite_number("half_flight", half_flight)])
+        if not (longest > 0).all():
+            raise InputError(f"half_contact = {half_contact}, half_flight = {half_flight}: both are above 0")
+        tried, idle, share = 0, 0, 0.0
+        while idle < IDLE_BATCHES:
+            new = self._equations.roots(sobol_points(BATCH, 2, seed, tried) * longest, longest)
+            tried += BATCH
+            before, self._roots = len(self._roots), _distinct(np.concatenate([self._roots, new]))
+            idle = idle + 1 if len(self._roots) == before else 0
+            yield (share := max(share, idle / IDLE_BATCHES))
+
+    @property
+    def hops(self) -> list[LinearHop]:
+        """The hops that are found, by their times."""
+        roots = self._roots[np.lexsort(self._roots[:, 1::-1].T)]
+        states, opens = self._equations.liftoffs(roots)
+        found = zip(*roots[opens, :2].T.tolist(), states[opens], strict=True)
+        return [LinearHop(contact, flight, state) for contact, flight, state in found]
 
 
 def _distinct(roots: Array) -> Array:

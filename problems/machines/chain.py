@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from orbits import Mechanism, start_from_rest, starts
+from orbits.continuation.starts import Starts
 from orbits.errors import InputError
 from orbits.io import one_line
 from orbits.laws.law import Law, coefficient_of_restitution, number
@@ -165,10 +166,12 @@ class Chain(Stated):
         """
         return start_from_rest(self, positions, half_contact, half_flight)
 
-    def starts(self, half_contact: float, half_flight: float, seed: int = 0) -> list[dict[str, float]]:
+    def starts(
+        self, half_contact: float | None = None, half_flight: float | None = None, seed: int = 0, **options: Any
+    ) -> Starts:
         """Starts for `find_all`: the hops with half durations of contact and of flight up to these; see
-        `orbits.starts`."""
-        return starts(self.mechanism, half_contact, half_flight, seed)
+        `orbits.starts`, also for the `options`."""
+        return starts(self.mechanism, half_contact, half_flight, seed, **options)
 
 
 def _mass_names(count: int) -> tuple[str, ...]:

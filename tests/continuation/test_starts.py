@@ -1,12 +1,15 @@
 """Starts from linear hops, against the same machine in other words and against DOP853."""
 
+import time
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 import orbits.continuation.starts as room
-from orbits import InputError, Mechanism, NoOrbit, find, starts
+from orbits import InputError, Mechanism, find, starts
 from orbits.mechanics import Damper, Force, Mass, Spring
+from problems import plate_hopper
 from problems.laws import springs
 
 MASSES = [Mass("body", 2.0), Mass("foot", 0.5), Mass("plate", 3.0)]
@@ -39,42 +42,93 @@ def test_a_law_with_a_length_at_rest(law):
     )
 
 
-def test_hops_of_own_laws_are_found_at_once_where_they_are_near(monkeypatch):
-    machine = plate(Spring("body - foot", CUBIC))
-    at_once = starts(machine, *LONGEST)
-    monkeypatch.setattr(room, "_found_directly", lambda *given: None)
-    same(at_once, starts(machine, *LONGEST))
-    for start in at_once:
+def rates_of(leg):
+    """The flight of `plate` with a leg of this law, for SciPy."""
+
+    def rates(t, x):
+        body = leg(x[0] - x[2])
+        return [x[1], -body / 2.0 - 1, x[3], body / 0.5 - 1, x[5], -20.0 * x[4] / 3.0 - 1]
+
+    return rates
+
+
+ROWS = np.linspace(-9.0, 9.0, 97)
+TABLE = springs.table((ROWS, 3.0 * ROWS + 0.01 * ROWS**3), noise=0)
+
+
+@pytest.mark.parametrize(
+    ("law", "leg", "longest"),
+    [
+        (CUBIC, lambda r: 3 * r + 0.01 * r**3, LONGEST),
+        (TABLE, lambda r: 3 * r + 0.01 * r**3, LONGEST),
+        (springs.bilinear(ratio=2.0, gap=0.5), lambda r: r + max(r - 0.5, 0), (4.0, 6.0)),
+        (springs.end_stops(gap=1.5, stop=2.0), lambda r: r + (max(r - 1.5, 0) + min(r + 1.5, 0)), (4.0, 6.0)),
+    ],
+    ids=lambda law: getattr(law, "text", None),
+)
+def test_hops_of_own_laws_come_to_rest_in_mid_flight_by_dop853(law, leg, longest):
+    machine = plate(Spring("body - foot", law))
+    found = starts(machine, *longest)
+    assert len(found) + len(found.ended) == found.linear >= len(found) > 1
+    for start in found[:3]:
         orbit = find(machine, start=start)
-
-        def rates(t, x):
-            body, foot = 3.0 * (pull := x[0] - x[2]) + 0.01 * pull**3, -20.0 * x[4]
-            return [x[1], -body / 2.0 - 1, x[3], body / 0.5 - 1, x[5], foot / 3.0 - 1]
-
-        run = solve_ivp(rates, (0, orbit.flight_time / 2), orbit(0.0), "DOP853", rtol=1e-13, atol=1e-13)
-        assert run.y[1::2, -1] == pytest.approx(np.zeros(3), abs=1e-8)
+        assert orbit.flight_time / 2 == pytest.approx(start["duration"], rel=1e-9)
+        run = solve_ivp(
+            rates_of(leg), (0, orbit.flight_time / 2), orbit(0.0), "DOP853", rtol=1e-13, atol=1e-13, max_step=0.01
+        )
+        assert run.y[1::2, -1] == pytest.approx(np.zeros(3), abs=1e-7)
 
 
-def test_runs_that_crawl_are_given_up(monkeypatch):
-    """A hop that has come no further than the least share after the first points is left out then."""
-    asked, follow = [], room.follow
+def test_a_table_of_a_formula_has_its_hops():
+    same(starts(plate(Spring("body - foot", CUBIC)), 2.0, 2.0), starts(plate(Spring("body - foot", TABLE)), 2.0, 2.0))
 
-    def counted(*given, most, **more):
-        asked.append(most)
-        return follow(*given, most=most, **more)
 
-    monkeypatch.setattr(room, "follow", counted)
-    monkeypatch.setattr(room, "FIRST_LAW_POINTS", 3)
-    monkeypatch.setattr(room, "_found_directly", lambda *given: None)
-    monkeypatch.setattr(room, "LEAST_LAW_SHARE", 1.1)
-    assert starts(plate(Spring("body - foot", CUBIC)), *LONGEST) == []
-    assert {*asked} == {3}
+def test_hops_that_end_before_say_how_far_they_came():
+    """The launches of a family of hops that returns to straight springs grow as the inverse root of the share of the
+    cubic term; those of a law of two stiffnesses grow beyond all bounds at one share, as if it had no gap."""
+    cubic = starts(plate_hopper(spring="r + beta*r**3", parameters={"plate_stiffness": 100.0, "beta": 0.02}), 2.0, 2.0)
+    assert {each.why for each in cubic.ended} == {"its family folds and returns to straight springs"}
+    broken = starts(plate(Spring("body - foot", springs.end_stops(gap=1.5, stop=2.0))), 4.0, 6.0)
+    assert {each.why for each in broken.ended} == {"its launch grows beyond all bounds"}
+    assert all(0 < each.share < 1 for each in (*cubic.ended, *broken.ended))
+    assert repr(cubic).endswith(f"{len(cubic.ended)} of these end before the springs' own laws")
+
+
+def test_a_search_that_is_stopped_says_so(caplog):
+    """At its limit it has found some of the hops, or none."""
+    machine, shares = plate(Spring("body - foot", CUBIC)), list[float]()
+    every = starts(machine, *LONGEST, progress=shares.append)
+    assert every.stopped == ""
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+
+    def slow(share: float) -> None:
+        if share > 0.1:
+            time.sleep(0.3)
+
+    some = starts(machine, *LONGEST, progress=slow, limit=0.25)
+    assert "not all: some hops have not reached the springs' own laws: it takes more than 0.25 s" in repr(some)
+    assert len(some) < len(every)
+    none = starts(machine, *LONGEST, progress=lambda share: time.sleep(0.3), limit=0.1)
+    assert len(none) == 0
+    assert "search for hops of straight springs has not come to its end" in none.stopped
+    assert "it takes more than 0.1 s" in caplog.text
+
+
+def test_the_usual_times_are_natural_periods():
+    """Of the plain hopper, whose contact has the squared frequency k/m1, its flight k/m1 + k/m2, and whose first hop is
+    found in them."""
+    elements = [*MASSES[:2], Spring("body - foot", "k*r")]
+    found = starts(Mechanism(("body", "foot"), elements, "foot", {"k": 3.0}))
+    slowest = 2 * np.pi / np.sqrt([3.0 / 2.0, 3.0 / 2.0 + 3.0 / 0.5])
+    assert found.periods == pytest.approx(slowest, rel=1e-14)
+    assert (found.half_contact, found.half_flight) == pytest.approx(slowest * (0.5, 1.0), rel=1e-14)
+    assert [start["duration"] for start in found] == pytest.approx([4.493409457909064 / np.sqrt(7.5)], rel=1e-12)
 
 
 @pytest.mark.parametrize(
     ("elements", "more", "telling"),
     [
-        ([Spring("body - foot", springs.end_stops(gap=1.5, stop=20.0))], {}, "is in pieces: starts are led there"),
         ([Spring("body - foot", "k*r"), Damper("body - foot", 0.1)], {}, "has a Damper: it has no lossless hops"),
         ([Spring("body - foot", "k*r"), Force("body", lambda y, v, p: 0.1)], {}, "has a Force"),
         ([Spring("body - foot", "k*r")], {"gravity": "1/(1 + z/60)**2"}, "gravity .* varies: starts are led there"),
@@ -91,11 +145,3 @@ def test_the_zero_of_a_force_with_another_one():
     """(r - 0.3)(r + 4) vanishes at 0.3, near rest, with the slope 4.3, and elsewhere."""
     law = room.from_formula("(r - 0.3)*(r + 4)", "r")
     assert room._straight_line(law) == pytest.approx((4.3, 0.3), rel=1e-12)
-
-
-def test_a_hop_that_cannot_be_found_is_left_out(monkeypatch):
-    def none(*given, **more):
-        raise NoOrbit("no")
-
-    monkeypatch.setattr(room, "find", none)
-    assert starts(plate(Spring("body - foot", CUBIC)), *LONGEST) == []
