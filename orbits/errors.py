@@ -1,6 +1,7 @@
 """The toolkit's exceptions, all derived from `OrbitsError`, and the checks of numbers that a user gives."""
 
 from numbers import Real
+from typing import Any
 
 import numpy as np
 
@@ -54,7 +55,12 @@ class NoOrbit(OrbitsError):
 
 
 class FlowError(NoOrbit):
-    """A trajectory cannot be integrated further: it grows without bound, or its state is no longer a number."""
+    """A trajectory cannot be integrated further: it grows without bound, or its state is no longer a number.
+
+    broken : of several trajectories that are integrated together, (m,) which ones seem to be like that
+    """
+
+    broken: Any = None
 
 
 class OutOfRange(FlowError):

@@ -140,7 +140,7 @@ def starts(
     half_contact = HALF_CONTACT * contact_period if half_contact is None else half_contact
     half_flight = HALF_FLIGHT * flight_period if half_flight is None else half_flight
     share, stopped, found = (LINEAR_SHARE if mixes else 1.0), "", list[dict[str, float]]()
-    own, ended = list[dict[str, float]](), list[Ended]()
+    way: WayTogether | None = None
     with interrupts.deferred(), time_limit(limit):
         try:
             for done in search.batches(half_contact, half_flight, seed):
@@ -148,16 +148,14 @@ def starts(
         except TimeOver as over:
             stopped = f"the search for hops of straight springs has not come to its end: {over}"
         found = [start_from(machine, hop.liftoff, *hop[:2]) for hop in search.hops]
-        if not mixes:
-            own = found
-        elif found and not stopped:
+        if mixes and found and not stopped:
             mixed = machine.with_springs([_mixed(law, line) if line else law for law, line in pairs])
             try:
                 for way in _followed(mixed, found):
-                    own, ended = _own_hops(machine, found, way)
                     _report(progress, share + (1 - share) * way.share)
             except TimeOver as over:
                 stopped = f"some hops have not reached the springs' own laws: {over}"
+    own, ended = _own_hops(machine, found, way) if way else ([] if mixes else found, [])
     if stopped:
         LOGGER.warning("starts: %s", stopped)
     return Starts(tuple(own), half_contact, half_flight, search.periods, len(found), tuple(ended), stopped)
@@ -173,18 +171,22 @@ def _report(progress: Progress, share: float) -> None:
 def _followed(mixed: Mechanism, found: Sequence[Mapping[str, float]]) -> Iterator[WayTogether]:
     """The hops of straight springs on their way to the springs' own laws."""
     names = mixed.model.half_unknowns
-    curve = Curve(mixed, LAW_SHARE, method_of(mixed.model), 1.0)
-    return follow_together(curve, np.array([[start[name] for name in names] for start in found]))
+    curve, us = (
+        Curve(mixed, LAW_SHARE, method_of(mixed.model), 1.0),
+        [[start[name] for name in names] for start in found],
+    )
+    # The shortest hops come first, in case that there is no time for all.
+    lengths = [start["duration"] + start["contact_duration"] for start in found]
+    return follow_together(curve, np.array(us), np.argsort(lengths, kind="stable"))
 
 
 def _own_hops(machine: Machine, found: Sequence[dict[str, float]], way: WayTogether) -> tuple[list[dict], list[Ended]]:
     """The different hops of the springs' own laws that have been reached, and the hops that end before."""
-    names, own = machine.model.half_unknowns, list[dict[str, float]]()
-    for x in way.xs[way.arrived, :-1]:
-        if not any(np.allclose(x, [*each.values()], rtol=SAME_START, atol=0) for each in own):
-            own.append(dict(zip(names, x.tolist(), strict=True)))
+    xs = way.xs[way.arrived, :-1]
+    same = (np.abs(xs[:, None] - xs) <= SAME_START * np.abs(xs)).all(2)
+    names, different = machine.model.half_unknowns, ~np.tril(same, -1).any(1)
     ended = [Ended(found[i], float(way.furthest[i]), why) for i, why in sorted(way.ended.items())]
-    return own, ended
+    return [dict(zip(names, x, strict=True)) for x in xs[different].tolist()], ended
 
 
 def _springs_of(machine: Mechanism) -> list[Spring]:

@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import FlowError
+from ..errors import FlowError, OutOfRange
 from ..numerics.roots import Array
-from ..shooting.single_shooting import STALLED_RATIO, Evaluation, joined, settles
+from ..shooting.single_shooting import STALLED_RATIO, Evaluation, settles
 from .corrector import newton_steps
 from .curve import Curve
 
@@ -28,8 +28,9 @@ LARGEST_FIRST_MOVE = 0.3
 # returned to the value where it began where it goes back there at less than this distance, and it grows beyond all
 # bounds where its unknowns are so many times as large as at first.
 MOST_JOINT_STEPS, RETURNED, LARGEST_LAUNCH = 500, 1e-3, 1e4
-NOWHERE, RETURNS, GROWS, TOO_SHORT, TOO_MANY = (
+NOWHERE, MOTION_ENDS, RETURNS, GROWS, TOO_SHORT, TOO_MANY = (
     "Newton's method does not find where it begins",
+    "its motions cannot be followed",
     "its family folds and returns to straight springs",
     "its launch grows beyond all bounds",
     "its steps become too short",
@@ -53,20 +54,25 @@ class WayTogether(NamedTuple):
         return float(np.where(done, 1.0, self.furthest.clip(0, 1)).mean()) if len(self.xs) else 1.0
 
 
-def follow_together(curve: Curve, us: Array) -> Iterator[WayTogether]:
-    """The curves from solutions (m, n) at the parameter's value 0 to its value 1, after each step of all until each has
-    arrived or ended."""
-    at_value = np.eye(us.shape[1] + 1)[-1]
-    xs = np.column_stack([us, np.zeros(len(us))])
-    solved, xs, directions, failures = _back_on_curves(curve, xs, np.tile(at_value, (len(xs), 1)), np.zeros(len(xs)))
-    ended = {i: failures.get(i, NOWHERE) for i in np.flatnonzero(~solved).tolist()}
-    tangents = directions / np.linalg.norm(directions / curve.size(xs), axis=1)[:, None]
-    furthest, arrived, steps = np.zeros(len(xs)), np.zeros(len(xs), bool), np.full(len(xs), FIRST_JOINT_STEP)
-    for taken in range(MOST_JOINT_STEPS + 1):
+def follow_together(curve: Curve, us: Array, order: Array, most: int = 64) -> Iterator[WayTogether]:
+    """The curves from solutions (m, n) at the parameter's value 0 to its value 1, after each step, until each has
+    arrived or ended. At `most` so many take their steps together, the next ones of an order (m,) after others."""
+    at_value, count = np.eye(us.shape[1] + 1)[-1], len(us)
+    xs, tangents = np.column_stack([us, np.zeros(count)]), np.zeros((count, us.shape[1] + 1))
+    furthest, arrived, ended = np.zeros(count), np.zeros(count, bool), dict[int, str]()
+    steps, taken = np.full(count, FIRST_JOINT_STEP), np.full(count, -1)
+    while True:
         yield WayTogether(xs, furthest, arrived, ended)
-        going = np.array([i for i in np.flatnonzero(~arrived) if i not in ended], int)
-        if not len(going):
+        left = np.array([i for i in order.tolist() if not arrived[i] and i not in ended], int)[:most]
+        if not len(left):
             return
+        if len(new := left[taken[left] < 0]):
+            rows = np.tile(at_value, (len(new), 1))
+            solved, xs[new], directions, failures = _back_on_curves(curve, xs[new], rows, np.zeros(len(new)))
+            tangents[new] = directions / np.linalg.norm(directions / curve.size(xs[new]), axis=1)[:, None]
+            taken[new] = 0
+            ended |= {i: failures.get(k, NOWHERE) for k, i in enumerate(new.tolist()) if not solved[k]}
+        going = np.array([i for i in left.tolist() if i not in ended], int)
         before, along, sizes = xs[going], tangents[going], curve.size(xs[going])
         rows = along / sizes**2
         levels = np.einsum("mi,mi->m", rows, before) + steps[going]
@@ -81,21 +87,19 @@ def follow_together(curve: Curve, us: Array) -> Iterator[WayTogether]:
             moves = (np.abs(found - guesses) / scales).max(1)
             directions = directions / np.linalg.norm(directions / scales, axis=1)[:, None]
             cosines = np.einsum("mi,mi->m", directions / scales, along / sizes)
-        accepted = (
-            solved & (moves <= LARGEST_MOVE) & ((np.abs(cosines) >= LEAST_JOINT_COSINE) | (steps[going] < CORNER_STEP))
-        )
+        straight = (np.abs(cosines) >= LEAST_JOINT_COSINE) | (steps[going] < CORNER_STEP)
+        accepted = solved & (moves <= LARGEST_MOVE) & straight
         of = going[accepted]
-        xs, tangents, furthest, arrived = xs.copy(), tangents.copy(), furthest.copy(), arrived.copy()
         xs[of], tangents[of] = found[accepted], directions[accepted] * np.sign(cosines[accepted])[:, None]
         furthest[of], arrived[of] = np.maximum(furthest[of], xs[of, -1]), last[accepted]
         steps[going] *= np.where(accepted, STEP_GROWS, STEP_SHRINKS)
+        taken[going] += 1
+        why = {i: failures.get(k, TOO_SHORT) for k, i in enumerate(going.tolist()) if steps[i] < SHORTEST_JOINT_STEP}
         returns = (tangents[going, -1] < 0) & (xs[going, -1] < RETURNED)
         grows = np.abs(xs[going, :-1]).max(1) > LARGEST_LAUNCH * np.abs(us[going]).max(1)
-        why = dict.fromkeys(going[grows].tolist(), GROWS) | dict.fromkeys(going[returns].tolist(), RETURNS)
-        why |= {i: failures.get(k, TOO_SHORT) for k, i in enumerate(going.tolist()) if steps[i] < SHORTEST_JOINT_STEP}
-        ended = {**why, **ended}
-        if taken == MOST_JOINT_STEPS - 1:
-            ended = {i: TOO_MANY for i in going.tolist() if not arrived[i]} | ended
+        for reason, which in ((RETURNS, returns), (GROWS, grows), (TOO_MANY, taken[going] >= MOST_JOINT_STEPS)):
+            why = dict.fromkeys(going[which & ~arrived[going]].tolist(), reason) | why
+        ended |= why
 
 
 def _back_on_curves(
@@ -126,16 +130,11 @@ def _followed_motions(
 ) -> tuple[Array, Evaluation | None]:
     """The points (k,) of those `left` whose motions can be followed, and the equations there; None without any. The
     reasons of the other points are added to `failures`."""
-    if not len(left):
-        return left, None
-    try:
-        return left, curve.evaluate(xs[left])
-    except FlowError as error:
-        if len(left) == 1:
-            failures[int(left[0])] = str(error)
-            return left[:0], None
-    halves = [_followed_motions(curve, xs, half, failures) for half in np.array_split(left, 2)]
-    found = [(some, evaluation) for some, evaluation in halves if evaluation is not None]
-    if not found:
-        return left[:0], None
-    return np.concatenate([some for some, _ in found]), joined([evaluation for _, evaluation in found])
+    while len(left):
+        try:
+            return left, curve.evaluate(xs[left])
+        except FlowError as error:
+            own = error.broken.sum() == 1 or isinstance(error, OutOfRange)
+            failures |= dict.fromkeys(left[error.broken].tolist(), str(error) if own else MOTION_ENDS)
+            left = left[~error.broken]
+    return left, None

@@ -95,7 +95,7 @@ class Flow:
 
         All have the same seeds (n, columns) and parameter seeds (np, columns), or (m, n, columns) and (m, np, columns)
         are those of each. Returns the motions and the derivatives (m, n, columns) of their ends. Raises the `FlowError`
-        of the first that cannot be followed.
+        of the first that cannot be followed, with those that seem `broken`.
         """
         stepper = self.stepper(seeds.shape[-1], self.varied(parameter_seeds))
         in_closed_form = self.phase.closed_form and not parameter_seeds.any()
@@ -107,15 +107,23 @@ class Flow:
         vanishing = found.steps <= self.control.shortest_step * np.maximum(begins, 1.0)
         done = (found.left == 0) & (durations > 0) & (np.abs(found.ends).max(1) <= self.control.runaway)
         if vanishing.any() or not done.all():
-            return self._run_each(starts, ps, durations, seeds, parameter_seeds)
+            done[np.repeat(np.arange(len(done)), found.counts)[vanishing]] = False
+            return self._run_each(starts, ps, durations, seeds, parameter_seeds, broken=(~done).nonzero()[0].tolist())
         c, counts = found.coefficients, found.counts
         return Trajectories(begins, durations, c, counts, self.names, found.begins), found.variations
 
-    def _run_each(self, starts, ps, durations, *seeds) -> tuple[Trajectories, Array]:
-        """`run_all` of one motion after the other."""
+    def _run_each(self, starts, ps, durations, *seeds, broken=()) -> tuple[Trajectories, Array]:
+        """`run_all` of one motion after the other, those with indices `broken` first, which seem to be like that."""
         own = [each if each.ndim > 2 else [each] * len(starts) for each in seeds]
-        found = [self.run(*one) for one in zip(starts, ps, durations.tolist(), *own, strict=True)]
-        return Trajectories.of([path for path, _ in found]), np.array([variations for _, variations in found])
+        each, found = list(zip(starts, ps, durations.tolist(), *own, strict=True)), {}
+        for i in (*broken, *range(len(each))):
+            try:
+                found[i] = self.run(*each[i])
+            except FlowError as error:
+                error.broken = np.isin(range(len(each)), broken if i in broken else i)
+                raise
+        motions, variations = zip(*(found[i] for i in range(len(each))), strict=True)
+        return Trajectories.of(motions), np.array(variations)
 
     def _run_in_closed_form(self, start, p, duration: float, seeds, stop: StopTest | None):
         """Polynomials of the exact flow, each from the exact state at its start, so that no error accumulates."""

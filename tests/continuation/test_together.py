@@ -24,13 +24,15 @@ class Curves:
     def evaluate(self, xs):
         u, ones = xs[:, 0] - 1, np.ones((len(xs), 1, 1))
         if (np.abs(u) > self.bound).any():
-            raise FlowError("it breaks off")
+            error = FlowError("it breaks off")
+            error.broken = np.abs(u) > self.bound
+            raise error
         jacobian = np.concatenate([self.slope(u)[:, None, None], -ones], axis=2)
         return Evaluation((self.g(u) - xs[:, 1])[:, None], jacobian, (), (ones,), (), ())
 
 
 def followed(curves, *us):
-    *_, way = follow_together(curves, 1 + np.array(us)[:, None])
+    *_, way = follow_together(curves, 1 + np.array(us)[:, None], np.arange(len(us)), most=2)
     return way
 
 
@@ -56,6 +58,6 @@ def test_why_curves_end():
 
 def test_one_that_breaks_off_leaves_the_others():
     curves = Curves(lambda u: np.where(u < 0, -u / 9, u), lambda u: np.where(u < 0, -1 / 9, 1.0), bound=5.0)
-    way = followed(curves, -1e-15, 0.0)
+    way = followed(curves, -1e-15, 0.0, 0.0)
     assert way.ended == {0: "it breaks off"}
-    assert way.xs[1] == pytest.approx([2.0, 1.0], abs=1e-14)
+    assert way.xs[1:] == pytest.approx(np.array([[2.0, 1.0]] * 2), abs=1e-14)
