@@ -49,7 +49,7 @@ def derived_model(structure: Structure) -> Model:
         heights=parts.heights,
         impact_mass=parts.impact_mass,
         impact=parts.impact,
-        violations={name: parts.words[name] for name in ("gap", "pull", "separation", "end")},
+        violations={name: text for name, text in parts.words.items() if name != "liftoff" and text},
         springs=parts.drawn,
         homotopy=GRAVITY_SHARE if mechanics.gravity.varies else None,
         conservative=mechanics.conservative and not s.actuators,

@@ -257,9 +257,10 @@ def _has_rates(mechanics: Mechanics) -> bool:
 def _held(mechanics: Mechanics, rest: Scalar) -> Launch:
     """The launch of a machine whose contact force is a function of the coordinate that is launched and of its rate."""
     m, c, start = mechanics, mechanics.coordinates, mechanics.coordinates.scalar(rest)
+    if piecewise := [law.text for law in m.laws if law.pieces]:
+        where = "where all springs act along one sum of the two coordinates, as lift-off has no formula elsewhere"
+        raise InputError(f"spring '{piecewise[0]}' is in pieces: such a law can be taken {where}; state a formula")
     numbers = c.coefficients(ca.horzcat(*_scales_at(mechanics, start), start))
-    if any(law.pieces for law in m.laws):
-        raise InputError("a law in pieces can be taken where all springs act along one sum of two coordinates")
 
     def expression(r: Algebraic, p: Parameters, q: Scalars) -> Algebraic:
         unit, _, start = numbers(p)[0]

@@ -78,8 +78,8 @@ class Mechanism(Stated):
         drawn from the height of the name `lower`, None for the ground, to that of the name `upper`
     actuators : names of displacements that may occur in extensions, each with the name of its rate, a parameter that
         is 0 unless `parameters` has it
-    words : the name of the "liftoff" force in messages, and the texts of a violated "gap", "pull", "separation" and
-        "end"
+    words : the name of the "liftoff" force in messages, the texts of a violated "gap", "pull", "separation" and "end",
+        and the text to look after where a search finds "none"
 
     Raises `InputError` for an unknown name, for statements that do not describe a mechanism, and for masses, inertias,
     dampers and gravity of a wrong sign as soon as all parameters have values.

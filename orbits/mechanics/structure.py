@@ -12,6 +12,7 @@ USUAL_WORDS = {
     "pull": "the contact would have to pull",
     "separation": "parts of the machine pass through each other",
     "end": "contact: it never opens again",
+    "none": "",
 }
 
 

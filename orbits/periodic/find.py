@@ -212,7 +212,7 @@ def _all_of_family(
             text = "; the one near {about:.6g} is refused" + ("" if in_units(error, None) in refusal else ": {error}")
             refused = Message(text, about=Quantity(float(about), LIFTOFF_SPEED), error=error)
     if not found:
-        raise none_found(cells, refused)
+        raise none_found(model, cells, refused)
     return tuple(replace(orbit, known_in_family=len(found)) for orbit in found)
 
 
@@ -222,9 +222,10 @@ _orbits_of_family = in_own_units(
 )(_all_of_family)
 
 
-def none_found(cells: Cells, refused: str = "") -> NoOrbit:
+def none_found(model: Model, cells: Cells, refused: str = "") -> NoOrbit:
     """The error of a search that finds no orbit; `refused` is the part of its message on refused orbits."""
     text = "a search from launch speed {low:.3g} to {high:.4g}{stopped} finds none{refused}"
+    text += f"; {hint}" if (hint := model.violations.get("none")) else ""
     stopped = f", stopped after {cells.launches} launches," if cells.stopped else ""
     low, high = (Quantity(speed, LIFTOFF_SPEED) for speed in cells.searched)
     return NoOrbit(Message(text, low=low, high=high, stopped=stopped, refused=refused))

@@ -143,7 +143,7 @@ def _from_search(
         if np.isfinite(best):
             lowest[machine] = float(best)
         elif machine in guess.refused:
-            absent[machine] = with_search(guess.refused[machine], none_found(cells[k]))
+            absent[machine] = with_search(guess.refused[machine], none_found(sought.model, cells[k]))
     return orbits, lowest, absent
 
 

@@ -46,8 +46,8 @@ class Chain(Stated):
     """N masses in a column joined by N - 1 springs.
 
     masses : (N,), from the top, N from 2 to 12
-    springs : a smooth spring as in `TwoMassMachine`, for all, or (N - 1,) of them, from the top; parameters of the same
-        name are the same parameter
+    springs : a smooth spring as in `TwoMassMachine`, for all, or (N - 1,) of them, from the top, of which one may be a
+        table or another law in pieces; parameters of the same name are the same parameter
     restitution : of the impacts of the lowest mass, 0 <= e <= 1
     parameters : values of the formulas' names
 
@@ -77,8 +77,14 @@ class Chain(Stated):
         if len(laws) != len(masses) - 1:
             raise InputError(f"{len(masses)} masses are joined by {len(masses) - 1} springs, not {len(laws)}")
         springs = tuple(as_spring(law, parameters, shared=True) for law in laws)
-        if piecewise := [law.text for law in springs if law.pieces]:
-            raise InputError(f"spring '{piecewise[0]}' is piecewise; a chain takes smooth ones")
+        if len(piecewise := [law.text for law in springs if law.pieces]) > 1:
+            reason, both = (
+                "a motion is followed along the breakpoints of one extension alone",
+                " and ".join(map(repr, piecewise)),
+            )
+            raise InputError(
+                f"springs {both} are in pieces: a chain takes one such spring, as {reason}; fit a formula to the others"
+            )
         known = self._common_parameters(springs, _mass_names(len(masses)))
         self._store(masses=masses, springs=springs, restitution=restitution, parameters=known)
 

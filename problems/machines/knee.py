@@ -32,6 +32,7 @@ WORDS_OF_KNEES = {
     "pull": "the ground would have to pull",
     "separation": "the knee folds through",
     "end": "contact: the knee folds, the body never lifts off again",
+    "none": "a knee carries its body where its torque, folded, is above body_mass * surface_gravity * link",
 }
 
 

@@ -43,7 +43,7 @@ LEGS = [Spring("body - foot", "r"), Spring("foot - toe", "r")]
         ),
         (
             {"elements": [*MASSES, Spring("body - foot", STEPS), Potential("0*body")], "parameters": {}},
-            "a law in pieces can be taken where all springs act along one sum of two coordinates",
+            "is in pieces: such a law can be taken where all springs act along one sum of the two coordinates",
         ),
         (
             {"elements": MASSES, "parameters": {}},

@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 
 from orbits import InputError, NoOrbit, ReturnMap, find, find_all, follow, simulate
 from problems import Chain, Hopper
+from problems.laws import springs
 
 # Rest in mid-contact y1, y2, half the contact and half the flight of two hops of three equal masses.
 KNOWN = [(-11.153174, -3.015920, 3.221828, 2.459699), (-17.324636, -11.004614, 3.104718, 4.488346)]
@@ -225,6 +226,53 @@ class TestStarts:
             Chain().starts(-1.0, 3.0)
 
 
+ROWS = np.linspace(-16.0, 16.0, 97)
+MEASURED = Chain(springs=("r", springs.table((ROWS, ROWS + 0.02 * ROWS**3), noise=0)))
+
+
+@pytest.fixture(scope="module")
+def hops():
+    return find_all(MEASURED, MEASURED.starts(4.0, 5.0))
+
+
+class TestMeasuredSprings:
+    """The lower spring of three masses is a table, with rows of r + 0.02 r^3."""
+
+    def test_the_hops_are_those_of_the_formula(self, hops):
+        formula = Chain(springs=("r", "r + b*r**3"), parameters={"b": 0.02})
+        expected = find_all(formula, formula.starts(4.0, 5.0))
+        assert [hop.alpha for hop in hops] == pytest.approx([hop.alpha for hop in expected], rel=1e-12)
+        assert [hop.admissible for hop in hops] == [hop.admissible for hop in expected]
+
+    def test_landing_and_lift_off_by_dop853_with_events(self, hops):
+        """A flight ends where the lowest mass is back on the ground, from which it came apart with the jerk; the
+        contact ends where the lower spring carries the lowest mass."""
+        hop = next(hop for hop in hops if hop.admissible)
+
+        def rates(t, x):
+            upper, lower = x[0] - x[2], (r := x[2] - x[4]) + 0.02 * r**3
+            return [x[1], -upper - 1, x[3], upper - lower - 1, x[5], lower - 1]
+
+        def held(t, x):
+            return [*rates(t, [*x, 0.0, 0.0])[:4]]
+
+        def rest(t, x):
+            return x[5]
+
+        def lifts(t, x):
+            return x[2] + 0.02 * x[2] ** 3 - 1
+
+        exact = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-13}
+        middle = solve_ivp(rates, (0, hop.flight_time / 2), hop(0.0), **exact).y[:, -1]
+        assert middle[1::2] == pytest.approx(np.zeros(3), abs=1e-8)
+        landed = solve_ivp(rates, (0, hop.flight_time / 2), middle, **exact).y[:, -1]
+        assert landed[4:] == pytest.approx(np.zeros(2), abs=1e-8)
+        lifts.direction = 1
+        contact = solve_ivp(held, (0, 2 * hop.contact_time), landed[:4], events=lifts, **exact)
+        ends = [t for t in contact.t_events[0] if t > 0.1 * hop.contact_time]
+        assert ends[0] == pytest.approx(hop.contact_time, abs=1e-7)
+
+
 def test_a_chain_does_not_change():
     given = {"k": 2.0}
     chain = Chain(springs="k*r", parameters=given)
@@ -242,7 +290,7 @@ class TestRefusals:
             ({"masses": (1.0,)}, "from 2 to 12"),
             ({"masses": (1.0, -1.0)}, "m2 = -1"),
             ({"springs": ["r", "r", "r"]}, "joined by 2 springs, not 3"),
-            ({"springs": "bilinear"}, "smooth"),
+            ({"springs": "bilinear"}, "springs 'bilinear' and 'bilinear' are in pieces: a chain takes one such spring"),
             ({"parameters": {"b": 1.0}}, "no spring has a parameter 'b'; the chain has m1, m2, m3"),
             ({"masses": 3}, "a list of masses"),
             ({"springs": "m1*r", "parameters": {"m1": 1.0}}, "'m1' is a mass"),

@@ -136,6 +136,7 @@ FIELDS = dict(  # noqa: C408 -- as the arguments of a Model are written
     impact=lambda x, p: [0.0, 1.0, 0.0, -1.0 / slopes(x[2], p)[0]],
     contact_speed=Affine((0.0, 1.0)),
     violations={
+        "none": "a knee carries its body where its torque, folded, is above body_mass * surface_gravity * link",
         "gap": "foot below ground",
         "pull": "the ground would have to pull",
         "separation": "the knee folds through",
@@ -410,6 +411,15 @@ def test_stiff_knees_are_linear_springs(family, rest_angle):
 def test_an_angle_of_rest_that_is_none():
     with pytest.raises(InputError, match=r"rest_angle = 3\.2 rad: a knee rests between folded \(0\) and straight"):
         knee_hopper(rest_angle=3.2)
+
+
+@pytest.mark.parametrize("stiffness", [1.0, 10.0])
+def test_a_knee_that_does_not_carry_the_body_says_so(stiffness):
+    """60 kg at 9.81 m/s^2 on links of 0.45 m that rest at 2.6 rad need 102 N m/rad at least."""
+    with pytest.raises(
+        NoOrbit, match=r"finds none.*a knee carries its body where its torque, folded, is above body_mass"
+    ):
+        find(knee_hopper(stiffness=stiffness))
 
 
 @pytest.mark.parametrize("hops", [50, pytest.param(1000, marks=pytest.mark.slow)])
