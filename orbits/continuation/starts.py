@@ -2,14 +2,14 @@
 followed to the springs' own laws."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, overload
 
 import numpy as np
 
 from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..flow.flow import flow_of
-from ..laws.law import Algebraic, Law, Parameters, from_key
+from ..laws.law import Algebraic, Law, LawPieces, Parameters, from_key
 from ..laws.law_statement import from_formula
 from ..mechanics.elements import Damper, Force, Spring
 from ..mechanics.mechanism import Mechanism
@@ -20,9 +20,9 @@ from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..running.heartbeat import LOGGER
 from ..running.time_limit import TimeOver, time_limit
-from ..shooting.formulations import method_of
+from ..shooting.formulations import equations_of, method_of
 from .curve import Curve
-from .together import WayTogether, follow_together
+from .together import WayTogether, follow_together, followed_motions
 
 # The homotopy parameter, which goes from straight lines at 0 to the springs' own laws at 1.
 LAW_SHARE = "share_of_the_springs_own_law"
@@ -185,8 +185,21 @@ def _own_hops(machine: Machine, found: Sequence[dict[str, float]], way: WayToget
     xs = way.xs[way.arrived, :-1]
     same = (np.abs(xs[:, None] - xs) <= SAME_START * np.abs(xs)).all(2)
     names, different = machine.model.half_unknowns, ~np.tril(same, -1).any(1)
-    ended = [Ended(found[i], float(way.furthest[i]), why) for i, why in sorted(way.ended.items())]
-    return [dict(zip(names, x, strict=True)) for x in xs[different].tolist()], ended
+    why = way.ended | {int(np.flatnonzero(way.arrived)[k]): text for k, text in _outside(machine, xs).items()}
+    own = [
+        x for i, x in zip(np.flatnonzero(way.arrived)[different], xs[different].tolist(), strict=True) if i not in why
+    ]
+    ended = [Ended(found[i], float(way.furthest[i]), text) for i, text in sorted(why.items())]
+    return [dict(zip(names, x, strict=True)) for x in own], ended
+
+
+def _outside(machine: Machine, us: np.ndarray) -> dict[int, str]:
+    """The reasons, by index, of those solutions (m, n) whose motions leave the range of a law."""
+    names, failures = tuple(machine.values), dict[int, str]()
+    equations = equations_of(machine.model, method_of(machine.model), names)
+    ps = np.tile([*machine.values.values()], (len(us), 1))
+    followed_motions(lambda i: equations.evaluate_all(us[i], ps[i]), np.arange(len(us)), failures)
+    return failures
 
 
 def _springs_of(machine: Mechanism) -> list[Spring]:
@@ -260,8 +273,29 @@ def start_from(machine: Machine, liftoff: np.ndarray, half_contact: float, half_
 
 def _mixed(law: Law, line: _StraightLine) -> Law:
     """A law that goes from a straight line to a spring's own as the parameter `LAW_SHARE` goes from 0 to 1."""
+    law = _without_ends(law, line.slope)
 
     def expression(x: Algebraic, p: Parameters, q: Algebraic) -> Algebraic:
-        return p[LAW_SHARE] * law.key.expression(x, p, q) + (1 - p[LAW_SHARE]) * line.slope * (x - line.zero)
+        return p[LAW_SHARE] * law.expression(x, p, q) + (1 - p[LAW_SHARE]) * line.slope * (x - line.zero)
 
     return Law(law.text, "r", expression, {**law.parameters, LAW_SHARE: 0.0}, law.pieces)
+
+
+def _without_ends(law: Law, slope: float) -> Law:
+    """The same law, continued with a slope beyond the ends of its range, which a hop of straight springs may leave."""
+    pieces = law.pieces
+    if pieces is None or not np.isfinite(law.range()).any():
+        return law
+
+    def table(p: Parameters) -> tuple[list, list]:
+        """A piece has two more data: whether it is one of the law, else 0, and where the law ends."""
+        breaks, rows = pieces.table(p)
+        outer = [([*row, 0.0, pieces.ends(end, p)]) for row, end in ((rows[0], breaks[0]), (rows[-1], breaks[-1]))]
+        return [-np.inf, *breaks, np.inf], [outer[0], *([*row, 1.0, 0.0] for row in rows), outer[1]]
+
+    def expression(x: Algebraic, p: Parameters, q: Algebraic) -> Algebraic:
+        *own, inside, end = q
+        nearest = inside * x + (1 - inside) * end
+        return law.expression(nearest, p, own) + slope * (x - nearest)
+
+    return replace(law, expression=expression, pieces=LawPieces(pieces.size + 2, table, pieces.unit, pieces.origin))

@@ -4,7 +4,7 @@ Each curve takes steps of its own length along its tangent, so that it passes fo
 together.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -110,7 +110,7 @@ def _back_on_curves(
     xs, directions, left = guesses.copy(), np.ones(guesses.shape), np.arange(len(guesses))
     last, solved, failures = np.full(len(xs), np.inf), np.zeros(len(xs), bool), dict[int, str]()
     for _ in range(JOINT_NEWTON_STEPS):
-        left, evaluation = _followed_motions(curve, xs, left, failures)
+        left, evaluation = followed_motions(lambda i: curve.evaluate(xs[i]), left, failures)
         if evaluation is None:
             break
         with np.errstate(all="ignore"):
@@ -125,14 +125,14 @@ def _back_on_curves(
     return solved, xs, directions, failures
 
 
-def _followed_motions(
-    curve: Curve, xs: Array, left: Array, failures: dict[int, str]
+def followed_motions(
+    evaluate: Callable[[Array], Evaluation], left: Array, failures: dict[int, str]
 ) -> tuple[Array, Evaluation | None]:
     """The points (k,) of those `left` whose motions can be followed, and the equations there; None without any. The
     reasons of the other points are added to `failures`."""
     while len(left):
         try:
-            return left, curve.evaluate(xs[left])
+            return left, evaluate(left)
         except FlowError as error:
             own = error.broken.sum() == 1 or isinstance(error, OutOfRange)
             failures |= dict.fromkeys(left[error.broken].tolist(), str(error) if own else MOTION_ENDS)

@@ -226,7 +226,7 @@ class TestStarts:
             Chain().starts(-1.0, 3.0)
 
 
-ROWS = np.linspace(-16.0, 16.0, 97)
+ROWS = np.linspace(-12.0, 12.0, 97)
 MEASURED = Chain(springs=("r", springs.table((ROWS, ROWS + 0.02 * ROWS**3), noise=0)))
 
 
