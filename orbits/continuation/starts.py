@@ -2,14 +2,15 @@
 followed to the springs' own laws."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, NamedTuple, overload
 
 import numpy as np
 
 from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..flow.flow import flow_of
-from ..laws.law import Algebraic, Law, LawPieces, Parameters, from_key
+from ..laws.law import Algebraic, Key, Law, LawPieces, Parameters, from_key
 from ..laws.law_statement import from_formula
 from ..mechanics.elements import Damper, Force, Spring
 from ..mechanics.mechanism import Mechanism
@@ -149,7 +150,7 @@ def starts(
             stopped = f"the search for hops of straight springs has not come to its end: {over}"
         found = [start_from(machine, hop.liftoff, *hop[:2]) for hop in search.hops]
         if mixes and found and not stopped:
-            mixed = machine.with_springs([_mixed(law, line) if line else law for law, line in pairs])
+            mixed = machine.with_springs([_mixed(law, line, i) if line else law for i, (law, line) in enumerate(pairs)])
             try:
                 for way in _followed(mixed, found):
                     _report(progress, share + (1 - share) * way.share)
@@ -271,31 +272,37 @@ def start_from(machine: Machine, liftoff: np.ndarray, half_contact: float, half_
     return machine.model.launch_at(liftoff.tolist()) | times
 
 
-def _mixed(law: Law, line: _StraightLine) -> Law:
-    """A law that goes from a straight line to a spring's own as the parameter `LAW_SHARE` goes from 0 to 1."""
-    law = _without_ends(law, line.slope)
+def _mixed(law: Law, line: _StraightLine, place: int) -> Law:
+    """A law that goes from a straight line to that of the spring with index `place` as the parameter `LAW_SHARE` goes
+    from 0 to 1."""
+    ends = bool(np.isfinite(law.range()).any())
+    key = _mixture(law.key, place, ends)
+    straight = line.law(place).parameters
+    return Law(law.text, "r", key.expression, {**law.parameters, **straight, LAW_SHARE: 0.0}, key.pieces)
 
-    def expression(x: Algebraic, p: Parameters, q: Algebraic) -> Algebraic:
-        return p[LAW_SHARE] * law.expression(x, p, q) + (1 - p[LAW_SHARE]) * line.slope * (x - line.zero)
 
-    return Law(law.text, "r", expression, {**law.parameters, LAW_SHARE: 0.0}, law.pieces)
+@lru_cache(maxsize=64)
+def _mixture(key: Key, place: int, ends: bool) -> Key:
+    """The expression and the pieces of a mixed law, the same for all values of parameters. It is continued with the
+    slope of the straight line beyond the `ends` of a law's range, which a hop of straight springs may leave."""
+    slope, zero, pieces = f"slope_{place}", f"zero_{place}", key.pieces
 
+    def mixed(x: Algebraic, force: Algebraic, p: Parameters) -> Algebraic:
+        return p[LAW_SHARE] * force + (1 - p[LAW_SHARE]) * p[slope] * (x - p[zero])
 
-def _without_ends(law: Law, slope: float) -> Law:
-    """The same law, continued with a slope beyond the ends of its range, which a hop of straight springs may leave."""
-    pieces = law.pieces
-    if pieces is None or not np.isfinite(law.range()).any():
-        return law
+    if pieces is None or not ends:
+        return key._replace(expression=lambda x, p, q: mixed(x, key.expression(x, p, q), p))
 
     def table(p: Parameters) -> tuple[list, list]:
-        """A piece has two more data: whether it is one of the law, else 0, and where the law ends."""
+        """A piece has two more data: 1 where it is one of the law, else 0, and where the law ends."""
         breaks, rows = pieces.table(p)
-        outer = [([*row, 0.0, pieces.ends(end, p)]) for row, end in ((rows[0], breaks[0]), (rows[-1], breaks[-1]))]
-        return [-np.inf, *breaks, np.inf], [outer[0], *([*row, 1.0, 0.0] for row in rows), outer[1]]
+        low, high = ([*row, 0.0, pieces.ends(end, p)] for row, end in ((rows[0], breaks[0]), (rows[-1], breaks[-1])))
+        return [-np.inf, *breaks, np.inf], [low, *([*row, 1.0, 0.0] for row in rows), high]
 
     def expression(x: Algebraic, p: Parameters, q: Algebraic) -> Algebraic:
         *own, inside, end = q
         nearest = inside * x + (1 - inside) * end
-        return law.expression(nearest, p, own) + slope * (x - nearest)
+        return mixed(x, key.expression(nearest, p, own) + p[slope] * (x - nearest), p)
 
-    return replace(law, expression=expression, pieces=LawPieces(pieces.size + 2, table, pieces.unit, pieces.origin))
+    own = LawPieces(pieces.size + 2, table, pieces.unit, pieces.origin)
+    return key._replace(expression=expression, pieces=own)
