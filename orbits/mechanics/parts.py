@@ -127,7 +127,10 @@ class Parts:
             weights = self._weights(spring.extension, contact)
             law = mechanics.law_of(spring)
             if law.pieces and (pieces or weights is None):
-                raise InputError(f"spring '{law.text}': one law in pieces can be taken, along a sum of coordinates")
+                why = "since a motion is followed along the breakpoints of one extension; fit a formula to the others"
+                raise InputError(
+                    f"spring '{law.text}': one law in pieces can be taken, along a sum of coordinates, {why}"
+                )
             if weights:
                 pieces = pieces or pieces_along(law, weights)
                 reaches += reach_along(law, weights)

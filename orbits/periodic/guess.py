@@ -63,7 +63,10 @@ def guess(model: Model, family: int, p: Mapping[str, float]) -> dict[str, float]
     if callable(relative):
         return relative(family, p)
     if relative is None:
-        raise NoOrbit(f"the model of a {model.name} has no guess of its families: give `find` a start")
+        remedy = (
+            "" if model.one_speed else ", as one of starts(machine), or search by find_all(machine, starts(machine))"
+        )
+        raise NoOrbit(f"the model of a {model.name} has no guess of its families: give `find` a start{remedy}")
     p = relative.own(p)
     law, ps = from_key(relative.law, p), {name: np.array([value]) for name, value in p.items()}
     extension, rest = relative.liftoff.extension(law), np.array([law.rest()])

@@ -53,7 +53,8 @@ def knee_hopper(
     restitution : of the foot's impacts, 0 <= e <= 1
     parameters : values of the torque's names
 
-    The launch speed is that of the knee, in rad/s.
+    The launch speed is that of the knee, in rad/s. The knee carries the body somewhere where its torque, folded, is
+    above body_mass * surface_gravity * link: from a stiffness of 102 N m/rad on for these numbers.
 
     >>> from orbits import find
     >>> from problems import knee_hopper
