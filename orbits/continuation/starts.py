@@ -20,7 +20,7 @@ from ..periodic.linear_hops import LinearSearch
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..running.heartbeat import LOGGER
-from ..running.time_limit import TimeOver, time_limit
+from ..running.time_limit import TimeOver, time_left, time_limit
 from ..shooting.formulations import equations_of, method_of
 from .curve import Curve
 from .together import WayTogether, follow_together, followed_motions
@@ -32,6 +32,9 @@ LAW_SHARE = "share_of_the_springs_own_law"
 HALF_CONTACT, HALF_FLIGHT = 0.5, 1.0
 # The share of the work that is the search for linear hops, where these are followed afterwards.
 LINEAR_SHARE = 0.1
+# Why there may be more hops.
+LINEAR_STOPPED = "the search for hops of straight springs has not come to its end"
+FOLLOWING_STOPPED = "some hops have not reached the springs' own laws"
 SAME_START = 1e-6  # two hops whose unknowns differ by a smaller share are the same
 # The zero of a law is searched up to this distance from rest, in units of the force divided by its slope at rest.
 FURTHEST_ZERO, ZERO_SAMPLES = 4.0, 801
@@ -143,19 +146,23 @@ def starts(
     share, stopped, found = (LINEAR_SHARE if mixes else 1.0), "", list[dict[str, float]]()
     way: WayTogether | None = None
     with interrupts.deferred(), time_limit(limit):
+        until = time_left() / 2 if mixes else -np.inf  # half of the time is for the way to the springs' own laws
         try:
             for done in search.batches(half_contact, half_flight, seed):
                 _report(progress, share * done)
+                if done < 1 and time_left() < until:
+                    stopped = f"{LINEAR_STOPPED} in half of the time: allow it more by limit=..."
+                    break
         except TimeOver as over:
-            stopped = f"the search for hops of straight springs has not come to its end: {over}"
+            stopped = f"{LINEAR_STOPPED}: {over}"
         found = [start_from(machine, hop.liftoff, *hop[:2]) for hop in search.hops]
-        if mixes and found and not stopped:
+        if mixes and found:
             mixed = machine.with_springs([_mixed(law, line, i) if line else law for i, (law, line) in enumerate(pairs)])
             try:
                 for way in _followed(mixed, found):
                     _report(progress, share + (1 - share) * way.share)
             except TimeOver as over:
-                stopped = f"some hops have not reached the springs' own laws: {over}"
+                stopped = "; ".join([*filter(None, [stopped]), f"{FOLLOWING_STOPPED}: {over}"])
     own, ended = _own_hops(machine, found, way) if way else ([] if mixes else found, [])
     if stopped:
         LOGGER.warning("starts: %s", stopped)

@@ -56,6 +56,11 @@ def time_limit(seconds: float | None) -> Iterator[None]:
         _limit.until, _limit.seconds = before
 
 
+def time_left() -> float:
+    """The seconds until the time is over, infinite without a limit."""
+    return _limit.until - time.monotonic()
+
+
 def check_time() -> None:
     """Raise `TimeOver` where the time is over; a computation that may be long comes here often."""
     if time.monotonic() > _limit.until:
