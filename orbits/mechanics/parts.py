@@ -132,7 +132,7 @@ class Parts:
                     f"spring '{law.text}': one law in pieces can be taken, along a sum of coordinates, {why}"
                 )
             if weights:
-                pieces = pieces or pieces_along(law, weights)
+                pieces = pieces or pieces_along(law, weights, self._offset(spring.extension))
                 reaches += reach_along(law, weights)
         for term in mechanics.in_flight.terms:
             if term.what == "gravity" and (weights := self._weights(term.place, contact)) and any(weights):
@@ -145,6 +145,11 @@ class Parts:
             return None
         own = self.mechanics.gap.weights_inside(weights) if contact else weights
         return _interleaved(list(map(float, own)), self._ends)
+
+    def _offset(self, expression: Scalar) -> Callable | None:
+        """p -> what a sum of coordinates is where all of them are 0; None where that is 0."""
+        found = self.mechanics.coordinates.coefficients(self.mechanics.coordinates.at_zero(expression))
+        return None if found.constants[0] == 0 else lambda p: found(p)[0][0]
 
     def no_release(self, alpha: ArrayLike, p: Parameters) -> np.ndarray:
         """Refuses a launch that is more than a speed."""

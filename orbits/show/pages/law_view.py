@@ -84,7 +84,7 @@ def _forces(machine: Machine, extensions: np.ndarray) -> tuple[np.ndarray, np.nd
     data = np.zeros((len(states), 0))
     if pieces is not None:
         breaks, rows = map(np.asarray, pieces.table(p))
-        place = states[:, : len(pieces.coordinate)] @ np.array(pieces.coordinate)
+        place = pieces.place(states[:, : len(pieces.coordinate)], p)
         inside = (breaks[0] <= place) & (place <= breaks[-1])
         extensions, states, place = extensions[inside], states[inside], place[inside]
         data = rows.reshape(len(rows), -1)[np.clip(np.searchsorted(breaks, place, "right") - 1, 0, len(breaks) - 2)]
