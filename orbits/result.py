@@ -7,7 +7,7 @@ drawn.
 import base64
 import json
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from functools import cached_property, partial
 from html import escape
@@ -16,7 +16,7 @@ from io import BytesIO
 from operator import attrgetter
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, BinaryIO, ClassVar, NamedTuple, Self, TypeAlias, get_type_hints
+from typing import Any, BinaryIO, ClassVar, NamedTuple, Self, TypeAlias, TypeVar, get_type_hints
 
 import numpy as np
 
@@ -42,7 +42,8 @@ from .units import UNIT_TEXTS
 
 # A `matplotlib.axes.Axes`. The import waits until something is drawn, and its types differ between versions.
 Axes: TypeAlias = Any
-Report: TypeAlias = Callable[[float], None] | None  # called with the share of the frames that are drawn
+Report: TypeAlias = Callable[[float], None] | None  # called with the share that is done
+Item = TypeVar("Item")
 PICTURE = (5.6, 3.8)  # inches
 DOTS_PER_INCH = 130  # sharp on most screens, and a picture of some 30 kB
 TABLE_ROWS = 201  # of a motion whose times are not stated
@@ -60,6 +61,14 @@ ENDINGS: dict[str, tuple[str, ...]] = {
 def shown(module: str) -> Any:
     """The module of the room `show` with this name, such as "plot" or "pages.saved_page"."""
     return import_module(f"{__package__}.show.{module}")
+
+
+def reported(items: Sequence[Item], progress: Report) -> Iterator[Item]:
+    """The items, one after the other, with a report of the share that is done after each."""
+    for i, item in enumerate(items, 1):
+        yield item
+        if progress:
+            progress(i / len(items))
 
 
 class _Shown:

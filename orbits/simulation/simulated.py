@@ -10,15 +10,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
+from ..flow.forces import spring_forces, units_of_springs
 from ..flow.trajectory import Trajectory
 from ..io import Document, fields_in_line
 from ..model.machine import Machine, machine_in_words
-from ..model.model import Knee
+from ..model.model import CONTACT_FORCE, Knee
 from ..model.phase import Affine
 from ..model.state_formula import StateFormula
 from ..numerics.polynomial_roots import lowest
 from ..result import TABLE_ROWS, Axes, Report, Result, Row, known, shown
-from ..units import ENERGY, LENGTH, LIFTOFF_SPEED, TIME, Units, in_units
+from ..units import ENERGY, FORCE, LENGTH, LIFTOFF_SPEED, TIME, Units, in_units
 
 # The dimensions of a simulation's numbers by name; those of states are lengths and speeds.
 DIMENSIONS_OF_SIMULATIONS = {
@@ -128,7 +129,9 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
         """The units of the states and of the numbers of events by name; empty for a dimensionless machine."""
         if (units := self.source.units) is None:
             return {}
-        return {**{name: units.text(name) for name in self._states}, **units.texts(DIMENSIONS_OF_SIMULATIONS)}
+        forces = {CONTACT_FORCE: units.text(FORCE), **units_of_springs(self.source)}
+        states = {name: units.text(name) for name in self._states}
+        return {**states, **forces, **units.texts(DIMENSIONS_OF_SIMULATIONS)}
 
     @property
     def _states(self) -> tuple[str, ...]:
@@ -144,10 +147,12 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
         }  # fmt: skip
 
     def table(self, t: ArrayLike | None = None) -> dict[str, np.ndarray]:
-        """Columns (k,) by name at times (k,), evenly spaced by default: "time", "phase" and the flight states."""
+        """Columns (k,) by name at times (k,), evenly spaced by default: "time", "phase", the flight states, the
+        `spring_forces` and the "contact force"."""
         t = np.ravel(np.linspace(0.0, self.end, TABLE_ROWS) if t is None else np.asarray(t, dtype=float))
         columns = {"time": t, "phase": np.where(self.in_contact(t), "contact", "flight")}
-        return columns | dict(zip(self._states, self(t).T, strict=True))
+        columns |= dict(zip(self._states, self(t).T, strict=True)) | self.spring_forces(t)
+        return columns | {CONTACT_FORCE: self.contact_force(t)}
 
     def title(self) -> str:
         return f"motion of {self.source!r}"
@@ -189,6 +194,28 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
         index = index_of_legs(self.legs, np.asarray(t, dtype=float))
         return np.array([leg.phase == "contact" for leg in self.legs])[index]
 
+    def spring_forces(self, t: ArrayLike) -> dict[str, np.ndarray]:
+        """The force (...) of each spring at times (...), tension positive, by name, as in `Orbit.spring_forces`."""
+        return spring_forces(self.source, self(t))
+
+    def contact_force(self, t: ArrayLike) -> np.ndarray:
+        """The contact force (...) at times (...), positive where it presses; 0 in flight."""
+
+        def force(leg: Leg, since: np.ndarray) -> np.ndarray:
+            names = leg.path.names
+            return (
+                leg.path(since)[:, [names.index(CONTACT_FORCE)]]
+                if leg.phase == "contact"
+                else np.zeros((len(since), 1))
+            )
+
+        return rows_of_legs(self.legs, self.end, t, force, self._second)[..., 0]
+
+    @property
+    def _second(self) -> str:
+        """The unit of time after a number."""
+        return " s" if getattr(self.source, "units", None) else ""
+
     def __call__(self, t: ArrayLike) -> np.ndarray:
         """Flight states (..., n) at times (...)."""
         embed = self.source.model.embed
@@ -197,7 +224,7 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
             rows = leg.path(since)
             return rows[..., : len(embed)] if leg.phase == "flight" else rows[..., : embed.shape[1]] @ embed.T
 
-        return rows_of_legs(self.legs, self.end, t, flight_states, " s" if getattr(self.source, "units", None) else "")
+        return rows_of_legs(self.legs, self.end, t, flight_states, self._second)
 
 
 def index_of_legs(legs: Sequence[Leg], t: np.ndarray) -> np.ndarray:
