@@ -28,7 +28,9 @@ def plot_sensitivities(found: "Sensitivities", axes: Axes | None = None) -> Axes
     largest = float(np.abs(known).max()) or 1.0
     axes.imshow(known, cmap=DIVERGING, vmin=-1.6 * largest, vmax=1.6 * largest, aspect="auto")
     for i, j in np.ndindex(*shares.shape):
-        text = f"{round(shares[i, j], 9) + 0.0:.3g}" if np.isfinite(shares[i, j]) else "-"  # without rounding errors
+        text = (
+            f"{round(float(shares[i, j]), 9) + 0.0:.3g}" if np.isfinite(shares[i, j]) else "-"
+        )  # without rounding errors
         axes.text(j, i, text, ha="center", va="center", fontsize="small")
     axes.set_xticks(range(len(columns)), [label_of(each) for each in columns], rotation=20, ha="right")
     axes.set_yticks(range(len(rows)), [label_of(each) for each in rows])
