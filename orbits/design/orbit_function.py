@@ -29,14 +29,14 @@ from ..units import TIME
 from .sensitivities import sensitivities
 
 # The way from the known orbit to another one is halved so many times before the other counts as lost.
-MOST_HALVINGS = 6
+MOST_BRANCH_HALVINGS = 6
 # A launch of several unknowns is that of the same branch where it differs by less from what derivatives expect, as a
 # share of the largest unknown.
 SAME_BRANCH = 0.05
 # A motion of a shorter time, as a share of its phase, is its start.
-NO_TIME = 1e-12
+SHARE_OF_START = 1e-12
 # CasADi refers to the Python objects that it calls without owning them: what a graph may call lives on here.
-_CALLED: list[ca.Callback] = []
+_OF_CASADI: list[ca.Callback] = []
 
 
 class Along(NamedTuple):
@@ -101,7 +101,7 @@ def orbit_function(
     sizes_out |= {"quantities": (len(texts), 1)} if texts else {}
     sizes_out |= {"states": (len(machine.model.flight.states), times)} if times else {}
     function = _OfOrbit(name, branch, sizes_in, sizes_out)
-    _CALLED.append(function)
+    _OF_CASADI.append(function)
     return function
 
 
@@ -131,7 +131,7 @@ class _Branch:
                 share, machine, orbit = there, other, found
             except NoOrbit as error:
                 step /= 2
-                if step < 0.5**MOST_HALVINGS:
+                if step < 0.5**MOST_BRANCH_HALVINGS:
                     at = ", ".join(f"{name} = {x:.6g}" for name, x in zip(self.names, values.tolist(), strict=True))
                     raise NoOrbit(f"the orbit cannot be followed to {at}: {error}") from None
         return machine, orbit
@@ -149,7 +149,7 @@ class _Branch:
         if not one_speed:
             (before, _), (after, _) = _launch_and_durations(machine, orbit), _launch_and_durations(other, found)
             moved = np.array([other.values[name] - machine.values[name] for name in self.names])
-            expected = _slopes(machine, orbit, tuple(self.names), np.zeros(0))["launch"] @ moved
+            expected = _derivatives_of_motion(machine, orbit, tuple(self.names), np.zeros(0))["launch"] @ moved
             if np.abs(after - before - expected).max() > SAME_BRANCH * np.abs(before).max():
                 raise NoOrbit("the launch jumps, to an orbit of another branch")
         return found
@@ -168,7 +168,7 @@ class _Branch:
         """Their derivatives by the parameters and times together, a row for each number; the states one after the
         other."""
         machine, orbit = self.orbit(theta)
-        found = _slopes(machine, orbit, tuple(self.names), t)
+        found = _derivatives_of_motion(machine, orbit, tuple(self.names), t)
         if self.texts:
             point = sensitivities(machine, orbit, self.names, self.texts)
             rows = np.array([[point[text][name] for name in self.names] for text in self.texts])
@@ -204,7 +204,7 @@ class _OfOrbit(ca.Callback):
 
     def eval(self, arguments: Sequence[ca.DM]) -> list[ca.DM]:
         """The results, for CasADi."""
-        found = self.branch.values(*_plain(arguments))
+        found = self.branch.values(*_as_arrays(arguments))
         return [ca.DM(found[name]) for name in self.sizes_out]
 
     def has_jacobian(self) -> bool:
@@ -214,8 +214,8 @@ class _OfOrbit(ca.Callback):
         self, name: str, names_in: Sequence[str], names_out: Sequence[str], options: Mapping[str, Any]
     ) -> ca.Function:
         """The blocks of the Jacobian, for CasADi."""
-        _CALLED.append(_OfSlopes(name, self, names_in, names_out))
-        return _CALLED[-1]
+        _OF_CASADI.append(_OfSlopes(name, self, names_in, names_out))
+        return _OF_CASADI[-1]
 
 
 class _OfSlopes(ca.Callback):
@@ -248,12 +248,12 @@ class _OfSlopes(ca.Callback):
 
     def eval(self, arguments: Sequence[ca.DM]) -> list[ca.DM]:
         """The blocks, for CasADi."""
-        found = self.of.branch.slopes(*_plain(arguments[: len(self.columns)]))
+        found = self.of.branch.slopes(*_as_arrays(arguments[: len(self.columns)]))
         ends = np.cumsum(self.columns)[:-1]
         return [ca.DM(block) for name in self.of.sizes_out for block in np.split(found[name], ends, axis=1)]
 
 
-def _plain(arguments: Sequence[ca.DM]) -> tuple[Array, Array]:
+def _as_arrays(arguments: Sequence[ca.DM]) -> tuple[Array, Array]:
     """The parameters (k,) and the times (m,)."""
     theta, *times = (np.array(each, dtype=float).ravel() for each in arguments)
     return theta, times[0] if times else np.zeros(0)
@@ -268,7 +268,7 @@ def _launch_and_durations(machine: Machine, orbit: Orbit) -> tuple[Array, Array]
     return np.array([own[name] for name in model.launch_unknowns]) * sizes, np.array(times)
 
 
-def _slopes(machine: Machine, orbit: Orbit, over: tuple[str, ...], t: Array) -> dict[str, Array]:
+def _derivatives_of_motion(machine: Machine, orbit: Orbit, over: tuple[str, ...], t: Array) -> dict[str, Array]:
     """The derivatives of the launch, the durations and the states at times (m,), by the parameters and the times."""
     model, names, bare = machine.model, tuple(machine.values), orbit.dimensionless()
     k, n, p = len(over), len(model.flight.states), vector(machine.values)
@@ -306,10 +306,10 @@ def _slopes(machine: Machine, orbit: Orbit, over: tuple[str, ...], t: Array) -> 
         2 * np.concatenate([flight.duration.values, contact.duration.values]),
         2 * np.concatenate([flight.duration.by, contact.duration.by]),
     )
-    whole = _times(states, Along(of_states.values[None], of_states.by[None]))
+    whole = _in_units_of(states, Along(of_states.values[None], of_states.by[None]))
     return {
-        "launch": _times(launch, of_launch).by,
-        "durations": _times(durations, time).by,
+        "launch": _in_units_of(launch, of_launch).by,
+        "durations": _in_units_of(durations, time).by,
         "states": whole.by.reshape(len(t) * n, k + len(t)),
     }
 
@@ -326,7 +326,7 @@ class _Half(NamedTuple):
         """The states (m, n) after times (m,) from the start, and the rates (m, n) there."""
         flow, k = flow_of(self.phase, names), dp.shape[1]
         x, by = (np.repeat(each[None], len(times.values), 0) for each in self.start)
-        moved = times.values > NO_TIME * self.duration.values
+        moved = times.values > SHARE_OF_START * self.duration.values
         if moved.any():
             count = int(moved.sum())
             paths, slopes = flow.run_all(x[moved], np.tile(p, (count, 1)), times.values[moved], by[0, :, :k], dp)
@@ -372,7 +372,7 @@ def _at(values: Array, by: Array, rows: Any) -> Along:
     return Along(values[rows], by[rows])
 
 
-def _times(numbers: Along, units: Along) -> Along:
+def _in_units_of(numbers: Along, units: Along) -> Along:
     """Numbers times units, which may depend on the parameters."""
     by = numbers.by * units.values[..., None] + numbers.values[..., None] * units.by
     return Along(numbers.values * units.values, by)
