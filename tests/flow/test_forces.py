@@ -14,6 +14,7 @@ from problems import (
     HeavyHand,
     Hopper,
     Juggler,
+    chain_hand,
     hopper_in_si,
     inerter_hopper,
     knee_hopper,
@@ -183,3 +184,86 @@ def test_an_orbit_without_its_machine_says_what_it_needs(tmp_path):
     assert "spring force" not in orbit.table()
     with pytest.raises(InputError, match="name it"):
         orbit.spring_forces(0.0)
+
+
+R = np.linspace(-12, 12, 49)
+LINEAR, CUBIC_LAW = ("k*r", {"k": 1.0}), ("r + beta*r**3", {"beta": 0.02})
+POTENTIAL = springs.potential("r**2/2 + beta*r**4/4", beta=0.02), {}
+TABLE, PIECES = (springs.table((R, R + 0.02 * R**3), noise=0), {}), (springs.bilinear(ratio=2.0, gap=0.5), {})
+LAWS = {"linear": LINEAR, "cubic": CUBIC_LAW, "potential": POTENTIAL, "table": TABLE, "pieces": PIECES}
+FORCES = {
+    "linear": lambda r: r,
+    **dict.fromkeys(("cubic", "potential", "table"), lambda r: r + 0.02 * r**3),
+    "pieces": lambda r: np.where(r > 0.5, 0.5 + 2 * (r - 0.5), r),
+    "slightly cubic": lambda r: r + 1e-4 * r**3,
+}
+
+
+def column(law, numbers):
+    """Three masses stated by their mechanics."""
+    names = ("y1", "y2", "y3")
+    parts = [*(Mass(name, 1.0) for name in names), Spring("y1 - y2", law), Spring("y2 - y3", law)]
+    return Mechanism(names, parts, gap="y3", gravity=1.0, parameters=numbers, name="column")
+
+
+def hop_of_several(make, law, of_starts):
+    """An orbit of a machine of several coordinates, from one with straight springs."""
+    linear = make("r", {})
+    orbit = next(hop for hop in find_all(linear, of_starts(linear)) if hop.contact_time)
+    return orbit if law == "linear" else find(make("r + beta*r**3", {"beta": 1e-4}), start=orbit)
+
+
+OF_ONE_SPEED = {
+    "hopper": (lambda law, p: Hopper(law, mass_ratio=0.5, rest_length=10, parameters=p), "y1 - y2"),
+    "juggler": (lambda law, p: Juggler(law, mass_ratio=0.5, rest_length=10, parameters=p), "w2"),
+    "hand": (lambda law, p: HeavyHand(law, parameters=p), "w2"),
+    "inerter": (lambda law, p: inerter_hopper(law, parameters=p), "body - foot"),
+}
+OF_SEVERAL = {
+    "plate": (lambda law, p: plate_hopper(spring=law, parameters={"plate_stiffness": 100.0, **p}), "body - foot"),
+    "chain": (lambda law, p: Chain((1, 1, 1), law, parameters=p), "y1 - y2"),
+    "column": (column, "y1 - y2"),
+    "chain hand": (lambda law, p: chain_hand((1, 1, 1), law, parameters=p), "y3"),
+}
+
+
+@pytest.fixture(params=[f"{name}, {law}" for name in OF_ONE_SPEED for law in LAWS], scope="module")
+def of_one_speed(request):
+    name, law = request.param.split(", ")
+    make, extension = OF_ONE_SPEED[name]
+    return find(make(*LAWS[law])), "spring force", extension, FORCES[law]
+
+
+def with_mark(name, law):
+    """A plate's orbits take some seconds."""
+    return pytest.param(f"{name}, {law}", marks=[pytest.mark.slow] if name == "plate" else [])
+
+
+@pytest.fixture(params=[with_mark(name, law) for name in OF_SEVERAL for law in ("linear", "slightly cubic")])
+def of_several(request):
+    name, law = request.param.split(", ")
+    make, extension = OF_SEVERAL[name]
+    orbit = hop_of_several(make, law, lambda m: m.starts(5, 5) if name == "chain" else starts(m, 4, 4))
+    return orbit, f"spring force of {extension}", extension, FORCES[law]
+
+
+def check_outcomes(orbit, force, extension, law, folder):
+    """The table of an orbit in a file, with the forces of its law; and the orbit again, its table and its figures."""
+    with open(orbit.save(folder / "hop.csv"), newline="") as file:
+        rows = [*csv.DictReader(file)]
+    columns = {name: np.array([row[name] for row in rows], dtype=float) for name in rows[0] if name != "phase"}
+    r = eval(extension, {}, columns)
+    assert columns[force] == pytest.approx(law(r), abs=1e-9 * (1 + np.abs(law(r)).max()))
+    assert np.isfinite(columns["contact force"]).all()
+    again = Orbit.load(orbit.save(folder / "hop.json"), orbit.source)
+    assert all(np.array_equal(each, again.table()[name]) for name, each in orbit.table().items())
+    assert orbit.plot().lines
+    assert orbit.plot_phase_portrait().lines
+
+
+def test_every_machine_of_one_speed_has_its_files(of_one_speed, tmp_path):
+    check_outcomes(*of_one_speed, tmp_path)
+
+
+def test_every_machine_of_several_coordinates_has_its_files(of_several, tmp_path):
+    check_outcomes(*of_several, tmp_path)
