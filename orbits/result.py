@@ -131,6 +131,7 @@ class Result:
     dimension: ClassVar[str] = "row"  # what the rows of the table are called in a dataset
     largest_file: ClassVar[int] = 32 * MEGABYTE
     document_is_whole: ClassVar[bool] = False  # whether `of_saved` needs no more than the document
+    undrawn: ClassVar[str] = ""  # why such results have no picture; "" for those that have a `plot` of their own
     machine: Any
 
     def __init_subclass__(cls, **own: object) -> None:
@@ -198,7 +199,12 @@ class Result:
         return "\n".join([self.title(), *lines, *(f"  {note}" for note in self._notes())])
 
     def _repr_html_(self) -> str:
-        return cell(self.title(), self.rows(), getattr(self, "plot", None), self.heads(), self._notes())
+        draw = None if self.undrawn else self.plot
+        return cell(self.title(), self.rows(), draw, self.heads(), self._notes())
+
+    def plot(self, *args: Any, **options: Any) -> Axes:
+        """Draw the result; raises `InputError` with the reason where there is nothing to draw."""
+        raise InputError(self.undrawn)
 
     def page(self, path: str | Path) -> Path:
         """Write a page of the result in one file (.html) that needs no network; returns its path."""

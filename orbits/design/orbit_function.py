@@ -280,20 +280,20 @@ def _derivatives_of_motion(machine: Machine, orbit: Orbit, over: tuple[str, ...]
     dp[[names.index(name) for name in over], range(k)] = 1.0
     slopes = equations.evaluate(u, p, over).jacobian
     du = np.pad(-solve(slopes[:, : len(u)], slopes[:, len(u) :]), ((0, 0), (0, len(t))))
-    launch = _at(u, du, [unknowns.index(name) for name in model.launch_unknowns])
+    launch = _chosen_rows(u, du, [unknowns.index(name) for name in model.launch_unknowns])
     numbers, by = (np.array(each) for each in _beginnings(model, names)(launch.values, p))
     begins = Along(numbers.ravel(), by @ np.vstack([launch.by, dp]))
     ends = np.cumsum([n, len(model.contact.states), len(launch.values), 1])
     lifted, landed, of_launch, time, of_states = (
-        _at(*begins, range(*ends_of)) for ends_of in zip([0, *ends], [*ends, len(begins.values)], strict=True)
+        _chosen_rows(*begins, range(*ends_of)) for ends_of in zip([0, *ends], [*ends, len(begins.values)], strict=True)
     )
-    half = _at(u, du, [unknowns.index("duration")])
+    half = _chosen_rows(u, du, [unknowns.index("duration")])
     flight = _Half(model.flight, lifted, half, np.array(model.reversor))
     contact = _Half(
         model.contact, landed, Along(np.array([known["contact_duration"]]), 0 * half.by), np.array(model.mirror)
     )
     if "contact_duration" in unknowns:
-        contact = contact._replace(duration=_at(u, du, [unknowns.index("contact_duration")]))
+        contact = contact._replace(duration=_chosen_rows(u, du, [unknowns.index("contact_duration")]))
     else:  # The contact is over half when its speed vanishes.
         x, rates = contact.after(contact.duration, names, p, dp[:, :k])
         weights = np.array(model.contact_speed.weights)
@@ -358,15 +358,15 @@ def _on_cycle(
     flying = inside.values <= ends[0]
     values, by = np.empty((len(cycles), len(embed))), np.empty((len(cycles), len(embed), times.by.shape[1]))
     if flying.any():
-        values[flying], by[flying] = flight.whole(_at(*inside, flying), names, p, dp)
+        values[flying], by[flying] = flight.whole(_chosen_rows(*inside, flying), names, p, dp)
     if not flying.all():
         since = Along(inside.values - ends[0], inside.by - 2 * flight.duration.by)
-        x = contact.whole(_at(*since, ~flying), names, p, dp)
+        x = contact.whole(_chosen_rows(*since, ~flying), names, p, dp)
         values[~flying], by[~flying] = x.values @ embed.T, embed @ x.by
     return Along(values, by)
 
 
-def _at(values: Array, by: Array, rows: Any) -> Along:
+def _chosen_rows(values: Array, by: Array, rows: Any) -> Along:
     """Some of the rows of numbers with their derivatives."""
     rows = list(rows) if isinstance(rows, range) else rows
     return Along(values[rows], by[rows])

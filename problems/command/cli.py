@@ -520,7 +520,12 @@ def uncertainty_command(
 @options.family_option("As in find.")
 @click.option("--rate", type=options.POSITIVE, metavar="W", help=f"Largest rate of the actuator{options.IN_UNITS}")
 @click.option("--stroke", type=options.POSITIVE, metavar="U", help=f"Its largest displacement{options.IN_UNITS}")
-@click.option("--intervals", type=click.IntRange(1), metavar="N", help="In which the rate is constant, see the manual.")
+@click.option(
+    "--intervals",
+    type=click.IntRange(1),
+    metavar="N",
+    help="On which the rate is constant; default 40, start-up 20 a half swing.",
+)
 @click.option("--cost", metavar="effort|work|peak", help="hold: what is least; default effort. Work needs --rate.")
 @click.option("--plastic", is_flag=True, help="hold, recover: the foot may land with a speed, which is lost.")
 @click.option("--short", type=float, metavar="V", help="recover: how much slower than lossless the launch is.")
