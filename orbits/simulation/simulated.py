@@ -151,8 +151,7 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
         `spring_forces` and the "contact force"."""
         t = np.ravel(np.linspace(0.0, self.end, TABLE_ROWS) if t is None else np.asarray(t, dtype=float))
         columns = {"time": t, "phase": np.where(self.in_contact(t), "contact", "flight")}
-        columns |= dict(zip(self._states, self(t).T, strict=True)) | self.spring_forces(t)
-        return columns | {CONTACT_FORCE: self.contact_force(t)}
+        return columns | dict(zip(self._states, self(t).T, strict=True)) | self.forces(t)
 
     def title(self) -> str:
         return f"motion of {self.source!r}"
@@ -210,6 +209,10 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
             )
 
         return rows_of_legs(self.legs, self.end, t, force, self._second)[..., 0]
+
+    def forces(self, t: ArrayLike) -> dict[str, np.ndarray]:
+        """The `spring_forces` and the "contact force" (...) at times (...), by name."""
+        return {**self.spring_forces(t), CONTACT_FORCE: self.contact_force(t)}
 
     @property
     def _second(self) -> str:

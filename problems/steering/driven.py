@@ -48,8 +48,8 @@ class Driven(Control, what="motion of a driven machine"):
         """A control of a machine, with the machine."""
         own = {each.name: getattr(control, each.name) for each in fields(Control)}
         own["bare"] = control.bare and cls.of(cast(Any, machine).dimensionless(), control.bare)
-        forces = {CONTACT_FORCE: "N", **units_of_springs(Actuated(machine)), "power": "W"}  # type: ignore[arg-type]
-        own["units"] = {**control.units, **(forces if control.units else {})}
+        forces = {**units_of_springs(Actuated(machine)), CONTACT_FORCE: "N"}  # type: ignore[arg-type]
+        own["units"] = {**control.units, **({"power": "W", **forces} if control.units else {})}
         return cls(**own, source=machine)
 
     @property
@@ -121,11 +121,10 @@ class Driven(Control, what="motion of a driven machine"):
         return _actuator_power(self.source, self, times_within(t, self.end, second))
 
     def table(self, t: ArrayLike | None = None) -> dict[str, np.ndarray]:
-        """The columns of `Control.table`, with flight states, the forces of spring and contact, and the actuator's
-        "power"."""
-        columns, motion = super().table(t), self.motion
-        t = columns["time"]
-        return {**columns, **motion.spring_forces(t), CONTACT_FORCE: motion.contact_force(t), "power": self.power(t)}
+        """The columns of `Control.table`, with flight states, the actuator's "power", and the forces of the spring and of
+        the contact."""
+        columns = super().table(t)
+        return columns | {"power": self.power(columns["time"]), **self.motion.forces(columns["time"])}
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Plot heights against time, contact shaded, and below the spring's end and its rate; returns the axes of the
