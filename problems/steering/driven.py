@@ -121,8 +121,8 @@ class Driven(Control, what="motion of a driven machine"):
         return _actuator_power(self.source, self, times_within(t, self.end, second))
 
     def table(self, t: ArrayLike | None = None) -> dict[str, np.ndarray]:
-        """The columns of `Control.table`, with flight states, the actuator's "power", and the forces of the spring and of
-        the contact."""
+        """The columns of `Control.table`, with flight states, the actuator's "power", and the forces of spring and
+        contact."""
         columns = super().table(t)
         return columns | {"power": self.power(columns["time"]), **self.motion.forces(columns["time"])}
 
