@@ -1,5 +1,7 @@
 """The forces of a machine's springs along its motions, in its own units."""
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 import casadi as ca
@@ -15,14 +17,27 @@ from .flow import flow_of
 
 
 @exclusive
-def spring_forces(machine: Any, states: ArrayLike) -> dict[str, np.ndarray]:
-    """The force (...) of each spring of a machine by name, tension positive, in flight states (..., n)."""
+def spring_forces(
+    machine: Any, states: ArrayLike, changes: Mapping[str, np.ndarray] = MappingProxyType({})
+) -> dict[str, np.ndarray]:
+    """The force (...) of each spring of a machine by name, tension positive, in flight states (..., n).
+
+    changes : values (...) of parameters that differ from those of the machine, by name, in the machine's units
+    """
     model, units, x = machine.model, machine.units, np.asarray(states, dtype=float)
-    names, p, flat = tuple(machine.values), np.array([*machine.values.values()]), x.reshape(-1, x.shape[-1])
+    names, flat = tuple(machine.values), x.reshape(-1, x.shape[-1])
     if not (springs := _springs(model)) or not len(flat):
         return dict.fromkeys(springs, np.zeros(x.shape[:-1]))
-    bare = flat / (1.0 if units is None else units.of_states(model.flight.states))
-    (forces,) = _spring_functions(model, names)(bare, flow_of(model.flight, names).data(bare, p))
+    bare, ps = (
+        flat / (1.0 if units is None else units.of_states(model.flight.states)),
+        np.array([*machine.values.values()]),
+    )
+    ps = np.tile(ps, (len(flat) if changes else 1, 1))
+    for name, values in changes.items():
+        ps[:, names.index(name)] = np.ravel(values) / (1.0 if units is None else machine.scheduled[name])
+    data = flow_of(model.flight, names).data_of_pieces(bare, ps)
+    known = np.broadcast_to(ps, (len(data), ps.shape[1])) if data.shape[1] else ps
+    (forces,) = _spring_functions(model, names)(bare, np.hstack([known, data]) if data.shape[1] else known)
     sizes = [1.0 if units is None else units.of(model.spring_dimensions.get(name, FORCE)) for name in springs]
     return {name: each.reshape(x.shape[:-1]) for name, each in zip(springs, (forces * sizes).T, strict=True)}
 

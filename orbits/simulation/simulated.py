@@ -1,10 +1,10 @@
 """A simulated motion: its legs, flights and contacts, and the events between them."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -72,6 +72,7 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
     end : time of the end
     source : the machine simulated
     reason : why the motion could not be followed further, in words; "" where it could
+    schedule : that of parameters that changed in time, as `simulate` takes it; None where none did
     """
 
     legs: tuple[Leg, ...]
@@ -81,6 +82,7 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
     end: float
     source: Machine
     reason: str = ""
+    schedule: tuple[np.ndarray, Mapping[str, np.ndarray]] | None = None
 
     @cached_property
     def smallest_separation(self) -> float | None:
@@ -195,7 +197,17 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
 
     def spring_forces(self, t: ArrayLike) -> dict[str, np.ndarray]:
         """The force (...) of each spring at times (...), tension positive, by name, as in `Orbit.spring_forces`."""
-        return spring_forces(self.source, self(t))
+        return spring_forces(self.source, self(t), self._changes(np.asarray(t, dtype=float)))
+
+    def _changes(self, t: np.ndarray) -> dict[str, np.ndarray]:
+        """The values (...) of the scheduled parameters at times (...): outside of the schedule those of the machine."""
+        if self.schedule is None or not len(self.schedule[0]):
+            return {}
+        times, inputs = self.schedule
+        units = self.source.units and cast(Any, self.source).scheduled
+        place = np.searchsorted(times, t, side="right")
+        own = {name: self.source.values[name] * (units[name] if units else 1.0) for name in inputs}
+        return {name: np.concatenate([[own[name]], x, [own[name]]])[place] for name, x in inputs.items()}
 
     def contact_force(self, t: ArrayLike) -> np.ndarray:
         """The contact force (...) at times (...), positive where it presses; 0 in flight."""
@@ -279,4 +291,7 @@ def run_in_units(run: Simulation, machine: Any) -> Simulation:
     events = tuple(replace(units.convert(event, **energies), **changed) for event, changed in pairs)
     launches, end = run.launches * units.of(LIFTOFF_SPEED), run.end * units.time
     reason = in_units(run.reason, units)
-    return replace(run, legs=legs, events=events, launches=launches, end=end, source=machine, reason=reason)
+    times, inputs = run.schedule or (None, {})
+    schedule = None if times is None else (times * units.time, {n: x * machine.scheduled[n] for n, x in inputs.items()})
+    own = {"legs": legs, "events": events, "launches": launches, "end": end, "reason": reason, "schedule": schedule}
+    return replace(run, source=machine, **own)

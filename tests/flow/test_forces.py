@@ -267,3 +267,21 @@ def test_every_machine_of_one_speed_has_its_files(of_one_speed, tmp_path):
 
 def test_every_machine_of_several_coordinates_has_its_files(of_several, tmp_path):
     check_outcomes(*of_several, tmp_path)
+
+
+@pytest.mark.parametrize("in_si", [False, True])
+def test_a_scheduled_stiffness_is_in_the_force(in_si, tmp_path):
+    """A spring that stiffens at a time: before it k, then the scheduled values, and then k again."""
+    machine = Hopper("k*r", parameters={"k": 1.0})
+    if in_si:
+        machine = hopper_in_si(60.0, 3.0, force="k*r", parameters={"k": 8000.0}, rest_length=0.8)
+    k, unit = machine.values["k"], 1.0 if machine.units is None else machine.units.time
+    schedule = ([0.3 * unit, 0.6 * unit, 1.1 * unit], {"k": [1.2 * k, 0.9 * k]})
+    run = simulate(machine, find(machine).alpha, time=2.0 * unit, schedule=schedule)
+    t = np.array([0.1, 0.31, 0.59, 0.61, 1.05, 1.2, 1.9]) * unit
+    x = run(t)
+    r = x[:, 0] - x[:, 2]
+    expected = np.array([1, 1.2, 1.2, 0.9, 0.9, 1, 1]) * k * r
+    assert run.spring_forces(t)["spring force"] == pytest.approx(expected, rel=1e-12)
+    again = type(run).load(run.save(tmp_path / "run.json"), machine)
+    assert np.array_equal(again.spring_forces(t)["spring force"], run.spring_forces(t)["spring force"])
