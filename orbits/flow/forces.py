@@ -28,11 +28,8 @@ def spring_forces(
     names, flat = tuple(machine.values), x.reshape(-1, x.shape[-1])
     if not (springs := _springs(model)) or not len(flat):
         return dict.fromkeys(springs, np.zeros(x.shape[:-1]))
-    bare, ps = (
-        flat / (1.0 if units is None else units.of_states(model.flight.states)),
-        np.array([*machine.values.values()]),
-    )
-    ps = np.tile(ps, (len(flat) if changes else 1, 1))
+    bare = flat / (1.0 if units is None else units.of_states(model.flight.states))
+    ps = np.tile([*machine.values.values()], (len(flat) if changes else 1, 1))
     for name, values in changes.items():
         ps[:, names.index(name)] = np.ravel(values) / (1.0 if units is None else machine.scheduled[name])
     data = flow_of(model.flight, names).data_of_pieces(bare, ps)
