@@ -38,7 +38,7 @@ INTEGRATED = "integrated by DOP853"
 
 
 @dataclass(frozen=True, repr=False)
-class Checked(Result, what="check", printed_digits=2):
+class Checked(Result, what="check", printed_digits=2, undrawn="relations have nothing to draw: print them"):
     """The relations that `check` found to hold for a machine; printed, a table of them with their largest deviations.
 
     machine : in words and numbers

@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orbits import Control, Simulation
+from orbits.flow.forces import units_of_springs
 from orbits.io import Document, conform
 from orbits.model.machine import Machine, machine_in_words
+from orbits.model.model import CONTACT_FORCE
 from orbits.model.phase import Affine
 from orbits.result import Axes, Report, is_of
 from orbits.show.animation import SPRING_END, animate_simulation
@@ -46,7 +48,8 @@ class Driven(Control, what="motion of a driven machine"):
         """A control of a machine, with the machine."""
         own = {each.name: getattr(control, each.name) for each in fields(Control)}
         own["bare"] = control.bare and cls.of(cast(Any, machine).dimensionless(), control.bare)
-        own["units"] = {**control.units, **({"power": "W"} if control.units else {})}
+        forces = {**units_of_springs(Actuated(machine)), CONTACT_FORCE: "N"}  # type: ignore[arg-type]
+        own["units"] = {**control.units, **({"power": "W", **forces} if control.units else {})}
         return cls(**own, source=machine)
 
     @property
@@ -118,9 +121,10 @@ class Driven(Control, what="motion of a driven machine"):
         return _actuator_power(self.source, self, times_within(t, self.end, second))
 
     def table(self, t: ArrayLike | None = None) -> dict[str, np.ndarray]:
-        """The columns of `Control.table`, with flight states, and the actuator's "power"."""
+        """The columns of `Control.table`, with flight states, the actuator's "power", and the forces of spring and
+        contact."""
         columns = super().table(t)
-        return columns | {"power": self.power(columns["time"])}
+        return columns | {"power": self.power(columns["time"]), **self.motion.forces(columns["time"])}
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Plot heights against time, contact shaded, and below the spring's end and its rate; returns the axes of the

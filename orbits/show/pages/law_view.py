@@ -9,14 +9,13 @@ import numpy as np
 from ...errors import InputError
 from ...model.machine import Machine, dimensionless
 from ...running.exclusive import exclusive
-from ...units import EXTENSION, FORCE
+from ...units import EXTENSION, FORCE, TORQUE
 from ..plot import COLOURS, SHADE
 from .bokeh_figures import GREY, Change, apply, bokeh, empty_columns, hover, legend_above, new_figure, range_changes
 
 if TYPE_CHECKING:
     from ...periodic.orbit import Orbit
 
-TORQUE = (1, 0, 1)  # the dimension of a force against an angle
 EXTENSIONS = 301  # number of extensions at which a law is sampled
 LONGEST_TITLE = 44  # characters that fit above the figure on a phone
 ON_EACH_SIDE = 0.35  # margin beyond the used range on both sides, as a share of it

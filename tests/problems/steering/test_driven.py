@@ -44,7 +44,8 @@ def test_the_table_tells_the_work(driven_hopper, started_hopper):
         assert trapezoid(table["power"], t) == pytest.approx(steering.work(machine, one)[0], rel=1e-3)
         assert table["running cost"][-1] == pytest.approx(one.cost, rel=1e-12)
         assert trapezoid(table["w"] ** 2, t) == pytest.approx(one.cost, rel=1e-3)
-    assert list(driven_hopper.table()) == ["time", "stage", "y1", "y1'", "y2", "y2'", "u", "w", "running cost", "power"]
+    names = ["time", "stage", "y1", "y1'", "y2", "y2'", "u", "w", "running cost", "power"]
+    assert list(driven_hopper.table()) == [*names, "spring force", "contact force"]
 
 
 def test_si(driven_leg, tmp_path):
@@ -60,7 +61,10 @@ def test_si(driven_leg, tmp_path):
         with pytest.raises(InputError, match=r"times lie between 0 and .* s$"):
             driven_leg.power(wrong)
     head = driven_leg.save(tmp_path / "leg.csv").read_text().splitlines()[0]
-    assert head == ("time (s),stage,y1 (m),y1' (m/s),y2 (m),y2' (m/s),u (m),w (m/s),running cost (m^2/s),power (W)")
+    assert head == (
+        "time (s),stage,y1 (m),y1' (m/s),y2 (m),y2' (m/s),u (m),w (m/s),running cost (m^2/s),power (W),"
+        "spring force (N),contact force (N)"
+    )
     off, bare_off = driven_leg.simulate(2, damping=5.5), bare.simulate(2, damping=5.5 / 5.0 * bare.source.damping)
     assert off.launch_errors == pytest.approx(bare_off.launch_errors * speed, abs=1e-9)
     assert off.delays == pytest.approx(bare_off.delays * units.time, abs=1e-9)
