@@ -197,6 +197,7 @@ NO_RESULTS = {
     "a machine or a law, to be asked": {"Mechanism", "MachineInSI", "Law", "Chain", "Actuated", "Model", "ReturnMap"},
     "of the mechanics": {"LinearEquations", "Affine", "StateFormula", "Units", "Quantity"},
     "a page that is open": {"Exploration"},
+    "an argument of other functions": {"Starts"},
 }
 
 
