@@ -50,7 +50,7 @@ MANY_BOUNCES, NEIGHBOUR, PARTED = 0.5, 1e-14, 1e-4
 CAP = 10_000  # a hop is abandoned after this many impacts
 LIFTOFF_ORDER = 3  # order of the gap's zero at a lift-off
 TURNS = 3  # after this many zeros of its speed a contact never ends, see `ContactEnd`
-TURNS_OF_SEVERAL = 400  # of the launched coordinate's speed, up to which a contact of several coordinates is followed
+TURNS_OF_SEVERAL = 100  # of the launched coordinate's speed, up to which a contact of several coordinates is followed
 # A landing in closed form is searched from this many reciprocals of the frequency before it may occur.
 BEFORE_LANDING = 0.01
 # A contact whose rates are all below this is at rest. An overdamped contact reaches rest without turning.

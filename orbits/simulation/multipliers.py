@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -181,33 +181,43 @@ class HopsDerivative:
         lossless = section.impacts.model.conservative and all(hop.tangential for hop in self.hops)
         units: Units | None = getattr(machine, "units", None)
         energy = units.energy if units and units.energy else 1.0
-        losses = tuple(c / energy ** (1 / 3) for c in self._losses()) if lossless and len(self.hops) == 1 else ()
+        losses = tuple(c / energy ** (1 / 3) for c in self.energy_loss.coefficients) if self.energy_loss else ()
         texts = units.texts({name: section.dimension(name) for name in section.names}) if units else {}
         matrix = unit[:, None] * self.matrix / unit
         return Multipliers(
             section.names, launch, following, matrix, len(self.hops), lossless, losses, texts, machine_in_words(machine)
         )
 
-    def _losses(self) -> tuple[float, ...]:
-        """The `losses` of `Multipliers` for a lossless hop."""
-        impacts, (hop,), y = self.section.impacts, self.hops, self.launches[0]
-        if impacts.restitution or not impacts.model.conservative:
-            return ()
+    @cached_property
+    def energy_loss(self) -> "EnergyLoss | None":
+        """What a lossless hop, the only one here, loses beside its launch; None where that is not known."""
+        impacts, hop, y = self.section.impacts, self.hops[0], self.launches[0]
+        if impacts.restitution or not impacts.model.conservative or len(self.hops) > 1 or not hop.tangential:
+            return None
         values, vectors = np.linalg.eig(self.matrix)
-        (ones,) = np.flatnonzero(np.abs(values - 1) <= ON_CIRCLE).shape
-        if ones != 1:
-            return ()
-        direction = vectors[:, np.argmin(np.abs(values - 1))].real
-        change = impacts.model.embed @ self.section.tangent(y) @ direction
-        power = float(impacts.energy_gradient(impacts.model.embed @ y) @ change)
+        on = np.abs(values - 1) <= ON_CIRCLE
+        if on.sum() != 1:
+            return None
+        direction = vectors[:, on].real.ravel()
+        powers = impacts.energy_gradient(impacts.model.embed @ y) @ impacts.model.embed @ self.section.tangent(y)
         jerk = -float(impacts.gap_rates(hop.landing[None])[0, 0])
+        power = float(powers @ direction)
         slope = float(hop.gap_slopes @ direction) / power if power else 0.0
         if not (jerk > 0 and slope):
-            return ()
+            return None
         mass = float(impacts.model.impact_mass(hop.landing.tolist(), impacts.values))
         c = float(loss_coefficient(mass, jerk, abs(slope), 1.0))
         # A landing that is early leads to a bounce, which loses nine times as much again.
-        return (c, 10 * c) if slope > 0 else (10 * c, c)
+        return EnergyLoss(direction / power, powers, (c, 10 * c) if slope > 0 else (10 * c, c))
+
+
+class EnergyLoss(NamedTuple):
+    """What a hop loses whose launch is beside a lossless one: the direction (d,) of the multiplier 1, by the energy; the
+    derivatives (d,) of the energy; and the `losses` of `Multipliers`."""
+
+    direction: np.ndarray
+    powers: np.ndarray
+    coefficients: tuple[float, float]
 
 
 def derivative_of_hops(section: LaunchSection, y: np.ndarray, count: int, inject: float) -> HopsDerivative:
