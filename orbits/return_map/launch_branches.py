@@ -32,13 +32,14 @@ FIRST_OF_TWO = (1e-3, 3e-3, 1e-4)  # from a flip to the first hops of twice the 
 
 @dataclass(frozen=True, eq=False)
 class LaunchPoint:
-    """A point of a curve: its place (d + 1,), launch and parameter in shares of the ranges, the unit tangent there, and
-    the hops."""
+    """A point of a curve: its place (d + 1,), launch and parameter in shares of the ranges, the unit tangent there, the
+    hops, and the derivative (d,) by the parameter of the difference of the last and the first launch."""
 
     x: np.ndarray
     tangent: np.ndarray
     value: float
     hops: HopsDerivative
+    along: np.ndarray
 
     @cached_property
     def spectrum(self) -> np.ndarray:
@@ -99,15 +100,17 @@ class LaunchBranches:
     def point(self, hops: HopsDerivative, value: float, onward: np.ndarray) -> LaunchPoint:
         """The point of the curve with these hops, and the tangent that points onward."""
         launch = hops.section.free(hops.launches[0])
-        jacobian = np.column_stack([hops.matrix - np.eye(len(launch)), self._along(launch, value, hops)]) * self.scale
+        along = self._along(launch, value, hops)
+        jacobian = np.column_stack([hops.matrix - np.eye(len(launch)), along]) * self.scale
         tangent = np.linalg.svd(jacobian)[2][-1]
         tangent *= 1.0 if tangent @ onward >= 0 else -1.0
-        return LaunchPoint(np.append(launch, value) / self.scale, tangent, value, hops)
+        return LaunchPoint(np.append(launch, value) / self.scale, tangent, value, hops, along)
 
     def corrected(self, x: np.ndarray, row: np.ndarray, near: LaunchPoint) -> LaunchPoint:
         """The point of the curve on the plane through a place (d + 1,) across `row`, by Newton's method; raises
         `NoOrbit` where it does not converge."""
-        level, last, along = row @ x, np.inf, None
+        # The derivative by the parameter decides how fast the method converges, not to which point.
+        level, last, along = row @ x, np.inf, near.along
         for _ in range(MOST_CORRECTIONS):
             launch, value = x[:-1] * self.scale[:-1], float(x[-1] * self.span)
             if self.maps.name != INJECT:
@@ -119,8 +122,6 @@ class LaunchBranches:
                 return self.point(hops, value, near.tangent)
             if size > 10 * last:
                 break
-            # The derivative by the parameter decides how fast the method converges, not to which point.
-            along = self._along(launch, value, hops) if along is None else along
             jacobian = np.column_stack([hops.matrix - np.eye(len(launch)), along]) * self.scale / self.scale[:-1, None]
             step = np.linalg.lstsq(np.vstack([jacobian, row]), np.append(-excess, level - row @ x), rcond=1e-14)[0]
             if not np.isfinite(step).all() or np.abs(step).max() > 1:
@@ -135,10 +136,10 @@ class LaunchBranches:
         return replace(self.corrected(x, row, point), value=value)
 
     def trace(
-        self, start: LaunchPoint, side: int, report: Callable[[float], None]
+        self, start: LaunchPoint, side: int, report: Callable[[], None]
     ) -> Iterator[LaunchPoint | tuple[str, LaunchPoint] | End]:
         """The points, and bifurcations with their kind, from a point along its tangent (`side` 1) or against it (-1);
-        an end is last."""
+        an end is last. `report` is called after each point."""
         last, length, count = replace(start, tangent=side * start.tangent), FIRST_STEP, 0
         low, high = self.maps.low, self.maps.high
         if start.value == (high if last.tangent[-1] > 0 else low):
@@ -173,7 +174,7 @@ class LaunchBranches:
             yield from events
             alpha = float(new.x[self.alpha] * self.scale[self.alpha])
             yield new
-            report((new.value - low) / self.span)
+            report()
             if bound is not None:
                 yield self._reached(bound)
                 return
@@ -244,6 +245,7 @@ class LaunchDiagram:
     def __init__(self, maps: MapsAlong, between: tuple[float, float], progress: Callable[[float], None] | None):
         self.maps, self.between, self.report = maps, between, progress or (lambda share: None)
         self.branches, self.events = list[Branch](), list[tuple[int, str, LaunchPoint, str]]()
+        self._done = 0.0  # the completed share
         self._points = list[tuple[int, list[LaunchPoint]]]()
 
     def search(self, starts: list[Any], values: list[float]) -> None:
@@ -259,7 +261,12 @@ class LaunchDiagram:
                     except NoOrbit:
                         continue
                     self._follow(hop, value)
-            self.report((i + 1) / (len(values) + 1))
+            self._progress((i + 1) / len(values))
+
+    def _progress(self, share: float) -> None:
+        """Report a completed share, which never falls."""
+        self._done = max(self._done, min(share, 1.0))
+        self.report(self._done)
 
     def _follow(self, hop: PeriodicHop, value: float) -> None:
         """Follow the branch through hops, unless it is known."""
@@ -272,8 +279,9 @@ class LaunchDiagram:
 
     def _store(self, tracer: LaunchBranches, start: LaunchPoint, begin: End | None = None) -> None:
         """Trace a branch to both sides of a point, or from its `begin` on, and store it."""
-        ahead = list(tracer.trace(start, 1, lambda share: None))
-        back = list(tracer.trace(start, -1, lambda share: None)) if begin is None else [begin]
+        report = lambda: self._progress(self._done)  # noqa: E731 - that it goes on, at the same share
+        ahead = list(tracer.trace(start, 1, report))
+        back = list(tracer.trace(start, -1, report)) if begin is None else [begin]
         if isinstance(ahead[-1], End) and ahead[-1].kind == "closed":
             back = [ahead[-1]]
         items = [*reversed(back[:-1]), start, *ahead[:-1]]
