@@ -127,8 +127,7 @@ class _Search:
         starts = list(self._starts())
         near = SAME_PLACE * (self.between[1] - self.between[0])
         for i, (value, alpha) in enumerate(starts):
-            if self.progress:
-                self.progress(i / len(starts))
+            self._report(0.5 + 0.5 * i / len(starts))
             if any(((b.values == value) & (np.abs(b.alphas[:, 0] - alpha) <= near)).any() for b in self.branches):
                 continue
             start = tracer.start(alpha, value)
@@ -145,11 +144,17 @@ class _Search:
 
     def _starts(self) -> Iterator[tuple[float, float]]:
         """Fixed points (value, launch speed) at the sections, except lossless hops."""
-        for value in self.values:
+        for i, value in enumerate(self.values):
             interrupts.heed()
+            self._report(0.5 * i / len(self.values))
             if not self.maps.lossless(value):
                 for point in self.maps.at(value).fixed_points(*self.between, self.samples):
                     yield value, point.alpha
+
+    def _report(self, share: float) -> None:
+        """Report the completed share: half of it is the search at the sections."""
+        if self.progress:
+            self.progress(share)
 
     def doubled(self) -> None:
         """Follow the hops of twice the period from each flip of fixed points."""

@@ -175,10 +175,15 @@ def _distance(found: HopsDerivative) -> float:
     return float(np.abs(last - first).max() / (1 + np.abs(first).max()))
 
 
-def different_hops(hop_from: Callable[..., PeriodicHop], starts: list[Any]) -> tuple[PeriodicHop, ...]:
-    """The different hops that are found from starts, in their order; starts from which none is found are left out."""
+def different_hops(
+    hop_from: Callable[..., PeriodicHop], starts: list[Any], progress: Callable[[float], None] | None = None
+) -> tuple[PeriodicHop, ...]:
+    """The different hops that are found from starts, in their order; starts from which none is found are left out.
+    `progress` is called with the completed share of the starts."""
     found = list[PeriodicHop]()
-    for start in starts:
+    for i, start in enumerate(starts):
+        if progress:
+            progress(i / len(starts))
         for below in (False, True):
             try:
                 hop = hop_from(start, below=below)

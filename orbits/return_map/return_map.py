@@ -230,7 +230,7 @@ class ReturnMap:
     @exclusive
     def fixed_points(
         self, low: float | None = None, high: float | None = None, samples: int = 2000, *,
-        starts: Sequence[Any] | None = None,
+        starts: Sequence[Any] | None = None, progress: Progress = None,
     ) -> tuple[Any, ...]:  # fmt: skip
         """The fixed points of the map between two launch speeds, ascending; or those that Newton's method finds from
         `starts`, launches of d numbers: the different ones among their `periodic_hop`, in their order, and beside a
@@ -239,13 +239,14 @@ class ReturnMap:
         Without injection or damping they are the lossless orbits that are motions: all of them under constant gravity,
         otherwise those of `find`. With either, they are where the map crosses the identity line: next - alpha changes
         its sign between neighbours of a grid of `samples` launches, refined near lossless ones and near extrema.
+        `progress` is called with the completed share of the starts, and with 0 while the grid is refined.
         """
         if starts is not None:
-            return different_hops(self._periodic, list(starts))
+            return different_hops(self._periodic, list(starts), progress)
         self._check_one_speed("fixed_points(low, high)")
         if low is None or high is None:
             raise InputError("fixed points are searched for between two launch speeds, low and high, or from starts")
-        return self._fixed_points(low, high, samples)
+        return self._fixed_points(low, high, samples, progress)
 
     @exclusive
     def periodic_hop(self, start: Any, period: int = 1) -> PeriodicHop:
@@ -263,13 +264,15 @@ class ReturnMap:
         return periodic_hop(self.machine, self.section, start, period, self.inject / self._speed, self.cap, below)
 
     @in_own_units(LIFTOFF_SPEED, low=LIFTOFF_SPEED, high=LIFTOFF_SPEED)
-    def _fixed_points(self, low: float, high: float, samples: int) -> tuple[FixedPoint, ...]:
+    def _fixed_points(
+        self, low: float, high: float, samples: int, progress: Progress = None
+    ) -> tuple[FixedPoint, ...]:
         """The `fixed_points` between two launch speeds."""
         low, high, samples = _checked_grid(low, high, samples)
         lossless = lossless_speeds(self.impacts, low, high)
         if self.inject == 0 and self.impacts.model.conservative:
             return tuple(FixedPoint(alpha, "lossless", None, self._separation(alpha)) for alpha in lossless)
-        crossings = ResolvedMap(self, lossless, low, high, samples, True).crossings().tolist()
+        crossings = ResolvedMap(self, lossless, low, high, samples, True, progress).crossings().tolist()
         return tuple(FixedPoint(a, "crossing", self._slope(a), self._separation(a)) for a in crossings)
 
     @exclusive

@@ -47,6 +47,8 @@ FASTEST_LAUNCH = 1e15  # a launch speed beyond this has no digits left for the m
 # From this restitution on, the end of many bounces is compared with that of a neighbouring launch, faster by a relative
 # difference beyond the roundings of a flight. States with a relative difference above the last belong to other motions.
 MANY_BOUNCES, NEIGHBOUR, PARTED = 0.5, 1e-14, 1e-4
+# From this number of impacts on, a motion that comes back to an earlier state, up to rounding, is taken to repeat itself.
+FIRST_REPETITION, REPETITION = 32, 1e-15
 CAP = 10_000  # a hop is abandoned after this many impacts
 LIFTOFF_ORDER = 3  # order of the gap's zero at a lift-off
 TURNS = 3  # after this many zeros of its speed a contact never ends, see `ContactEnd`
@@ -399,7 +401,8 @@ def _flights_and_impacts(
     state, standing = state.copy(), np.zeros((m, impacts.contact.size))
     flying, order = np.flatnonzero(impacts.opens(state) & ~too_fast), LIFTOFF_ORDER
     status[flying], status[too_fast] = "cap", "lost"
-    for _ in range(cap):
+    earlier, compared = np.full_like(state, np.nan), FIRST_REPETITION
+    for impact in range(cap):
         times, rows, errors = impacts.landings(state.take(flying, 0), order)
         gone, order = np.isnan(times), impacts.bounce_order
         status[flying[gone]] = "carried_off"
@@ -417,6 +420,14 @@ def _flights_and_impacts(
         if watch:
             watch(state, loss)
         flying = flying[~held]
+        if impact >= FIRST_REPETITION:
+            # Motions that repeat themselves, as on a heavy hand, have impacts without end.
+            here, there = state.take(flying, 0), earlier.take(flying, 0)
+            repeats = np.abs(here - there).max(1) <= REPETITION * np.abs(here).max(1)
+            if repeats.any():
+                counts[flying[repeats]], flying = cap, flying[~repeats]
+            if impact == compared:  # as in Brent's method for cycles
+                earlier, compared = state.copy(), 2 * compared
         if not len(flying):
             break
     return loss, counts, status, standing
