@@ -272,6 +272,8 @@ class ReturnMap:
         lossless = lossless_speeds(self.impacts, low, high)
         if self.inject == 0 and self.impacts.model.conservative:
             return tuple(FixedPoint(alpha, "lossless", None, self._separation(alpha)) for alpha in lossless)
+        if self.impacts.never_lose and self.impacts.one_liftoff:
+            return ()  # every next launch is faster by the injection
         crossings = ResolvedMap(self, lossless, low, high, samples, True, progress).crossings().tolist()
         return tuple(FixedPoint(a, "crossing", self._slope(a), self._separation(a)) for a in crossings)
 

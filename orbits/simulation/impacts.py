@@ -48,7 +48,7 @@ FASTEST_LAUNCH = 1e15  # a launch speed beyond this has no digits left for the m
 # difference beyond the roundings of a flight. States with a relative difference above the last belong to other motions.
 MANY_BOUNCES, NEIGHBOUR, PARTED = 0.5, 1e-14, 1e-4
 # From this number of impacts on, a motion that comes back to an earlier state, up to rounding, is taken to repeat itself.
-FIRST_REPETITION, REPETITION = 32, 1e-15
+FIRST_REPETITION, REPETITION = 32, 1e-13
 CAP = 10_000  # a hop is abandoned after this many impacts
 LIFTOFF_ORDER = 3  # order of the gap's zero at a lift-off
 TURNS = 3  # after this many zeros of its speed a contact never ends, see `ContactEnd`
@@ -326,6 +326,12 @@ class Impacts:
         jerk = ca.jtimes(ca.DM(self.gap_speed).T @ field, graph.x, field)
         rates = ca.vertcat(jerk, ca.jtimes(jerk, graph.x, field))
         return ElementwiseFunction(ca.Function("gap_rates", [graph.x, graph.p], [rates]))
+
+    @cached_property
+    def never_lose(self) -> bool:
+        """Whether impacts lose nothing, as those on a hand of infinite mass, which moves on as before."""
+        x = self.flight.vector_field.x
+        return ca.SX(self.model.impact_mass(ca.vertsplit(x), self.values)).is_zero()
 
     @cached_property
     def one_liftoff(self) -> bool:

@@ -37,6 +37,8 @@ def multiplier(machine: Machine, alpha: float) -> float:
     >>> round(multiplier(Hopper(), 4.6), 6)
     -1.616561
     """
+    if not machine.model.one_speed:
+        raise InputError(f"a launch of a {machine.model.name} is more than a speed: multipliers(machine, launch) has all")
     alpha = finite_number("alpha", alpha)
     if alpha <= 0:
         raise InputError(f"alpha = {alpha:g}; a launch speed is above 0")

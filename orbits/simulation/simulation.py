@@ -46,7 +46,7 @@ def simulate(
     """Simulate a machine from a launch or from a state, with every impact, landing and lift-off located.
 
     machine : as in `find`, with its restitution
-    alpha : launch speed at a lift-off after sustained contact, or the unknowns of a launch by name; or
+    alpha : launch speed at a lift-off after sustained contact, or the numbers of a launch by name; or
     state : (n,), a flight state with an open gap, or with a gap that is closed and at rest; then the machine stays in
         contact if the contact force presses, and lifts off if it does not
     hops, time : the simulation ends after this many lift-offs or after this time, whichever is first; one is needed
@@ -149,6 +149,9 @@ def _launch_state(impacts: Impacts, launch) -> tuple[np.ndarray, float]:
     """The flight state (1, n) of a launch, which is stated by its speed or by its unknowns; and its speed."""
     names = impacts.model.launch_unknowns
     if isinstance(launch, Mapping):
+        if not impacts.model.one_speed and (section := LaunchSection(impacts)).dependent not in launch:
+            # The unknown that follows from the others may be left out.
+            launch = section.unknowns_of(section.launch(launch))
         if unknown := sorted(set(names) ^ launch.keys()):
             raise InputError(f"alpha: a launch of this machine is told by {', '.join(names)}; not so '{unknown[0]}'")
         named = {name: finite_number(name, launch[name]) for name in names}
