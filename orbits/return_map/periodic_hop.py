@@ -17,6 +17,7 @@ from ..simulation.simulation import simulate
 # Newton's method has converged where the launch comes back within this share of it, and is given up after this many
 # steps, or halvings of one.
 RETURNED, MOST_STEPS, HALVINGS = 1e-12, 40, 12
+LONGEST_STEP = 0.05  # of Newton's method, as a share of the launch: farther on there are other impacts
 ROUNDED = 1e-9  # where no step reduces a distance below this share, rounding decides
 SAME_HOP = 1e-7  # launches that differ by a smaller share are the same
 NOT_LOSSLESS = (
@@ -142,6 +143,7 @@ def solved(section: LaunchSection, found: HopsDerivative, inject: float) -> Hops
             step = -np.linalg.solve(matrix, free[-1] - free[0])
         except np.linalg.LinAlgError:
             raise NoOrbit("a multiplier of the hops is 1: Newton's method cannot go on; start elsewhere") from None
+        step *= min(1.0, LONGEST_STEP * (1 + np.abs(free[0]).max()) / max(float(np.abs(step).max()), 1e-300))
         for _ in range(HALVINGS):
             nearer = _from(section, free[0] + step, found, period, inject)
             if nearer is not None and _distance(nearer) < distance:
