@@ -18,8 +18,8 @@ from ..running.exclusive import exclusive
 from ..simulation.impacts import CAP
 from .branches import BESIDE_LOSSLESS, SAME_PLACE, BranchTracer, FoundEvent, PeriodicLaunch
 from .cycles import INJECT, MapsAlong
-from .launch_branches import launch_diagram
 from .diagram import RESERVED_IN_DIAGRAMS, Bifurcation, BifurcationDiagram, Branch
+from .launch_branches import launch_diagram
 from .resolved_map import ROUNDED
 
 SECTIONS, SECTIONS_OF_STARTS, ATTRACTOR = 9, 3, 400
@@ -78,7 +78,9 @@ def bifurcations(
         found = launch_diagram(maps, (slow, fast), values, starts, attractor, progress)
         return BifurcationDiagram(*about, tuple(found.branches), found.located(), units=maps.units)
     if starts is not None:
-        raise InputError("starts: where a launch is a speed, fixed points are searched for in all of the range: leave them out")
+        raise InputError(
+            "starts: where a launch is a speed, fixed points are searched for in all of the range: leave them out"
+        )
     count = (ATTRACTOR if along == INJECT else 0) if attractor is None else whole_number("attractor", attractor, "", 0)
     search = _Search(maps, (slow, fast), values, whole_number("samples", samples, "launches", 2), progress)
     search.fixed_points()

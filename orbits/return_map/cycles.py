@@ -36,8 +36,9 @@ class KnownHops:
             hops = self.plain(np.array(new))
             rows = zip(*(getattr(hops, name).tolist() for name in ("next", "loss", "impacts", "status")), strict=True)
             self._rows |= dict(zip(new, rows, strict=True))
-        columns = zip(*(self._rows[each] for each in flat), strict=True) if flat else ((),) * 4
-        return Hops(alpha, *(np.array(column).reshape(alpha.shape) for column in columns))
+        columns = zip(*(self._rows[each] for each in flat), strict=True) if flat else [()] * 4
+        following, loss, impacts, status = (np.array(column).reshape(alpha.shape) for column in columns)
+        return Hops(alpha, following, loss, impacts, status)
 
 
 class InjectedMap(ReturnMap):

@@ -141,7 +141,10 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
         if not self.branches:
             yield Row("no launch of period one comes back there", {"branches": 0}, ("",))
         for i, branch in enumerate(self.branches):
-            count = {f"branch {i}": HOPS_OF.get(branch.period, f"hops of period {branch.period}"), f"points of branch {i}": len(branch)}
+            count = {
+                f"branch {i}": HOPS_OF.get(branch.period, f"hops of period {branch.period}"),
+                f"points of branch {i}": len(branch),
+            }
             yield Row(f"branch {i}", count, ("{}, {} points",))
             for a, b, stable in branch.stretches():
                 ends = {f"start of a stretch of branch {i}": a, f"stop of a stretch of branch {i}": b}

@@ -8,8 +8,8 @@ between two points, the bifurcation is located on the curve.
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import combinations
-from typing import Any
+from itertools import combinations, pairwise
+from typing import Any, cast
 
 import numpy as np
 
@@ -228,6 +228,11 @@ class LaunchBranches:
         raise NoOrbit("no hops of twice the period are found beside the flip")
 
 
+def _closes(end: object) -> bool:
+    """Whether a curve ends at its first point."""
+    return isinstance(end, End) and end.kind == "closed"
+
+
 def _confirmed(kind: str, point: LaunchPoint) -> str | None:
     """The kind of the bifurcation at a point where its test function changes sign; None where there is none, as where
     two real multipliers have the product 1."""
@@ -280,20 +285,18 @@ class LaunchDiagram:
     def _store(self, tracer: LaunchBranches, start: LaunchPoint, begin: End | None = None) -> None:
         """Trace a branch to both sides of a point, or from its `begin` on, and store it."""
         report = lambda: self._progress(self._done)  # noqa: E731 - that it goes on, at the same share
-        ahead = list(tracer.trace(start, 1, report))
-        back = list(tracer.trace(start, -1, report)) if begin is None else [begin]
-        if isinstance(ahead[-1], End) and ahead[-1].kind == "closed":
-            back = [ahead[-1]]
-        items = [*reversed(back[:-1]), start, *ahead[:-1]]
+        *ahead, end = tracer.trace(start, 1, report)
+        *back, first = [begin] if begin else [end] if _closes(end) else tracer.trace(start, -1, report)
+        items = [item for item in (*reversed(back), start, *ahead) if not isinstance(item, End)]
         points = [item[1] if isinstance(item, tuple) else item for item in items]
         number, section = len(self.branches), start.hops.section
         launches = np.array([section.free(point.hops.launches[:-1]) * section.unit for point in points])
         spectra = np.array([point.spectrum for point in points])
         dominant = np.where(spectra[:, 0].imag == 0, spectra[:, 0].real, np.abs(spectra[:, 0]))
         columns = np.array([point.value for point in points]), launches[:, :, tracer.alpha], dominant
-        ends = back[-1], ahead[-1]
+        ends = cast(Any, (first, end))
         parts = np.stack([spectra.real, spectra.imag], axis=-1)
-        self.branches.append(Branch(tracer.period, *columns, ends, tracer.names, launches, parts))  # type: ignore
+        self.branches.append(Branch(tracer.period, *columns, ends, tracer.names, launches, parts))
         self._points.append((tracer.period, points))
         flips = [item[1] for item in items if isinstance(item, tuple) and item[0] == "flip"]
         for item in items:
@@ -328,7 +331,7 @@ class LaunchDiagram:
         for period, points in self._points:
             if period != tracer.period:
                 continue
-            for a, b in zip(points, points[1:], strict=False):
+            for a, b in pairwise(points):
                 if (a.value - point.value) * (b.value - point.value) > 0 or a.value == b.value:
                     continue
                 share = (point.value - a.value) / (b.value - a.value)

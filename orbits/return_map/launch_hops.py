@@ -88,7 +88,9 @@ def hops_of_launches(machine: Machine, section: LaunchSection, launch: Any, inje
     ys = section.states(np.where(usable[:, None], flat, np.nan), bound)
     usable &= np.isfinite(ys).all(1)
     if not shape and not usable[0]:
-        raise InputError(f"launch = {launches.tolist()} is none: the contact force vanishes at no '{section.dependent}'")
+        raise InputError(
+            f"launch = {launches.tolist()} is none: the contact force vanishes at no '{section.dependent}'"
+        )
     following, loss, counts = np.full(ys.shape, np.nan), np.full(len(ys), np.nan), np.zeros(len(ys), int)
     status, places = np.full(len(ys), "invalid", dtype=STATUS), np.flatnonzero(usable)
     batches = np.array_split(places, -(-len(places) // BATCH_SIZE)) if len(places) else []
@@ -99,9 +101,9 @@ def hops_of_launches(machine: Machine, section: LaunchSection, launch: Any, inje
     dimensions = {**{name: section.dimension(name) for name in section.names}, "loss": ENERGY}
     loss = loss * units.of(ENERGY) if units and units.energy else loss
     next_ones = (section.free(following) * section.unit).reshape(launches.shape)
-    rest = (each.reshape(shape) for each in (loss, counts, status))
-    words = machine_in_words(machine)
-    return LaunchHops(section.names, launches, next_ones, *rest, units.texts(dimensions) if units else {}, words)
+    rows = [each.reshape(shape) for each in (loss, counts, status)]
+    texts = units.texts(dimensions) if units else {}
+    return LaunchHops(section.names, launches, next_ones, rows[0], rows[1], rows[2], texts, machine_in_words(machine))
 
 
 def next_launches(section: LaunchSection, ys: np.ndarray, inject: float, cap: int) -> tuple[np.ndarray, ...]:

@@ -20,8 +20,8 @@ from ..numerics.roots import enclosed_sign_changes
 from ..periodic.find import Progress, find
 from ..result import Axes, Result, Row, cell, known, shown
 from ..running.exclusive import exclusive, in_threads
-from ..simulation.launch_section import LaunchSection
 from ..simulation.impacts import CAP, FASTEST_LAUNCH, STATUS, Impacts, decided_impacts, injected
+from ..simulation.launch_section import LaunchSection
 from ..simulation.multiplier import multiplier
 from ..simulation.simulation import simulate
 from ..tables import number_text
@@ -264,9 +264,7 @@ class ReturnMap:
         return periodic_hop(self.machine, self.section, start, period, self.inject / self._speed, self.cap, below)
 
     @in_own_units(LIFTOFF_SPEED, low=LIFTOFF_SPEED, high=LIFTOFF_SPEED)
-    def _fixed_points(
-        self, low: float, high: float, samples: int, progress: Progress = None
-    ) -> tuple[FixedPoint, ...]:
+    def _fixed_points(self, low: float, high: float, samples: int, progress: Progress = None) -> tuple[FixedPoint, ...]:
         """The `fixed_points` between two launch speeds."""
         low, high, samples = _checked_grid(low, high, samples)
         lossless = lossless_speeds(self.impacts, low, high)

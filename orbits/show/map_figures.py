@@ -126,7 +126,10 @@ def plot_bifurcations(diagram: Any, axes: Axes | None = None) -> Axes:
         axes.plot(*diagram.visits[:1].T, "o", color="0.55", ms=3, label="visited in the long run", zorder=1)
     known: set[str] = set()
     for branch in diagram.branches:
-        colour, words = COLOURS[(branch.period - 1) % len(COLOURS)], WORDS_OF_PERIODS.get(branch.period, f"period {branch.period}")
+        colour, words = (
+            COLOURS[(branch.period - 1) % len(COLOURS)],
+            WORDS_OF_PERIODS.get(branch.period, f"period {branch.period}"),
+        )
         for first, last, stable in branch.parts():
             label, part = f"{words}, {WORDS_OF_STABILITY[stable]}", slice(first, last + 1)
             for alphas in branch.alphas[part].T:

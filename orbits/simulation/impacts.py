@@ -47,7 +47,7 @@ FASTEST_LAUNCH = 1e15  # a launch speed beyond this has no digits left for the m
 # From this restitution on, the end of many bounces is compared with that of a neighbouring launch, faster by a relative
 # difference beyond the roundings of a flight. States with a relative difference above the last belong to other motions.
 MANY_BOUNCES, NEIGHBOUR, PARTED = 0.5, 1e-14, 1e-4
-# From this number of impacts on, a motion that comes back to an earlier state, up to rounding, is taken to repeat itself.
+# From this number of impacts on, a motion that comes back to an earlier state, up to rounding, repeats itself.
 FIRST_REPETITION, REPETITION = 32, 1e-13
 CAP = 10_000  # a hop is abandoned after this many impacts
 LIFTOFF_ORDER = 3  # order of the gap's zero at a lift-off

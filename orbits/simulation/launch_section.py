@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..units import UNKNOWNS, Dimension, Units
+from ..units import UNKNOWNS, Dimension, Units, dimension_of_state
 from .impacts import Impacts
 
 # Newton's method for the unknown that follows from the others has converged at this change, as a share of the launch.
@@ -40,9 +40,9 @@ class LaunchSection:
         self._free, self._bound = [self.places[name] for name in self.names], self.places[self.dependent]
 
     @staticmethod
-    def dimension(name: str) -> Dimension | str:
+    def dimension(name: str) -> Dimension:
         """The dimension of an unknown of a launch."""
-        return UNKNOWNS.get(name, name)
+        return UNKNOWNS.get(name) or dimension_of_state(name)
 
     def tangent(self, y: np.ndarray) -> np.ndarray:
         """The derivative (k, d) of the contact state by the free unknowns at a launch (k,)."""
@@ -119,11 +119,14 @@ class LaunchSection:
             raise InputError(f"launch = {values!r}; a launch is numbers") from None
 
     def launch(self, launch: Any) -> np.ndarray:
-        """The dimensionless contact state (k,) of one launch, stated as for `parsed`; raises `InputError` where there is none."""
+        """The dimensionless contact state (k,) of one launch, stated as for `parsed`; raises `InputError` where there
+        is none."""
         launches, guess = self.parsed(launch)
         if launches.ndim != 1 or not np.isfinite(launches).all():
             raise InputError(f"launch = {launch!r}; one launch is {len(self.names)} numbers: {', '.join(self.names)}")
-        (y,) = self.states(launches[None] / self.unit, None if guess is None else np.reshape(guess, 1) / self.bound_unit)
+        (y,) = self.states(
+            launches[None] / self.unit, None if guess is None else np.reshape(guess, 1) / self.bound_unit
+        )
         if not np.isfinite(y).all():
             raise InputError(f"launch = {launches.tolist()}: the contact force vanishes at no '{self.dependent}'")
         return y

@@ -38,7 +38,9 @@ def multiplier(machine: Machine, alpha: float) -> float:
     -1.616561
     """
     if not machine.model.one_speed:
-        raise InputError(f"a launch of a {machine.model.name} is more than a speed: multipliers(machine, launch) has all")
+        raise InputError(
+            f"a launch of a {machine.model.name} is more than a speed: multipliers(machine, launch) has all"
+        )
     alpha = finite_number("alpha", alpha)
     if alpha <= 0:
         raise InputError(f"alpha = {alpha:g}; a launch speed is above 0")
@@ -89,7 +91,8 @@ def hop_derivative(impacts: Impacts, x: np.ndarray, change: np.ndarray) -> HopDe
     Raises `NoOrbit` where the machine does not lift off again.
     """
     launch_speed = float(np.abs(x[[name.endswith("'") for name in impacts.flight.phase.states]]).max())
-    weights, order, first = np.array(impacts.gap.weights), LIFTOFF_ORDER, None
+    weights, order = np.array(impacts.gap.weights), LIFTOFF_ORDER
+    first: tuple[np.ndarray, float, np.ndarray] | None = None
     for _ in range(CAP):
         start = x, change
         limit, closes = float(impacts.longest_flight(x)), first_zero(impacts.gap, order)
@@ -108,7 +111,8 @@ def hop_derivative(impacts: Impacts, x: np.ndarray, change: np.ndarray) -> HopDe
         x = after
         if held:
             contact = impacts.onto_contact @ x, impacts.onto_contact @ change
-            return HopDerivative(*_through_contact(impacts, *contact, grazes=False), False, *first)
+            liftoff, derivative = _through_contact(impacts, *contact, grazes=False)
+            return HopDerivative(liftoff, derivative, False, *first)
     raise NoOrbit(f"after {CAP} impacts the machine has not come to rest on the ground")
 
 
@@ -137,7 +141,8 @@ def _tangential(impacts: Impacts, start: tuple, lasted: float, landing: tuple) -
     project = np.eye(len(x)) - basis @ np.linalg.solve(rows @ basis, rows)
     closed = x - basis @ np.linalg.solve(rows @ basis, [impacts.gap(x), gap_speed @ x])
     contact = impacts.onto_contact @ closed, impacts.onto_contact @ project @ variations
-    return HopDerivative(*_through_contact(impacts, *contact, grazes=True), True, *landing)
+    liftoff, derivative = _through_contact(impacts, *contact, grazes=True)
+    return HopDerivative(liftoff, derivative, True, *landing)
 
 
 def _follow(flow: Flow, p, x, change, limit: float, stop) -> tuple[np.ndarray, np.ndarray, float]:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import InputError, NoOrbit, whole_number
+from ..errors import NoOrbit, whole_number
 from ..io import Document
 from ..model.machine import Machine, dimensionless, machine_in_words
 from ..periodic.loss_coefficient import loss_coefficient
@@ -73,7 +73,7 @@ class Multipliers(Result, what="multipliers", in_line=("values",), document_is_w
 
     @property
     def stability(self) -> str:
-        """What the multipliers say of a periodic launch: "unstable", "linearly stable", "neutral", or "not periodic"."""
+        """What the multipliers say of a launch: "unstable", "linearly stable" or "neutral", or "not periodic"."""
         if not self.returns:
             return "not periodic"
         moduli = np.abs(self.values)
@@ -127,8 +127,8 @@ class Multipliers(Result, what="multipliers", in_line=("values",), document_is_w
             )
         if self.losses:
             above, below = self.losses
-            notes.append(f"along its direction a hop loses {above:.4g} E**(4/3) of E above, {below:.4g} |E|**(4/3) of E "
-                         "below")  # fmt: skip
+            law = f"{above:.4g} E**(4/3) of an energy E more, and {below:.4g} |E|**(4/3) of one less"
+            notes.append(f"along its direction a hop loses {law}")
         return notes
 
     def document(self) -> Document:
@@ -212,8 +212,8 @@ class HopsDerivative:
 
 
 class EnergyLoss(NamedTuple):
-    """What a hop loses whose launch is beside a lossless one: the direction (d,) of the multiplier 1, by the energy; the
-    derivatives (d,) of the energy; and the `losses` of `Multipliers`."""
+    """What a hop loses whose launch is beside a lossless one: the direction (d,) of the multiplier 1, by the energy;
+    the derivatives (d,) of the energy; and the `losses` of `Multipliers`."""
 
     direction: np.ndarray
     powers: np.ndarray

@@ -50,7 +50,7 @@ def test_a_pair_of_multipliers_crosses_the_unit_circle():
 
 def test_along_a_parameter_of_the_machine():
     """Points of the branch are fixed points of the machines there."""
-    machine, orbit = hop_of()
+    orbit = hop_of()[1]
     options = {"inject": 0.01, "starts": [orbit], "sections": 2}
     branch, *_ = bifurcations(column(), "restitution", (0.0, 0.05), (5.0, 8.0), **options).branches
     assert branch.ends[1].kind == "reached"

@@ -26,7 +26,9 @@ def test_fixed_points_beside_a_lossless_hop(kind):
         assert energy(launch) - energy(before) == pytest.approx(step(launch).loss, rel=1e-8)
         assert hop.multipliers.values == pytest.approx(multipliers(machine, launch).values)
     assert below.stability == "unstable"
-    assert step.fixed_points(starts=[above, above, orbit.alpha * np.ones(3)])[0].launches == pytest.approx(above.launches)
+    assert step.fixed_points(starts=[above, above, orbit.alpha * np.ones(3)])[0].launches == pytest.approx(
+        above.launches
+    )
 
 
 def test_a_stable_fixed_point_attracts():
@@ -83,7 +85,7 @@ def test_separations_and_units():
 def test_starts_from_which_nothing_is_found():
     step = ReturnMap(column("r", 0.5), inject=1e-3)
     assert step.fixed_points(starts=[(3.0, 0.0, 0.0)]) == ()
-    with pytest.raises(NoOrbit, match="rests|has not ended|start elsewhere|start nearer"):
+    with pytest.raises(NoOrbit, match=r"rests|has not ended|start elsewhere|start nearer"):
         step.periodic_hop((3.0, 0.0, 0.0))
     with pytest.raises(InputError, match="low and high, or from starts"):
         ReturnMap(Hopper()).fixed_points()

@@ -13,8 +13,10 @@ from problems import Hopper, plate_hopper
 @pytest.mark.parametrize(
     ("machine", "names", "liftoff"),
     [
-        (column(), ("alpha", "y1", "y1'"), lambda u: 1.0), (column("r", 0.1), ("alpha", "y1", "y1'"), lambda u: 1 - 0.1 * u[0]),
-        (plate_hopper(), ("alpha", "plate", "plate'"), lambda u: u[1] - 100 * u[1]), (Hopper(damping=0.1), ("alpha",), None),
+        (column(), ("alpha", "y1", "y1'"), lambda u: 1.0),
+        (column("r", 0.1), ("alpha", "y1", "y1'"), lambda u: 1 - 0.1 * u[0]),
+        (plate_hopper(), ("alpha", "plate", "plate'"), lambda u: u[1] - 100 * u[1]),
+        (Hopper(damping=0.1), ("alpha",), None),
     ],
 )  # fmt: skip
 def test_the_unknown_that_follows(machine, names, liftoff):
@@ -50,7 +52,6 @@ def test_an_injection_moves_the_damped_machine_to_its_new_lift_off():
 
 
 def test_a_simulation_with_injection_is_the_map():
-
 
     machine, launch = column(CUBIC, 0.01), {"alpha": 6.2, "y1": -0.9, "y1'": 0.5}
     step, run = ReturnMap(machine, inject=0.3), simulate(machine, launch, hops=2, inject=0.3)

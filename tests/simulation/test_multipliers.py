@@ -129,7 +129,7 @@ def test_what_multipliers_say():
         (4.6, InputError, "an array .* 3.* of alpha, y1, y1'"), ({"alpha": 4.6, "y1": 0.0}, InputError, "needs 'y1''"),
         ((1.0, 0.0, np.nan), InputError, "one launch is 3 numbers"), ("x", InputError, "a launch is numbers"),
         ({"alpha": 4.6, "y1": 0.0, "y1'": 0.0, "y9": 1.0}, InputError, "no 'y9'"),
-        ((-1.0, 0.0, 0.0), NoOrbit, "no launch: the contact would not open"), 
+        ((-1.0, 0.0, 0.0), NoOrbit, "no launch: the contact would not open"),
     ],
 )  # fmt: skip
 def test_launches_without_multipliers(launch, error, message):
@@ -138,7 +138,7 @@ def test_launches_without_multipliers(launch, error, message):
 
 
 def test_a_machine_that_rests_has_no_multipliers():
-    with pytest.raises(NoOrbit, match="rests|has not ended"):
+    with pytest.raises(NoOrbit, match=r"rests|has not ended"):
         multipliers(column("r", 0.5), (3.0, 0.0, 0.0))
 
 
