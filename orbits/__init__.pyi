@@ -61,7 +61,7 @@ from .return_map.return_map import FixedPoint as FixedPoint, Hops as Hops, Retur
 from .running.time_limit import time_limit
 from .shooting.formulations import METHODS as METHODS
 from .simulation.multiplier import multiplier
-from .simulation.multipliers import Multipliers, multipliers
+from .simulation.multipliers import HopMultipliers, multipliers
 from .simulation.simulated import Simulation
 from .simulation.simulation import simulate
 from .sweeps.existence import Existence, existence
@@ -74,9 +74,9 @@ __version__: str
 PLACE_OF: dict[str, str]  # the module of each name
 
 __all__ = [
-    "BifurcationDiagram", "Control", "Design", "Existence", "Family", "Front", "InputError", "Machine", "Mechanism",
-    "Model", "Multipliers", "NoOrbit", "Orbit", "OrbitsError", "PeriodicHop", "Proof", "ReturnMap", "Simulation",
-    "Sweep", "Uncertainty", "Units", "__version__", "bifurcations", "check", "existence", "find", "find_all", "follow",
+    "BifurcationDiagram", "Control", "Design", "Existence", "Family", "Front", "HopMultipliers", "InputError",
+    "Machine", "Mechanism", "Model", "NoOrbit", "Orbit", "OrbitsError", "PeriodicHop", "Proof", "ReturnMap",
+    "Simulation", "Sweep", "Uncertainty", "Units", "__version__", "bifurcations", "check", "existence", "find", "find_all", "follow",
     "follow_branch", "follow_fold", "multiplier", "multipliers", "optimize", "orbit_at", "pareto", "prove",
     "prove_absence", "prove_doubling", "prove_fixed_point", "prove_fold", "quantities", "sensitivities", "simulate",
     "start_from_rest", "starts", "steer", "sweep", "time_limit", "trace", "uncertainty",

@@ -58,7 +58,7 @@ def made(kind: str):
         "Hops": lambda: ReturnMap(cubic)([[2.0, 4.0], [4.5, 7.0]]),
         "LaunchHops": lambda: ReturnMap(hop_of()[0])([[6.4, -1.2, 1.1], [-1.0, 0.0, 0.0]]),
         "PeriodicHop": lambda: ReturnMap(hop_of()[0]).periodic_hop(hop_of()[1]),
-        "Multipliers": lambda: multipliers(*hop_of()),
+        "HopMultipliers": lambda: multipliers(*hop_of()),
         "ReturnMap": lambda: ReturnMap(cubic, inject=0.03),
         "BifurcationDiagram": lambda: bifurcations(
             Hopper(), "inject", (0.06, 0.065), (4.5, 4.6), samples=50, sections=2
@@ -83,13 +83,13 @@ RESULTS = (
     *("Orbit", "Orbit in SI", "Certificate", "Trajectory", "Family", "Point", "Event", "End"),
     *("Existence", "Hops", "ReturnMap", "FixedPoint", "Simulation", "ContactEvent", "Control", "Driven", "Disturbed"),
     *("Design", "Front", "Sweep", "Uncertainty", "BifurcationDiagram", "Proof", "Checked", "SpringFit"),
-    *("LaunchHops", "PeriodicHop", "Multipliers"),
+    *("LaunchHops", "PeriodicHop", "HopMultipliers"),
 )
 # The results that are more than part of another one, and what each does with nothing but itself.
 WHOLE = (
     *("Orbit", "Orbit in SI", "Family", "Sweep", "Existence", "Uncertainty", "Design", "Front", "Control"),
     *("Simulation", "Hops", "BifurcationDiagram", "Proof", "Checked", "Driven", "Disturbed", "SpringFit"),
-    *("LaunchHops", "PeriodicHop", "Multipliers"),
+    *("LaunchHops", "PeriodicHop", "HopMultipliers"),
 )
 VERBS = {
     "machine": lambda result: isinstance(result.machine, dict) and "machine" in result.machine,
@@ -115,7 +115,7 @@ WITHOUT = {
     ("Checked", "plot"): "relations that hold have nothing to draw",
     ("LaunchHops", "plot"): "a launch of several numbers has no axis",
     ("PeriodicHop", "plot"): "a launch of several numbers has no axis",
-    ("Multipliers", "plot"): "a few numbers have nothing to draw",
+    ("HopMultipliers", "plot"): "a few numbers have nothing to draw",
 }
 # The machines that files do not hold.
 OF_FILES = {

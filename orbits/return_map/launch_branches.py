@@ -20,14 +20,14 @@ from ..running import interrupts
 from ..simulation.multipliers import HopsDerivative, derivative_of_hops
 from .cycles import INJECT, STEP_ALONG, MapsAlong
 from .diagram import Bifurcation, Branch
-from .periodic_hop import SAME_HOP, PeriodicHop
+from .periodic_hop import SAME_PERIODIC, PeriodicHop
 
 # Steps along a curve, as shares of the ranges; the cosine of the largest turn in one; and the most points of a curve.
-FIRST_STEP, LONGEST_STEP, SHORTEST_STEP, LARGEST_TURN, MOST_POINTS = 1e-3, 0.05, 1e-6, 0.95, 2000
-SETTLED, MOST_CORRECTIONS = 1e-12, 12  # Newton's method across the curve has converged, or is given up
-ROUNDED = 1e-8  # where Newton's method comes no nearer than this, rounding decides
-ON_CIRCLE = 1e-4  # a multiplier that is farther from its value at a bifurcation jumps there
-FIRST_OF_TWO = (1e-3, 3e-3, 1e-4)  # from a flip to the first hops of twice the period, as shares of the range
+FIRST_LENGTH, LONGEST_LENGTH, SHORTEST_LENGTH, LARGEST_TURN, MOST_LAUNCH_POINTS = 1e-3, 0.05, 1e-6, 0.95, 2000
+CORRECTED, MOST_CORRECTIONS = 1e-12, 12  # Newton's method across the curve has converged, or is given up
+ROUNDED_EXCESS = 1e-8  # where Newton's method comes no nearer than this, rounding decides
+AT_BIFURCATION = 1e-4  # a multiplier that is farther from its value at a bifurcation jumps there
+FIRST_DOUBLED = (1e-3, 3e-3, 1e-4)  # from a flip to the first hops of twice the period, as shares of the range
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +118,7 @@ class LaunchBranches:
             hops = self._hops(launch, value, near.hops.launches[0])
             excess = self._excess(hops) / self.scale[:-1]
             size = float(np.abs(excess).max())
-            if size <= SETTLED or (size <= ROUNDED and size >= 0.5 * last):
+            if size <= CORRECTED or (size <= ROUNDED_EXCESS and size >= 0.5 * last):
                 return self.point(hops, value, near.tangent)
             if size > 10 * last:
                 break
@@ -140,12 +140,12 @@ class LaunchBranches:
     ) -> Iterator[LaunchPoint | tuple[str, LaunchPoint] | End]:
         """The points, and bifurcations with their kind, from a point along its tangent (`side` 1) or against it (-1);
         an end is last. `report` is called after each point."""
-        last, length, count = replace(start, tangent=side * start.tangent), FIRST_STEP, 0
+        last, length, count = replace(start, tangent=side * start.tangent), FIRST_LENGTH, 0
         low, high = self.maps.low, self.maps.high
         if start.value == (high if last.tangent[-1] > 0 else low):
             yield self._reached(start.value)
             return
-        while count < MOST_POINTS:
+        while count < MOST_LAUNCH_POINTS:
             interrupts.heed()
             guess = last.x + length * last.tangent
             bound = low if guess[-1] * self.span < low else high if guess[-1] * self.span > high else None
@@ -156,12 +156,12 @@ class LaunchBranches:
                 else:
                     new = self.corrected(guess, last.tangent, last)
                 turned = float(new.tangent @ last.tangent)
-                if turned < LARGEST_TURN or np.abs(new.x - guess).max() > max(length, 10 * SHORTEST_STEP):
+                if turned < LARGEST_TURN or np.abs(new.x - guess).max() > max(length, 10 * SHORTEST_LENGTH):
                     raise NoOrbit("the curve turns too far in one step")
                 events = list(self._events(last, new))
             except (NoOrbit, np.linalg.LinAlgError) as error:
                 length *= 0.5
-                if length > SHORTEST_STEP:
+                if length > SHORTEST_LENGTH:
                     continue
                 if bound is not None and self.maps.name == INJECT and self.maps.lossless(bound):
                     yield End("reached", f"the lossless hop at {self.maps.in_words(self.maps.name, bound)} is reached")
@@ -185,9 +185,9 @@ class LaunchBranches:
             if count > 3 and np.linalg.norm(new.x - start.x) < length and new.tangent @ start.tangent * side > 0:
                 yield End("closed", "it comes back to its first point")
                 return
-            length = min(LONGEST_STEP, length * (1.5 if turned > 0.995 else 1.0))
+            length = min(LONGEST_LENGTH, length * (1.5 if turned > 0.995 else 1.0))
             last = new
-        yield End("stuck", f"it has {MOST_POINTS} points")
+        yield End("stuck", f"it has {MOST_LAUNCH_POINTS} points")
 
     def _reached(self, bound: float) -> End:
         return End("reached", f"{self.maps.in_words(self.maps.name, bound)} is reached")
@@ -220,7 +220,7 @@ class LaunchBranches:
         direction = vectors[:, np.argmin(np.abs(values + 1))].real
         row = np.append(direction / np.linalg.norm(direction), 0.0)
         near = replace(flip, tangent=row)
-        for step in (side * length for length in FIRST_OF_TWO for side in (1, -1)):
+        for step in (side * length for length in FIRST_DOUBLED for side in (1, -1)):
             try:
                 return self.corrected(flip.x + step * row, row, near)
             except NoOrbit:
@@ -238,10 +238,10 @@ def _confirmed(kind: str, point: LaunchPoint) -> str | None:
     two real multipliers have the product 1."""
     spectrum = point.spectrum
     if kind == "Neimark-Sacker":
-        pair = spectrum[(spectrum.imag > 0) & (np.abs(np.abs(spectrum) - 1) <= ON_CIRCLE)]
+        pair = spectrum[(spectrum.imag > 0) & (np.abs(np.abs(spectrum) - 1) <= AT_BIFURCATION)]
         return kind if len(pair) else None
     level = -1.0 if kind == "flip" else 1.0
-    return kind if np.abs(spectrum - level).min() <= ON_CIRCLE else "border collision"
+    return kind if np.abs(spectrum - level).min() <= AT_BIFURCATION else "border collision"
 
 
 class LaunchDiagram:
@@ -344,7 +344,7 @@ class LaunchDiagram:
                 except NoOrbit:
                     continue
                 own = section.free(same.hops.launches[0])
-                if np.abs(launches - own).max(1).min() <= 10 * SAME_HOP * (1 + np.abs(own).max()):
+                if np.abs(launches - own).max(1).min() <= 10 * SAME_PERIODIC * (1 + np.abs(own).max()):
                     return True
         return False
 

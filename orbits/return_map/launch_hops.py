@@ -15,7 +15,7 @@ from ..simulation.impacts import FASTEST_LAUNCH, MANY_BOUNCES, NEIGHBOUR, STATUS
 from ..simulation.launch_section import LaunchSection
 from ..units import ENERGY, Units
 
-BATCH_SIZE = 2048  # launches in one batch; their states have several times the numbers of a launch speed
+LAUNCH_BATCH = 2048  # launches in one batch; their states have several times the numbers of a launch speed
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -93,7 +93,7 @@ def hops_of_launches(machine: Machine, section: LaunchSection, launch: Any, inje
         )
     following, loss, counts = np.full(ys.shape, np.nan), np.full(len(ys), np.nan), np.zeros(len(ys), int)
     status, places = np.full(len(ys), "invalid", dtype=STATUS), np.flatnonzero(usable)
-    batches = np.array_split(places, -(-len(places) // BATCH_SIZE)) if len(places) else []
+    batches = np.array_split(places, -(-len(places) // LAUNCH_BATCH)) if len(places) else []
     each = lambda batch: next_launches(section, ys[batch], inject, cap)  # noqa: E731
     for batch, found in zip(batches, in_threads(each, batches), strict=True):
         following[batch], loss[batch], counts[batch], status[batch] = found

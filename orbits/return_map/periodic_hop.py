@@ -11,15 +11,15 @@ from ..io import Document
 from ..model.machine import Machine
 from ..result import Result, Row, stored
 from ..simulation.launch_section import LaunchSection
-from ..simulation.multipliers import EnergyLoss, HopsDerivative, Multipliers, derivative_of_hops
+from ..simulation.multipliers import EnergyLoss, HopMultipliers, HopsDerivative, derivative_of_hops
 from ..simulation.simulation import simulate
 
 # Newton's method has converged where the launch comes back within this share of it, and is given up after this many
 # steps, or halvings of one.
-RETURNED, MOST_STEPS, HALVINGS = 1e-12, 40, 12
-LONGEST_STEP = 0.05  # of Newton's method, as a share of the launch: farther on there are other impacts
-ROUNDED = 1e-9  # where no step reduces a distance below this share, rounding decides
-SAME_HOP = 1e-7  # launches that differ by a smaller share are the same
+RETURNED, MOST_HOP_STEPS, STEP_HALVINGS = 1e-12, 40, 12
+LONGEST_CHANGE = 0.05  # of Newton's method, as a share of the launch: farther on there are other impacts
+ROUNDED_RETURN = 1e-9  # where no step reduces a distance below this share, rounding decides
+SAME_PERIODIC = 1e-7  # launches that differ by a smaller share are the same
 NOT_LOSSLESS = (
     "without injection or damping the hops that come back are lossless, and no others: find them with `find` or "
     "`find_all`, and start from their orbits"
@@ -43,7 +43,7 @@ class PeriodicHop(Result, what="periodic hop", in_line=("kind", "launches"), doc
     names: tuple[str, ...]
     launches: np.ndarray
     kind: str
-    multipliers: Multipliers
+    multipliers: HopMultipliers
     smallest_separation: float | None = None
     units: Mapping[str, str] = field(default_factory=dict)
     machine: Mapping[str, Any] = field(default_factory=dict)
@@ -55,7 +55,7 @@ class PeriodicHop(Result, what="periodic hop", in_line=("kind", "launches"), doc
 
     @property
     def stability(self) -> str:
-        """As of its `Multipliers`."""
+        """As of its `HopMultipliers`."""
         return self.multipliers.stability
 
     def title(self) -> str:
@@ -96,15 +96,15 @@ def periodic_hop(
     y, lossless = section.launch(start), inject == 0 and section.impacts.model.conservative
     found = derivative_of_hops(section, y, period, inject)
     if lossless:
-        if _distance(found) > SAME_HOP or not all(hop.tangential for hop in found.hops):
+        if _distance(found) > SAME_PERIODIC or not all(hop.tangential for hop in found.hops):
             raise InputError(NOT_LOSSLESS)
     else:
         if loss := found.energy_loss:
-            found = derivative_of_hops(section, _beside(section, y, loss, inject, below), period, inject)
-        found = solved(section, found, inject)
+            found = derivative_of_hops(section, _beside_lossless(section, y, loss, inject, below), period, inject)
+        found = returning_hops(section, found, inject)
     free = section.free(found.launches)
     for shorter in (k for k in range(1, period) if period % k == 0):
-        if np.abs(free[shorter] - free[0]).max() <= SAME_HOP * (1 + np.abs(free[0]).max()):
+        if np.abs(free[shorter] - free[0]).max() <= SAME_PERIODIC * (1 + np.abs(free[0]).max()):
             raise NoOrbit(f"from this launch Newton's method comes to hops of period {shorter}: start elsewhere")
     own, separation = found.as_result(machine), None
     if machine.rest_length is not None:
@@ -115,7 +115,7 @@ def periodic_hop(
     return PeriodicHop(section.names, free[:-1] * section.unit, kind, own, separation, own.units, own.machine)
 
 
-def _beside(section: LaunchSection, y: np.ndarray, loss: EnergyLoss, inject: float, below: bool) -> np.ndarray:
+def _beside_lossless(section: LaunchSection, y: np.ndarray, loss: EnergyLoss, inject: float, below: bool) -> np.ndarray:
     """The launch (k,) beside a lossless one that loses about as much as the injection adds."""
     added = float(loss.powers[section.names.index("alpha")]) * inject
     if not added > 0:
@@ -130,11 +130,11 @@ def _unit_of(section: LaunchSection, name: str) -> float:
     return section.bound_unit if name == section.dependent else float(section.unit[section.names.index(name)])
 
 
-def solved(section: LaunchSection, found: HopsDerivative, inject: float) -> HopsDerivative:
+def returning_hops(section: LaunchSection, found: HopsDerivative, inject: float) -> HopsDerivative:
     """The hops that come back, by Newton's method from hops that nearly do, with halved steps where a whole one does
     not come nearer; raises `NoOrbit`."""
     period, distance = len(found.hops), _distance(found)
-    for _ in range(MOST_STEPS):
+    for _ in range(MOST_HOP_STEPS):
         if distance <= RETURNED:
             break
         free = section.free(found.launches)
@@ -143,20 +143,20 @@ def solved(section: LaunchSection, found: HopsDerivative, inject: float) -> Hops
             step = -np.linalg.solve(matrix, free[-1] - free[0])
         except np.linalg.LinAlgError:
             raise NoOrbit("a multiplier of the hops is 1: Newton's method cannot go on; start elsewhere") from None
-        step *= min(1.0, LONGEST_STEP * (1 + np.abs(free[0]).max()) / max(float(np.abs(step).max()), 1e-300))
-        for _ in range(HALVINGS):
+        step *= min(1.0, LONGEST_CHANGE * (1 + np.abs(free[0]).max()) / max(float(np.abs(step).max()), 1e-300))
+        for _ in range(STEP_HALVINGS):
             nearer = _from(section, free[0] + step, found, period, inject)
             if nearer is not None and _distance(nearer) < distance:
                 break
             step = 0.5 * step
         else:
-            if distance <= ROUNDED:
+            if distance <= ROUNDED_RETURN:
                 break
             text = f"no step from the launch {free[0].tolist()} comes nearer to hops of period {period}"
             raise NoOrbit(f"{text}, whose first and last launch differ by the share {distance:.2g}: start elsewhere")
         found, distance = nearer, _distance(nearer)
-    if distance > ROUNDED:
-        raise NoOrbit(f"Newton's method did not settle in {MOST_STEPS} steps: start nearer to the hops")
+    if distance > ROUNDED_RETURN:
+        raise NoOrbit(f"Newton's method did not settle in {MOST_HOP_STEPS} steps: start nearer to the hops")
     return found
 
 
@@ -192,6 +192,6 @@ def different_hops(
             except NoOrbit:
                 continue
             size = 1 + np.abs(hop.launches[0]).max()
-            if all(np.abs(other.launches[0] - hop.launches[0]).max() > SAME_HOP * size for other in found):
+            if all(np.abs(other.launches[0] - hop.launches[0]).max() > SAME_PERIODIC * size for other in found):
                 found.append(hop)
     return tuple(found)

@@ -14,7 +14,7 @@ from ..units import UNKNOWNS, Dimension, Units, dimension_of_state
 from .impacts import Impacts
 
 # Newton's method for the unknown that follows from the others has converged at this change, as a share of the launch.
-SETTLED, MOST_STEPS = 1e-15, 60
+LAUNCH_SETTLED, MOST_LAUNCH_STEPS = 1e-15, 60
 
 
 class LaunchSection:
@@ -73,14 +73,14 @@ class LaunchSection:
         """The dependent unknown of a launch whose contact state is otherwise (k,); NaN where it is not found."""
         contact, before = self.impacts.contact, np.inf
         y = y.copy()
-        for _ in range(MOST_STEPS):
+        for _ in range(MOST_LAUNCH_STEPS):
             gradient, force = self.impacts.force_slope(y, contact.data(y[None], self.impacts.p)[0])
             slope, force = float(gradient[self._bound]), float(force)
             if not (np.isfinite(force) and slope != 0):
                 break
             step = -force / slope
             y[self._bound] += step
-            if abs(step) <= SETTLED * (1 + np.abs(y).max()) or (abs(step) >= before and before < 1e-12):
+            if abs(step) <= LAUNCH_SETTLED * (1 + np.abs(y).max()) or (abs(step) >= before and before < 1e-12):
                 return float(y[self._bound])
             before = abs(step)
         return np.nan

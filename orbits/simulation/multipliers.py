@@ -23,7 +23,7 @@ ON_CIRCLE = 1e-6  # a multiplier whose modulus differs from 1 by less is on the 
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Multipliers(Result, what="multipliers", in_line=("values",), document_is_whole=True):
+class HopMultipliers(Result, what="multipliers", in_line=("values",), document_is_whole=True):
     """The derivative of the launch after some hops with respect to the launch, for a launch of d numbers.
 
     names : of these numbers
@@ -137,7 +137,7 @@ class Multipliers(Result, what="multipliers", in_line=("values",), document_is_w
 
 
 @exclusive
-def multipliers(machine: Machine, launch: Any, *, hops: int = 1, inject: float = 0.0) -> Multipliers:
+def multipliers(machine: Machine, launch: Any, *, hops: int = 1, inject: float = 0.0) -> HopMultipliers:
     """The multipliers of hops: eigenvalues of the derivative of the map of launches, `hops` times.
 
     machine : as for `ReturnMap`
@@ -174,7 +174,7 @@ class HopsDerivative:
     matrix: np.ndarray
     hops: tuple[HopDerivative, ...]
 
-    def as_result(self, machine: Machine) -> Multipliers:
+    def as_result(self, machine: Machine) -> HopMultipliers:
         """The multipliers, in the units of the machine."""
         section, unit = self.section, self.section.unit
         launch, following = section.free(self.launches[[0, -1]]) * unit
@@ -184,7 +184,7 @@ class HopsDerivative:
         losses = tuple(c / energy ** (1 / 3) for c in self.energy_loss.coefficients) if self.energy_loss else ()
         texts = units.texts({name: section.dimension(name) for name in section.names}) if units else {}
         matrix = unit[:, None] * self.matrix / unit
-        return Multipliers(
+        return HopMultipliers(
             section.names, launch, following, matrix, len(self.hops), lossless, losses, texts, machine_in_words(machine)
         )
 
@@ -213,7 +213,7 @@ class HopsDerivative:
 
 class EnergyLoss(NamedTuple):
     """What a hop loses whose launch is beside a lossless one: the direction (d,) of the multiplier 1, by the energy;
-    the derivatives (d,) of the energy; and the `losses` of `Multipliers`."""
+    the derivatives (d,) of the energy; and the `losses` of `HopMultipliers`."""
 
     direction: np.ndarray
     powers: np.ndarray

@@ -5,7 +5,7 @@ import pytest
 from columns import CUBIC, column, hop_of
 from scipy.linalg import expm
 
-from orbits import InputError, Multipliers, NoOrbit, ReturnMap, find, multiplier, multipliers
+from orbits import HopMultipliers, InputError, NoOrbit, ReturnMap, find, multiplier, multipliers
 from problems import Hopper, chain_hand, plate_hopper
 
 STENCIL = np.array([-2.0, -1.0, 1.0, 2.0])
@@ -118,7 +118,7 @@ def test_what_multipliers_say():
     assert "launches with less energy than the lossless hop never come to it" in str(multipliers(*hop_of()))
     assert "unstable: 1 of 3 multipliers outside the unit circle" in str(multipliers(*hop_of("chain_hand")))
     assert "say nothing of stability" in str(multipliers(column(), (6.4, -1.2, 1.1)))
-    inside = Multipliers(("alpha",), np.ones(1), np.ones(1), np.array([[0.5]]))
+    inside = HopMultipliers(("alpha",), np.ones(1), np.ones(1), np.array([[0.5]]))
     assert inside.stability == "linearly stable"
     assert "linearly stable to first order" in str(inside)
 
