@@ -76,8 +76,9 @@ PLACE_OF: dict[str, str]  # the module of each name
 __all__ = [
     "BifurcationDiagram", "Control", "Design", "Existence", "Family", "Front", "HopMultipliers", "InputError",
     "Machine", "Mechanism", "Model", "NoOrbit", "Orbit", "OrbitsError", "PeriodicHop", "Proof", "ReturnMap",
-    "Simulation", "Sweep", "Uncertainty", "Units", "__version__", "bifurcations", "check", "existence", "find", "find_all", "follow",
-    "follow_branch", "follow_fold", "multiplier", "multipliers", "optimize", "orbit_at", "pareto", "prove",
-    "prove_absence", "prove_doubling", "prove_fixed_point", "prove_fold", "quantities", "sensitivities", "simulate",
-    "start_from_rest", "starts", "steer", "sweep", "time_limit", "trace", "uncertainty",
+    "Simulation", "Sweep", "Uncertainty", "Units", "__version__", "bifurcations", "check", "existence", "find",
+    "find_all", "follow", "follow_branch", "follow_fold", "multiplier", "multipliers", "optimize", "orbit_at",
+    "pareto", "prove", "prove_absence", "prove_doubling", "prove_fixed_point", "prove_fold", "quantities",
+    "sensitivities", "simulate", "start_from_rest", "starts", "steer", "sweep", "time_limit", "trace",
+    "uncertainty",
 ]  # fmt: skip
