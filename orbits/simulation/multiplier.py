@@ -103,17 +103,23 @@ def hop_derivative(impacts: Impacts, x: np.ndarray, change: np.ndarray) -> HopDe
             # Later bounces may be arbitrarily slow.
             if abs(speed) < TANGENTIAL * launch_speed:
                 return _tangential(impacts, start, lasted, first)
-        rates = impacts.flight.rates(x, impacts.flight.data(x[None], impacts.p)[0])
-        change = change - np.outer(rates, weights @ change) / speed
-        (held,), (after,), *_ = impacts.landing(x[None])
-        factor, order = 1.0 if held else 1.0 + impacts.restitution, impacts.bounce_order
-        change = np.stack([impacts.change_after(x, each, factor).full().ravel() for each in change.T], axis=1)
-        x = after
+        x, change, held = _at_landing(impacts, x, change)
+        order = impacts.bounce_order
         if held:
             contact = impacts.onto_contact @ x, impacts.onto_contact @ change
             liftoff, derivative = _through_contact(impacts, *contact, grazes=False)
             return HopDerivative(liftoff, derivative, False, *first)
     raise NoOrbit(f"after {CAP} impacts the machine has not come to rest on the ground")
+
+
+def _at_landing(impacts: Impacts, x: np.ndarray, change: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
+    """The state after an impact and its change (n, c), from the change at a fixed time; and whether contact follows."""
+    rates, weights = impacts.flight.rates(x, impacts.flight.data(x[None], impacts.p)[0]), np.array(impacts.gap.weights)
+    change = change - np.outer(rates, weights @ change) / float(impacts.gap_speed @ x)
+    (held,), (after,), *_ = impacts.landing(x[None])
+    factor = 1.0 if held else 1.0 + impacts.restitution
+    change = np.stack([impacts.change_after(x, each, factor).full().ravel() for each in change.T], axis=1)
+    return after, change, bool(held)
 
 
 def _tangential(impacts: Impacts, start: tuple, lasted: float, landing: tuple) -> HopDerivative:
@@ -176,6 +182,11 @@ def _through_contact(impacts: Impacts, y, change, grazes: bool) -> tuple[np.ndar
         raise NoOrbit(STATUSES["stays"])
     if end.outcome != "lifts_off":
         raise NoOrbit("the machine rests: it does not lift off again")
-    data = contact.data(y[None], impacts.p)[0]
-    gradient, rates = impacts.force_gradient(y), contact.rates(y, data)
-    return y, change - np.outer(rates, gradient @ change) / (gradient @ rates)
+    return y, _at_liftoff(impacts, y, change)
+
+
+def _at_liftoff(impacts: Impacts, y: np.ndarray, change: np.ndarray) -> np.ndarray:
+    """The change (k, c) of the state in which the contact ends, from that at a fixed time."""
+    gradient = impacts.force_gradient(y)
+    rates = impacts.contact.rates(y, impacts.contact.data(y[None], impacts.p)[0])
+    return change - np.outer(rates, gradient @ change) / (gradient @ rates)
