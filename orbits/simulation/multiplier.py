@@ -19,6 +19,7 @@ from ..running.exclusive import exclusive
 from ..units import DIMENSIONS, LIFTOFF_SPEED, SPEED, Message, Quantity, in_own_units
 from .impacts import CAP, LIFTOFF_ORDER, STATUSES, ContactEnd, Impacts, no_launch
 
+RESTS = "the machine rests: it does not lift off again"
 TANGENTIAL = 1e-7  # an impact slower than this, relative to the launch speed, is tangential
 
 
@@ -103,7 +104,7 @@ def hop_derivative(impacts: Impacts, x: np.ndarray, change: np.ndarray) -> HopDe
             # Later bounces may be arbitrarily slow.
             if abs(speed) < TANGENTIAL * launch_speed:
                 return _tangential(impacts, start, lasted, first)
-        x, change, held = _at_landing(impacts, x, change)
+        x, change, held = _through_impact(impacts, x, _at_landing(impacts, x, change))
         order = impacts.bounce_order
         if held:
             contact = impacts.onto_contact @ x, impacts.onto_contact @ change
@@ -112,10 +113,14 @@ def hop_derivative(impacts: Impacts, x: np.ndarray, change: np.ndarray) -> HopDe
     raise NoOrbit(f"after {CAP} impacts the machine has not come to rest on the ground")
 
 
-def _at_landing(impacts: Impacts, x: np.ndarray, change: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
-    """The state after an impact and its change (n, c), from the change at a fixed time; and whether contact follows."""
+def _at_landing(impacts: Impacts, x: np.ndarray, change: np.ndarray) -> np.ndarray:
+    """The change (n, c) of the state in which the gap closes, from that at a fixed time."""
     rates, weights = impacts.flight.rates(x, impacts.flight.data(x[None], impacts.p)[0]), np.array(impacts.gap.weights)
-    change = change - np.outer(rates, weights @ change) / float(impacts.gap_speed @ x)
+    return change - np.outer(rates, weights @ change) / float(impacts.gap_speed @ x)
+
+
+def _through_impact(impacts: Impacts, x: np.ndarray, change: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
+    """The state after an impact and its change (n, c), and whether contact follows."""
     (held,), (after,), *_ = impacts.landing(x[None])
     factor = 1.0 if held else 1.0 + impacts.restitution
     change = np.stack([impacts.change_after(x, each, factor).full().ravel() for each in change.T], axis=1)
@@ -181,7 +186,7 @@ def _through_contact(impacts: Impacts, y, change, grazes: bool) -> tuple[np.ndar
     if end.outcome == "stays":
         raise NoOrbit(STATUSES["stays"])
     if end.outcome != "lifts_off":
-        raise NoOrbit("the machine rests: it does not lift off again")
+        raise NoOrbit(RESTS)
     return y, _at_liftoff(impacts, y, change)
 
 
