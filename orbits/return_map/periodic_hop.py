@@ -16,7 +16,7 @@ from ..simulation.simulation import simulate
 
 # Newton's method has converged where the launch comes back within this share of it, and is given up after this many
 # steps, or halvings of one.
-RETURNED, MOST_HOP_STEPS, STEP_HALVINGS = 1e-12, 40, 12
+COME_BACK, MOST_HOP_STEPS, STEP_HALVINGS = 1e-12, 40, 12
 LONGEST_CHANGE = 0.05  # of Newton's method, as a share of the launch: farther on there are other impacts
 ROUNDED_RETURN = 1e-9  # where no step reduces a distance below this share, rounding decides
 SAME_PERIODIC = 1e-7  # launches that differ by a smaller share are the same
@@ -135,7 +135,7 @@ def returning_hops(section: LaunchSection, found: HopsDerivative, inject: float)
     not come nearer; raises `NoOrbit`."""
     period, distance = len(found.hops), _distance(found)
     for _ in range(MOST_HOP_STEPS):
-        if distance <= RETURNED:
+        if distance <= COME_BACK:
             break
         free = section.free(found.launches)
         matrix = found.matrix - np.eye(len(section.names))

@@ -18,7 +18,7 @@ from .impacts import FASTEST_LAUNCH, Impacts, injected
 from .launch_section import LaunchSection
 from .multiplier import HopDerivative, hop_derivative
 
-RETURNS = 1e-7  # a launch that comes back within this distance, as a share of it, is periodic
+COMES_BACK = 1e-7  # a launch that comes back within this distance, as a share of it, is periodic
 ON_CIRCLE = 1e-6  # a multiplier whose modulus differs from 1 by less is on the unit circle, as far as is known
 
 
@@ -69,7 +69,7 @@ class HopMultipliers(Result, what="multipliers", in_line=("values",), document_i
     @property
     def returns(self) -> bool:
         """Whether the launch comes back after the hops, so that it is periodic."""
-        return bool(np.abs(self.following - self.launch).max() <= RETURNS * (1 + np.abs(self.launch).max()))
+        return bool(np.abs(self.following - self.launch).max() <= COMES_BACK * (1 + np.abs(self.launch).max()))
 
     @property
     def stability(self) -> str:
