@@ -124,9 +124,6 @@ WITHOUT = {
     ("SpringFit", "machine"): "a spring may be that of any machine",
     ("Proof", "plot"): "a theorem has nothing to draw",
     ("Checked", "plot"): "relations that hold have nothing to draw",
-    ("LaunchHops", "plot"): "a launch of several numbers has no axis",
-    ("PeriodicHop", "plot"): "a launch of several numbers has no axis",
-    ("HopMultipliers", "plot"): "a few numbers have nothing to draw",
 }
 # The machines that files do not hold.
 OF_FILES = {

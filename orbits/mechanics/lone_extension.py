@@ -261,7 +261,7 @@ def _pieces_of_launch(m: Mechanics, start: ca.SX) -> LawPieces | None:
     place = ca.vertcat(*m.embedded([start + r, *(0.0 for _ in c.actuators)]))
     for spring in (element for element in m.elements if isinstance(element, Spring)):
         if (law := m.law_of(spring)).pieces:
-            extension = ca.substitute(c.scalar(spring.extension), c.y[: m.size], place[: m.size])
+            extension = ca.substitute(c.scalar(spring.extension), c.y, place)
             if pieces or not c.vanishes(extension - r, c.symbols(r)):
                 where = "where its extension is what is launched, counted from its rest"
                 why = "as lift-off has no formula elsewhere; state a formula"

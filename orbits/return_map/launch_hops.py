@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import InputError
 from ..io import Document
 from ..model.machine import Machine, machine_in_words
-from ..result import Result, Row, known
+from ..result import Axes, Result, Row, known, shown
 from ..running.exclusive import in_threads
 from ..simulation.impacts import FASTEST_LAUNCH, MANY_BOUNCES, NEIGHBOUR, STATUS, impacts_from
 from ..simulation.launch_section import LaunchSection
@@ -67,6 +67,10 @@ class LaunchHops(Result, what="table of hops of launches"):
         own = {name: self.launches[..., i].ravel() for i, name in enumerate(self.names)}
         following = {f"next {name}": self.next[..., i].ravel() for i, name in enumerate(self.names)}
         return own | following | {name: np.ravel(getattr(self, name)) for name in ("loss", "impacts", "status")}
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Plot the numbers of the next launches against those of the launches; returns the axes."""
+        return shown("launch_figures").plot_launch_hops(self, axes)
 
     def document(self) -> Document:
         rows = {name: known(column) if column.dtype.kind == "f" else column.tolist()

@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import InputError, NoOrbit
 from ..io import Document
 from ..model.machine import Machine
-from ..result import Result, Row, stored
+from ..result import Axes, Result, Row, shown, stored
 from ..simulation.launch_section import LaunchSection
 from ..simulation.multipliers import EnergyLoss, HopMultipliers, HopsDerivative, derivative_of_hops
 from ..simulation.simulation import simulate
@@ -83,6 +83,10 @@ class PeriodicHop(Result, what="periodic hop", in_line=("kind", "launches"), doc
 
     def _notes(self) -> list[str]:
         return self.multipliers._notes()
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Plot the numbers of the launches, hop by hop; returns the axes."""
+        return shown("launch_figures").plot_periodic_hop(self, axes)
 
     def document(self) -> Document:
         return {**stored(self), "stability": self.stability}

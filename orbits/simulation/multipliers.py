@@ -11,7 +11,7 @@ from ..errors import NoOrbit, whole_number
 from ..io import Document
 from ..model.machine import Machine, dimensionless, machine_in_words
 from ..periodic.loss_coefficient import loss_coefficient
-from ..result import Result, Row, stored
+from ..result import Axes, Result, Row, shown, stored
 from ..running.exclusive import exclusive
 from ..units import LIFTOFF_SPEED, Units
 from .impacts import FASTEST_LAUNCH, Impacts, injected
@@ -130,6 +130,10 @@ class HopMultipliers(Result, what="multipliers", in_line=("values",), document_i
             law = f"{above:.4g} E**(4/3) of an energy E more, and {below:.4g} |E|**(4/3) of one less"
             notes.append(f"along its direction a hop loses {law}")
         return notes
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Plot the multipliers in the complex plane, with the unit circle; returns the axes."""
+        return shown("launch_figures").plot_multipliers(self, axes)
 
     def document(self) -> Document:
         return {**stored(self), "stability": self.stability, "real": self.values.real.tolist(),
