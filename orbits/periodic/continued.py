@@ -196,7 +196,7 @@ class _Lanes:
         refused, lanes_found, old = np.ones(len(lanes), bool), lanes[solved], self.us[lanes[solved]]
         if len(solved):
             tangents, orientations = _tangents(jacobians, ways[lanes_found])
-            sizes = _unit_of(found)
+            sizes = _sizes_of_unknowns(found)
             corrections = (np.abs(found - guesses[solved]) / sizes).max(1)
             changes = (np.abs(found - old) / sizes).max(1)
             turned = orientations != self.orientations[lanes_found]
@@ -219,7 +219,8 @@ class _Lanes:
         done, old = self.shares[lanes], self.tangents[lanes]
         # Near a fold the inverse square of the tangent's length falls to zero like a straight line.
         rates = [
-            1 / np.maximum(((t / _unit_of(u)) ** 2).sum(1), TINY) for t, u in ((old, self.us[lanes]), (tangents, us))
+            1 / np.maximum(((t / _sizes_of_unknowns(u)) ** 2).sum(1), TINY)
+            for t, u in ((old, self.us[lanes]), (tangents, us))
         ]
         with np.errstate(all="ignore"):
             folds = new + rates[1] * (new - done) / (rates[0] - rates[1])
@@ -241,7 +242,7 @@ class _Lanes:
         self.going[lanes] = (new < 1.0) & ~certain
 
 
-def _unit_of(us: Array) -> Array:
+def _sizes_of_unknowns(us: Array) -> Array:
     """The unit of each of the unknowns (m, n), as of a curve's points."""
     sizes = np.abs(us)
     return np.maximum(sizes, 0.1 * sizes.max(1, keepdims=True))
@@ -266,7 +267,7 @@ def _near_guesses(equations: Shooting, guesses: Array, ps: Array, vary: tuple[st
         left, n = left[which], us.shape[1]
         steps = -solve(evaluation.jacobian[:, :, :n], evaluation.residual[:, :, None])[:, :, 0]
         with np.errstate(invalid="ignore"):
-            sizes = (np.abs(steps) / _unit_of(us[left])).max(1)
+            sizes = (np.abs(steps) / _sizes_of_unknowns(us[left])).max(1)
             enough, goes = sizes < ON_THE_WAY, (sizes < WORST_PREDICTION) & (sizes < CONTRACTION * last[left])
         ended = left[enough]
         us[ended] += steps[enough]
@@ -312,7 +313,7 @@ def _at_ends(equations: Shooting, guesses: Array, ps: Array) -> tuple[Array, Arr
         us[left] += steps
         done[left[ended]], last[left] = True, sizes
         left = left[~ended & np.isfinite(sizes)]
-    which = np.flatnonzero(done & ((np.abs(us - guesses) / _unit_of(us)).max(1) < WORST_PREDICTION))
+    which = np.flatnonzero(done & ((np.abs(us - guesses) / _sizes_of_unknowns(us)).max(1) < WORST_PREDICTION))
     able, evaluation = equations.evaluate_lanes(us[which], ps[which])
     return which[able], us[which[able]], evaluation
 
