@@ -64,7 +64,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     for axes, along, stops in ((three, "b", (0.03, -0.05)), (four, "m1", (3.0, 0.3))):
         for orbit, colour in ((first, COLOURS[0]), (second, COLOURS[1]))[: 1 if quick else 2]:
             for stop in stops:
-                family = follow(hardening, along, stop, orbit=orbit, longest=0.05)
+                family = follow(hardening, along, stop, start=orbit, longest=0.05)
                 values, speeds = np.array([(point.value, point.alpha) for point in family]).T
                 good = np.array([point.admissible for point in family])
                 known = axes.get_legend_handles_labels()[1]

@@ -50,7 +50,7 @@ def draw(axes, along: str, machine, orbit: Orbit, colour: str) -> list[str]:
     for stop in WAYS[along][0]:
         if stop == machine.values[along]:
             continue
-        family = follow(machine, along, stop, orbit=orbit)
+        family = follow(machine, along, stop, start=orbit)
         good = np.array([point.admissible for point in family])
         speeds = family.column("alpha")
         known = axes.get_legend_handles_labels()[1]

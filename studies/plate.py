@@ -80,7 +80,7 @@ def both_ways(along: str, value: float, orbit: Orbit, most: int) -> list[Family]
     """The family of a hop towards both bounds of a parameter, as long as it is one of motions."""
     machine = plate(**{"stiffness" if along == "plate_stiffness" else "mass": value})
     return [
-        follow(machine, along, stop, orbit=orbit, stop_inadmissible=True, most=most, longest=0.02)
+        follow(machine, along, stop, start=orbit, stop_inadmissible=True, most=most, longest=0.02)
         for stop in ALONG[along]
     ]
 

@@ -75,7 +75,7 @@ def draw_map(axes, quick: bool) -> dict[str, float]:
         orbit = min(motions(mass), key=lambda orbit: abs(orbit.flight_time / 2 / half_flight - 1))
         label = f"from e = {mass:g}"
         for stop in (10.0, 0.02):
-            family = follow(series(mass), "m2", stop, orbit=orbit, stop_inadmissible=True)
+            family = follow(series(mass), "m2", stop, start=orbit, stop_inadmissible=True)
             times = family.column("flight_time") / 2 / half_flight
             axes.plot(family.column("m2"), times, color=colour, label=label if stop > mass else None)
             print(f"  from e = {mass:g} to {family[-1].value:.5g}: {family.end.kind}, {family.end.reason}")

@@ -1,6 +1,6 @@
 """Follow a family of lossless orbits along a parameter, past folds, to its end; or a curve from a branch point."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -9,8 +9,8 @@ import numpy as np
 from ..errors import InputError, NoOrbit, finite_number
 from ..model.machine import Machine, machine_in_words
 from ..periodic.certified import Solved
-from ..periodic.find import Progress, another_family, lowest_of_family, solve_family, solve_near
-from ..periodic.orbit import Orbit
+from ..periodic.find import Progress, StartLike, another_family, check_start, lowest_of_family, solve_family, solve_near
+from ..periodic.orbit import Orbit, start_in_file
 from ..running import interrupts
 from ..running.exclusive import LOCK, exclusive
 from ..running.heartbeat import running
@@ -36,10 +36,9 @@ def follow(
     machine: Machine,
     along: str,
     stop: Stop,
-    start: float | None = None,
+    start: StartLike | float | None = None,
     family: int = 1,
     *,
-    orbit: Orbit | None = None,
     at: Sequence[float] = Options.at,
     watch: Watch | None = None,
     longest: float = Options.longest,
@@ -51,16 +50,16 @@ def follow(
     resume: Family | None = None,
     progress: Progress = None,
 ) -> Family:
-    """Follow a family of lossless orbits as a parameter goes from `start` to `stop`, past folds, to its end.
+    """Follow a family of lossless orbits as a parameter goes from a first value to `stop`, past folds, to its end.
 
     machine : as in `find`
     along : name of the parameter: "mass_ratio", "rest_length", or one of the spring's or gravity's
     stop : its last value, in the machine's units; or a pair of bounds: a bound on the other side of the start, and the
         last value
-    start : its first value, by default the machine's own; the curve ends where it returns to this value, unless there
+    start : its first value, by default the machine's own; or, as in `find`, the first orbit or one near it, instead of
+        the lowest of `family`, at the machine's own value. The curve ends where it returns to this value, unless there
         is another bound
     family : number of the family, from 1
-    orbit : the first orbit, or one near it, instead of the lowest of `family`
     at : values to hit exactly, each time the curve passes them
     watch : functions of the orbit whose zeros are events, by name
     longest : largest distance of two points, as a share of the parameter's whole range and of the unknowns' size
@@ -85,16 +84,16 @@ def follow(
     -0.010695215
     """
     options = checked_options(at, watch, longest, most, stop_inadmissible, step_control)
-    tracer = _begin(machine, along, start, stop, family, orbit, method, options, resume)
+    tracer = _begin(machine, along, start, stop, family, method, options, resume)
     return collect_family(tracer, resume, output, progress)
 
 
 @exclusive
 def trace(
-    machine: Machine, along: str, stop: Stop, start: float | None = None, family: int = 1, **options: object
+    machine: Machine, along: str, stop: Stop, start: StartLike | float | None = None, family: int = 1, **options: object
 ) -> Iterator[Orbit | Event | End]:
     """The orbits of a family one by one, as `follow` finds them: each `Orbit`, each `Event` before the orbit that
-    follows it, and last the `End`. The options are those of `follow`, from `orbit` to `method`, and so are the errors.
+    follows it, and last the `End`. The options are those of `follow`, from `at` to `method`, and so are the errors.
 
     >>> from orbits import trace
     >>> from problems import Hopper
@@ -103,10 +102,10 @@ def trace(
     (4.493409, 'reached')
     """
     known = [field.name for field in fields(Options)]
-    method, orbit = options.pop("method", None), options.pop("orbit", None)
+    method = options.pop("method", None)
     if unknown := options.keys() - set(known):
-        raise InputError(f"trace has no option '{min(unknown)}'; it knows orbit, {', '.join(known)} and method")
-    tracer = _begin(machine, along, start, stop, family, orbit, method, checked_options(**options), None)
+        raise InputError(f"trace has no option '{min(unknown)}'; it knows {', '.join(known)} and method")
+    tracer = _begin(machine, along, start, stop, family, method, checked_options(**options), None)
     return _orbits(tracer)
 
 
@@ -222,15 +221,14 @@ def bounds_of(along: str, start: float, stop: object, at: Sequence[float] = ()) 
     return behind, ahead
 
 
-def _begin(machine, along, start, stop, family, orbit, method, options: Options, resume: Family | None) -> Tracer:
+def _begin(machine, along, start, stop, family, method, options: Options, resume: Family | None) -> Tracer:
     """A run from the first orbit, or from the last of a family that is resumed."""
+    orbit, start = (start, None) if isinstance(start, Orbit | Mapping | str | Path) else (None, start)
     check_followed(machine, along)
     if resume is not None and (not isinstance(resume, Family) or any(point.also for point in resume.points[:1])):
         raise InputError("what is resumed is a family of `follow`, as Family.load gives it")
     if start is None:
         start = machine.values[along] if resume is None else resume.settings["start"]
-    if isinstance(start, Orbit):
-        raise InputError(f"start is the first value of '{along}': give an orbit to begin with as orbit=")
     start = finite_number("start", start)
     behind, stop = bounds_of(along, start, stop, options.at)
     machine = machine.with_values(**{along: start})
@@ -241,6 +239,8 @@ def _begin(machine, along, start, stop, family, orbit, method, options: Options,
         return _resumed(machine, along, behind, stop, resume, options)
     with interrupts.deferred(), without_units(machine.units):
         family, method = 1 if family is None else family, method_of(machine.model, method)
+        check_start(machine, orbit)
+        orbit = start_in_file(orbit) if isinstance(orbit, str | Path) else orbit
         solved = _of_family(machine, family, method) if orbit is None else solve_near(machine, orbit, method)
         curve = Curve(machine, along, iterative(solved.method), abs(stop - behind))
     tracer = start_tracer(curve, np.append(solved.us[0], start), start, behind, stop, options)

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..errors import FlowError, NoOrbit
 from ..model.machine import Machine
+from ..model.model import Model
 from ..numerics.polynomial_roots import TINY
 from ..numerics.roots import Array
 from ..periodic.orbit import Orbit
@@ -73,10 +74,9 @@ class DesignPoint:
         return np.array([self.machine.values[name] for name in self.outputs.over])
 
     def moved(self, change: Array) -> Array:
-        """The n unknowns of the orbit after a change of each: of its logarithm, except for the first, the lift-off
-        extension, which may have either sign and changes by a difference."""
-        u = unknowns_of(self.machine, self.orbit)
-        return np.append(u[:1] + change[:1], u[1:] * np.exp(np.minimum(change[1:], 700.0)))
+        """The n unknowns of the orbit after a change of each: of its logarithm, or a difference, see `by_logarithm`."""
+        u, logarithmic = unknowns_of(self.machine, self.orbit), by_logarithm(self.machine.model)
+        return np.where(logarithmic, u * np.exp(np.minimum(change, 700.0)), u + change)
 
     @cached_property
     def scaled(self) -> slice:
@@ -110,7 +110,17 @@ def unknowns_of(machine: Machine, orbit: Orbit) -> Array:
     """The unknowns (n,) of the simplest statement at a dimensionless orbit."""
     known = machine.model.launch_at(orbit.flight.coefficients[0, :, 0].tolist())
     known |= {"alpha": orbit.alpha, "duration": orbit.flight_time / 2}
+    if not machine.model.one_speed and orbit.contact_time is not None:
+        known["contact_duration"] = orbit.contact_time / 2
     return np.array([known[name] for name in base_statement(machine.model).unknowns])
+
+
+def by_logarithm(model: Model) -> Array:
+    """Whether each of the unknowns (n,) of the simplest statement is positive, so that its changes are measured by its
+    logarithm: the times, and the speed of a launch that has no other; the others may have either sign."""
+    statement = base_statement(model)
+    positive = statement.unknowns[1:] if model.one_speed else statement.durations
+    return np.isin(statement.unknowns, positive)
 
 
 def design_points(cases: Sequence[Case], problem: DesignProblem | None = None) -> list[DesignPoint | NoOrbit]:
@@ -183,12 +193,12 @@ def _models(
 
     moves : the derivatives (m, ..., k) of the points by the parameters
     """
-    over, (m, n, k) = evaluate.over, moves.us.shape
+    over, (m, n, k), logarithmic = evaluate.over, moves.us.shape, by_logarithm(evaluate.model)
     theta = points.ps[:, over]
     units = problem.units(theta)
-    # The first unknown, the lift-off extension, may be zero, as the time of a place that is not inside half a phase.
-    sizes = np.hstack([points.us[:, 1:], np.where(points.times > 0, points.times, np.inf)])
-    changes = np.concatenate([moves.us[:, 1:], moves.times], axis=1) * units[:, None] / sizes[..., None]
+    # The time of a place that is not inside half a phase may be zero.
+    sizes = np.hstack([points.us[:, logarithmic], np.where(points.times > 0, points.times, np.inf)])
+    changes = np.concatenate([moves.us[:, logarithmic], moves.times], axis=1) * units[:, None] / sizes[..., None]
     # Neighbours lie within the bounds, beyond which a formula may have no value.
     inward = np.where(theta > 0.5 * np.add(problem.low, problem.high), -1, 1)
     steps = inward * np.minimum(NEIGHBOUR_SHARE, LARGEST_SHIFT / np.maximum(np.abs(changes).max(1), TINY))
@@ -198,7 +208,7 @@ def _models(
 
     def slopes_at(points: DesignPoints, found: Varied, moves: DesignPoints) -> Array:
         """The slopes of the rows and of the unknowns, by the change of the parameters."""
-        of_us = moves.us / np.where(np.arange(n) > 0, points.us, 1.0)[..., None]
+        of_us = moves.us / np.where(logarithmic, points.us, 1.0)[..., None]
         return (
             np.concatenate([found.by[:, evaluate.modelled], of_us], axis=1) * problem.units(points.ps[:, over])[:, None]
         )

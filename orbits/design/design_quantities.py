@@ -37,7 +37,7 @@ ABSENT = {
 
 def quantity_names(model: Model, p: Mapping) -> list[str]:
     """The quantities of a model's orbits."""
-    missing = [] if model.tension else ["largest_spring_force"]
+    missing = [*([] if model.tension else ["largest_spring_force"]), *(() if model.one_speed else VARIATIONAL)]
     missing += [] if model.separation(p) is not None else ["smallest_separation"]
     return [name for name in DESIGNED if name not in missing] + list(model.rises(p))
 
@@ -82,7 +82,7 @@ def base_statement(model: Model) -> Statement:
 def variational_arc(model: Model) -> Arc:
     """Half the flight, whose states are those of the simplest statement, their derivatives by alpha, and the adjoint of
     the gap at landing, which takes these back over the mirrored half."""
-    (arc,) = base_statement(model).arcs
+    arc, *_ = base_statement(model).arcs
     phase, n = arc.phase, len(arc.phase.states)
 
     def field(x, p, q):

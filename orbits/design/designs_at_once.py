@@ -1,6 +1,6 @@
 """Many designs of a machine together: the orbit of each, its quantities, and the reasons why some have none."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,7 +9,9 @@ from ..errors import InputError, OrbitsError, shortened
 from ..model.machine import Machine
 from ..model.model import Model
 from ..periodic.certified import Certified
+from ..periodic.continued import AT_FOLD, NOT_REACHED, continued, orbit_from_unknowns
 from ..periodic.find import find
+from ..periodic.orbit import Orbit, orbit_of
 from ..periodic.orbits_at_once import lowest_orbits
 from ..periodic.quantities import OF_MANY, numbers_of
 from ..running import interrupts
@@ -19,6 +21,8 @@ from .sensitivities import quantities
 
 # The statuses of a design.
 DESIGN_STATUSES = ("certified", "inadmissible", "no orbit", "failed")
+# Those of designs whose orbits are continued from a start.
+CONTINUED_STATUSES = (*DESIGN_STATUSES, AT_FOLD, NOT_REACHED)
 
 
 class Designs(NamedTuple):
@@ -38,17 +42,31 @@ class Designs(NamedTuple):
 
 
 def solved_designs(
-    machine: Machine, names: Sequence[str], values: np.ndarray, family: int, formulas: Mapping[str, Formula]
+    machine: Machine,
+    names: Sequence[str],
+    values: np.ndarray,
+    family: int,
+    formulas: Mapping[str, Formula],
+    start: Orbit | None = None,
+    report: Callable[[int], None] = lambda done: None,
 ) -> Designs:
     """The orbits of a family for designs (m, k), with formulas of their quantities and parameters by name.
+
+    start : the machine's own orbit, from which those of the designs are then continued, of whatever family
+    report : called with the number of designs that are done
 
     Designs are solved together where possible, else one by one by `find`, and none depends on the others.
     """
     count, columns = len(values), ("alpha", "flight_time", "error", "family", *formulas)
     numbers = {name: np.full(count, np.nan) for name in columns}
     designs = Designs(tuple(names), values, numbers, *np.full((2, count), "", dtype=object))
-    for i in _solved_in_lanes(machine, designs, family, formulas).tolist():
+    if start is not None:
+        _continue(machine, start, designs, formulas, report)
+        return designs
+    left = _solved_in_lanes(machine, designs, family, formulas).tolist()
+    for done, i in enumerate(left, count - len(left)):
         interrupts.heed()
+        report(done)
         _solve_alone(machine, designs, i, family, formulas)
     return designs
 
@@ -65,13 +83,10 @@ def _solved_in_lanes(machine: Machine, designs: Designs, family: int, formulas: 
         if i not in left:
             continue
         base = designs.machine(machine, i)
-        known = {*OF_MANY, *base.model.rises(base.values), *base.values}
-        if base.model in tried or not {*designs.names, *used} <= known:
+        if base.model in tried or not {*designs.names, *used} <= _known_together(base):
             continue
         tried.add(base.model)
-        places = [list(base.values).index(name) for name in designs.names]
-        ps = np.tile(list(base.values.values()), (len(left), 1))
-        ps[:, places] = designs.values[left]
+        ps = _parameters_of(base, designs, left)
         try:
             parts, absent = lowest_orbits(base.model, tuple(base.values), ps, family)
         except Exception:  # a defect that one design causes: each of them is then solved alone
@@ -85,12 +100,49 @@ def _solved_in_lanes(machine: Machine, designs: Designs, family: int, formulas: 
     return left
 
 
+def _known_together(machine: Machine) -> set[str]:
+    """The names of what is computed for many orbits together, and of the machine's parameters."""
+    return {*OF_MANY, *machine.model.rises(machine.values), *machine.values}
+
+
+def _parameters_of(machine: Machine, designs: Designs, which: np.ndarray) -> np.ndarray:
+    """The parameters (k, np) of the machine's model for some designs (k,)."""
+    ps = np.tile(list(machine.values.values()), (len(which), 1))
+    ps[:, [list(machine.values).index(name) for name in designs.names]] = designs.values[which]
+    return ps
+
+
+def _continue(
+    machine: Machine, start: Orbit, designs: Designs, formulas: Mapping[str, Formula], report: Callable[[int], None]
+) -> None:
+    """Fill in designs whose orbits are continued from the machine's own orbit."""
+    each, varied = np.arange(len(designs.values)), designs.names
+    if {*designs.names} <= machine.values.keys():
+        ps = _parameters_of(machine, designs, each)
+    else:  # names of which the model's parameters are functions
+        varied, ps = (
+            (*machine.values,),
+            np.array([[*designs.machine(machine, i).values.values()] for i in each.tolist()]),
+        )
+    found, known = continued(machine, start, ps, varied, report), _known_together(machine)
+    together = {text: formula for text, formula in formulas.items() if formula.names <= known}
+    alone = {text: formula for text, formula in formulas.items() if text not in together}
+    for orbits in found.parts:
+        _fill_in(designs, orbits.which, machine.model, orbits, together)
+        for i in orbits.which.tolist() if alone else ():
+            interrupts.heed()
+            own = designs.machine(machine, i)
+            _fill_in_formulas(designs, i, own, orbit_of(own, orbit_from_unknowns(own, found.unknowns[i])), alone)
+    for i, (status, reason) in found.stopped.items():
+        designs.statuses[i], designs.reasons[i] = status, reason
+
+
 def _fill_in(
     designs: Designs, which: np.ndarray, model: Model, orbits: Certified, formulas: Mapping[str, Formula]
 ) -> None:
     """Write orbits that were found together to their designs."""
     p, places = orbits.cycles.p, orbits.places
-    columns = [name for name in designs.numbers if name not in formulas]
+    columns = ("alpha", "flight_time", "error", "family")
     wanted = set(columns).union(*(formula.names for formula in formulas.values()))
     units = model.units and model.units(p)
     known = {**p, **numbers_of(model, orbits.cycles, orbits.certificates, units, wanted)}
@@ -129,11 +181,16 @@ def _solve_alone(machine: Machine, designs: Designs, i: int, family: int, formul
     found = (orbit.alpha, orbit.flight_time, orbit.error, orbit.family)
     numbers["alpha"][i], numbers["flight_time"][i], numbers["error"][i], numbers["family"][i] = found
     _judge(designs, i, orbit.violations)
+    _fill_in_formulas(designs, i, varied, orbit, formulas)
+
+
+def _fill_in_formulas(designs: Designs, i: int, varied: Machine, orbit: Orbit, formulas: Mapping[str, Formula]) -> None:
+    """Write the formulas at the orbit of one design."""
     for text, formula in formulas.items():
         own = varied.values
         try:
             known = quantities(varied, orbit, [name for name in formula.names if name not in own])
-            numbers[text][i] = _finite(formula(**{name: {**own, **known}[name] for name in formula.names}))
+            designs.numbers[text][i] = _finite(formula(**{name: {**own, **known}[name] for name in formula.names}))
         except InputError:
             raise
         except OrbitsError:

@@ -1,8 +1,8 @@
 """The outputs of a design at many points together, with exact derivatives.
 
 The unknowns u of the simplest statement of an orbit are functions of the parameters theta by its equations. All else
-follows: an extreme is stationary at its place, and the middle of the contact is where its speed vanishes, so that
-derivatives of states at fixed times suffice.
+follows: an extreme is stationary at its place, and the middle of the contact is where its speed vanishes, or half its
+time is one of the unknowns, so that derivatives of states at fixed times suffice.
 """
 
 from collections.abc import Callable
@@ -69,22 +69,29 @@ class Evaluator:
         u, p = ca.SX.sym("u", n), ca.SX.sym("p", len(names))
         unknowns = dict(zip(statement.unknowns, ca.vertsplit(u), strict=True))
         values = dict(zip(names, ca.vertsplit(p), strict=True))
-        used, (arc,) = outputs.quantities(model, values), statement.arcs
+        used, arcs = outputs.quantities(model, values), statement.arcs
         self.variational = any(name in VARIATIONAL for name in used)
-        longer = variational_arc(model) if self.variational else arc
-        start, end = arc.start(unknowns, [], values), ca.SX.sym("end", len(longer.phase.states))
+        longer = variational_arc(model) if self.variational else arcs[0]
         phases = {"flight": model.flight, "contact": model.contact, "half": longer.phase}
-        begun, launched = (_data_of(phases[phase]) for phase in ("half", "flight"))
+        # The phases of the arcs: half the flight and, where the launch has several unknowns, half the contact.
+        self.halves = ("half", "contact")[: len(arcs)]
+        ends = [ca.SX.sym("end", len(phases[half].states)) for half in self.halves]
+        begun, launched = [_data_of(phases[half]) for half in self.halves], _data_of(phases["flight"])
         begins = model.launch(unknowns, values), model.touchdown(unknowns, values), longer.start(unknowns, [], values)
         self.flows = {name: flow_of(phase, names) for name, phase in phases.items()}
         self.begins = {name: _of_varied([u, p], begin) for name, begin in zip(phases, begins, strict=True)}
-        self.duration = _of_varied([u, p], [arc.duration(unknowns, values)])
+        self.durations = _of_varied([u, p], [arc.duration(unknowns, values) for arc in arcs])
         half, contact, slope = (ca.SX.sym(name) for name in ("half", "contact", "slope"))
-        largest, states = ca.SX.sym("extremes", len(kinds)), ca.vertsplit(end)
-        guards = arc.guard(unknowns, start, values, ca.vertsplit(begun))
-        equations = [*guards, *arc.conditions(unknowns, states[: len(start)], values)]
-        sensitivity = landing_sensitivity(model, half, states, values) if self.variational else 0.0
-        self.closing = _of_varied([u, end, half, p, begun], [sensitivity, *equations])
+        largest, states, before = ca.SX.sym("extremes", len(kinds)), ca.vertsplit(ends[0]), list[ca.SX]()
+        equations = [landing_sensitivity(model, half, states, values) if self.variational else 0.0]
+        for arc, end, data in zip(arcs, ends, begun, strict=True):
+            start = arc.start(unknowns, before, values)
+            before = ca.vertsplit(end)[: len(start)]
+            equations += [
+                *arc.guard(unknowns, start, values, ca.vertsplit(data)),
+                *arc.conditions(unknowns, before, values),
+            ]
+        self.closing = _of_varied([u, *ends, half, p, *begun], equations)
         of_extremes = {extreme: largest[i] for extreme, i in zip(extremes, first, strict=True)}
         at, names_of_all = (unknowns | {"contact": contact}, slope, values), [*used, "landing_jerk"]
         found = expressions(model, names_of_all, of_extremes, *at, ca.vertsplit(launched))
@@ -109,19 +116,30 @@ class Evaluator:
             self._refuse_jumps(points.ps[0])
         m, k = len(points.ps), len(self.over)
         p, u = (Varied(x, np.tile(dx, (m, 1, 1))) for x, dx in ((points.ps, self.dp), (points.us, self.du)))
-        half, begin = self.duration(u, p), self.begins["half"](u, p)
-        closed = self.closing(u, self._after("half", begin, half, p), half, p, self._data("half", begin, p))
+        durations, begun = self.durations(u, p), [self.begins[half](u, p) for half in self.halves]
+        parts = [
+            (half, begin, durations.only([i]), p)
+            for i, (half, begin) in enumerate(zip(self.halves, begun, strict=True))
+        ]
+        ends, data = [self._after(*part) for part in parts], [self._data(half, begin, p) for half, begin, _, _ in parts]
+        closed = self.closing(u, *ends, durations.only([0]), p, *data)
         # From here on all derivatives are by theta.
         us_by = -solve(closed.by[:, 1:, k:], closed.by[:, 1:, :k]) if k else u.by
         along = np.concatenate([np.tile(np.eye(k), (m, 1, 1)), us_by], axis=1)[:, : u.by.shape[2]]
-        p, u, half, slope = (Varied(x, by @ along) for x, by in (p, u, half, closed.only([0])))
+        p, u, durations, slope = (Varied(x, by @ along) for x, by in (p, u, durations, closed.only([0])))
         begins = {phase: begin(u, p) for phase, begin in self.begins.items()}
         times = Varied(points.times, np.zeros((*points.times.shape, k)))
-        contact = times.only([-1])
-        # The speed of the contact vanishes in its middle.
-        x, speed = self._after("contact", begins["contact"], contact, p), np.array([self.model.contact_speed.weights])
-        rates = self._rates("contact", x.values, p)
-        contact.by[:] = times.by[:, -1:] = -(speed @ x.by) / (speed @ rates[:, :, None])
+        half, contact = durations.only([0]), times.only([-1])
+        if len(self.halves) > 1:
+            contact = durations.only([1])
+            times.by[:, -1:] = contact.by
+        else:  # The speed of the contact vanishes in its middle.
+            x, speed = (
+                self._after("contact", begins["contact"], contact, p),
+                np.array([self.model.contact_speed.weights]),
+            )
+            rates = self._rates("contact", x.values, p)
+            contact.by[:] = times.by[:, -1:] = -(speed @ x.by) / (speed @ rates[:, :, None])
         extremes = times.only([*range(len(self.kinds))])
         for j, (extreme, index, where) in enumerate(self.kinds):
             phase, _ = extreme_of(self.model, extreme)[index]

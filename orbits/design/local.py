@@ -20,7 +20,7 @@ from ..periodic.orbits_at_once import orbits_near
 from ..running import interrupts
 from ..shooting.single_shooting import SMALLEST_UNIT
 from ..symbolic.quadratic_models import Weights
-from .design_point import Case, DesignPoint, Ties, design_points, no_motion, unknowns_of
+from .design_point import Case, DesignPoint, Ties, by_logarithm, design_points, no_motion, unknowns_of
 from .optimality import Design, optimum_at
 from .problem import DesignProblem, Outputs
 
@@ -145,8 +145,9 @@ class LocalSearch:
         radius = np.where(problem.wide, largest, self.reach)
         bounds = np.clip([problem.change(theta, end) for end in (low, high)], -radius, radius) * ~self.flat
         ones = np.ones(len(models.values) - len(scales))
-        # The lift-off extension may change its sign, and so by any amount.
-        within = np.append(np.inf, largest * ones[1:])
+        # Unknowns that may change their sign may change by any amount.
+        logarithmic = by_logarithm(self.point.machine.model)
+        within = np.where(logarithmic, largest * ones, np.inf)
         limits = np.hstack([self.limits(), [-within, within]])
         minimum = models.over(np.append(scales, ones)).minimum(len(self.sizes), bounds, limits, weights)
         to = np.clip(problem.changed(theta, minimum.x[: len(theta)]), low, high)
@@ -159,7 +160,7 @@ class LocalSearch:
         weights = weights._replace(violation=weights.violation or PENALTY * max(1.0, multiplier))
         gain = self.merit(self.point.values, weights) - self.merit(expected, weights)
         machine = self.point.machine.with_values(**dict(zip(problem.names, to.tolist(), strict=True)))
-        share = max(np.abs(change / radius).max(), np.abs(moved[1:]).max() / largest)
+        share = max(np.abs(change / radius).max(), np.abs(moved[logarithmic]).max() / largest)
         length = float(np.abs(change).max())
         return DesignStep(machine, self.point.moved(moved), length, float(share), weights, gain, minimum.reason)
 
@@ -229,11 +230,14 @@ def _demands(orbit: Orbit, known: Sequence[str]) -> tuple[str, ...]:
 def _ends(steps: Sequence[tuple[LocalSearch, DesignStep]], problem: DesignProblem) -> list[DesignPoint | NoOrbit]:
     """The points to which steps lead, or the reasons why there are none."""
     machines, us = [step.machine for _, step in steps], [step.u for _, step in steps]
-    found: list[Any] = orbits_near(machines, us, [search.first.family for search, _ in steps])
+    # The number of a family may change along orbits of a machine whose launch has several unknowns.
+    families = [search.first.family if search.point.machine.model.one_speed else None for search, _ in steps]
+    found: list[Any] = orbits_near(machines, us, families)
     cases = dict[int, Case]()
     for i, ((search, step), orbit) in enumerate(zip(steps, found, strict=True)):
         u = step.u if orbit is None else unknowns_of(step.machine, orbit)
-        if orbit is None or np.max(np.abs(u - step.u) / np.maximum(np.abs(u), SMALLEST_UNIT)) > LARGEST_CORRECTION:
+        least = SMALLEST_UNIT if step.machine.model.one_speed else 0.1 * np.abs(u).max()
+        if orbit is None or np.max(np.abs(u - step.u) / np.maximum(np.abs(u), least)) > LARGEST_CORRECTION:
             found[i] = NoOrbit("no orbit of the family is found near that of the models")
         else:
             cases[i] = _case(step.machine, orbit, problem, search.point.demands, search.ties)

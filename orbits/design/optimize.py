@@ -6,13 +6,14 @@ Objectives and constraints are formulas of the quantities in an orbit's JSON doc
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
 from ..errors import InputError, NoOrbit, OrbitsError, whole_number
 from ..model.machine import Machine
-from ..periodic.find import Progress, find
+from ..periodic.continued import continued_orbits
+from ..periodic.find import Progress, StartLike, check_start, find
 from ..periodic.orbit import Orbit
 from ..running import interrupts
 from ..running.exclusive import exclusive
@@ -39,6 +40,7 @@ def optimize(
     over: Mapping[str, tuple[float, float]],
     subject_to: Sequence[str] = (),
     family: int = 1,
+    start: StartLike | None = None,
     starts: int | str | None = None,
     seed: int = 0,
     progress: Progress = None,
@@ -50,10 +52,13 @@ def optimize(
     over : bounds (low, high) of the parameters to be optimised, by name
     subject_to : constraints, as "stroke <= 0.25", "loss_coefficient <= 2*alpha", "0.1 <= centre_of_mass_rise <= 0.2"
     family : number of the family, from 1
+    start : as in `find`, of the machine's own orbit, from which those of all other designs are continued, in place of
+        the number of a family; machines whose launch has several unknowns need it
     starts, seed : number of starts, those after the first from Sobol's sequence; None for one, with further ones only
         where that leads to no optimum; "global" for the local minima of the objective among 256 designs of that
         sequence; the result's `share` is then the share of these designs that leads to its optimum
-    progress : called with the completed share of the starts
+    progress : called with the completed share of the starts, after that of the sample, as the first half, where there
+        is one
 
     All numbers are in the machine's units, or in SI for a machine in SI. That the orbit is admissible is always a
     constraint. The optimum is the best of the local optima that the starts lead to. Raises `InputError` for an
@@ -70,13 +75,37 @@ def optimize(
     """
     with interrupts.deferred():
         problem = design_problem(machine, minimise, maximise, over, subject_to)
-        return multistart(machine, problem, family, starts, seed, progress)
+        return multistart(machine, problem, Origin.of(machine, family, start), starts, seed, progress)
+
+
+class Origin(NamedTuple):
+    """Where the orbits of designs come from: a family or, where there is one, the orbit of a machine."""
+
+    family: int
+    machine: Machine
+    orbit: Orbit | None
+
+    @classmethod
+    def of(cls, machine: Machine, family: int, start: StartLike | None) -> "Origin":
+        """The origin from the arguments of `optimize`; raises `InputError` where a machine needs a start."""
+        check_start(machine, start)
+        return cls(family, machine, None if start is None else find(machine, start=start))
+
+    def orbits(self, machines: Sequence[Machine]) -> list[Orbit | OrbitsError]:
+        """The dimensionless orbits of machines, or the reasons why there are none."""
+        if self.orbit is None:
+            return [attempt(self._of_family, machine) for machine in machines]
+        return [*continued_orbits(self.machine, self.orbit, machines)]
+
+    def _of_family(self, machine: Machine) -> Orbit:
+        interrupts.heed()
+        return find(machine, self.family).dimensionless()
 
 
 def multistart(
     machine: Machine,
     problem: DesignProblem,
-    family: int,
+    origin: Origin,
     starts: int | str | None,
     seed: int,
     progress: Progress = None,
@@ -85,27 +114,30 @@ def multistart(
     if isinstance(starts, str):
         if starts != "global":
             raise InputError(f"starts = {starts!r}; it is a number, or 'global'")
-        return _global_best(machine, problem, family, seed, progress)
+        return _global_best(machine, problem, origin, seed, progress)
     points = starting_points(machine, problem, 1 if starts is None else starts, seed)
     try:
-        return best_design(machine, problem, family, points, progress)
+        return best_design(machine, problem, origin, points, progress)
     except NoOrbit as error:
         if starts is not None or isinstance(error, Unbounded):
             raise
         first = error
     further = starting_points(machine, problem, 1 + FURTHER_STARTS, seed)[1:]
     try:
-        best = best_design(machine, problem, family, further, progress)
+        best = best_design(machine, problem, origin, further, progress)
     except NoOrbit as error:
         raise _most_informative([first, error]) from None
     return replace(best, starts=(Start(points[0], None, str(first)), *best.starts))
 
 
-def _global_best(machine: Machine, problem: DesignProblem, family: int, seed: int, progress: Progress = None) -> Design:
+def _global_best(
+    machine: Machine, problem: DesignProblem, origin: Origin, seed: int, progress: Progress = None
+) -> Design:
     """The best design from the seeds of a sample."""
-    seeds = seeds_of(machine, problem, family, whole_number("seed", seed, least=0))
+    seed, report = whole_number("seed", seed, least=0), progress or (lambda share: None)
+    seeds = seeds_of(machine, problem, origin.family, seed, origin.orbit, lambda share: report(0.5 * share))
     points = [dict(zip(problem.names, each.values.tolist(), strict=True)) for each in seeds]
-    best = best_design(machine, problem, family, points, progress)
+    best = best_design(machine, problem, origin, points, lambda share: report(0.5 + 0.5 * share))
     pairs = zip(seeds, best.starts, strict=True)
     share = sum(seed.share for seed, start in pairs if start.optimum and _same_design(problem, best, start.optimum))
     return replace(best, share=float(share))
@@ -119,7 +151,7 @@ def _same_design(problem: DesignProblem, best: Design, other: Mapping[str, float
 
 
 def best_design(
-    machine: Machine, problem: DesignProblem, family: int, points: Sequence[Mapping], progress: Progress = None
+    machine: Machine, problem: DesignProblem, origin: Origin, points: Sequence[Mapping], progress: Progress = None
 ) -> Design:
     """The best design from some starts, each the parameters by name, with an "orbit" where one is known.
 
@@ -130,7 +162,10 @@ def best_design(
     began, report = time.perf_counter(), progress or (lambda share: None)
     values = [{name: point[name] for name in problem.names} for point in points]
     machines = [machine.with_values(**each) for each in values]
-    orbits = [attempt(_start, *each, family) for each in zip(machines, points, strict=True)]
+    known = {i: point["orbit"].dimensionless() for i, point in enumerate(points) if "orbit" in point}
+    unknown = [i for i in range(len(points)) if i not in known]
+    known |= dict(zip(unknown, origin.orbits([machines[i] for i in unknown]) if unknown else (), strict=True))
+    orbits = [known[i] for i in range(len(points))]
     ends = local_optima(machines, orbits, problem, report)
     optima = {i: end.objective * problem.sign for i, end in enumerate(ends) if isinstance(end, Design)}
     for i in sorted(optima, key=optima.__getitem__):
@@ -144,12 +179,6 @@ def best_design(
         for each, end in zip(values, ends, strict=True)
     )
     return replace(best, starts=tried, seconds=time.perf_counter() - began)
-
-
-def _start(machine: Machine, point: Mapping[str, Any], family: int) -> Orbit:
-    """The dimensionless orbit of a machine at a starting point."""
-    interrupts.heed()
-    return (point.get("orbit") or find(machine, family)).dimensionless()
 
 
 def _certified_design(design: Design) -> Design:

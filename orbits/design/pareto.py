@@ -10,12 +10,12 @@ import numpy as np
 from ..errors import InputError, OrbitsError, whole_number
 from ..io import Document
 from ..model.machine import Machine
-from ..periodic.find import Progress, find
+from ..periodic.find import Progress, StartLike, find
 from ..result import Axes, Result, shown
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from .optimality import Design
-from .optimize import best_design, multistart, starting_points
+from .optimize import Origin, best_design, multistart, starting_points
 from .problem import Constraint, DesignProblem, design_problem, formula_names, known_formula
 from .sensitivities import quantities, sensitivities
 
@@ -109,6 +109,7 @@ def pareto(
     subject_to: Sequence[str] = (),
     points: int = 9,
     family: int = 1,
+    start: StartLike | None = None,
     starts: int | None = None,
     seed: int = 0,
     progress: Progress = None,
@@ -117,7 +118,7 @@ def pareto(
 
     minimise : the two objectives, formulas as in `optimize`; one to be maximised has a minus sign, as "-alpha"
     points : number of designs, at most
-    machine, over, subject_to, family, starts, seed, progress : as in `optimize`
+    machine, over, subject_to, family, start, starts, seed, progress : as in `optimize`
 
     Both ends of the front are designed first. Then the first objective is minimised with the second bounded at levels
     that are evenly spaced between the ends (the epsilon-constraint method), from the previous design, from both ends,
@@ -139,10 +140,11 @@ def pareto(
     with interrupts.deferred():
         began, texts = time.perf_counter(), (minimise[0], minimise[1])
         problems = [design_problem(machine, text, None, over, subject_to) for text in texts]
-        ends = []
+        ends, origin = [], Origin.of(machine, family, start)
         for i, problem in enumerate(problems):
-            best = _with_both(multistart(machine, problem, family, starts, seed), texts)
-            ends.append(_corner(best, problems[1 - i], i, family, texts))
+            within = lambda share, i=i: report((i + share) / points)  # noqa: E731
+            best = _with_both(multistart(machine, problem, origin, starts, seed, within), texts)
+            ends.append(_corner(best, problems[1 - i], i, origin, texts))
             report((i + 1) / points)
         designs, refused = [ends[0]], []
         starting = starting_points(machine, problems[0], starts, seed) if starts else []
@@ -154,7 +156,7 @@ def pareto(
             problem = _with_bound(problems[0], texts[1], level, machine)
             known = [{**d.parameters, "orbit": d.orbit} for d in dict.fromkeys((designs[-1], *ends))]
             try:
-                designs.append(_with_both(best_design(machine, problem, family, [*known, *starting]), texts))
+                designs.append(_with_both(best_design(machine, problem, origin, [*known, *starting]), texts))
             except OrbitsError as error:
                 refused.append((level, f"none found from {len(known) + len(starting)} starts: {error}"))
             report((i + 3) / points)
@@ -163,21 +165,21 @@ def pareto(
         return Front(texts, tuple(sorted(front, key=_objectives)), tuple(refused), time.perf_counter() - began)
 
 
-def _corner(end: Design, other: DesignProblem, index: int, family: int, texts: tuple[str, str]) -> Design:
+def _corner(end: Design, other: DesignProblem, index: int, origin: Origin, texts: tuple[str, str]) -> Design:
     """An end of the front: the objective of this index is least, and the other one is least at that value."""
-    if not _flat(end, other, index, texts):
+    if not _flat(end, other, index, origin, texts):
         return end
     own, rival = _objectives(end)[index], _objectives(end)[1 - index]
     problem = _with_bound(other, texts[index], own + SAME_OBJECTIVE * abs(own), end.source)
     start = {**end.parameters, "orbit": end.orbit}
     try:
-        further = _with_both(best_design(end.source, problem, family, [start]), texts)
+        further = _with_both(best_design(end.source, problem, origin, [start]), texts)
     except OrbitsError:
         return end
     return further if rival - _objectives(further)[1 - index] > WORTH * abs(rival) else end
 
 
-def _flat(end: Design, problem: DesignProblem, index: int, texts: tuple[str, str]) -> bool:
+def _flat(end: Design, problem: DesignProblem, index: int, origin: Origin, texts: tuple[str, str]) -> bool:
     """Whether the objective of this index stays the same over a short distance along which the other one falls fastest,
     with the active constraints of an end held active."""
     span = np.subtract(problem.high, problem.low)
@@ -195,7 +197,8 @@ def _flat(end: Design, problem: DesignProblem, index: int, texts: tuple[str, str
     probe = np.clip(theta + PROBE * span * direction / np.linalg.norm(direction), problem.low, problem.high)
     machine = end.source.with_values(**dict(zip(problem.names, probe.tolist(), strict=True)))
     try:
-        value = quantities(machine, find(machine, end.orbit.family), [texts[index]])[texts[index]]
+        orbit = find(machine, end.orbit.family) if origin.orbit is None else find(machine, start=end.orbit)
+        value = quantities(machine, orbit, [texts[index]])[texts[index]]
     except OrbitsError:
         return False
     own = _objectives(end)[index]

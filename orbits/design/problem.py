@@ -1,7 +1,7 @@
 """A design problem: an objective, parameters with bounds, constraints; checked before anything is solved."""
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,11 +12,13 @@ from ..model.machine import Machine, free_parameters
 from ..model.model import Model
 from ..numerics.sobol import sobol_points
 from ..symbolic.formula import Formula, parse, suggest
-from .design_quantities import extremes_of, quantity_names
+from .design_quantities import VARIATIONAL, extremes_of, quantity_names
 
 # Bounds nearer together than this share of their size are refused: rounding of the parameter changes an orbit as much.
 NARROWEST = 1e-9
 WIDE = 100.0  # bounds whose ratio is at least this span decades, and the parameter is scaled by its value
+# Why a machine whose launch has several unknowns lacks a quantity.
+NOT_BY_SPEED = "'{name}' is a slope by the launch speed alone, and a launch of this machine has several unknowns"
 _RELATION = re.compile(r"<=|>=|==")
 _MIRRORED = {"<=": ">=", ">=": "<=", "==": "=="}
 
@@ -138,9 +140,6 @@ def design_problem(
 
 def formula_names(machine: Machine) -> list[str]:
     """The names that a formula of a design may use: quantities of the orbit and parameters of the machine."""
-    if set(machine.model.launch_unknowns) - {"liftoff", "alpha"}:
-        launch = "its launch has more unknowns than the lift-off extension and the speed"
-        raise InputError(f"a {machine.model.name} cannot be designed: {launch}")
     quantities = quantity_names(machine.model, machine.values)
     parameters = free_parameters(machine)
     if ambiguous := [name for name in parameters if name in quantities]:
@@ -148,10 +147,17 @@ def formula_names(machine: Machine) -> list[str]:
     return quantities + parameters
 
 
+def list_of_names(names: str | Iterable[str]) -> list[str]:
+    """The names in a list, of which one alone may be text."""
+    return [names] if isinstance(names, str) else list(names)
+
+
 def known_formula(text: str, known: Collection[str], what: str) -> Formula:
     """A formula of known names; `what` it is begins the error message."""
     formula = parse(text)
     if unknown := sorted(formula.names - set(known)):
+        if unknown[0] in VARIATIONAL:
+            raise InputError(f"{what} '{text}': {NOT_BY_SPEED.format(name=unknown[0])}")
         raise InputError(f"{what} '{text}': unknown quantity '{unknown[0]}'{suggest(unknown[0], known)}")
     return formula
 

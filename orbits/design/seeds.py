@@ -5,12 +5,14 @@ better than all of its neighbours: there a local search begins. Source: Torn and
 optimization", in Recent Advances in Global Optimization (1992).
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from ..errors import NoOrbit
 from ..model.machine import Machine
+from ..periodic.orbit import Orbit
 from .designs_at_once import Designs, solved_designs
 from .problem import DesignProblem
 
@@ -27,11 +29,16 @@ class Seed(NamedTuple):
     share: float
 
 
-def seeds_of(machine: Machine, problem: DesignProblem, family: int, seed: int) -> list[Seed]:
-    """The starts of the local searches, the most promising first; raises `NoOrbit` where no sampled design hops."""
+def seeds_of(
+    machine: Machine, problem: DesignProblem, family: int, seed: int, start: Orbit | None = None,
+    report: Callable[[float], None] = lambda share: None,
+) -> list[Seed]:  # fmt: skip
+    """The starts of the local searches, the most promising first, of the family or of the orbits continued from the
+    machine's own orbit `start`; raises `NoOrbit` where no sampled design hops."""
+    reported = lambda done: report(done / SAMPLED_DESIGNS)  # noqa: E731
     places, values = problem.sampled(SAMPLED_DESIGNS, seed)
     formulas = {"objective": problem.formula} | {each.text: each.formula for each in problem.constraints}
-    designs = solved_designs(machine, problem.names, values, family, formulas)
+    designs = solved_designs(machine, problem.names, values, family, formulas, start, reported)
     found = np.flatnonzero(designs.statuses == "certified")
     found = found[np.isfinite([designs.numbers[text][found] for text in formulas]).all(axis=0)]
     if not len(found):

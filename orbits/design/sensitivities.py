@@ -6,18 +6,18 @@ from typing import TypeAlias
 from ..consistency.accepted import check_parameters
 from ..errors import InputError, OrbitsError
 from ..model.machine import Machine, free_parameters, machine_in_words
-from ..periodic.find import find
+from ..periodic.find import StartLike, check_start, find
 from ..periodic.orbit import Orbit
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from .design_point import Case, DesignPoint, design_points, no_motion
 from .design_quantities import extremes_of, quantity_names
 from .extremes import places_of
-from .problem import Outputs, formula_names, known_formula
+from .problem import Outputs, formula_names, known_formula, list_of_names
 from .slopes import Sensitivities
 
-# Requested names, None for all.
-Names: TypeAlias = Sequence[str] | None
+# Requested names, one or a list; None for all.
+Names: TypeAlias = str | Sequence[str] | None
 
 
 @exclusive
@@ -25,7 +25,7 @@ def quantities(machine: Machine, orbit: Orbit, names: Names = None) -> dict[str,
     """Quantities of a machine's orbit, by name.
 
     machine, orbit : a machine, and an orbit of it
-    names : of quantities, or formulas of them; None for all quantities that the orbit has
+    names : of quantities, or formulas of them, one or a list; None for all quantities that the orbit has
 
     The values are in the machine's units, or in SI for a machine in SI. Raises `InputError` for an unknown name, and
     for the orbit of another machine.
@@ -43,14 +43,20 @@ def quantities(machine: Machine, orbit: Orbit, names: Names = None) -> dict[str,
 
 @exclusive
 def sensitivities(
-    machine: Machine, orbit: Orbit | int = 1, names: Names = None, quantities: Names = None
+    machine: Machine,
+    orbit: Orbit | int = 1,
+    names: Names = None,
+    quantities: Names = None,
+    *,
+    start: StartLike | None = None,
 ) -> Sensitivities:
     """Exact derivatives d(quantity)/d(parameter) for an orbit that stays lossless as the parameter changes.
 
     machine : as in `find`
     orbit : an orbit of the machine, or the number of its family
-    names : of the parameters, as in `optimize`; None for all
-    quantities : of the orbit, or formulas of these; None for all that it has
+    names : of the parameters, as in `optimize`, one or a list; None for all
+    quantities : of the orbit, or formulas of these, one or a list; None for all that it has
+    start : as in `find`, of the orbit, in place of the number of its family
 
     Returns the derivatives as a mapping by quantity and parameter, in the machine's units. They follow from the
     implicit function theorem for the equations of the orbit, by automatic differentiation. At a fold of the family in a
@@ -64,11 +70,11 @@ def sensitivities(
     check_parameters(machine)
     formula_names(machine)  # raises for a machine that cannot be designed, before an orbit is searched for
     if not isinstance(orbit, Orbit):
-        orbit = find(machine, orbit)
-    if names is None:
-        names = free_parameters(machine)
-    elif isinstance(names, str):
-        raise InputError(f"the names of parameters are a list: ['{names}']")
+        check_start(machine, start)
+        orbit = find(machine, orbit) if start is None else find(machine, start=start)
+    elif start is not None:
+        raise InputError("sensitivities are of an orbit, or of the one near start=: give one of the two")
+    names = free_parameters(machine) if names is None else list_of_names(names)
     # The machine itself determines which of its parameters follow from others.
     machine.with_values(**{name: machine.values[name] for name in names if name in machine.values})
     check_parameters(machine, *names)
@@ -98,10 +104,8 @@ def _requested(machine: Machine, orbit: Orbit, names: Names) -> Sequence[str]:
     """The requested names, or all quantities that the orbit has; raises `InputError` for another machine's orbit."""
     if dict(orbit.machine) != machine_in_words(machine):
         raise InputError(f"the orbit is another machine's: {dict(orbit.machine)}")
-    if isinstance(names, str):
-        raise InputError(f"quantities are a list: ['{names}']")
     if names is not None:
-        return list(names)
+        return list_of_names(names)
     known, bare = quantity_names(machine.model, machine.values), orbit.dimensionless()
     if bare.contact is None:
         raise no_motion(machine, bare)

@@ -5,6 +5,7 @@ has none, Runge-Kutta steps of order 8. The error alone controls the step size. 
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cached_property
 
 import casadi as ca
@@ -97,20 +98,51 @@ class Flow:
         are those of each. Returns the motions and the derivatives (m, n, columns) of their ends. Raises the `FlowError`
         of the first that cannot be followed, with those that seem `broken`.
         """
-        stepper = self.stepper(seeds.shape[-1], self.varied(parameter_seeds))
-        in_closed_form = self.phase.closed_form and not parameter_seeds.any()
-        if in_closed_form or not isinstance(stepper, TaylorStepper):
+        if not self._is_together(seeds, parameter_seeds):
             return self._run_each(starts, ps, durations, seeds, parameter_seeds)
+        done, motions, variations = self._run_together(starts, ps, durations, seeds, parameter_seeds)
+        if motions is None or not done.all():
+            return self._run_each(starts, ps, durations, seeds, parameter_seeds, broken=(~done).nonzero()[0].tolist())
+        return motions, variations
+
+    def run_lanes(
+        self, starts: Array, ps: Array, durations: Array, seeds: Array, parameter_seeds: Array
+    ) -> tuple[Array, Trajectories | None, Array]:
+        """`run_all` of those motions that can be followed: their indices (k,), the motions, None without any, and the
+        derivatives (k, n, columns) of their ends."""
+        if len(starts) and self._is_together(seeds, parameter_seeds):
+            done, motions, variations = self._run_together(starts, ps, durations, seeds, parameter_seeds)
+            return np.flatnonzero(done), motions, variations
+        found = dict[int, tuple[Trajectory, Array]]()
+        for i, one in enumerate(zip(starts, ps, durations.tolist(), strict=True)):
+            with suppress(FlowError):
+                found[i] = self.run(*one, seeds, parameter_seeds)
+        paths, ends = [path for path, _ in found.values()], [variations for _, variations in found.values()]
+        return np.array([*found], int), Trajectories.of(paths) if paths else None, np.array(ends)
+
+    def _is_together(self, seeds: Array, parameter_seeds: Array) -> bool:
+        """Whether motions with these seeds are integrated together."""
+        stepper = self.stepper(seeds.shape[-1], self.varied(parameter_seeds))
+        return isinstance(stepper, TaylorStepper) and not (self.phase.closed_form and not parameter_seeds.any())
+
+    def _run_together(self, starts, ps, durations, seeds, parameter_seeds) -> tuple[Array, Trajectories | None, Array]:
+        """Whether each of the motions (m,) can be followed, those that can, None without any, and the derivatives of
+        their ends."""
+        stepper = self.stepper(seeds.shape[-1], self.varied(parameter_seeds))
+        assert isinstance(stepper, TaylorStepper)
         on = self.on_pieces(starts, ps, parameter_seeds)
         found = stepper.advance_all(starts, ps, durations, seeds, parameter_seeds, self.control.max_block, on)
-        begins = begins_of_steps(found.steps, found.counts)
+        c, counts, variations = found.coefficients, found.counts, found.variations
+        begins, before = begins_of_steps(found.steps, counts), found.begins
         vanishing = found.steps <= self.control.shortest_step * np.maximum(begins, 1.0)
         done = (found.left == 0) & (durations > 0) & (np.abs(found.ends).max(1) <= self.control.runaway)
         if vanishing.any() or not done.all():
-            done[np.repeat(np.arange(len(done)), found.counts)[vanishing]] = False
-            return self._run_each(starts, ps, durations, seeds, parameter_seeds, broken=(~done).nonzero()[0].tolist())
-        c, counts = found.coefficients, found.counts
-        return Trajectories(begins, durations, c, counts, self.names, found.begins), found.variations
+            owner = np.repeat(np.arange(len(done)), counts)
+            done[owner[vanishing]] = False
+            c, begins, before = (each[done[owner]] for each in (c, begins, before))
+            counts, durations, variations = counts[done], durations[done], variations[done]
+        motions = Trajectories(begins, durations, c, counts, self.names, before) if done.any() else None
+        return done, motions, variations
 
     def _run_each(self, starts, ps, durations, *seeds, broken=()) -> tuple[Trajectories, Array]:
         """`run_all` of one motion after the other, those with indices `broken` first, which seem to be like that."""

@@ -86,5 +86,5 @@ def dimensionless(machine: Any) -> Any:
 
 def free_parameters(machine: Machine) -> list[str]:
     """The names of the parameters that may be varied."""
-    fixed = (machine.model.homotopy, machine.model.gauge)
+    fixed = (machine.model.homotopy, machine.model.gauge, *machine.model.fixed)
     return [name for name in machine.values if name not in fixed]

@@ -84,6 +84,7 @@ class Model:
     units : p -> `Units` of a machine that is stated in SI, whose parameters are in SI; None for a dimensionless one
     gauge : name of a parameter that only sets the units and changes no motion; None where there is none
     search : p -> `Search`; None for a model whose families are not searched for all of their orbits
+    fixed : names of parameters that have one value only
     rest : p -> flight state at rest in contact, with the springs unloaded, from which a simulation counts the energy;
         None where all of its coordinates are 0
     derived : whether the model was derived, so that its parts cannot contradict each other, see `as_derived`; other
@@ -120,6 +121,7 @@ class Model:
     rest: Callable | None = None
     knees: Callable | None = None
     driven: bool = False
+    fixed: tuple[str, ...] = ()
     # A model that `dataclasses.replace` makes has to be checked again.
     derived: bool = field(default=False, init=False)
 

@@ -23,6 +23,8 @@ from .homotopy import solve_by_homotopy
 from .orbit import Orbit, orbit_of, start_in_file
 
 Progress: TypeAlias = Callable[[float], None] | None  # called with the share that is done
+# An orbit nearby, the unknowns of a half orbit by name, or the name of a file of an orbit.
+StartLike: TypeAlias = Orbit | Mapping[str, float] | str | Path
 LARGEST_FAMILY = 10_000
 # Orbits whose launch speeds, times and states agree to this share are the same.
 SAME_ORBIT = 1e-9
@@ -35,7 +37,7 @@ def find(
     machine: Machine,
     family: int | None = None,
     *,
-    start: Orbit | Mapping[str, float] | str | Path | None = None,
+    start: StartLike | None = None,
     method: str | None = None,
     progress: Progress = None,
     limit: float | None = None,
@@ -272,7 +274,7 @@ def solve_near(machine: Machine, start: Orbit | Mapping[str, float], method: str
     """The solution that a method finds from a start, as in `find`."""
     method = iterative(method)
     bare = machine.units.dimensionless("start", start) if machine.units else start
-    stated = _stated_unknowns(machine.model, bare)
+    stated = stated_unknowns(machine.model, bare)
     names = equations_of(machine.model, method, tuple(machine.values)).statement.unknowns
     if missing := [name for name in names if name not in stated]:
         raise InputError(f"start has no '{missing[0]}'; the unknowns are {', '.join(names)}")
@@ -292,7 +294,24 @@ def _same(a: Orbit, b: Orbit) -> bool:
     return np.allclose(x, y, rtol=SAME_ORBIT, atol=SAME_ORBIT * max(map(abs, x)))
 
 
-def _stated_unknowns(model: Model, start: Orbit | Mapping[str, float]) -> dict[str, float]:
+def check_start(machine: Machine, start: object) -> None:
+    """Raise `InputError` where there is no start and no family of the machine's orbits can be found without one."""
+    model = machine.model
+    if start is None and model.conservative and not (model.is_guessed or model.search):
+        raise InputError(
+            f"the families of a {model.name} are not guessed: give start= an orbit of it"
+            + ("" if model.one_speed else ", such as one of find_all(machine, starts(machine))")
+        )
+
+
+def unknowns_of_start(machine: Machine, orbit: Orbit) -> dict[str, float]:
+    """The unknowns of a machine's orbit by name, in the machine's units: a start that leads back to it."""
+    bare, names = stated_unknowns(machine.model, orbit), {*machine.model.half_unknowns, "contact_duration"}
+    units = machine.units
+    return {name: value * (units.of(name) if units else 1.0) for name, value in bare.items() if name in names}
+
+
+def stated_unknowns(model: Model, start: Orbit | Mapping[str, float]) -> dict[str, float]:
     """The unknowns that a start states, by name; raises `InputError` for an invalid start."""
     if isinstance(start, Orbit):
         start = start.dimensionless()

@@ -67,9 +67,11 @@ def lowest_orbits(
     return parts, absent
 
 
-def orbits_near(machines: Sequence[Machine], us: Sequence[np.ndarray], families: Sequence[int]) -> list[Orbit | None]:
-    """The orbits of machines, each of its own family and without dimensions, to which Newton's method converges from
-    unknowns (n,) of the simplest statement; None where it does not."""
+def orbits_near(
+    machines: Sequence[Machine], us: Sequence[np.ndarray], families: Sequence[int | None]
+) -> list[Orbit | None]:
+    """The orbits of machines, each of its own family (None: of any) and without dimensions, to which Newton's method
+    converges from unknowns (n,) of the simplest statement; None where it does not."""
     orbits = dict[int, Orbit]()
     sought_by = [(machine.model, family) for machine, family in zip(machines, families, strict=True)]
     for model, family in dict.fromkeys(sought_by):
@@ -77,8 +79,8 @@ def orbits_near(machines: Sequence[Machine], us: Sequence[np.ndarray], families:
         part, guess = [machines[i] for i in these], np.array([us[i] for i in these])
         names, ps = tuple(part[0].values), np.array([list(machine.values.values()) for machine in part])
         method = iterative(method_of(model))
-        sought = _Family(model, names, ps, family, method, equations_of(model, method, names))
-        if sought.equations.in_lanes:
+        sought = _Family(model, names, ps, family or 0, method, equations_of(model, method, names))
+        if sought.equations.in_lanes and family:
             solved = _at_value(_kernel_of(model, sought.equations), guess, ps, with_motions=True)
             if found := _certified(sought, solved.which, solved.xs[:, :-1], solved.evaluation):
                 each = orbits_of(part, method, sought.equations, found, began)
@@ -87,7 +89,7 @@ def orbits_near(machines: Sequence[Machine], us: Sequence[np.ndarray], families:
         for i, machine, u in zip(these, part, guess, strict=True):
             with suppress(NoOrbit):
                 orbit = certified_orbit(machine, solve_from(machine, method, u), began=began)
-                orbits |= {i: orbit} if orbit.family == family else {}
+                orbits |= {i: orbit} if family in (None, orbit.family) else {}
     return [orbits.get(i) for i in range(len(machines))]
 
 

@@ -64,9 +64,10 @@ def error_bounds(
     # Near an unstable equilibrium a change grows and shrinks again, and derivatives lose their rank to rounding.
     lost = (EPS * _largest_growth(equations, evaluation) ** 2 > 1.0).nonzero()[0].tolist()
     moves, refused = np.full(len(us), np.nan), {i: NoOrbit(f"the orbit cannot be certified{NARROW}") for i in lost}
-    if quickly and equations.in_lanes and weights[0] is not None:
+    if quickly and all(flow.in_lanes for flow in equations.flows):
         moves = np.einsum("mi,mi->m", inverse, evaluation.residual)
-        moves -= _moves_by_defects(equations.flows[0], evaluation.trajectories[0], ps, weights[0])
+        for flow, motions, back in zip(equations.flows, evaluation.trajectories, weights, strict=True):
+            moves = moves - (np.nan if back is None else _moves_by_defects(flow, motions, ps, back))
     for i in (~np.isfinite(moves)).nonzero()[0].tolist():
         try:
             moves[i] = inverse[i] @ equations.residual(us[i], ps[i], evaluation[i].trajectories, _end_by_another_method)

@@ -197,7 +197,11 @@ def interpret(
     flight, halves, gap_slope, growth = _flights(model, method, u, p, evaluation)
     # The derivatives change with the error of alpha.
     slope_error = SLOPE_CHANGE * growth * evaluation.amplification**2 * errors / u["alpha"]
-    contacts = _contacts(model, u, p, u.get("contact_duration", LONGEST_CONTACT * (1 + flight.ends)))
+    # Where the launch has several speeds, the contact up to its middle is a part of the equations.
+    if len(evaluation.trajectories) > 1:
+        contacts: Any = np.arange(len(us)), evaluation.trajectories[1].only(evaluation.trajectories[1].names), {}
+    else:
+        contacts = _contacts(model, u, p, u.get("contact_duration", LONGEST_CONTACT * (1 + flight.ends)))
     residual = np.abs(evaluation.residual).max(1)
     return Cycles(u, p, flight, halves, gap_slope, slope_error, residual, errors, *contacts)
 

@@ -140,6 +140,24 @@ class Shooting:
             arcs.append((motions, before, transitions))
         return self.closed(us, ps, vary, arcs)
 
+    def evaluate_lanes(
+        self, us: np.ndarray, ps: np.ndarray, vary: tuple[str, ...] = ()
+    ) -> tuple[np.ndarray, Evaluation | None]:
+        """`evaluate_all` at those points whose motions can be followed: their indices (k,), and the equations there,
+        None without any."""
+        which, before, arcs = np.arange(len(us)), np.zeros((len(us), 0)), list[tuple]()
+        for flow, begin, seeds in zip(self.flows, self.beginnings, self.seeds(vary)[3], strict=True):
+            start = begin(us[which], before, ps[which])[0][:, :, 0] if len(which) else np.zeros((0, flow.size + 1))
+            able = np.flatnonzero(np.isfinite(start).all(1) & (start[:, -1] > 0))
+            done, motions, transitions = flow.run_lanes(start[able, :-1], ps[which[able]], start[able, -1], *seeds)
+            if motions is None:
+                return which[:0], None
+            if len(able := able[done]) < len(which):
+                which, arcs = which[able], [tuple(each[able] for each in arc) for arc in arcs]
+            before = motions.finals[:, : flow.size]
+            arcs.append((motions, before, transitions))
+        return which, self.closed(us[which], ps[which], vary, arcs)
+
     def closed(self, us: np.ndarray, ps: np.ndarray, vary: tuple[str, ...], arcs: Sequence[tuple]) -> Evaluation:
         """The equations from the motions of each arc, their ends (m, states) and their transitions."""
         known = list[np.ndarray]()

@@ -30,7 +30,9 @@ STYLES: dict[str, dict[str, Any]] = {
     "certified": {"fc": COLOURS[0], "ec": COLOURS[0], "lw": 0.2, "label": "motions"},
     "inadmissible": {"fc": PALE, "ec": PALE, "lw": 0.2, "label": NO_MOTIONS},
     "no orbit": {"fc": NOTHING, "ec": NOTHING, "lw": 0.5, "label": NO_ORBITS, "zorder": 1.5},
+    "ends": {"fc": NOTHING, "ec": NOTHING, "lw": 0.5, "label": "beyond a fold", "zorder": 1.5},
     "failed": {"fc": "white", "ec": "0.8", "hatch": "///", "lw": 0, "label": "not known", "zorder": 1.6},
+    "not reached": {"fc": "white", "ec": "0.8", "hatch": "///", "lw": 0, "label": "not reached", "zorder": 1.6},
 }
 EDGES: dict[str, dict[str, Any]] = {
     "edge of the orbits": {"color": "0.1", "lw": 1.4, "zorder": 3},
@@ -115,7 +117,11 @@ def plot_existence(diagram: Any, quantity: str | None = None, axes: Axes | None 
 
     axes, sweep = axes or new_axes(6.4, 4.8), diagram.grid
     cells = list(_cells_of_diagram(diagram))
-    styles = STYLES if quantity is None else {status: STYLES[status] for status in ("no orbit", "failed")}
+    styles = (
+        STYLES
+        if quantity is None
+        else {status: style for status, style in STYLES.items() if status not in ("certified", "inadmissible")}
+    )
     if quantity is not None:
         x, y, z = (sweep[name].reshape(sweep.about["shape"]) for name in (*sweep.parameters, quantity))
         drawn = axes.pcolormesh(x, y, _beyond_edges(z), cmap=MAP, shading="nearest", rasterized=True)
@@ -176,7 +182,7 @@ def _cells_of_diagram(diagram: Any) -> Iterator[tuple[list[Any], list[Any]]]:
 
 def _edge_of(pair: tuple[str, str]) -> str:
     """The name of the edge to which a boundary between two statuses belongs."""
-    return "edge of the motions" if "no orbit" not in pair else "edge of the orbits"
+    return "edge of the orbits" if {*pair} & {"no orbit", "ends"} else "edge of the motions"
 
 
 def _matrix(sweep: Any, quantity: str) -> Axes:

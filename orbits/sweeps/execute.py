@@ -9,7 +9,7 @@ import pickle
 import signal
 import threading
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 from weakref import WeakSet
@@ -62,16 +62,19 @@ def check_executor(executor: object, workers: int | None) -> None:
         whole_number("workers", workers, most=1000)
 
 
-def solved_chunks(question: Question, chunks: list[Chunk], executor: object, workers: int | None) -> Iterator[Table]:
+def solved_chunks(
+    question: Question, chunks: list[Chunk], executor: object, workers: int | None, report: Callable[[int], None]
+) -> Iterator[Table]:
     """The results of the chunks, each as soon as it is solved.
 
     executor : None for this process, "processes" for `workers` processes of this machine (None: one for each core), or
         an executor of `concurrent.futures`, such as Dask's `Client.get_executor()`
+    report : called with the number of members of the next chunk that are done, in this process
     """
     if executor is None:
         for chunk in chunks:
             interrupts.heed()
-            yield solve_chunk(question, chunk.members, question.values_of(chunk.members))
+            yield solve_chunk(question, chunk.members, question.values_of(chunk.members), report)
         return
     # Every call sends the parameters of its own members only: a sweep may have a million members.
     members = replace(question.members, values=question.members.values[:0], axes=())

@@ -16,11 +16,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..design.designs_at_once import DESIGN_STATUSES, solved_designs
+from ..design.designs_at_once import CONTINUED_STATUSES, solved_designs
 from ..errors import InputError
 from ..io import Document
 from ..model.machine import Machine
-from ..periodic.find import family_number
+from ..periodic.continued import NOT_REACHED
+from ..periodic.find import StartLike, family_number, find
 from ..result import Axes, Result, Row, shown
 from ..running import interrupts
 from .designs import Axis, axis_of
@@ -122,8 +123,8 @@ class Existence(Result, what="diagram", in_line=("along", "across", "values")):
         return [(low, high) for low, high, motion in self.stretches(row) if motion]
 
     def unknown(self, row: int) -> bool:
-        """Whether a row may be incomplete because one of its members has failed."""
-        return any(status == "failed" for _, _, status in self.row(row))
+        """Whether a row may be incomplete because one of its members has failed or is not reached from the start."""
+        return any(status in ("failed", NOT_REACHED) for _, _, status in self.row(row))
 
     @property
     def orbit_edges(self) -> np.ndarray:
@@ -183,7 +184,8 @@ def existence(
     *,
     samples: int | tuple[int, int] = 100,
     both_ways: bool = False,
-    quantities: Sequence[str] = (),
+    quantities: str | Sequence[str] = (),
+    start: StartLike | None = None,
     executor: object = None,
     workers: int | None = None,
     client: object = None,
@@ -198,14 +200,15 @@ def existence(
     family : number of the family, from 1
     samples : the number of values of a range, or a pair of numbers, along and across
     both_ways : locate the boundaries between the rows too, for boundaries that are nearly parallel to them
-    quantities : as in `sweep`
+    quantities, start : as in `sweep`; with a start the machine's own values of the two parameters are those of its
+        orbit
     executor, workers, client, store : as in `sweep`, for the grid
     progress : called with a `SweepProgress`; True prints a line, and None does so on a terminal
 
-    The orbit of a machine is the one of least launch speed. The boundaries are located to 1e-6 of a parameter's range
-    wherever neighbours on the grid have different statuses; what lies between two neighbours of the same status is not
-    detected. Where the motions become too sensitive for an orbit to be certified, the boundary is that of the orbits
-    that `find` finds. Raises `InputError` for invalid arguments.
+    The orbit of a machine is the one of least launch speed, or the one that is continued from the start. The boundaries
+    are located to 1e-6 of a parameter's range wherever neighbours on the grid have different statuses; what lies
+    between two neighbours of the same status is not detected. Where the motions become too sensitive for an orbit to be
+    certified, the boundary is that of the orbits that `find` finds. Raises `InputError` for invalid arguments.
 
     >>> from orbits import existence
     >>> from problems import Hopper
@@ -230,13 +233,14 @@ def existence(
     over = {along: between, across: list(column.values) or values}
     grid = sweep(
         machine, over, (counts[0], len(column.values) or counts[1]), sampling="grid", family=family,
-        quantities=quantities, executor=executor, workers=workers, client=client, store=store, progress=progress,
+        quantities=quantities, start=start, executor=executor, workers=workers, client=client, store=store,
+        progress=progress,
     )  # fmt: skip
-    scales = row, replace(column, values=())
+    scales, first = (row, replace(column, values=())), None if start is None else find(machine, start=start)
 
     def statuses_at(shares: np.ndarray) -> np.ndarray:
         points = np.column_stack([axis.at(share) for axis, share in zip(scales, shares.T, strict=True)])
-        return solved_designs(machine, (along, across), points, family, {}).statuses
+        return solved_designs(machine, (along, across), points, family, {}, first).statuses
 
     rows = tuple(grid[across].reshape(grid.about["shape"])[0].tolist())
     shares = np.linspace(0, 1, grid.about["shape"][0]), _shares_at(column, rows)
@@ -292,4 +296,4 @@ def _located(
 
 def codes_of(statuses: np.ndarray) -> np.ndarray:
     """Statuses as whole numbers of the same shape."""
-    return np.searchsorted(np.sort(DESIGN_STATUSES), statuses.astype(str))
+    return np.searchsorted(np.sort(CONTINUED_STATUSES), statuses.astype(str))

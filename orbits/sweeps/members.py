@@ -1,11 +1,14 @@
 """The results of the members of a sweep: a chunk is solved together, and by `find` the members that need more."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ..design.designs_at_once import solved_designs
 from ..design.problem import formula_names, known_formula
 from ..errors import OrbitsError
 from ..model.machine import Machine
+from ..periodic.find import find
 from ..return_map.return_map import ReturnMap
 from ..running import interrupts
 from ..running.exclusive import exclusive
@@ -13,10 +16,15 @@ from .question import LAUNCH_SPEED, Question, Table, empty_table
 
 
 @exclusive
-def solve_chunk(question: Question, members: np.ndarray, values: np.ndarray) -> Table:
-    """The results of some members (k,) of a question, with their parameters (k, n); the question's own are not used."""
+def solve_chunk(
+    question: Question, members: np.ndarray, values: np.ndarray, report: Callable[[int], None] = lambda done: None
+) -> Table:
+    """The results of some members (k,) of a question, with their parameters (k, n); the question's own are not used.
+
+    report : called with the number of members that are done
+    """
     table = _unanswered(question, members, values)
-    {"find": _found, "map": _launched, "fixed_points": _fixed}[question.outcome](question, table)
+    {"find": _found, "map": _launched, "fixed_points": _fixed}[question.outcome](question, table, report)
     return table
 
 
@@ -36,15 +44,16 @@ def _unanswered(question: Question, members: np.ndarray, values: np.ndarray) -> 
     return table
 
 
-def _found(question: Question, table: Table) -> None:
+def _found(question: Question, table: Table, report: Callable[[int], None]) -> None:
     """The orbits of each family."""
     families = np.array(question.families)[table.members % len(question.families)]
     known = formula_names(question.machine) if question.quantities else ()
     formulas = {text: known_formula(text, known, "the quantity") for text in question.quantities}
+    start = None if question.start is None else find(question.machine, start=question.start)
     for family in question.families:
         rows, names = np.flatnonzero(families == family), question.members.names
         values = np.column_stack([table.columns[name][rows] for name in names])
-        designs = solved_designs(question.machine, names, values, family, formulas)
+        designs = solved_designs(question.machine, names, values, family, formulas, start, report)
         for name, numbers in designs.numbers.items():
             table.columns[name][rows] = numbers
         table.columns["status"][rows], table.columns["reason"][rows] = designs.statuses, designs.reasons
@@ -61,7 +70,7 @@ def _return_map(question: Question, table: Table, row: int) -> ReturnMap:
     return ReturnMap(_machine_at(question, table, row))
 
 
-def _launched(question: Question, table: Table) -> None:
+def _launched(question: Question, table: Table, report: Callable[[int], None]) -> None:
     """The next launch: launches of the same machine are mapped together."""
     own = [name for name in question.members.names if name != LAUNCH_SPEED]
     values = np.column_stack([table.columns[name] for name in own]) if own else np.zeros((len(table.members), 0))
@@ -69,6 +78,7 @@ def _launched(question: Question, table: Table) -> None:
     for k in range(len(first)):
         interrupts.heed()
         rows = np.flatnonzero(group.ravel() == k)
+        report(int(np.count_nonzero(group < k)))
         try:
             hops = _return_map(question, table, int(first[k]))(table.columns[LAUNCH_SPEED][rows])
         except OrbitsError as error:
@@ -78,11 +88,12 @@ def _launched(question: Question, table: Table) -> None:
             table.columns[name][rows] = getattr(hops, name)
 
 
-def _fixed(question: Question, table: Table) -> None:
+def _fixed(question: Question, table: Table, report: Callable[[int], None]) -> None:
     """The fixed points of the return map: their number, and the lowest stable one, or else the lowest."""
     assert question.between is not None
     for row in range(len(table.members)):
         interrupts.heed()
+        report(row)
         try:
             found = _return_map(question, table, row).fixed_points(*question.between)
         except OrbitsError as error:

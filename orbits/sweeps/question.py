@@ -8,11 +8,11 @@ from typing import Any, NamedTuple, TypedDict
 import numpy as np
 
 from ..continuation.checkpoint import versions
-from ..design.problem import formula_names, known_formula
+from ..design.problem import formula_names, known_formula, list_of_names
 from ..errors import InputError, finite_number
 from ..io import Document
 from ..model.machine import Machine, machine_in_words
-from ..periodic.find import family_number
+from ..periodic.find import check_start, family_number, find, unknowns_of_start
 from ..running.exclusive import exclusive
 from .designs import Axis, Members
 
@@ -55,6 +55,8 @@ class Question:
     quantities : further columns, names of quantities or formulas of them
     outcome : one of `OUTCOMES`
     between : launch speeds between which fixed points are searched
+    start : the unknowns, in the machine's units, of the machine's own orbit from which those of the members are
+        continued; None where they are found by their family
     """
 
     machine: Machine
@@ -63,6 +65,7 @@ class Question:
     quantities: tuple[str, ...] = ()
     outcome: str = "find"
     between: tuple[float, float] | None = None
+    start: Mapping[str, float] | None = None
 
     def __len__(self) -> int:
         return len(self.members) * len(self.families)
@@ -93,6 +96,7 @@ class Question:
             "quantities": list(self.quantities),
             "outcome": self.outcome,
             "between": self.between and list(self.between),
+            **({} if self.start is None else {"start": dict(self.start)}),
             "chunk": CHUNK,
             "versions": {name: versions()[name] for name in ("persistent-orbits", "casadi", "numpy")},
         }
@@ -119,13 +123,19 @@ def question_again(machine: Machine, document: Mapping[str, Any], values: np.nda
     members = Members(names, values, shape and tuple(shape), tuple(axes), document["drawn"])
     return Question(
         machine, members, tuple(document["families"]), tuple(document["quantities"]), document["outcome"],
-        document["between"] and tuple(document["between"]),
+        document["between"] and tuple(document["between"]), document.get("start"),
     )  # fmt: skip
 
 
 @exclusive
 def question_of(
-    machine: Machine, members: Members, family: Any, quantities: Sequence[str], outcome: str, between: Any
+    machine: Machine,
+    members: Members,
+    family: Any,
+    quantities: str | Sequence[str],
+    outcome: str,
+    between: Any,
+    start: Any = None,
 ) -> Question:
     """The question of `sweep`; raises `InputError` that names the invalid argument."""
     if outcome not in OUTCOMES:
@@ -134,8 +144,11 @@ def question_of(
     if not families or len(set(families)) < len(families):
         raise InputError(f"family = {family!r}; it is a number, or a list of different ones")
     families = tuple(map(family_number, families))
-    if isinstance(quantities, str):
-        raise InputError(f"quantities are a list: ['{quantities}']")
+    quantities = list_of_names(quantities)
+    if start is not None and (outcome != "find" or families != (1,)):
+        raise InputError("start is an orbit from which others are continued, of its own family: leave out the other")
+    if outcome == "find":
+        check_start(machine, start)
     if outcome != "find" and (quantities or families != (1,)):
         raise InputError(f"outcome = {outcome!r} has no families and no quantities: leave them out")
     if (outcome == "map") != (LAUNCH_SPEED in members.names):
@@ -150,7 +163,8 @@ def question_of(
         if name in names[:i]:
             raise InputError(f"'{name}' is asked for twice: leave one of them out of the quantities")
     speeds = None if between is None else _speeds(between)
-    return Question(machine, members, families, tuple(quantities), outcome, speeds)
+    unknowns = None if start is None else unknowns_of_start(machine, find(machine, start=start))
+    return Question(machine, members, families, tuple(quantities), outcome, speeds, unknowns)
 
 
 def _check_quantities(machine: Machine, quantities: Sequence[str]) -> None:

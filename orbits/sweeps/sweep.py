@@ -11,6 +11,7 @@ import numpy as np
 from ..consistency.accepted import check_machine
 from ..errors import InputError, OrbitsError
 from ..model.machine import Machine, free_parameters
+from ..periodic.find import StartLike
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..running.time_limit import TimeOver
@@ -22,6 +23,10 @@ from .sweep_result import Sweep, solves_again
 
 if TYPE_CHECKING:
     from .store import Store
+
+
+# Seconds after which progress within a chunk is reported.
+SILENT = 1.0
 
 
 class SweepProgress(NamedTuple):
@@ -49,9 +54,10 @@ def sweep(
     sampling: str | None = None,
     seed: int = 0,
     family: int | Sequence[int] = 1,
-    quantities: Sequence[str] = (),
+    quantities: str | Sequence[str] = (),
     outcome: str = "find",
     between: tuple[float, float] | None = None,
+    start: StartLike | None = None,
     executor: object = None,
     workers: int | None = None,
     client: Any = None,
@@ -71,16 +77,24 @@ def sweep(
         samples, else "sobol"
     seed : of the sampling
     family : number of the family, or several numbers; each design then has a member for each of them
-    quantities : further columns: names as in `orbits.quantities`, or formulas of them and of the parameters
+    quantities : further columns: a name or a list of names as in `orbits.quantities`, or formulas of them and of the
+        parameters
     outcome : "find" for the orbits; "map" for the next launch speeds, with a launch speed "alpha" among the parameters;
         "fixed_points" for those of the return map `between` two launch speeds
     between : (low, high), launch speeds, for "fixed_points"
+    start : as in `find`, for the orbit of the machine itself, from which those of the members are continued, whatever
+        their families; machines whose launch has several unknowns need it
     executor : None for this process, "processes" for `workers` processes (None: one for each core), or an executor of
         `concurrent.futures`
     client : of a Dask cluster, instead of an executor
     store : an SQLite file to which every chunk of members is written as soon as it is done; a sweep with the same store
         continues where it ended or, without `resume`, is refused
-    progress : called with a `SweepProgress` after every chunk; True prints a line, and None does so on a terminal
+    progress : called with a `SweepProgress` after every chunk, and every second within one; True prints a line, and
+        None does so on a terminal
+
+    From a start the parameters go to those of each member on a straight way, or else one after the other. The status
+    says where that fails: "ends" where the orbits end at a fold on the way, and "not reached" where the way was too
+    hard for Newton's method. Neither says that the member has no orbit.
 
     The result of a member depends neither on the other members nor on where it is computed, to the last bit. Raises
     `InputError`, which names the invalid argument, before anything is computed.
@@ -96,7 +110,7 @@ def sweep(
     allowed = list(dict.fromkeys([*allowed, LAUNCH_SPEED] if outcome == "map" else allowed))
     members = members_of(over, samples, sampling, seed, allowed)
     _check_domain(machine, members)
-    question = question_of(machine, members, family, quantities, outcome, between)
+    question = question_of(machine, members, family, quantities, outcome, between, start)
     if client is not None:
         if executor is not None:
             raise InputError("give executor or client, not both")
@@ -145,19 +159,28 @@ def _computed(
     done = np.zeros(count, dtype=bool) if store is None else store.done()
     table = None if store else empty_table(count, question.columns())
     statuses = Counter(store.statuses() if store else {})
-    chunks, before = chunks_of(question, done), int(done.sum())
+    chunks, before, shown = chunks_of(question, done), int(done.sum()), began
+
+    def tell(now: int) -> None:
+        nonlocal shown
+        shown, seconds = time.perf_counter(), time.perf_counter() - began
+        left = (count - now) * seconds / max(now - before, 1)
+        show(SweepProgress(now, count, dict(statuses), seconds, left, before))
+
+    def within_chunk(more: int) -> None:
+        if time.perf_counter() - shown > SILENT:
+            tell(min(int(done.sum()) + more, count - 1))
+
     try:
         with interrupts.deferred():
-            for part in solved_chunks(question, chunks, executor, workers):
+            for part in solved_chunks(question, chunks, executor, workers, within_chunk):
                 if store is not None:
                     store.write(part)
                 if table is not None:
                     _put(table, part)
                 done[part.members] = True
                 statuses.update(part.columns["status"])
-                now, seconds = int(done.sum()), time.perf_counter() - began
-                left = (count - now) * seconds / max(now - before, 1)
-                show(SweepProgress(now, count, dict(statuses), seconds, left, before))
+                tell(int(done.sum()))
         if table is None:
             assert store is not None
             table = store.read()
@@ -178,7 +201,15 @@ def _further_sweep(
     question: Question, samples: Mapping[str, object], quantities: Sequence[str], **options: Any
 ) -> Sweep:
     """The sweep of other members of the machine and family of a question."""
-    return sweep(question.machine, None, samples, family=question.families[0], quantities=quantities, **options)
+    return sweep(
+        question.machine,
+        None,
+        samples,
+        family=question.families[0],
+        quantities=quantities,
+        start=question.start,
+        **options,
+    )
 
 
 def _put(table: Table, part: Table) -> None:

@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypedDict
 import numpy as np
 
 from ..design.designs_at_once import DESIGN_STATUSES
-from ..errors import InputError
+from ..design.problem import list_of_names
+from ..errors import InputError, NoOrbit
 from ..io import Document, conform, extra_package, to_json
 from ..model.machine import Machine
+from ..periodic.continued import continued_orbits
 from ..periodic.find import find
-from ..periodic.orbit import Orbit
+from ..periodic.orbit import Orbit, orbit_of
 from ..result import Axes, Result, Row, is_of, shown
 from ..units import DIMENSIONS_OF_HOPS, UNIT_TEXTS, unit_text
 from .question import COLUMNS_OF, Question, SavedQuestion, Table, question_again
@@ -214,8 +216,13 @@ class Sweep(Result, what="sweep", document_is_whole=True):
         if not len(place):
             raise InputError(f"the sweep has no member {member}; it has {len(self)}, from 0")
         values = {name: float(self.columns[name][place[0]]) for name in self.parameters}
-        families = self.about["families"]
-        return find(self.source.with_values(**values), families[member % len(families)])
+        families, machine = self.about["families"], self.source.with_values(**values)
+        if (start := self.about.get("start")) is None:
+            return find(machine, families[member % len(families)])
+        (orbit,) = continued_orbits(self.source, find(self.source, start=start), [machine])
+        if isinstance(orbit, NoOrbit):
+            raise orbit
+        return orbit_of(machine, orbit)
 
     @property
     def dataset(self) -> Any:
@@ -266,7 +273,7 @@ class Sweep(Result, what="sweep", document_is_whole=True):
         """Sobol's indices of the quantities: the shares of their variance that are due to each parameter, for
         parameters that vary independently over the ranges or distributions of the sweep.
 
-        quantities : numerical results of the sweep, or one of them; None for all
+        quantities : numerical results of the sweep, one or a list; None for all
         samples : a power of 2; the sweep for the indices has `samples` times (the number of parameters plus 2) members
         seed : of the sampling
         options : `executor`, `workers`, `client`, `progress` of that sweep
@@ -278,7 +285,13 @@ class Sweep(Result, what="sweep", document_is_whole=True):
 
         if self.question is None:
             raise InputError("Sobol's indices take a sweep with its machine: Sweep.load(store, machine=...)")
-        return sobol_indices(self.question, quantities, samples, seed, partial(Sweep.again, self.question, **options))
+        return sobol_indices(
+            self.question,
+            quantities if quantities is None else list_of_names(quantities),
+            samples,
+            seed,
+            partial(Sweep.again, self.question, **options),
+        )
 
 
 def solves_again(function: Callable[..., Sweep]) -> Callable[..., Sweep]:

@@ -6,10 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..design.problem import list_of_names
 from ..design.sensitivities import sensitivities
 from ..errors import InputError, whole_number
 from ..model.machine import Machine
-from ..periodic.find import find
+from ..periodic.find import StartLike, check_start, find
 from ..result import Axes, Result, shown
 from .designs import members_of
 from .sweep import sweep as swept
@@ -52,8 +53,8 @@ class Uncertainty(Result, what="uncertainty", in_line=("share", "mean"), printed
 
 
 def uncertainty(
-    machine: Machine, over: Any, quantities: Sequence[str] = (), *, family: int = 1,
-    samples: int = 1024, seed: int = 0, **options: Any,
+    machine: Machine, over: Any, quantities: str | Sequence[str] = (), *, family: int = 1,
+    start: StartLike | None = None, samples: int = 1024, seed: int = 0, **options: Any,
 ) -> Uncertainty:  # fmt: skip
     """The spread of the quantities of an orbit when parameters are known only by their distributions.
 
@@ -62,7 +63,7 @@ def uncertainty(
         parameters have a tuple of names and a frozen `multivariate_normal`. Or a result with such `distributions()`, as
         that of `springs.fit`
     quantities : besides alpha and flight_time, as in `sweep`
-    family, seed : as in `sweep`
+    family, start, seed : as in `sweep`
     samples : number of members, sampled by Sobol's sequence
     options : `executor`, `workers`, `client`, `store`, `progress` of `sweep`
 
@@ -79,9 +80,12 @@ def uncertainty(
     whole_number("samples", samples, "members", least=2)
     over = over.distributions() if hasattr(over, "distributions") else over
     uncertain = _uncertain(over, samples, seed, list(machine.values))
-    orbit, texts = find(machine, family), ["alpha", "flight_time", *quantities]
+    check_start(machine, start)
+    orbit = find(machine, family) if start is None else find(machine, start=start)
+    quantities = list_of_names(quantities)
+    texts = ["alpha", "flight_time", *quantities]
     slopes = sensitivities(machine, orbit, list(uncertain.names), texts)
-    options |= {"seed": seed, "family": family, "quantities": quantities}
+    options |= {"seed": seed, "family": family, "quantities": quantities, "start": None if start is None else orbit}
     if uncertain.correlated:
         result = swept(machine, None, dict(zip(uncertain.names, uncertain.values.T, strict=True)), **options)
     else:

@@ -130,7 +130,7 @@ def family_results(python_machine: object, scene: Scene, low: float, high: float
     ways = [(word, stop) for word, stop in (("up", bounds), ("down", bounds[::-1])) if stop[1] != here]
     parts: dict[str, Family] = {}
     for word, stop in ways:
-        parts[word] = follow(machine, along, stop, family=hop.family, orbit=hop, most=FIRST_PIECE)
+        parts[word] = follow(machine, along, stop, family=hop.family, start=hop, most=FIRST_PIECE)
         yield _family_result(scene, parts, len(ways))
         while _is_growing(parts[word]):
             parts[word] = follow(machine, along, stop, family=hop.family, resume=parts[word], most=PIECE)

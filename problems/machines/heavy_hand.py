@@ -81,5 +81,6 @@ def _heavy_hand(spring: Key, gravity: Key | None, has_length: bool) -> Model:
         flight_gradient=lambda x, p, q: [0.0, 0.0, *hand(x, p, q)],
         impact_mass=lambda x, p: 0.0,
         impact=lambda x, p: [0.0, 1.0, 0.0, 0.0],
+        fixed=("mass_ratio",),
     )
     return as_derived(heavy)

@@ -5,10 +5,10 @@ import pytest
 from designs import CUBIC, LEG, RANGE, VARYING
 from scipy.optimize import brentq
 
-from orbits import InputError, NoOrbit, find, follow, optimize, pareto, quantities, sensitivities
-from orbits.design.optimize import best_design, starting_points
+from orbits import InputError, NoOrbit, find, find_all, follow, optimize, pareto, quantities, sensitivities, sweep
+from orbits.design.optimize import Origin, best_design, starting_points
 from orbits.design.problem import DesignProblem, design_problem
-from problems import Chain, Hopper, hopper_in_si
+from problems import Chain, Hopper, hopper_in_si, springs
 
 
 def refined(machine, name: str, low: float, high: float, value) -> tuple[float, float]:
@@ -123,15 +123,13 @@ def test_machines_that_cannot_be_designed():
     with pytest.raises(InputError, match="no parameter 'unit_stiffness'"):
         optimize(LEG, minimise="alpha", over={"unit_stiffness": (1.0, 2.0)})
     assert quantities(CUBIC, find(CUBIC), []) == {}
-    with pytest.raises(InputError, match="a list"):
-        quantities(CUBIC, find(CUBIC), "alpha")
-    with pytest.raises(InputError, match="a list"):
-        sensitivities(CUBIC, quantities="alpha")
     chain = Chain((1.0, 1.0, 1.0), "r + b*r**3", parameters={"b": 0.1})
-    with pytest.raises(InputError, match="a chain of 3 masses cannot be designed"):
+    with pytest.raises(InputError, match="families of a chain of 3 masses are not guessed: give start= an orbit of it"):
         optimize(chain, minimise="alpha", over={"b": (0.1, 0.2)})
-    with pytest.raises(InputError, match="a chain of 3 masses cannot be designed"):
+    with pytest.raises(InputError, match="are not guessed: give start="):
         sensitivities(chain)
+    with pytest.raises(InputError, match="slope by the launch speed alone"):
+        optimize(chain, minimise="loss_coefficient", over={"b": (0.1, 0.2)})
     with pytest.raises(InputError, match="is no machine"):
         optimize(None, minimise="alpha", over={"mass_ratio": (0.1, 0.2)})
     with pytest.raises(InputError, match="another machine's"):
@@ -152,7 +150,7 @@ def test_where_the_best_optimum_cannot_be_certified_the_next_is_returned(monkeyp
     """The loss coefficient falls from equal masses to both bounds, and farther to the lower one."""
     machine, points, least = Hopper(mass_ratio=1.5), [{"mass_ratio": 0.8}, {"mass_ratio": 1.5}], 0.0
     problem = design_problem(machine, "loss_coefficient", None, {"mass_ratio": (0.3, 2.0)}, ())
-    assert best_design(machine, problem, 1, points).parameters == {"mass_ratio": 0.3}
+    assert best_design(machine, problem, Origin(1, machine, None), points).parameters == {"mass_ratio": 0.3}
 
     def refusing(machine, *family, start=None):
         if start and machine.values["mass_ratio"] < least:
@@ -161,14 +159,14 @@ def test_where_the_best_optimum_cannot_be_certified_the_next_is_returned(monkeyp
 
     monkeypatch.setattr("orbits.design.optimize.find", refusing)
     least = 1.0
-    best = best_design(machine, problem, 1, points)
+    best = best_design(machine, problem, Origin(1, machine, None), points)
     assert best.parameters == {"mass_ratio": 2.0}
     assert best.objective == pytest.approx(find(Hopper(mass_ratio=2.0)).certificate.loss_coefficient, rel=1e-12)
     assert [start.reason for start in best.starts] == ["the orbit cannot be certified", ""]
     assert [start.objective for start in best.starts] == [None, best.objective]
     least = 3.0
     with pytest.raises(NoOrbit, match="no start within the bounds leads to an optimum: the orbit cannot be certified"):
-        best_design(machine, problem, 1, points)
+        best_design(machine, problem, Origin(1, machine, None), points)
 
 
 def test_starts_within_bounds_over_decades_are_spread_by_their_logarithm():
@@ -180,3 +178,55 @@ def test_starts_within_bounds_over_decades_are_spread_by_their_logarithm():
     assert (np.bincount(decades + 4, minlength=8) == 8).all()
     quarters = np.floor((np.array([point["mass_ratio"] for point in others]) - 0.5) / 0.375).astype(int)
     assert (np.bincount(quarters, minlength=4) == 16).all()
+
+
+ROWS = np.linspace(-14, 14, 97)
+MEASURED = Hopper(
+    springs.table((ROWS, ROWS + 0.02 * ROWS**3), noise=0, scale="b"), rest_length=12, parameters={"b": 1.2}
+)
+CHAIN = Chain(springs="r + b*r**3", parameters={"b": 0.02})
+ON_GRID = {
+    "measured": (MEASURED, {"b": (0.6, 2.0), "mass_ratio": (0.3, 2.0)}, "stroke + 1.5*largest_contact_force/alpha**2"),
+    "chain": (
+        CHAIN,
+        {"m1": (0.95, 1.3), "b": (0.01, 0.05)},
+        "largest_contact_force/centre_of_mass_rise + 30*(m1 - 1.1)**2 + 4000*(b - 0.03)**2",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", ON_GRID)
+def test_the_optimum_is_the_least_of_a_dense_grid(case):
+    """The grid is narrowed about its least value, to a millionth of it; from a family and from a start."""
+    machine, over, text = ON_GRID[case]
+    start = find(machine, start=find_all(Chain(), Chain().starts(4, 5))[0]) if case == "chain" else None
+    best = optimize(machine, minimise=text, over=over, start=start)
+    ranges, count = {name: np.array(bounds) for name, bounds in over.items()}, 13
+    for _ in range(4):
+        axes = {name: np.linspace(*bounds, count).tolist() for name, bounds in ranges.items()}
+        grid = sweep(machine, axes, start=start, quantities=text, progress=False)
+        assert np.nanmin(grid[text]) >= best.objective * (1 - 1e-12)
+        place = {name: grid[name][np.nanargmin(grid[text])] for name in over}
+        step = {name: np.ptp(bounds) / (count - 1) for name, bounds in ranges.items()}
+        for name, bounds in over.items():
+            assert abs(best.parameters[name] - place[name]) <= 1.5 * step[name]
+            ranges[name] = np.clip(place[name] + step[name] * np.array([-1, 1]), *bounds)
+        count = 9
+    assert np.nanmin(grid[text]) == pytest.approx(best.objective, rel=1e-6)
+    assert best.kkt < 1e-6
+
+
+def test_fronts_and_samples_of_designs_from_a_start():
+    """A front whose ends are the optima of its objectives, and the best of many local minima."""
+    over, start = {"m1": (0.95, 1.3), "b": (0.01, 0.05)}, find_all(Chain(), Chain().starts(4, 5))[0]
+    both = ("largest_contact_force", "-centre_of_mass_rise")
+    front = pareto(CHAIN, minimise=both, over=over, points=3, start=start)
+    for i, text in enumerate(both):
+        shares: list[float] = []
+        best = optimize(CHAIN, minimise=text, over=over, start=start, starts="global", progress=shares.append)
+        assert front.values[:, i].min() == pytest.approx(best.objective, rel=1e-9)
+        assert shares == sorted(shares)
+        assert (shares[0] < 0.5, shares[-1]) == (True, 1.0)
+    for design in front.designs:
+        again = find(design.source, start=design.orbit, method="shooting")
+        assert design.orbit.alpha == pytest.approx(again.alpha, rel=1e-11)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from designs import CUBIC, VARYING
 
-from orbits import InputError, find, quantities, sensitivities
-from problems import Hopper, Juggler, hopper_in_si, springs
+from orbits import InputError, find, find_all, quantities, sensitivities, starts
+from problems import Chain, Hopper, Juggler, chain_hand, hopper_in_si, plate_hopper, springs
 
 ROWS = np.linspace(-14, 14, 97)
 MEASURED = springs.table((ROWS, ROWS + 0.02 * ROWS**3), noise=0, scale="b", shift="d")
@@ -78,3 +78,47 @@ def test_a_jump_that_moves_with_the_units_of_a_machine_in_si():
     above, below = (quantities(each, find(each), names) for each in (up, down))
     for name in names:
         assert exact[name]["foot_mass"] == pytest.approx((above[name] - below[name]) / (2 * h), rel=1e-7)
+
+
+def motion_of(machine, half_contact: float, half_flight: float):
+    """The slowest hop of a machine that is a motion."""
+    return next(hop for hop in find_all(machine, starts(machine, half_contact, half_flight)) if hop.admissible)
+
+
+SEVERAL = {
+    "chain": (Chain(springs="r + b*r**3", parameters={"b": 0.01}), lambda machine: motion_of(Chain().stated(), 4, 5)),
+    "plate": (plate_hopper(), lambda machine: motion_of(machine, 3, 3)),
+    "hand": (chain_hand(), lambda machine: motion_of(machine, 4, 4)),
+}
+
+
+@pytest.mark.parametrize(
+    ("case", "names"), [("chain", ["m1", "b"]), ("plate", ["m3", "plate_stiffness"]), ("hand", ["m2", "m3"])]
+)
+def test_sensitivities_of_launches_of_several_unknowns(case, names):
+    """Every quantity, by differences of neighbouring orbits, extrapolated by Richardson."""
+    machine, start_of = SEVERAL[case]
+    orbit = find(machine, start=start_of(machine))
+    exact = sensitivities(machine, names=names, start=orbit)
+    assert not {"loss_coefficient", "landing_sensitivity"} & exact.keys()
+    for name in names:
+        h, rows = 2e-4 * machine.values[name], {}
+        for s in (-2, -1, 1, 2):
+            near = machine.with_values(**{name: machine.values[name] + s * h})
+            rows[s] = np.array(list(quantities(near, find(near, start=orbit), list(exact)).values()))
+        slopes = (4 * (rows[1] - rows[-1]) / (2 * h) - (rows[2] - rows[-2]) / (4 * h)) / 3
+        for quantity, slope in zip(exact, slopes, strict=True):
+            assert exact[quantity][name] == pytest.approx(slope, rel=1e-7, abs=1e-6), quantity
+    alone = sensitivities(machine, orbit, names[0], "stroke")
+    assert alone == {"stroke": {names[0]: pytest.approx(exact["stroke"][names[0]], rel=1e-12)}}
+
+
+def test_what_a_launch_of_several_unknowns_does_not_have():
+    machine, _ = SEVERAL["chain"]
+    with pytest.raises(InputError, match="give start= an orbit of it"):
+        sensitivities(machine)
+    hop = find(machine, start=motion_of(Chain().stated(), 4, 5))
+    with pytest.raises(InputError, match="'loss_coefficient' is a slope by the launch speed alone"):
+        sensitivities(machine, hop, "b", "loss_coefficient")
+    with pytest.raises(InputError, match="give one of the two"):
+        sensitivities(machine, hop, "b", start=hop)

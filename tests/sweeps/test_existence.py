@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from conftest import PROVED, middle
 
-from orbits import InputError, existence, find, follow, follow_fold, quantities
-from problems import Hopper, Juggler
+from orbits import InputError, existence, find, find_all, follow, follow_fold, quantities
+from orbits.design.designs_at_once import CONTINUED_STATUSES
+from orbits.show.sweep_figures import STYLES
+from problems import Chain, Hopper, Juggler
 
 MACHINE = Hopper("r + beta*r**3 + delta*r**5", rest_length=30.0, parameters={"beta": 0.0, "delta": 0.0})
 BETWEEN, DELTAS = (-0.02, 0.01), [-4e-5, 0.0, 3e-5]
@@ -159,3 +161,18 @@ def test_questions_that_cannot_be_meant():
         existence(MACHINE, "beta", (-1, 1), "delta", [0.0], samples=1)
     with pytest.raises(InputError, match="family"):
         existence(MACHINE, "beta", (-1, 1), "delta", [0.0], [1, 2])
+
+
+def test_the_edge_of_a_chain_is_the_fold_of_its_family():
+    """Orbits continued from a hop, which end where the family that is followed along the row folds."""
+    chain = Chain(springs="r + b*r**3", parameters={"b": 0.01})
+    hop = find(chain, start=find_all(Chain(), Chain().starts(4, 5))[0])
+    events = follow(chain, "m1", 0.85, start=hop, longest=0.3, most=60).events
+    (fold,) = (event.point.value for event in events if event.kind == "fold")
+    diagram = existence(chain, "m1", (0.85, 1.0), "b", [0.01], samples=5, start=hop)
+    assert [part.status for part in diagram.row(0)] == ["ends", "certified"]
+    assert diagram.motions(0)[0][0] == pytest.approx(fold, abs=2e-7)
+    assert diagram.orbit_edges[0][0] == diagram.motions(0)[0][0]
+    assert {*CONTINUED_STATUSES} == STYLES.keys()
+    with pytest.raises(InputError, match="give start= an orbit of it"):
+        existence(chain, "m1", (0.85, 1.0), "b", [0.01], samples=5)

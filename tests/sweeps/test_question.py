@@ -13,7 +13,6 @@ from problems import Hopper
     [
         (({"beta": (0, 1)}, 5), {"family": 0}, "family = 0"),
         (({"beta": (0, 1)}, 5), {"family": [1, 1]}, "different"),
-        (({"beta": (0, 1)}, 5), {"quantities": "period"}, "are a list"),
         (({"beta": (0, 1)}, 5), {"quantities": ["perod"]}, "unknown quantity 'perod'"),
         (({"beta": (0, 1)}, 5), {"quantities": ["alpha"]}, "column of every answer"),
         (({"beta": (0, 1)}, 5), {"outcome": "hop"}, "outcome = 'hop'"),

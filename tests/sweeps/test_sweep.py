@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from orbits import InputError, NoOrbit, Sweep, find, sweep
+from orbits import InputError, Mechanism, NoOrbit, Sweep, find, find_all, quantities, sensitivities, starts, sweep
+from orbits.mechanics import Mass, Spring
 from orbits.sweeps.question import CHUNK
-from problems import Hopper, Juggler
+from problems import Chain, HeavyHand, Hopper, Juggler, plate_hopper, springs
 from tests.sweeps.swept import CASES
 
 
@@ -70,3 +71,105 @@ def test_a_store_is_gone_on_with_and_read(tmp_path):
         Sweep.load(path).orbit(3)
     with pytest.raises(InputError, match="another machine"):
         Sweep.load(path, Juggler())
+
+
+@pytest.mark.parametrize("case", ["cubic", "family 3", "softening", "SI"])
+def test_orbits_continued_from_a_start_are_those_of_the_family(case):
+    machine, over, family = CASES[case]
+    by_family = sweep(machine, over, 40, sampling="sobol", family=family, quantities="stroke")
+    by_start = sweep(machine, over, 40, sampling="sobol", start=find(machine, family), quantities="stroke")
+    lost = by_family["status"] == "no orbit"
+    assert by_start["status"][~lost].tolist() == by_family["status"][~lost].tolist()
+    assert set(by_start["status"][lost]) <= {"ends"}
+    for name in ("alpha", "flight_time", "stroke", "family"):
+        np.testing.assert_allclose(by_start[name], by_family[name], rtol=1e-10, err_msg=name)
+
+
+CHAIN = Chain(springs="r + b*r**3", parameters={"b": 0.01})
+OVER_CHAIN = {"m1": (0.85, 1.2), "b": (0.005, 0.03)}
+
+
+@pytest.fixture(scope="module")
+def chain_hop():
+    return find(CHAIN, start=find_all(Chain(), Chain().starts(5, 5))[0])
+
+
+def test_a_chain_is_swept_from_one_of_its_hops(chain_hop, tmp_path):
+    """Every member is an orbit that `find` finds near it; what a store and a file have comes back."""
+    found = sweep(CHAIN, OVER_CHAIN, 60, start=chain_hop, quantities=["stroke", "alpha/flight_time"])
+    assert set(found["status"]) == {"certified", "ends"}
+    for i in range(0, 60, 12):
+        if found["status"][i] == "ends":
+            continue
+        orbit = found.orbit(i)
+        assert orbit.admissible
+        assert abs(orbit.alpha - found["alpha"][i]) <= orbit.error + found["error"][i]
+        assert found["stroke"][i] == pytest.approx(quantities(orbit.source, orbit, "stroke")["stroke"], rel=1e-11)
+        again = find(orbit.source, start=orbit, method="shooting")
+        assert abs(orbit.alpha - again.alpha) <= orbit.error + again.error
+    stored = sweep(
+        CHAIN, OVER_CHAIN, 60, start=chain_hop, quantities=["stroke", "alpha/flight_time"], store=tmp_path / "a.db"
+    )
+    np.testing.assert_array_equal(stored["alpha"], found["alpha"])
+    found.save(tmp_path / "a.json")
+    for path in ("a.db", "a.json"):
+        assert Sweep.load(tmp_path / path, CHAIN).orbit(0).alpha == found.orbit(0).alpha
+    one = {name: found[name][:1] for name in OVER_CHAIN}
+    alone = sweep(CHAIN, None, one, start=chain_hop)
+    assert alone["alpha"][0] == found["alpha"][0]
+
+
+def test_a_chain_needs_a_start_and_no_family(chain_hop):
+    with pytest.raises(InputError, match="the families of a chain of 3 masses are not guessed: give start= an orbit"):
+        sweep(CHAIN, {"b": [0.02]})
+    with pytest.raises(InputError, match="of its own family: leave out the other"):
+        sweep(CHAIN, {"b": [0.02]}, family=2, start=chain_hop)
+    with pytest.raises(InputError, match="slope by the launch speed alone"):
+        sweep(CHAIN, {"b": [0.02]}, start=chain_hop, quantities="loss_coefficient")
+    with pytest.raises(InputError, match="no parameter 'mass_ratio' to sweep over"):
+        sweep(HeavyHand("cubic"), {"mass_ratio": (1.0, 2.0)})
+
+
+def test_progress_is_reported_within_a_chunk(chain_hop, monkeypatch):
+    monkeypatch.setattr("orbits.sweeps.sweep.SILENT", 0.0)
+    states = []
+    sweep(CHAIN, OVER_CHAIN, 20, start=chain_hop, progress=states.append)
+    done = [state.done for state in states]
+    assert done == sorted(done)
+    assert done[0] < 20 == done[-1]
+
+
+def test_a_measured_spring_over_a_plate_is_the_formula_that_it_was_made_of():
+    """Designs of several unknowns whose law is in pieces: orbits, quantities and exact slopes."""
+    values, rows = {"s": 1.0, "plate_stiffness": 100.0}, np.linspace(-20, 20, 41)
+    table = springs.table((rows, rows + 1e-4 * rows**3), noise=0, scale="s")
+    smooth, measured = (plate_hopper(spring=law, parameters=values) for law in ("s*(r + 1e-4*r**3)", table))
+    straight = plate_hopper()
+    slow = min(find_all(straight, starts(straight, 3, 3)), key=lambda hop: abs(hop.alpha))
+    hop = find(smooth, start=slow)
+    over = {"s": (0.99, 1.01), "m3": (0.99, 1.01)}
+    expected, found = (sweep(each, over, 8, start=hop, quantities=["stroke"]) for each in (smooth, measured))
+    assert set(found["status"]) == {"certified"}
+    for name in ("alpha", "flight_time", "stroke"):
+        np.testing.assert_allclose(found[name], expected[name], rtol=1e-11)
+    slopes = [sensitivities(each, names="s", quantities=["alpha", "stroke"], start=hop) for each in (smooth, measured)]
+    for name, slope in slopes[0].items():
+        assert slopes[1][name]["s"] == pytest.approx(slope["s"], rel=1e-9)
+
+
+def test_a_column_in_si_is_the_chain_without_units():
+    """Springs of a mechanism in SI, in the units of its weights and stiffness, are those of the chain."""
+    masses, mass, k, g = ("m1", "m2", "m3"), 2.0, 800.0, 9.81
+    column = Mechanism(
+        coordinates=("y1", "y2", "y3"),
+        elements=[*(Mass(f"y{m[1]}", m) for m in masses), Spring("y1 - y2", "k*r"), Spring("y2 - y3", "k*r")],
+        gap="y3", counts="y2 - y3", gravity="g", in_si=True, parameters={**dict.fromkeys(masses, mass), "k": k, "g": g},
+    )  # fmt: skip
+    length, time = mass * g / k, np.sqrt(mass / k)
+    own, other = find_all(Chain(), Chain().starts(4, 5))[0], find_all(column, starts(column, 4 * time, 5 * time))[0]
+    assert other.alpha == pytest.approx(own.alpha * length / time, rel=1e-12)
+    expected = sweep(Chain(), {"m1": [0.95, 1.1]}, start=own, quantities="stroke")
+    found = sweep(column, {"m1": [0.95 * mass, 1.1 * mass]}, start=other, quantities="stroke")
+    np.testing.assert_allclose(found["alpha"], expected["alpha"] * length / time, rtol=1e-11)
+    np.testing.assert_allclose(found["stroke"], expected["stroke"] * length, rtol=1e-11)
+    assert found.orbit(1).alpha == pytest.approx(found["alpha"][1], rel=1e-12)

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from orbits import InputError, find, sweep, uncertainty
-from problems import Hopper, hopper_in_si
+from orbits import InputError, find, find_all, sweep, uncertainty
+from orbits.periodic.linear_hops import linear_hops
+from problems import Chain, Hopper, hopper_in_si
 
 LEG = hopper_in_si(60.0, 3.0, stiffness=8000.0)
 
@@ -54,3 +55,18 @@ def test_what_uncertainty_refuses():
     ):
         with pytest.raises(InputError, match=text):
             uncertainty(machine, over, **options)
+
+
+def test_a_chain_of_uncertain_masses():
+    """Small deviations are those that the exact slopes predict, and the half times those of the closed form."""
+    chain = Chain()
+    hop = find_all(chain, chain.starts(4, 5))[0]
+    spread = uncertainty(chain, {"m1": norm(1, 1e-3), "m2": norm(1, 2e-3)}, "stroke", start=hop, samples=128)
+    assert spread.share == 1.0
+    for name, deviation in spread.deviation.items():
+        assert deviation == pytest.approx(spread.linear[name], rel=0.02), name
+    member = chain.with_values(m1=float(spread.sweep["m1"][5]), m2=float(spread.sweep["m2"][5])).stated()
+    times = [each.half_flight for each in linear_hops(*member.linear_equations(), member.gap_weights, 4, 5)]
+    assert np.abs(np.array(times) - spread.sweep["flight_time"][5] / 2).min() < 1e-9
+    with pytest.raises(InputError, match="give start= an orbit of it"):
+        uncertainty(chain, {"m1": norm(1, 1e-3)})

@@ -173,7 +173,7 @@ class TestMany:
     @pytest.mark.slow
     def test_followed_in_a_mass_against_the_linear_closed_form(self, three):
         orbit = next(o for o in three if abs(o.alpha - 6.3478627438) < 1e-9)
-        family = follow(Chain(), "m1", 1.5, orbit=orbit, at=[1.2])
+        family = follow(Chain(), "m1", 1.5, start=orbit, at=[1.2])
         assert family.end.kind == "reached"
         for point in (p for p in family if p.value in (1.2, 1.5)):
             there = Chain((point.value, 1.0, 1.0))
@@ -183,9 +183,9 @@ class TestMany:
     def test_followed_in_the_springs_nonlinearity(self, three):
         chain = Chain(springs="r + b*r**3", parameters={"b": 0.0})
         orbit = next(o for o in three if abs(o.alpha - 6.3478627438) < 1e-9)
-        family = follow(chain, "b", 0.2, orbit=orbit)
+        family = follow(chain, "b", 0.2, start=orbit)
         assert family.end.kind == "reached"
-        half = follow(chain, "b", 0.2, orbit=orbit, longest=0.01)
+        half = follow(chain, "b", 0.2, start=orbit, longest=0.01)
         assert family[-1].alpha == pytest.approx(half[-1].alpha, rel=1e-12)
 
 

@@ -131,7 +131,7 @@ def test_a_family_along_a_spring():
     """Half of a hop in the middle of it, by another integrator: from rest in mid-contact to rest in mid-flight."""
     first, _ = near_plain(0.3, 2.0)
     machine = chain_hand((1.0, 1.0, 0.3), ["r + b*r**3", "K*r"], {"K": 2.0, "b": 0.0})
-    family = follow(machine, "b", 0.1, orbit=first)
+    family = follow(machine, "b", 0.1, start=first)
     assert family.end.kind == "reached"
     orbit = orbit_at(machine, family[-1], "b")
     pull = lambda r: r + 0.1 * r**3  # noqa: E731

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from orbits import InputError, ReturnMap, find, simulate
+from orbits import InputError, ReturnMap, find, follow, sensitivities, simulate
+from orbits.model.machine import free_parameters
 from problems import HeavyHand, Juggler
 
 
@@ -43,3 +44,14 @@ def test_takes_no_mass_ratio():
     with pytest.raises(InputError, match="no mass ratio"):
         HeavyHand(mass_ratio=2.0)
     assert find(HeavyHand()).machine["mass_ratio"] is None
+
+
+def test_only_what_may_vary_is_offered():
+    """The launch speed does not depend on the masses, and so its slopes are the juggler's."""
+    hand, juggler = HeavyHand("cubic", parameters={"beta": 0.3}), Juggler("cubic", parameters={"beta": 0.3})
+    assert free_parameters(hand) == ["beta"]
+    slopes = sensitivities(hand, quantities="alpha")["alpha"]
+    assert slopes == {"beta": pytest.approx(sensitivities(juggler, 1, "beta", "alpha")["alpha"]["beta"], rel=1e-12)}
+    for refused in (lambda: follow(hand, "mass_ratio", 2.0), lambda: sensitivities(hand, 1, "mass_ratio")):
+        with pytest.raises(InputError, match="no parameter 'mass_ratio' to follow; it has beta"):
+            refused()

@@ -167,7 +167,7 @@ class TestEndsOfFamilies:
         machine = linear_plate(2.0, stiffness)
         found = starts(machine, 1.1 * half_contact, 1.1 * half_flight)
         near = min(found, key=lambda s: abs(s["duration"] - half_flight) + abs(s["contact_duration"] - half_contact))
-        return follow(machine, "plate_stiffness", stop, orbit=find(machine, start=near), longest=0.2)
+        return follow(machine, "plate_stiffness", stop, start=find(machine, start=near), longest=0.2)
 
     @staticmethod
     def at_rest_together(n: int) -> np.ndarray:
