@@ -30,7 +30,7 @@ def _stated_dimensions(mechanism: Any) -> Iterator[tuple[object, Dimension]]:
     for element in mechanism.elements:
         kind = None
         if isinstance(element, Inerter | Damper | Spring):
-            kind = _length_or_angle(element.extension, coordinates, angles)
+            kind = length_or_angle(element.extension, coordinates, angles)
             if kind is LENGTH:
                 yield from _lengths(element.extension, coordinates).items()
         match element:
@@ -53,7 +53,7 @@ def _stated_dimensions(mechanism: Any) -> Iterator[tuple[object, Dimension]]:
         yield from _lengths(mechanism.separation, coordinates).items()
 
 
-def _length_or_angle(extension: object, coordinates: set[str], angles: set[str]) -> Dimension | None:
+def length_or_angle(extension: object, coordinates: set[str], angles: set[str]) -> Dimension | None:
     """The dimension of an extension, a length or an angle, from the coordinates to which it is proportional; None where
     they do not determine it."""
     used = names_in(extension) & coordinates

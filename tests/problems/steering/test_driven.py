@@ -6,7 +6,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 from conftest import DAMPED_LEG
-from scipy.integrate import trapezoid
+from scipy.integrate import cumulative_trapezoid, trapezoid
 
 from orbits import Control, InputError
 from orbits.simulation.simulated import Simulation
@@ -44,7 +44,13 @@ def test_the_table_tells_the_work(driven_hopper, started_hopper):
         assert trapezoid(table["power"], t) == pytest.approx(steering.work(machine, one)[0], rel=1e-3)
         assert table["running cost"][-1] == pytest.approx(one.cost, rel=1e-12)
         assert trapezoid(table["w"] ** 2, t) == pytest.approx(one.cost, rel=1e-3)
-    assert list(driven_hopper.table()) == ["time", "stage", "y1", "y1'", "y2", "y2'", "u", "w", "running cost", "power"]
+        done, positive = steering.work(machine, one)
+        assert [table["work"][-1], table["positive work"][-1]] == pytest.approx([done, positive], rel=1e-12)
+        so_far = cumulative_trapezoid(table["power"], t, initial=0)
+        assert table["work"] == pytest.approx(so_far, abs=2e-3)
+        assert table["power"] == pytest.approx(table["actuator force"] * table["w"], abs=1e-12)
+    names = ["time", "stage", "y1", "y1'", "y2", "y2'", "u", "w", "running cost", "power", "actuator force"]
+    assert list(driven_hopper.table()) == [*names, "work", "positive work"]
 
 
 def test_si(driven_leg, tmp_path):
@@ -60,7 +66,10 @@ def test_si(driven_leg, tmp_path):
         with pytest.raises(InputError, match=r"times lie between 0 and .* s$"):
             driven_leg.power(wrong)
     head = driven_leg.save(tmp_path / "leg.csv").read_text().splitlines()[0]
-    assert head == ("time (s),stage,y1 (m),y1' (m/s),y2 (m),y2' (m/s),u (m),w (m/s),running cost (m^2/s),power (W)")
+    assert head == (
+        "time (s),stage,y1 (m),y1' (m/s),y2 (m),y2' (m/s),u (m),w (m/s),running cost (m^2/s),power (W),"
+        "actuator force (N),work (J),positive work (J)"
+    )
     off, bare_off = driven_leg.simulate(2, damping=5.5), bare.simulate(2, damping=5.5 / 5.0 * bare.source.damping)
     assert off.launch_errors == pytest.approx(bare_off.launch_errors * speed, abs=1e-9)
     assert off.delays == pytest.approx(bare_off.delays * units.time, abs=1e-9)
