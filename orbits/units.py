@@ -171,7 +171,9 @@ class Units:
 
     def inverse(self) -> "Units":
         """The units that convert back."""
-        return Units(1 / self.length, 1 / self.time, 1 / self.force, self.energy and 1 / self.energy, self.angles, self.own)
+        return Units(
+            1 / self.length, 1 / self.time, 1 / self.force, self.energy and 1 / self.energy, self.angles, self.own
+        )
 
     def saved(self) -> Document:
         """The units for a file, as `SavedUnits`."""

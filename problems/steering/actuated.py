@@ -10,7 +10,7 @@ Lift-off is where the contact force vanishes, landing where the gap does.
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from operator import attrgetter
-from typing import Any
+from typing import Any, cast
 
 import casadi as ca
 import numpy as np
@@ -32,7 +32,7 @@ from ..machines.two_masses import DAMPERS, TwoMassMachine
 
 SIZES = ("length", "time", "force")
 # The state and the input of each kind of actuator.
-STATES = {"displacement": ("u", "w"), "force": ("f", "f_rate")}
+STATES_OF_ACTUATORS = {"displacement": ("u", "w"), "force": ("f", "f_rate")}
 TORQUE = (1, 0, 1, 0, 0, -1)
 
 
@@ -55,7 +55,7 @@ class Actuator:
     kind: str = "displacement"
 
     def __post_init__(self) -> None:
-        if self.kind not in STATES:
+        if self.kind not in STATES_OF_ACTUATORS:
             raise InputError(f"kind = {self.kind!r}; an actuator is a 'displacement' or a 'force'")
         if not (self.along is None or isinstance(self.along, str)):
             raise InputError(f"along = {self.along!r}; it is a formula of the coordinates, as 'body - foot'")
@@ -63,12 +63,12 @@ class Actuator:
     @property
     def state(self) -> str:
         """The name of its state."""
-        return STATES[self.kind][0]
+        return STATES_OF_ACTUATORS[self.kind][0]
 
     @property
     def rate(self) -> str:
         """The name of the rate of its state, the input."""
-        return STATES[self.kind][1]
+        return STATES_OF_ACTUATORS[self.kind][1]
 
     @property
     def is_force(self) -> bool:
@@ -100,8 +100,10 @@ class Actuated(Stated):
             raise InputError(f"a {kind} is no machine whose spring can be moved: state it as an orbits.Mechanism(...)")
         stated = self.machine.stated()  # raises for a machine that is no mechanism
         if stated.actuators:
-            own = ", ".join(stated.actuators)
-            raise InputError(f"the {stated.name} has actuators of its own ({own}): state it without, and give actuator=")
+            names = ", ".join(stated.actuators)
+            raise InputError(
+                f"the {stated.name} has actuators of its own ({names}): state it without, and give actuator="
+            )
         refuse_corners(stated)
         object.__setattr__(self, "actuator", _resolved(self.actuator, stated))
         own = (self.actuator.state, self.actuator.rate)
@@ -114,8 +116,8 @@ class Actuated(Stated):
     @property
     def _is_default(self) -> bool:
         """Whether the actuator is that of a machine of which none is named."""
-        springs = springs_of(self.machine.stated())
-        return len(springs) == 1 and self.actuator == Actuator(springs[0].extension)
+        springs = springs_of_mechanism(self.machine.stated())
+        return len(springs) == 1 and self.actuator == Actuator(cast(str, springs[0].extension))
 
     @exclusive_property
     def mechanism(self) -> Mechanism:
@@ -254,14 +256,14 @@ class Drive:
 LAUNCH_PARAMETERS = ("peak", "round", "launch", "aim", "liftoff", "rest")
 
 
-def springs_of(stated: Mechanism) -> list[Spring]:
+def springs_of_mechanism(stated: Mechanism) -> list[Spring]:
     """The springs of a mechanism."""
     return [each for each in stated.elements if isinstance(each, Spring)]
 
 
 def refuse_corners(stated: Mechanism) -> None:
     """Raise `InputError` where the law of a spring has a corner, which no Taylor series of an input crosses."""
-    for spring in springs_of(stated):
+    for spring in springs_of_mechanism(stated):
         if spring.force.pieces and (corners := from_key(spring.force, stated.parameters).corners()):
             text = f"spring '{spring.force.text}' has a corner at r = {corners[0]:.6g}"
             raise InputError(
@@ -286,7 +288,7 @@ def _resolved(actuator: Any, stated: Mechanism) -> Actuator:
     """The actuator with its formula, where the machine has what it names; raises `InputError` for another."""
     if not isinstance(actuator, Actuator):
         raise InputError(f"actuator = {actuator!r}; it is an Actuator, as problems.Actuator('body - foot')")
-    extensions = [each.extension for each in springs_of(stated)]
+    extensions = [each.extension for each in springs_of_mechanism(stated)]
     named = [each for each in dict.fromkeys(extensions) if isinstance(each, str)]
     choice = ", ".join(f"Actuator({each!r})" for each in named)
     if actuator.along is None:
@@ -310,13 +312,13 @@ def _resolved(actuator: Any, stated: Mechanism) -> Actuator:
 
 def _push(y: Parameters, v: Parameters, p: Parameters) -> Algebraic:
     """The force of an actuator, which is its state."""
-    return y[STATES["force"][0]]
+    return y[STATES_OF_ACTUATORS["force"][0]]
 
 
 @lru_cache(maxsize=64)
 def _with_actuator(mechanism: Mechanism, actuator: Actuator) -> Mechanism:
     """A mechanism with an actuator."""
-    first = springs_of(mechanism)[:1]
+    first = springs_of_mechanism(mechanism)[:1]
     counts = first[0].extension if mechanism.counts is None and first else mechanism.counts
     elements: list[Element] = list(mechanism.elements)
     if actuator.is_force:
@@ -351,4 +353,3 @@ def _way(along: str, coordinates: tuple[str, ...]) -> _Way:
     value = ca.SX(value_of(along, *named))
     rate = ca.jtimes(value, y, v)
     return _Way(names, ca.Function("way", [y, p], [value]), ca.Function("rate", [y, v, p], [rate]))
-

@@ -15,7 +15,7 @@ from orbits.simulation.schedule import Inputs
 from orbits.units import LIFTOFF_SPEED
 
 from .actuated import Actuated, Actuator
-from .launches import is_one_speed, launched_at
+from .actuated_launch import is_one_speed, launched_at
 
 # A push comes later by such a share of its time that it follows a landing at that time: the first of these is
 # enough but for a landing at no speed, whose time is known less well.

@@ -9,8 +9,9 @@ from typing import Any, NotRequired, TypedDict, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orbits import Control, Simulation
+from orbits import Control, InputError, Simulation, simulate
 from orbits.control.control import ControlledLeg
+from orbits.errors import whole_number
 from orbits.io import Document, conform
 from orbits.model.machine import Machine, machine_in_words
 from orbits.model.phase import Affine
@@ -22,8 +23,8 @@ from orbits.units import ENERGY, LIFTOFF_SPEED, unit_text
 from ..machines.files import machine_stated, statement_for_file
 from ..machines.two_masses import TwoMasses
 from .actuated import Actuated, Actuator
+from .actuator_bounds import POWER
 from .disturbed import Disturbed, disturbed
-from .limits import POWER
 
 # Gauss points of a control interval at which the actuator's power is taken.
 POWER_SAMPLES = 40
@@ -122,6 +123,19 @@ class Driven(Control, what="motion of a driven machine"):
         """
         return disturbed(self, hops, launch_error, state, push, values)
 
+    def followed_by(self, kept: "Driven", hops: int = 1) -> Simulation:
+        """Simulate this motion and then hops of another one, open loop: a start, say, and the hop at which it aims.
+
+        kept : the result of `keep_hopping` for the same machine and actuator
+        hops : number of its hops
+        """
+        if self.actuated.describe() != kept.actuated.describe():
+            raise InputError("what follows is a motion of another machine or actuator")
+        (own, first), (later, then) = self.schedule_of(1), kept.schedule_of(whole_number("hops", hops, "hops"))
+        schedule = np.append(own, own[-1] + later[1:]), {n: np.append(first[n], then[n]) for n in first}
+        liftoffs = hops + sum(leg.phase == "contact" for leg in self.legs[-1:])
+        return simulate(self.actuated, state=self(0.0), hops=liftoffs, schedule=schedule)
+
     def power(self, t: ArrayLike) -> np.ndarray:
         """The actuator's power (...) on the machine at times (...); raises as a call does."""
         return self._effects(t)[1]
@@ -156,7 +170,7 @@ class Driven(Control, what="motion of a driven machine"):
     @cached_property
     def largest(self) -> tuple[float, float]:
         """The largest size of the actuator's force and of its power, at the samples of the work."""
-        force, power = (np.abs(each).max() for each in self._effects(_samples(self)[0].ravel()))
+        force, power = (np.abs(each).max() for each in self._effects(_power_samples(self)[0].ravel()))
         return float(force), float(power)
 
     def table(self, t: ArrayLike | None = None) -> dict[str, np.ndarray]:
@@ -173,7 +187,9 @@ class Driven(Control, what="motion of a driven machine"):
         """Those of `Control`, with the work, the largest force and the largest power of the actuator."""
         *rows, last = super()._rows()
         yield from rows
-        joule, newton, watt = (f" {unit}" if (unit := self.unit_of(n)) else "" for n in ("work", "actuator force", "power"))
+        joule, newton, watt = (
+            f" {unit}" if (unit := self.unit_of(n)) else "" for n in ("work", "actuator force", "power")
+        )
         done = dict(zip(("work", "positive work"), self.work, strict=True))
         yield Row("work", done, (f"{{:.10g}}{joule}, of it done {{:.10g}}{joule}",))
         most = dict(zip(("largest force", "largest power"), self.largest, strict=True))
@@ -197,7 +213,7 @@ class Driven(Control, what="motion of a driven machine"):
 
     def document(self) -> Document:
         """The motion as JSON-ready data, with the machine in words and, where a file can state it, its statement."""
-        statement = statement_for_file(self.source) if isinstance(self.source, TwoMasses) else None
+        statement = statement_for_file(cast(Any, self.source)) if isinstance(self.source, TwoMasses) else None
         own = {} if "actuator" not in self.actuated.describe() else {"actuator": asdict(self.actuator)}
         return {**super().document(), "machine": self.machine, "statement": statement, **own}
 
@@ -220,7 +236,7 @@ class Driven(Control, what="motion of a driven machine"):
         return cls.of(machine, control, actuated.actuator)
 
 
-def _samples(control: Control) -> tuple[np.ndarray, np.ndarray]:
+def _power_samples(control: Control) -> tuple[np.ndarray, np.ndarray]:
     """Gauss points (k, m) within all intervals of a control, and their weights (k, m)."""
     places, weights = np.polynomial.legendre.leggauss(POWER_SAMPLES)
     starts = np.concatenate([leg.start + leg.inputs.times[:-1] for leg in control.legs])

@@ -1,21 +1,19 @@
 """Optimal control of a machine with an actuator: to keep it hopping although it is damped, to bring it onto its
 lossless orbit or onto the hop at which it is kept, or to start it from rest.
 
-The control is the rate of the actuator's state, constant on each interval. Effort is the integral of w**2 for a spring's
-end that moves, and that of f**2 for a force. A landing is lossless, where the speed and the acceleration of the gap
-vanish with it, or plastic: then the speed is free, its energy is lost, and the contact force must press from there on.
-With a restitution above 0 the machine would bounce instead, and is refused unless the landing is lossless. The
+The control is the rate of the actuator's state, constant on each interval. Effort is the integral of w**2 for the end
+of a spring that moves, and that of f**2 for a force. A landing is lossless, where the speed and the acceleration of the
+gap vanish with it, or plastic: then the speed is free, its energy is lost, and the contact force must press from there
+on. With a restitution above 0 the machine would bounce instead, and is refused unless the landing is lossless. The
 actuator's state is 0 at lift-off. Source: direct multiple shooting, see `orbits.steer`.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial, wraps
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
-from numpy.typing import ArrayLike
-
 from scipy.optimize import root
 
 from orbits import Control, InputError, NoOrbit, Orbit, Simulation, find, simulate, steer
@@ -31,12 +29,12 @@ from orbits.numerics.roots import bracketed_root
 from orbits.periodic.find import Progress
 from orbits.running.exclusive import exclusive
 from orbits.simulation.simulated import run_in_units
-from orbits.units import ENERGY, LIFTOFF_SPEED, Dimension, Message, Quantity, in_own_units
+from orbits.units import ENERGY, LIFTOFF_SPEED, Dimension, Message, Quantity, Units, in_own_units
 
 from .actuated import Actuated, Actuator, Drive, undamped
+from .actuated_launch import launch_argument, launched_at
+from .actuator_bounds import Limits, actuator_limits, dimensions_of_limits, dimensions_of_rows, product
 from .driven import Driven, flight_states, work_done
-from .launches import launch_argument, launched_at
-from .limits import Limits, actuator_limits, dimensions_of_limits, dimensions_of_rows, product
 
 # Positive work is rounded: power P counts as (P + sqrt(P^2 + round^2))/2, with a share of the mean power as `round`.
 # The last of these shares is that of the result; the earlier ones lead there.
@@ -81,7 +79,7 @@ def in_units_of_the_machine(function: Callable[..., Control]) -> Callable[..., D
         driven = Actuated(machine, options.pop("actuator", None) or Actuator())
 
         def in_si(control: Control, machine: Any) -> Control:
-            units, cost = driven.units, _costs(driven)[options.get("cost", "effort")]
+            units, cost = cast(Units, driven.units), _costs(driven)[options.get("cost", "effort")]
             added = {name: value for name, value in control.parameters.items() if name not in driven.still}
             known = {name: x * units.of(_dimension_of_added(name, driven)) for name, x in added.items()}
             named = {**machine.values, **{name: x for name, x in known.items() if name != "round"}}
@@ -165,14 +163,15 @@ def recover(
     >>> steering.missed(Hopper(), back) < 1e-9
     True
     """
-    driven, bounds = Actuated(machine, actuator or Actuator()), dict(rate=rate, stroke=stroke, force=force, power=power)
+    driven = Actuated(machine, actuator or Actuator())
+    bounds = {"rate": rate, "stroke": stroke, "force": force, "power": power}
     hop = _hop(driven, family, start, lossless or (short == 0 and not driven.damped), intervals, bounds)
     reached = _aim(driven, hop.orbit, aim)
     launch = reached["alpha"] - finite_number("short", short)
     if not launch > 0:
         text = "short = {short:g}: the lossless launch speed is {whole:.6g}, and some of it is to be left"
-        values = (Quantity(value, LIFTOFF_SPEED) for value in (short, reached["alpha"]))
-        raise InputError(Message(text, **dict(zip(("short", "whole"), values, strict=True))))
+        whole = Quantity(reached["alpha"], LIFTOFF_SPEED)
+        raise InputError(Message(text, short=Quantity(short, LIFTOFF_SPEED), whole=whole))
     first = launched_at(driven, reached, launch)
     values = {
         **driven.still, "launch": launch, "aim": reached["alpha"], "liftoff": first["liftoff"],
@@ -289,7 +288,9 @@ class _Hop:
         return result
 
 
-def _hop(driven: Actuated, family: int, start: Any, lossless: bool, intervals: int, bounds: Mapping[str, float]) -> _Hop:
+def _hop(
+    driven: Actuated, family: int, start: Any, lossless: bool, intervals: int, bounds: Mapping[str, float]
+) -> _Hop:
     """The hop of checked arguments."""
     orbit = _lossless(driven, family, start)
     if driven.restitution > 0 and not lossless:
@@ -407,7 +408,9 @@ def _aim(driven: Actuated, orbit: Orbit, aim: Driven | None) -> dict[str, float]
     if not isinstance(aim, Driven) or not aim.periodic or aim.launch is None:
         raise InputError(f"aim = {aim!r}; it is a hop that repeats itself, as keep_hopping returns it")
     if aim.actuated.describe() != driven.describe():
-        raise InputError("aim is a hop of another machine or actuator: keep this one hopping first, keep_hopping(machine)")
+        raise InputError(
+            "aim is a hop of another machine or actuator: keep this one hopping first, keep_hopping(machine)"
+        )
     return {name: float(x) for name, x in driven.model.launch_at(aim.legs[0].path(0.0)).items()}
 
 
@@ -450,7 +453,11 @@ def _lowest(orbit: Orbit) -> np.ndarray:
 def _rest(driven: Actuated, orbit: Orbit) -> dict[str, float]:
     """Where the machine rests in contact: its coordinates there, by name, near their mean over the orbit's contact."""
     model, values = driven.model, driven.values
-    contact, p, onto = flow_of(model.contact, tuple(values)), np.array(list(values.values())), np.linalg.pinv(model.embed)
+    contact, p, onto = (
+        flow_of(model.contact, tuple(values)),
+        np.array(list(values.values())),
+        np.linalg.pinv(model.embed),
+    )
     names = [name for name in model.contact.states if f"{name}'" in model.contact.states]
     low, high = (onto @ np.append(x, 0.0) for x in (_lowest(orbit), orbit(0.0)))
     size = len(model.contact.states)
@@ -462,7 +469,11 @@ def _rest(driven: Actuated, orbit: Orbit) -> dict[str, float]:
 
     if len(names) == 1:
         ends = float(low[0]), float(high[0])
-        return {names[0]: bracketed_root(lambda y: float(acceleration(y)[0]), *ends, *(float(acceleration(y)[0]) for y in ends))}
+        return {
+            names[0]: bracketed_root(
+                lambda y: float(acceleration(y)[0]), *ends, *(float(acceleration(y)[0]) for y in ends)
+            )
+        }
     found = root(acceleration, (low + high)[: 2 * len(names) : 2] / 2, tol=1e-14)
     if not found.success:
         raise NoOrbit("the machine has no rest in contact near the hop from which it could be started")
@@ -507,6 +518,7 @@ def _hop_stages(drive: Drive, gap, intervals, times, limits, cost, lossless, per
         return Affine(gap.weights).at(model.flight.field(x, p, model.flight.data(x, p)))
 
     def force_at(x, p):
+        p = {**p, drive.actuator.rate: 0.0}
         return force(x, p, model.contact.data(x, p))
 
     def lifted(x, before, p):
@@ -557,6 +569,7 @@ def _swing_stages(drive: Drive, pumps, intervals, limits, time) -> tuple[Stage, 
             return _difference(x, before if index else [p[places[name]] if name in places else 0.0 for name in states])
 
         def end(x, p):
+            p = {**p, drive.actuator.rate: 0.0}
             pressed = force(x, p, model.contact.data(x, p))
             return [pressed, *_reached(model, x, p)] if last else [speed.at(x)]
 

@@ -15,7 +15,7 @@ from .actuated import Actuated, Drive
 
 POWER: Dimension = (0, -1, 0, 1)
 # The names of the path constraints of a bound, in both directions.
-SIDES = {
+SIDES_OF_BOUNDS = {
     "stroke": ("room to pull", "room to push"),
     "force": ("force left to push", "force left to pull"),
     "power": ("power left to drive", "power left to brake"),
@@ -53,7 +53,7 @@ class Limits:
         found: dict[str, Callable] = {}
         for name, of in bounded.items():
             if np.isfinite(bound := getattr(self, name)):
-                above, below = SIDES[name]
+                above, below = SIDES_OF_BOUNDS[name]
                 found[above] = lambda x, p, q, of=of, bound=bound: bound - of(x, p, q)
                 found[below] = lambda x, p, q, of=of, bound=bound: bound + of(x, p, q)
         if cost == "peak" and drive.actuator.is_force:
@@ -74,7 +74,7 @@ def dimensions_of_limits(driven: Actuated) -> dict[str, Dimension]:
 def dimensions_of_rows(driven: Actuated) -> dict[str, Dimension]:
     """The dimensions of the rows of the legs that are no lengths or speeds, by name."""
     bounds = dimensions_of_limits(driven)
-    sides = {side: bounds[name] for name, both in SIDES.items() for side in both}
+    sides = {side: bounds[name] for name, both in SIDES_OF_BOUNDS.items() for side in both}
     own = {name: driven.dimensions[name] for name in (driven.actuator.state, driven.actuator.rate)}
     return {**sides, **dict.fromkeys(("peak to push", "peak to pull"), own[driven.actuator.state]), **own}
 

@@ -12,8 +12,8 @@ from orbits.units import LIFTOFF_SPEED, Message, Quantity
 
 from .actuated import Actuated
 
-NEWTON_STEPS = 50
-CONVERGED = 1e-15  # of a step, relative to the coordinate and to one
+LIFTOFF_STEPS = 50
+LIFTOFF_CONVERGED = 1e-15  # of a step, relative to the coordinate and to one
 
 
 def is_one_speed(driven: Actuated) -> bool:
@@ -41,12 +41,12 @@ def launched_at(driven: Actuated, like: Mapping[str, float], alpha: float) -> di
     force = ca.SX(model.liftoff(unknowns, p, q))
     step = ca.Function("step", [y], [-force / ca.jacobian(force, y)])
     place = like["liftoff"]
-    for _ in range(NEWTON_STEPS):
+    for _ in range(LIFTOFF_STEPS):
         move = float(step(place))
         if not np.isfinite(move):
             break
         place += move
-        if abs(move) <= CONVERGED * (1 + abs(place)):
+        if abs(move) <= LIFTOFF_CONVERGED * (1 + abs(place)):
             return {**like, "liftoff": place}
     text = "at a launch speed of {alpha:.6g} the contact force vanishes nowhere near: take a launch nearer to the hop's"
     raise InputError(Message(text, alpha=Quantity(float(alpha), LIFTOFF_SPEED)))
