@@ -33,7 +33,7 @@ from ..machines.two_masses import DAMPERS, TwoMassMachine
 SIZES = ("length", "time", "force")
 # The state and the input of each kind of actuator.
 STATES_OF_ACTUATORS = {"displacement": ("u", "w"), "force": ("f", "f_rate")}
-TORQUE = (1, 0, 1, 0, 0, -1)
+TURNING_FORCE = (1, 0, 1, 0, 0, -1)
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,7 @@ class Actuated(Stated):
         stated, actuator = self.machine.stated(), self.actuator
         places = {*stated.coordinates}
         turned = length_or_angle(actuator.along, places, {*stated.angles}) is ANGLE
-        way, speed, force = (ANGLE, ANGULAR_SPEED, TORQUE) if turned else (LENGTH, SPEED, FORCE)
+        way, speed, force = (ANGLE, ANGULAR_SPEED, TURNING_FORCE) if turned else (LENGTH, SPEED, FORCE)
         own = (force, (force[0], force[1] - 1, *force[2:])) if actuator.is_force else (way, speed)
         return {actuator.state: own[0], actuator.rate: own[1], "actuator force": force, "way": way}
 
@@ -300,7 +300,9 @@ def _resolved(actuator: Any, stated: Mechanism) -> Actuator:
         return replace(actuator, along=named[0])
     if actuator.is_force:
         if unknown := sorted(names_in(actuator.along) - {*stated.coordinates, *stated.parameters}):
-            raise InputError(f"along '{actuator.along}': '{unknown[0]}'{suggest(unknown[0], stated.coordinates)}")
+            raise InputError(
+                f"along '{actuator.along}': there is no coordinate '{unknown[0]}'{suggest(unknown[0], stated.coordinates)}"
+            )
         if not names_in(actuator.along) & {*stated.coordinates}:
             raise InputError(f"along '{actuator.along}' has no coordinate; there are {', '.join(stated.coordinates)}")
         return actuator

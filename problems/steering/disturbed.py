@@ -79,7 +79,7 @@ class Disturbed(Result, what="disturbed motion", in_line=("launch_errors", "run.
     @classmethod
     def of_saved(cls, document: object, machine: Any = None) -> "Disturbed":
         """As in `Result`, of the machine of its `Driven`."""
-        words = document["fields"]["run"]["fields"]["source"]["words"] if isinstance(document, Mapping) else {}
+        words = cls._conform(document, Mapping[str, Any])["run"]["fields"]["source"]["words"]
         return super().of_saved(document, machine and Actuated(machine, Actuator(**words.get("actuator", {}))))
 
     @property

@@ -191,7 +191,8 @@ class Driven(Control, what="motion of a driven machine"):
             f" {unit}" if (unit := self.unit_of(n)) else "" for n in ("work", "actuator force", "power")
         )
         done = dict(zip(("work", "positive work"), self.work, strict=True))
-        yield Row("work", done, (f"{{:.10g}}{joule}, of it done {{:.10g}}{joule}",))
+        heading = "work per hop" if self.periodic else "work"
+        yield Row(heading, done, (f"{{:.10g}}{joule}, its positive part {{:.10g}}{joule}",))
         most = dict(zip(("largest force", "largest power"), self.largest, strict=True))
         yield Row("actuator", most, (f"force up to {{:.6g}}{newton}, power up to {{:.6g}}{watt}",))
         yield last

@@ -356,7 +356,7 @@ def _least_work_at(hop: _Hop, guess: Control, roundings: Sequence[float], done: 
         values = {**hop.driven.still, "round": share * mean}
         stages = hop.stages("work", periodic=True)
         guess = hop.checked(steer(stages, values, guess=guess, tolerance=WORK_TOLERANCE))
-        done(0.3 + 0.7 * (number + 1) / len(roundings))
+        done((3 + 7 * (number + 1) / len(roundings)) / 10)
     return replace(guess, cost=work_done(hop.driven, guess)[1])
 
 

@@ -1,14 +1,29 @@
 """Goals of an actuated machine: their costs against the limit of small damping, energy, and other integrators."""
 
+from dataclasses import replace
+from functools import cache
+
 import numpy as np
 import pytest
 from conftest import slow_after
 from scipy.integrate import solve_ivp, trapezoid
 from scipy.linalg import expm
 
-from orbits import InputError, NoOrbit, find, simulate
+from orbits import InputError, NoOrbit, find, find_all, simulate, starts
+from orbits.mechanics import Damper
 from orbits.simulation.impacts import Impacts
-from problems import Actuated, Chain, HeavyHand, Hopper, Juggler, springs, steering
+from problems import (
+    Actuated,
+    Actuator,
+    Chain,
+    HeavyHand,
+    Hopper,
+    Juggler,
+    chain_hand,
+    plate_hopper,
+    springs,
+    steering,
+)
 
 
 def test_a_damped_hopper_is_kept_hopping(driven_hopper):
@@ -25,11 +40,9 @@ def test_a_damped_hopper_is_kept_hopping(driven_hopper):
     assert positive >= done
 
 
-def test_the_law_of_small_damping():
-    """Its coefficient is a least-norm problem: the flow of a linear spring by matrix exponentials, linearised at the
-    lossless hop in the start, the durations, the 40 rates and the damping."""
-    orbit = find(Hopper())
-    counts = (25, 15)  # shares of 40 intervals by duration
+def hop_slopes(orbit, counts):
+    """What the linear hopper misses at its lossless hop, by the flow's matrix exponentials, linearised in the launch
+    speed, the displacement of the spring's end there, the two durations, the damping and the 40 rates; (6, 45)."""
     force, speed = np.array([1.0, 0, -1, 0, -1]), np.array([0.0, 1, 0, -1, 0])
 
     def step(kept, time, c):
@@ -52,16 +65,33 @@ def test_the_law_of_small_damping():
             y = (ground @ [*y, 1, rate])[:3]
         return np.array([*landing, *(y - start[[0, 1, 4]])])
 
-    times = orbit.flight_time, orbit.contact_time
-    at = np.array([orbit.alpha, 0.0, *times, 0.0, *[0.0] * 40])
+    at = np.array([orbit.alpha, 0.0, orbit.flight_time, orbit.contact_time, 0.0, *[0.0] * 40])
     assert np.abs(misses(at)).max() < 1e-12
-    slopes = np.array([misses(at + 1e-30j * row).imag * 1e30 for row in np.eye(45)]).T
+    return np.array([misses(at + 1e-30j * row).imag * 1e30 for row in np.eye(45)]).T
+
+
+def least_effort(slopes, weights):
+    """The least effort over the square of the damping, the effort being rates @ weights @ rates (40, 40)."""
     directions, sizes, _ = np.linalg.svd(slopes[:, :4])
     others = directions[:, np.append(sizes, [0, 0]) < 1e-9].T  # what neither start nor durations can mend
-    lengths = np.repeat(np.divide(times, counts), counts)
-    least = np.linalg.lstsq(others @ slopes[:, 5:] / np.sqrt(lengths), others @ slopes[:, 4], rcond=None)[0]
-    tiny = steering.keep_hopping(Hopper(damping=1e-5), start=orbit)
-    assert tiny.cost == pytest.approx(float(least @ least) * 1e-10, rel=1e-7)
+    root = np.linalg.cholesky(weights).T
+    least = np.linalg.lstsq(others @ slopes[:, 5:] @ np.linalg.inv(root), others @ slopes[:, 4], rcond=None)[0]
+    return float(least @ least)
+
+
+@pytest.mark.parametrize("kind", ["displacement", "force"])
+def test_the_law_of_small_damping(kind):
+    """Its coefficient is a least-norm problem: a force beside a spring of stiffness 1 does what its end does, and its
+    effort is the integral of the square of a polygon."""
+    orbit, counts = find(Hopper()), (25, 15)  # shares of 40 intervals by duration
+    lengths = np.repeat(np.divide([orbit.flight_time, orbit.contact_time], counts), counts)
+    weights = np.diag(lengths)
+    if kind == "force":
+        after = np.tril(np.ones((40, 40))) * lengths  # of all rates on the force at the end of each interval
+        before = np.vstack([np.zeros((1, 40)), after[:-1]])
+        weights = sum(each.T @ np.diag(lengths / 6) @ each for each in (before, after, before + after))
+    tiny = steering.keep_hopping(Hopper(damping=1e-5), actuator=Actuator(kind=kind), start=orbit)
+    assert tiny.cost == pytest.approx(least_effort(hop_slopes(orbit, counts), weights) * 1e-10, rel=1e-7)
 
 
 def test_the_juggler_costs_what_the_hopper_does(driven_hopper):
@@ -245,3 +275,90 @@ def test_a_measured_spring_is_driven_as_its_formula():
     )
     assert found.cost == pytest.approx(expected.cost, rel=1e-8)
     assert found.error < 1e-9
+
+
+@cache
+def damped_column():
+    """A damped column of three masses, driven at its lower spring, with the lossless hop near which it is kept."""
+    chain = Chain((1.0, 1.0, 1.0))
+    column = chain.stated()
+    dampers = [Damper("y1 - y2", "c"), Damper("y2 - y3", "c")]
+    column = replace(column, elements=[*column.elements, *dampers], parameters={**column.parameters, "c": 0.01})
+    hop = find(chain, start=chain.start([-17.3, -11.0], 3.1, 4.49))
+    return column, hop, steering.keep_hopping(column, actuator=Actuator("y2 - y3"), start=hop, intervals=20)
+
+
+def test_a_damped_column_is_kept_hopping():
+    """Its work is what the dampers take away, and three hops driven open loop begin at the same speed."""
+    column, _, kept = damped_column()
+    assert kept.states == ("y1", "y1'", "y2", "y2'", "y3", "y3'", "u")
+    assert steering.missed(column, kept) <= 1e-9
+    assert kept.simulate(3).run.launches == pytest.approx(kept.launch, abs=1e-9)
+    lost = 0.0
+    for leg in kept.legs:
+        t = leg.start + np.linspace(0, leg.duration, 20001)[:-1]
+        states = kept(t)
+        lost += 0.01 * trapezoid((states[:, 1] - states[:, 3]) ** 2 + (states[:, 3] - states[:, 5]) ** 2, t)
+    assert kept.work == pytest.approx(steering.work(column, kept))
+    assert kept.work[0] == pytest.approx(lost, rel=1e-3)
+
+
+def test_a_column_comes_onto_the_hop_at_which_it_is_kept():
+    """From rest, and from a launch that is too slow; then the inputs of that hop go on."""
+    column, hop, kept = damped_column()
+    lower = {"actuator": Actuator("y2 - y3"), "start": hop, "aim": kept}
+    started = steering.start_up(column, 2, intervals=14, **lower)
+    assert steering.missed(column, started) <= 1e-9
+    assert started.followed_by(kept, hops=2).launches == pytest.approx(kept.launch, abs=1e-9)
+    back = steering.recover(column, 0.1, intervals=20, **lower)
+    assert back.launch == pytest.approx(kept.launch - 0.1, abs=1e-9)
+    assert back.followed_by(kept, hops=1).launches[-2:] == pytest.approx(kept.launch, abs=1e-9)
+
+
+def test_a_start_onto_the_hop_at_which_a_damped_hopper_is_kept(driven_hopper):
+    started = steering.start_up(Hopper(damping=0.01), 2, stroke=3.0, aim=driven_hopper)
+    assert started(started.end) == pytest.approx(driven_hopper(0.0), abs=1e-9)
+    assert started.followed_by(driven_hopper, hops=3).launches == pytest.approx(driven_hopper.launch, abs=1e-9)
+    for aim, words in ((steering.keep_hopping(Hopper(damping=0.02)), "another machine"), (started, "repeats itself")):
+        with pytest.raises(InputError, match=words):
+            steering.start_up(Hopper(damping=0.01), 2, aim=aim)
+    with pytest.raises(InputError, match="another machine"):
+        started.followed_by(steering.keep_hopping(Hopper(damping=0.02)))
+
+
+@pytest.mark.parametrize("end", ["hand - y3", "y3"])
+def test_a_hand_of_two_masses_keeps_throwing(end):
+    """The work is what the damper takes away, whichever spring is driven."""
+    machine = chain_hand((1.0, 1.0, 1.0))
+    damped = replace(
+        machine, elements=[*machine.elements, Damper("hand", "c")], parameters={**machine.parameters, "c": 1e-3}
+    )
+    (orbit,) = find_all(machine, starts(machine, 4, 4))
+    kept = steering.keep_hopping(damped, actuator=Actuator(end), start=orbit, intervals=20)
+    assert steering.missed(damped, kept) <= 1e-9
+    t = np.linspace(0, kept.end, 20001)
+    assert kept.work[0] == pytest.approx(1e-3 * trapezoid(kept(t)[:, 3] ** 2, t), rel=1e-3)
+
+
+def test_a_plate_is_moved_below_the_hopper():
+    machine = plate_hopper((1.0, 1.0, 5.0))
+    damped = replace(
+        machine, elements=[*machine.elements, Damper("plate", "c")], parameters={**machine.parameters, "c": 1e-3}
+    )
+    orbit = find(machine, start=min(find_all(machine, starts(machine, 5, 5)), key=lambda o: abs(o.alpha - 6.125)))
+    kept = steering.keep_hopping(damped, actuator=Actuator("plate"), start=orbit, intervals=30)
+    assert steering.missed(damped, kept) <= 1e-9
+
+
+def test_least_work_is_found_at_the_rates_that_reach_it():
+    """Down to the least peak of the rate; below it, the reason says what to widen."""
+    machine = Hopper(damping=0.01)
+    peak = steering.keep_hopping(machine, cost="peak").cost
+    told, works = [], []
+    for rate in (0.1, 1.1 * peak):
+        works.append(steering.keep_hopping(machine, cost="work", rate=rate, progress=told.append).cost)
+    assert works[0] < works[1]
+    assert told == sorted(told[: len(told) // 2]) * 2
+    assert told[-1] == 1.0
+    with pytest.raises(NoOrbit, match="widen a bound"):
+        steering.keep_hopping(machine, cost="work", rate=0.9 * peak)
