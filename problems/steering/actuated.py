@@ -300,9 +300,8 @@ def _resolved(actuator: Any, stated: Mechanism) -> Actuator:
         return replace(actuator, along=named[0])
     if actuator.is_force:
         if unknown := sorted(names_in(actuator.along) - {*stated.coordinates, *stated.parameters}):
-            raise InputError(
-                f"along '{actuator.along}': there is no coordinate '{unknown[0]}'{suggest(unknown[0], stated.coordinates)}"
-            )
+            hint = suggest(unknown[0], stated.coordinates)
+            raise InputError(f"along '{actuator.along}': there is no coordinate '{unknown[0]}'{hint}")
         if not names_in(actuator.along) & {*stated.coordinates}:
             raise InputError(f"along '{actuator.along}' has no coordinate; there are {', '.join(stated.coordinates)}")
         return actuator
