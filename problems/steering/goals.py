@@ -10,44 +10,32 @@ actuator's state is 0 at lift-off. Source: direct multiple shooting, see `orbits
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial, wraps
+from functools import wraps
 from typing import Any, cast
 
 import numpy as np
-from scipy.optimize import root
 
 from orbits import Control, InputError, NoOrbit, Orbit, Simulation, find, simulate, steer
-from orbits.control import Guess, Stage
 from orbits.control.control import control_in_units
 from orbits.errors import finite_number, whole_number
-from orbits.flow.flow import flow_of
-from orbits.laws.law import Algebraic, Parameters, Scalars
-from orbits.model.model import Model
-from orbits.model.phase import Affine
 from orbits.numerics.polynomial_roots import derivative, piecewise_roots
-from orbits.numerics.roots import bracketed_root
 from orbits.periodic.find import Progress
 from orbits.running.exclusive import exclusive
 from orbits.simulation.simulated import run_in_units
 from orbits.units import ENERGY, LIFTOFF_SPEED, Dimension, Message, Quantity, Units, in_own_units
 
-from .actuated import Actuated, Actuator, Drive, undamped
-from .actuated_launch import launch_argument, launched_at
-from .actuator_bounds import Limits, actuator_limits, dimensions_of_limits, dimensions_of_rows, product
+from .actuated import Actuated, Actuator, undamped
+from .actuated_launch import launched_at
+from .actuator_bounds import Limits, actuator_limits, dimensions_of_limits, dimensions_of_rows
 from .driven import Driven, flight_states, work_done
+from .first_guesses import contact_time_of, growing_swings, lossless_guess, rest_in_contact, undriven_guess
+from .steered_stages import hop_stages, parameter_of_rest, swing_stages
 
 # Positive work is rounded: power P counts as (P + sqrt(P^2 + round^2))/2, with a share of the mean power as `round`.
 # The last of these shares is that of the result; the earlier ones lead there.
 ROUNDINGS = (1.0, 0.3, 0.1)
 # Tolerance of least work: quadrature is slow near corners of the power, while the motion itself stays smooth.
 WORK_TOLERANCE = 1e-7
-# A little effort is added to positive work and to the peak rate, so that their minima are unique.
-EFFORT_WEIGHTS = {"work": 1e-3, "peak": 1e-6}
-# In a start from rest the contact force keeps this distance from 0, in units of the actuator's spring force, wherever
-# contact is to last: driven open loop, the machine would lift off where the force touches zero.
-CONTACT_FORCE_MARGIN = 1e-7
-# Bounds of the durations, as shares of those of the lossless orbit.
-SHORTEST_SHARE, LONGEST_SHARE = 0.1, 4.0
 # Multiples of a rate at which least work is sought where it is not found at that rate, each from the result before.
 WIDER_RATES = (4.0, 2.0, 1.4, 1.0)
 
@@ -104,7 +92,7 @@ def keep_hopping(
     actuator : an `Actuator`; by default it moves the end of the only spring
     family : number of the family, from 1
     cost : "effort"; "work", the actuator's positive work; or "peak", the largest rate, or for a force its largest
-        value. The last two are minimised with a small multiple of the effort added (`EFFORT_WEIGHTS`), and work is
+        value. The last two are minimised with a small multiple of the effort added, and work is
         smoothed (`ROUNDINGS`); the `cost` of the result is without either
     lossless : whether the landing has to be lossless; else it is plastic, see the module
     intervals : of flight and contact together, on each of which the actuator's rate is constant; with few, about 12,
@@ -206,11 +194,11 @@ def start_up(
     driven = Actuated(machine, actuator or Actuator())
     orbit = _lossless(driven, family, start)
     limits = actuator_limits(driven, rate=rate, stroke=stroke, force=force, power=power)
-    rest, reached = _rest(driven, orbit), _aim(driven, orbit, aim)
-    stages = _swing_stages(driven.drive, pumps, intervals, limits, _contact_time(orbit))
+    rest, reached = rest_in_contact(driven, orbit), _aim(driven, orbit, aim)
+    stages = swing_stages(driven.drive, pumps, intervals, limits, contact_time_of(orbit))
     values = {**driven.still, "aim": reached["alpha"], **_named("aim", reached)}
-    values |= {_rest_name(driven, name): place for name, place in rest.items()}
-    return steer(stages, values, guess=_growing_swings(driven, orbit, rest, pumps))
+    values |= {parameter_of_rest(driven.model, name): place for name, place in rest.items()}
+    return steer(stages, values, guess=growing_swings(driven, orbit, rest, pumps))
 
 
 @in_own_units(lambda run, driven: run_in_units(run, driven), control=())
@@ -263,16 +251,16 @@ class _Hop:
 
     def stages(self, cost: str, periodic: bool):
         """Flight and contact, their intervals shared by duration."""
-        times = float(self.orbit.flight_time), _contact_time(self.orbit)
+        times = float(self.orbit.flight_time), contact_time_of(self.orbit)
         first = int(np.clip(round(self.intervals * times[0] / sum(times)), 1, self.intervals - 1))
         gap, counts = self.driven.model.gap(self.driven.values), (first, self.intervals - first)
-        return _hop_stages(self.driven.drive, gap, counts, times, self.limits, cost, self.lossless, periodic)
+        return hop_stages(self.driven.drive, gap, counts, times, self.limits, cost, self.lossless, periodic)
 
     def starts(self, launch: Mapping[str, float]) -> list[Any]:
         """Guesses of a hop from a launch, or functions that return one; the lossless orbit may not lead to a plastic
         landing."""
-        start = [_lossless_guess(self.driven, self.orbit)]
-        return start if self.lossless else [*start, lambda: _undriven_guess(self.driven, launch)]
+        start = [lossless_guess(self.driven, self.orbit)]
+        return start if self.lossless else [*start, lambda: undriven_guess(self.driven, launch)]
 
     def checked(self, result: Control) -> Control:
         """The result, if it turns in flight as often as the orbit; one turn fewer or more if the landing is plastic."""
@@ -417,190 +405,3 @@ def _aim(driven: Actuated, orbit: Orbit, aim: Driven | None) -> dict[str, float]
 def _named(kind: str, unknowns: Mapping[str, float]) -> dict[str, float]:
     """The unknowns of a launch beside its speed and its "liftoff", as parameters of a kind of launch."""
     return {f"{kind} {name}": x for name, x in unknowns.items() if name not in ("alpha", "liftoff")}
-
-
-def _contact_time(orbit: Orbit) -> float:
-    """The time of the orbit's contact, which an admissible one has."""
-    if orbit.contact_time is None:
-        raise NoOrbit("the contact of the lossless orbit does not end, so that no hop is near it")
-    return float(orbit.contact_time)
-
-
-def _lossless_guess(driven: Actuated, orbit: Orbit) -> list[Guess]:
-    """The lossless orbit, the spring's end at rest."""
-    onto = np.linalg.pinv(driven.model.embed)
-    flight = Guess(float(orbit.flight_time), lambda t: np.append(orbit(t), 0.0))
-    return [flight, Guess(_contact_time(orbit), lambda t: onto @ np.append(orbit(orbit.flight_time + t), 0.0))]
-
-
-def _undriven_guess(driven: Actuated, launch: Mapping[str, float]) -> list[Guess]:
-    """The motion without control: the flight from a launch, and the next contact, which need not join."""
-    run = simulate(driven, launch_argument(driven, launch, launch["alpha"]), hops=1)
-    contacts = [leg for leg in run.legs if leg.phase == "contact"]
-    if run.status != "done" or not contacts:
-        text = "from a launch at {launch:.6g} the machine does not hop on by itself: {why}"
-        speed = Quantity(launch["alpha"], LIFTOFF_SPEED)
-        raise NoOrbit(Message(text, launch=speed, why=run.reason or run.status))
-    first, last, (n, m) = run.legs[0].path, contacts[0].path, driven.model.embed.shape
-    flown = Guess(float(first.times[-1]), lambda t: first(t)[:n])
-    return [flown, Guess(float(last.times[-1]), lambda t: last(t)[:m])]
-
-
-def _lowest(orbit: Orbit) -> np.ndarray:
-    return orbit(float(orbit.flight_time) + _contact_time(orbit) / 2)
-
-
-def _rest(driven: Actuated, orbit: Orbit) -> dict[str, float]:
-    """Where the machine rests in contact: its coordinates there, by name, near their mean over the orbit's contact."""
-    model, values = driven.model, driven.values
-    contact, p, onto = (
-        flow_of(model.contact, tuple(values)),
-        np.array(list(values.values())),
-        np.linalg.pinv(model.embed),
-    )
-    names = [name for name in model.contact.states if f"{name}'" in model.contact.states]
-    low, high = (onto @ np.append(x, 0.0) for x in (_lowest(orbit), orbit(0.0)))
-    size = len(model.contact.states)
-
-    def acceleration(y):
-        x = np.zeros((1, size))
-        x[0, : 2 * len(names) : 2] = y
-        return contact.field(x, p)[0][0, 1 : 2 * len(names) : 2]
-
-    if len(names) == 1:
-        ends = float(low[0]), float(high[0])
-        return {
-            names[0]: bracketed_root(
-                lambda y: float(acceleration(y)[0]), *ends, *(float(acceleration(y)[0]) for y in ends)
-            )
-        }
-    found = root(acceleration, (low + high)[: 2 * len(names) : 2] / 2, tol=1e-14)
-    if not found.success:
-        raise NoOrbit("the machine has no rest in contact near the hop from which it could be started")
-    return dict(zip(names, found.x.tolist(), strict=True))
-
-
-def _rest_name(driven: Actuated, name: str) -> str:
-    """The parameter that is the place of rest of a coordinate."""
-    return "rest" if name == driven.model.launched[0] else f"rest {name}"
-
-
-def _growing_swings(driven: Actuated, orbit: Orbit, rest: Mapping[str, float], pumps: int) -> list[Guess]:
-    """Swings about rest that grow evenly to the orbit's lowest position."""
-    states, onto = driven.model.contact.states, np.linalg.pinv(driven.model.embed)
-    lowest = (onto @ np.append(_lowest(orbit), 0.0))[: 2 * len(rest) : 2]
-    still = np.array([*rest.values()])
-    count, time = 2 * pumps, 0.85 * _contact_time(orbit)  # a contact is more than one half swing, part of a whole one
-
-    def at(i, t):
-        share, side = t / time, 1.0 if i % 2 == 0 else -1.0
-        grown, angle = (still - lowest) * (i + share) / (count - 1), np.pi * share
-        x = np.zeros(len(states))
-        x[: 2 * len(rest) : 2] = still + side * grown * np.cos(angle)
-        x[1 : 2 * len(rest) : 2] = -side * grown * np.pi / time * np.sin(angle)
-        return x
-
-    return [Guess(time, partial(at, i)) for i in range(count)]
-
-
-@lru_cache(maxsize=32)
-def _hop_stages(drive: Drive, gap, intervals, times, limits, cost, lossless, periodic) -> tuple[Stage, Stage]:
-    """Flight and contact, as `steer` takes them; the same hop has the same stages, with their compiled functions.
-
-    A hop that is not periodic goes from the parameter "launch" to "aim".
-    """
-    model = drive.model
-    force, identity, onto = model.contact.watch["contact force"], np.eye(len(model.embed)), np.linalg.pinv(model.embed)
-    bounds, inputs = [(SHORTEST_SHARE * time, LONGEST_SHARE * time) for time in times], limits.inputs(drive, cost)
-
-    def gap_speed(x, p):
-        p = {**p, drive.actuator.rate: 0.0}
-        return Affine(gap.weights).at(model.flight.field(x, p, model.flight.data(x, p)))
-
-    def force_at(x, p):
-        p = {**p, drive.actuator.rate: 0.0}
-        return force(x, p, model.contact.data(x, p))
-
-    def lifted(x, before, p):
-        if periodic:  # Spring's end and motion could be moved together: the end is at 0 where the cycle begins.
-            return [*_difference(x, product(model.embed, before)), x[-1]]
-        others = {name: p[f"launch {name}"] for name in model.launch_unknowns[2:]}
-        return _difference(x, model.launch({"liftoff": p["liftoff"], "alpha": p["launch"], **others}, p))
-
-    def landed(x, p):
-        return [gap.at(x), *([gap_speed(x, p), force_at(product(onto, x), p)] if lossless else [])]
-
-    def stuck(x, before, p):
-        speed = gap_speed(before, p)
-        return _difference(x, product(onto, _difference(before, [speed * share for share in model.impact(before, p)])))
-
-    def launched(x, p):
-        return [force_at(x, p), *([] if periodic else _reached(model, x, p))]
-
-    def approaching(x, p):
-        return [] if lossless else [-gap_speed(x, p)]
-
-    def final(x, p):
-        return p["peak"] if cost == "peak" else 0.0
-
-    path = {"gap": lambda x, p, q: gap.at(x), **limits.path(drive, identity, cost)}
-    running = _running_cost(cost, drive, identity)
-    flight = Stage(model.flight, intervals[0], bounds[0], inputs, lifted, landed, path, running, final, approaching)
-    path = {"contact force": force, **limits.path(drive, model.embed, cost)}
-    running = _running_cost(cost, drive, model.embed)
-    contact = Stage(model.contact, intervals[1], bounds[1], inputs, stuck, launched, path, running)
-    return flight, contact
-
-
-@lru_cache(maxsize=32)
-def _swing_stages(drive: Drive, pumps, intervals, limits, time) -> tuple[Stage, ...]:
-    """Contact from rest to lift-off, in swings down and up in turn; `time` is that of the lossless orbit's contact."""
-    model = drive.model
-    force, speed, states = model.contact.watch["contact force"], model.contact_speed, model.contact.states
-    bounds, inputs = (SHORTEST_SHARE * time, LONGEST_SHARE * time), limits.inputs(drive, "effort")
-    running = _running_cost("effort", drive, model.embed)
-    places = {name: "rest" if name == model.launched[0] else f"rest {name}" for name in states if f"{name}'" in states}
-
-    def stage(index: int) -> Stage:
-        last, name, sign = index == 2 * pumps - 1, *(("rise", 1.0) if index % 2 else ("fall", -1.0))
-        margin = 0.0 if last else CONTACT_FORCE_MARGIN
-
-        def start(x, before, p):
-            return _difference(x, before if index else [p[places[name]] if name in places else 0.0 for name in states])
-
-        def end(x, p):
-            p = {**p, drive.actuator.rate: 0.0}
-            pressed = force(x, p, model.contact.data(x, p))
-            return [pressed, *_reached(model, x, p)] if last else [speed.at(x)]
-
-        path = {
-            "contact force": lambda x, p, q: force(x, p, q) - margin,
-            **limits.path(drive, model.embed, "effort"),
-            name: lambda x, p, q: sign * speed.at(x),
-        }
-        return Stage(model.contact, intervals, bounds, inputs, start, end, path, running)
-
-    return tuple(stage(index) for index in range(2 * pumps))
-
-
-def _reached(model: Model, x: Scalars, p: Parameters) -> list[Algebraic]:
-    """What vanishes in a contact state where the contact force does, if it is the lift-off that is aimed at."""
-    others = (x[model.contact.states.index(name)] - p[f"aim {name}"] for name in model.launch_unknowns[2:])
-    return [model.contact_speed.at(x) - p["aim"], *others, x[-1]]
-
-
-def _running_cost(kind: str, drive: Drive, embed: np.ndarray) -> Callable:
-    """The cost's rate; positive work is rounded by the parameter "round", see `ROUNDINGS`."""
-
-    def rate(x, p, q):
-        effort = EFFORT_WEIGHTS.get(kind, 1.0) * (x[-1] if drive.actuator.is_force else p[drive.actuator.rate]) ** 2
-        if kind != "work":
-            return effort
-        power = drive.power(product(embed, x), p, q)
-        return 0.5 * (power + (power**2 + p["round"] ** 2) ** 0.5) + effort
-
-    return rate
-
-
-def _difference(a, b):
-    return [one - other for one, other in zip(a, b, strict=True)]
