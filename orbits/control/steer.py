@@ -9,11 +9,13 @@ too: an exchange method, see Hettich and Kortanek, "Semi-infinite programming", 
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import count
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError, NoOrbit, finite_number
+from ..periodic.find import Progress
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..symbolic.ipopt import Minimum
@@ -66,6 +68,7 @@ class Guess:
 def steer(
     stages: Sequence[Stage], parameters: Mapping[str, float] | None = None, *, guess: Sequence[Guess] | Control,
     free: Mapping[str, tuple[float, float]] | None = None, tolerance: float = 1e-9, refine: float | None = None,
+    progress: Progress = None,
 ) -> Control:  # fmt: skip
     """Find a motion through `stages`, one after the other, of locally least cost: no motion near it costs less.
 
@@ -77,6 +80,8 @@ def steer(
     tolerance : the largest violation and error allowed
     refine : all intervals are halved until the relative change of the cost is at most this. With None they are not
         halved, and it is not known how much finer intervals would save
+    progress : called after each solve of the nonlinear program, whose number is not known before, with the share done:
+        1/2 after the first, 3/4 after the second, and 1 at the end
 
     The nonlinear program, by direct multiple shooting, is solved by Ipopt, and its solution is integrated again. Raises
     `InputError` for invalid arguments and for bounds that conflict, and `NoOrbit`, with the reason, where there is no
@@ -96,10 +101,13 @@ def steer(
     _check(stages, parameters, free, tolerance)
     if refine is not None and not finite_number("refine", refine) > tolerance:
         raise InputError(f"refine = {refine:g}; a share of the cost above the tolerance, {tolerance:g}")
+    solves, report = count(1), progress or (lambda share: None)
+    solved = lambda: report(1 - 0.5 ** next(solves))  # noqa: E731
     with interrupts.deferred():
-        found = _steer(stages, parameters, free, guess, tolerance)
+        found = _steer(stages, parameters, free, guess, tolerance, solved)
         if refine is not None:
-            found = _halved(found, stages, parameters, free, tolerance, refine)
+            found = _halved(found, stages, parameters, free, tolerance, refine, solved)
+    report(1.0)
     return replace(found, seconds=time.perf_counter() - began)
 
 
@@ -120,11 +128,11 @@ def _check(stages, parameters: Mapping, free: Mapping, tolerance: float) -> None
         finite_number(f"parameter '{name}'", value)
 
 
-def _halved(found: Control, stages, parameters, free, tolerance: float, refine: float) -> Control:
+def _halved(found: Control, stages, parameters, free, tolerance: float, refine: float, solved: Callable) -> Control:
     """The motion on intervals that are halved until its cost converges."""
     for _ in range(STEER_OPTIONS.halvings):
         stages = tuple(replace(stage, intervals=2 * stage.intervals) for stage in stages)
-        finer = _steer(stages, parameters, free, found, tolerance)
+        finer = _steer(stages, parameters, free, found, tolerance, solved)
         coarseness = abs(finer.cost - found.cost) / max(abs(finer.cost), STEER_OPTIONS.negligible_cost)
         iterations, rounds = found.iterations + finer.iterations, found.rounds + finer.rounds
         found = replace(finer, coarseness=coarseness, iterations=iterations, rounds=rounds)
@@ -136,7 +144,7 @@ def _halved(found: Control, stages, parameters, free, tolerance: float, refine: 
     )
 
 
-def _steer(stages, parameters: Mapping, free: Mapping, guess, tolerance: float) -> Control:
+def _steer(stages, parameters: Mapping, free: Mapping, guess, tolerance: float, solved: Callable) -> Control:
     """The motion on the stated intervals."""
     try:
         problem = transcription(stages, tuple(parameters), tuple(free), (1,) * len(stages), ())
@@ -150,6 +158,7 @@ def _steer(stages, parameters: Mapping, free: Mapping, guess, tolerance: float) 
         interrupts.heed()
         found = _minimum(current, fixed, bounds)
         iterations += found.iterations
+        solved()
         if found.kind != "minimum":
             raise NoOrbit(_reason_of_failure(current.problem, found))
         current = replace(current, x=found.x, multipliers=found.multipliers)

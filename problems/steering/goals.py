@@ -104,7 +104,7 @@ def keep_hopping(
     start : the lossless orbit without damping near which the machine is kept; by default it is found. A machine whose
         launch is more than a speed needs it
     guess : the result for a machine nearby
-    progress : called with the share of the solves that are done
+    progress : called with the share that is done, as in `steer`
 
     The stages are a flight from lift-off and the contact after it. A machine without losses needs no control: the
     result is its lossless orbit, whatever the arguments. Numbers are in the machine's units. Raises the errors of
@@ -121,22 +121,21 @@ def keep_hopping(
     bounds = {"rate": rate, "stroke": stroke, "force": force, "power": power}
     hop = _hop(Actuated(machine, actuator or Actuator()), family, start, lossless, intervals, bounds)
     if not hop.driven.damped and not (lossless and cost == "effort"):
-        return _least_effort(replace(hop, lossless=True), None)
+        return _least_effort(replace(hop, lossless=True), None, progress)
     if cost == "effort":
-        return _least_effort(hop, guess)
+        return _least_effort(hop, guess, progress)
     if guess is None:  # the other costs have corners: their search starts from a result that is near
         # With a plastic landing, least effort may be far from least work.
-        guess = _least_effort(replace(hop, lossless=lossless or cost == "work"), None)
-    done = progress or (lambda share: None)
-    done(0.3)
-    return _least_peak(hop, guess) if cost == "peak" else _least_work(hop, guess, done)
+        guess = _least_effort(replace(hop, lossless=lossless or cost == "work"), None, _share_of(progress, 0.0, 0.25))
+    last = _share_of(progress, 0.25, 1.0)
+    return _least_peak(hop, guess, last) if cost == "peak" else _least_work(hop, guess, last)
 
 
 @in_units_of_the_machine
 def recover(
     machine: Any, short: float, *, actuator: Actuator | None = None, family: int = 1, lossless: bool = True,
     intervals: int = 40, rate: float = np.inf, stroke: float = np.inf, force: float = np.inf, power: float = np.inf,
-    start: Orbit | None = None, aim: Driven | None = None, guess: Control | None = None,
+    start: Orbit | None = None, aim: Driven | None = None, guess: Control | None = None, progress: Progress = None,
 ) -> Control:  # fmt: skip
     """Bring a machine back to its lossless launch speed in one hop, with locally least effort.
 
@@ -165,14 +164,16 @@ def recover(
         **driven.still, "launch": launch, "aim": reached["alpha"], "liftoff": first["liftoff"],
         **_named("launch", first), **_named("aim", reached),
     }  # fmt: skip
-    return _cheapest(hop, hop.stages("effort", periodic=False), values, [guess] if guess else hop.starts(first))
+    return _cheapest(
+        hop, hop.stages("effort", periodic=False), values, [guess] if guess else hop.starts(first), progress
+    )
 
 
 @in_units_of_the_machine
 def start_up(
     machine: Any, pumps: int, *, actuator: Actuator | None = None, family: int = 1, intervals: int = 20,
     rate: float = np.inf, stroke: float = np.inf, force: float = np.inf, power: float = np.inf,
-    start: Orbit | None = None, aim: Driven | None = None,
+    start: Orbit | None = None, aim: Driven | None = None, progress: Progress = None,
 ) -> Control:  # fmt: skip
     """Bring a machine from rest in contact onto its lossless orbit with locally least effort.
 
@@ -181,7 +182,7 @@ def start_up(
     intervals : of each half swing
     aim : the result of `keep_hopping` for the machine: the start then ends in the state in which that hop begins, so
         that its inputs keep the machine hopping; without it, in the launch of the lossless orbit
-    actuator, rate, stroke, force, power, family, start : as in `keep_hopping`
+    actuator, rate, stroke, force, power, family, start, progress : as in `keep_hopping`
 
     The actuator's state is 0 at both ends. Raises `InputError` for an invalid number of pumps, and the errors of
     `steer` and `find`.
@@ -198,7 +199,7 @@ def start_up(
     stages = swing_stages(driven.drive, pumps, intervals, limits, contact_time_of(orbit))
     values = {**driven.still, "aim": reached["alpha"], **_named("aim", reached)}
     values |= {parameter_of_rest(driven.model, name): place for name, place in rest.items()}
-    return steer(stages, values, guess=growing_swings(driven, orbit, rest, pumps))
+    return steer(stages, values, guess=growing_swings(driven, orbit, rest, pumps), progress=progress)
 
 
 @in_own_units(lambda run, driven: run_in_units(run, driven), control=())
@@ -287,13 +288,13 @@ def _hop(
     return _Hop(driven, orbit, bool(lossless), intervals, actuator_limits(driven, **bounds))
 
 
-def _least_effort(hop: _Hop, guess: Control | None) -> Control:
+def _least_effort(hop: _Hop, guess: Control | None, progress: Progress) -> Control:
     """A periodic hop of locally least effort."""
     starts = [guess] if guess else hop.starts(_aim(hop.driven, hop.orbit, None))
-    return _cheapest(hop, hop.stages("effort", periodic=True), hop.driven.still, starts)
+    return _cheapest(hop, hop.stages("effort", periodic=True), hop.driven.still, starts, progress)
 
 
-def _least_peak(hop: _Hop, guess: Control) -> Control:
+def _least_peak(hop: _Hop, guess: Control, progress: Progress) -> Control:
     """A periodic hop of locally least peak, from a result nearby."""
     actuator = hop.driven.actuator
     if actuator.is_force:
@@ -302,22 +303,22 @@ def _least_peak(hop: _Hop, guess: Control) -> Control:
         peaks = [np.abs(leg.inputs.row(actuator.rate)).max() for leg in guess.legs]
     guess = replace(guess, parameters={**guess.parameters, "peak": float(max(peaks))})
     stages, free = hop.stages("peak", periodic=True), {"peak": (0.0, np.inf)}
-    result = hop.checked(steer(stages, hop.driven.still, guess=guess, free=free))
+    result = hop.checked(steer(stages, hop.driven.still, guess=guess, free=free, progress=progress))
     return replace(result, cost=result.parameters["peak"])
 
 
-def _least_work(hop: _Hop, guess: Control, done: Callable[[float], None]) -> Control:
+def _least_work(hop: _Hop, guess: Control, progress: Progress) -> Control:
     """A periodic hop of locally least positive work, from a result nearby; where it is not found from there, from that
     at a larger rate."""
     rate, wider = hop.limits.rate, None
     try:
-        return _least_work_at(hop, guess, ROUNDINGS, done)
+        return _least_work_at(hop, guess, progress)
     except NoOrbit as reason:
         first = reason
     for factor in WIDER_RATES:
         limits = replace(hop.limits, rate=factor * rate)
         try:
-            wider = _least_work_at(replace(hop, limits=limits), wider or guess, ROUNDINGS, done)
+            wider = _least_work_at(replace(hop, limits=limits), wider or guess, progress)
         except NoOrbit:
             if wider is not None:
                 break
@@ -337,14 +338,14 @@ def _least_work(hop: _Hop, guess: Control, done: Callable[[float], None]) -> Con
     raise NoOrbit(Message(text, **parts))
 
 
-def _least_work_at(hop: _Hop, guess: Control, roundings: Sequence[float], done: Callable[[float], None]) -> Control:
+def _least_work_at(hop: _Hop, guess: Control, progress: Progress) -> Control:
     """A periodic hop of locally least positive work within its rate, from a result nearby, rounded less and less."""
     mean = abs(work_done(hop.driven, guess)[0]) / guess.end
-    for number, share in enumerate(roundings):
+    for number, share in enumerate(ROUNDINGS):
         values = {**hop.driven.still, "round": share * mean}
         stages = hop.stages("work", periodic=True)
-        guess = hop.checked(steer(stages, values, guess=guess, tolerance=WORK_TOLERANCE))
-        done((3 + 7 * (number + 1) / len(roundings)) / 10)
+        part = _share_of(progress, number / len(ROUNDINGS), (number + 1) / len(ROUNDINGS))
+        guess = hop.checked(steer(stages, values, guess=guess, tolerance=WORK_TOLERANCE, progress=part))
     return replace(guess, cost=work_done(hop.driven, guess)[1])
 
 
@@ -356,13 +357,19 @@ def _without_remedy(reason: NoOrbit) -> str:
     return str(text).rpartition("; ")[0] or str(text)
 
 
-def _cheapest(hop: _Hop, stages, values: dict[str, float], starts: Sequence[Any]) -> Control:
+def _share_of(progress: Progress, first: float, last: float) -> Progress:
+    """Reports the progress of a part of a call, from this share of the whole to that one."""
+    return progress and (lambda share: progress(first + (last - first) * share))
+
+
+def _cheapest(hop: _Hop, stages, values: dict[str, float], starts: Sequence[Any], progress: Progress) -> Control:
     """The cheapest result from several starts; raises the first one's `NoOrbit` if there is none."""
     results, reasons = [], []
-    for start in starts:
+    for number, start in enumerate(starts):
+        part = _share_of(progress, number / len(starts), (number + 1) / len(starts))
         try:
             guess = start if isinstance(start, Control | list) else start()
-            results.append(hop.checked(steer(stages, values, guess=guess)))
+            results.append(hop.checked(steer(stages, values, guess=guess, progress=part)))
         except NoOrbit as reason:
             reasons.append(reason)
     if not results:

@@ -354,11 +354,38 @@ def test_least_work_is_found_at_the_rates_that_reach_it():
     """Down to the least peak of the rate; below it, the reason says what to widen."""
     machine = Hopper(damping=0.01)
     peak = steering.keep_hopping(machine, cost="peak").cost
-    told, works = [], []
-    for rate in (0.1, 1.1 * peak):
-        works.append(steering.keep_hopping(machine, cost="work", rate=rate, progress=told.append).cost)
+    shares, works = [[], []], []
+    for rate, own in zip((0.1, 1.1 * peak), shares, strict=True):
+        works.append(steering.keep_hopping(machine, cost="work", rate=rate, progress=own.append).cost)
+        assert own == sorted(own)
+        assert own[-1] == 1.0
     assert works[0] < works[1]
-    assert told == sorted(told[: len(told) // 2]) * 2
-    assert told[-1] == 1.0
     with pytest.raises(NoOrbit, match="widen a bound"):
         steering.keep_hopping(machine, cost="work", rate=0.9 * peak)
+
+
+@pytest.mark.parametrize(
+    ("fails", "tried", "words"),
+    [
+        (lambda rate, number: number == 0, [0.1, 0.4, 0.2, 0.14, 0.1], ""),
+        (lambda rate, number: rate < 0.15, [0.1, 0.4, 0.2, 0.14], "no way; it is found at rate = 0.2: take that"),
+        (lambda rate, number: True, [0.1, 0.4, 0.2, 0.14, 0.1], "no way; take a larger rate or more intervals"),
+    ],
+)
+def test_least_work_is_sought_from_larger_rates(driven_hopper, monkeypatch, fails, tried, words):
+    rates = []
+
+    def found(hop, guess, progress):
+        rates.append(hop.limits.rate)
+        if fails(rates[-1], len(rates) - 1):
+            raise NoOrbit("no way; start from a nearer motion")
+        return driven_hopper.dimensionless()
+
+    monkeypatch.setattr("problems.steering.goals._least_work_at", found)
+    search = lambda: steering.keep_hopping(Hopper(damping=0.01), cost="work", rate=0.1, guess=driven_hopper)  # noqa: E731
+    if words:
+        with pytest.raises(NoOrbit, match=f"least work at rate = 0.1 is not found: {words}"):
+            search()
+    else:
+        assert search().cost == driven_hopper.cost
+    assert rates == pytest.approx(tried)
