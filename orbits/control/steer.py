@@ -27,6 +27,7 @@ from .transcription import StageUnknowns, Transcription, transcription
 
 INSET = 1e-9  # inputs of a guess are sampled this share of an interval away from its ends, since it may jump there
 AT_BOUND = 1e-4  # a value this close to a bound, relative to it or to one, is at it: a failed iteration ends no closer
+STALLED = 0.5  # a violation that falls by no more than this from round to round is one of the steps
 RUNAWAY_DURATION = 1e3  # a duration without an upper bound that grows by this factor has no minimum
 
 
@@ -167,13 +168,14 @@ def _steer(stages, parameters: Mapping, free: Mapping, guess, tolerance: float, 
             factor, (bound, held) = current.unit / size, found.multipliers
             current = replace(current, unit=size, multipliers=(factor * bound, factor * held))
             continue
-        motion = roll_out(current, found.cost, fixed)
+        before, motion = motion, roll_out(current, found.cost, fixed)
         _check_not_collapsed(stages, [of.unknowns for of in motion.stages])
         if motion.error <= tolerance and motion.violation <= tolerance:
             named = dict(zip(problem.names, motion.values.tolist(), strict=True))
             accuracy = motion.violation, motion.error
             return Control(motion.legs(), motion.cost, named, *accuracy, iterations, rounds, 0.0, warm_start=current)
-        finer = _refined(current, motion, tolerance)
+        stalled = before is not None and motion.violation > STALLED * before.violation
+        finer = _refined(current, motion, tolerance, stalled)
         if max(finer.problem.substeps) > STEER_OPTIONS.substeps:
             break
         current = finer
@@ -207,16 +209,17 @@ def _minimum(start: WarmStart, fixed, bounds) -> Minimum:
     return replace(found, cost=found.cost * start.unit)
 
 
-def _refined(current: WarmStart, motion: MotionRollout, tolerance: float) -> WarmStart:
-    """The start of the next round: steps are halved where they are inaccurate, and exchange points added at dips."""
+def _refined(current: WarmStart, motion: MotionRollout, tolerance: float, stalled: bool) -> WarmStart:
+    """The start of the next round: steps are halved where they are inaccurate, and exchange points added at dips; all
+    steps are halved where the exchange has `stalled`."""
     problem = current.problem
     inaccurate = [stage.distance > tolerance for stage in motion.stages]
     dips = [(i, *dip) for i, stage in enumerate(motion.stages) for dip in stage.dips(tolerance)]
-    if not any(inaccurate) and not dips:  # the cost or a condition at an end is off
+    if stalled or not (any(inaccurate) or dips):  # else the cost or a condition at an end is off
         inaccurate = [True] * len(inaccurate)
     substeps = tuple(2 * n if bad else n for n, bad in zip(problem.substeps, inaccurate, strict=True))
-    points = problem.exchange_points + tuple((i, interval) for i, interval, _ in dips)
-    finer = transcription(problem.stages, problem.fixed, problem.free, substeps, points)
+    exchanged = problem.exchange_points + tuple((i, interval) for i, interval, _ in dips)
+    finer = transcription(problem.stages, problem.fixed, problem.free, substeps, exchanged)
     shares = np.append(current.shares, [share for *_, share in dips])
     assert current.multipliers is not None  # of the minimum that was rolled out
     bound, held = current.multipliers
