@@ -20,6 +20,7 @@ from problems import (
     Hopper,
     Juggler,
     chain_hand,
+    knee_hopper,
     plate_hopper,
     springs,
     steering,
@@ -340,14 +341,33 @@ def test_a_hand_of_two_masses_keeps_throwing(end):
     assert kept.work[0] == pytest.approx(1e-3 * trapezoid(kept(t)[:, 3] ** 2, t), rel=1e-3)
 
 
-def test_a_plate_is_moved_below_the_hopper():
+@pytest.mark.parametrize("moved", slow_after(1, ["body - foot", "plate"]))
+def test_a_hopper_on_a_plate_is_kept_hopping(moved):
+    """Moved at its leg the machine hops on open loop; moved at the plate its contact force touches zero on the way."""
     machine = plate_hopper((1.0, 1.0, 5.0))
-    damped = replace(
-        machine, elements=[*machine.elements, Damper("plate", "c")], parameters={**machine.parameters, "c": 1e-3}
-    )
-    orbit = find(machine, start=min(find_all(machine, starts(machine, 5, 5)), key=lambda o: abs(o.alpha - 6.125)))
-    kept = steering.keep_hopping(damped, actuator=Actuator("plate"), start=orbit, intervals=30)
+    dampers = [Damper("body - foot", "c"), Damper("plate", "c")]
+    damped = replace(machine, elements=[*machine.elements, *dampers], parameters={**machine.parameters, "c": 0.01})
+    orbit = min(find_all(machine, starts(machine, 5, 5)), key=lambda each: abs(each.alpha - 6.125))
+    kept = steering.keep_hopping(damped, actuator=Actuator(moved), start=orbit)
     assert steering.missed(damped, kept) <= 1e-9
+    t = np.linspace(0, kept.end, 40001)
+    rates = kept(t)[:, 1::2]
+    lost = trapezoid((rates[:, 0] - rates[:, 1]) ** 2 + rates[:, 2] ** 2, t)
+    assert kept.work[0] == pytest.approx(0.01 * lost, rel=1e-4)
+    if moved == "body - foot":
+        assert kept.simulate(2).run.launches == pytest.approx(kept.launch, abs=1e-9)
+
+
+@pytest.mark.slow
+def test_a_knee_is_kept_bending():
+    """In SI: what is moved is an angle, its force a torque, and the launch speed one of the knee."""
+    leg = knee_hopper()
+    leg = replace(leg, elements=[*leg.elements, Damper("knee", "c")], parameters={**leg.parameters, "c": 0.01})
+    kept = steering.keep_hopping(leg, intervals=20)
+    assert steering.missed(leg, kept) <= 1e-9
+    assert [kept.units[name] for name in ("u", "w", "actuator force", "work")] == ["rad", "rad/s", "N m/rad", "J"]
+    t = np.linspace(0, kept.end, 40001)
+    assert kept.work[0] == pytest.approx(0.01 * trapezoid(kept(t)[:, 3] ** 2, t), rel=1e-4)
 
 
 def test_least_work_is_found_at_the_rates_that_reach_it():
