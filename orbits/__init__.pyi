@@ -12,6 +12,7 @@ from .control.control import Control
 from .control.steer import steer
 from .design.optimality import Active as Active, Design
 from .design.optimize import optimize
+from .design.orbit_function import orbit_function
 from .design.pareto import Front, pareto
 from .design.sensitivities import quantities, sensitivities
 from .errors import (
@@ -74,7 +75,7 @@ __all__ = [
     "BifurcationDiagram", "Control", "Design", "Existence", "Family", "Front", "InputError", "Machine", "Mechanism",
     "Model", "NoOrbit", "Orbit", "OrbitsError", "Proof", "ReturnMap", "Simulation", "Sweep", "Uncertainty", "Units",
     "__version__", "bifurcations", "check", "existence", "find", "find_all", "follow", "follow_branch",
-    "follow_fold", "multiplier", "optimize", "orbit_at", "pareto", "prove", "prove_absence", "prove_doubling",
-    "prove_fixed_point", "prove_fold", "quantities", "sensitivities", "simulate", "start_from_rest", "starts",
-    "steer", "sweep", "time_limit", "trace", "uncertainty",
+    "follow_fold", "multiplier", "optimize", "orbit_at", "orbit_function", "pareto", "prove", "prove_absence",
+    "prove_doubling", "prove_fixed_point", "prove_fold", "quantities", "sensitivities", "simulate", "start_from_rest",
+    "starts", "steer", "sweep", "time_limit", "trace", "uncertainty",
 ]  # fmt: skip

@@ -38,7 +38,7 @@ INTEGRATED = "integrated by DOP853"
 
 
 @dataclass(frozen=True, repr=False)
-class Checked(Result, what="check", printed_digits=2):
+class Checked(Result, what="check", printed_digits=2, undrawn="relations have nothing to draw: print them"):
     """The relations that `check` found to hold for a machine; printed, a table of them with their largest deviations.
 
     machine : in words and numbers
@@ -167,7 +167,7 @@ def _piece_relations(machine: Machine, graphs: Graphs) -> Iterator[Relation]:
         if (pieces := getattr(machine.model, where).pieces) is None:
             continue
         breaks, data = (np.asarray(each, float) for each in pieces.table(p))
-        along, inner = np.array(pieces.coordinate), breaks[1:-1]
+        along, inner = np.array(pieces.coordinate), pieces.levels(breaks[1:-1], p)
         x = rng.standard_normal((len(inner), len(along)))
         x += np.outer((inner - x @ along) / (along @ along), along)
         below, above = (graph(x, p, rows)["field"] for rows in (data[:-1], data[1:])) if len(inner) else (x, x)

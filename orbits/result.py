@@ -7,7 +7,7 @@ drawn.
 import base64
 import json
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from functools import cached_property, partial
 from html import escape
@@ -16,7 +16,7 @@ from io import BytesIO
 from operator import attrgetter
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, BinaryIO, ClassVar, NamedTuple, Self, TypeAlias, get_type_hints
+from typing import Any, BinaryIO, ClassVar, NamedTuple, Self, TypeAlias, TypeVar, get_type_hints
 
 import numpy as np
 
@@ -42,7 +42,8 @@ from .units import UNIT_TEXTS
 
 # A `matplotlib.axes.Axes`. The import waits until something is drawn, and its types differ between versions.
 Axes: TypeAlias = Any
-Report: TypeAlias = Callable[[float], None] | None  # called with the share of the frames that are drawn
+Report: TypeAlias = Callable[[float], None] | None  # called with the share that is done
+Item = TypeVar("Item")
 PICTURE = (5.6, 3.8)  # inches
 DOTS_PER_INCH = 130  # sharp on most screens, and a picture of some 30 kB
 TABLE_ROWS = 201  # of a motion whose times are not stated
@@ -60,6 +61,14 @@ ENDINGS: dict[str, tuple[str, ...]] = {
 def shown(module: str) -> Any:
     """The module of the room `show` with this name, such as "plot" or "pages.saved_page"."""
     return import_module(f"{__package__}.show.{module}")
+
+
+def reported(items: Sequence[Item], progress: Report) -> Iterator[Item]:
+    """The items, one after the other, with a report of the share that is done after each."""
+    for i, item in enumerate(items, 1):
+        yield item
+        if progress:
+            progress(i / len(items))
 
 
 class _Shown:
@@ -122,6 +131,7 @@ class Result:
     dimension: ClassVar[str] = "row"  # what the rows of the table are called in a dataset
     largest_file: ClassVar[int] = 32 * MEGABYTE
     document_is_whole: ClassVar[bool] = False  # whether `of_saved` needs no more than the document
+    undrawn: ClassVar[str] = ""  # why such results have no picture; "" for those that have a `plot` of their own
     machine: Any
 
     def __init_subclass__(cls, **own: object) -> None:
@@ -189,7 +199,12 @@ class Result:
         return "\n".join([self.title(), *lines, *(f"  {note}" for note in self._notes())])
 
     def _repr_html_(self) -> str:
-        return cell(self.title(), self.rows(), getattr(self, "plot", None), self.heads(), self._notes())
+        draw = None if self.undrawn else self.plot
+        return cell(self.title(), self.rows(), draw, self.heads(), self._notes())
+
+    def plot(self, *args: Any, **options: Any) -> Axes:
+        """Draw the result; raises `InputError` with the reason where there is nothing to draw."""
+        raise InputError(self.undrawn)
 
     def page(self, path: str | Path) -> Path:
         """Write a page of the result in one file (.html) that needs no network; returns its path."""

@@ -32,6 +32,7 @@ LENGTH, TIME, FORCE, ENERGY = (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, 0, 1)
 SPEED, ACCELERATION, JERK = (1, -1, 0), (1, -2, 0), (1, -3, 0)
 MASS, STIFFNESS = (-1, 2, 1), (-1, 0, 1)
 EXTENSION, LIFTOFF_SPEED, LIFTOFF_SPEED_SQUARED = (0, 0, 0, 0, 1), (0, -1, 0, 0, 1), (0, -2, 0, 0, 2)
+TORQUE = (1, 0, 1)  # of a force against an angle
 ANGLE, ANGULAR_SPEED = (0, 0, 0, 0, 0, 1), (0, -1, 0, 0, 0, 1)
 # Dimensions of results by name. The loss coefficient is a loss of speed per speed to the power 4/3; the loss of a hop
 # of the map is one of the speed's square.

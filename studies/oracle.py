@@ -71,10 +71,9 @@ def _rates(machine, phase) -> Callable:
     """(t, x) -> the phase's rates, by its own field on numbers."""
     p, pieces = machine.values, phase.pieces
     breaks, data = pieces.table(p) if pieces else ([], [[]])
-    weights = np.array(pieces.coordinate) if pieces else np.zeros(0)
 
     def rates(t, x):
-        piece = np.clip(np.searchsorted(breaks, weights @ x) - 1, 0, len(data) - 1) if pieces else 0
+        piece = np.clip(np.searchsorted(breaks, pieces.place(x, p)) - 1, 0, len(data) - 1) if pieces else 0
         return np.array([float(rate) for rate in phase.field(list(x), p, list(data[piece]))])
 
     return rates

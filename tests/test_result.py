@@ -1,9 +1,11 @@
 """What every result can do, by one table; and machines and results stand in one line, and come back from a pickle as
 they were, in another process too."""
 
+import inspect
 import json
 import math
 import pickle
+import typing
 from dataclasses import fields, is_dataclass
 from functools import cache
 
@@ -12,6 +14,8 @@ import pytest
 from carts import STRAIGHT, cart
 from scipy.stats import norm
 
+import orbits
+import problems
 from orbits import (
     InputError,
     ReturnMap,
@@ -24,6 +28,7 @@ from orbits import (
     orbit_at,
     pareto,
     prove,
+    sensitivities,
     simulate,
     steer,
     sweep,
@@ -32,7 +37,8 @@ from orbits import (
 from orbits.continuation.family import Family
 from orbits.io import to_json
 from orbits.result import Result
-from problems import HeavyHand, Hopper, hopper_in_si, springs, steering
+from orbits.sweeps.indices import Indices
+from problems import HeavyHand, Hopper, gravity, hopper_in_si, springs, steering
 
 
 @cache
@@ -70,6 +76,9 @@ def made(kind: str):
         "Proof": lambda: prove(find(cubic), motion=False),
         "Checked": lambda: check(cubic),
         "Uncertainty": lambda: uncertainty(leg, {"k": norm(5e3, 100.0)}, samples=16),
+        "Sensitivities": lambda: sensitivities(leg, 1, ["k", "body_mass"], ["alpha", "stroke"]),
+        "Indices": lambda: sweep(leg, {"k": (3e3, 5e3), "body_mass": (55.0, 60.0)}, 4).sensitivity("alpha", 16),
+        "Basins": lambda: ReturnMap(Hopper(mass_ratio=0.05)).basins(4.4, 4.8, samples=100),
         "SpringFit": lambda: springs.fit(springs.SAMPLE, "k*r + b*r**3", in_si=True),
     }[kind]()
 
@@ -78,11 +87,13 @@ RESULTS = (
     *("Orbit", "Orbit in SI", "Certificate", "Trajectory", "Family", "Point", "Event", "End"),
     *("Existence", "Hops", "ReturnMap", "FixedPoint", "Simulation", "ContactEvent", "Control", "Driven", "Disturbed"),
     *("Design", "Front", "Sweep", "Uncertainty", "BifurcationDiagram", "Proof", "Checked", "SpringFit"),
+    *("Sensitivities", "Indices", "Basins"),
 )
 # The results that are more than part of another one, and what each does with nothing but itself.
 WHOLE = (
     *("Orbit", "Orbit in SI", "Family", "Sweep", "Existence", "Uncertainty", "Design", "Front", "Control"),
     *("Simulation", "Hops", "BifurcationDiagram", "Proof", "Checked", "Driven", "Disturbed", "SpringFit"),
+    *("Sensitivities", "Indices", "Basins"),
 )
 VERBS = {
     "machine": lambda result: isinstance(result.machine, dict) and "machine" in result.machine,
@@ -158,12 +169,59 @@ def test_the_table_of_results_has_all():
     assert found == {kind.removesuffix(" in SI") for kind in WHOLE}
 
 
+def returned(module):
+    """The classes in the annotations of what the public functions of a module return, and the methods of its classes,
+    by the names of these."""
+    here = [name for name, each in vars(module).items() if getattr(each, "__module__", "") == module.__name__]
+    own = [name for name in here if not name.startswith("_")]
+    for name in getattr(module, "__all__", own):
+        each = getattr(module, name)
+        functions = {name: each} if inspect.isfunction(each) else {}
+        if inspect.isclass(each):
+            members = inspect.getmembers(each, inspect.isfunction)
+            functions = {f"{name}.{own}": member for own, member in members if not own.startswith("_")}
+        for own, function in functions.items():
+            yield own, set(classes_in(typing.get_type_hints(function, localns={"Indices": Indices}).get("return")))
+
+
+def classes_in(hint):
+    if isinstance(hint, type) and not typing.get_args(hint):
+        yield hint
+    for inner in typing.get_args(hint):
+        yield from classes_in(inner)
+
+
+# What is returned and is no result, with what it is.
+NO_RESULTS = {
+    "part of a result": {"Certificate", "Trajectory", "Point", "Event", "End", "FixedPoint", "Stretch"},
+    "a machine or a law, to be asked": {"Mechanism", "MachineInSI", "Law", "Chain", "Actuated", "Model", "ReturnMap"},
+    "of the mechanics": {"LinearEquations", "Affine", "StateFormula", "Units", "Quantity"},
+    "a page that is open": {"Exploration"},
+}
+
+
+@pytest.mark.parametrize("module", [orbits, problems, steering, springs, gravity], ids=lambda each: each.__name__)
+def test_all_that_is_returned_is_in_the_table(module):
+    """Each class that a public function or method returns is a result of the table, or is named as none."""
+    named = {kind.removesuffix(" in SI") for kind in WHOLE} | set().union(*NO_RESULTS.values())
+    ours = {
+        f"{name}: {each.__name__}"
+        for name, classes in returned(module)
+        for each in classes
+        if each.__module__.startswith(("orbits", "problems")) and each.__name__ not in named
+    }
+    assert not ours
+
+
 @pytest.mark.parametrize("kind", WHOLE)
 def test_every_result_has_every_verb(kind, tmp_path):
     result = made(kind)
     lacking = {verb for verb, holds in VERBS.items() if (kind, verb) not in WITHOUT and not holds(result)}
     assert not lacking
-    assert not {verb for other, verb in WITHOUT if other == kind and hasattr(result, "plot") and verb == "plot"}
+    if (kind, "plot") in WITHOUT:
+        assert "no picture" not in result._repr_html_()
+        with pytest.raises(InputError, match="nothing to draw"):
+            result.plot()
     for ending in FILES:
         path = tmp_path / f"result.{ending}"
         assert result.save(path) == path

@@ -20,7 +20,7 @@ from ..periodic.saved_orbit import SavedLaws, with_note
 from ..proof.branch_claim import BranchClaim
 from ..proof.prove import prove_branch, prove_claims
 from ..proof.theorem import Proof
-from ..result import ENDINGS, Axes, Result, Row, is_of, shown
+from ..result import ENDINGS, Axes, Report, Result, Row, is_of, reported, shown
 from ..running.time_limit import LIMIT
 from ..units import saved_units
 from .point import KNOWN, SIDES, End, Event, Point, check_points, json_line, numbers_at, point_in_units
@@ -305,12 +305,15 @@ class Family(
         """Plot a quantity against the parameter; returns the axes. See `orbits.show.plot.plot_family`."""
         return shown("plot").plot_family(self, axes, quantity, label)
 
-    def page(self, path: str | Path, quantity: str = "alpha", machine: Machine | None = None) -> Path:
+    def page(
+        self, path: str | Path, quantity: str = "alpha", machine: Machine | None = None, *, progress: Report = None
+    ) -> Path:
         """Write a page of the family in one file (.html) that needs no network; returns its path.
 
         quantity : that is shown along the family
         machine : that the family was followed with; a family from a file does not have it, and without it the page
             has no hops to choose from
+        progress : called with the share of these hops that are solved
 
         Raises `InputError` for a bad path, an unknown quantity, and without Bokeh.
         """
@@ -318,7 +321,8 @@ class Family(
         hops: Iterator[tuple[Point, Orbit]] = iter(())
         if (whole := machine or self.source) is not None and self.points:
             check_parameters(whole, self.name)
-            hops = ((point, self._orbit(whole, point)) for point in shown("plot").spread(self, still.MOST_HOPS))
+            points = shown("plot").spread(self, still.MOST_HOPS)
+            hops = ((point, self._orbit(whole, point)) for point in reported(points, progress))
         return still.family_page(self, path, quantity, hops)
 
     def _orbit(self, machine: Machine, point: Point) -> Orbit:

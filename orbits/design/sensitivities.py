@@ -14,6 +14,7 @@ from .design_point import Case, DesignPoint, design_points, no_motion
 from .design_quantities import extremes_of, quantity_names
 from .extremes import places_of
 from .problem import Outputs, formula_names, known_formula
+from .slopes import Sensitivities
 
 # Requested names, None for all.
 Names: TypeAlias = Sequence[str] | None
@@ -43,7 +44,7 @@ def quantities(machine: Machine, orbit: Orbit, names: Names = None) -> dict[str,
 @exclusive
 def sensitivities(
     machine: Machine, orbit: Orbit | int = 1, names: Names = None, quantities: Names = None
-) -> dict[str, dict[str, float]]:
+) -> Sensitivities:
     """Exact derivatives d(quantity)/d(parameter) for an orbit that stays lossless as the parameter changes.
 
     machine : as in `find`
@@ -51,9 +52,9 @@ def sensitivities(
     names : of the parameters, as in `optimize`; None for all
     quantities : of the orbit, or formulas of these; None for all that it has
 
-    Returns the derivatives by quantity and parameter, in the machine's units. They follow from the implicit function
-    theorem for the equations of the orbit, by automatic differentiation. At a fold of the family in a parameter they
-    are infinite. Raises `InputError` for an unknown name, and for the orbit of another machine.
+    Returns the derivatives as a mapping by quantity and parameter, in the machine's units. They follow from the
+    implicit function theorem for the equations of the orbit, by automatic differentiation. At a fold of the family in a
+    parameter they are infinite. Raises `InputError` for an unknown name, and for the orbit of another machine.
 
     >>> from orbits import sensitivities
     >>> from problems import Hopper
@@ -72,12 +73,15 @@ def sensitivities(
     machine.with_values(**{name: machine.values[name] for name in names if name in machine.values})
     check_parameters(machine, *names)
     quantities = _requested(machine, orbit, quantities)
-    if not quantities or not names:
-        return {quantity: {} for quantity in quantities}
+    words, parameters = machine_in_words(machine), {name: machine.values[name] for name in names}
+    if not quantities:
+        return Sensitivities(words, {}, {}, parameters)
     with interrupts.deferred():
-        slopes = _formulas_at(machine, orbit, quantities, names).slopes
-    rows = zip(quantities, slopes.tolist(), strict=False)
-    return {quantity: dict(zip(names, row, strict=True)) for quantity, row in rows}
+        point = _formulas_at(machine, orbit, quantities, names)
+    slopes = {
+        each: dict(zip(names, row, strict=True)) for each, row in zip(quantities, point.slopes.tolist(), strict=False)
+    }
+    return Sensitivities(words, slopes, dict(zip(quantities, point.values.tolist(), strict=False)), parameters)
 
 
 def _formulas_at(machine: Machine, orbit: Orbit, texts: Sequence[str], over: Sequence[str]) -> DesignPoint:

@@ -56,6 +56,7 @@ def derived_model(structure: Structure) -> Model:
         driven=any(isinstance(element, Force) for element in s.elements),
         reduction=still.reduction if still else None,
         tension=parts.tension if parts.counted else None,
+        spring_forces=parts.spring_forces(),
         liftoff_slope=launch.liftoff_slope if launch else None,
         search=launch.relative.search if launch and mechanics.conservative else None,
         rest=parts.rest if s.rest else None,

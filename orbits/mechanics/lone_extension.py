@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 
 from ..errors import InputError
-from ..laws.law import Algebraic, Key, Parameters, Scalars
+from ..laws.law import Algebraic, Key, LawPieces, Parameters, Scalars
 from ..model.liftoff import Liftoff
 from ..model.modes import Modes, single_mode
 from ..model.phase import is_used
@@ -254,20 +254,36 @@ def _has_rates(mechanics: Mechanics) -> bool:
     return not c.vanishes(total, c.symbols(mechanics.gap.s, rate))
 
 
+def _pieces_of_launch(m: Mechanics, start: ca.SX) -> LawPieces | None:
+    """The pieces of the law whose extension in contact is the launched coordinate, counted from where it rests; raises
+    `InputError` for a law in pieces along anything else."""
+    c, pieces, r = m.coordinates, None, ca.SX.sym("r")
+    place = ca.vertcat(*m.embedded([start + r, *(0.0 for _ in c.actuators)]))
+    for spring in (element for element in m.elements if isinstance(element, Spring)):
+        if (law := m.law_of(spring)).pieces:
+            extension = ca.substitute(c.scalar(spring.extension), c.y[: m.size], place[: m.size])
+            if pieces or not c.vanishes(extension - r, c.symbols(r)):
+                where = "where its extension is what is launched, counted from its rest"
+                why = "as lift-off has no formula elsewhere; state a formula"
+                raise InputError(f"spring '{law.text}' is in pieces: such a law can be taken {where}, {why}")
+            pieces = law.pieces
+    return pieces
+
+
 def _held(mechanics: Mechanics, rest: Scalar) -> Launch:
     """The launch of a machine whose contact force is a function of the coordinate that is launched and of its rate."""
     m, c, start = mechanics, mechanics.coordinates, mechanics.coordinates.scalar(rest)
-    if piecewise := [law.text for law in m.laws if law.pieces]:
-        where = "where all springs act along one sum of the two coordinates, as lift-off has no formula elsewhere"
-        raise InputError(f"spring '{piecewise[0]}' is in pieces: such a law can be taken {where}; state a formula")
-    numbers = c.coefficients(ca.horzcat(*_scales_at(mechanics, start), start))
+    pieces = _pieces_of_launch(m, start)
+    # The slopes of a law in pieces at rest are those of one piece: there the stated numbers are taken to be of order 1.
+    scales = (ca.SX(1), ca.SX(1)) if pieces else _scales_at(mechanics, start)
+    numbers = c.coefficients(ca.horzcat(*scales, start))
 
     def expression(r: Algebraic, p: Parameters, q: Scalars) -> Algebraic:
         unit, _, start = numbers(p)[0]
         state = [start + r, p[SPEED_OF_LAUNCH], *(0.0 for _ in c.actuators)]
         return 1 - m.contact_force(state, {**p, **{rate: 0.0 for _, rate in c.actuators}}, q) / unit
 
-    law = Key("the contact force", "r", expression, (*c.p, SPEED_OF_LAUNCH), None)
+    law = Key("the contact force", "r", expression, (*c.p, SPEED_OF_LAUNCH), pieces)
     still = not _has_rates(m)
     if still:  # A speed that makes no difference is no parameter.
         law = law._replace(expression=lambda r, p, q: expression(r, {**p, SPEED_OF_LAUNCH: 0.0}, q), names=tuple(c.p))

@@ -15,7 +15,7 @@ All that the engine requires of a machine follows from that: the equations of mo
 launch, lift-off and landing, impacts, energy, closed forms, and the extension that moves alone.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any, Self
@@ -31,11 +31,12 @@ from ..model.machine import Stated
 from ..model.model import Model, as_derived
 from ..running.exclusive import exclusive, exclusive_property
 from ..symbolic.formula import suggest
-from ..units import LENGTH, Units, unit_text
+from ..units import FORCE, LENGTH, TORQUE, Dimension, Units, unit_text
 from .derived import derived_launch, derived_model, linear_equations
-from .dimensions import dimensions_of_parameters
+from .dimensions import dimensions_of_parameters, length_or_angle
 from .elements import Element, Scalar, Spring, expressions_of, names_in
 from .linear import LinearEquations
+from .parts import names_of_springs
 from .refusals import (
     hint_of_coordinate,
     joined_values,
@@ -236,7 +237,18 @@ class Mechanism(Stated):
         except InputError as error:
             hints = (hint_of_coordinate(name, self.coordinates) for name in self._missing)
             raise InputError("; ".join([str(error), *filter(None, hints)])) from error
-        return _with_units(model, self._si) if self.in_si else model
+        if not self.in_si:
+            return model
+        springs = [element for element in self.elements if isinstance(element, Spring)]
+        return _with_units(
+            model, self._si, tuple(zip(names_of_springs(springs), self._dimensions(springs), strict=True))
+        )
+
+    def _dimensions(self, springs: Sequence[Spring]) -> Iterator[Dimension]:
+        """The dimensions of the springs' forces: torques of those whose extension is an angle."""
+        for spring in springs:
+            kind = length_or_angle(spring.extension, self.places, {*self.angles})
+            yield () if kind is None else FORCE if kind is LENGTH else TORQUE
 
     @property
     def _si(self) -> Units:
@@ -329,6 +341,6 @@ class Mechanism(Stated):
 
 
 @lru_cache(maxsize=64)
-def _with_units(model: Model, units: Units) -> Model:
-    """The same model, its results in units."""
-    return as_derived(replace(model, units=lambda p: units))
+def _with_units(model: Model, units: Units, springs: tuple[tuple[str, Dimension], ...]) -> Model:
+    """The same model, its results in units, and the forces of its springs of these dimensions."""
+    return as_derived(replace(model, units=lambda p: units, spring_dimensions=dict(springs)))

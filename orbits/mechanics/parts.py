@@ -132,7 +132,7 @@ class Parts:
                     f"spring '{law.text}': one law in pieces can be taken, along a sum of coordinates, {why}"
                 )
             if weights:
-                pieces = pieces or pieces_along(law, weights)
+                pieces = pieces or pieces_along(law, weights, self._offset(spring.extension))
                 reaches += reach_along(law, weights)
         for term in mechanics.in_flight.terms:
             if term.what == "gravity" and (weights := self._weights(term.place, contact)) and any(weights):
@@ -145,6 +145,11 @@ class Parts:
             return None
         own = self.mechanics.gap.weights_inside(weights) if contact else weights
         return _interleaved(list(map(float, own)), self._ends)
+
+    def _offset(self, expression: Scalar) -> Callable | None:
+        """p -> what a sum of coordinates is where all of them are 0; None where that is 0."""
+        found = self.mechanics.coordinates.coefficients(self.mechanics.coordinates.at_zero(expression))
+        return None if found.constants[0] == 0 else lambda p: found(p)[0][0]
 
     def no_release(self, alpha: ArrayLike, p: Parameters) -> np.ndarray:
         """Refuses a launch that is more than a speed."""
@@ -191,6 +196,19 @@ class Parts:
         ]
         return weighted_sum([ratio(p)[0][0] for _, ratio in self.counted], forces)
 
+    def spring_forces(self) -> dict[str, Callable]:
+        """The force of each spring in a flight state, by the names of `names_of_springs`."""
+
+        def force_of(spring: Spring) -> Callable:
+            def force(x: Scalars, p: Parameters, q: Scalars) -> Algebraic:
+                place = self.mechanics.coordinates.named(self.mechanics.positions_and_rates(x, p)[0])
+                return self.mechanics.law_of(spring).expression(value_of(spring.extension, place, p), p, q)
+
+            return force
+
+        springs = springs_of(self.structure)
+        return dict(zip(names_of_springs(springs), map(force_of, springs), strict=True))
+
     def flight_gradient(self, x: Scalars, p: Parameters, q: Scalars) -> list[Algebraic]:
         """The gradient of the energy in flight."""
         mechanics = self.mechanics
@@ -206,6 +224,16 @@ class Parts:
 def springs_of(s: Structure) -> list[Spring]:
     """The springs of a structure."""
     return [element for element in s.elements if isinstance(element, Spring)]
+
+
+def names_of_springs(springs: Sequence[Spring]) -> list[str]:
+    """The names of the springs' forces: "spring force", of several springs with the extension of each, or with its
+    number where the extension is no formula or that of another spring too."""
+    if len(springs) == 1:
+        return ["spring force"]
+    texts = [spring.extension if isinstance(spring.extension, str) else "" for spring in springs]
+    own = [text if text and texts.count(text) == 1 else str(i) for i, text in enumerate(texts, 1)]
+    return [f"spring force of {each}" for each in own]
 
 
 def _states(c: Coordinates) -> tuple[str, ...]:

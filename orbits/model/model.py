@@ -11,6 +11,7 @@ import numpy as np
 from ..errors import InputError
 from ..io import fields_in_line
 from ..laws.law import Algebraic, Parameters, Scalars
+from ..units import Dimension
 from .phase import Affine, Phase, weighted_sum
 from .relative import Reduction, Relative
 from .state_formula import StateFormula
@@ -78,6 +79,8 @@ class Model:
         the same
     reduction : the reduced statement that the machine allows; None where there is none
     tension : (x, p, q) -> force of the spring in a flight state; None where it is not stated
+    spring_forces : by name, (x, p, q) -> the force of each spring in a flight state
+    spring_dimensions : the dimensions of those that are no forces, but torques or not known, by name
     units : p -> `Units` of a machine that is stated in SI, whose parameters are in SI; None for a dimensionless one
     gauge : name of a parameter that only sets the units and changes no motion; None where there is none
     search : p -> `Search`; None for a model whose families are not searched for all of their orbits
@@ -108,6 +111,8 @@ class Model:
     conservative: bool = True
     reduction: Reduction | None = None
     tension: Callable | None = None
+    spring_forces: Mapping[str, Callable] = field(default_factory=dict)
+    spring_dimensions: Mapping[str, Dimension] = field(default_factory=dict)
     units: Callable | None = None
     gauge: str | None = None
     search: Callable | None = None
@@ -275,6 +280,7 @@ def reparametrised(model: Model, own: Callable[[Parameters], Parameters], **chan
     if relative:
         changes["guess"] = replace(relative, own=own)
     phases = {"flight": moved(model.flight), "contact": moved(model.contact)}
+    changes["spring_forces"] = {name: of_own(force, 1) for name, force in model.spring_forces.items()}
     found = replace(model, **{**functions(model), **phases, **changes})
     return as_derived(found) if model.derived else found
 

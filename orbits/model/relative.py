@@ -197,11 +197,13 @@ def relative_phase(law: Key, load: float, rate: Callable | None) -> Phase:
     return Phase("flight", ("r", "r'"), rates, pieces=pieces, closed_form=closed, reaches=reach_along(law, (1.0,)))
 
 
-def pieces_along(key: Key, coordinate: tuple[float, ...]) -> Pieces | None:
-    """The smooth pieces of a spring law's key, for a phase whose state gives the extension by these weights."""
-    if key.pieces is None:
+def pieces_along(key: Key, coordinate: tuple[float, ...], offset: Callable | None = None) -> Pieces | None:
+    """The smooth pieces of a spring law's key, for a phase whose state gives the extension by these weights and an
+    offset, a function of the parameters."""
+    if (pieces := key.pieces) is None:
         return None
-    return Pieces(coordinate, *key.pieces[:2], "extension", key.pieces.units, key.pieces.origins, key.pieces.noise)
+    origin = (lambda p: pieces.origins(p) - offset(p) * pieces.units(p)) if offset else pieces.origins
+    return Pieces(coordinate, *pieces[:2], "extension", pieces.units, origin, pieces.noise)
 
 
 def reach_along(key: Key, coordinate: tuple[float, ...]) -> tuple[Reach, ...]:

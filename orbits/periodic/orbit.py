@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
+from ..flow.forces import spring_forces, units_of_springs
 from ..flow.trajectory import Trajectory
 from ..io import DIGEST, Changed, Document, has_digest, read_file, to_json, unsealed
 from ..model.machine import Machine, machine_in_words
@@ -175,6 +176,17 @@ class Orbit(Result, what="orbit", printed_digits=15):
         inside = np.clip(np.where(later, self.contact_time - since, since), 0, self.contact.times[-1])
         return np.where(since > 0, self.contact(inside)[..., self.contact.names.index(CONTACT_FORCE)], 0.0)
 
+    def spring_forces(self, t: ArrayLike) -> dict[str, np.ndarray]:
+        """The force (...) of each spring at times `t` (...), tension positive, by name: "spring force", or of several
+        springs "spring force of y1 - y2" with their extensions. A spring along an angle has a torque.
+
+        Raises `InputError` for times at which the orbit has no states, and for an orbit without its machine, as one
+        from a file that was read without it.
+        """
+        if self.source is None:
+            raise InputError("the springs' forces need the machine: name it, Orbit.load(path, machine)")
+        return spring_forces(self.source, self(t))
+
     def document(self) -> Document:
         mid = self.state_mid_flight
         if self.shape.reversor:  # the states with the other sign vanish there
@@ -211,6 +223,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
         if self.scales is None:
             return {}
         known = {name: self.scales.text(name) for name in self._states} | {"time": "s", "contact force": "N"}
+        known |= units_of_springs(self.source) if self.source else {}
         return {**self.scales.texts(), **known, "rises": "m", **self.machine.get("units", {})}
 
     @property
@@ -219,12 +232,13 @@ class Orbit(Result, what="orbit", printed_digits=15):
 
     def table(self, t: ArrayLike | None = None) -> dict[str, np.ndarray]:
         """Columns (k,) by name at times (k,), evenly spaced over a cycle by default: "time", "phase", the flight
-        states, and the "contact force" where the motion has it."""
+        states, the `spring_forces` where the orbit has its machine, and the "contact force" where the motion has it."""
         end = self.flight_time if self.contact_time is None else self.period
         t = np.linspace(0.0, end, TABLE_ROWS) if t is None else np.ravel(np.asarray(t, dtype=float))
         flying = t <= self.flight_time if self.contact_time is None else np.mod(t, self.period) <= self.flight_time
         columns = {"time": t, "phase": np.where(flying, "flight", "contact")}
         columns |= dict(zip(self._states, self(t).T, strict=True))
+        columns |= self.spring_forces(t) if self.source else {}
         if self.contact is None or CONTACT_FORCE in self.contact.names:
             columns["contact force"] = self.contact_force(t)
         return columns

@@ -60,7 +60,7 @@ class CurvePart(Part):
 
 
 @dataclass(frozen=True, repr=False)
-class Proof(Result, what="proof", document_is_whole=True):
+class Proof(Result, what="proof", document_is_whole=True, undrawn="a theorem has nothing to draw: print it"):
     """A theorem about a machine, or why there is none.
 
     proved : whether all claims that were to be proved are proved

@@ -25,6 +25,7 @@ from ..simulation.multiplier import multiplier
 from ..simulation.simulation import simulate
 from ..tables import number_text
 from ..units import DIMENSIONS_OF_HOPS, LIFTOFF_SPEED, Message, Quantity, Units, in_own_units
+from .basins import Basins
 from .resolved_map import JUMP, SLOWEST_LOSSLESS, Intervals, ResolvedMap, lossless_speeds
 
 BATCH_SIZE = 8192  # launch speeds in one batch: enough to pay for the calls, few enough for the processor's cache
@@ -278,21 +279,25 @@ class ReturnMap:
         return shown("map_figures").plot_basin(self, low, high, axes, hops, samples)
 
     @exclusive
-    @in_own_units(LIFTOFF_SPEED, low=LIFTOFF_SPEED, high=LIFTOFF_SPEED)
-    def basins(self, low: float, high: float, hops: int = 1000, samples: int = 2000) -> dict[float, Intervals]:
-        """The basin of each lossless launch speed below `high`, by launch speed, while `basin` returns their union;
-        those without launches between `low` and `high` are left out."""
+    @in_own_units(
+        lambda found, step: found.in_units(step.units.of(LIFTOFF_SPEED), machine_in_words(step.machine)),
+        low=LIFTOFF_SPEED, high=LIFTOFF_SPEED,
+    )  # fmt: skip
+    def basins(self, low: float, high: float, hops: int = 1000, samples: int = 2000) -> Basins:
+        """The basin of each lossless launch speed below `high`, a mapping by launch speed, while `basin` returns their
+        union; those without launches between `low` and `high` are left out."""
         low, high, samples = _checked_grid(low, high, samples)
         hops = whole_number("hops", hops, "hops", 0)
         if self.inject != 0 or not self.impacts.model.conservative:
             raise InputError(NO_BASIN)
         lossless = [star for star in lossless_speeds(self.impacts, SLOWEST_LOSSLESS, high) if star < high]
+        words = machine_in_words(self.machine)
         if not lossless:
-            return {}
+            return Basins(words, low, high, ())
         resolved_map = ResolvedMap(self, lossless, lossless[0], high, samples, False)
         found = {star: resolved_map.basin(lossless, hops, high - low, only=k) for k, star in enumerate(lossless)}
-        inside = {star: [(max(a, low), min(b, high)) for a, b in own if b > low] for star, own in found.items()}
-        return {star: own for star, own in inside.items() if own}
+        inside = {star: tuple((max(a, low), min(b, high)) for a, b in own if b > low) for star, own in found.items()}
+        return Basins(words, low, high, tuple((star, own) for star, own in inside.items() if own))
 
     @exclusive
     @in_own_units(LIFTOFF_SPEED, low=LIFTOFF_SPEED, high=LIFTOFF_SPEED)

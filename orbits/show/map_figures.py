@@ -115,6 +115,21 @@ def plot_basin(step: "ReturnMap", low: float, high: float, axes: Axes | None, ho
     return _labelled_map(axes, step, low, high)
 
 
+def plot_basins(basins: Any, axes: Axes | None = None) -> Axes:
+    """Plot `Basins` as bars over the launch speeds, a row for each lossless hop; return the axes."""
+    axes = axes or new_axes(6.4, 1.6 + 0.5 * max(1, len(basins)))
+    unit = f" ({basins.units['alpha']})" if basins.units else ""
+    for i, ((star, intervals), colour) in enumerate(zip(basins.items(), cycle(COLOURS[1:]))):
+        axes.broken_barh([(a, b - a) for a, b in intervals], (i - 0.35, 0.7), fc=colour, ec=colour, lw=0.4)
+        if basins.low <= star <= basins.high:
+            axes.plot(star, i, "o", color=colour, mec="0.15", ms=6, zorder=4)
+    axes.set_yticks(range(len(basins)), [f"to {star:.6g}" for star in basins])
+    axes.set_title(f"{basins.share:.3%} of the launches come to a lossless hop", fontsize="medium")
+    axes.set(xlim=(basins.low, basins.high), ylim=(-0.6, max(1, len(basins)) - 0.4), xlabel="launch speed" + unit)
+    axes.spines[["top", "right"]].set_visible(False)
+    return axes
+
+
 def plot_bifurcations(diagram: Any, axes: Axes | None = None) -> Axes:
     """Plot the periodic launches of a `BifurcationDiagram` against its parameter: stable ones as a line, unstable ones
     dashed, over the launches that are visited in the long run, with its events marked; return the axes."""

@@ -1,24 +1,25 @@
 """A simulated motion: its legs, flights and contacts, and the events between them."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
+from ..flow.forces import spring_forces, units_of_springs
 from ..flow.trajectory import Trajectory
 from ..io import Document, fields_in_line
 from ..model.machine import Machine, machine_in_words
-from ..model.model import Knee
+from ..model.model import CONTACT_FORCE, Knee
 from ..model.phase import Affine
 from ..model.state_formula import StateFormula
 from ..numerics.polynomial_roots import lowest
 from ..result import TABLE_ROWS, Axes, Report, Result, Row, known, shown
-from ..units import ENERGY, LENGTH, LIFTOFF_SPEED, TIME, Units, in_units
+from ..units import ENERGY, FORCE, LENGTH, LIFTOFF_SPEED, TIME, Units, in_units
 
 # The dimensions of a simulation's numbers by name; those of states are lengths and speeds.
 DIMENSIONS_OF_SIMULATIONS = {
@@ -71,6 +72,7 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
     end : time of the end
     source : the machine simulated
     reason : why the motion could not be followed further, in words; "" where it could
+    schedule : that of parameters that changed in time, as `simulate` takes it; None where none did
     """
 
     legs: tuple[Leg, ...]
@@ -80,6 +82,7 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
     end: float
     source: Machine
     reason: str = ""
+    schedule: tuple[np.ndarray, Mapping[str, np.ndarray]] | None = None
 
     @cached_property
     def smallest_separation(self) -> float | None:
@@ -128,7 +131,9 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
         """The units of the states and of the numbers of events by name; empty for a dimensionless machine."""
         if (units := self.source.units) is None:
             return {}
-        return {**{name: units.text(name) for name in self._states}, **units.texts(DIMENSIONS_OF_SIMULATIONS)}
+        forces = {CONTACT_FORCE: units.text(FORCE), **units_of_springs(self.source)}
+        states = {name: units.text(name) for name in self._states}
+        return {**states, **forces, **units.texts(DIMENSIONS_OF_SIMULATIONS)}
 
     @property
     def _states(self) -> tuple[str, ...]:
@@ -144,10 +149,11 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
         }  # fmt: skip
 
     def table(self, t: ArrayLike | None = None) -> dict[str, np.ndarray]:
-        """Columns (k,) by name at times (k,), evenly spaced by default: "time", "phase" and the flight states."""
+        """Columns (k,) by name at times (k,), evenly spaced by default: "time", "phase", the flight states, the
+        `spring_forces` and the "contact force"."""
         t = np.ravel(np.linspace(0.0, self.end, TABLE_ROWS) if t is None else np.asarray(t, dtype=float))
         columns = {"time": t, "phase": np.where(self.in_contact(t), "contact", "flight")}
-        return columns | dict(zip(self._states, self(t).T, strict=True))
+        return columns | dict(zip(self._states, self(t).T, strict=True)) | self.forces(t)
 
     def title(self) -> str:
         return f"motion of {self.source!r}"
@@ -189,6 +195,42 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
         index = index_of_legs(self.legs, np.asarray(t, dtype=float))
         return np.array([leg.phase == "contact" for leg in self.legs])[index]
 
+    def spring_forces(self, t: ArrayLike) -> dict[str, np.ndarray]:
+        """The force (...) of each spring at times (...), tension positive, by name, as in `Orbit.spring_forces`."""
+        return spring_forces(self.source, self(t), self._changes(np.asarray(t, dtype=float)))
+
+    def _changes(self, t: np.ndarray) -> dict[str, np.ndarray]:
+        """The values (...) of the scheduled parameters at times (...): outside of the schedule those of the machine."""
+        if self.schedule is None or not len(self.schedule[0]):
+            return {}
+        times, inputs = self.schedule
+        units = self.source.units and cast(Any, self.source).scheduled
+        place = np.searchsorted(times, t, side="right")
+        own = {name: self.source.values[name] * (units[name] if units else 1.0) for name in inputs}
+        return {name: np.concatenate([[own[name]], x, [own[name]]])[place] for name, x in inputs.items()}
+
+    def contact_force(self, t: ArrayLike) -> np.ndarray:
+        """The contact force (...) at times (...), positive where it presses; 0 in flight."""
+
+        def force(leg: Leg, since: np.ndarray) -> np.ndarray:
+            names = leg.path.names
+            return (
+                leg.path(since)[:, [names.index(CONTACT_FORCE)]]
+                if leg.phase == "contact"
+                else np.zeros((len(since), 1))
+            )
+
+        return rows_of_legs(self.legs, self.end, t, force, self._second)[..., 0]
+
+    def forces(self, t: ArrayLike) -> dict[str, np.ndarray]:
+        """The `spring_forces` and the "contact force" (...) at times (...), by name."""
+        return {**self.spring_forces(t), CONTACT_FORCE: self.contact_force(t)}
+
+    @property
+    def _second(self) -> str:
+        """The unit of time after a number."""
+        return " s" if getattr(self.source, "units", None) else ""
+
     def __call__(self, t: ArrayLike) -> np.ndarray:
         """Flight states (..., n) at times (...)."""
         embed = self.source.model.embed
@@ -197,7 +239,7 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
             rows = leg.path(since)
             return rows[..., : len(embed)] if leg.phase == "flight" else rows[..., : embed.shape[1]] @ embed.T
 
-        return rows_of_legs(self.legs, self.end, t, flight_states, " s" if getattr(self.source, "units", None) else "")
+        return rows_of_legs(self.legs, self.end, t, flight_states, self._second)
 
 
 def index_of_legs(legs: Sequence[Leg], t: np.ndarray) -> np.ndarray:
@@ -249,4 +291,7 @@ def run_in_units(run: Simulation, machine: Any) -> Simulation:
     events = tuple(replace(units.convert(event, **energies), **changed) for event, changed in pairs)
     launches, end = run.launches * units.of(LIFTOFF_SPEED), run.end * units.time
     reason = in_units(run.reason, units)
-    return replace(run, legs=legs, events=events, launches=launches, end=end, source=machine, reason=reason)
+    times, inputs = run.schedule or (None, {})
+    schedule = None if times is None else (times * units.time, {n: x * machine.scheduled[n] for n, x in inputs.items()})
+    own = {"legs": legs, "events": events, "launches": launches, "end": end, "reason": reason, "schedule": schedule}
+    return replace(run, source=machine, **own)

@@ -5,6 +5,7 @@ Events are zeros of the motion's Taylor polynomials, found by Bernstein exclusio
 
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import replace
 from numbers import Real
 from typing import Any
 
@@ -120,7 +121,8 @@ def _simulated(
     known = Schedule(machine, inputs)
     x, launch_speed, order = _initial_state(impacts, known(0.0)[0], alpha, state)
     with interrupts.deferred():
-        return _Run(impacts, inject, hops, time, cap, known).simulate(x, order, launch_speed)
+        run = _Run(impacts, inject, hops, time, cap, known).simulate(x, order, launch_speed)
+    return replace(run, schedule=inputs)
 
 
 def _initial_state(impacts: Impacts, p, alpha, state) -> tuple[np.ndarray, float | None, int | None]:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any, ClassVar, TypedDict
+from typing import TYPE_CHECKING, Any, ClassVar, TypedDict
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from ..periodic.orbit import Orbit
 from ..result import Axes, Result, Row, is_of, shown
 from ..units import DIMENSIONS_OF_HOPS, UNIT_TEXTS, unit_text
 from .question import COLUMNS_OF, Question, SavedQuestion, Table, question_again
+
+if TYPE_CHECKING:
+    from .indices import Indices
 
 TEXTS = ("status", "reason")  # columns that are no numbers
 # Shares of the members below the quantiles of a summary.
@@ -258,18 +261,18 @@ class Sweep(Result, what="sweep", document_is_whole=True):
         return shown("pages.saved_page").sweep_page(self, path, quantity)
 
     def sensitivity(
-        self, quantities: Sequence[str] | None = None, samples: int = 1024, seed: int = 0, **options: object
-    ) -> dict[str, dict[str, dict[str, float]]]:
+        self, quantities: str | Sequence[str] | None = None, samples: int = 1024, seed: int = 0, **options: object
+    ) -> "Indices":
         """Sobol's indices of the quantities: the shares of their variance that are due to each parameter, for
         parameters that vary independently over the ranges or distributions of the sweep.
 
-        quantities : numerical results of the sweep; None for all
+        quantities : numerical results of the sweep, or one of them; None for all
         samples : a power of 2; the sweep for the indices has `samples` times (the number of parameters plus 2) members
         seed : of the sampling
         options : `executor`, `workers`, `client`, `progress` of that sweep
 
-        Returns, by quantity and parameter, "first" and "total", each with the bounds "first_low", ... of its 95 %
-        confidence interval. Raises `InputError` where members have no orbit. Source: `scipy.stats.sobol_indices`.
+        Returns a mapping by quantity and parameter of "first" and "total", each with the bounds "first_low", ... of its
+        95 % confidence interval. Raises `InputError` where members have no orbit. Source: `scipy.stats.sobol_indices`.
         """
         from .indices import sobol_indices
 

@@ -10,7 +10,7 @@ from ..design.sensitivities import sensitivities
 from ..errors import InputError, whole_number
 from ..model.machine import Machine
 from ..periodic.find import find
-from ..result import Axes, Result
+from ..result import Axes, Result, shown
 from .designs import members_of
 from .sweep import sweep as swept
 from .sweep_result import QUANTILES, Sweep
@@ -45,9 +45,10 @@ class Uncertainty(Result, what="uncertainty", in_line=("share", "mean"), printed
         columns |= {f"{share:.0%}": [self.quantiles[each][f"{share:.0%}"] for each in self.mean] for share in QUANTILES}
         return {**columns, "unit": [*map(self.sweep.unit_of, self.mean)]}
 
-    def plot(self, axes: Axes | None = None) -> Axes:
-        """Plot the first quantity of the members over the parameters; returns the axes."""
-        return self.sweep.plot(axes=axes)
+    def plot(self, quantity: str | None = None, axes: Axes | None = None) -> Axes:
+        """Plot the distribution of a quantity over the members, the first one if None, with the normal distribution of
+        the linear deviation; returns the axes. `sweep.plot()` draws the members over the parameters."""
+        return shown("shares").plot_uncertainty(self, quantity, axes)
 
 
 def uncertainty(

@@ -36,6 +36,11 @@ Examples:
   orbits explore --spring cubic --set beta=0.3 --rest-length 8   an interactive page in the browser
   orbits sweep --spring cubic --over beta=0:1 --over mass_ratio=0.1:10:log --samples 1000 --output hops.csv
   orbits existence --spring cubic --along beta=-0.02:0.1 --across rest_length=6:20 --colour alpha --plot where.png
+  orbits find --masses 60,3 --rest-length 0.8 --spring "8000*r + 2e6*r**3"   a leg in SI: kg, N of m, m
+  orbits uncertainty --spring cubic --over "beta=norm(0.3,0.02)" --indices --plot spread.png
+  orbits control hold --damping 0.01 --plot drive.png  the least effort that keeps a damped machine hopping
+  orbits control recover --short 0.1                   back to the lossless launch speed in one hop
+  orbits control start-up --pumps 2 --stroke 2         from rest in contact onto the lossless hop
 
 \b
 Completion of commands and options by the shell, from a line in its start file:
@@ -57,7 +62,7 @@ def orbits() -> None:
 
     A spring's force is a formula of its extension r, gravity a formula of the height z; every other name in them is a
     parameter, whose value is set by --set. Lengths are in units of the foot's weight over the stiffness; a machine
-    whose file has [si] is in SI, and its masses are parameters too.
+    with --masses, or whose file has [si], is in SI, and its masses are parameters too.
     """
 
 
@@ -457,6 +462,95 @@ def existence_command(
         save_figure(diagram.plot(colour), plot)
     if not diagram.grid.found:
         raise click.exceptions.Exit(1)
+
+
+@orbits.command("uncertainty", epilog="\b\nExit code: 0 done, 1 no such orbit, 2 bad input.")
+@options.machine_options
+@click.option(
+    "--over",
+    multiple=True,
+    required=True,
+    metavar="NAME=RANGE",
+    help="An uncertain parameter: norm(MEAN,SD), LOW:HIGH or LOW:HIGH:log; repeatable.",
+)
+@click.option("--samples", type=int, default=1024, show_default=True, metavar="N", help="Number of members.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Of the sampling.")
+@options.family_option("As in find.")
+@click.option("--quantities", metavar="A,B,...", help="Further rows: quantities of the orbit, or formulas of them.")
+@click.option("--indices", is_flag=True, help="Print Sobol's indices too: which parameter causes the spread.")
+@click.option("--workers", type=click.IntRange(1), metavar="N", help="Number of processes; 1 by default.")
+@options.free_limit_option
+@options.json_option
+@options.file_option("--output", "result", "Write the quantities: .json, .csv, .nc or .parquet.")
+@options.file_option("--plot", "figure", "Write a figure of the distribution of --quantity, or of the indices.")
+@click.option("--quantity", metavar="A", help="That the figure shows; default: alpha.")
+def uncertainty_command(
+    over: tuple[str, ...], samples: int, seed: int, family: int, quantities: str | None, indices: bool,
+    workers: int | None, as_json: bool, output: str | None, plot: str | None, quantity: str | None, **stated: object,
+) -> None:  # fmt: skip
+    """Find the spread of an orbit's quantities that follows from uncertain parameters.
+
+    Each quantity has its mean and deviation over the members that are motions, and the deviation to first order.
+    """
+    from orbits.io import to_json
+    from orbits.show.plot import save_figure
+    from orbits.sweeps.uncertainty import uncertainty
+
+    axes, _ = options.swept_members(over, None)
+    machine = options.machine_of(**options.with_first_values(stated, axes, None))
+    found = uncertainty(
+        machine, axes, options.formulas(quantities), family=family, samples=samples, seed=seed,
+        **options.computed_by(workers),
+    )  # fmt: skip
+    shares = found.sweep.sensitivity(seed=seed, samples=options.power_of_two(samples)) if indices else None
+    if output is not None:
+        found.save(output)
+    if plot is not None:
+        save_figure((found if shares is None else shares).plot(quantity), plot)
+    if as_json:
+        click.echo(to_json(found.document() | ({} if shares is None else {"indices": shares.document()})))
+    else:
+        click.echo("\n".join(map(str, filter(None, (found, shares)))))
+
+
+@orbits.command("control", epilog="\b\nExit code: 0 found, 1 no such motion (with the reason), 2 bad input.")
+@click.argument("goal", type=click.Choice(["hold", "recover", "start-up"]))
+@options.machine_options
+@options.damper_options
+@options.family_option("As in find.")
+@click.option("--rate", type=options.POSITIVE, metavar="W", help=f"Largest rate of the actuator{options.IN_UNITS}")
+@click.option("--stroke", type=options.POSITIVE, metavar="U", help=f"Its largest displacement{options.IN_UNITS}")
+@click.option(
+    "--intervals",
+    type=click.IntRange(1),
+    metavar="N",
+    help="On which the rate is constant; default 40, start-up 20 a half swing.",
+)
+@click.option("--cost", metavar="effort|work|peak", help="hold: what is least; default effort. Work needs --rate.")
+@click.option("--plastic", is_flag=True, help="hold, recover: the foot may land with a speed, which is lost.")
+@click.option("--short", type=float, metavar="V", help="recover: how much slower than lossless the launch is.")
+@click.option("--pumps", type=click.IntRange(1), metavar="N", help="start-up: swings before lift-off.")
+@options.free_limit_option
+@options.json_option
+@options.plot_option
+@options.animate_option
+@options.file_option("--save", "result", "Write the motion (.json, to load), or its states, inputs and forces (.csv).")
+def control_command(
+    goal: str, family: int, as_json: bool, plot: str | None, animate: str | None, save: str | None, **stated: Any,
+) -> None:  # fmt: skip
+    """Steer a machine whose spring's end is moved, with locally least effort.
+
+    hold keeps a damped machine hopping, recover brings one whose launch is too slow back to its lossless hop in one
+    hop, and start-up lifts one off from rest in contact.
+    """
+    from .. import steering
+
+    wanted = options.steering_arguments(goal, stated)
+    functions = {"hold": steering.keep_hopping, "recover": steering.recover, "start-up": steering.start_up}
+    machine = options.machine_of(**stated)
+    with options.progress():
+        found = functions[goal](machine, family=family, **wanted)
+    options.write(found, as_json, plot, animate, save)
 
 
 @orbits.command("explore", epilog="\b\nExit code: 0 ended by Ctrl-C, 2 bad input.")

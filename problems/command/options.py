@@ -36,6 +36,7 @@ POSITIVE = click.FloatRange(0, min_open=True)
 machine_options = combined(
     click.option("--machine", metavar="hopper|juggler|FILE.toml", help="Kind of machine, or a file that states it."),
     click.option("--mass-ratio", type=POSITIVE, metavar="M", help="Foot (hand) over body (ball) mass; default 1."),
+    click.option("--masses", metavar="KG,KG", help="Of body and foot (ball and hand): then all numbers are in SI."),
     click.option("--rest-length", type=POSITIVE, metavar="L", help="Of the spring; default: separation not checked."),
     click.option(
         "--spring",
@@ -46,10 +47,13 @@ machine_options = combined(
     click.option("--gravity", metavar="LAW", help="Formula of z with value 1 at z = 0, or a law's name."),
     click.option("--set", "settings", metavar="NAME=VALUE", multiple=True, help="Value of a parameter; repeatable."),
 )
-loss_options = combined(
+damper_options = combined(
     click.option("--restitution", type=click.FloatRange(0, 1), metavar="e", help="Of the impacts; default 0, plastic."),
     click.option("--damping", type=click.FloatRange(0), metavar="c", help="Of a damper in parallel with the spring."),
     click.option("--drag", type=click.FloatRange(0), metavar="d", help="Drag coefficient of each mass."),
+)
+loss_options = combined(
+    damper_options,
     click.option("--inject", type=float, default=0.0, metavar="EPS", help=f"Added to every launch speed{IN_UNITS}"),
 )
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
@@ -209,6 +213,40 @@ def with_first_values(stated: dict[str, Any], axes: dict[str, object], table: An
     return {**stated, "settings": tuple(settings)}
 
 
+# The options of `orbits control` that belong to some goals, with the argument that each of them is there.
+OF_GOALS = {
+    "cost": {"hold": "cost"},
+    "plastic": {"hold": "lossless", "recover": "lossless"},
+    "short": {"recover": "short"},
+    "pumps": {"start-up": "pumps"},
+}
+NEEDED = {"recover": ("short", "how much slower than lossless the launch is"), "start-up": ("pumps", "swings, as 2")}
+
+
+def steering_arguments(goal: str, stated: dict[str, Any]) -> dict[str, Any]:
+    """The arguments of a function of `problems.steering` in the options of `orbits control`, which are taken out of
+    those that state the machine; raises `InputError` for one of another goal, and where one is missing."""
+    from orbits.errors import InputError
+
+    common = {name: stated.pop(name) for name in ("rate", "stroke", "intervals")}
+    own = {name: stated.pop(name) for name in OF_GOALS}
+    own["plastic"] = own["plastic"] or None
+    found = {name: value for name, value in common.items() if value is not None}
+    for name, value in own.items():
+        if value is not None and goal not in OF_GOALS[name]:
+            raise InputError(f"--{name} belongs to {' and '.join(OF_GOALS[name])}, not to {goal}: leave it out")
+        if value is not None:
+            found[OF_GOALS[name][goal]] = False if name == "plastic" else value
+    if goal in NEEDED and own[NEEDED[goal][0]] is None:
+        raise InputError(f"{goal} needs --{NEEDED[goal][0]}: {NEEDED[goal][1]}")
+    return found
+
+
+def power_of_two(count: int) -> int:
+    """The largest power of 2 up to a number, at least 2."""
+    return 2 ** max(1, count.bit_length() - 1)
+
+
 def launch_speeds(text: str) -> "np.ndarray":
     """The launch speeds that A or A:B:N stands for; raises `InputError` for anything else."""
     import numpy as np
@@ -271,16 +309,17 @@ def machine_of(machine: str | None, *arguments: Any, **stated: Any) -> "AnyMachi
 
 def statement_of(
     machine: str | None, settings: Sequence[str] = (), first: tuple[str, float] | None = None,
-    **stated: str | float | None,
+    masses: str | None = None, **stated: str | float | None,
 ) -> tuple[dict[str, Any], str]:  # fmt: skip
     """The statement of a machine that the options describe, and its source; an option that is not None overrides the
     machine's file.
 
+    masses : of the machine in kg, the upper before the lower; it is then one in SI
     first : name and first value of a parameter to be followed, which replaces what --set says
     """
     from orbits.errors import InputError
 
-    from ..machines.files import KINDS, SI_PARAMETERS, read
+    from ..machines.files import KINDS, MASSES, SI_PARAMETERS, read
 
     statement: dict[str, Any] = {"machine": machine or "hopper"}
     where = "the options"
@@ -288,6 +327,13 @@ def statement_of(
         if not machine.endswith(".toml"):
             raise InputError(f"--machine {machine!r} is neither {' nor '.join(KINDS)} nor a .toml file")
         statement, where = read(machine), machine
+    if masses is not None:
+        if machine == where and "si" not in statement:
+            raise InputError(f"--masses {masses!r}: {where} states a machine without units; give it a table [si]")
+        if len(each := numbers("--masses", masses, float)) != 2:
+            raise InputError(f"--masses {masses!r} is not of the form KG,KG: the upper mass and the lower one")
+        names = MASSES.get(str(statement.get("machine", "hopper")), MASSES["hopper"])
+        statement["si"] = {**statement.get("si", {}), **dict(zip(names, each, strict=True))}
     if first is not None:
         settings = [setting for setting in settings if not sets(setting, first[0])]
     own = {name: value for name, value in stated.items() if value is not None}

@@ -22,10 +22,10 @@ from orbits.mechanics.dimensions import length_or_angle
 from orbits.mechanics.elements import Element, Scalar, names_in, value_of
 from orbits.mechanics.mechanism import Mechanism
 from orbits.model.machine import Stated
-from orbits.model.model import Model
+from orbits.model.model import Model, as_derived
 from orbits.running.exclusive import exclusive, exclusive_property
 from orbits.symbolic.formula import suggest
-from orbits.units import ANGLE, ANGULAR_SPEED, FORCE, LENGTH, SPEED, Dimension, Units
+from orbits.units import ANGLE, ANGULAR_SPEED, FORCE, LENGTH, SPEED, TORQUE, Dimension, Units
 
 from ..machines.parameters import refuse_taken
 from ..machines.two_masses import DAMPERS, TwoMassMachine
@@ -33,7 +33,6 @@ from ..machines.two_masses import DAMPERS, TwoMassMachine
 SIZES = ("length", "time", "force")
 # The state and the input of each kind of actuator.
 STATES_OF_ACTUATORS = {"displacement": ("u", "w"), "force": ("f", "f_rate")}
-TURNING_FORCE = (1, 0, 1, 0, 0, -1)
 
 
 @dataclass(frozen=True)
@@ -130,7 +129,15 @@ class Actuated(Stated):
     @property
     def model(self) -> Model:
         """The machine's model with the actuator's state; machines that differ only in numbers share it."""
-        return self.mechanism.model
+        if self.units is None:
+            return self.mechanism.model
+        stated = self.machine.stated()
+        kinds = (
+            length_or_angle(each.extension, stated.places, {*stated.angles}) for each in springs_of_mechanism(stated)
+        )
+        return _with_forces(
+            self.mechanism.model, tuple(() if k is None else FORCE if k is LENGTH else TORQUE for k in kinds)
+        )
 
     @property
     def dimensions(self) -> dict[str, Dimension]:
@@ -138,7 +145,7 @@ class Actuated(Stated):
         stated, actuator = self.machine.stated(), self.actuator
         places = {*stated.coordinates}
         turned = length_or_angle(actuator.along, places, {*stated.angles}) is ANGLE
-        way, speed, force = (ANGLE, ANGULAR_SPEED, TURNING_FORCE) if turned else (LENGTH, SPEED, FORCE)
+        way, speed, force = (ANGLE, ANGULAR_SPEED, TORQUE) if turned else (LENGTH, SPEED, FORCE)
         own = (force, (force[0], force[1] - 1, *force[2:])) if actuator.is_force else (way, speed)
         return {actuator.state: own[0], actuator.rate: own[1], "actuator force": force, "way": way}
 
@@ -331,6 +338,12 @@ def _with_actuator(mechanism: Mechanism, actuator: Actuator) -> Mechanism:
             for each in elements
         ]
     return replace(mechanism, elements=elements, counts=counts, actuators={actuator.state: actuator.rate})
+
+
+@lru_cache(maxsize=64)
+def _with_forces(model: Model, dimensions: tuple[Dimension, ...]) -> Model:
+    """The same model, the forces of its springs of these dimensions."""
+    return as_derived(replace(model, spring_dimensions=dict(zip(model.spring_forces, dimensions, strict=True))))
 
 
 @dataclass(frozen=True, eq=False)

@@ -182,6 +182,5 @@ def _one_after_other(first: Simulation, rest: Simulation) -> Simulation:
     legs = tuple(replace(leg, start=first.end + leg.start) for leg in rest.legs)
     events = tuple(replace(event, time=first.end + event.time) for event in rest.events)
     launches = np.concatenate([first.launches, rest.launches])
-    return replace(
-        rest, legs=first.legs + legs, events=first.events + events, launches=launches, end=first.end + rest.end
-    )
+    legs, events, end = first.legs + legs, first.events + events, first.end + rest.end
+    return replace(rest, legs=legs, events=events, launches=launches, end=end, schedule=first.schedule)

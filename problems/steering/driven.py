@@ -12,8 +12,10 @@ from numpy.typing import ArrayLike
 from orbits import Control, InputError, Simulation, simulate
 from orbits.control.control import ControlledLeg
 from orbits.errors import whole_number
+from orbits.flow.forces import units_of_springs
 from orbits.io import Document, conform
 from orbits.model.machine import Machine, machine_in_words
+from orbits.model.model import CONTACT_FORCE
 from orbits.model.phase import Affine
 from orbits.result import Axes, Report, Row, is_of
 from orbits.show.animation import SPRING_END, animate_simulation
@@ -56,9 +58,10 @@ class Driven(Control, what="motion of a driven machine"):
         actuator = Actuated(machine, actuator or Actuator()).actuator
         own["bare"] = control.bare and cls.of(machine.dimensionless(), control.bare, actuator)
         driven = cls(**own, source=machine, actuator=actuator)
-        texts = dict.fromkeys(("work", "positive work"), "J") | {"power": "W"}
-        units = {**texts, "actuator force": unit_text(driven.actuated.dimensions["actuator force"])}
-        return replace(driven, units={**control.units, **units}) if control.units else driven
+        texts = dict.fromkeys(("work", "positive work"), "J") | {"power": "W", CONTACT_FORCE: "N"}
+        texts |= units_of_springs(driven.actuated)
+        texts["actuator force"] = unit_text(driven.actuated.dimensions["actuator force"])
+        return replace(driven, units={**control.units, **texts}) if control.units else driven
 
     @cached_property
     def actuated(self) -> Actuated:
@@ -175,13 +178,14 @@ class Driven(Control, what="motion of a driven machine"):
 
     def table(self, t: ArrayLike | None = None) -> dict[str, np.ndarray]:
         """The columns of `Control.table`, with flight states, the actuator's "power" and "actuator force", its "work"
-        and its "positive work" so far."""
+        and its "positive work" so far, and the forces of springs and contact."""
         columns = super().table(t)
         force, power = self._effects(columns["time"])
         units = self.actuated.units
         since = columns["time"] if units is None else columns["time"] / units.time
         done, positive = self._unit_of_energy * work_until(self.actuated.dimensionless(), self.dimensionless(), since)
-        return columns | {"power": power, "actuator force": force, "work": done, "positive work": positive}
+        columns |= {"power": power, "actuator force": force, "work": done, "positive work": positive}
+        return columns | self.motion.forces(columns["time"])
 
     def _rows(self) -> Iterator[Row]:
         """Those of `Control`, with the work, the largest force and the largest power of the actuator."""

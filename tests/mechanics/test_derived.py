@@ -42,8 +42,8 @@ LEGS = [Spring("body - foot", "r"), Spring("foot - toe", "r")]
             "spring .* is in pieces: state it alone, along what is launched",
         ),
         (
-            {"elements": [*MASSES, Spring("body - foot", STEPS), Potential("0*body")], "parameters": {}},
-            "is in pieces: such a law can be taken where all springs act along one sum of the two coordinates",
+            {"elements": [*MASSES, Spring("body - foot - 0.1", STEPS), Potential("0*body")], "parameters": {}},
+            "is in pieces: such a law can be taken where its extension is what is launched, counted from its rest",
         ),
         (
             {"elements": MASSES, "parameters": {}},

@@ -9,14 +9,13 @@ import numpy as np
 from ...errors import InputError
 from ...model.machine import Machine, dimensionless
 from ...running.exclusive import exclusive
-from ...units import EXTENSION, FORCE
+from ...units import EXTENSION, FORCE, TORQUE
 from ..plot import COLOURS, SHADE
 from .bokeh_figures import GREY, Change, apply, bokeh, empty_columns, hover, legend_above, new_figure, range_changes
 
 if TYPE_CHECKING:
     from ...periodic.orbit import Orbit
 
-TORQUE = (1, 0, 1)  # the dimension of a force against an angle
 EXTENSIONS = 301  # number of extensions at which a law is sampled
 LONGEST_TITLE = 44  # characters that fit above the figure on a phone
 ON_EACH_SIDE = 0.35  # margin beyond the used range on both sides, as a share of it
@@ -84,7 +83,7 @@ def _forces(machine: Machine, extensions: np.ndarray) -> tuple[np.ndarray, np.nd
     data = np.zeros((len(states), 0))
     if pieces is not None:
         breaks, rows = map(np.asarray, pieces.table(p))
-        place = states[:, : len(pieces.coordinate)] @ np.array(pieces.coordinate)
+        place = pieces.place(states[:, : len(pieces.coordinate)], p)
         inside = (breaks[0] <= place) & (place <= breaks[-1])
         extensions, states, place = extensions[inside], states[inside], place[inside]
         data = rows.reshape(len(rows), -1)[np.clip(np.searchsorted(breaks, place, "right") - 1, 0, len(breaks) - 2)]

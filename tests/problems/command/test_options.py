@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from orbits import find
-from problems import hopper_in_si
+from problems import hopper_in_si, juggler_in_si
 
 ALPHA = 4.493409457909064  # tan(alpha) = alpha, eq. (12) of the paper
 DUFFING = 2.936459188494196478  # tests/data/orbits.json: r + 0.3 r**3
@@ -91,6 +91,53 @@ def test_numbers_of_a_machine_in_si_are_parameters(options, changed, orbits, tmp
     assert done.document["alpha"] == find(hopper_in_si(**stated | changed)).alpha
     refused = orbits("find --mass-ratio 2 --machine", path)
     assert (refused.code, "state lengths and masses in [si]" in refused.err) == (2, True)
+
+
+class TestMasses:
+    """--masses states a machine in SI without a file."""
+
+    def test_a_leg(self, orbits):
+        done = orbits("find --json --masses 60,3 --rest-length 0.8 --spring '8000*r + 2e6*r**3'")
+        assert (done.code, done.err) == (0, "")
+        expected = find(hopper_in_si(60.0, 3.0, force="8000*r + 2e6*r**3", rest_length=0.8))
+        assert done.document["alpha"] == expected.alpha
+        assert done.document["units"]["alpha"] == "m/s"
+
+    def test_a_juggler_on_an_asteroid(self, orbits):
+        settings = "--set stiffness=8.8 --set surface_gravity=0.18 --set body_radius=500 --rest-length 1"
+        done = orbits(f"find --json --machine juggler --masses 0.2923,0.2657 {settings}")
+        own = {"stiffness": 8.8, "surface_gravity": 0.18, "body_radius": 500.0, "rest_length": 1.0}
+        assert done.document["alpha"] == find(juggler_in_si(0.2923, 0.2657, **own)).alpha
+
+    def test_they_replace_those_of_a_file(self, orbits, tmp_path):
+        path = tmp_path / "leg.toml"
+        path.write_text("[si]\nbody_mass = 60\nfoot_mass = 3\nstiffness = 8000\n")
+        done = orbits("find --json --masses 70,4 --machine", path)
+        assert done.document["alpha"] == find(hopper_in_si(70.0, 4.0, stiffness=8000.0)).alpha
+        path.write_text("mass_ratio = 2\n")
+        refused = orbits("find --masses 70,4 --machine", path)
+        assert (refused.code, "give it a table [si]" in refused.err) == (2, True)
+
+    def test_they_are_followed_and_swept(self, orbits):
+        leg = "--masses 60,3 --set stiffness=8000"
+        done = orbits(f"follow {leg} --along body_mass --from 55 --to 65 --json")
+        assert [done.document["points"][i]["body_mass"] for i in (0, -1)] == [55.0, 65.0]
+        done = orbits(f"sweep {leg} --over foot_mass=2:4 --samples 3 --json")
+        assert done.document["status"]["certified"] == 3
+
+    @pytest.mark.parametrize(
+        ("text", "words"),
+        [("60", "KG,KG"), ("60,3,1", "KG,KG"), ("heavy,3", "list of numbers"), ("60,-3", "foot_mass = -3"),
+         ("nan,3", "body_mass = nan")],
+    )  # fmt: skip
+    def test_what_is_refused(self, text, words, orbits):
+        done = orbits("find --set stiffness=8000 --masses", text)
+        assert done.code == 2
+        assert words in done.err
+
+    def test_a_mass_ratio_besides(self, orbits):
+        done = orbits("find --masses 60,3 --set stiffness=8000 --mass-ratio 2")
+        assert (done.code, "'mass_ratio' beside [si]" in done.err) == (2, True)
 
 
 def test_the_progress_display_shows_on_a_terminal_and_clears_itself(monkeypatch):

@@ -50,7 +50,8 @@ from orbits.model.state_formula import StateFormula
 from orbits.sweeps.sweep import sweep
 from orbits.symbolic.formula import parse
 from orbits.units import Units
-from problems import hopper_in_si, knee_hopper
+from problems import hopper_in_si, knee_hopper, springs
+from studies.oracle import by_another_integrator
 
 SI = Units(1.0, 1.0, 1.0, 1.0, ("knee", "liftoff"))
 LEG, BODY = "2*link*sin(knee/2)", "foot + 2*link*sin(knee/2)"
@@ -420,6 +421,31 @@ def test_a_knee_that_does_not_carry_the_body_says_so(stiffness):
         NoOrbit, match=r"finds none.*a knee carries its body where its torque, folded, is above body_mass"
     ):
         find(knee_hopper(stiffness=stiffness))
+
+
+SMALL = {"body_mass": 0.9, "foot_mass": 0.045, "link": 0.05}
+
+
+def test_a_measured_torque_is_that_of_its_formula():
+    r = np.linspace(-2.7, 2.7, 401)
+    formula = find(knee_hopper("r + b*r**3", parameters={"b": 0.2}, **SMALL))
+    table = find(knee_hopper(springs.table((r, r + 0.2 * r**3), noise=0), **SMALL))
+    numbers = ("alpha", "flight_time", "contact_time", "liftoff_extension")
+    assert [getattr(table, name) for name in numbers] == pytest.approx([getattr(formula, name) for name in numbers])
+
+
+def test_a_torque_with_a_corner_that_the_knee_passes():
+    """The corner lies at an angle from rest; derivatives by the angle of rest, which moves it, are differences."""
+    machine = knee_hopper(springs.bilinear(ratio=2.0, gap=0.003), **SMALL)
+    orbit = find(machine)
+    assert by_another_integrator(machine, 1)(orbit) is None
+    assert check(machine)
+    slopes = sensitivities(machine, orbit, ["rest_angle", "gap"], ["alpha", "contact_time"])
+    for name, step in (("rest_angle", 1e-4), ("gap", 1e-6)):
+        low, high = (find(machine.with_values(**{name: machine.values[name] + s})) for s in (-step, step))
+        for quantity in ("alpha", "contact_time"):
+            difference = (getattr(high, quantity) - getattr(low, quantity)) / (2 * step)
+            assert slopes[quantity][name] == pytest.approx(difference, rel=1e-5)
 
 
 @pytest.mark.parametrize("hops", [50, pytest.param(1000, marks=pytest.mark.slow)])

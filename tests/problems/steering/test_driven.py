@@ -50,8 +50,9 @@ def test_the_table_tells_the_work(driven_hopper, started_hopper):
         so_far = cumulative_trapezoid(table["power"], t, initial=0)
         assert table["work"] == pytest.approx(so_far, abs=2e-3)
         assert table["power"] == pytest.approx(table["actuator force"] * table["w"], abs=1e-12)
+        assert table["actuator force"] == pytest.approx(-table["spring force"], abs=1e-12)
     names = ["time", "stage", "y1", "y1'", "y2", "y2'", "u", "w", "running cost", "power", "actuator force"]
-    assert list(driven_hopper.table()) == [*names, "work", "positive work"]
+    assert list(driven_hopper.table()) == [*names, "work", "positive work", "spring force", "contact force"]
 
 
 def test_si(driven_leg, tmp_path):
@@ -69,7 +70,7 @@ def test_si(driven_leg, tmp_path):
     head = driven_leg.save(tmp_path / "leg.csv").read_text().splitlines()[0]
     assert head == (
         "time (s),stage,y1 (m),y1' (m/s),y2 (m),y2' (m/s),u (m),w (m/s),running cost (m^2/s),power (W),"
-        "actuator force (N),work (J),positive work (J)"
+        "actuator force (N),work (J),positive work (J),spring force (N),contact force (N)"
     )
     off, bare_off = driven_leg.simulate(2, damping=5.5), bare.simulate(2, damping=5.5 / 5.0 * bare.source.damping)
     assert off.launch_errors == pytest.approx(bare_off.launch_errors * speed, abs=1e-9)
@@ -186,7 +187,8 @@ def test_a_mechanism_in_si(kind, tmp_path):
     state, rate = ("f (N)", "f_rate (N/s)") if kind == "force" else ("u (m)", "w (m/s)")
     head = driven.save(tmp_path / "leg.csv").read_text().splitlines()[0].split(",")
     assert head[6:8] == [state, rate]
-    assert head[9:] == ["power (W)", "actuator force (N)", "work (J)", "positive work (J)"]
+    forces = ["spring force (N)", "contact force (N)"]
+    assert head[9:] == ["power (W)", "actuator force (N)", "work (J)", "positive work (J)", *forces]
     text = str(driven)
     assert f"work per hop            {driven.work[0]:.10g} J, its positive part" in text
     assert " N, power up to " in text

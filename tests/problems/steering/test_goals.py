@@ -365,7 +365,8 @@ def test_a_knee_is_kept_bending():
     leg = replace(leg, elements=[*leg.elements, Damper("knee", "c")], parameters={**leg.parameters, "c": 0.01})
     kept = steering.keep_hopping(leg, intervals=20)
     assert steering.missed(leg, kept) <= 1e-9
-    assert [kept.units[name] for name in ("u", "w", "actuator force", "work")] == ["rad", "rad/s", "N m/rad", "J"]
+    names = ("u", "w", "actuator force", "spring force", "work")
+    assert [kept.units[name] for name in names] == ["rad", "rad/s", "N m", "N m", "J"]
     t = np.linspace(0, kept.end, 40001)
     assert kept.work[0] == pytest.approx(0.01 * trapezoid(kept(t)[:, 3] ** 2, t), rel=1e-4)
 

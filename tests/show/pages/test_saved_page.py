@@ -60,7 +60,9 @@ def test_an_inadmissible_orbit_says_why(tmp_path):
 
 
 def test_the_page_of_a_family_has_hops(folded_family, tmp_path):
-    text = checked(folded_family.page(tmp_path / "family.html"))
+    shares = []
+    text = checked(folded_family.page(tmp_path / "family.html", progress=shares.append))
+    assert shares == [(i + 1) / len(shares) for i in range(len(shares))]
     assert "End: escaped" in text
     assert "Hop of the family" in text
     assert f"{folded_family[0].alpha:.7g}" in text

@@ -1,0 +1,391 @@
+"""An orbit as a function of the parameters of its machine, with exact derivatives, for graphs of CasADi.
+
+The unknowns u of half an orbit are functions of the parameters theta by its equations F(u, theta) = 0, so that
+du/dtheta = -F_u^-1 F_theta. The state x0 at lift-off follows from them, and so does every other: up to mid-flight
+that at time t is the flow phi(x0, t), and then its mirror image R phi(x0, T - t), T the flight time; and so in
+contact. The states of a machine in SI are multiples of these, whose units depend on the parameters too.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from ..consistency.accepted import check_parameters
+from ..errors import InputError, NoOrbit, whole_number
+from ..flow.flow import flow_of
+from ..model.machine import Machine
+from ..model.model import Model
+from ..model.phase import Phase
+from ..numerics.roots import Array, solve
+from ..periodic.find import find
+from ..periodic.orbit import Orbit
+from ..running.exclusive import exclusive
+from ..shooting.formulations import half_orbit, vector
+from ..shooting.single_shooting import shooting_equations
+from ..symbolic.caches import cached
+from ..units import TIME
+from .sensitivities import sensitivities
+
+# The way from the known orbit to another one is halved so many times before the other counts as lost.
+MOST_BRANCH_HALVINGS = 6
+# A launch of several unknowns is that of the same branch where it differs by less from what derivatives expect, as a
+# share of the largest unknown.
+SAME_BRANCH = 0.05
+# A motion of a shorter time, as a share of its phase, is its start.
+SHARE_OF_START = 1e-12
+# CasADi refers to the Python objects that it calls without owning them: what a graph may call lives on here.
+_OF_CASADI: list[ca.Callback] = []
+
+
+class Along(NamedTuple):
+    """Numbers (..., rows), and their derivatives (..., rows, columns) by the parameters or times that are varied."""
+
+    values: Array
+    by: Array
+
+
+@exclusive
+def orbit_function(
+    machine: Machine, over: str | Sequence[str], orbit: Orbit | int = 1, *,
+    quantities: str | Sequence[str] = (), times: int = 0, name: str = "orbit",
+) -> ca.Function:  # fmt: skip
+    """An orbit of a machine as a `casadi.Function` of some of its parameters, with exact first derivatives.
+
+    machine : as in `find`, with a reversor
+    over : names (k,) of the parameters, or one of them
+    orbit : an orbit of the machine, or the number of its family. For other parameters it is continued from there, along
+        the straight line between them
+    quantities : of the orbit, or formulas of them, as in `sensitivities`
+    times : number m of times at which states are returned
+    name : of the function
+
+    The function takes "parameters" (k,) in the order of `over` and, unless m is 0, "times" (m,) since lift-off, and
+    returns
+
+        launch     (j,)    unknowns of the launch, named by `machine.model.launch_unknowns`: "liftoff", "alpha", ...
+        durations  (2,)    of flight and contact
+        quantities (q,)    unless there are none
+        states     (n, m)  flight states at the times, unless m is 0
+
+    in the machine's units. Each call finds and certifies an orbit, which need not be admissible: bound quantities such
+    as "clearance" and "smallest_contact_force" where it has to be. Where it cannot be followed, the call raises
+    `RuntimeError` with the reason; Ipopt then takes a shorter step. Derivatives follow from the implicit function
+    theorem; second derivatives, as Ipopt takes them, are differences of these, unless "hessian_approximation" is
+    "limited-memory". Raises `InputError` for an unknown name, and for a model without a reversor.
+
+    >>> from orbits import orbit_function
+    >>> from problems import Hopper
+    >>> launch = orbit_function(Hopper("cubic"), "beta")
+    >>> round(float(launch(0.3)[0][1]), 9)
+    2.936459188
+    """
+    names = [over] if isinstance(over, str) else list(over)
+    texts = [quantities] if isinstance(quantities, str) else list(quantities)
+    check_parameters(machine, *names)
+    if not names or len({*names}) < len(names):
+        raise InputError(f"over = {over!r}; it names the parameters of the function, each once")
+    if machine.model.reversor is None:
+        raise InputError(f"a {machine.model.name} has no reversor: its half orbits, which are differentiated, are none")
+    machine.with_values(**{each: machine.values[each] for each in names})  # refuses one that follows from others
+    whole_number("times", times, "times", least=0)
+    known = orbit if isinstance(orbit, Orbit) else find(machine, orbit)
+    if known.contact_time is None:
+        raise NoOrbit("the orbit has no contact that ends: " + "; ".join(known.violations))
+    if texts:
+        sensitivities(machine, known, names, texts)  # refuses unknown ones
+    branch = _Branch(machine, known, names, texts)
+    sizes_in = {"parameters": (len(names), 1), **({"times": (times, 1)} if times else {})}
+    sizes_out = {"launch": (len(machine.model.launch_unknowns), 1), "durations": (2, 1)}
+    sizes_out |= {"quantities": (len(texts), 1)} if texts else {}
+    sizes_out |= {"states": (len(machine.model.flight.states), times)} if times else {}
+    function = _OfOrbit(name, branch, sizes_in, sizes_out)
+    _OF_CASADI.append(function)
+    return function
+
+
+class _Branch:
+    """The orbits of a machine over some parameters, continued from a known one; the latest is stored."""
+
+    def __init__(self, machine: Machine, known: Orbit, names: list[str], texts: list[str]):
+        self.machine, self.known, self.names, self.texts = machine, known, names, texts
+        self.begin = np.array([machine.values[name] for name in names])
+        self._latest: tuple[bytes, Machine, Orbit] | None = None
+
+    def orbit(self, theta: Array) -> tuple[Machine, Orbit]:
+        """The machine and its orbit at parameters (k,); raises `NoOrbit` where the branch cannot be followed there."""
+        if self._latest is None or self._latest[0] != theta.tobytes():
+            self._latest = theta.tobytes(), *self._continued(theta)
+        return self._latest[1:]
+
+    def _continued(self, theta: Array) -> tuple[Machine, Orbit]:
+        """From the known orbit, always on the same way, so that the result does not depend on earlier calls."""
+        share, step, machine, orbit = 0.0, 1.0, self.machine, self.known
+        while share < 1:
+            there = min(share + step, 1.0)
+            values = self.begin + there * (theta - self.begin) if there < 1 else theta
+            try:
+                other = self.machine.with_values(**dict(zip(self.names, values.tolist(), strict=True)))
+                found = self._found(machine, orbit, other)
+                share, machine, orbit = there, other, found
+            except NoOrbit as error:
+                step /= 2
+                if step < 0.5**MOST_BRANCH_HALVINGS:
+                    at = ", ".join(f"{name} = {x:.6g}" for name, x in zip(self.names, values.tolist(), strict=True))
+                    raise NoOrbit(f"the orbit cannot be followed to {at}: {error}") from None
+        return machine, orbit
+
+    def _found(self, machine: Machine, orbit: Orbit, other: Machine) -> Orbit:
+        """The orbit of another machine from that of one nearby; raises `NoOrbit` where it is of another branch.
+
+        The number of a family distinguishes the branches of a machine whose launch is a speed. Others are of the same
+        branch where the launch is about the one that the derivatives say.
+        """
+        one_speed = machine.model.one_speed
+        found = find(other, orbit.family if one_speed else None, start=orbit)
+        if found.contact_time is None:
+            raise NoOrbit("its contact does not end: " + "; ".join(found.violations))
+        if not one_speed:
+            (before, _), (after, _) = _launch_and_durations(machine, orbit), _launch_and_durations(other, found)
+            moved = np.array([other.values[name] - machine.values[name] for name in self.names])
+            expected = _derivatives_of_motion(machine, orbit, tuple(self.names), np.zeros(0))["launch"] @ moved
+            if np.abs(after - before - expected).max() > SAME_BRANCH * np.abs(before).max():
+                raise NoOrbit("the launch jumps, to an orbit of another branch")
+        return found
+
+    def values(self, theta: Array, t: Array) -> dict[str, Array]:
+        """The results of the function."""
+        machine, orbit = self.orbit(theta)
+        launch, durations = _launch_and_durations(machine, orbit)
+        found = {"launch": launch, "durations": durations, "states": orbit(t).T}
+        if self.texts:
+            point = sensitivities(machine, orbit, self.names, self.texts)
+            found["quantities"] = np.array([point.at[text] for text in self.texts])
+        return found
+
+    def slopes(self, theta: Array, t: Array) -> dict[str, Array]:
+        """Their derivatives by the parameters and times together, a row for each number; the states one after the
+        other."""
+        machine, orbit = self.orbit(theta)
+        found = _derivatives_of_motion(machine, orbit, tuple(self.names), t)
+        if self.texts:
+            point = sensitivities(machine, orbit, self.names, self.texts)
+            rows = np.array([[point[text][name] for name in self.names] for text in self.texts])
+            found["quantities"] = np.hstack([rows, np.zeros((len(rows), len(t)))])
+        return found
+
+
+class _OfOrbit(ca.Callback):
+    """The orbits of a branch as a function of CasADi."""
+
+    def __init__(self, name: str, branch: _Branch, sizes_in: dict[str, Any], sizes_out: dict[str, Any]):
+        ca.Callback.__init__(self)
+        self.branch, self.sizes_in, self.sizes_out = branch, sizes_in, sizes_out
+        self.construct(name, {})
+
+    def get_n_in(self) -> int:
+        return len(self.sizes_in)
+
+    def get_n_out(self) -> int:
+        return len(self.sizes_out)
+
+    def get_name_in(self, i: int) -> str:
+        return [*self.sizes_in][i]
+
+    def get_name_out(self, i: int) -> str:
+        return [*self.sizes_out][i]
+
+    def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        return ca.Sparsity.dense(*[*self.sizes_in.values()][i])
+
+    def get_sparsity_out(self, i: int) -> ca.Sparsity:
+        return ca.Sparsity.dense(*[*self.sizes_out.values()][i])
+
+    def eval(self, arguments: Sequence[ca.DM]) -> list[ca.DM]:
+        """The results, for CasADi."""
+        found = self.branch.values(*_as_arrays(arguments))
+        return [ca.DM(found[name]) for name in self.sizes_out]
+
+    def has_jacobian(self) -> bool:
+        return True
+
+    def get_jacobian(
+        self, name: str, names_in: Sequence[str], names_out: Sequence[str], options: Mapping[str, Any]
+    ) -> ca.Function:
+        """The blocks of the Jacobian, for CasADi."""
+        _OF_CASADI.append(_OfSlopes(name, self, names_in, names_out))
+        return _OF_CASADI[-1]
+
+
+class _OfSlopes(ca.Callback):
+    """The Jacobian of an `_OfOrbit`, a function of its arguments and results; its own is by differences."""
+
+    def __init__(self, name: str, of: _OfOrbit, names_in: Sequence[str], names_out: Sequence[str]):
+        ca.Callback.__init__(self)
+        self.of, self.names_in, self.names_out = of, names_in, names_out
+        self.columns = [size for size, _ in of.sizes_in.values()]
+        self.construct(name, {"enable_fd": True})
+
+    def get_n_in(self) -> int:
+        return len(self.names_in)
+
+    def get_n_out(self) -> int:
+        return len(self.names_out)
+
+    def get_name_in(self, i: int) -> str:
+        return self.names_in[i]
+
+    def get_name_out(self, i: int) -> str:
+        return self.names_out[i]
+
+    def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        return ca.Sparsity.dense(*[*self.of.sizes_in.values(), *self.of.sizes_out.values()][i])
+
+    def get_sparsity_out(self, i: int) -> ca.Sparsity:
+        rows, columns = divmod(i, len(self.columns))
+        return ca.Sparsity.dense(int(np.prod([*self.of.sizes_out.values()][rows])), self.columns[columns])
+
+    def eval(self, arguments: Sequence[ca.DM]) -> list[ca.DM]:
+        """The blocks, for CasADi."""
+        found = self.of.branch.slopes(*_as_arrays(arguments[: len(self.columns)]))
+        ends = np.cumsum(self.columns)[:-1]
+        return [ca.DM(block) for name in self.of.sizes_out for block in np.split(found[name], ends, axis=1)]
+
+
+def _as_arrays(arguments: Sequence[ca.DM]) -> tuple[Array, Array]:
+    """The parameters (k,) and the times (m,)."""
+    theta, *times = (np.array(each, dtype=float).ravel() for each in arguments)
+    return theta, times[0] if times else np.zeros(0)
+
+
+def _launch_and_durations(machine: Machine, orbit: Orbit) -> tuple[Array, Array]:
+    """The unknowns of the launch, and the durations of flight and contact, in the machine's units."""
+    model, units, bare = machine.model, machine.units, orbit.dimensionless()
+    own = model.launch_at(bare.flight.coefficients[0, :, 0].tolist()) | {"alpha": bare.alpha}
+    sizes = [1.0 if units is None else units.of(name) for name in model.launch_unknowns]
+    times = [float(orbit.flight_time), float(orbit.contact_time or np.nan)]
+    return np.array([own[name] for name in model.launch_unknowns]) * sizes, np.array(times)
+
+
+def _derivatives_of_motion(machine: Machine, orbit: Orbit, over: tuple[str, ...], t: Array) -> dict[str, Array]:
+    """The derivatives of the launch, the durations and the states at times (m,), by the parameters and the times."""
+    model, names, bare = machine.model, tuple(machine.values), orbit.dimensionless()
+    k, n, p = len(over), len(model.flight.states), vector(machine.values)
+    equations = shooting_equations(half_orbit(model), names)
+    known = model.launch_at(bare.flight.coefficients[0, :, 0].tolist()) | {"alpha": bare.alpha}
+    known |= {"duration": bare.flight_time / 2, "contact_duration": (bare.contact_time or np.nan) / 2}
+    unknowns = equations.statement.unknowns
+    u, dp = np.array([known[name] for name in unknowns]), np.zeros((len(names), k + len(t)))
+    dp[[names.index(name) for name in over], range(k)] = 1.0
+    slopes = equations.evaluate(u, p, over).jacobian
+    du = np.pad(-solve(slopes[:, : len(u)], slopes[:, len(u) :]), ((0, 0), (0, len(t))))
+    launch = _chosen_rows(u, du, [unknowns.index(name) for name in model.launch_unknowns])
+    numbers, by = (np.array(each) for each in _beginnings(model, names)(launch.values, p))
+    begins = Along(numbers.ravel(), by @ np.vstack([launch.by, dp]))
+    ends = np.cumsum([n, len(model.contact.states), len(launch.values), 1])
+    lifted, landed, of_launch, time, of_states = (
+        _chosen_rows(*begins, range(*ends_of)) for ends_of in zip([0, *ends], [*ends, len(begins.values)], strict=True)
+    )
+    half = _chosen_rows(u, du, [unknowns.index("duration")])
+    flight = _Half(model.flight, lifted, half, np.array(model.reversor))
+    contact = _Half(
+        model.contact, landed, Along(np.array([known["contact_duration"]]), 0 * half.by), np.array(model.mirror)
+    )
+    if "contact_duration" in unknowns:
+        contact = contact._replace(duration=_chosen_rows(u, du, [unknowns.index("contact_duration")]))
+    else:  # The contact is over half when its speed vanishes.
+        x, rates = contact.after(contact.duration, names, p, dp[:, :k])
+        weights = np.array(model.contact_speed.weights)
+        contact = contact._replace(
+            duration=contact.duration._replace(by=-(weights @ x.by[0] / (weights @ rates[0]))[None])
+        )
+    at = Along(t / time.values, np.eye(len(t), k + len(t), k) / time.values - t[:, None] / time.values**2 * time.by)
+    states = _on_cycle(at, flight, contact, np.array(model.embed), names, p, dp[:, :k])
+    durations = Along(
+        2 * np.concatenate([flight.duration.values, contact.duration.values]),
+        2 * np.concatenate([flight.duration.by, contact.duration.by]),
+    )
+    whole = _in_units_of(states, Along(of_states.values[None], of_states.by[None]))
+    return {
+        "launch": _in_units_of(launch, of_launch).by,
+        "durations": _in_units_of(durations, time).by,
+        "states": whole.by.reshape(len(t) * n, k + len(t)),
+    }
+
+
+class _Half(NamedTuple):
+    """The first half of a phase: its start (n,), its duration (1,), and the signs (n,) of its mirror image."""
+
+    phase: Phase
+    start: Along
+    duration: Along
+    mirror: Array
+
+    def after(self, times: Along, names: tuple[str, ...], p: Array, dp: Array) -> tuple[Along, Array]:
+        """The states (m, n) after times (m,) from the start, and the rates (m, n) there."""
+        flow, k = flow_of(self.phase, names), dp.shape[1]
+        x, by = (np.repeat(each[None], len(times.values), 0) for each in self.start)
+        moved = times.values > SHARE_OF_START * self.duration.values
+        if moved.any():
+            count = int(moved.sum())
+            paths, slopes = flow.run_all(x[moved], np.tile(p, (count, 1)), times.values[moved], by[0, :, :k], dp)
+            x[moved], by[moved, :, :k] = paths.finals[:, : flow.size], slopes
+        rates = flow.field(x, p)[0]
+        return Along(x, by + rates[:, :, None] * times.by[:, None]), rates
+
+    def whole(self, times: Along, names: tuple[str, ...], p: Array, dp: Array) -> Along:
+        """The states (m, n) at times (m,) in the phase, in the second half those of the mirror image."""
+        late = times.values > self.duration.values
+        back = Along(2 * self.duration.values - times.values, 2 * self.duration.by - times.by)
+        since = Along(
+            np.where(late, *(each.values for each in (back, times))), np.where(late[:, None], back.by, times.by)
+        )
+        x, _ = self.after(since, names, p, dp)
+        signs = np.where(late[:, None], self.mirror, 1)
+        return Along(x.values * signs, x.by * signs[:, :, None])
+
+
+def _on_cycle(
+    times: Along, flight: _Half, contact: _Half, embed: Array, names: tuple[str, ...], p: Array, dp: Array
+) -> Along:
+    """The flight states (m, n) at any times (m,) since a lift-off."""
+    ends = 2 * flight.duration.values, 2 * (flight.duration.values + contact.duration.values)
+    cycles = np.floor(times.values / ends[1])
+    inside = Along(
+        times.values - cycles * ends[1], times.by - 2 * cycles[:, None] * (flight.duration.by + contact.duration.by)
+    )
+    flying = inside.values <= ends[0]
+    values, by = np.empty((len(cycles), len(embed))), np.empty((len(cycles), len(embed), times.by.shape[1]))
+    if flying.any():
+        values[flying], by[flying] = flight.whole(_chosen_rows(*inside, flying), names, p, dp)
+    if not flying.all():
+        since = Along(inside.values - ends[0], inside.by - 2 * flight.duration.by)
+        x = contact.whole(_chosen_rows(*since, ~flying), names, p, dp)
+        values[~flying], by[~flying] = x.values @ embed.T, embed @ x.by
+    return Along(values, by)
+
+
+def _chosen_rows(values: Array, by: Array, rows: Any) -> Along:
+    """Some of the rows of numbers with their derivatives."""
+    rows = list(rows) if isinstance(rows, range) else rows
+    return Along(values[rows], by[rows])
+
+
+def _in_units_of(numbers: Along, units: Along) -> Along:
+    """Numbers times units, which may depend on the parameters."""
+    by = numbers.by * units.values[..., None] + numbers.values[..., None] * units.by
+    return Along(numbers.values * units.values, by)
+
+
+@cached
+def _beginnings(model: Model, names: tuple[str, ...]) -> ca.Function:
+    """The unknowns of a launch and the parameters -> the states at lift-off and after landing, and the units of the
+    unknowns, of time and of the flight states; with the derivatives by unknowns and parameters."""
+    u, p = ca.SX.sym("u", len(model.launch_unknowns)), ca.SX.sym("p", len(names))
+    launch = dict(zip(model.launch_unknowns, ca.vertsplit(u), strict=True))
+    values = dict(zip(names, ca.vertsplit(p), strict=True))
+    own = (*model.launch_unknowns, TIME, *model.flight.states)
+    units = [model.units(values).of(each) for each in own] if model.units else [1.0] * len(own)
+    whole = ca.vertcat(*model.launch(launch, values), *model.touchdown(launch, values), *units)
+    return ca.Function("beginnings", [u, p], [ca.densify(whole), ca.densify(ca.jacobian(whole, ca.vertcat(u, p)))])

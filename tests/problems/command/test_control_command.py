@@ -1,0 +1,64 @@
+"""`orbits control`: what it prints and writes, and what it refuses."""
+
+import csv
+
+import pytest
+
+from orbits import find
+from problems import Hopper, hopper_in_si, steering
+from problems.steering.driven import Driven
+
+LEG = "--masses 60,3 --set stiffness=8000 --rest-length 0.8"
+
+
+def test_hold_costs_what_the_function_says(orbits):
+    done = orbits("control hold --damping 0.01 --intervals 20 --json")
+    assert (done.code, done.err) == (0, "")
+    expected = steering.keep_hopping(Hopper(damping=0.01), intervals=20)
+    assert done.document["cost"] == pytest.approx(expected.cost, rel=1e-9)
+    assert done.document["status"] == "optimal"
+
+
+def test_recover_in_si(orbits, tmp_path):
+    """The motion ends at the lossless launch speed; files have SI units, and forces."""
+    table, whole, figure = (tmp_path / f"back.{ending}" for ending in ("csv", "json", "png"))
+    line = f"control recover {LEG} --short 0.01 --intervals 16"
+    done = orbits(f"{line} --save {table} --plot {figure}")
+    assert (done.code, done.err) == (0, "")
+    assert "m^2/s" in done.out
+    with open(table, newline="") as file:
+        head, *rows = csv.reader(file)
+    assert {"time (s)", "u (m)", "spring force (N)", "contact force (N)", "power (W)"} <= {*head}
+    leg = hopper_in_si(60.0, 3.0, stiffness=8000.0, rest_length=0.8)
+    assert float(rows[-1][head.index("y1' (m/s)")]) == pytest.approx(find(leg).alpha, rel=1e-9)
+    assert figure.stat().st_size > 5000
+    orbits(f"{line} --save {whole}")
+    assert Driven.load(whole).source == leg
+
+
+def test_start_up(orbits):
+    done = orbits("control start-up --pumps 2 --stroke 2 --intervals 8 --json")
+    assert (done.code, done.err) == (0, "")
+    assert [leg["phase"] for leg in done.document["legs"]] == ["contact"] * 4
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "words"),
+    [
+        ("", 2, "Missing argument"),
+        ("fly", 2, "'fly'"),
+        ("recover", 2, "recover needs --short"),
+        ("start-up", 2, "start-up needs --pumps"),
+        ("hold --short 0.1", 2, "--short belongs to recover, not to hold"),
+        ("start-up --pumps 2 --plastic", 2, "--plastic belongs to hold and recover"),
+        ("hold --cost joy", 2, "it is 'effort', 'work' or 'peak'"),
+        ("hold --cost work --damping 0.01", 2, "give the largest rate"),
+        ("recover --short 9", 2, "lossless launch speed is 4.49341"),
+        ("hold --save hold.txt", 2, "needs an ending"),
+        ("hold --damping 0.01 --rate 1e-6", 1, ""),
+    ],
+)
+def test_refusals(options, code, words, orbits):
+    done = orbits(f"control {options}")
+    assert (done.code, done.out) == (code, "")
+    assert words in done.err
