@@ -55,11 +55,14 @@ from .proof.prove import prove, prove_absence, prove_fold
 from .proof.theorem import Proof
 from .return_map.bifurcations import bifurcations
 from .return_map.diagram import Bifurcation as Bifurcation, BifurcationDiagram, Branch as Branch, BranchEnd as BranchEnd
+from .return_map.launch_hops import LaunchHops as LaunchHops
+from .return_map.periodic_hop import PeriodicHop
 from .return_map.proofs import prove_doubling, prove_fixed_point
 from .return_map.return_map import FixedPoint as FixedPoint, Hops as Hops, ReturnMap
 from .running.time_limit import time_limit
 from .shooting.formulations import METHODS as METHODS
 from .simulation.multiplier import multiplier
+from .simulation.multipliers import HopMultipliers, multipliers
 from .simulation.simulated import Simulation
 from .simulation.simulation import simulate
 from .sweeps.existence import Existence, existence
@@ -72,10 +75,11 @@ __version__: str
 PLACE_OF: dict[str, str]  # the module of each name
 
 __all__ = [
-    "BifurcationDiagram", "Control", "Design", "Existence", "Family", "Front", "InputError", "Machine", "Mechanism",
-    "Model", "NoOrbit", "Orbit", "OrbitsError", "Proof", "ReturnMap", "Simulation", "Sweep", "Uncertainty", "Units",
-    "__version__", "bifurcations", "check", "existence", "find", "find_all", "follow", "follow_branch",
-    "follow_fold", "multiplier", "optimize", "orbit_at", "orbit_function", "pareto", "prove", "prove_absence",
-    "prove_doubling", "prove_fixed_point", "prove_fold", "quantities", "sensitivities", "simulate", "start_from_rest",
-    "starts", "steer", "sweep", "time_limit", "trace", "uncertainty",
+    "BifurcationDiagram", "Control", "Design", "Existence", "Family", "Front", "HopMultipliers", "InputError",
+    "Machine", "Mechanism", "Model", "NoOrbit", "Orbit", "OrbitsError", "PeriodicHop", "Proof", "ReturnMap",
+    "Simulation", "Sweep", "Uncertainty", "Units", "__version__", "bifurcations", "check", "existence", "find",
+    "find_all", "follow", "follow_branch", "follow_fold", "multiplier", "multipliers", "optimize", "orbit_at",
+    "orbit_function", "pareto", "prove", "prove_absence", "prove_doubling", "prove_fixed_point", "prove_fold",
+    "quantities", "sensitivities", "simulate", "start_from_rest", "starts", "steer", "sweep", "time_limit", "trace",
+    "uncertainty",
 ]  # fmt: skip

@@ -12,6 +12,7 @@ from functools import cache
 import numpy as np
 import pytest
 from carts import STRAIGHT, cart
+from columns import hop_of
 from scipy.stats import norm
 
 import orbits
@@ -24,6 +25,7 @@ from orbits import (
     existence,
     find,
     follow,
+    multipliers,
     optimize,
     orbit_at,
     pareto,
@@ -60,6 +62,9 @@ def made(kind: str):
         "Orbit of a family": lambda: orbit_at(cubic, "beta", family()[-1], "relative"),
         "Existence": lambda: existence(cubic, "beta", (0.28, 0.32), "mass_ratio", [0.5, 0.6], samples=3),
         "Hops": lambda: ReturnMap(cubic)([[2.0, 4.0], [4.5, 7.0]]),
+        "LaunchHops": lambda: ReturnMap(hop_of()[0])([[6.4, -1.2, 1.1], [-1.0, 0.0, 0.0]]),
+        "PeriodicHop": lambda: ReturnMap(hop_of()[0]).periodic_hop(hop_of()[1]),
+        "HopMultipliers": lambda: multipliers(*hop_of()),
         "ReturnMap": lambda: ReturnMap(cubic, inject=0.03),
         "BifurcationDiagram": lambda: bifurcations(
             Hopper(), "inject", (0.06, 0.065), (4.5, 4.6), samples=50, sections=2
@@ -88,12 +93,14 @@ RESULTS = (
     *("Existence", "Hops", "ReturnMap", "FixedPoint", "Simulation", "ContactEvent", "Control", "Driven", "Disturbed"),
     *("Design", "Front", "Sweep", "Uncertainty", "BifurcationDiagram", "Proof", "Checked", "SpringFit"),
     *("Sensitivities", "Indices", "Basins"),
+    *("LaunchHops", "PeriodicHop", "HopMultipliers"),
 )
 # The results that are more than part of another one, and what each does with nothing but itself.
 WHOLE = (
     *("Orbit", "Orbit in SI", "Family", "Sweep", "Existence", "Uncertainty", "Design", "Front", "Control"),
     *("Simulation", "Hops", "BifurcationDiagram", "Proof", "Checked", "Driven", "Disturbed", "SpringFit"),
     *("Sensitivities", "Indices", "Basins"),
+    *("LaunchHops", "PeriodicHop", "HopMultipliers"),
 )
 VERBS = {
     "machine": lambda result: isinstance(result.machine, dict) and "machine" in result.machine,
@@ -117,6 +124,9 @@ WITHOUT = {
     ("SpringFit", "machine"): "a spring may be that of any machine",
     ("Proof", "plot"): "a theorem has nothing to draw",
     ("Checked", "plot"): "relations that hold have nothing to draw",
+    ("LaunchHops", "plot"): "a launch of several numbers has no axis",
+    ("PeriodicHop", "plot"): "a launch of several numbers has no axis",
+    ("HopMultipliers", "plot"): "a few numbers have nothing to draw",
 }
 # The machines that files do not hold.
 OF_FILES = {
@@ -197,6 +207,7 @@ NO_RESULTS = {
     "a machine or a law, to be asked": {"Mechanism", "MachineInSI", "Law", "Chain", "Actuated", "Model", "ReturnMap"},
     "of the mechanics": {"LinearEquations", "Affine", "StateFormula", "Units", "Quantity"},
     "a page that is open": {"Exploration"},
+    "an argument of other functions": {"Starts"},
 }
 
 

@@ -166,6 +166,12 @@ class Model:
         each = enumerate(self.contact.states)
         return [own.get(i, name if name in self.launch_unknowns else None) for i, name in each]
 
+    @property
+    def launch_places(self) -> dict[str, int]:
+        """The number of the contact state that each unknown of a launch is, by name, in the order of the unknowns."""
+        places = {name: i for i, name in enumerate(self._unknown_states) if name}
+        return {name: places[name] for name in self.launch_unknowns}
+
     def _released(self, u: Parameters) -> list[Algebraic]:
         """The contact state at lift-off."""
         return [u[name] if name else 0.0 for name in self._unknown_states]

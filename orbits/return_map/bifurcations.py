@@ -4,7 +4,8 @@ Fixed points are searched for at some values of the parameter, over the whole ra
 followed to both sides. Where its multiplier passes -1, hops of twice the period begin, and are followed too.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -18,9 +19,10 @@ from ..simulation.impacts import CAP
 from .branches import BESIDE_LOSSLESS, SAME_PLACE, BranchTracer, FoundEvent, PeriodicLaunch
 from .cycles import INJECT, MapsAlong
 from .diagram import RESERVED_IN_DIAGRAMS, Bifurcation, BifurcationDiagram, Branch
+from .launch_branches import launch_diagram
 from .resolved_map import ROUNDED
 
-SECTIONS, ATTRACTOR = 9, 400
+SECTIONS, SECTIONS_OF_STARTS, ATTRACTOR = 9, 3, 400
 # Launches from which the attractor is searched for, hops until they have reached it, and hops of it that are stored.
 STARTS_OF_HOPS, TRANSIENT, ATTRACTOR_HOPS = 4, 200, 60
 LONGEST_CHORD = 0.02
@@ -30,8 +32,8 @@ SETTLES = {True: "stable", False: "unstable"}
 @exclusive
 def bifurcations(
     machine: Machine, along: str, span: tuple[float, float], between: tuple[float, float], *, inject: float = 0.0,
-    samples: int = 400, sections: int = SECTIONS, attractor: int | None = None, cap: int = CAP,
-    progress: Progress = None,
+    samples: int = 400, sections: int | None = None, attractor: int | None = None, cap: int = CAP,
+    starts: Sequence[Any] | None = None, progress: Progress = None,
 ) -> BifurcationDiagram:  # fmt: skip
     """The fixed points of a machine's return maps along a parameter, and the hops of period two that begin at flips.
 
@@ -41,11 +43,13 @@ def bifurcations(
     between : the range of launch speeds
     inject : the injection, where that is not the parameter
     samples : number of launches in the grid that is searched for fixed points, as in `ReturnMap.fixed_points`
-    sections : number of values of the parameter at which they are searched; a closed curve of fixed points between two
-        of these values is not found
+    sections : number of values of the parameter at which they are searched, by default 9, or 3 from `starts`; a closed
+        curve of fixed points between two of these values is not found
     attractor : number of values of the parameter at which the attractor is computed; by default 400 along the
         injection, where all are mapped together, and none along other parameters, where this takes longer
     cap : number of impacts in one hop after which its computation is ended
+    starts : for a machine whose launch has d > 1 numbers, launches or lossless orbits near which fixed points are
+        searched for at each section by Newton's method, or the `PeriodicHop`s of a period
     progress : called with the completed share
 
     Launch speeds and the injection are in the machine's units. Folds and flips are located to some 1e-11 of the range,
@@ -54,9 +58,11 @@ def bifurcations(
     """
     low, high = _range("span", span)
     slow, fast = _range("between", between)
-    if slow <= 0:
+    if slow <= 0 and machine.model.one_speed:
         raise InputError(f"between = {between!r}; launch speeds are above 0")
-    sections = whole_number("sections", sections, "values of the parameter", 2)
+    several = not machine.model.one_speed
+    default = SECTIONS_OF_STARTS if several else SECTIONS
+    sections = whole_number("sections", default if sections is None else sections, "values of the parameter", 2)
     maps = MapsAlong(machine, along, low, high, finite_number("inject", inject), cap)
     if along in RESERVED_IN_DIAGRAMS:
         raise InputError(f"a parameter called '{along}' cannot be told from the diagram's own; give it another name")
@@ -67,13 +73,20 @@ def bifurcations(
     values = np.linspace(low, high, sections).tolist()
     if along != INJECT and all(maps.lossless(value) for value in values):
         raise InputError("every fixed point is a lossless hop here: follow them with `follow`, or give an injection")
+    about = along, (low, high), (slow, fast), machine_in_words(machine)
+    if several:
+        found = launch_diagram(maps, (slow, fast), values, starts, attractor, progress)
+        return BifurcationDiagram(*about, tuple(found.branches), found.located(), units=maps.units)
+    if starts is not None:
+        raise InputError(
+            "starts: where a launch is a speed, fixed points are searched for in all of the range: leave them out"
+        )
     count = (ATTRACTOR if along == INJECT else 0) if attractor is None else whole_number("attractor", attractor, "", 0)
     search = _Search(maps, (slow, fast), values, whole_number("samples", samples, "launches", 2), progress)
     search.fixed_points()
     search.doubled()
     return BifurcationDiagram(
-        along, (low, high), (slow, fast), machine_in_words(machine), tuple(search.branches), search.located(),
-        visits=_attractor(maps, (slow, fast), count), units=maps.units,
+        *about, tuple(search.branches), search.located(), visits=_attractor(maps, (slow, fast), count), units=maps.units
     )  # fmt: skip
 
 
@@ -116,8 +129,7 @@ class _Search:
         starts = list(self._starts())
         near = SAME_PLACE * (self.between[1] - self.between[0])
         for i, (value, alpha) in enumerate(starts):
-            if self.progress:
-                self.progress(i / len(starts))
+            self._report(0.5 + 0.5 * i / len(starts))
             if any(((b.values == value) & (np.abs(b.alphas[:, 0] - alpha) <= near)).any() for b in self.branches):
                 continue
             start = tracer.start(alpha, value)
@@ -134,11 +146,17 @@ class _Search:
 
     def _starts(self) -> Iterator[tuple[float, float]]:
         """Fixed points (value, launch speed) at the sections, except lossless hops."""
-        for value in self.values:
+        for i, value in enumerate(self.values):
             interrupts.heed()
+            self._report(0.5 * i / len(self.values))
             if not self.maps.lossless(value):
                 for point in self.maps.at(value).fixed_points(*self.between, self.samples):
                     yield value, point.alpha
+
+    def _report(self, share: float) -> None:
+        """Report the completed share: half of it is the search at the sections."""
+        if self.progress:
+            self.progress(share)
 
     def doubled(self) -> None:
         """Follow the hops of twice the period from each flip of fixed points."""

@@ -23,6 +23,41 @@ CACHED_MAPS = 8  # the latest maps are cached: a step along a branch returns to 
 STEP_ALONG = 1e-6  # differences for slopes along the parameter, as a share of its range
 
 
+class KnownHops:
+    """The hops of a map without injection from launch speeds, which are computed once."""
+
+    def __init__(self, plain: ReturnMap):
+        self.plain, self._rows = plain, dict[float, tuple]()
+
+    def __call__(self, alpha: np.ndarray) -> Hops:
+        """The hops from launch speeds (...)."""
+        flat = alpha.ravel().tolist()
+        if new := [*dict.fromkeys(each for each in flat if each not in self._rows)]:
+            hops = self.plain(np.array(new))
+            rows = zip(*(getattr(hops, name).tolist() for name in ("next", "loss", "impacts", "status")), strict=True)
+            self._rows |= dict(zip(new, rows, strict=True))
+        columns = zip(*(self._rows[each] for each in flat), strict=True) if flat else [()] * 4
+        following, loss, impacts, status = (np.array(column).reshape(alpha.shape) for column in columns)
+        return Hops(alpha, following, loss, impacts, status)
+
+
+class InjectedMap(ReturnMap):
+    """A map with injection whose hops are `known` up to that, as those of its own dimensionless map are."""
+
+    def __init__(self, known: KnownHops, own: KnownHops | None, inject: float):
+        super().__init__(known.plain.machine, inject, known.plain.cap)
+        self._known = known
+        if own:
+            self._own = InjectedMap(own, None, self.dimensionless().inject)
+
+    def __call__(self, alpha: Any) -> Any:
+        hops = self._known(np.array(alpha, dtype=float))
+        following = hops.next + self.inject
+        stopped = following <= 0
+        status = np.where(stopped, "rests", hops.status)
+        return replace(hops, next=np.where(stopped, np.nan, following), status=status)
+
+
 class MapsAlong:
     """The return maps of a machine along one parameter.
 
@@ -40,6 +75,7 @@ class MapsAlong:
         self.machine, self.name, self.low, self.high, self.cap = machine, name, low, high, cap
         self.inject = inject
         self._cache: OrderedDict[float, ReturnMap] = OrderedDict()
+        self._known: tuple[KnownHops, KnownHops | None] | None = None  # of the map without injection, where that varies
         check_machine(machine, "with_values", "restitution")
         if name not in (known := parameters_of_maps(machine)):
             raise InputError(f"the return map has no parameter '{name}'; it has {', '.join(known)}")
@@ -63,11 +99,18 @@ class MapsAlong:
         """The map at a value of the parameter."""
         value = float(value)
         if value not in self._cache:
-            inject = value if self.name == INJECT else self.inject
-            self._cache[value] = ReturnMap(self.machine_at(value), inject, self.cap)
+            self._cache[value] = self._made(value)
             if len(self._cache) > CACHED_MAPS:
                 self._cache.popitem(last=False)
         return self._cache[value]
+
+    def _made(self, value: float) -> ReturnMap:
+        if self.name != INJECT or value == 0 or not self.machine.model.one_speed:
+            return ReturnMap(self.machine_at(value), value if self.name == INJECT else self.inject, self.cap)
+        if self._known is None:
+            plain = ReturnMap(self.machine, 0.0, self.cap)
+            self._known = KnownHops(plain), KnownHops(plain.dimensionless()) if plain.units else None
+        return InjectedMap(*self._known, value)
 
     def hops(self, alpha: np.ndarray, value: float | np.ndarray) -> Hops:
         """The hops from launch speeds (m,); along the injection, which may differ from launch to launch (m,), they are

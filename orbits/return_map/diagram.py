@@ -12,7 +12,7 @@ from ..io import Document, one_line
 from ..result import Axes, Result, Row, known, shown, stored
 
 BranchEnd = End  # both names can be imported
-HOPS_OF = {1: "fixed points", 2: "hops of period two"}
+HOPS_OF = {1: "fixed points", 2: "hops of period two"}  # others are "hops of period 3"
 # Names that the parameter of a diagram cannot have, since tables and documents have these names too.
 RESERVED_IN_DIAGRAMS = ("branch", "period", "value", "alpha", "other", "multiplier", "stable", "ends", "kind", "note")
 
@@ -24,8 +24,9 @@ class Bifurcation:
     """A bifurcation on a branch of periodic launches, located.
 
     kind : "flip" (multiplier -1: hops of twice the period begin), "fold" (multiplier 1: the branch turns round in the
-        parameter), "branch point" (multiplier 1, and the branch does not turn), or "border collision" (the slope of the
-        map jumps there, and the multiplier with it past 1 or -1)
+        parameter), "branch point" (multiplier 1, and the branch does not turn), "Neimark-Sacker" (a pair of complex
+        multipliers crosses the unit circle), or "border collision" (the slope of the map jumps there, and the
+        multiplier with it past 1 or -1)
     value : of the parameter
     alphas : the launch speeds (period,) of the periodic hops
     multiplier : of these hops; NaN at a border collision, where there are two
@@ -50,11 +51,14 @@ class Bifurcation:
 class Branch:
     """A curve of periodic launches in the plane of parameter and launch speed.
 
-    period : 1 or 2
+    period : the number of hops, 1 or 2 unless a start had more
     values : of the parameter (n,), in order along the curve, which may turn round
     alphas : launch speeds (n, period) of the hops
-    multipliers : of the hops (n,), NaN where they have none
+    multipliers : of the hops (n,), NaN where they have none. Where a launch has d numbers, that of largest modulus, of
+        complex ones the modulus
     ends : at the first and the last point
+    names, launches : the d numbers of a launch, and the launches (n, period, d); none where a launch is a speed
+    spectra : (n, d, 2), the real and imaginary parts of all multipliers there
     """
 
     period: int
@@ -62,6 +66,9 @@ class Branch:
     alphas: np.ndarray
     multipliers: np.ndarray
     ends: tuple[End, End]
+    names: tuple[str, ...] = ()
+    launches: np.ndarray | None = None
+    spectra: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         if not len(self.values) == len(self.alphas) == len(self.multipliers) > 0:
@@ -134,7 +141,10 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
         if not self.branches:
             yield Row("no launch of period one comes back there", {"branches": 0}, ("",))
         for i, branch in enumerate(self.branches):
-            count = {f"branch {i}": HOPS_OF[branch.period], f"points of branch {i}": len(branch)}
+            count = {
+                f"branch {i}": HOPS_OF.get(branch.period, f"hops of period {branch.period}"),
+                f"points of branch {i}": len(branch),
+            }
             yield Row(f"branch {i}", count, ("{}, {} points",))
             for a, b, stable in branch.stretches():
                 ends = {f"start of a stretch of branch {i}": a, f"stop of a stretch of branch {i}": b}
@@ -183,6 +193,8 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
                 "multiplier": known(branch.multipliers),
                 "stable": branch.stable,
                 "ends": [*map(stored, branch.ends)],
+                **({} if branch.launches is None else {"names": branch.names, "launches": branch.launches.tolist()}),
+                **({} if branch.spectra is None else {"spectra": branch.spectra.tolist()}),
             }
             for branch in self.branches
         ]
@@ -209,7 +221,7 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
         parts = [[*columns.values(), empty, empty, empty.astype(object)]]
         for i, branch in enumerate(self.branches):
             whole, other = np.ones(len(branch), int), np.full((len(branch), 2), np.nan)
-            other[:, : branch.period] = branch.alphas
+            other[:, : branch.period] = branch.alphas[:, :2]
             numbers = branch.values, *other.T, branch.multipliers, np.array(branch.stable, object)
             parts.append([i * whole, branch.period * whole, *numbers])
         names = *columns, "other alpha", "multiplier", "stable"

@@ -5,7 +5,7 @@ sum of the losses of its impacts. It is not the difference of launch speeds: nea
 like the power 4/3 of the distance, and the difference would be rounding.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -21,11 +21,14 @@ from ..periodic.find import Progress, find
 from ..result import Axes, Result, Row, cell, known, shown
 from ..running.exclusive import exclusive, in_threads
 from ..simulation.impacts import CAP, FASTEST_LAUNCH, STATUS, Impacts, decided_impacts, injected
+from ..simulation.launch_section import LaunchSection
 from ..simulation.multiplier import multiplier
 from ..simulation.simulation import simulate
 from ..tables import number_text
 from ..units import DIMENSIONS_OF_HOPS, LIFTOFF_SPEED, Message, Quantity, Units, in_own_units
 from .basins import Basins
+from .launch_hops import hops_of_launches
+from .periodic_hop import PeriodicHop, different_hops, periodic_hop
 from .resolved_map import JUMP, SLOWEST_LOSSLESS, Intervals, ResolvedMap, lossless_speeds
 
 BATCH_SIZE = 8192  # launch speeds in one batch: enough to pay for the calls, few enough for the processor's cache
@@ -117,13 +120,20 @@ class ReturnMap:
     """The return map of a machine, with its restitution and damping.
 
     machine : as in `find`, with its restitution
-    inject : added to the launch speed at every lift-off; with a damper the extension at lift-off depends on the speed,
-        and the injection moves the machine to the extension of the new speed
+    inject : added to the launch speed "alpha" at every lift-off, an impulse on the coordinate that is launched; with a
+        damper the extension at lift-off depends on the speed, and the injection moves the machine to the extension of
+        the new speed
     cap : number of impacts in one hop after which its computation ends, with the status "cap"
 
     Called with launch speeds (...) in the machine's units, it returns `Hops`; in an array, a speed that is not a number
     above 0 has the status "invalid". `smallest_separation` shows whether the masses pass through each other. Raises
-    `InputError` for a machine whose launch is more than a speed, and for a single speed that is not above 0.
+    `InputError` for a single speed that is not above 0.
+
+    A launch of a machine of N coordinates has d = 2 N - 3 numbers, which `names` names: the states of the contact but
+    one, which follows from the others as the contact force vanishes. Called with launches (..., d), or with a mapping
+    of arrays (...) by name, or with an orbit, the map of such a machine returns `LaunchHops`. Its fixed points are
+    those of `periodic_hop` and `fixed_points(starts=)`. What is about intervals of launch speeds, such as basins, is
+    refused with `InputError` where d > 1.
 
     >>> from orbits import ReturnMap
     >>> from problems import Hopper
@@ -142,8 +152,24 @@ class ReturnMap:
         self.inject, self.cap = injected(inject, self._speed), whole_number("cap", cap, "impacts")
         self._own = ReturnMap(dimensionless(machine), self.inject / self._speed, self.cap) if self.units else None
         self.impacts: Impacts = self._own.impacts if self._own else Impacts(machine)
+
+    @cached_property
+    def section(self) -> LaunchSection:
+        """The launches as points of the section on which the contact force vanishes."""
+        return LaunchSection(self.impacts, self.units)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the numbers of a launch."""
+        return ("alpha",) if self.impacts.model.one_speed else self.section.names
+
+    def _check_one_speed(self, what: str) -> None:
+        """Raise `InputError` where a launch is more than a speed, as `what` is about intervals of speeds."""
         if not self.impacts.model.one_speed:
-            raise InputError(f"a launch of a {self.impacts.model.name} is more than a speed: it has no map of speeds")
+            raise InputError(
+                f"{what}: intervals of launch speeds say nothing where a launch has {len(self.names)} numbers, "
+                f"{', '.join(self.names)}; call the map with launches, or take periodic_hop(start)"
+            )
 
     def dimensionless(self) -> "ReturnMap":
         """The map of the dimensionless machine; itself where the machine has no units."""
@@ -158,6 +184,9 @@ class ReturnMap:
 
     def _repr_html_(self) -> str:
         speed = self.units.text(LIFTOFF_SPEED) if self.units else ""
+        if not self.impacts.model.one_speed:
+            rows = [("numbers of a launch", ", ".join(self.names)), ("injection", number_text(self.inject, ""))]
+            return cell(f"return map of {self.machine!r}", rows)
         rows = [("injection", number_text(self.inject, speed)), ("impacts of a hop", f"{self.cap} at most")]
         return cell(f"return map of {self.machine!r}", rows, self._draw)
 
@@ -173,8 +202,10 @@ class ReturnMap:
         return type(self), (self.machine, self.inject, self.cap)
 
     @exclusive
-    def __call__(self, alpha: ArrayLike) -> Hops:
-        """The next launch speeds after launch speeds (...)."""
+    def __call__(self, alpha: Any) -> Any:
+        """The `Hops` from launch speeds (...), or the `LaunchHops` from launches (..., d) where d > 1."""
+        if not self.impacts.model.one_speed:
+            return hops_of_launches(self.machine, self.section, alpha, self.inject / self._speed, self.cap)
         try:
             alpha = np.array(alpha, dtype=float)
         except (TypeError, ValueError):
@@ -198,19 +229,51 @@ class ReturnMap:
         return hops
 
     @exclusive
-    @in_own_units(LIFTOFF_SPEED, low=LIFTOFF_SPEED, high=LIFTOFF_SPEED)
-    def fixed_points(self, low: float, high: float, samples: int = 2000) -> tuple[FixedPoint, ...]:
-        """The fixed points of the map between two launch speeds, ascending.
+    def fixed_points(
+        self, low: float | None = None, high: float | None = None, samples: int = 2000, *,
+        starts: Sequence[Any] | None = None, progress: Progress = None,
+    ) -> tuple[Any, ...]:  # fmt: skip
+        """The fixed points of the map between two launch speeds, ascending; or those that Newton's method finds from
+        `starts`, launches of d numbers: the different ones among their `periodic_hop`, in their order, and beside a
+        lossless start the one with less energy too.
 
         Without injection or damping they are the lossless orbits that are motions: all of them under constant gravity,
         otherwise those of `find`. With either, they are where the map crosses the identity line: next - alpha changes
         its sign between neighbours of a grid of `samples` launches, refined near lossless ones and near extrema.
+        `progress` is called with the completed share of the starts, and with 0 while the grid is refined.
         """
+        if starts is not None:
+            return different_hops(self._periodic, list(starts), progress)
+        self._check_one_speed("fixed_points(low, high)")
+        if low is None or high is None:
+            raise InputError("fixed points are searched for between two launch speeds, low and high, or from starts")
+        return self._fixed_points(low, high, samples, progress)
+
+    @exclusive
+    def periodic_hop(self, start: Any, period: int = 1) -> PeriodicHop:
+        """The hops that come back to their first launch after `period` of them, by Newton's method from a launch.
+
+        start : a launch near it, as for the map: its numbers, or an orbit. From a lossless orbit the search begins with
+            the launch beside it that has more energy and loses what the injection adds, by the power 4/3 of its loss
+
+        Raises `NoOrbit` where the method finds none, or hops of a shorter period. Without injection or damping hops
+        that come back are lossless: those of `find` and `find_all`, whose orbit may be the start.
+        """
+        return self._periodic(start, whole_number("period", period, "hops"))
+
+    def _periodic(self, start: Any, period: int = 1, below: bool = False) -> PeriodicHop:
+        return periodic_hop(self.machine, self.section, start, period, self.inject / self._speed, self.cap, below)
+
+    @in_own_units(LIFTOFF_SPEED, low=LIFTOFF_SPEED, high=LIFTOFF_SPEED)
+    def _fixed_points(self, low: float, high: float, samples: int, progress: Progress = None) -> tuple[FixedPoint, ...]:
+        """The `fixed_points` between two launch speeds."""
         low, high, samples = _checked_grid(low, high, samples)
         lossless = lossless_speeds(self.impacts, low, high)
         if self.inject == 0 and self.impacts.model.conservative:
             return tuple(FixedPoint(alpha, "lossless", None, self._separation(alpha)) for alpha in lossless)
-        crossings = ResolvedMap(self, lossless, low, high, samples, True).crossings().tolist()
+        if self.impacts.never_lose and self.impacts.one_liftoff:
+            return ()  # every next launch is faster by the injection
+        crossings = ResolvedMap(self, lossless, low, high, samples, True, progress).crossings().tolist()
         return tuple(FixedPoint(a, "crossing", self._slope(a), self._separation(a)) for a in crossings)
 
     @exclusive
@@ -218,6 +281,7 @@ class ReturnMap:
         """The smallest separations (...) of the masses during the hops from launch speeds (...), None without a rest
         length. Where one is not above 0 the masses pass through each other, which the map ignores. Each hop is
         simulated, which takes some milliseconds; a speed that is not above 0 has NaN."""
+        self._check_one_speed("smallest_separation")
         speeds = np.array(alpha, dtype=float)
         found = [self._separation(each) if 0 < each < np.inf else np.nan for each in speeds.ravel().tolist()]
         return None if None in found else np.array(found, dtype=float).reshape(speeds.shape)
@@ -238,6 +302,7 @@ class ReturnMap:
     def jumps(self, hops: Hops) -> np.ndarray:
         """Indices of the launches of hops (m,), ascending, after which the map jumps: the number of impacts changes,
         and the next launch speed is discontinuous."""
+        self._check_one_speed("jumps")
         change = np.abs(np.diff(np.nan_to_num(hops.next)))
         beside = np.maximum(np.append(0.0, change[:-1]), np.append(change[1:], 0.0))
         # A jump smaller than the changes beside it would not be visible in a plot.
@@ -251,6 +316,7 @@ class ReturnMap:
     def preimages(self, edges: Intervals, low: float, high: float, samples: int = 2000) -> Intervals:
         """The intervals of launch speeds between `low` and `high`, ascending, whose next launch speed lies in one of
         the intervals `edges`. They end where the map passes an edge, or jumps; `samples` is as in `fixed_points`."""
+        self._check_one_speed("preimages")
         low, high, samples = _checked_grid(low, high, samples)
         edges = [(finite_number("edges", a), finite_number("edges", b)) for a, b in edges]
         for low_edge, high_edge in edges:
@@ -267,6 +333,7 @@ class ReturnMap:
     ) -> Axes:  # fmt: skip
         """Plot the map between two launch speeds, with its fixed points, and with a cobweb of `hops` hops from the
         launch `start`; returns the axes. See `orbits.show.map_figures.plot_map`."""
+        self._check_one_speed("plot")
         low, high, samples = _checked_grid(low, high, samples)
         hops = whole_number("hops", hops, "hops", 0)
         return shown("map_figures").plot_map(self, low, high, axes, samples, start, hops, fixed_points)
@@ -276,6 +343,7 @@ class ReturnMap:
     ) -> Axes:
         """Plot which launches between two speeds come to which lossless hop, with their share of the range;
         returns the axes. The basin is that of `basin`."""
+        self._check_one_speed("plot_basin")
         return shown("map_figures").plot_basin(self, low, high, axes, hops, samples)
 
     @exclusive
@@ -286,6 +354,7 @@ class ReturnMap:
     def basins(self, low: float, high: float, hops: int = 1000, samples: int = 2000) -> Basins:
         """The basin of each lossless launch speed below `high`, a mapping by launch speed, while `basin` returns their
         union; those without launches between `low` and `high` are left out."""
+        self._check_one_speed("basins")
         low, high, samples = _checked_grid(low, high, samples)
         hops = whole_number("hops", hops, "hops", 0)
         if self.inject != 0 or not self.impacts.model.conservative:
@@ -312,6 +381,7 @@ class ReturnMap:
         of the range are left out. `progress` is called after every hop with the share of the range that is found, and
         with 0 while the grid is refined. Raises `InputError` with injection or damping.
         """
+        self._check_one_speed("basin")
         low, high, samples = _checked_grid(low, high, samples)
         if self.inject != 0 or not self.impacts.model.conservative:
             raise InputError(NO_BASIN)

@@ -26,7 +26,7 @@ STYLES_OF_STABILITY: dict[bool | None, dict[str, object]] = {
     False: {"lw": 1.3, "ls": (0, (4, 2))},
     None: {"lw": 1.3, "ls": (0, (1, 2))},
 }
-LOOKS_OF_EVENTS = {"flip": "o", "fold": "s", "branch point": "D", "border collision": "X"}
+LOOKS_OF_EVENTS = {"flip": "o", "fold": "s", "branch point": "D", "border collision": "X", "Neimark-Sacker": "P"}
 WORDS_OF_PERIODS = {1: "fixed points", 2: "period two"}
 BAR = 0.05  # height of the bar that shows the destinations, as a share of the axes
 
@@ -141,7 +141,10 @@ def plot_bifurcations(diagram: Any, axes: Axes | None = None) -> Axes:
         axes.plot(*diagram.visits[:1].T, "o", color="0.55", ms=3, label="visited in the long run", zorder=1)
     known: set[str] = set()
     for branch in diagram.branches:
-        colour, words = COLOURS[branch.period - 1], WORDS_OF_PERIODS[branch.period]
+        colour, words = (
+            COLOURS[(branch.period - 1) % len(COLOURS)],
+            WORDS_OF_PERIODS.get(branch.period, f"period {branch.period}"),
+        )
         for first, last, stable in branch.parts():
             label, part = f"{words}, {WORDS_OF_STABILITY[stable]}", slice(first, last + 1)
             for alphas in branch.alphas[part].T:

@@ -34,25 +34,30 @@ STATUSES = {
     "leaves_elsewhere": "the contact ends where no launch does: a simulation flies on from there, a map has no next",
     "no_launch": "the contact would not open, because a strong damper takes a slow launch back",
     "collapses": "the spring collapses, in contact or in flight",
+    "stays": "the contact of a machine of several coordinates has not ended after many of its oscillations",
     "carried_off": "the flight does not end",
     "out_of_range": "a law is needed where it is not defined, as outside a measured table",
     "lost": "the motion could not be followed, as when it takes too many steps",
     "cap": "there are too many impacts in one hop",
     "undecided": "after many bounces rounding decides how the hop ends",
-    "invalid": "the launch speed is not a number above 0",
+    "invalid": "the launch speed is not a number above 0, or no launch has these numbers",
 }
 STATUS = f"<U{max(map(len, STATUSES))}"  # the type of arrays of statuses
 FASTEST_LAUNCH = 1e15  # a launch speed beyond this has no digits left for the motion between two impacts
 # From this restitution on, the end of many bounces is compared with that of a neighbouring launch, faster by a relative
 # difference beyond the roundings of a flight. States with a relative difference above the last belong to other motions.
 MANY_BOUNCES, NEIGHBOUR, PARTED = 0.5, 1e-14, 1e-4
+# From this number of impacts on, a motion that comes back to an earlier state, up to rounding, repeats itself.
+FIRST_REPETITION, REPETITION = 32, 1e-13
 CAP = 10_000  # a hop is abandoned after this many impacts
 LIFTOFF_ORDER = 3  # order of the gap's zero at a lift-off
 TURNS = 3  # after this many zeros of its speed a contact never ends, see `ContactEnd`
+TURNS_OF_SEVERAL = 100  # of the launched coordinate's speed, up to which a contact of several coordinates is followed
 # A landing in closed form is searched from this many reciprocals of the frequency before it may occur.
 BEFORE_LANDING = 0.01
 # A contact whose rates are all below this is at rest. An overdamped contact reaches rest without turning.
 STILL_RATE = 1e-12
+GRAZING = 1e-12  # a contact force below this, relative to the state, vanishes
 SAME_LIFTOFF = 1e-12  # extensions at lift-off that differ by a smaller share are rounding
 
 
@@ -77,31 +82,36 @@ class ContactEnd:
     """A `stop` of the contact's flow: at lift-off, or as soon as it is known that lift-off never comes.
 
     speed : the coordinate of the contact that is its speed; None where rest is not searched
-    outcome : "lifts_off", "rests", or None while the contact lasts
+    several : whether the contact has several coordinates
+    grazes : whether the contact begins with a force that vanishes and rises, as after a lossless landing
+    outcome : "lifts_off", "rests", "stays", or None while the contact lasts
 
     Trajectories of one coordinate do not cross in the phase plane. Once the speed has changed its sign three times,
-    the rest of the trajectory, with damping or without, stays inside the part passed so far, and it never ends.
+    the rest of the trajectory, with damping or without, stays inside the part passed so far, and it never ends. The
+    contact of several coordinates may end after any time; it is given up after many turns.
     """
 
-    def __init__(self, contact: Flow, speed: Affine | None):
+    def __init__(self, contact: Flow, speed: Affine | None, several: bool = False, grazes: bool = False):
         self.size, self.force, self.speed = contact.size, contact_force_row(contact.phase), speed
-        self.force_zeros, self.speed_zeros, self.turns_left = Crossings(), Crossings(), TURNS
+        self.force_zeros, self.speed_zeros = Crossings(int(grazes)), Crossings()
+        self.turns_left, self.over = (TURNS_OF_SEVERAL, "stays") if several else (TURNS, "rests")
         self.outcome: str | None = None
 
     def __call__(self, coefficients: np.ndarray, steps: np.ndarray) -> tuple[int, float] | None:
         """The step at which the contact ends, and the time in that step; None while it lasts."""
         liftoff = self.force_zeros(self.force.series(coefficients), steps)[:1]
-        rest = self._rest(self.speed, coefficients, steps) if self.speed else []
-        first = min([*liftoff, *rest], default=None)
-        self.outcome = None if first is None else "lifts_off" if liftoff and first == liftoff[0] else "rests"
+        last, still = self._rest(self.speed, coefficients, steps) if self.speed else ([], [])
+        first = min([*liftoff, *last, *still], default=None)
+        if first is not None:
+            self.outcome = "lifts_off" if first in liftoff else "rests" if first in still else self.over
         return first
 
-    def _rest(self, speed: Affine, coefficients, steps) -> list[tuple[int, float]]:
+    def _rest(self, speed: Affine, coefficients, steps) -> tuple[list[tuple[int, float]], list[tuple[int, float]]]:
         """Places from which the force never ends the contact: the last turn, and where a step starts at rest."""
         turns = self.speed_zeros(speed.series(coefficients), steps)
         last, self.turns_left = turns[self.turns_left - 1 : self.turns_left], self.turns_left - len(turns)
         still = np.flatnonzero(np.abs(coefficients[:, : self.size, 1]).max(1) < STILL_RATE)[:1]
-        return [*last, *((int(i), float(steps[i])) for i in still)]
+        return last, [(int(i), float(steps[i])) for i in still]
 
 
 class Impacts:
@@ -178,6 +188,16 @@ class Impacts:
         after = x - factor * ca.dot(ca.DM(self.gap_speed), x) * direction
         return ca.Function("change_after", [x, change, factor], [ca.densify(ca.jtimes(after, x, change))])
 
+    @cached_property
+    def directions_of_landing(self) -> ca.Function:
+        """(flight state, data) -> the direction D (n,) in which impacts change the state, and its commutator (n,) with
+        the rates f, which is f' D - D' f."""
+        graph = self.flight.vector_field
+        x, field = graph.x, graph.field(graph.x, graph.p)[0]
+        direction = ca.densify(ca.vertcat(*self.model.impact(ca.vertsplit(x), self.values)))
+        commutator = ca.jtimes(field, x, direction) - ca.jtimes(direction, x, field)
+        return ca.Function("directions", [x, graph.p], [direction, ca.densify(commutator)])
+
     def launch(self, alpha: ArrayLike) -> np.ndarray:
         """Flight states (m, n) at lift-off with launch speeds (m,)."""
         liftoff = self.model.release(alpha, self.values)
@@ -206,7 +226,9 @@ class Impacts:
         """
         endless = left == np.inf
         limit = self.longest_contact(y) if endless else left
-        end = ContactEnd(self.contact, self.model.contact_speed if endless and self.model.one_speed else None)
+        several = not self.model.one_speed
+        grazes = several and bool(self.grazes(y[None])[0])
+        end = ContactEnd(self.contact, self.model.contact_speed if endless else None, several, grazes)
         try:
             path, _ = self.contact.run(y, self.p, limit, stop=end)
         except FlowError as error:
@@ -219,17 +241,38 @@ class Impacts:
         """Follow contacts from states (m, k): their outcomes (m,), "lifts_off" or a status, and states (m, k) there."""
         contact, speed = self.contact, self.model.contact_speed
         outcome, ends = np.full(len(ys), "", dtype=STATUS), np.full(ys.shape, np.nan)
-        if speed and contact.method == "Taylor":
+        turns, over = (TURNS, "rests") if self.model.one_speed else (TURNS_OF_SEVERAL, "stays")
+        if contact.method != "Runge-Kutta" and len(ys):
             limit = self.options.batch_contact * (1 + np.abs(ys).max(1))
-            times, rows, _ = first_zeros(contact, ys, self.p, self.contact_force, limit, over=(speed, TURNS))
+            if contact.phase.closed_form:
+                limit = np.full(len(ys), turns * np.pi / contact.closed_form(self.p).rates.min())
+            grazes = np.zeros(len(ys)) if self.model.one_speed else self.grazes(ys)
+            times, rows, _ = first_zeros(contact, ys, self.p, self.contact_force, limit, grazes, over=(speed, turns))
             lifts = np.isfinite(times)
             outcome[lifts], ends[lifts] = "lifts_off", rows[lifts, : contact.size]
-            outcome[np.isinf(times)] = "rests"
+            outcome[np.isinf(times) | (np.isnan(times) & bool(contact.phase.closed_form))] = over
         for i in np.flatnonzero(outcome == ""):
             path, outcome[i], _ = self.sustained_contact(ys[i])
             if path is not None and outcome[i] == "lifts_off":
                 ends[i] = path.end[: contact.size]
         return outcome, ends
+
+    @cached_property
+    def force_slope(self) -> ca.Function:
+        """(contact state, data) -> the gradient (1, k) of the contact force, and the force."""
+        graph = self.contact.vector_field
+        force = graph.field(graph.x, graph.p)[1][self.force_index]
+        return ca.Function("force_slope", [graph.x, graph.p], [ca.jacobian(force, graph.x), force])
+
+    def force_gradient(self, y: np.ndarray) -> np.ndarray:
+        """The gradient (k,) of the contact force at a contact state (k,)."""
+        return self.force_slope(y, self.contact.data(y[None], self.p)[0])[0].full().ravel()
+
+    def grazes(self, ys: np.ndarray) -> np.ndarray:
+        """Whether (m,) the contact force vanishes at contact states (m, k), up to rounding, as it does at a lossless
+        landing."""
+        force = self.contact.field(ys, self.p)[1][:, self.force_index]
+        return np.abs(force) <= GRAZING * (1 + np.abs(ys).max(1))
 
     def liftoff(self, ys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Speeds (m,) of contact states (m, k) whose force vanishes, and whether (m,) each is the launch with it."""
@@ -256,6 +299,11 @@ class Impacts:
         (slopes,) = gradient(points, self.flight.data(points, self.p))
         return float((widths[:, None] * GAUSS_WEIGHTS).ravel() @ (slopes @ way))
 
+    def energy_gradient(self, x: np.ndarray) -> np.ndarray:
+        """The gradient (n,) of the energy at a flight state (n,)."""
+        gradient = gradients(self.model.flight, self.model.flight_gradient, tuple(self.values))
+        return np.array(gradient(x[None], self.flight.data(x[None], self.p))[0][0])
+
     @cached_property
     def gap_speed(self) -> np.ndarray:
         """Weights (n,) of the gap's speed as a function of the flight state, whose speeds are states themselves."""
@@ -280,6 +328,12 @@ class Impacts:
         return ElementwiseFunction(ca.Function("gap_rates", [graph.x, graph.p], [rates]))
 
     @cached_property
+    def never_lose(self) -> bool:
+        """Whether impacts lose nothing, as those on a hand of infinite mass, which moves on as before."""
+        x = self.flight.vector_field.x
+        return ca.SX(self.model.impact_mass(ca.vertsplit(x), self.values)).is_zero()
+
+    @cached_property
     def one_liftoff(self) -> bool:
         """Whether the energy at lift-off determines the launch speed: it is conserved, and all launches have the same
         configuration."""
@@ -302,40 +356,59 @@ class Impacts:
 
 
 def decided_impacts(impacts: Impacts, alpha: np.ndarray, cap: int) -> tuple[np.ndarray, ...]:
-    """The impacts of hops with launch speeds (m,); each hop is abandoned after `cap` impacts.
+    """`impacts_from` launches with speeds (m,), with losses of the launch speed's square."""
+    too_fast = alpha > FASTEST_LAUNCH
+    launch, per = lambda speeds: impacts.launch(np.minimum(speeds, FASTEST_LAUNCH)), impacts.launch_inertia
+    neighbours = launch(alpha * (1 + NEIGHBOUR)) if impacts.restitution >= MANY_BOUNCES else None
+    return impacts_from(impacts, launch(alpha), cap, neighbours, 0.5 * per, alpha**2, too_fast)
 
-    Returns the losses (m,) of the launch speed's square, the numbers (m,) of impacts, the statuses (m,), and the
-    contact states (m, k) where sustained contact begins, with the status "lifts_off". The status is "undecided" where
-    another launch, faster by some roundings, leads to another motion after many bounces. It is not "undecided" where
-    the remaining energy is too little for any launch, so that the machine rests in any case.
+
+def impacts_from(
+    impacts: Impacts, states: np.ndarray, cap: int, neighbours: np.ndarray | None = None, per: float = 1.0,
+    available: np.ndarray | float = np.inf, too_fast: np.ndarray | None = None,
+) -> tuple[np.ndarray, ...]:  # fmt: skip
+    """The impacts of hops from flight states (m, n) at lift-off; each hop is abandoned after `cap` impacts.
+
+    neighbours : states (m, n) that differ by some roundings; None where bounces are few
+    per : the unit of energy of the losses
+    available : losses (m,) of a conservative machine beyond which it rests in any case
+    too_fast : whether (m,) the launch is too fast to be followed, with the status "lost"
+
+    Returns the losses (m,) of energy, the numbers (m,) of impacts, the statuses (m,), and the contact states (m, k)
+    where sustained contact begins, with the status "lifts_off". The status is "undecided" where the neighbour leads to
+    another motion after many bounces. It is not "undecided" where the remaining energy is too little for any launch.
     """
-    if impacts.restitution < MANY_BOUNCES:
-        return _flights_and_impacts(impacts, alpha, cap)
-    m, both = len(alpha), np.concatenate([alpha, alpha * (1 + NEIGHBOUR)])
+    m = len(states)
+    too_fast = np.zeros(m, bool) if too_fast is None else too_fast
+    if neighbours is None:
+        return _flights_and_impacts(impacts, states, too_fast, per, cap)
     parted, undecided = np.zeros((2, m), bool)
 
     def compare(states: np.ndarray, loss: np.ndarray) -> None:
         far = np.abs(states[:m] - states[m:]).max(1) > PARTED * np.abs(states[:m]).max(1)
-        spent = impacts.model.conservative & (loss[:m] > alpha**2)
+        spent = impacts.model.conservative & (loss[:m] > available)
         undecided[far & ~parted & ~spent] = True
         parted[far] = True
 
-    loss, counts, status, standing = _flights_and_impacts(impacts, both, cap, compare)
+    both = np.concatenate([states, neighbours])
+    loss, counts, status, standing = _flights_and_impacts(impacts, both, np.tile(too_fast, 2), per, cap, compare)
     undecided &= status[:m] != "cap"
     status[:m][undecided | (status[:m] != status[m:])] = "undecided"
     return loss[:m], counts[:m], status[:m], standing[:m]
 
 
-def _flights_and_impacts(impacts: Impacts, alpha, cap: int, watch: Callable | None = None):
+def _flights_and_impacts(
+    impacts: Impacts, state: np.ndarray, too_fast: np.ndarray, per: float, cap: int, watch: Callable | None = None
+) -> tuple[np.ndarray, ...]:
     """Losses, numbers of impacts, statuses (m,) and contact states (m, k) up to sustained contact ("lifts_off");
     `watch` is called after every impact with the states (m, n), constant in contact, and the losses so far (m,)."""
-    m = len(alpha)
+    m = len(state)
     loss, counts, status = np.zeros(m), np.zeros(m, int), np.full(m, "no_launch", dtype=STATUS)
-    state, standing = impacts.launch(np.minimum(alpha, FASTEST_LAUNCH)), np.zeros((m, impacts.contact.size))
-    too_fast = alpha > FASTEST_LAUNCH
+    state, standing = state.copy(), np.zeros((m, impacts.contact.size))
     flying, order = np.flatnonzero(impacts.opens(state) & ~too_fast), LIFTOFF_ORDER
     status[flying], status[too_fast] = "cap", "lost"
-    for _ in range(cap):
+    earlier, compared = np.full_like(state, np.nan), FIRST_REPETITION
+    for impact in range(cap):
         times, rows, errors = impacts.landings(state.take(flying, 0), order)
         gone, order = np.isnan(times), impacts.bounce_order
         status[flying[gone]] = "carried_off"
@@ -346,13 +419,21 @@ def _flights_and_impacts(impacts: Impacts, alpha, cap: int, watch: Callable | No
             break
         held, after, lost, _ = impacts.landing(rows.compress(~gone, 0)[:, : impacts.flight.size])
         counts[flying] += 1
-        loss[flying] += 2 * lost / impacts.launch_inertia
+        loss[flying] += lost / per
         landed = flying[held]
         standing[landed], status[landed] = after.compress(held, 0) @ impacts.onto_contact.T, "lifts_off"
         state[flying] = after
         if watch:
             watch(state, loss)
         flying = flying[~held]
+        if impact >= FIRST_REPETITION:
+            # Motions that repeat themselves, as on a heavy hand, have impacts without end.
+            here, there = state.take(flying, 0), earlier.take(flying, 0)
+            repeats = np.abs(here - there).max(1) <= REPETITION * np.abs(here).max(1)
+            if repeats.any():
+                counts[flying[repeats]], flying = cap, flying[~repeats]
+            if impact == compared:  # as in Brent's method for cycles
+                earlier, compared = state.copy(), 2 * compared
         if not len(flying):
             break
     return loss, counts, status, standing

@@ -6,7 +6,8 @@ tangentially, so that the time of landing moves like the cube root of the pertur
 the map behaves like C d**(4/3) instead (`Certificate.loss_coefficient`).
 """
 
-import casadi as ca
+from dataclasses import dataclass
+
 import numpy as np
 
 from ..errors import FlowError, InputError, NoOrbit, finite_number
@@ -16,8 +17,9 @@ from ..model.machine import Machine
 from ..periodic.loss_coefficient import loss_coefficient
 from ..running.exclusive import exclusive
 from ..units import DIMENSIONS, LIFTOFF_SPEED, SPEED, Message, Quantity, in_own_units
-from .impacts import CAP, LIFTOFF_ORDER, ContactEnd, Impacts, no_launch
+from .impacts import CAP, LIFTOFF_ORDER, STATUSES, ContactEnd, Impacts, no_launch
 
+RESTS = "the machine rests: it does not lift off again"
 TANGENTIAL = 1e-7  # an impact slower than this, relative to the launch speed, is tangential
 
 
@@ -36,6 +38,10 @@ def multiplier(machine: Machine, alpha: float) -> float:
     >>> round(multiplier(Hopper(), 4.6), 6)
     -1.616561
     """
+    if not machine.model.one_speed:
+        raise InputError(
+            f"a launch of a {machine.model.name} is more than a speed: multipliers(machine, launch) has all"
+        )
     alpha = finite_number("alpha", alpha)
     if alpha <= 0:
         raise InputError(f"alpha = {alpha:g}; a launch speed is above 0")
@@ -46,48 +52,122 @@ def multiplier(machine: Machine, alpha: float) -> float:
 def _slope_of_hop(machine: Machine, alpha: float) -> float:
     """The `multiplier` of the hop that starts with a speed above 0."""
     impacts = Impacts(machine)
-    x, order = impacts.launch(np.array([alpha]))[0], LIFTOFF_ORDER
+    x = impacts.launch(np.array([alpha]))[0]
     step = 1e-5 * alpha  # The extension of the launch state depends on the launch speed too where there is damping.
     low, high = impacts.launch(np.array([alpha - step, alpha + step]))
-    change = (high - low) / (2 * step)
     if not impacts.opens(x[None])[0]:
         raise NoOrbit(no_launch(alpha))
+    hop = hop_derivative(impacts, x, (high - low)[:, None] / (2 * step))
+    if hop.tangential:
+        text = "the landing is tangential, at speed {speed:.1e}: no multiplier; {law}"
+        law = _one_sided(impacts, alpha, hop.landing, hop.gap_slopes[0])
+        raise NoOrbit(Message(text, speed=Quantity(hop.speed, SPEED), law=law))
+    if not impacts.liftoff(hop.liftoff[None])[1][0]:
+        raise NoOrbit("the contact ends where no launch does: the map has no next launch speed")
+    return float(np.array(impacts.model.contact_speed.weights) @ hop.derivative[:, 0])
+
+
+@dataclass(frozen=True, eq=False)
+class HopDerivative:
+    """A hop with the derivative of its end by c numbers that its launch depends on.
+
+    liftoff : the contact state (k,) at the next lift-off
+    derivative : of that state (k, c), on the surface where the contact force vanishes
+    tangential : whether the first landing is tangential, as that of a lossless hop
+    landing, speed, gap_slopes : flight state (n,) at the first landing, the speed of the gap, and the derivative (c,)
+        of the gap at the time of that landing
+    """
+
+    liftoff: np.ndarray
+    derivative: np.ndarray
+    tangential: bool
+    landing: np.ndarray
+    speed: float
+    gap_slopes: np.ndarray
+
+
+def hop_derivative(impacts: Impacts, x: np.ndarray, change: np.ndarray) -> HopDerivative:
+    """The hop from a flight state (n,) at lift-off, and its derivative along changes (n, c) of that state.
+
+    Raises `NoOrbit` where the machine does not lift off again.
+    """
+    launch_speed = float(np.abs(x[[name.endswith("'") for name in impacts.flight.phase.states]]).max())
+    weights, order = np.array(impacts.gap.weights), LIFTOFF_ORDER
+    first: tuple[np.ndarray, float, np.ndarray] | None = None
     for _ in range(CAP):
-        x, change = _through_flight(impacts, alpha, x, change, order)
-        (held,), (after,), *_ = impacts.landing(x[None])
-        factor, order = 1.0 if held else 1.0 + impacts.restitution, impacts.bounce_order
-        x, change = after, impacts.change_after(x, change, factor).full().ravel()
+        start = x, change
+        limit, closes = float(impacts.longest_flight(x)), first_zero(impacts.gap, order)
+        x, change, lasted = _follow(impacts.flight, impacts.p, x, change, limit, closes)
+        speed = float(impacts.gap_speed @ x)
+        if first is None:
+            first = x, speed, weights @ change
+            # Later bounces may be arbitrarily slow.
+            if abs(speed) < TANGENTIAL * launch_speed:
+                return _tangential(impacts, start, lasted, first)
+        x, change, held = _through_impact(impacts, x, _at_landing(impacts, x, change))
+        order = impacts.bounce_order
         if held:
-            return _through_contact(impacts, impacts.onto_contact @ x, impacts.onto_contact @ change)
+            contact = impacts.onto_contact @ x, impacts.onto_contact @ change
+            liftoff, derivative = _through_contact(impacts, *contact, grazes=False)
+            return HopDerivative(liftoff, derivative, False, *first)
     raise NoOrbit(f"after {CAP} impacts the machine has not come to rest on the ground")
 
 
-def _follow(flow: Flow, p, x, change, limit: float, stop) -> tuple[np.ndarray, np.ndarray]:
-    """State and change where a phase stops."""
+def _at_landing(impacts: Impacts, x: np.ndarray, change: np.ndarray) -> np.ndarray:
+    """The change (n, c) of the state in which the gap closes, from that at a fixed time."""
+    rates, weights = impacts.flight.rates(x, impacts.flight.data(x[None], impacts.p)[0]), np.array(impacts.gap.weights)
+    return change - np.outer(rates, weights @ change) / float(impacts.gap_speed @ x)
+
+
+def _through_impact(impacts: Impacts, x: np.ndarray, change: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
+    """The state after an impact and its change (n, c), and whether contact follows."""
+    (held,), (after,), *_ = impacts.landing(x[None])
+    factor = 1.0 if held else 1.0 + impacts.restitution
+    change = np.stack([impacts.change_after(x, each, factor).full().ravel() for each in change.T], axis=1)
+    return after, change, bool(held)
+
+
+def _tangential(impacts: Impacts, start: tuple, lasted: float, landing: tuple) -> HopDerivative:
+    """The derivative of a hop whose landing is tangential after a flight of about the time `lasted`.
+
+    The time of landing has no derivative there, and moves like the cube root s of the change of the gap. But flight
+    and contact have the same rates at the landing, where the contact force vanishes, and differ only in the direction D
+    of impacts. Over the time s, impacts change the speed of the gap by some s^2, and its height by s^3 in all. So up to
+    s^4 the state is that of the flight, from which multiples of D and of its commutator W with the rates are taken that
+    close the gap and stop it: the derivative is this projection onto the contact. It is continuous there.
+    """
+    jerk = impacts.gap_rates(landing[0][None])[0, 0]
+    data = impacts.flight.data(landing[0][None], impacts.p)[0]
+    gap_speed = impacts.gap_speed
+    if not jerk < 0:
+        raise NoOrbit("the gap closes without a jerk: the landing is tangential to a higher order")
+    # The landing that rounding lets happen early or late is led to where the acceleration of the gap vanishes.
+    exact = lasted - float(gap_speed @ impacts.flight.rates(landing[0], data)) / jerk
+    path, variations = impacts.flight.run(start[0], impacts.p, exact, seeds=start[1])
+    x = path.end[: impacts.flight.size]
+    data = impacts.flight.data(x[None], impacts.p)[0]
+    away, commutator = (each.full().ravel() for each in impacts.directions_of_landing(x, data))
+    weights = np.array(impacts.gap.weights)
+    basis, rows = np.column_stack([away, commutator]), np.vstack([weights, gap_speed])
+    project = np.eye(len(x)) - basis @ np.linalg.solve(rows @ basis, rows)
+    closed = x - basis @ np.linalg.solve(rows @ basis, [impacts.gap(x), gap_speed @ x])
+    contact = impacts.onto_contact @ closed, impacts.onto_contact @ project @ variations
+    liftoff, derivative = _through_contact(impacts, *contact, grazes=True)
+    return HopDerivative(liftoff, derivative, True, *landing)
+
+
+def _follow(flow: Flow, p, x, change, limit: float, stop) -> tuple[np.ndarray, np.ndarray, float]:
+    """State and change (n, c) where a phase stops, and the time that it lasted."""
     try:
-        path, variations = flow.run(x, p, limit, seeds=change[:, None], stop=stop)
+        path, variations = flow.run(x, p, limit, seeds=change, stop=stop)
     except FlowError as error:
         raise NoOrbit(Message("the {name} does not end: {error}", name=flow.phase.name, error=error)) from None
-    assert variations is not None  # there are seeds
-    return path.end[: flow.size], variations[:, 0]
+    return path.end[: flow.size], variations, float(path.times[-1])
 
 
-def _through_flight(impacts: Impacts, alpha: float, x, change, order: int) -> tuple[np.ndarray, np.ndarray]:
-    """State and change where the gap closes next."""
-    limit, closes = float(impacts.longest_flight(x)), first_zero(impacts.gap, order)
-    x, change = _follow(impacts.flight, impacts.p, x, change, limit, closes)
-    speed = float(impacts.gap_speed @ x)
-    if order == LIFTOFF_ORDER and abs(speed) < TANGENTIAL * alpha:  # later bounces may be arbitrarily slow
-        law = _one_sided(impacts, alpha, x, change)
-        text = "the landing is tangential, at speed {speed:.1e}: no multiplier; {law}"
-        raise NoOrbit(Message(text, speed=Quantity(speed, SPEED), law=law))
-    rates = impacts.flight.rates(x, impacts.flight.data(x[None], impacts.p)[0])
-    return x, change - rates * (np.array(impacts.gap.weights) @ change) / speed
-
-
-def _one_sided(impacts: Impacts, alpha: float, x, change) -> Message:
+def _one_sided(impacts: Impacts, alpha: float, x, slope: float) -> Message:
     """The power law that replaces the multiplier where a hop lands tangentially at `x`."""
-    jerk, slope = -impacts.gap_rates(x[None])[0, 0], float(np.array(impacts.gap.weights) @ change)
+    jerk = -impacts.gap_rates(x[None])[0, 0]
     if not jerk > 0 or slope == 0:
         return Message("nor a power law")
     mass = impacts.model.impact_mass(x.tolist(), impacts.values)
@@ -98,17 +178,20 @@ def _one_sided(impacts: Impacts, alpha: float, x, change) -> Message:
     return Message(text, first=first, other=other, **losses)
 
 
-def _through_contact(impacts: Impacts, y, change) -> float:
-    """The change of the speed at which the contact ends."""
-    contact, end = impacts.contact, ContactEnd(impacts.contact, impacts.model.contact_speed)
-    y, change = _follow(contact, impacts.p, y, change, impacts.longest_contact(y), end)
+def _through_contact(impacts: Impacts, y, change, grazes: bool) -> tuple[np.ndarray, np.ndarray]:
+    """The state and its change (k, c) at which the contact ends."""
+    contact, model = impacts.contact, impacts.model
+    end = ContactEnd(contact, model.contact_speed, not model.one_speed, grazes)
+    y, change, _ = _follow(contact, impacts.p, y, change, impacts.longest_contact(y), end)
+    if end.outcome == "stays":
+        raise NoOrbit(STATUSES["stays"])
     if end.outcome != "lifts_off":
-        raise NoOrbit("the machine rests: it does not lift off again")
-    if not impacts.liftoff(y[None])[1][0]:
-        raise NoOrbit("the contact ends where no launch does: the map has no next launch speed")
-    data, graph = contact.data(y[None], impacts.p)[0], contact.vector_field
-    force = graph.field(graph.x, graph.p)[1][impacts.force_index]
-    gradient = np.array(ca.Function("slope", [graph.x, graph.p], [ca.jacobian(force, graph.x)])(y, data)).ravel()
-    rates = contact.rates(y, data)
-    change = change - rates * (gradient @ change) / (gradient @ rates)
-    return float(np.array(impacts.model.contact_speed.weights) @ change)
+        raise NoOrbit(RESTS)
+    return y, _at_liftoff(impacts, y, change)
+
+
+def _at_liftoff(impacts: Impacts, y: np.ndarray, change: np.ndarray) -> np.ndarray:
+    """The change (k, c) of the state in which the contact ends, from that at a fixed time."""
+    gradient = impacts.force_gradient(y)
+    rates = impacts.contact.rates(y, impacts.contact.data(y[None], impacts.p)[0])
+    return change - np.outer(rates, gradient @ change) / (gradient @ rates)

@@ -31,6 +31,7 @@ from .impacts import (
     no_launch,
     status_of_failure,
 )
+from .launch_section import LaunchSection
 from .schedule import Inputs, Schedule, check_scheduled, parsed_schedule
 from .simulated import ContactEvent, Leg, Simulation, run_in_units
 
@@ -46,12 +47,13 @@ def simulate(
     """Simulate a machine from a launch or from a state, with every impact, landing and lift-off located.
 
     machine : as in `find`, with its restitution
-    alpha : launch speed at a lift-off after sustained contact, or the unknowns of a launch by name; or
+    alpha : launch speed at a lift-off after sustained contact, or the numbers of a launch by name; or
     state : (n,), a flight state with an open gap, or with a gap that is closed and at rest; then the machine stays in
         contact if the contact force presses, and lifts off if it does not
     hops, time : the simulation ends after this many lift-offs or after this time, whichever is first; one is needed
-    inject : added to the launch speed at every lift-off that is a launch; with a damper the extension at lift-off
-        depends on the speed, and the injection moves the machine to the extension of the new speed
+    inject : added to the launch speed at every lift-off that is a launch, an impulse on the coordinate that is
+        launched; with a damper the extension at lift-off depends on the speed, and the injection moves the machine to
+        the extension of the new speed
     cap : number of impacts in one hop after which the simulation ends
     schedule : (times (k + 1,), values (k,) of parameters by name): the piecewise constant inputs of an actuator; before
         and after these times the machine's own values hold
@@ -115,9 +117,6 @@ def _simulated(
 ) -> Simulation:  # fmt: skip
     """The simulation of a machine, from checked arguments."""
     impacts = Impacts(machine)
-    if inject != 0 and not impacts.model.one_speed:
-        name = impacts.model.name
-        raise InputError(f"inject = {inject:g}: a launch of a {name} is more than the speed that it adds to")
     known = Schedule(machine, inputs)
     x, launch_speed, order = _initial_state(impacts, known(0.0)[0], alpha, state)
     with interrupts.deferred():
@@ -152,6 +151,9 @@ def _launch_state(impacts: Impacts, launch) -> tuple[np.ndarray, float]:
     """The flight state (1, n) of a launch, which is stated by its speed or by its unknowns; and its speed."""
     names = impacts.model.launch_unknowns
     if isinstance(launch, Mapping):
+        if not impacts.model.one_speed and (section := LaunchSection(impacts)).dependent not in launch:
+            # The unknown that follows from the others may be left out.
+            launch = section.unknowns_of(section.launch(launch))
         if unknown := sorted(set(names) ^ launch.keys()):
             raise InputError(f"alpha: a launch of this machine is told by {', '.join(names)}; not so '{unknown[0]}'")
         named = {name: finite_number(name, launch[name]) for name in names}
@@ -246,6 +248,11 @@ class _Run:
         impacts, driven = self.impacts, len(self.inputs.times) > 0
         (speed,), (is_launch,) = impacts.liftoff(y[None])
         before = after = impacts.model.embed @ y
+        if self.inject and not impacts.model.one_speed:
+            (y,) = LaunchSection(impacts).injected(y[None], self.inject)
+            if not np.isfinite(y).all():
+                return "rests", x
+            speed, after = float(speed) + self.inject, impacts.model.embed @ y
         # A driven machine lifts off where it is; without inputs its state is moved onto the launch set.
         if is_launch and not (driven and self.inject == 0):
             speed = float(speed) + self.inject

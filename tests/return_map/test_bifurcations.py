@@ -10,7 +10,8 @@ from orbits import InputError, ReturnMap, bifurcations, find, multiplier, simula
 from orbits.continuation.point import End
 from orbits.return_map.bifurcations import _Search, _with_events_at_points
 from orbits.return_map.branches import FoundEvent, PeriodicLaunch
-from problems import Hopper, hopper_in_si
+from orbits.return_map.cycles import MapsAlong
+from problems import HeavyHand, Hopper, hopper_in_si
 
 ALPHA = 4.493409457909064  # tan(alpha) = alpha
 C = 3.61694  # of the local law: alpha* + d comes back as alpha* + d - C d^(4/3), below with ten times that
@@ -244,3 +245,17 @@ def test_along_the_mass_ratio_with_an_injection():
         bifurcations(Hopper(), "mass_ratio", (low, high), (4.45, 4.6), samples=40, sections=2)
     with pytest.raises(InputError, match="the range says it all"):
         bifurcations(Hopper(), "inject", (0.0, 0.1), (4.45, 4.6), inject=0.03)
+
+
+def test_impacts_that_lose_nothing_have_no_fixed_points_with_injection():
+    """Every launch from a heavy hand comes back faster by the injection."""
+    assert bifurcations(HeavyHand(), "inject", (0.01, 0.05), (3.6, 4.9), attractor=0).branches == ()
+    assert ReturnMap(HeavyHand(), inject=0.01).fixed_points(3.6, 4.9) == ()
+
+
+def test_maps_along_the_injection_share_their_hops():
+    maps, alpha = MapsAlong(Hopper(damping=0.01), "inject", 0.0, 0.2, 0.0, 1000), np.array([4.4, 4.7, 2.0])
+    for value in (0.1, 0.05, 0.1):
+        own, shared = ReturnMap(Hopper(damping=0.01), inject=value)(alpha), maps.at(value)(alpha)
+        assert np.array_equal(own.next, shared.next, equal_nan=True)
+        assert own.status.tolist() == shared.status.tolist()

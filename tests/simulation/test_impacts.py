@@ -8,7 +8,7 @@ from many_at_once import MACHINES
 from orbits import ReturnMap, simulate
 from orbits.flow.zero_crossing import first_zeros
 from orbits.simulation.impacts import ImpactOptions, Impacts
-from problems import Hopper, Juggler
+from problems import HeavyHand, Hopper, Juggler
 
 
 @pytest.mark.parametrize("name", MACHINES)
@@ -104,3 +104,13 @@ def test_what_is_known_to_be_positive_is(mass_ratio):
     for start, a, b in zip(starts, low, high, strict=True):
         assert 0 < a < b
         assert impacts.gap(form.state(start, np.linspace(a, b, 20_001)[1:-1]).T).min() > 0
+
+
+def test_impacts_that_repeat_themselves(monkeypatch):
+    """They end a hop as soon as the ball comes back to an earlier state, as the most impacts would."""
+    speeds = np.linspace(3.55, 3.7, 6)
+    found = ReturnMap(HeavyHand())(speeds)
+    monkeypatch.setattr("orbits.simulation.impacts.REPETITION", -1.0)
+    all_impacts = ReturnMap(HeavyHand(), cap=1000)(speeds)
+    assert found.status.tolist() == all_impacts.status.tolist()
+    assert (found.impacts == np.where(found.status == "cap", 10_000, all_impacts.impacts)).all()

@@ -1,0 +1,124 @@
+"""Hops from launches of several numbers: one step of a return map of d dimensions."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..io import Document
+from ..model.machine import Machine, machine_in_words
+from ..result import Result, Row, known
+from ..running.exclusive import in_threads
+from ..simulation.impacts import FASTEST_LAUNCH, MANY_BOUNCES, NEIGHBOUR, STATUS, impacts_from
+from ..simulation.launch_section import LaunchSection
+from ..units import ENERGY, Units
+
+LAUNCH_BATCH = 2048  # launches in one batch; their states have several times the numbers of a launch speed
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class LaunchHops(Result, what="table of hops of launches"):
+    """The hops that begin with launches (...) of d numbers each.
+
+    names : of these numbers
+    launches : (..., d)
+    next : (..., d), the launches at the next lift-off, with the injection; NaN where there is none
+    loss : (...), the loss of energy in the impacts of the hop
+    impacts : (...), the number of impacts in the hop
+    status : (...), "lifts_off", or why there is no next launch: a name of `orbits.simulation.impacts.STATUSES`
+    units : of the numbers of a launch and of the loss, by name; empty for a dimensionless machine
+    machine : in words and numbers
+    """
+
+    names: tuple[str, ...]
+    launches: np.ndarray
+    next: np.ndarray
+    loss: np.ndarray
+    impacts: np.ndarray
+    status: np.ndarray
+    units: Mapping[str, str] = field(default_factory=dict)
+    machine: Mapping[str, Any] = field(default_factory=dict)
+
+    def statuses(self) -> dict[str, int]:
+        """The number of launches of each status."""
+        names, counts = np.unique(self.status, return_counts=True)
+        return dict(zip(names.tolist(), counts.tolist(), strict=True))
+
+    def _line(self) -> dict[str, int]:
+        return self.statuses()
+
+    def title(self) -> str:
+        return f"{self.status.size} launches of {len(self.names)} numbers: what becomes of them"
+
+    def _rows(self) -> Iterator[Row]:
+        """How many launches have each status, and the range of their losses."""
+        for status, count in self.statuses().items():
+            yield Row(status.replace("_", " "), {status: count})
+            inside = self.loss[self.status == status]
+            if np.isfinite(inside).any():
+                ends = {f"least loss of {status}": float(np.nanmin(inside)),
+                        f"largest loss of {status}": float(np.nanmax(inside))}  # fmt: skip
+                yield Row("  loss", ends, (f"{{:.10g}} to {{:.10g}} {self.unit_of('loss')}".rstrip(),))
+
+    def table(self) -> dict[str, np.ndarray]:
+        """One row for each launch: its numbers, those of the next one, the loss, the impacts and the status."""
+        own = {name: self.launches[..., i].ravel() for i, name in enumerate(self.names)}
+        following = {f"next {name}": self.next[..., i].ravel() for i, name in enumerate(self.names)}
+        return own | following | {name: np.ravel(getattr(self, name)) for name in ("loss", "impacts", "status")}
+
+    def document(self) -> Document:
+        rows = {name: known(column) if column.dtype.kind == "f" else column.tolist()
+                for name, column in self.table().items()}  # fmt: skip
+        return rows | ({"units": self.units} if self.units else {})
+
+
+def hops_of_launches(machine: Machine, section: LaunchSection, launch: Any, inject: float, cap: int) -> LaunchHops:
+    """The hops from launches, as `LaunchSection.parsed` takes them, with an injection without dimension.
+
+    Raises `InputError` for a single launch that is none.
+    """
+    launches, guess = section.parsed(launch)
+    shape, d = launches.shape[:-1], launches.shape[-1]
+    flat, bound = (launches / section.unit).reshape(-1, d), None
+    if guess is not None:
+        bound = np.broadcast_to(guess / section.bound_unit, shape).ravel()
+    usable = np.isfinite(flat).all(1) & (np.abs(flat) <= FASTEST_LAUNCH).all(1)
+    ys = section.states(np.where(usable[:, None], flat, np.nan), bound)
+    usable &= np.isfinite(ys).all(1)
+    if not shape and not usable[0]:
+        raise InputError(
+            f"launch = {launches.tolist()} is none: the contact force vanishes at no '{section.dependent}'"
+        )
+    following, loss, counts = np.full(ys.shape, np.nan), np.full(len(ys), np.nan), np.zeros(len(ys), int)
+    status, places = np.full(len(ys), "invalid", dtype=STATUS), np.flatnonzero(usable)
+    batches = np.array_split(places, -(-len(places) // LAUNCH_BATCH)) if len(places) else []
+    each = lambda batch: next_launches(section, ys[batch], inject, cap)  # noqa: E731
+    for batch, found in zip(batches, in_threads(each, batches), strict=True):
+        following[batch], loss[batch], counts[batch], status[batch] = found
+    units: Units | None = getattr(machine, "units", None)
+    dimensions = {**{name: section.dimension(name) for name in section.names}, "loss": ENERGY}
+    loss = loss * units.of(ENERGY) if units and units.energy else loss
+    next_ones = (section.free(following) * section.unit).reshape(launches.shape)
+    rows = [each.reshape(shape) for each in (loss, counts, status)]
+    texts = units.texts(dimensions) if units else {}
+    return LaunchHops(section.names, launches, next_ones, rows[0], rows[1], rows[2], texts, machine_in_words(machine))
+
+
+def next_launches(section: LaunchSection, ys: np.ndarray, inject: float, cap: int) -> tuple[np.ndarray, ...]:
+    """The launches (m, k) after launches (m, k), contact states, NaN where there is none; the losses of energy in
+    impacts, the numbers of impacts and the statuses (m,)."""
+    impacts = section.impacts
+    states = ys @ impacts.model.embed.T
+    speeds = [name.endswith("'") for name in impacts.flight.phase.states]
+    neighbours = states * np.where(speeds, 1 + NEIGHBOUR, 1.0) if impacts.restitution >= MANY_BOUNCES else None
+    loss, counts, status, standing = impacts_from(impacts, states, cap, neighbours)
+    following, lifting = np.full(ys.shape, np.nan), np.flatnonzero(status == "lifts_off")
+    status[lifting], ends = impacts.sustained_contacts(standing[lifting])
+    ended = status[lifting] == "lifts_off"
+    lifting, ends = lifting[ended], ends[ended]
+    ends = section.injected(ends, inject)
+    launches = np.isfinite(ends).all(1)
+    status[lifting[~launches]], following[lifting[launches]] = "rests", ends[launches]
+    return following, loss, counts, status

@@ -1,0 +1,140 @@
+"""The launches of a machine as the points of a section: contact states in which the contact force vanishes.
+
+A launch of a machine of N coordinates is one of 2(N - 1) states of its contact, with one condition between them, so
+that 2N - 3 numbers determine it: the unknowns of the launch but one, which follows from the others.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..units import UNKNOWNS, Dimension, Units, dimension_of_state
+from .impacts import Impacts
+
+# Newton's method for the unknown that follows from the others has converged at this change, as a share of the launch.
+LAUNCH_SETTLED, MOST_LAUNCH_STEPS = 1e-15, 60
+
+
+class LaunchSection:
+    """The section of a machine's launches.
+
+    unknowns : names of the unknowns of a launch
+    names : those d of them that are free, in this order
+    dependent : the one that follows from the others, "liftoff" where the contact force depends on it
+    unit, bound_unit : units (d,) of the free unknowns, and that of the other one, for a machine stated in SI
+
+    Contact states are dimensionless; launches that a user states are in the machine's units.
+    """
+
+    def __init__(self, impacts: Impacts, units: Units | None = None):
+        self.impacts, self.places = impacts, impacts.model.launch_places
+        self.unknowns = tuple(self.places)
+        sparsity, inside = impacts.force_slope.sparsity_out(0), [*self.places.items()]
+        found = [name for name, place in inside if sparsity.has_nz(0, place)]
+        self.dependent = min(found, key=lambda name: name == "alpha" or name.endswith("'"))
+        self.names = tuple(name for name in self.unknowns if name != self.dependent)
+        self.unit = units.of_states(self.names) if units else np.ones(len(self.names))
+        self.bound_unit = float(units.of(self.dependent)) if units else 1.0
+        self._free, self._bound = [self.places[name] for name in self.names], self.places[self.dependent]
+
+    @staticmethod
+    def dimension(name: str) -> Dimension:
+        """The dimension of an unknown of a launch."""
+        return UNKNOWNS.get(name) or dimension_of_state(name)
+
+    def tangent(self, y: np.ndarray) -> np.ndarray:
+        """The derivative (k, d) of the contact state by the free unknowns at a launch (k,)."""
+        gradient = self.impacts.force_gradient(y)
+        tangent = np.zeros((len(y), len(self.names)))
+        tangent[self._free, range(len(self.names))] = 1.0
+        tangent[self._bound] = -gradient[self._free] / gradient[self._bound]
+        return tangent
+
+    def free(self, ys: np.ndarray) -> np.ndarray:
+        """The free unknowns (..., d) of launches, contact states (..., k)."""
+        return ys[..., self._free]
+
+    def unknowns_of(self, y: np.ndarray) -> dict[str, float]:
+        """The unknowns of a launch (k,) by name."""
+        return {name: float(y[place]) for name, place in self.places.items()}
+
+    def states(self, launches: np.ndarray, guess: np.ndarray | None = None) -> np.ndarray:
+        """The contact states (m, k) of launches (m, d), NaN where there is none: by Newton's method from the values
+        `guess` (m,) of the dependent unknown, by default 0."""
+        ys = np.zeros((len(launches), self.impacts.contact.size))
+        ys[:, self._free], ys[:, self._bound] = launches, 0.0 if guess is None else guess
+        for y in ys:
+            y[self._bound] = self._solved(y)
+        return ys
+
+    def _solved(self, y: np.ndarray) -> float:
+        """The dependent unknown of a launch whose contact state is otherwise (k,); NaN where it is not found."""
+        contact, before = self.impacts.contact, np.inf
+        y = y.copy()
+        for _ in range(MOST_LAUNCH_STEPS):
+            gradient, force = self.impacts.force_slope(y, contact.data(y[None], self.impacts.p)[0])
+            slope, force = float(gradient[self._bound]), float(force)
+            if not (np.isfinite(force) and slope != 0):
+                break
+            step = -force / slope
+            y[self._bound] += step
+            if abs(step) <= LAUNCH_SETTLED * (1 + np.abs(y).max()) or (abs(step) >= before and before < 1e-12):
+                return float(y[self._bound])
+            before = abs(step)
+        return np.nan
+
+    def parsed(self, launch: Any) -> tuple[np.ndarray, np.ndarray | None]:
+        """Launches (..., d), and values (...) of the dependent unknown if they are stated: from an array (..., d) of
+        the free unknowns, a mapping of arrays (...) by name, or an orbit or a periodic hop, which begins with a launch.
+        Raises `InputError` for anything else."""
+        names, text = self.names, f"a launch of this machine is an array (..., {len(self.names)}) or a mapping"
+        if callable(launch) and hasattr(launch, "flight_time"):
+            launch = self.impacts.model.launch_at(launch(0.0))
+        elif hasattr(launch, "launches"):
+            launch = launch.launches[0]
+        if isinstance(launch, Mapping):
+            unknown, missing = sorted(launch.keys() - {*self.unknowns}), [n for n in names if n not in launch]
+            # Durations, which the starts of `find` have too, are no part of a launch.
+            unknown = [name for name in unknown if name not in self.impacts.model.half_unknowns]
+            if unknown or missing:
+                wrong = f"has no '{unknown[0]}'" if unknown else f"needs '{missing[0]}'"
+                raise InputError(f"{text} of {', '.join(names)}: it {wrong}")
+            columns = np.broadcast_arrays(*(self._numbers(launch[name]) for name in names))
+            own = launch.get(self.dependent)
+            return np.stack(columns, axis=-1), None if own is None else self._numbers(own)
+        launches = self._numbers(launch)
+        if launches.ndim == 0 and len(names) == 1:
+            launches = launches[None]
+        if not launches.ndim or launches.shape[-1] != len(names):
+            raise InputError(f"{text} of {', '.join(names)}, not numbers of the shape {launches.shape}")
+        return launches, None
+
+    @staticmethod
+    def _numbers(values: Any) -> np.ndarray:
+        try:
+            return np.array(values, dtype=float)
+        except (TypeError, ValueError):
+            raise InputError(f"launch = {values!r}; a launch is numbers") from None
+
+    def launch(self, launch: Any) -> np.ndarray:
+        """The dimensionless contact state (k,) of one launch, stated as for `parsed`; raises `InputError` where there
+        is none."""
+        launches, guess = self.parsed(launch)
+        if launches.ndim != 1 or not np.isfinite(launches).all():
+            raise InputError(f"launch = {launch!r}; one launch is {len(self.names)} numbers: {', '.join(self.names)}")
+        (y,) = self.states(
+            launches[None] / self.unit, None if guess is None else np.reshape(guess, 1) / self.bound_unit
+        )
+        if not np.isfinite(y).all():
+            raise InputError(f"launch = {launches.tolist()}: the contact force vanishes at no '{self.dependent}'")
+        return y
+
+    def injected(self, ys: np.ndarray, inject: float) -> np.ndarray:
+        """Launches (m, k) with this impulse added to the launch speed: the other free unknowns stay."""
+        if inject == 0:
+            return ys
+        launches = self.free(ys)
+        launches[:, self.names.index("alpha")] += inject
+        return self.states(launches, ys[:, self._bound])

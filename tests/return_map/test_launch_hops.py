@@ -1,0 +1,92 @@
+"""The return map of launches of several numbers, against SciPy's DOP853 with events."""
+
+import numpy as np
+import pytest
+from columns import column, hop_of, next_launch
+
+from orbits import InputError, Mechanism, ReturnMap
+from orbits.mechanics import Mass, Spring
+
+LAUNCHES = np.array([[6.4, -1.2, 1.1], [6.1, -1.4, 0.9], [5.0, -0.5, 0.0], [7.0, 0.2, 2.0]])
+
+
+@pytest.mark.parametrize(("spring", "cubic"), [("r", 0.0), ("r + 0.02*r**3", 0.02)])
+@pytest.mark.parametrize("damping", [0.0, 0.02])
+def test_the_map_of_a_column(spring, cubic, damping):
+    step = ReturnMap(column(spring, damping))
+    hops = step(LAUNCHES)
+    assert step.names == hops.names == ("alpha", "y1", "y1'")
+    assert hops.statuses() == {"lifts_off": 4}
+    for launch, following, loss in zip(LAUNCHES, hops.next, hops.loss, strict=True):
+        expected, lost = next_launch(launch, damping, cubic)
+        assert following == pytest.approx(expected, rel=1e-9, abs=1e-9)
+        assert loss == pytest.approx(lost, rel=1e-9)
+
+
+def test_energy_is_lost_in_impacts_alone():
+    machine, _ = hop_of("plate")
+    step = ReturnMap(machine)
+    launches = np.array([6.4, -0.006, 0.04]) * np.random.default_rng(2).uniform(0.95, 1.05, (20, 3))
+    hops = step(launches)
+    for first, second, loss in zip(launches, hops.next, hops.loss, strict=True):
+        before, after = (
+            step.impacts.energy(step.impacts.model.embed @ y) for y in step.section.states(np.array([first, second]))
+        )
+        assert before - after == pytest.approx(loss, rel=1e-9)
+
+
+def test_a_lossless_hop_comes_back():
+    for kind in ("column", "cubic column", "chain_hand"):
+        machine, orbit = hop_of(kind)
+        hops = ReturnMap(machine)(orbit)
+        assert hops.next == pytest.approx(hops.launches, rel=1e-9)
+        assert hops.loss < 1e-15
+
+
+def test_launches_in_several_forms():
+    step = ReturnMap(column())
+    hops = step(LAUNCHES.reshape(2, 2, 3))
+    assert hops.next.shape == (2, 2, 3)
+    assert hops.loss.shape == hops.status.shape == (2, 2)
+    named = step(dict(zip(step.names, LAUNCHES.T, strict=True)))
+    assert np.array_equal(named.next, hops.next.reshape(4, 3))
+    assert np.array_equal(step(LAUNCHES[0]).next, step({"alpha": 6.4, "y1": -1.2, "y1'": 1.1, "liftoff": 1.0}).next)
+    assert hops.table()["next y1"].shape == (4,)
+    assert str(hops).startswith("4 launches of 3 numbers: what becomes of them")
+
+
+def test_what_becomes_of_other_launches():
+    launches = [[np.nan, 0.0, 0.0], [-1.0, 0.0, 0.0], [1e16, 0.0, 0.0], [6.4, -1.2, 1.1]]
+    assert ReturnMap(column())(launches).status.tolist() == ["invalid", "no_launch", "invalid", "lifts_off"]
+    assert ReturnMap(column("r", 0.5))([3.0, 0.0, 0.0]).status in ("rests", "stays")
+    assert ReturnMap(column(), cap=1)([6.1, -1.4, 0.9]).status == "cap"
+
+
+def test_many_bounces_are_decided_as_those_of_one_speed():
+    """A column whose upper mass hardly weighs anything is a hopper."""
+    masses = [*(Mass(name, m) for name, m in (("y1", "m"), ("y2", 1.0), ("y3", 1.0)))]
+    springs = [Spring("y1 - y2", "m*r"), Spring("y2 - y3", "r")]
+    light = Mechanism(
+        ("y1", "y2", "y3"), [*masses, *springs], gap="y3", gravity=1.0, parameters={"m": 1e-9}, restitution=0.6
+    )
+    hopper = Mechanism(("y2", "y3"), [*masses[1:], springs[1]], gap="y3", gravity=1.0, restitution=0.6)
+    speeds = np.linspace(5.0, 8.0, 7)
+    following = ReturnMap(light)(np.column_stack([speeds, np.zeros(7), np.zeros(7)])).next[:, 0]
+    assert following == pytest.approx(ReturnMap(hopper)(speeds).next, rel=1e-5, nan_ok=True)
+
+
+@pytest.mark.parametrize(
+    "verb",
+    [
+        lambda step: step.fixed_points(4, 5), lambda step: step.basin(4, 5), lambda step: step.basins(4, 5),
+        lambda step: step.preimages([(4, 5)], 4, 5), lambda step: step.plot(4, 5), lambda step: step.plot_basin(4, 5),
+        lambda step: step.smallest_separation(4.6), lambda step: step.jumps(step(LAUNCHES)),
+    ],
+)  # fmt: skip
+def test_intervals_of_speeds_are_refused(verb):
+    with pytest.raises(InputError, match="say nothing where a launch has 3 numbers, alpha, y1, y1'"):
+        verb(ReturnMap(column()))
+
+
+def test_the_map_in_a_notebook():
+    assert "numbers of a launch" in ReturnMap(column())._repr_html_()
