@@ -72,6 +72,7 @@ class Units:
         None where it is not known
     angles : names of the coordinates that are angles (rad) instead of lengths, with "liftoff" among them where the
         extension at lift-off is an angle: the launch speed is then in rad/s
+    own : the dimensions of states that are neither lengths nor angles nor speeds of these, by name
 
     In `Model.units` the units are expressions of the machine's parameters.
     """
@@ -81,10 +82,13 @@ class Units:
     force: Any
     energy: Any = None
     angles: tuple[str, ...] = ()
+    own: tuple[tuple[str, Dimension], ...] = ()
 
     def resolved(self, dimension: Dimension | str) -> Dimension:
         """The powers of lengths, times, forces, energies and angles of a dimension, or of the state or unknown of this
         name."""
+        if isinstance(dimension, str) and dimension in (own := dict(self.own)):
+            dimension = own[dimension]
         if isinstance(dimension, str):
             angle = ANGULAR_SPEED if dimension.endswith("'") else ANGLE
             known = dimension not in UNKNOWNS and dimension.removesuffix("'") in self.angles
@@ -168,11 +172,13 @@ class Units:
 
     def inverse(self) -> "Units":
         """The units that convert back."""
-        return Units(1 / self.length, 1 / self.time, 1 / self.force, self.energy and 1 / self.energy, self.angles)
+        return Units(
+            1 / self.length, 1 / self.time, 1 / self.force, self.energy and 1 / self.energy, self.angles, self.own
+        )
 
     def saved(self) -> Document:
         """The units for a file, as `SavedUnits`."""
-        return {name: value for name, value in vars(self).items() if name != "angles" or value}
+        return {name: value for name, value in vars(self).items() if name not in ("angles", "own") or value}
 
 
 def dimension_of_state(name: str) -> Dimension:

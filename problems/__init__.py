@@ -5,6 +5,7 @@ from typing import Any
 
 _HOMES = {
     "Actuated": ".steering.actuated",
+    "Actuator": ".steering.actuated",
     "Chain": ".machines.chain",
     "Disturbed": ".steering.disturbed",
     "Driven": ".steering.driven",

@@ -56,7 +56,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     lost, floor = bound(orbit)
     efforts, works, worst, speeds = {}, {}, 0.0, []
     for lossless in (True, False):
-        found = [keep_hopping(Hopper(damping=c), orbit=orbit, lossless=lossless) for c in dampings]
+        found = [keep_hopping(Hopper(damping=c), start=orbit, lossless=lossless) for c in dampings]
         efforts[lossless] = np.array([one.cost for one in found])
         works[lossless] = np.array([work(Hopper(damping=c), one)[0] for c, one in zip(dampings, found, strict=True)])
         worst = max([worst] + [missed(Hopper(damping=c), one) for c, one in zip(dampings, found, strict=True)])
@@ -81,7 +81,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     print(f"\n  the effort goes with c to the power {exponent:.6f}; by energy alone it would be {floor:.4f} c^2")
     print(f"  the dissipation of the lossless hop is {lost:.6f} c; open loop the answers are missed by {worst:.1e}")
     left, middle, right = new_row(3, 3.6, 4.0)
-    keep_hopping(Hopper(damping=SHOWN), orbit=orbit).plot(left)
+    keep_hopping(Hopper(damping=SHOWN), start=orbit).plot(left)
     for lossless, name, colour in ((True, "lossless landing", COLOURS[0]), (False, "any landing", COLOURS[1])):
         middle.semilogx(dampings, efforts[lossless] / dampings**2, "o-", color=colour, ms=4, label=name)
         right.semilogx(dampings, works[lossless] / dampings, "o-", color=colour, ms=4, label=name)

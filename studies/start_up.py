@@ -31,7 +31,7 @@ def efforts(strokes, pumps, orbit) -> tuple[dict[float, np.ndarray], float]:
         row = []
         for count in pumps:
             try:
-                answer = start_up(MACHINE, count, orbit=orbit, rate=RATE, stroke=stroke)
+                answer = start_up(MACHINE, count, start=orbit, rate=RATE, stroke=stroke)
             except NoOrbit as reason:
                 print(f"  stroke {stroke:g}, {count} pumps: {reason}")
                 row.append(np.nan)
@@ -44,7 +44,7 @@ def efforts(strokes, pumps, orbit) -> tuple[dict[float, np.ndarray], float]:
 
 def draw(axes, orbit, hops: int = 2):
     """A start and the hops after it."""
-    answer = start_up(MACHINE, orbit=orbit, **SHOWN)
+    answer = start_up(MACHINE, start=orbit, **SHOWN)
     run = rerun(MACHINE, answer, hops=hops)
     run.plot(axes)
     t = np.linspace(0, run.end, 4001)
@@ -74,7 +74,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     short = np.geomspace(1e-3, 1.0, 4 if quick else 13)
     numbers = {"start": float(found[strokes[0]][1]), "launches": float(np.abs(run.launches - orbit.alpha).max())}
     for lossless, name, colour in ((True, "lossless landing", COLOURS[0]), (False, "any landing", COLOURS[1])):
-        answers = [recover(MACHINE, d, orbit=orbit, lossless=lossless) for d in short]
+        answers = [recover(MACHINE, d, start=orbit, lossless=lossless) for d in short]
         row = np.array([answer.cost for answer in answers])
         worst = max([worst] + [missed(MACHINE, answer) for answer in answers])
         kind = "recovery" if lossless else "any recovery"
@@ -82,7 +82,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
         numbers[f"{kind} exponent"] = float(np.log(row[1] / row[0]) / np.log(short[1] / short[0]))
         print(f"  {name}: effort {numbers[f'{kind} over d^2']:.5f} d^2, exponent {numbers[f'{kind} exponent']:.5f}")
         right.semilogx(short, row / short**2, "o-", color=colour, ms=4, label=name)
-    fast = [recover(MACHINE, -d, orbit=orbit, lossless=False) for d in short]
+    fast = [recover(MACHINE, -d, start=orbit, lossless=False) for d in short]
     row = np.array([answer.cost for answer in fast])
     worst = max([worst] + [missed(MACHINE, answer) for answer in fast])
     right.semilogx(short, row / short**2, "o--", color=COLOURS[1], ms=4, label="any landing, too fast by d")

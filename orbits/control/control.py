@@ -261,7 +261,8 @@ def control_in_units(
         for leg in control.legs
     )
     inputs = {name: unit_text(own[name]) for leg in control.legs for name in leg.inputs.names if name in own}
-    texts = {**_units_of(legs), "cost": unit_text(cost), RUNNING_COST: unit_text(cost), "time": "s", **inputs}
+    states = {name: units.text(own.get(name) or name) for leg in control.legs for name in leg.states}
+    texts = {**states, "cost": unit_text(cost), RUNNING_COST: unit_text(cost), "time": "s", **inputs}
     return replace(
         control, legs=legs, cost=control.cost * units.of(cost), parameters=parameters, units=texts, bare=control
     )

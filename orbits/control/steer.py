@@ -9,11 +9,13 @@ too: an exchange method, see Hettich and Kortanek, "Semi-infinite programming", 
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import count
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError, NoOrbit, finite_number
+from ..periodic.find import Progress
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..symbolic.ipopt import Minimum
@@ -25,6 +27,7 @@ from .transcription import StageUnknowns, Transcription, transcription
 
 INSET = 1e-9  # inputs of a guess are sampled this share of an interval away from its ends, since it may jump there
 AT_BOUND = 1e-4  # a value this close to a bound, relative to it or to one, is at it: a failed iteration ends no closer
+STALLED = 0.5  # a violation that falls by no more than this from round to round is one of the steps
 RUNAWAY_DURATION = 1e3  # a duration without an upper bound that grows by this factor has no minimum
 
 
@@ -66,6 +69,7 @@ class Guess:
 def steer(
     stages: Sequence[Stage], parameters: Mapping[str, float] | None = None, *, guess: Sequence[Guess] | Control,
     free: Mapping[str, tuple[float, float]] | None = None, tolerance: float = 1e-9, refine: float | None = None,
+    progress: Progress = None,
 ) -> Control:  # fmt: skip
     """Find a motion through `stages`, one after the other, of locally least cost: no motion near it costs less.
 
@@ -77,6 +81,8 @@ def steer(
     tolerance : the largest violation and error allowed
     refine : all intervals are halved until the relative change of the cost is at most this. With None they are not
         halved, and it is not known how much finer intervals would save
+    progress : called after each solve of the nonlinear program, whose number is not known before, with the share done:
+        1/2 after the first, 3/4 after the second, and 1 at the end
 
     The nonlinear program, by direct multiple shooting, is solved by Ipopt, and its solution is integrated again. Raises
     `InputError` for invalid arguments and for bounds that conflict, and `NoOrbit`, with the reason, where there is no
@@ -96,10 +102,13 @@ def steer(
     _check(stages, parameters, free, tolerance)
     if refine is not None and not finite_number("refine", refine) > tolerance:
         raise InputError(f"refine = {refine:g}; a share of the cost above the tolerance, {tolerance:g}")
+    solves, report = count(1), progress or (lambda share: None)
+    solved = lambda: report(1 - 0.5 ** next(solves))  # noqa: E731
     with interrupts.deferred():
-        found = _steer(stages, parameters, free, guess, tolerance)
+        found = _steer(stages, parameters, free, guess, tolerance, solved)
         if refine is not None:
-            found = _halved(found, stages, parameters, free, tolerance, refine)
+            found = _halved(found, stages, parameters, free, tolerance, refine, solved)
+    report(1.0)
     return replace(found, seconds=time.perf_counter() - began)
 
 
@@ -120,11 +129,11 @@ def _check(stages, parameters: Mapping, free: Mapping, tolerance: float) -> None
         finite_number(f"parameter '{name}'", value)
 
 
-def _halved(found: Control, stages, parameters, free, tolerance: float, refine: float) -> Control:
+def _halved(found: Control, stages, parameters, free, tolerance: float, refine: float, solved: Callable) -> Control:
     """The motion on intervals that are halved until its cost converges."""
     for _ in range(STEER_OPTIONS.halvings):
         stages = tuple(replace(stage, intervals=2 * stage.intervals) for stage in stages)
-        finer = _steer(stages, parameters, free, found, tolerance)
+        finer = _steer(stages, parameters, free, found, tolerance, solved)
         coarseness = abs(finer.cost - found.cost) / max(abs(finer.cost), STEER_OPTIONS.negligible_cost)
         iterations, rounds = found.iterations + finer.iterations, found.rounds + finer.rounds
         found = replace(finer, coarseness=coarseness, iterations=iterations, rounds=rounds)
@@ -136,7 +145,7 @@ def _halved(found: Control, stages, parameters, free, tolerance: float, refine: 
     )
 
 
-def _steer(stages, parameters: Mapping, free: Mapping, guess, tolerance: float) -> Control:
+def _steer(stages, parameters: Mapping, free: Mapping, guess, tolerance: float, solved: Callable) -> Control:
     """The motion on the stated intervals."""
     try:
         problem = transcription(stages, tuple(parameters), tuple(free), (1,) * len(stages), ())
@@ -150,6 +159,7 @@ def _steer(stages, parameters: Mapping, free: Mapping, guess, tolerance: float) 
         interrupts.heed()
         found = _minimum(current, fixed, bounds)
         iterations += found.iterations
+        solved()
         if found.kind != "minimum":
             raise NoOrbit(_reason_of_failure(current.problem, found))
         current = replace(current, x=found.x, multipliers=found.multipliers)
@@ -158,13 +168,14 @@ def _steer(stages, parameters: Mapping, free: Mapping, guess, tolerance: float) 
             factor, (bound, held) = current.unit / size, found.multipliers
             current = replace(current, unit=size, multipliers=(factor * bound, factor * held))
             continue
-        motion = roll_out(current, found.cost, fixed)
+        before, motion = motion, roll_out(current, found.cost, fixed)
         _check_not_collapsed(stages, [of.unknowns for of in motion.stages])
         if motion.error <= tolerance and motion.violation <= tolerance:
             named = dict(zip(problem.names, motion.values.tolist(), strict=True))
             accuracy = motion.violation, motion.error
             return Control(motion.legs(), motion.cost, named, *accuracy, iterations, rounds, 0.0, warm_start=current)
-        finer = _refined(current, motion, tolerance)
+        stalled = before is not None and motion.violation > STALLED * before.violation
+        finer = _refined(current, motion, tolerance, stalled)
         if max(finer.problem.substeps) > STEER_OPTIONS.substeps:
             break
         current = finer
@@ -198,16 +209,17 @@ def _minimum(start: WarmStart, fixed, bounds) -> Minimum:
     return replace(found, cost=found.cost * start.unit)
 
 
-def _refined(current: WarmStart, motion: MotionRollout, tolerance: float) -> WarmStart:
-    """The start of the next round: steps are halved where they are inaccurate, and exchange points added at dips."""
+def _refined(current: WarmStart, motion: MotionRollout, tolerance: float, stalled: bool) -> WarmStart:
+    """The start of the next round: steps are halved where they are inaccurate, and exchange points added at dips; all
+    steps are halved where the exchange has `stalled`."""
     problem = current.problem
     inaccurate = [stage.distance > tolerance for stage in motion.stages]
     dips = [(i, *dip) for i, stage in enumerate(motion.stages) for dip in stage.dips(tolerance)]
-    if not any(inaccurate) and not dips:  # the cost or a condition at an end is off
+    if stalled or not (any(inaccurate) or dips):  # else the cost or a condition at an end is off
         inaccurate = [True] * len(inaccurate)
     substeps = tuple(2 * n if bad else n for n, bad in zip(problem.substeps, inaccurate, strict=True))
-    points = problem.exchange_points + tuple((i, interval) for i, interval, _ in dips)
-    finer = transcription(problem.stages, problem.fixed, problem.free, substeps, points)
+    exchanged = problem.exchange_points + tuple((i, interval) for i, interval, _ in dips)
+    finer = transcription(problem.stages, problem.fixed, problem.free, substeps, exchanged)
     shares = np.append(current.shares, [share for *_, share in dips])
     assert current.multipliers is not None  # of the minimum that was rolled out
     bound, held = current.multipliers

@@ -12,7 +12,7 @@ from orbits import Mechanism
 from orbits.laws.law import Key
 from orbits.mechanics import Damper, Mass, Spring
 
-from .two_masses import END, RATE, TwoMassMachine
+from .two_masses import TwoMassMachine
 
 
 @dataclass(frozen=True, repr=False)
@@ -31,7 +31,7 @@ class Hopper(TwoMassMachine):
 
     @staticmethod
     @lru_cache(maxsize=64)
-    def mechanism(spring: Key, gravity: Key | None, has_length: bool, damped: bool, moved: bool = False) -> Mechanism:
+    def mechanism(spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Mechanism:
         """The mechanism of the keys of the laws, see `TwoMassMachine.mechanism`."""
         body = "rest_length + y1" if has_length else "y1"
         masses = [Mass(body, "(1 + mass_ratio)/mass_ratio"), Mass("y2", "1 + mass_ratio")]
@@ -41,7 +41,7 @@ class Hopper(TwoMassMachine):
             coordinates=("y1", "y2"),
             elements=[
                 *masses,
-                Spring(f"y1 - y2 - {END}" if moved else "y1 - y2", spring),
+                Spring("y1 - y2", spring),
                 *(dampers if damped else []),
             ],
             gap="y2",
@@ -51,7 +51,6 @@ class Hopper(TwoMassMachine):
             counts="y1 - y2",
             heights={"body": body, "foot": "y2", "centre of mass": f"({body} + mass_ratio*y2)/(1 + mass_ratio)"},
             separation="rest_length + y1 - y2" if has_length else None,
-            actuators={END: RATE} if moved else {},
             words={
                 "liftoff": "the foot's weight",
                 "gap": "foot below ground",

@@ -15,7 +15,7 @@ from orbits import Mechanism
 from orbits.laws.law import Key
 from orbits.mechanics import Damper, Mass, Spring
 
-from .two_masses import END, RATE, TwoMassMachine
+from .two_masses import TwoMassMachine
 
 
 @dataclass(frozen=True, repr=False)
@@ -36,7 +36,7 @@ class Juggler(TwoMassMachine):
 
     @staticmethod
     @lru_cache(maxsize=64)
-    def mechanism(spring: Key, gravity: Key | None, has_length: bool, damped: bool, moved: bool = False) -> Mechanism:
+    def mechanism(spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Mechanism:
         """The mechanism of the keys of the laws, see `TwoMassMachine.mechanism`."""
         ball, hand = ("rest_length + w1", "rest_length + w2") if has_length else ("w1", "w2")
         masses = [Mass(ball, "1/mass_ratio"), Mass(hand, 1.0)]
@@ -44,14 +44,13 @@ class Juggler(TwoMassMachine):
         return Mechanism(
             name="juggler",
             coordinates=("w1", "w2"),
-            elements=[*masses, Spring(f"w2 - {END}" if moved else "w2", spring), *(dampers if damped else [])],
+            elements=[*masses, Spring("w2", spring), *(dampers if damped else [])],
             gap="w1 - w2",
             gravity=gravity or "1",
             energy_unit="1/mass_ratio",
             counts="w2",
             heights={"ball": ball, "hand": hand},
             separation="rest_length + w2" if has_length else None,
-            actuators={END: RATE} if moved else {},
             words={
                 "liftoff": "zero force",
                 "gap": "ball below the hand",

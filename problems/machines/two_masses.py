@@ -23,8 +23,6 @@ from .parameters import checked_numbers, refuse_taken
 MASS_RATIOS = (1e-12, 1e12)
 DAMPERS = ("damping", "drag")
 OWN_PARAMETERS = ("mass_ratio", "rest_length", *DAMPERS)
-# The displacement of a spring's end that an actuator moves, and its rate.
-END, RATE = "u", "w"
 
 
 class TwoMasses(Stated):
@@ -141,9 +139,9 @@ class TwoMassMachine(TwoMasses):
         return with_reach(spring, spring, p), gravity and with_reach(gravity, spring, p)
 
     @staticmethod
-    def mechanism(spring: Key, gravity: Key | None, has_length: bool, damped: bool, moved: bool = False) -> Mechanism:
-        """The mechanism from the keys of the laws (None: constant gravity), and whether there is a rest length, a
-        damping, and an actuator that moves the spring's end; its parameters have no values yet."""
+    def mechanism(spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Mechanism:
+        """The mechanism from the keys of the laws (None: constant gravity), and whether there is a rest length
+        and a damping; its parameters have no values yet."""
         raise NotImplementedError
 
     def stated(self) -> Mechanism:

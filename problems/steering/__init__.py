@@ -1,4 +1,4 @@
-"""Steering an actuated machine: keep it hopping though damped, bring it to its lossless orbit, start it from rest."""
+"""Steering a machine by an actuator: keep it hopping though damped, bring it to its hop, start it from rest."""
 
 from .goals import keep_hopping, missed, recover, rerun, start_up, work
 

@@ -1,75 +1,174 @@
-"""A machine whose spring's end is moved by an actuator, as on the paper's air track (section 10).
+"""A machine with an actuator, which moves the end of a spring, as on the paper's air track (section 10), or is a force.
 
-The spring acts by phi(r - u), u the displacement of its end, r the extension; its rate w = u' is the input. The
-damper beside the spring works on r' alone. The actuator does work on the machine at the rate -m phi(r - u) w, m the
-mass ratio, in the units of the machine's energy; lift-off is where the contact force vanishes, landing where the gap
-does.
+An actuator has one state more than the machine, whose rate is the input. The spring acts by phi(r - u), u the
+displacement of its end, r the extension, with the rate w = u'; the damper beside the spring works on r' alone. A force
+f, with the rate f_rate, acts along a distance d: it pushes apart where it is above 0. The actuator's power on the
+machine is its force times the speed at which it moves: -phi(r - u) w or f d', in the units of the machine's energy.
+Lift-off is where the contact force vanishes, landing where the gap does.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from operator import attrgetter
-from typing import Any
+from typing import Any, cast
 
+import casadi as ca
 import numpy as np
 
-from orbits.control import Input
-from orbits.errors import InputError, finite_number
-from orbits.laws.law import Algebraic, Scalars
+from orbits.errors import InputError
+from orbits.laws.law import Algebraic, Parameters, Scalars, from_key
+from orbits.mechanics import Damper, Force, Spring
+from orbits.mechanics.dimensions import length_or_angle
+from orbits.mechanics.elements import Element, Scalar, names_in, value_of
+from orbits.mechanics.mechanism import Mechanism
 from orbits.model.machine import Stated
-from orbits.model.model import Model
-from orbits.model.phase import Affine
-from orbits.running.exclusive import exclusive_property
-from orbits.units import LENGTH, SPEED, Message, Quantity, Units
+from orbits.model.model import Model, as_derived
+from orbits.running.exclusive import exclusive, exclusive_property
+from orbits.symbolic.formula import suggest
+from orbits.units import ANGLE, ANGULAR_SPEED, FORCE, LENGTH, SPEED, TORQUE, Dimension, Units
 
-from ..machines.in_si import MachineInSI
 from ..machines.parameters import refuse_taken
-from ..machines.two_masses import DAMPERS, END, RATE, TwoMassMachine
+from ..machines.two_masses import DAMPERS, TwoMassMachine
 
 SIZES = ("length", "time", "force")
+# The state and the input of each kind of actuator.
+STATES_OF_ACTUATORS = {"displacement": ("u", "w"), "force": ("f", "f_rate")}
+
+
+@dataclass(frozen=True)
+class Actuator:
+    """What drives a machine of which nothing else is driven.
+
+    along : the extension of the spring whose end is moved, as the machine states it, or the distance along which a
+        force acts: a formula of the coordinates, "body - foot". None is the extension of the only spring
+    kind : "displacement", of the spring's end, whose rate is the input; or "force", which pushes along the distance
+        where it is above 0, and whose rate is the input, so that it never jumps
+
+    >>> from problems import Actuator, Hopper, steering
+    >>> pushed = steering.keep_hopping(Hopper(damping=0.01), actuator=Actuator("y1 - y2", kind="force"))
+    >>> pushed.inputs
+    ('f_rate',)
+    """
+
+    along: str | None = None
+    kind: str = "displacement"
+
+    def __post_init__(self) -> None:
+        if self.kind not in STATES_OF_ACTUATORS:
+            raise InputError(f"kind = {self.kind!r}; an actuator is a 'displacement' or a 'force'")
+        if not (self.along is None or isinstance(self.along, str)):
+            raise InputError(f"along = {self.along!r}; it is a formula of the coordinates, as 'body - foot'")
+
+    @property
+    def state(self) -> str:
+        """The name of its state."""
+        return STATES_OF_ACTUATORS[self.kind][0]
+
+    @property
+    def rate(self) -> str:
+        """The name of the rate of its state, the input."""
+        return STATES_OF_ACTUATORS[self.kind][1]
+
+    @property
+    def is_force(self) -> bool:
+        """Whether it is a force."""
+        return self.kind == "force"
 
 
 @dataclass(frozen=True)
 class Actuated(Stated):
-    """A machine whose spring's end is moved, as `simulate` takes it; the last state u is the displacement of this end.
+    """A machine with an actuator, as `simulate` takes it; the last state is the displacement of a spring's end, or the
+    force.
 
-    machine : a `Hopper` or `Juggler`, or one in SI, which is stored without units
+    machine : a `Hopper`, a `Juggler`, a `Mechanism`, or any other machine that one states, as a `Chain`; one in SI is
+        stored without units
+    actuator : by default it moves the end of the only spring
     units : of the machine in SI, None for a dimensionless one
+
+    Raises `InputError` for a machine that no mechanism states, for laws with corners, and for an actuator that does not
+    fit the machine.
     """
 
-    machine: TwoMassMachine
+    machine: Any
+    actuator: Actuator = Actuator()
     units: Units | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        if isinstance(self.machine, MachineInSI):
-            object.__setattr__(self, "units", self.machine.units)
-            object.__setattr__(self, "machine", self.machine.dimensionless())
-        if not isinstance(self.machine, TwoMassMachine):
+        if not hasattr(self.machine, "stated"):
             kind = type(self.machine).__name__
-            raise InputError(f"a {kind} is no machine whose spring can be moved, as problems.Hopper()")
-        self.machine.stated()  # raises for a machine that is no mechanism
-        if corners := self.machine.spring.corners():
-            text = f"spring '{self.machine.spring.text}' has a corner at r = {corners[0]:.6g}"
+            raise InputError(f"a {kind} is no machine whose spring can be moved: state it as an orbits.Mechanism(...)")
+        stated = self.machine.stated()  # raises for a machine that is no mechanism
+        if stated.actuators:
+            names = ", ".join(stated.actuators)
             raise InputError(
-                f"{text}: an actuator needs a law with a continuous slope; round it, as by a table of rows"
+                f"the {stated.name} has actuators of its own ({names}): state it without, and give actuator="
             )
-        refuse_taken((END, RATE, "peak"), self.machine.parameters, "the actuator's own name")
+        refuse_corners(stated)
+        object.__setattr__(self, "actuator", _resolved(self.actuator, stated))
+        own = (self.actuator.state, self.actuator.rate)
+        refuse_taken((*own, *LAUNCH_PARAMETERS), [*stated.coordinates, *stated.parameters], "the actuator's own name")
+        if self.machine.units is not None:
+            dimension = self.dimensions[self.actuator.state]
+            object.__setattr__(self, "units", replace(self.machine.units, own=((self.actuator.state, dimension),)))
+            object.__setattr__(self, "machine", self.machine.dimensionless())
+
+    @property
+    def _is_default(self) -> bool:
+        """Whether the actuator is that of a machine of which none is named."""
+        springs = springs_of_mechanism(self.machine.stated())
+        return len(springs) == 1 and self.actuator == Actuator(cast(str, springs[0].extension))
 
     @exclusive_property
-    def model(self) -> Model:
-        """The machine's model with u as a further state; machines that differ only in numbers share it."""
+    def mechanism(self) -> Mechanism:
+        """The machine with its actuator; of machines of two masses without values, as these are in the machine."""
         m = self.machine
-        return m.mechanism(*m.keys, m.rest_length is not None, damped=True, moved=True).model
+        if isinstance(m, TwoMassMachine):
+            return _with_actuator(m.mechanism(*m.keys, m.rest_length is not None, True), self.actuator)
+        return _with_actuator(m.stated(), self.actuator)
+
+    @property
+    def model(self) -> Model:
+        """The machine's model with the actuator's state; machines that differ only in numbers share it."""
+        if self.units is None:
+            return self.mechanism.model
+        stated = self.machine.stated()
+        kinds = (
+            length_or_angle(each.extension, stated.places, {*stated.angles}) for each in springs_of_mechanism(stated)
+        )
+        return _with_forces(
+            self.mechanism.model, tuple(() if k is None else FORCE if k is LENGTH else TORQUE for k in kinds)
+        )
+
+    @property
+    def dimensions(self) -> dict[str, Dimension]:
+        """The dimensions of the actuator's state and of its rate by name, of its "actuator force", and of its "way"."""
+        stated, actuator = self.machine.stated(), self.actuator
+        places = {*stated.coordinates}
+        turned = length_or_angle(actuator.along, places, {*stated.angles}) is ANGLE
+        way, speed, force = (ANGLE, ANGULAR_SPEED, TORQUE) if turned else (LENGTH, SPEED, FORCE)
+        own = (force, (force[0], force[1] - 1, *force[2:])) if actuator.is_force else (way, speed)
+        return {actuator.state: own[0], actuator.rate: own[1], "actuator force": force, "way": way}
 
     @property
     def values(self) -> dict[str, float]:
-        """Every parameter of the model by name, the spring's end at rest."""
-        return {**self.still, RATE: 0.0}
+        """Every parameter of the model by name, the actuator at rest."""
+        return {**self.still, self.actuator.rate: 0.0}
 
     @property
     def still(self) -> dict[str, float]:
         """Every parameter but the actuator's rate, which is an input."""
-        return {**self.machine.values, **{name: float(getattr(self.machine, name)) for name in DAMPERS}}
+        dampers = DAMPERS if isinstance(self.machine, TwoMassMachine) else ()
+        return {**self.machine.values, **{name: float(getattr(self.machine, name)) for name in dampers}}
+
+    @property
+    def damped(self) -> bool:
+        """Whether the machine loses energy otherwise than by impacts."""
+        if isinstance(self.machine, TwoMassMachine):
+            return self.machine.damped
+        stated = self.machine.stated()
+        dampers = [each for each in stated.elements if isinstance(each, Damper)]
+        own = any(callable(each.coefficient) or value_of(each.coefficient, {}, stated.values) > 0 for each in dampers)
+        return own or any(isinstance(each, Force) for each in stated.elements)
 
     restitution = property(attrgetter("machine.restitution"), doc="That of the machine.")
     rest_length = property(attrgetter("machine.rest_length"), doc="That of the machine, None if it has none.")
@@ -77,7 +176,8 @@ class Actuated(Stated):
     @property
     def scheduled(self) -> dict[str, float]:
         """The unit of the actuator's rate, which a simulation may vary in time."""
-        return {RATE: 1.0 if self.units is None else self.units.of(SPEED)}
+        rate = self.actuator.rate
+        return {rate: 1.0 if self.units is None else self.units.of(self.dimensions[rate])}
 
     def dimensionless(self) -> "Actuated":
         """The same without units."""
@@ -86,47 +186,184 @@ class Actuated(Stated):
     def describe(self) -> dict[str, Any]:
         """The machine as JSON-ready data; of one in SI with the sizes of its units, which its numbers do not say."""
         sizes = {} if self.units is None else {f"unit_{name}": getattr(self.units, name) for name in SIZES}
-        return {**self.machine.describe(), "actuated": True, **sizes}
+        own = {} if self._is_default else {"actuator": {"along": self.actuator.along, "kind": self.actuator.kind}}
+        return {**self.machine.describe(), "actuated": True, **own, **sizes}
 
     def with_values(self, **values: float) -> "Actuated":
         """The same actuator on the machine with other values of its parameters."""
         return replace(self, machine=self.machine.with_values(**values))
 
+    @exclusive_property
+    def drive(self) -> "Drive":
+        """The actuator on the model; machines that differ only in numbers have equal ones."""
+        return Drive(self.model, self.actuator, tuple(self.mechanism.coordinates), self.mechanism.energy_unit)
+
+    @exclusive
+    def effects(self, states: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The actuator's forces and powers (k,) in flight states (k, n) at rates (k,) of its state."""
+        found = self._effects(states.T, np.atleast_2d(rates))
+        force, power = (np.array(each, dtype=float).ravel() for each in found)
+        return force, power
+
+    @exclusive_property
+    def _effects(self) -> ca.Function:
+        """(flight state, rate) -> the actuator's force and power."""
+        x, rate = ca.SX.sym("x", len(self.model.flight.states)), ca.SX.sym("rate")
+        states, p = ca.vertsplit(x), {**self.still, self.actuator.rate: rate}
+        q = self.model.flight.data(states, p)
+        return ca.Function("effects", [x, rate], [self.drive.force(states, p, q), self.drive.power(states, p, q)])
+
 
 @dataclass(frozen=True)
-class Limits:
-    """Bounds of the actuator's rate and displacement, and the distance that is to stay positive, if it is known."""
+class Drive:
+    """An actuator on a model.
 
-    rate: float
-    stroke: float
-    separation: Affine | None
+    coordinates : names of the machine's coordinates
+    energy_unit : as in `Mechanism`
+    """
 
-    def inputs(self, cost: str) -> dict[str, Input]:
-        """The rate as the stages' input; for the least peak, the free parameter "peak" bounds it."""
-        if cost == "peak":
-            return {RATE: Input(lambda p: -p["peak"], lambda p: p["peak"])}
-        return {RATE: Input(-self.rate, self.rate)}
+    model: Model
+    actuator: Actuator
+    coordinates: tuple[str, ...]
+    energy_unit: Scalar
 
-    def path(self, embed: np.ndarray) -> dict[str, Callable]:
-        """The path constraints on states that `embed` makes flight states."""
-        held: dict[str, Callable] = {}
-        if np.isfinite(self.stroke):
-            held["room to pull"] = lambda x, p, q: self.stroke - x[-1]
-            held["room to push"] = lambda x, p, q: self.stroke + x[-1]
-        if separation := self.separation:
-            held["separation"] = lambda x, p, q: separation.at(product(embed, x))
-        return held
+    def force(self, x: Scalars, p: Parameters, q: Scalars) -> Algebraic:
+        """The actuator's force along its way, in a flight state: f, or that on the spring's end, -phi."""
+        if self.actuator.is_force:
+            return x[-1]
+        return self.model.flight_gradient(x, p, q)[-1] * value_of(self.energy_unit, {}, p)
+
+    def power(self, x: Scalars, p: Parameters, q: Scalars) -> Algebraic:
+        """The actuator's power on the machine in a flight state, in the machine's unit of energy over that of time."""
+        if self.actuator.is_force:
+            return x[-1] * self._speed(x, p) / value_of(self.energy_unit, {}, p)
+        return self.model.flight_gradient(x, p, q)[-1] * p[self.actuator.rate]
+
+    def _speed(self, x: Scalars, p: Parameters) -> Algebraic:
+        """The rate of the distance along which a force acts, in a flight state."""
+        way = self._way
+        values = [p[name] for name in way.names]
+        return way.slope(ca.vertcat(*x[:-1:2]), ca.vertcat(*x[1:-1:2]), ca.vertcat(*values))
+
+    def travel(self, x: Scalars, p: Parameters) -> Algebraic:
+        """How far the actuator is displaced in a flight state: u, or by how much the distance along which the force
+        acts differs from that where the machine rests with its springs unloaded."""
+        if not self.actuator.is_force:
+            return x[-1]
+        rest, way = self.model.rest(p) if self.model.rest else [0.0] * len(x), self._way
+        here, there = (way.value(ca.vertcat(*y[:-1:2]), ca.vertcat(*(p[n] for n in way.names))) for y in (x, rest))
+        return here - there
+
+    @property
+    def _way(self) -> "_Way":
+        return _way(str(self.actuator.along), self.coordinates)
 
 
-def actuator_limits(driven: Actuated, rate: float, stroke: float) -> Limits:
-    """The limits of a machine with these bounds; raises `InputError` for bounds that are not above 0."""
-    for name, bound in (("rate", rate), ("stroke", stroke)):
-        if not (bound == np.inf or finite_number(name, bound) > 0):
-            quantity = Quantity(bound, SPEED if name == "rate" else LENGTH)
-            raise InputError(Message("{name} = {bound:g}: the actuator's bound is above 0", name=name, bound=quantity))
-    return Limits(float(rate), float(stroke), driven.model.separation(driven.values))
+# The parameters that a steered hop has beside those of the machine.
+LAUNCH_PARAMETERS = ("peak", "round", "launch", "aim", "liftoff", "rest")
 
 
-def product(matrix: np.ndarray, x: Scalars) -> list[Algebraic]:
-    """The product of a matrix of numbers with a state's expressions."""
-    return [Affine(tuple(row)).at(x) for row in matrix.tolist()]
+def springs_of_mechanism(stated: Mechanism) -> list[Spring]:
+    """The springs of a mechanism."""
+    return [each for each in stated.elements if isinstance(each, Spring)]
+
+
+def refuse_corners(stated: Mechanism) -> None:
+    """Raise `InputError` where the law of a spring has a corner, which no Taylor series of an input crosses."""
+    for spring in springs_of_mechanism(stated):
+        if spring.force.pieces and (corners := from_key(spring.force, stated.parameters).corners()):
+            text = f"spring '{spring.force.text}' has a corner at r = {corners[0]:.6g}"
+            raise InputError(
+                f"{text}: an actuator needs a law with a continuous slope; round it, as by a table of rows"
+            )
+
+
+def undamped(machine: Any) -> Any:
+    """The machine without its dampers and driving forces, which may have lossless orbits."""
+    if isinstance(machine, TwoMassMachine):
+        return machine.with_values(**dict.fromkeys(DAMPERS, 0.0))
+    if not any(isinstance(each, Damper | Force) for each in machine.stated().elements):
+        return machine
+    stated = machine.stated()
+    left = [each for each in stated.elements if not isinstance(each, Damper | Force)]
+    bare = replace(stated, elements=left, parameters={})
+    used = stated.parameters if bare.has_functions else bare.names
+    return replace(bare, parameters={name: stated.parameters[name] for name in stated.parameters if name in used})
+
+
+def _resolved(actuator: Any, stated: Mechanism) -> Actuator:
+    """The actuator with its formula, where the machine has what it names; raises `InputError` for another."""
+    if not isinstance(actuator, Actuator):
+        raise InputError(f"actuator = {actuator!r}; it is an Actuator, as problems.Actuator('body - foot')")
+    extensions = [each.extension for each in springs_of_mechanism(stated)]
+    named = [each for each in dict.fromkeys(extensions) if isinstance(each, str)]
+    choice = ", ".join(f"Actuator({each!r})" for each in named)
+    if actuator.along is None:
+        if len({*extensions}) != 1 or not named:
+            raise InputError(
+                f"the {stated.name} has {len(extensions)} springs: name the extension of the one whose end is moved, "
+                f"actuator={choice.replace(', ', ' or ') or 'Actuator(...), with the extension as a formula'}"
+            )
+        return replace(actuator, along=named[0])
+    if actuator.is_force:
+        if unknown := sorted(names_in(actuator.along) - {*stated.coordinates, *stated.parameters}):
+            hint = suggest(unknown[0], stated.coordinates)
+            raise InputError(f"along '{actuator.along}': there is no coordinate '{unknown[0]}'{hint}")
+        if not names_in(actuator.along) & {*stated.coordinates}:
+            raise InputError(f"along '{actuator.along}' has no coordinate; there are {', '.join(stated.coordinates)}")
+        return actuator
+    alike = [each for each in named if each.replace(" ", "") == actuator.along.replace(" ", "")]
+    if not alike:
+        raise InputError(f"no spring has the extension '{actuator.along}': there are {choice or 'functions alone'}")
+    return replace(actuator, along=alike[0])
+
+
+def _push(y: Parameters, v: Parameters, p: Parameters) -> Algebraic:
+    """The force of an actuator, which is its state."""
+    return y[STATES_OF_ACTUATORS["force"][0]]
+
+
+@lru_cache(maxsize=64)
+def _with_actuator(mechanism: Mechanism, actuator: Actuator) -> Mechanism:
+    """A mechanism with an actuator."""
+    first = springs_of_mechanism(mechanism)[:1]
+    counts = first[0].extension if mechanism.counts is None and first else mechanism.counts
+    elements: list[Element] = list(mechanism.elements)
+    if actuator.is_force:
+        elements.append(Force(str(actuator.along), _push))
+    else:
+        moved = f"{actuator.along} - {actuator.state}"
+        elements = [
+            replace(each, extension=moved) if isinstance(each, Spring) and each.extension == actuator.along else each
+            for each in elements
+        ]
+    return replace(mechanism, elements=elements, counts=counts, actuators={actuator.state: actuator.rate})
+
+
+@lru_cache(maxsize=64)
+def _with_forces(model: Model, dimensions: tuple[Dimension, ...]) -> Model:
+    """The same model, the forces of its springs of these dimensions."""
+    return as_derived(replace(model, spring_dimensions=dict(zip(model.spring_forces, dimensions, strict=True))))
+
+
+@dataclass(frozen=True, eq=False)
+class _Way:
+    """The distance along which a force acts.
+
+    names : of the parameters
+    value, slope : (coordinates, parameters) -> it, and (coordinates, rates, parameters) -> its rate
+    """
+
+    names: tuple[str, ...]
+    value: ca.Function
+    slope: ca.Function
+
+
+@lru_cache(maxsize=64)
+def _way(along: str, coordinates: tuple[str, ...]) -> _Way:
+    names = tuple(sorted(names_in(along) - {*coordinates}))
+    y, v, p = (ca.SX.sym(name, len(each)) for name, each in (("y", coordinates), ("v", coordinates), ("p", names)))
+    named = [dict(zip(each, ca.vertsplit(symbols), strict=True)) for each, symbols in ((coordinates, y), (names, p))]
+    value = ca.SX(value_of(along, *named))
+    rate = ca.jtimes(value, y, v)
+    return _Way(names, ca.Function("way", [y, p], [value]), ca.Function("rate", [y, v, p], [rate]))

@@ -1,61 +1,72 @@
 """Motions of an actuated machine that optimal control has found, with the machine: drawn, saved and disturbed."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypedDict, cast
+from typing import Any, NotRequired, TypedDict, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orbits import Control, Simulation
+from orbits import Control, InputError, Simulation, simulate
+from orbits.control.control import ControlledLeg
+from orbits.errors import whole_number
 from orbits.flow.forces import units_of_springs
 from orbits.io import Document, conform
 from orbits.model.machine import Machine, machine_in_words
 from orbits.model.model import CONTACT_FORCE
 from orbits.model.phase import Affine
-from orbits.result import Axes, Report, is_of
+from orbits.result import Axes, Report, Row, is_of
 from orbits.show.animation import SPRING_END, animate_simulation
 from orbits.simulation.simulated import times_within
-from orbits.units import LIFTOFF_SPEED, TIME, in_own_units
+from orbits.units import ENERGY, LIFTOFF_SPEED, unit_text
 
 from ..machines.files import machine_stated, statement_for_file
-from ..machines.in_si import AnyMachine
-from .actuated import RATE, Actuated
+from ..machines.two_masses import TwoMasses
+from .actuated import Actuated, Actuator
+from .actuator_bounds import POWER
 from .disturbed import Disturbed, disturbed
 
-POWER = (0, -1, 0, 1)
+# Gauss points of a control interval at which the actuator's power is taken.
+POWER_SAMPLES = 40
+# And those between two rows of a table, which are near each other.
+PART_SAMPLES = 8
 PERIODIC = 1e-6  # states that differ by less, relative to their size, are the same: the tolerance of a solve is finer
 
 
 @dataclass(frozen=True, repr=False)
 class Driven(Control, what="motion of a driven machine"):
-    """A `Control` of a machine whose spring's end is moved, as `problems.steering` finds it.
+    """A `Control` of a machine with an actuator, as `problems.steering` finds it.
 
     Called with times (...) it returns flight states (..., n), as `Simulation` and `Orbit` do; the last one is the
-    displacement of the spring's end.
+    displacement of a spring's end, or the force.
 
     source : the machine without its actuator; in SI the numbers are in SI
+    actuator : the `Actuator`
     """
 
-    source: AnyMachine = field(kw_only=True)
+    source: Any = field(kw_only=True)
+    actuator: Actuator = field(default=Actuator(), kw_only=True)
 
     machine = property(lambda self: machine_in_words(self.source))
 
     @classmethod
-    def of(cls, machine: AnyMachine, control: Control) -> "Driven":
-        """A control of a machine, with the machine."""
+    def of(cls, machine: Any, control: Control, actuator: Actuator | None = None) -> "Driven":
+        """A control of a machine, with the machine and its actuator."""
         own = {each.name: getattr(control, each.name) for each in fields(Control)}
-        own["bare"] = control.bare and cls.of(cast(Any, machine).dimensionless(), control.bare)
-        forces = {**units_of_springs(Actuated(machine)), CONTACT_FORCE: "N"}  # type: ignore[arg-type]
-        own["units"] = {**control.units, **({"power": "W", **forces} if control.units else {})}
-        return cls(**own, source=machine)
+        actuator = Actuated(machine, actuator or Actuator()).actuator
+        own["bare"] = control.bare and cls.of(machine.dimensionless(), control.bare, actuator)
+        driven = cls(**own, source=machine, actuator=actuator)
+        texts = dict.fromkeys(("work", "positive work"), "J") | {"power": "W", CONTACT_FORCE: "N"}
+        texts |= units_of_springs(driven.actuated)
+        texts["actuator force"] = unit_text(driven.actuated.dimensions["actuator force"])
+        return replace(driven, units={**control.units, **texts}) if control.units else driven
 
-    @property
+    @cached_property
     def actuated(self) -> Actuated:
         """The machine with its actuator, as `simulate` takes it."""
-        return Actuated(self.source)  # type: ignore[arg-type]
+        return Actuated(self.source, self.actuator)
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -91,7 +102,7 @@ class Driven(Control, what="motion of a driven machine"):
 
     def schedule_of(self, hops: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """The inputs of `hops` hops as `simulate` takes them: those of a periodic motion repeated, any others once."""
-        times, inputs = self.schedule(RATE)
+        times, inputs = self.schedule(self.actuator.rate)
         count = hops if self.periodic else 1
         starts = self.end * np.arange(count)
         repeated = np.append((starts[:, None] + times[:-1]).ravel(), count * self.end)
@@ -105,7 +116,7 @@ class Driven(Control, what="motion of a driven machine"):
         without the disturbance.
 
         hops : number of lift-offs after which the simulation ends. The inputs of a periodic motion are repeated; after
-            those of any other the spring's end stays at rest
+            those of any other the actuator stays at rest
         launch_error : added to the launch speed, for a motion that begins with a lift-off
         state : (n,), a flight state to start from instead, as in `simulate`
         push : (time, changes of flight states by name), as (3.0, {"y1'": 0.1}): an impulse at that time
@@ -115,16 +126,80 @@ class Driven(Control, what="motion of a driven machine"):
         """
         return disturbed(self, hops, launch_error, state, push, values)
 
+    def followed_by(self, kept: "Driven", hops: int = 1) -> Simulation:
+        """Simulate this motion and then hops of another one, open loop: a start, say, and the hop at which it aims.
+
+        kept : the result of `keep_hopping` for the same machine and actuator
+        hops : number of its hops
+        """
+        if self.actuated.describe() != kept.actuated.describe():
+            raise InputError("what follows is a motion of another machine or actuator")
+        (own, first), (later, then) = self.schedule_of(1), kept.schedule_of(whole_number("hops", hops, "hops"))
+        schedule = np.append(own, own[-1] + later[1:]), {n: np.append(first[n], then[n]) for n in first}
+        liftoffs = hops + sum(leg.phase == "contact" for leg in self.legs[-1:])
+        return simulate(self.actuated, state=self(0.0), hops=liftoffs, schedule=schedule)
+
     def power(self, t: ArrayLike) -> np.ndarray:
         """The actuator's power (...) on the machine at times (...); raises as a call does."""
-        second = "" if self.source.units is None else " s"
-        return _actuator_power(self.source, self, times_within(t, self.end, second))
+        return self._effects(t)[1]
+
+    def force(self, t: ArrayLike) -> np.ndarray:
+        """The actuator's force (...) on the machine at times (...), above 0 where it pushes; raises as a call does."""
+        return self._effects(t)[0]
+
+    def _effects(self, t: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+        """The actuator's force and its power at times (...)."""
+        t = times_within(t, self.end, self._second)
+        units, bare = self.actuated.units, self.dimensionless()
+        since = t if units is None else np.minimum(t / units.time, bare.end)
+        states, rates = bare(since), bare.inputs_at(since)[..., 0]
+        found = bare.actuated.effects(states.reshape(-1, states.shape[-1]), rates.ravel())
+        kinds = self.actuated.dimensions["actuator force"], POWER
+        sizes = [1.0 if units is None else units.of(kind) for kind in kinds]
+        force, power = (size * each.reshape(t.shape) for size, each in zip(sizes, found, strict=True))
+        return force, power
+
+    @cached_property
+    def work(self) -> tuple[float, float]:
+        """The actuator's work on the machine, in the unit of its energy: the total, and the positive part only."""
+        done, positive = work_done(self.actuated.dimensionless(), self.dimensionless())
+        unit = self._unit_of_energy
+        return done * unit, positive * unit
+
+    @property
+    def _unit_of_energy(self) -> float:
+        return 1.0 if self.actuated.units is None else self.actuated.units.of(ENERGY)
+
+    @cached_property
+    def largest(self) -> tuple[float, float]:
+        """The largest size of the actuator's force and of its power, at the samples of the work."""
+        force, power = (np.abs(each).max() for each in self._effects(_power_samples(self)[0].ravel()))
+        return float(force), float(power)
 
     def table(self, t: ArrayLike | None = None) -> dict[str, np.ndarray]:
-        """The columns of `Control.table`, with flight states, the actuator's "power", and the forces of spring and
-        contact."""
+        """The columns of `Control.table`, with flight states, the actuator's "power" and "actuator force", its "work"
+        and its "positive work" so far, and the forces of springs and contact."""
         columns = super().table(t)
-        return columns | {"power": self.power(columns["time"]), **self.motion.forces(columns["time"])}
+        force, power = self._effects(columns["time"])
+        units = self.actuated.units
+        since = columns["time"] if units is None else columns["time"] / units.time
+        done, positive = self._unit_of_energy * work_until(self.actuated.dimensionless(), self.dimensionless(), since)
+        columns |= {"power": power, "actuator force": force, "work": done, "positive work": positive}
+        return columns | self.motion.forces(columns["time"])
+
+    def _rows(self) -> Iterator[Row]:
+        """Those of `Control`, with the work, the largest force and the largest power of the actuator."""
+        *rows, last = super()._rows()
+        yield from rows
+        joule, newton, watt = (
+            f" {unit}" if (unit := self.unit_of(n)) else "" for n in ("work", "actuator force", "power")
+        )
+        done = dict(zip(("work", "positive work"), self.work, strict=True))
+        heading = "work per hop" if self.periodic else "work"
+        yield Row(heading, done, (f"{{:.10g}}{joule}, its positive part {{:.10g}}{joule}",))
+        most = dict(zip(("largest force", "largest power"), self.largest, strict=True))
+        yield Row("actuator", most, (f"force up to {{:.6g}}{newton}, power up to {{:.6g}}{watt}",))
+        yield last
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Plot heights against time, contact shaded, and below the spring's end and its rate; returns the axes of the
@@ -136,14 +211,16 @@ class Driven(Control, what="motion of a driven machine"):
     def animate(self, path: str | Path, frames: int = 200, *, progress: Report = None) -> Path:
         """Write an animation (.gif or .mp4), for a machine with a rest length also of the spring's end; returns its
         path. See `orbits.show.animation.animate_simulation`."""
-        motion = self.motion
-        if self.source.rest_length is not None:
+        motion, plain = self.motion, isinstance(self.source, TwoMasses) and not self.actuator.is_force
+        if plain and self.source.rest_length is not None:
             motion = WithMovedEnd(**{each.name: getattr(motion, each.name) for each in fields(motion)})
         return animate_simulation(motion, path, frames, progress)
 
     def document(self) -> Document:
         """The motion as JSON-ready data, with the machine in words and, where a file can state it, its statement."""
-        return {**super().document(), "machine": self.machine, "statement": statement_for_file(self.source)}
+        statement = statement_for_file(cast(Any, self.source)) if isinstance(self.source, TwoMasses) else None
+        own = {} if "actuator" not in self.actuated.describe() else {"actuator": asdict(self.actuator)}
+        return {**super().document(), "machine": self.machine, "statement": statement, **own}
 
     @classmethod
     def of_saved(cls, document: object, machine: Machine | None = None) -> "Driven":
@@ -152,23 +229,63 @@ class Driven(Control, what="motion of a driven machine"):
         data, control = conform(document, _SavedDriven), Control.of_saved(document)
         if machine is None and data["statement"] is not None:
             machine = machine_stated(dict(data["statement"]))
-        machine = cast(AnyMachine, is_of(cast(Any, machine), data["machine"]))
+        machine = cast(Any, is_of(cast(Any, machine), data["machine"]))
         if (machine.units is None) != (control.bare is None):
             raise ValueError("its units do not fit its machine")
-        model = Actuated(machine).model  # type: ignore[arg-type]
+        actuated = Actuated(machine, Actuator(**data.get("actuator", {})))
+        model = actuated.model
         for leg in control.legs:
             states = model.flight.states if leg.phase == "flight" else model.contact.states
-            if leg.states != states or leg.inputs.names != (RATE,):
+            if leg.states != states or leg.inputs.names != (actuated.actuator.rate,):
                 raise ValueError(f"its stage '{leg.phase}' is none of its machine's")
-        return cls.of(machine, control)
+        return cls.of(machine, control, actuated.actuator)
 
 
-@in_own_units(POWER, control=(), t=TIME)
-def _actuator_power(machine: Any, control: Driven, t: np.ndarray) -> np.ndarray:
-    """The actuator's power (...) on the machine at times (...)."""
-    states = control(t)
-    tension = machine.spring(control.actuated.model.extension(states) - states[..., -1])
-    return -machine.mass_ratio * tension * control.inputs_at(t)[..., control.inputs.index(RATE)]
+def _power_samples(control: Control) -> tuple[np.ndarray, np.ndarray]:
+    """Gauss points (k, m) within all intervals of a control, and their weights (k, m)."""
+    places, weights = np.polynomial.legendre.leggauss(POWER_SAMPLES)
+    starts = np.concatenate([leg.start + leg.inputs.times[:-1] for leg in control.legs])
+    lengths = np.diff(np.append(starts, control.end))[:, None]
+    return starts[:, None] + lengths * (0.5 + 0.5 * places), weights * lengths / 2
+
+
+def work_done(driven: Actuated, control: Control) -> tuple[float, float]:
+    """The work and the positive work of an actuator on a machine, both without units."""
+    done, positive = sum(_work_on(driven, leg, leg.inputs.times, POWER_SAMPLES).sum(axis=1) for leg in control.legs)
+    return float(done), float(positive)
+
+
+def work_until(driven: Actuated, control: Control, t: np.ndarray) -> np.ndarray:
+    """The work and the positive work (2, k) of an actuator up to times (k,), all without units."""
+    before, found = np.zeros((2, 1)), np.zeros((2, len(t)))
+    for leg in control.legs:
+        inside = (t >= leg.start) & (t <= control.end if leg is control.legs[-1] else t < leg.start + leg.duration)
+        since, ends = np.clip(t[inside] - leg.start, 0.0, leg.duration), leg.inputs.times
+        marks = np.unique(np.concatenate([ends, since]))
+        on_parts, on_intervals = _work_on(driven, leg, marks, PART_SAMPLES), _work_on(driven, leg, ends, POWER_SAMPLES)
+        fine, coarse = (np.hstack([np.zeros((2, 1)), each.cumsum(axis=1)]) for each in (on_parts, on_intervals))
+        interval = np.searchsorted(ends, since, side="right") - 1
+        begun = fine[:, np.searchsorted(marks, ends[interval])]
+        found[:, inside] = before + coarse[:, interval] + fine[:, np.searchsorted(marks, since)] - begun
+        before = before + coarse[:, -1:]
+    return found
+
+
+def _work_on(driven: Actuated, leg: ControlledLeg, marks: np.ndarray, samples: int) -> np.ndarray:
+    """The work and the positive work (2, k) on the parts of a leg between marks (k + 1,), each within an interval."""
+    places, weights = np.polynomial.legendre.leggauss(samples)
+    lengths = np.diff(marks)
+    t = marks[:-1, None] + lengths[:, None] * (0.5 + 0.5 * places)
+    rates = np.broadcast_to(leg.inputs(marks[:-1] + lengths / 2)[:, :1], t.shape)
+    _, power = driven.effects(flight_states(driven, leg, t.ravel()), rates.ravel())
+    power = power.reshape(t.shape)
+    return np.array([(each @ weights) * lengths / 2 for each in (power, np.maximum(power, 0.0))])
+
+
+def flight_states(driven: Actuated, leg: ControlledLeg, t: ArrayLike) -> np.ndarray:
+    """Flight states (..., n) of a leg of a result at times (...) since its start."""
+    embed, rows = driven.model.embed, leg.path(t)
+    return rows[..., : len(embed)] if leg.phase == "flight" else rows[..., : embed.shape[1]] @ embed.T
 
 
 class DrivenMotion(Simulation):
@@ -205,3 +322,4 @@ class _SavedDriven(TypedDict):
 
     machine: Mapping[str, Any]
     statement: Mapping[str, Any] | None
+    actuator: NotRequired[Mapping[str, str]]

@@ -9,22 +9,21 @@ from orbits.show.control_figures import finished_panels, mark_stages, panels_bel
 from orbits.show.plot import COLOURS, legend_below, new_axes, plot_simulation, unit_labels
 from orbits.units import LIFTOFF_SPEED
 
-from .actuated import RATE
-
 LONGEST = 1.1  # of a disturbed motion that comes to rest is drawn, as a multiple of the undisturbed one
 
 
 def plot_driven(driven: Any, axes: Axes | None = None) -> Axes:
     """Plot heights of the masses of a `Driven` against time, contact shaded, and in panels below the displacement of
-    the spring's end and its rate; return the axes of the heights."""
+    the spring's end, or the force, and its rate; return the axes of the heights."""
     axes = plot_simulation(driven.motion, axes or new_axes(5.6, 5.6))
     axes.get_legend().remove()
-    panels, (metres, _, speeds) = [axes, *panels_below(axes, 2, 0.4)], unit_labels(driven.source.units)
-    t, (times, rates) = np.linspace(0, driven.end, 2001), driven.schedule(RATE)
+    panels, actuator = [axes, *panels_below(axes, 2, 0.4)], driven.actuator
+    state, rate = (f" ({unit})" if (unit := driven.unit_of(name)) else "" for name in (actuator.state, actuator.rate))
+    t, (times, rates) = np.linspace(0, driven.end, 2001), driven.schedule(actuator.rate)
     panels[1].plot(t, driven(t)[:, -1], color=COLOURS[3], lw=1.8)
-    panels[1].set_ylabel("spring's\nend" + metres)
-    panels[2].stairs(rates[RATE], times, color=COLOURS[5], lw=1.8, baseline=None)
-    panels[2].set_ylabel("its\nrate" + speeds)
+    panels[1].set_ylabel(("force" if actuator.is_force else "spring's\nend") + state)
+    panels[2].stairs(rates[actuator.rate], times, color=COLOURS[5], lw=1.8, baseline=None)
+    panels[2].set_ylabel("its\nrate" + rate)
     axes.figure.align_ylabels(panels)
     mark_stages(driven, panels)
     legend_below(panels[-1], axes)

@@ -1,16 +1,17 @@
 """Driven machines: the motion with its machine, after its file, and animated."""
 
 import json
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 from conftest import DAMPED_LEG
-from scipy.integrate import trapezoid
+from scipy.integrate import cumulative_trapezoid, trapezoid
 
 from orbits import Control, InputError
+from orbits.mechanics import Damper
 from orbits.simulation.simulated import Simulation
-from problems import Actuated, Driven, Hopper, Juggler, steering
+from problems import Actuated, Actuator, Disturbed, Driven, Hopper, Juggler, inerter_hopper, steering
 from problems.laws import springs
 from problems.steering.driven import WithMovedEnd
 
@@ -44,8 +45,14 @@ def test_the_table_tells_the_work(driven_hopper, started_hopper):
         assert trapezoid(table["power"], t) == pytest.approx(steering.work(machine, one)[0], rel=1e-3)
         assert table["running cost"][-1] == pytest.approx(one.cost, rel=1e-12)
         assert trapezoid(table["w"] ** 2, t) == pytest.approx(one.cost, rel=1e-3)
-    names = ["time", "stage", "y1", "y1'", "y2", "y2'", "u", "w", "running cost", "power"]
-    assert list(driven_hopper.table()) == [*names, "spring force", "contact force"]
+        done, positive = steering.work(machine, one)
+        assert [table["work"][-1], table["positive work"][-1]] == pytest.approx([done, positive], rel=1e-12)
+        so_far = cumulative_trapezoid(table["power"], t, initial=0)
+        assert table["work"] == pytest.approx(so_far, abs=2e-3)
+        assert table["power"] == pytest.approx(table["actuator force"] * table["w"], abs=1e-12)
+        assert table["actuator force"] == pytest.approx(-table["spring force"], abs=1e-12)
+    names = ["time", "stage", "y1", "y1'", "y2", "y2'", "u", "w", "running cost", "power", "actuator force"]
+    assert list(driven_hopper.table()) == [*names, "work", "positive work", "spring force", "contact force"]
 
 
 def test_si(driven_leg, tmp_path):
@@ -63,7 +70,7 @@ def test_si(driven_leg, tmp_path):
     head = driven_leg.save(tmp_path / "leg.csv").read_text().splitlines()[0]
     assert head == (
         "time (s),stage,y1 (m),y1' (m/s),y2 (m),y2' (m/s),u (m),w (m/s),running cost (m^2/s),power (W),"
-        "spring force (N),contact force (N)"
+        "actuator force (N),work (J),positive work (J),spring force (N),contact force (N)"
     )
     off, bare_off = driven_leg.simulate(2, damping=5.5), bare.simulate(2, damping=5.5 / 5.0 * bare.source.damping)
     assert off.launch_errors == pytest.approx(bare_off.launch_errors * speed, abs=1e-9)
@@ -161,3 +168,35 @@ def test_an_animation(driven_leg, tmp_path):
 
     with Image.open(driven_leg.animate(tmp_path / "leg.gif", frames=4)) as picture:
         assert picture.n_frames == 4
+
+
+@pytest.mark.parametrize("kind", ["displacement", "force"])
+def test_a_mechanism_in_si(kind, tmp_path):
+    """The verbs of a result; a file does not state the mechanism, which is given, nor the actuator, which it has."""
+    plain = inerter_hopper(
+        "k*r", body_mass=3.0, foot_mass=1.0, inertance=0.1, surface_gravity=9.81, rest_length=0.5,
+        parameters={"k": 500.0}, in_si=True,
+    )  # fmt: skip
+    leg = replace(
+        plain, elements=[*plain.elements, Damper("body - foot", "c")], parameters={**plain.parameters, "c": 0.5}
+    )
+    driven = steering.keep_hopping(leg, actuator=Actuator(kind=kind), intervals=20)
+    assert steering.missed(leg, driven) <= 1e-9
+    assert driven.launch == pytest.approx(2.43, abs=0.03)  # m/s
+    assert driven.simulate(2).run.launches == pytest.approx(driven.launch, abs=1e-9)
+    state, rate = ("f (N)", "f_rate (N/s)") if kind == "force" else ("u (m)", "w (m/s)")
+    head = driven.save(tmp_path / "leg.csv").read_text().splitlines()[0].split(",")
+    assert head[6:8] == [state, rate]
+    forces = ["spring force (N)", "contact force (N)"]
+    assert head[9:] == ["power (W)", "actuator force (N)", "work (J)", "positive work (J)", *forces]
+    text = str(driven)
+    assert f"work per hop            {driven.work[0]:.10g} J, its positive part" in text
+    assert " N, power up to " in text
+    labels = [one.get_ylabel().replace("\n", " ") for one in driven.plot().figure.axes]
+    assert labels[1:] == [state.replace("u", "spring's end").replace("f", "force"), f"its rate {rate.split(' ')[1]}"]
+    again = Driven.load(driven.save(tmp_path / "leg.json"), leg)
+    assert np.array_equal(again(0.1), driven(0.1))
+    assert (again.actuator, dict(again.units)) == (driven.actuator, dict(driven.units))
+    off = driven.simulate(2, launch_error=1e-3)
+    assert np.array_equal(Disturbed.load(off.save(tmp_path / "off.json"), leg).launch_errors, off.launch_errors)
+    assert abs(off.launch_errors[-1]) < 1e-3  # it draws nearer

@@ -1,14 +1,30 @@
 """Goals of an actuated machine: their costs against the limit of small damping, energy, and other integrators."""
 
+from dataclasses import replace
+from functools import cache
+
 import numpy as np
 import pytest
 from conftest import slow_after
 from scipy.integrate import solve_ivp, trapezoid
 from scipy.linalg import expm
 
-from orbits import InputError, NoOrbit, find, simulate
+from orbits import InputError, NoOrbit, find, find_all, simulate, starts
+from orbits.mechanics import Damper
 from orbits.simulation.impacts import Impacts
-from problems import Actuated, Chain, HeavyHand, Hopper, Juggler, springs, steering
+from problems import (
+    Actuated,
+    Actuator,
+    Chain,
+    HeavyHand,
+    Hopper,
+    Juggler,
+    chain_hand,
+    knee_hopper,
+    plate_hopper,
+    springs,
+    steering,
+)
 
 
 def test_a_damped_hopper_is_kept_hopping(driven_hopper):
@@ -25,11 +41,9 @@ def test_a_damped_hopper_is_kept_hopping(driven_hopper):
     assert positive >= done
 
 
-def test_the_law_of_small_damping():
-    """Its coefficient is a least-norm problem: the flow of a linear spring by matrix exponentials, linearised at the
-    lossless hop in the start, the durations, the 40 rates and the damping."""
-    orbit = find(Hopper())
-    counts = (25, 15)  # shares of 40 intervals by duration
+def hop_slopes(orbit, counts):
+    """What the linear hopper misses at its lossless hop, by the flow's matrix exponentials, linearised in the launch
+    speed, the displacement of the spring's end there, the two durations, the damping and the 40 rates; (6, 45)."""
     force, speed = np.array([1.0, 0, -1, 0, -1]), np.array([0.0, 1, 0, -1, 0])
 
     def step(kept, time, c):
@@ -52,16 +66,33 @@ def test_the_law_of_small_damping():
             y = (ground @ [*y, 1, rate])[:3]
         return np.array([*landing, *(y - start[[0, 1, 4]])])
 
-    times = orbit.flight_time, orbit.contact_time
-    at = np.array([orbit.alpha, 0.0, *times, 0.0, *[0.0] * 40])
+    at = np.array([orbit.alpha, 0.0, orbit.flight_time, orbit.contact_time, 0.0, *[0.0] * 40])
     assert np.abs(misses(at)).max() < 1e-12
-    slopes = np.array([misses(at + 1e-30j * row).imag * 1e30 for row in np.eye(45)]).T
+    return np.array([misses(at + 1e-30j * row).imag * 1e30 for row in np.eye(45)]).T
+
+
+def least_effort(slopes, weights):
+    """The least effort over the square of the damping, the effort being rates @ weights @ rates (40, 40)."""
     directions, sizes, _ = np.linalg.svd(slopes[:, :4])
     others = directions[:, np.append(sizes, [0, 0]) < 1e-9].T  # what neither start nor durations can mend
-    lengths = np.repeat(np.divide(times, counts), counts)
-    least = np.linalg.lstsq(others @ slopes[:, 5:] / np.sqrt(lengths), others @ slopes[:, 4], rcond=None)[0]
-    tiny = steering.keep_hopping(Hopper(damping=1e-5), orbit=orbit)
-    assert tiny.cost == pytest.approx(float(least @ least) * 1e-10, rel=1e-7)
+    root = np.linalg.cholesky(weights).T
+    least = np.linalg.lstsq(others @ slopes[:, 5:] @ np.linalg.inv(root), others @ slopes[:, 4], rcond=None)[0]
+    return float(least @ least)
+
+
+@pytest.mark.parametrize("kind", ["displacement", "force"])
+def test_the_law_of_small_damping(kind):
+    """Its coefficient is a least-norm problem: a force beside a spring of stiffness 1 does what its end does, and its
+    effort is the integral of the square of a polygon."""
+    orbit, counts = find(Hopper()), (25, 15)  # shares of 40 intervals by duration
+    lengths = np.repeat(np.divide([orbit.flight_time, orbit.contact_time], counts), counts)
+    weights = np.diag(lengths)
+    if kind == "force":
+        after = np.tril(np.ones((40, 40))) * lengths  # of all rates on the force at the end of each interval
+        before = np.vstack([np.zeros((1, 40)), after[:-1]])
+        weights = sum(each.T @ np.diag(lengths / 6) @ each for each in (before, after, before + after))
+    tiny = steering.keep_hopping(Hopper(damping=1e-5), actuator=Actuator(kind=kind), start=orbit)
+    assert tiny.cost == pytest.approx(least_effort(hop_slopes(orbit, counts), weights) * 1e-10, rel=1e-7)
 
 
 def test_the_juggler_costs_what_the_hopper_does(driven_hopper):
@@ -85,8 +116,8 @@ def test_the_spring_s_end_starts_from_zero(driven_hopper):
 
 def test_another_machine_starts_from_an_answer(driven_hopper):
     orbit = find(Hopper())
-    near = steering.keep_hopping(Hopper(damping=0.0102), orbit=orbit, guess=driven_hopper)
-    cold = steering.keep_hopping(Hopper(damping=0.0102), orbit=orbit)
+    near = steering.keep_hopping(Hopper(damping=0.0102), start=orbit, guess=driven_hopper)
+    cold = steering.keep_hopping(Hopper(damping=0.0102), start=orbit)
     assert near.cost == pytest.approx(cold.cost, rel=1e-9)
     assert near.iterations < cold.iterations
 
@@ -114,11 +145,11 @@ def test_a_plastic_landing_costs_less_and_each_cost_is_least_in_its_own(driven_h
 def test_little_damping_costs_its_square_whatever_the_landing():
     """Cost over c^2 is analytic in c: what it tends to, from moderate c, is what tiny c cost."""
     orbit = find(Hopper())
-    cost = lambda c: steering.keep_hopping(Hopper(damping=c), lossless=False, orbit=orbit).cost / c**2  # noqa: E731
+    cost = lambda c: steering.keep_hopping(Hopper(damping=c), lossless=False, start=orbit).cost / c**2  # noqa: E731
     limit = 2 * cost(1e-3) - cost(2e-3)
     assert [cost(1e-6), cost(1e-7)] == pytest.approx([limit, limit], rel=1e-5)
     assert cost(1e-8) == pytest.approx(limit, rel=1e-3)
-    free = steering.keep_hopping(Hopper(), lossless=False, orbit=orbit)
+    free = steering.keep_hopping(Hopper(), lossless=False, start=orbit)
     assert free.cost < 1e-20
     assert free.durations == pytest.approx([float(orbit.flight_time), float(orbit.contact_time)], abs=1e-9)
 
@@ -189,11 +220,11 @@ def test_what_an_actuator_cannot_do(question, words):
 def test_landing_as_it_likes_costs_no_more(short):
     """A lossless landing is one of those; and from the answer for another launch nothing cheaper is found."""
     orbit, machine = find(Hopper()), Hopper()
-    bound, free = (steering.recover(machine, short, lossless=one, orbit=orbit) for one in (True, False))
+    bound, free = (steering.recover(machine, short, lossless=one, start=orbit) for one in (True, False))
     assert free.cost <= bound.cost * (1 + 1e-9)
     assert free.legs[0].path(free.legs[0].duration)[3] <= 0
-    near = steering.recover(machine, short * 1.1, lossless=False, orbit=orbit)
-    again = steering.recover(machine, short, lossless=False, orbit=orbit, guess=near)
+    near = steering.recover(machine, short * 1.1, lossless=False, start=orbit)
+    again = steering.recover(machine, short, lossless=False, start=orbit, guess=near)
     assert free.cost == pytest.approx(again.cost, rel=1e-6)
     assert steering.missed(machine, free) <= 1e-8
 
@@ -221,7 +252,7 @@ def test_a_short_launch_is_brought_back(lossless):
         (lambda: steering.start_up(Hopper(), np.nan), "pumps = nan"),
         (lambda: steering.keep_hopping(Hopper(), intervals=np.inf), "intervals = inf"),
         (lambda: steering.keep_hopping(Hopper(), rate="a"), "rate = 'a'"),
-        (lambda: steering.keep_hopping(Chain()), "a Chain is no machine whose spring can be moved"),
+        (lambda: steering.keep_hopping(Chain()), "has 2 springs: name the extension"),
         (lambda: steering.recover(Hopper(), None), "short = None"),
         (lambda: steering.recover(Hopper(), 5.0), "some of it is to be left"),
         (lambda: Actuated(Hopper("bilinear")), "corner at r = 0.5"),
@@ -245,3 +276,137 @@ def test_a_measured_spring_is_driven_as_its_formula():
     )
     assert found.cost == pytest.approx(expected.cost, rel=1e-8)
     assert found.error < 1e-9
+
+
+@cache
+def damped_column():
+    """A damped column of three masses, driven at its lower spring, with the lossless hop near which it is kept."""
+    chain = Chain((1.0, 1.0, 1.0))
+    column = chain.stated()
+    dampers = [Damper("y1 - y2", "c"), Damper("y2 - y3", "c")]
+    column = replace(column, elements=[*column.elements, *dampers], parameters={**column.parameters, "c": 0.01})
+    hop = find(chain, start=chain.start([-17.3, -11.0], 3.1, 4.49))
+    return column, hop, steering.keep_hopping(column, actuator=Actuator("y2 - y3"), start=hop, intervals=20)
+
+
+def test_a_damped_column_is_kept_hopping():
+    """Its work is what the dampers take away, and three hops driven open loop begin at the same speed."""
+    column, _, kept = damped_column()
+    assert kept.states == ("y1", "y1'", "y2", "y2'", "y3", "y3'", "u")
+    assert steering.missed(column, kept) <= 1e-9
+    assert kept.simulate(3).run.launches == pytest.approx(kept.launch, abs=1e-9)
+    lost = 0.0
+    for leg in kept.legs:
+        t = leg.start + np.linspace(0, leg.duration, 20001)[:-1]
+        states = kept(t)
+        lost += 0.01 * trapezoid((states[:, 1] - states[:, 3]) ** 2 + (states[:, 3] - states[:, 5]) ** 2, t)
+    assert kept.work == pytest.approx(steering.work(column, kept))
+    assert kept.work[0] == pytest.approx(lost, rel=1e-3)
+
+
+def test_a_column_comes_onto_the_hop_at_which_it_is_kept():
+    """From rest, and from a launch that is too slow; then the inputs of that hop go on."""
+    column, hop, kept = damped_column()
+    lower = {"actuator": Actuator("y2 - y3"), "start": hop, "aim": kept}
+    started = steering.start_up(column, 2, intervals=14, **lower)
+    assert steering.missed(column, started) <= 1e-9
+    assert started.followed_by(kept, hops=2).launches == pytest.approx(kept.launch, abs=1e-9)
+    back = steering.recover(column, 0.1, intervals=20, **lower)
+    assert back.launch == pytest.approx(kept.launch - 0.1, abs=1e-9)
+    assert back.followed_by(kept, hops=1).launches[-2:] == pytest.approx(kept.launch, abs=1e-9)
+
+
+def test_a_start_onto_the_hop_at_which_a_damped_hopper_is_kept(driven_hopper):
+    started = steering.start_up(Hopper(damping=0.01), 2, stroke=3.0, aim=driven_hopper)
+    assert started(started.end) == pytest.approx(driven_hopper(0.0), abs=1e-9)
+    assert started.followed_by(driven_hopper, hops=3).launches == pytest.approx(driven_hopper.launch, abs=1e-9)
+    for aim, words in ((steering.keep_hopping(Hopper(damping=0.02)), "another machine"), (started, "repeats itself")):
+        with pytest.raises(InputError, match=words):
+            steering.start_up(Hopper(damping=0.01), 2, aim=aim)
+    with pytest.raises(InputError, match="another machine"):
+        started.followed_by(steering.keep_hopping(Hopper(damping=0.02)))
+
+
+@pytest.mark.parametrize("end", ["hand - y3", "y3"])
+def test_a_hand_of_two_masses_keeps_throwing(end):
+    """The work is what the damper takes away, whichever spring is driven."""
+    machine = chain_hand((1.0, 1.0, 1.0))
+    damped = replace(
+        machine, elements=[*machine.elements, Damper("hand", "c")], parameters={**machine.parameters, "c": 1e-3}
+    )
+    (orbit,) = find_all(machine, starts(machine, 4, 4))
+    kept = steering.keep_hopping(damped, actuator=Actuator(end), start=orbit, intervals=20)
+    assert steering.missed(damped, kept) <= 1e-9
+    t = np.linspace(0, kept.end, 20001)
+    assert kept.work[0] == pytest.approx(1e-3 * trapezoid(kept(t)[:, 3] ** 2, t), rel=1e-3)
+
+
+@pytest.mark.parametrize("moved", slow_after(1, ["body - foot", "plate"]))
+def test_a_hopper_on_a_plate_is_kept_hopping(moved):
+    """Moved at its leg the machine hops on open loop; moved at the plate its contact force touches zero on the way."""
+    machine = plate_hopper((1.0, 1.0, 5.0))
+    dampers = [Damper("body - foot", "c"), Damper("plate", "c")]
+    damped = replace(machine, elements=[*machine.elements, *dampers], parameters={**machine.parameters, "c": 0.01})
+    orbit = min(find_all(machine, starts(machine, 5, 5)), key=lambda each: abs(each.alpha - 6.125))
+    kept = steering.keep_hopping(damped, actuator=Actuator(moved), start=orbit)
+    assert steering.missed(damped, kept) <= 1e-9
+    t = np.linspace(0, kept.end, 40001)
+    rates = kept(t)[:, 1::2]
+    lost = trapezoid((rates[:, 0] - rates[:, 1]) ** 2 + rates[:, 2] ** 2, t)
+    assert kept.work[0] == pytest.approx(0.01 * lost, rel=1e-4)
+    if moved == "body - foot":
+        assert kept.simulate(2).run.launches == pytest.approx(kept.launch, abs=1e-9)
+
+
+@pytest.mark.slow
+def test_a_knee_is_kept_bending():
+    """In SI: what is moved is an angle, its force a torque, and the launch speed one of the knee."""
+    leg = knee_hopper()
+    leg = replace(leg, elements=[*leg.elements, Damper("knee", "c")], parameters={**leg.parameters, "c": 0.01})
+    kept = steering.keep_hopping(leg, intervals=20)
+    assert steering.missed(leg, kept) <= 1e-9
+    names = ("u", "w", "actuator force", "spring force", "work")
+    assert [kept.units[name] for name in names] == ["rad", "rad/s", "N m", "N m", "J"]
+    t = np.linspace(0, kept.end, 40001)
+    assert kept.work[0] == pytest.approx(0.01 * trapezoid(kept(t)[:, 3] ** 2, t), rel=1e-4)
+
+
+def test_least_work_is_found_at_the_rates_that_reach_it():
+    """Down to the least peak of the rate; below it, the reason says what to widen."""
+    machine = Hopper(damping=0.01)
+    peak = steering.keep_hopping(machine, cost="peak").cost
+    shares, works = [[], []], []
+    for rate, own in zip((0.1, 1.1 * peak), shares, strict=True):
+        works.append(steering.keep_hopping(machine, cost="work", rate=rate, progress=own.append).cost)
+        assert own == sorted(own)
+        assert own[-1] == 1.0
+    assert works[0] < works[1]
+    with pytest.raises(NoOrbit, match="widen a bound"):
+        steering.keep_hopping(machine, cost="work", rate=0.9 * peak)
+
+
+@pytest.mark.parametrize(
+    ("fails", "tried", "words"),
+    [
+        (lambda rate, number: number == 0, [0.1, 0.4, 0.2, 0.14, 0.1], ""),
+        (lambda rate, number: rate < 0.15, [0.1, 0.4, 0.2, 0.14], "no way; it is found at rate = 0.2: take that"),
+        (lambda rate, number: True, [0.1, 0.4, 0.2, 0.14, 0.1], "no way; take a larger rate or more intervals"),
+    ],
+)
+def test_least_work_is_sought_from_larger_rates(driven_hopper, monkeypatch, fails, tried, words):
+    rates = []
+
+    def found(hop, guess, progress):
+        rates.append(hop.limits.rate)
+        if fails(rates[-1], len(rates) - 1):
+            raise NoOrbit("no way; start from a nearer motion")
+        return driven_hopper.dimensionless()
+
+    monkeypatch.setattr("problems.steering.goals._least_work_at", found)
+    search = lambda: steering.keep_hopping(Hopper(damping=0.01), cost="work", rate=0.1, guess=driven_hopper)  # noqa: E731
+    if words:
+        with pytest.raises(NoOrbit, match=f"least work at rate = 0.1 is not found: {words}"):
+            search()
+    else:
+        assert search().cost == driven_hopper.cost
+    assert rates == pytest.approx(tried)

@@ -1,0 +1,34 @@
+"""Launches of driven machines at other speeds: the contact force vanishes there."""
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from orbits import InputError
+from problems import Actuated, Actuator, Chain, Hopper
+from problems.steering.actuated_launch import launch_argument, launched_at
+
+
+def test_a_speed_alone_launches_a_hopper():
+    assert launch_argument(Actuated(Hopper()), {}, 4.5) == 4.5
+    assert launched_at(Actuated(Hopper(damping=0.01)), {}, 4.5)["liftoff"] == pytest.approx(1 - 0.01 * 4.5, abs=1e-13)
+
+
+def test_a_force_at_rest_changes_no_launch():
+    """The foot is lifted where spring and damper carry its weight."""
+    driven = Actuated(Hopper("r + 0.1*r**3", damping=0.01), Actuator(kind="force"))
+    found = launch_argument(driven, {"liftoff": 1.0, "alpha": 4.0}, 4.5)
+    expected = brentq(lambda y: y + 0.1 * y**3 + 0.01 * 4.5 - 1, 0, 2, xtol=1e-15)
+    assert found == {"liftoff": pytest.approx(expected, abs=1e-13), "alpha": 4.5}
+
+
+def test_of_a_launch_that_is_more_than_a_speed_the_rest_stays():
+    like = {"liftoff": 0.9, "alpha": 3.0, "y1": 2.0, "y1'": 0.5}
+    found = launched_at(Actuated(Chain(masses=(1, 1, 1)), Actuator("y2 - y3")), like, 3.5)
+    assert found == {**like, "alpha": 3.5, "liftoff": pytest.approx(1.0, abs=1e-14)}
+
+
+def test_where_nothing_lifts_off():
+    driven = Actuated(Hopper("tanh(r)/2"), Actuator(kind="force"))  # never as strong as the foot is heavy
+    with pytest.raises(InputError, match="the contact force vanishes nowhere near"):
+        launched_at(driven, {"liftoff": 0.0, "alpha": 1.0}, np.float64(1.0))

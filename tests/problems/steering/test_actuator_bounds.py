@@ -1,0 +1,53 @@
+"""Bounds of an actuator hold along the whole motion, and what they cost."""
+
+import numpy as np
+import pytest
+
+from orbits import InputError, NoOrbit
+from problems import Actuator, Hopper, steering
+
+MACHINE = Hopper(damping=0.01)
+
+
+@pytest.mark.parametrize(
+    ("kind", "bound", "share"),
+    [("force", "force", 0.9), ("force", "rate", 0.9), ("force", "power", 0.8), ("displacement", "power", 0.9)],
+)
+def test_a_bound_holds_and_costs(kind, bound, share):
+    """A bound below what the free motion takes: it holds on the dense motion, and less effort is impossible."""
+    actuator = Actuator(kind=kind)
+    free = steering.keep_hopping(MACHINE, actuator=actuator, intervals=20)
+    most = {
+        "force": free.largest[0],
+        "power": free.largest[1],
+        "rate": np.abs(free.schedule(actuator.rate)[1][actuator.rate]).max(),
+    }
+    found = steering.keep_hopping(MACHINE, actuator=actuator, intervals=20, **{bound: share * most[bound]})
+    assert found.cost > free.cost
+    t = np.linspace(0, found.end, 20001)
+    size = {"force": found.force, "power": found.power, "rate": lambda t: found.inputs_at(t)[..., 0]}[bound]
+    assert np.abs(size(t)).max() <= share * most[bound] * (1 + 1e-7)
+    assert steering.missed(MACHINE, found) <= 1e-8
+
+
+def test_the_stroke_of_a_force_is_that_of_its_way():
+    free = steering.keep_hopping(MACHINE, actuator=Actuator(kind="force"), intervals=20)
+    t = np.linspace(0, free.end, 20001)
+    way = np.abs(free(t)[:, 0] - free(t)[:, 2]).max()
+    assert steering.keep_hopping(MACHINE, actuator=Actuator(kind="force"), intervals=20, stroke=1.001 * way).cost == (
+        pytest.approx(free.cost, rel=1e-9)
+    )
+    bound = steering.keep_hopping(MACHINE, actuator=Actuator(kind="force"), intervals=20, stroke=0.99 * way)
+    t = np.linspace(0, bound.end, 20001)
+    assert np.abs(bound(t)[:, 0] - bound(t)[:, 2]).max() <= 0.99 * way * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("bound", ["rate", "stroke", "force", "power"])
+def test_a_bound_is_above_zero(bound):
+    with pytest.raises(InputError, match=f"{bound} = -1: the actuator's bound is above 0"):
+        steering.keep_hopping(MACHINE, **{bound: -1.0})
+
+
+def test_a_bound_that_no_motion_meets_is_named():
+    with pytest.raises(NoOrbit, match="force left to"):
+        steering.keep_hopping(MACHINE, actuator=Actuator(kind="force"), intervals=20, force=1e-3)
