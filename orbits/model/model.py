@@ -75,6 +75,8 @@ class Model:
         for which `search` and `release` suffice
     conservative : whether flight and contact conserve the energy
     driven : whether a force may add energy to a machine that is not conservative
+    hysteretic : weights (n,) of the rate of the spring with hysteresis in the flight state, None without one; the
+        phases have the mean law of such a spring, and simulations and return maps its branches
     homotopy : name of the parameter that leads from the machine of the guess (0) to this one (1); None where they are
         the same
     reduction : the reduced statement that the machine allows; None where there is none
@@ -120,6 +122,7 @@ class Model:
     rest: Callable | None = None
     knees: Callable | None = None
     driven: bool = False
+    hysteretic: tuple[float, ...] | None = None
     # A model that `dataclasses.replace` makes has to be checked again.
     derived: bool = field(default=False, init=False)
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..consistency.accepted import check_machine
 from ..errors import InputError, NoOrbit, OrbitsError, finite_number, whole_number
 from ..io import Document, fields_in_line
 from ..model.machine import Machine, dimensionless, machine_in_words
@@ -21,6 +22,7 @@ from ..periodic.find import Progress, find
 from ..result import Axes, Result, Row, cell, known, shown
 from ..running.exclusive import exclusive, in_threads
 from ..simulation.impacts import CAP, FASTEST_LAUNCH, STATUS, Impacts, decided_impacts, injected
+from ..simulation.hysteresis import Branches
 from ..simulation.launch_section import LaunchSection
 from ..simulation.multiplier import multiplier
 from ..simulation.simulation import simulate
@@ -151,7 +153,7 @@ class ReturnMap:
         self._speed: float = self.units.of(LIFTOFF_SPEED) if self.units else 1.0
         self.inject, self.cap = injected(inject, self._speed), whole_number("cap", cap, "impacts")
         self._own = ReturnMap(dimensionless(machine), self.inject / self._speed, self.cap) if self.units else None
-        self.impacts: Impacts = self._own.impacts if self._own else Impacts(machine)
+        self.impacts: Any = self._own.impacts if self._own else _impacts_of(machine)
 
     @cached_property
     def section(self) -> LaunchSection:
@@ -222,7 +224,8 @@ class ReturnMap:
         hops = Hops(alpha, nothing, nothing.copy(), np.zeros(alpha.shape, int), np.full(alpha.shape, "invalid", STATUS))
         places = np.flatnonzero(launches)
         batches = np.array_split(places, -(-len(places) // BATCH_SIZE)) if len(places) else []
-        each = lambda batch: _hops_from(self.impacts, alpha.flat[batch], self.inject, self.cap)  # noqa: E731
+        hops_from = _hysteretic_hops if isinstance(self.impacts, Branches) else _hops_from
+        each = lambda batch: hops_from(self.impacts, alpha.flat[batch], self.inject, self.cap)  # noqa: E731
         for batch, found in zip(batches, in_threads(each, batches), strict=True):
             for name in ("next", "loss", "impacts", "status"):
                 getattr(hops, name).reshape(-1)[batch] = getattr(found, name)
@@ -425,3 +428,23 @@ def _hops_from(impacts: Impacts, alpha, inject: float, cap: int) -> Hops:
     stopped = next_speed <= 0
     status[stopped], next_speed[stopped] = "rests", np.nan
     return Hops(requested, next_speed, loss, counts, status)
+
+
+def _impacts_of(machine: Machine) -> "Impacts | Branches":
+    """The impacts of a machine, on both branches of a spring with hysteresis."""
+    check_machine(machine, "restitution")
+    return Branches(machine) if machine.model.hysteretic else Impacts(machine)
+
+
+def _hysteretic_hops(branches: Branches, alpha, inject: float, cap: int) -> Hops:
+    """`_hops_from` of a machine whose spring has hysteresis."""
+    following, counts, status = branches.hops(alpha, cap)
+    for i in np.flatnonzero(status == "").tolist():
+        run = simulate(branches.machine, float(alpha[i]), hops=1, cap=cap)
+        following[i], counts[i] = run.launches[-1] if run.status == "done" else np.nan, run.impacts
+        done = "lifts_off" if np.isfinite(following[i]) else "leaves_elsewhere"
+        status[i] = done if run.status == "done" else run.status
+    loss, following = alpha**2 - following**2, following + inject
+    stopped = following <= 0
+    status[stopped], following[stopped] = "rests", np.nan
+    return Hops(alpha, following, loss, counts, status)

@@ -124,6 +124,11 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
         units, states = self.source.units, self.source.model.flight.states
         return units.convert_height(height, states) if units else height
 
+    @property
+    def impacts(self) -> int:
+        """The number of impacts, landings included."""
+        return sum(event.kind in ("impact", "landing") for event in self.events)
+
     machine = property(lambda self: machine_in_words(self.source))
 
     @cached_property
