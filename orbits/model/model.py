@@ -8,7 +8,7 @@ from typing import Any, Self, TypeAlias
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, NoOrbit
 from ..io import fields_in_line
 from ..laws.law import Algebraic, Parameters, Scalars
 from ..units import Dimension
@@ -245,6 +245,15 @@ class Model:
     def one_speed(self) -> bool:
         """Whether its speed alone fixes a launch; that speed then first vanishes again in mid-contact."""
         return len(self.launch_unknowns) == 2
+
+
+def refuse_hysteresis(model: Model) -> None:
+    """Raise `NoOrbit` for a model whose spring has hysteresis: its phases are those of the mean law."""
+    if model.hysteretic:
+        raise NoOrbit(
+            "a spring with hysteresis loses energy on every hop: it has no lossless orbit, but a return map; the law "
+            "half way between its branches, its `.mean`, has"
+        )
 
 
 def as_derived(model: Model) -> Model:

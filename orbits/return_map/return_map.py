@@ -27,7 +27,7 @@ from ..simulation.launch_section import LaunchSection
 from ..simulation.multiplier import multiplier
 from ..simulation.simulation import simulate
 from ..tables import number_text
-from ..units import DIMENSIONS_OF_HOPS, LIFTOFF_SPEED, Message, Quantity, Units, in_own_units
+from ..units import DIMENSIONS_OF_HOPS, ENERGY, LIFTOFF_SPEED, Message, Quantity, Units, in_own_units
 from .basins import Basins
 from .launch_hops import hops_of_launches
 from .periodic_hop import PeriodicHop, different_hops, periodic_hop
@@ -37,6 +37,7 @@ BATCH_SIZE = 8192  # launch speeds in one batch: enough to pay for the calls, fe
 # The launches in the picture of a map, and the fastest of them where there is no lossless one, in units of the machine.
 SHOWN, HIGH_LAUNCH = 1000, 9.0
 HOP_COLUMNS = ("alpha", "next", "loss", "impacts", "status")
+DIMENSIONS_OF_UPKEEP = {**dict.fromkeys(("alpha", "inject"), LIFTOFF_SPEED), "energy": ENERGY}
 NO_BASIN = "with injection or damping no hop is lossless, and none comes to one"
 
 
@@ -116,6 +117,20 @@ class FixedPoint:
     kind: str
     multiplier: float | None = None
     smallest_separation: float | None = None
+
+
+@dataclass(frozen=True)
+class Upkeep:
+    """What keeps a machine hopping with a launch speed.
+
+    alpha : launch speed
+    inject : injection, in launch speed per hop, with which it is a fixed point of the return map
+    energy : energy that the injection adds in every hop: what the hop loses
+    """
+
+    alpha: float
+    inject: float
+    energy: float
 
 
 class ReturnMap:
@@ -329,6 +344,32 @@ class ReturnMap:
                 raise InputError(Message(text, **ends))
         lossless = lossless_speeds(self.impacts, low, high)
         return ResolvedMap(self, lossless, low, high, samples, False).preimages(edges)
+
+    @exclusive
+    def upkeep(self, alpha: float) -> "Upkeep":
+        """What keeps the machine hopping with a launch speed: the injection at which it is a fixed point, and the
+        energy that this adds in every hop; the machine's own `inject` does not matter. Raises `NoOrbit` where the hop
+        has no next launch.
+
+        >>> from orbits import ReturnMap
+        >>> from problems import Hopper, springs
+        >>> upkeep = ReturnMap(Hopper(springs.lossy("r", loss_factor=0.01))).upkeep(4.6)
+        >>> round(upkeep.inject, 6), round(ReturnMap(Hopper(springs.lossy("r", loss_factor=0.01)), upkeep.inject)(4.6).next, 9)
+        (0.38961, 4.6)
+        """
+        if not finite_number("alpha", alpha) > 0:
+            raise InputError(f"alpha = {alpha:g}; launch speeds are above 0")
+        return self._upkeep(float(alpha))
+
+    @in_own_units(lambda upkeep, step: step.units.convert(upkeep, **DIMENSIONS_OF_UPKEEP), alpha=LIFTOFF_SPEED)
+    def _upkeep(self, alpha: float) -> "Upkeep":
+        hop = ReturnMap(self.machine, cap=self.cap)(alpha)
+        if hop.status != "lifts_off":
+            text = "the hop from alpha = {alpha:g} ends with '{status}': there is no next launch to be kept up"
+            raise NoOrbit(Message(text, alpha=Quantity(alpha, LIFTOFF_SPEED), status=str(hop.status)))
+        impacts = self.impacts.first() if isinstance(self.impacts, Branches) else self.impacts
+        before, after = impacts.launch(np.array([float(hop.next), alpha]))
+        return Upkeep(alpha, alpha - float(hop.next), impacts.energy(after) - impacts.energy(before))
 
     def plot(
         self, low: float, high: float, axes: Axes | None = None, start: float | None = None, hops: int = 60,

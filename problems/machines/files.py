@@ -19,6 +19,7 @@ starts = 4                      # or 'global'; and seed = 0
 k = [1e3, 1e5]
 """
 
+import re
 import tomllib
 from collections.abc import Callable, Collection
 from pathlib import Path
@@ -42,6 +43,8 @@ KEYS = ("machine", *OWN_KEYS, *COMMON_KEYS, "si", "design")
 SI_KEYS = ("surface_gravity", "stiffness", "rest_length", "body_radius")
 # The parameters of a machine in SI that its file states in [si].
 SI_PARAMETERS = {*SI_KEYS, *(name for names in MASSES.values() for name in names)}
+# A spring of a file, which may be the mean or a branch of one with hysteresis.
+OF_A_FILE = re.compile(r"((?:^|[:;]\s*)(?:table|loop):)([^;]+)")
 LARGEST_MACHINE_FILE = 1 << 14  # of a machine file: reading a longer one may take its length squared
 
 
@@ -67,8 +70,8 @@ def read(path: str | Path) -> dict[str, Any]:
         if not isinstance(data.get(table, {}), dict):
             raise InputError(f"{path}: '{table}' is a table: write [{table}]")
     spring = data.get("spring")
-    if isinstance(spring, str) and spring.startswith("table:"):  # a table's path counts from the file that names it
-        data["spring"] = "table:" + str(path.parent / spring.removeprefix("table:"))
+    if isinstance(spring, str):  # a table's path counts from the file that names it
+        data["spring"] = OF_A_FILE.sub(lambda found: found[1] + str(path.parent / found[2]), spring)
     return data
 
 
@@ -140,7 +143,7 @@ def statement_for_file(machine: AnyMachine) -> dict[str, Any] | None:
 def machine_stated(statement: dict[str, object]) -> AnyMachine:
     """The machine of a statement by `statement_for_file`; raises `InputError`, also where it refers to another file."""
     _check_keys("the machine", statement, KEYS)
-    if str(statement.get("spring", "")).startswith("table:"):
+    if OF_A_FILE.search(str(statement.get("spring", ""))):
         raise InputError("the machine's spring is in another file, which is not read")
     return build(statement, "the machine")
 
