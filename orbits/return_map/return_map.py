@@ -21,8 +21,8 @@ from ..numerics.roots import enclosed_sign_changes
 from ..periodic.find import Progress, find
 from ..result import Axes, Result, Row, cell, known, shown
 from ..running.exclusive import exclusive, in_threads
-from ..simulation.impacts import CAP, FASTEST_LAUNCH, STATUS, Impacts, decided_impacts, injected
 from ..simulation.hysteresis import Branches
+from ..simulation.impacts import CAP, FASTEST_LAUNCH, STATUS, Impacts, decided_impacts, injected
 from ..simulation.launch_section import LaunchSection
 from ..simulation.multiplier import multiplier
 from ..simulation.simulation import simulate
@@ -353,9 +353,10 @@ class ReturnMap:
 
         >>> from orbits import ReturnMap
         >>> from problems import Hopper, springs
-        >>> upkeep = ReturnMap(Hopper(springs.lossy("r", loss_factor=0.01))).upkeep(4.6)
-        >>> round(upkeep.inject, 6), round(ReturnMap(Hopper(springs.lossy("r", loss_factor=0.01)), upkeep.inject)(4.6).next, 9)
-        (0.38961, 4.6)
+        >>> machine = Hopper(springs.lossy("r", loss_factor=0.01))
+        >>> upkeep = ReturnMap(machine).upkeep(4.6)
+        >>> round(upkeep.inject, 6), round(float(ReturnMap(machine, upkeep.inject)(4.6).next), 9)
+        (0.389609, 4.6)
         """
         if not finite_number("alpha", alpha) > 0:
             raise InputError(f"alpha = {alpha:g}; launch speeds are above 0")

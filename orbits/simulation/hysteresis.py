@@ -23,9 +23,10 @@ from ..model.phase import Affine
 from ..numerics.polynomial_roots import Crossings
 from .impacts import FASTEST_LAUNCH, LIFTOFF_ORDER, STATUS, TURNS, Impacts, status_of_failure
 
-STILL = 1e-13  # a rate of the extension below this, relative to the state, is that of a reversal
-# A loop between branches that cross gains energy: by less than this share of the accelerations it is rounding or noise.
-GAINS = 0.05
+TURNING_RATE = 1e-13  # a rate of the extension below this, relative to the state, is that of a reversal
+# Branches that cross feed energy to the motion. Measured ones may cross by noise, by this share of the loop's largest
+# width, and all by this share of the accelerations, which is rounding.
+NOISE, ROUNDING_OF_WIDTH, SAMPLES_OF_WIDTH = 0.05, 1e-9, 513
 
 
 class Branches:
@@ -70,15 +71,11 @@ class Branches:
     def branches(self, x: np.ndarray, contact: bool = False) -> tuple[np.ndarray, np.ndarray]:
         """`branch` at several states (m, n): branches (m,) and orders (m,)."""
         rate = (self.rate_in_contact if contact else self.rate)(x)
-        still = np.abs(rate) <= STILL * (1 + np.abs(x).max(1))
+        still = np.abs(rate) <= TURNING_RATE * (1 + np.abs(x).max(1))
         side = np.where(rate > 0, 1, -1)
         if still.any():
             growing, shrinking = (self._turns(self.of[sign], x[still], contact) for sign in (1, -1))
-            if (growing - shrinking > GAINS * (np.abs(growing) + np.abs(shrinking))).any():
-                raise InputError(
-                    "the branches of the spring with hysteresis cross: where its extension turns, the force is larger "
-                    "while it shrinks, so that a loop gains energy; exchange the branches, or take the law's `.mean`"
-                )
+            self.check_width(x[still], contact)
             side[still] = np.where(growing > 0, 1, np.where(shrinking < 0, -1, 0))
         return side, still.astype(int)
 
@@ -86,6 +83,28 @@ class Branches:
         """The second derivatives (m,) of the extension on a branch at states (m, n)."""
         flow, rate = (impacts.contact, self.rate_in_contact) if contact else (impacts.flight, self.rate)
         return flow.field(x, impacts.p)[0] @ np.array(rate.weights)
+
+    def check_width(self, x: np.ndarray, contact: bool = False) -> None:
+        """Raise `InputError` where the branches are crossed at flight or contact states (m, n)."""
+        growing, shrinking = (self._turns(self.of[sign], x, contact) for sign in (1, -1))
+        free, pulled = (self._turns(each, x, contact) for each in self._pulls)
+        gain = (growing - shrinking) / (free - pulled) if self._noise else growing - shrinking
+        if (gain > self._noise + ROUNDING_OF_WIDTH * (np.abs(growing) + np.abs(shrinking))).any():
+            raise InputError(
+                "the branches of the spring with hysteresis cross: the motion comes to extensions where the force is "
+                "larger while the spring shrinks, and which would feed it energy; exchange the branches, state them "
+                "to where they end, or take the law's `.mean`"
+            )
+
+    @cached_property
+    def _noise(self) -> float:
+        """The largest force by which measured branches may cross; 0 for branches that are not bounded."""
+        laws = [from_key(key, self._stated.parameters) for key in self._key.branches]
+        low, high = max(law.range()[0] for law in laws), min(law.range()[1] for law in laws)
+        if not np.isfinite(high - low):
+            return 0.0
+        places = np.linspace(low, high, SAMPLES_OF_WIDTH)
+        return NOISE * float(np.abs(laws[0](places) - laws[1](places)).max())
 
     def stuck(self, x: np.ndarray, contact: bool = False) -> Impacts:
         """The machine while its spring sticks, with the force that keeps the extension of a flight or contact state."""
@@ -210,7 +229,8 @@ class FirstOf:
     """
 
     def __init__(self, *tests: Callable):
-        self.tests, self.which = tests, None
+        self.tests = tests
+        self.which: int | None = None
 
     def __call__(self, coefficients: np.ndarray, steps: np.ndarray) -> tuple[int, float] | None:
         hits = [(hit, i) for i, test in enumerate(self.tests) if (hit := test(coefficients, steps)) is not None]

@@ -123,7 +123,8 @@ def _simulated(
     """The simulation of a machine, from checked arguments."""
     branches = Branches(machine) if machine.model.hysteretic else None
     if branches and inputs is not None:
-        raise InputError(f"a schedule for a {machine.model.name} whose spring has hysteresis: give it the law's `.mean`")
+        remedy = "its spring has hysteresis, which no schedule takes; give it the law's `.mean`"
+        raise InputError(f"a schedule for a {machine.model.name}: {remedy}")
     impacts = branches.first(state) if branches else Impacts(machine)
     if branches and inject != 0 and not impacts.model.one_speed:
         name = impacts.model.name
@@ -345,6 +346,7 @@ class _HystereticRun(_Run):
             except FlowError as error:
                 self.reason = error.args[0]
                 return status_of_failure(error, "flight"), x, False
+            self.branches.check_width(path.coefficients[:, : len(x), 0])
             if not side and self.slips(path, len(x), self.branches.rate):
                 return "lost", x, False
             closed = path.times[-1] < left and stop.which == 0
@@ -385,6 +387,7 @@ class _HystereticRun(_Run):
             except FlowError as error:
                 self.reason = error.args[0]
                 return status_of_failure(error, "contact"), x
+            self.branches.check_width(path.coefficients[:, : impacts.contact.size, 0], contact=True)
             if not side and self.slips(path, impacts.contact.size, self.branches.rate_in_contact):
                 return "lost", x
             never = "collapses" if np.abs(path.end).max() > limit else "rests"

@@ -17,13 +17,13 @@ import numpy as np
 
 from orbits.errors import InputError
 from orbits.laws import law_statement as laws
-from orbits.laws.hysteresis import HystereticLaw
+from orbits.laws.hysteretic_law import HystereticLaw
 from orbits.laws.law import Law, LawPieces, Written, number, positive
 from orbits.laws.law_expressions import Expression
 from orbits.laws.law_statement import LawLike
 from orbits.symbolic.formula import suggest
 
-from . import hysteresis
+from . import loops
 from .fitting import fit as fit
 from .rows import measured_columns
 from .smoothing import SmoothCurve, branch_of, curve_of
@@ -215,7 +215,7 @@ def hysteretic(extending: LawLike, shortening: LawLike, /, **parameters: float) 
     """
     branches = [as_spring(law, parameters, shared=True) for law in (extending, shortening)]
     _refuse_unused(parameters, {name for law in branches for name in law.parameters})
-    return hysteresis.of_branches(f"hysteretic:{branches[0].text};{branches[1].text}", *branches)
+    return loops.of_branches(f"hysteretic:{branches[0].text};{branches[1].text}", *branches)
 
 
 def lossy(
@@ -238,9 +238,10 @@ def lossy(
     if (loss_factor is None) == (loop_area is None) or (loop_area is None) != (between is None):
         raise InputError("a lossy spring has a loss_factor, or a loop_area with the extensions `between` which it is")
     if loss_factor is None:
-        assert loop_area is not None and between is not None
-        loss_factor = hysteresis.loss_factor_of(law, loop_area, between)
-    return hysteresis.of_loss(law, loss_factor)
+        assert loop_area is not None  # and between, as was checked
+        assert between is not None
+        loss_factor = loops.loss_factor_of(law, loop_area, between)
+    return loops.of_loss(law, loss_factor)
 
 
 def loop(source: Any, *, in_si: bool = False, noise: float | None = None) -> HystereticLaw:
@@ -253,7 +254,8 @@ def loop(source: Any, *, in_si: bool = False, noise: float | None = None) -> Hys
     (0.2, -0.2)
     """
     branches = [table(source, branch=name, in_si=in_si, noise=noise) for name in ("loading", "unloading")]
-    low, high = (pick(ends) for pick, ends in zip((max, min), zip(*(law.range() for law in branches), strict=True)))
+    lows, highs = zip(*(law.range() for law in branches), strict=True)
+    low, high = max(lows), min(highs)
     if not low < high:
         raise InputError(f"{branches[0].text}: its two branches have no extension in common")
     # Of a spring measured in compression alone, the extension grows while it is unloaded.
@@ -261,7 +263,7 @@ def loop(source: Any, *, in_si: bool = False, noise: float | None = None) -> Hys
     if float(np.mean(branches[0](places) - branches[1](places))) < 0:
         branches.reverse()
     label = branches[0].text.removeprefix("table:").partition(" (")[0]
-    return hysteresis.of_branches(f"loop:{label}", *branches)
+    return loops.of_branches(f"loop:{label}", *branches)
 
 
 def _refuse_unused(parameters: Mapping[str, float], used: Collection[str]) -> None:
@@ -280,12 +282,12 @@ def _with_loss(kind: str, text: str, values: Mapping[str, float], in_si: bool) -
         if "loss_factor" not in values:
             raise InputError(f"spring 'lossy:{text}' needs the loss_factor of its loop: set loss_factor=VALUE")
         mean = as_spring(text, {name: x for name, x in values.items() if name != "loss_factor"}, in_si, shared=True)
-        return hysteresis.of_loss(mean, values["loss_factor"])
+        return loops.of_loss(mean, values["loss_factor"])
     texts = text.split(";")
     if len(texts) != 2:
         raise InputError(f"spring 'hysteretic:{text}': it has two branches, as in hysteretic:EXTENDING;SHORTENING")
     branches = [as_spring(law.strip(), values, in_si, shared=True) for law in texts]
-    return hysteresis.of_branches(f"hysteretic:{branches[0].text};{branches[1].text}", *branches)
+    return loops.of_branches(f"hysteretic:{branches[0].text};{branches[1].text}", *branches)
 
 
 NAMED = {

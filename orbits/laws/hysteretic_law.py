@@ -14,6 +14,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any
 
 from ..errors import InputError
@@ -23,7 +24,7 @@ from .law_expressions import Expression, break_table
 from .law_statement import from_formula
 
 # A table of one piece, for a law without pieces.
-SMOOTH = LawPieces(0, break_table((-math.inf, math.inf)))
+ONE_PIECE = LawPieces(0, break_table((-math.inf, math.inf)))
 
 
 @dataclass(frozen=True, repr=False)
@@ -38,11 +39,11 @@ class HystereticLaw(Law):
     shortening: Any = None
     mean: Any = None
 
-    def __reduce__(self) -> tuple[Callable, tuple]:
+    def __reduce__(self) -> Any:
         return hysteretic_law, (self.text, self.extending, self.shortening, self.mean)
 
     @property
-    def key(self) -> Key:  # type: ignore[override]
+    def key(self) -> Key:
         """The law without its parameters' values: the key of the mean with those of the branches."""
         branches = (self.extending.key, self.shortening.key)
         return Key(self.text, self.variable, self.expression, tuple(self.parameters), self.pieces, branches=branches)
@@ -83,8 +84,7 @@ def mean_of(extending: Law, shortening: Law) -> Law:
     values = {**extending.parameters, **shortening.parameters}
     if all(law.written and not law.pieces and not law.written.potential for law in (extending, shortening)):
         texts = [law.written.formulas[0] for law in (extending, shortening) if law.written]
-        mean = from_formula(f"(({texts[0]}) + ({texts[1]}))/2", "r", values)
-        return mean
+        return from_formula(f"(({texts[0]}) + ({texts[1]}))/2", "r", values)
     pieces = merged_pieces(extending, shortening)
     size = extending.pieces.size if extending.pieces else 0
     expression = _half_the_sum(extending.expression, shortening.expression, size)
@@ -95,7 +95,7 @@ def mean_of(extending: Law, shortening: Law) -> Law:
 def merged_pieces(first: Law, second: Law) -> LawPieces:
     """The pieces of two laws together, where both are stated, each with the data of the first and of the second;
     raises `InputError` where no extension is in both ranges, or where they are counted in different ways."""
-    each = [law.pieces or SMOOTH for law in (first, second)]
+    each = [law.pieces or ONE_PIECE for law in (first, second)]
     scales = {(pieces.unit, pieces.origin) for law, pieces in zip((first, second), each, strict=True) if law.pieces}
     if len(scales) > 1:
         raise InputError(f"'{first.text}' and '{second.text}' have different shifts: give both the same one, or none")
@@ -106,7 +106,7 @@ def merged_pieces(first: Law, second: Law) -> LawPieces:
         raise InputError(f"'{first.text}' and '{second.text}' have no extension in common")
     inside = {x: (k, i) for k in (1, 0) for i, x in enumerate(places[k]) if low <= x <= high}
     ends = sorted(inside)
-    indices = [tuple(_piece(own, a, b) for own in places) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+    indices = [tuple(_piece(own, a, b) for own in places) for a, b in pairwise(ends)]
     table = _merged_table(each[0].table, each[1].table, tuple(inside[x] for x in ends), tuple(indices))
     return LawPieces(each[0].size + each[1].size, table, unit, origin)
 

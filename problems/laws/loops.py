@@ -1,12 +1,13 @@
 """Springs with hysteresis from two branches, from a mean law with its loss, and from a measured loop."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 
 from orbits.errors import InputError
-from orbits.laws.hysteresis import (
-    SMOOTH,
+from orbits.laws.hysteretic_law import (
+    ONE_PIECE,
     HystereticLaw,
     hysteretic_law,
     merged_pieces,
@@ -19,7 +20,7 @@ from orbits.numerics.roots import bracketed_root
 
 # Measured branches may cross by their noise: by at most this share of the largest width of the loop.
 LARGEST_CROSSING = 0.05
-SAMPLES, FARTHEST = 2001, 20.0  # of a law, up to this distance from rest where its range does not end before
+SAMPLES, FARTHEST_SAMPLE = 2001, 20.0  # of a law, up to this distance from rest where its range does not end before
 PANELS = 256  # of the quadrature of a loop's area
 # A loss factor below this keeps both branches of `lossy` pulling toward rest.
 LARGEST_LOSS_FACTOR = 2 / math.pi
@@ -55,7 +56,7 @@ def of_loss(mean: Law, loss_factor: float) -> HystereticLaw:
     if "loss_factor" in mean.parameters:
         raise InputError(f"'{mean.text}' has a parameter 'loss_factor', which is that of the loop: rename it")
     zero = zero_of(mean)
-    own = mean.pieces or SMOOTH
+    own = mean.pieces or ONE_PIECE
     place = zero * float(own.units(mean.parameters)) - float(own.origins(mean.parameters))
     sides = Law("sides", "r", mean.expression, {}, LawPieces(1, sides_of(place), own.unit, own.origin))
     pieces = merged_pieces(mean, sides)
@@ -69,7 +70,7 @@ def of_loss(mean: Law, loss_factor: float) -> HystereticLaw:
 
 def zero_of(mean: Law) -> float:
     """The extension at which a mean law vanishes, or that of its range nearest to rest; raises `InputError` where its
-    force does not pull toward that place throughout."""
+    force does not pull toward that place from near it."""
     r = _samples(mean)
     with np.errstate(all="ignore"):
         force = mean(r)
@@ -83,10 +84,10 @@ def zero_of(mean: Law) -> float:
         if len(changes) == 1:
             i = int(changes[0])
             zero = float(bracketed_root(lambda x: float(mean(x)), r[i], r[i + 1], float(force[i]), float(force[i + 1])))
-    beside = abs(r - zero) > 1e-9 * np.ptp(r)
-    if (wrong := beside & (force * (r - zero) < 0)).any():
-        where = f"'{mean.text}' is {force[wrong][0]:.4g} at r = {r[wrong][0]:.6g}, and pulls away from rest"
-        raise InputError(f"{where}: a loss factor would feed it energy there; state its two branches")
+    for place in (np.flatnonzero(r < zero)[-1:], np.flatnonzero(r > zero)[:1]):
+        if (force[place] * (r[place] - zero) < 0).any():
+            where = f"'{mean.text}' is {force[place][0]:.4g} at r = {r[place][0]:.6g}, and pulls away from rest"
+            raise InputError(f"{where}: a loss factor would feed it energy there; state its two branches")
     return zero
 
 
@@ -104,7 +105,7 @@ def loss_factor_of(mean: Law, loop_area: float, between: tuple[float, float]) ->
     zero = zero_of(mean)
     inside = [float(place) for place in mean.corners() if low < place < high]
     ends = sorted({low, high, *inside, *([zero] if low < zero < high else [])})
-    edges = np.unique(np.concatenate([np.linspace(a, b, PANELS) for a, b in zip(ends[:-1], ends[1:], strict=True)]))
+    edges = np.unique(np.concatenate([np.linspace(a, b, PANELS) for a, b in pairwise(ends)]))
     widths = np.diff(edges)
     forces = np.abs(mean(edges[:-1, None] + widths[:, None] * GAUSS_PLACES))
     whole = float((widths[:, None] * GAUSS_WEIGHTS * forces).sum())
@@ -113,5 +114,5 @@ def loss_factor_of(mean: Law, loop_area: float, between: tuple[float, float]) ->
 
 def _samples(law: Law) -> np.ndarray:
     """Extensions throughout the range of a law, as far as it is near rest."""
-    low, high = (min(max(end, -FARTHEST), FARTHEST) for end in law.range())
+    low, high = (min(max(end, -FARTHEST_SAMPLE), FARTHEST_SAMPLE) for end in law.range())
     return np.linspace(low, high, SAMPLES)
