@@ -58,11 +58,13 @@ def on_ground(
     if unknown := sorted(names_in(ground.mass) & {*coordinates}):
         raise InputError(f"the mass of the ground, '{ground.mass}', depends on the coordinate '{unknown[0]}'")
     left = [name for name in coordinates if name != gap]
+    # The centre of mass of the machine alone is not that of all that moves.
+    own = {name: height for name, height in (heights or {}).items() if name != "centre of mass"}
     return {
         "coordinates": (*coordinates, ground.name),
         "elements": (*elements, *ground.elements),
         "gap": f"{gap} - {ground.name}",
         "launch": launch or (left[-1] if left else None),
-        "heights": {**heights, ground.name: ground.name} if heights else heights,
+        "heights": {**own, ground.name: ground.name} if own else heights,
         "ground": None,
     }

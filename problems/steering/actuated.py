@@ -47,6 +47,8 @@ class Actuated(Stated):
         if not isinstance(self.machine, TwoMassMachine):
             kind = type(self.machine).__name__
             raise InputError(f"a {kind} is no machine whose spring can be moved, as problems.Hopper()")
+        if self.machine.ground is not None:
+            raise InputError("an actuator's hops are planned on rigid ground, from a speed alone: take ground=None")
         self.machine.stated()  # raises for a machine that is no mechanism
         if corners := self.machine.spring.corners():
             text = f"spring '{self.machine.spring.text}' has a corner at r = {corners[0]:.6g}"
