@@ -47,7 +47,8 @@ class Hops(Result, what="table of hops"):
 
     alpha : launch speeds
     next : launch speeds at the next lift-off, with the injection; NaN where there is none
-    loss : loss of alpha**2 in the hop, without the injection, or in its impacts where there is no next launch
+    loss : loss of alpha**2 in the hop, without the injection, or in its impacts where there is no next launch; of a
+        machine with hysteresis NaN where there is none
     impacts : number of impacts in the hop
     status : "lifts_off", or why there is no next launch: a name of `orbits.simulation.impacts.STATUSES`
     units : of the numbers, by name; empty for a dimensionless machine
@@ -360,7 +361,7 @@ class ReturnMap:
         """
         if not finite_number("alpha", alpha) > 0:
             raise InputError(f"alpha = {alpha:g}; launch speeds are above 0")
-        return self._upkeep(float(alpha))
+        return replace(self._upkeep(float(alpha)), alpha=float(alpha))
 
     @in_own_units(lambda upkeep, step: step.units.convert(upkeep, **DIMENSIONS_OF_UPKEEP), alpha=LIFTOFF_SPEED)
     def _upkeep(self, alpha: float) -> "Upkeep":

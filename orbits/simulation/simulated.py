@@ -34,10 +34,12 @@ DIMENSIONS_OF_SIMULATIONS = {
 class ContactEvent:
     """The event at the end of a leg.
 
-    kind : "impact", after which the machine flies on; "landing", after which it stays in contact; "lift-off"
+    kind : "impact", after which the machine flies on; "landing", after which it stays in contact; "lift-off"; or
+        "reversal" of a spring with hysteresis, whose loss is that of the energies between the events
     time : time since the start; for a landing by infinitely many bounces, the time when they have ended
     before, after : flight states (n,)
-    energy : energy before the event, relative to the machine at rest in contact with its spring unloaded
+    energy : energy before the event, relative to the machine at rest in contact with its spring unloaded; by the mean
+        law of a spring with hysteresis
     loss : energy lost in the event, below 0 where an injection adds energy
     """
 

@@ -248,8 +248,9 @@ def loop(source: Any, *, in_si: bool = False, noise: float | None = None) -> Hys
     """A spring with hysteresis from a measured loop, whose rows are in the order of the measurement; see `table` for
     the arguments.
 
-    >>> there, back = [(-1.0, -1.0), (0.0, 0.2), (1.0, 1.4), (2.0, 2.0)], [(1.0, 0.8), (0.0, -0.2), (-1.0, -1.0)]
-    >>> law = loop(tuple(zip(*[*there, *back], (-0.9, -0.9))), noise=0)
+    >>> travel = [-2.0, -1.0, 0.0, 1.0, 2.0, 1.0, 0.0, -1.0, -2.0]
+    >>> force = [-2.0, -0.8, 0.2, 1.2, 2.0, 0.8, -0.2, -1.2, -2.0]
+    >>> law = loop((travel, force), noise=0)
     >>> float(law.extending(0.0)), float(law.shortening(0.0))
     (0.2, -0.2)
     """
