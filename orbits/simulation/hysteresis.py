@@ -21,7 +21,17 @@ from ..mechanics.elements import Spring
 from ..mechanics.mechanism import Mechanism
 from ..model.phase import Affine
 from ..numerics.polynomial_roots import Crossings
-from .impacts import FASTEST_LAUNCH, LIFTOFF_ORDER, STATUS, TURNS, Impacts, status_of_failure
+from .impacts import (
+    FASTEST_LAUNCH,
+    LIFTOFF_ORDER,
+    MANY_BOUNCES,
+    NEIGHBOUR,
+    PARTED,
+    STATUS,
+    TURNS,
+    Impacts,
+    status_of_failure,
+)
 
 TURNING_RATE = 1e-13  # a rate of the extension below this, relative to the state, is that of a reversal
 # Branches that cross feed energy to the motion. Measured ones may cross by noise, by this share of the loop's largest
@@ -40,6 +50,8 @@ class Branches:
 
     def __init__(self, machine: Any):
         self.machine, self.model, self.restitution = machine, machine.model, float(machine.restitution)
+        if not hasattr(machine, "stated"):
+            raise InputError(f"the {self.model.name} has a spring with hysteresis: state it as a Mechanism")
         stated: Mechanism = replace(machine.stated(), restitution=machine.restitution)
         springs = [each.force for each in stated.elements if isinstance(each, Spring)]
         (self._key,) = (key for key in springs if key.branches)
@@ -138,7 +150,18 @@ class Branches:
 
     def hops(self, alpha: np.ndarray, cap: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """One hop from each of the launch speeds (m,): the next launch speeds (m,), the numbers (m,) of impacts, and
-        the statuses (m,), "" for a hop that is to be simulated alone, as where the spring sticks in flight."""
+        the statuses (m,), "" for a hop that is to be simulated alone, as where the spring sticks in flight. One is
+        "undecided" where a launch that is faster by some roundings ends in another way, see `decided_impacts`."""
+        if self.restitution < MANY_BOUNCES:
+            return self._hops(alpha, cap)
+        m = len(alpha)
+        speeds, counts, status = self._hops(np.concatenate([alpha, alpha * (1 + NEIGHBOUR)]), cap)
+        apart = np.abs(np.nan_to_num(speeds[:m] - speeds[m:])) > PARTED * np.nan_to_num(speeds[:m])
+        other = (status[:m] != status[m:]) | (apart & (status[:m] == "lifts_off"))
+        undecided = other & (status[:m] != "cap") & (status[:m] != "") & (status[m:] != "")
+        return np.where(undecided, np.nan, speeds[:m]), counts[:m], np.where(undecided, "undecided", status[:m])
+
+    def _hops(self, alpha: np.ndarray, cap: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         m, first = len(alpha), self.first()
         x = first.launch(np.minimum(alpha, FASTEST_LAUNCH))
         speeds, counts, turns = np.full(m, np.nan), np.zeros(m, int), np.zeros(m, int)

@@ -242,7 +242,11 @@ class _Run:
         if impacts.restitution < MANY_BOUNCES or not (alpha > 0).any() or not impacts.model.one_speed:
             return False
         launched = self.launch is not None and np.array_equal(impacts.launch(alpha)[0], self.launch)
-        return launched and bool(decided_impacts(impacts, alpha, self.cap)[2][0] == "undecided")
+        return launched and bool(self.statuses(alpha)[0] == "undecided")
+
+    def statuses(self, alpha: np.ndarray) -> np.ndarray:
+        """The statuses (m,) of the impacts of hops with launch speeds (m,)."""
+        return decided_impacts(self.impacts, alpha, self.cap)[2]
 
     def contact(self, x) -> tuple[str | None, np.ndarray]:
         """Stay in contact until lift-off: the status if the simulation ends, and the state after lift-off."""
@@ -365,7 +369,14 @@ class _HystereticRun(_Run):
         (held,), (after,), (loss,), (wait,) = self.impacts.landing(x[None])
         self.impact_count += 1
         self.add_event("landing" if held else "impact", x, after, float(loss), float(wait))
-        return ("cap" if self.impact_count >= self.cap and not held else None), after, bool(held)
+        if held:
+            self.impacts = self.branches.first()  # whose launches are those of the machine
+            return ("undecided" if self.undecided() else None), after, True
+        return ("cap" if self.impact_count >= self.cap else None), after, False
+
+    def statuses(self, alpha: np.ndarray) -> np.ndarray:
+        """The statuses (m,) of hops with launch speeds (m,)."""
+        return self.branches.hops(alpha, self.cap)[2]
 
     def contact(self, x) -> tuple[str | None, np.ndarray]:
         """Stay in contact until lift-off, see `_Run.contact`."""
