@@ -367,7 +367,7 @@ class ReturnMap:
     def _upkeep(self, alpha: float) -> "Upkeep":
         hop = ReturnMap(self.machine, cap=self.cap)(alpha)
         if hop.status != "lifts_off":
-            text = "the hop from alpha = {alpha:g} ends with '{status}': there is no next launch to be kept up"
+            text = "the hop from alpha = {alpha:g} ends with '{status}': there is no next launch to keep up"
             raise NoOrbit(Message(text, alpha=Quantity(alpha, LIFTOFF_SPEED), status=str(hop.status)))
         impacts = self.impacts.first() if isinstance(self.impacts, Branches) else self.impacts
         before, after = impacts.launch(np.array([float(hop.next), alpha]))

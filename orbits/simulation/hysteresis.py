@@ -67,6 +67,7 @@ class Branches:
 
     @cached_property
     def mean(self) -> Impacts:
+        """The impacts with the mean law, by which the energy is counted."""
         return self._with(from_key(self._key._replace(branches=None), self._stated.parameters))
 
     @cached_property

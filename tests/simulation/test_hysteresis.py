@@ -116,7 +116,7 @@ def test_a_spring_that_sticks_falls_as_one_body():
     assert np.ptp(run(t)[:, 0] - run(t)[:, 2]) < 1e-13
     whole = turned.before[2] + turned.before[3] * (t - t[0]) - (t - t[0]) ** 2 / (2 * 1.5)
     assert np.abs(run(t)[:, 2] - whole).max() < 1e-12
-    # Nothing moves any more, and it goes on for as long as is asked.
+    # Nothing moves any more, for the whole time.
     still = simulate(machine, 2.0, time=40.0)
     assert (still.status, still.end) == ("done", 40.0)
     assert np.abs(still(39.0) - still(40.0)).max() < 1e-12
