@@ -80,6 +80,13 @@ def test_a_hop_is_that_of_another_integrator_and_loses_the_area_between_the_bran
     assert run.launches[-1] == pytest.approx(following, abs=2e-10)
     places = [run(0.0), *(event.before for event in run.events)]
     assert [x[0] - x[2] for x in places] == pytest.approx(turns, abs=2e-9)
+    # The forces are those of the branch, and while it presses the ground carries what the spring does not pull.
+    t = np.linspace(0.0, run.end, 57)[1:-1]
+    x = run(t)
+    (pulled,) = run.spring_forces(t).values()
+    branch = [force(law, rate, r) for rate, r in zip(x[:, 1] - x[:, 3], x[:, 0] - x[:, 2], strict=True)]
+    assert pulled == pytest.approx(branch, abs=1e-12)
+    assert run.contact_force(t) == pytest.approx(np.where(run.in_contact(t), 1 - pulled, 0.0), abs=1e-12)
     # The work of the half width between the reversals, by SciPy's quadrature, and what the landing takes.
     areas = [abs(quad(lambda r: float(law.extending(r) - law.shortening(r)) / 2, a, b)[0]) for a, b in pairwise(turns)]
     loss = M * sum(areas) + (1 + M) / 2 * M * landed**2
@@ -116,6 +123,8 @@ def test_a_spring_that_sticks_falls_as_one_body():
     assert np.ptp(run(t)[:, 0] - run(t)[:, 2]) < 1e-13
     whole = turned.before[2] + turned.before[3] * (t - t[0]) - (t - t[0]) ** 2 / (2 * 1.5)
     assert np.abs(run(t)[:, 2] - whole).max() < 1e-12
+    (pulled,) = run.spring_forces(t[:-1]).values()  # nothing pulls on what falls freely
+    assert np.abs(pulled).max() < 1e-12
     # Nothing moves any more, for the whole time.
     still = simulate(machine, 2.0, time=40.0)
     assert (still.status, still.end) == ("done", 40.0)
@@ -197,6 +206,9 @@ def test_the_same_machine_in_si_and_as_a_mechanism():
         in_si=True,
     )
     assert run.status == "done"
+    t = np.linspace(0.0, run.end, 9)[1:-1]
+    (in_si,), (of_stated,) = (simulate(each, alpha, hops=1).spring_forces(t).values() for each in (leg, stated))
+    assert in_si == pytest.approx(of_stated, abs=1e-9)
     assert simulate(stated, alpha, hops=1).launches == pytest.approx(run.launches, abs=1e-12)
     for machine in (leg, stated):
         energy = 3.0 / 2 * (alpha**2 - run.launches[-1] ** 2)
