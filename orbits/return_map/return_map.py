@@ -359,6 +359,7 @@ class ReturnMap:
         >>> round(upkeep.inject, 6), round(float(ReturnMap(machine, upkeep.inject)(4.6).next), 9)
         (0.389609, 4.6)
         """
+        self._check_one_speed("upkeep")
         if not finite_number("alpha", alpha) > 0:
             raise InputError(f"alpha = {alpha:g}; launch speeds are above 0")
         return replace(self._upkeep(float(alpha)), alpha=float(alpha))
@@ -476,7 +477,14 @@ def _hops_from(impacts: Impacts, alpha, inject: float, cap: int) -> Hops:
 def _impacts_of(machine: Machine) -> "Impacts | Branches":
     """The impacts of a machine, on both branches of a spring with hysteresis."""
     check_machine(machine, "restitution")
-    return Branches(machine) if machine.model.hysteretic else Impacts(machine)
+    if not machine.model.hysteretic:
+        return Impacts(machine)
+    if not machine.model.one_speed:
+        name = machine.model.name
+        raise InputError(
+            f"a launch of a {name} is more than a speed, and its spring has hysteresis: it is simulated, without a map"
+        )
+    return Branches(machine)
 
 
 def _hysteretic_hops(branches: Branches, alpha, inject: float, cap: int) -> Hops:

@@ -48,6 +48,8 @@ class Branches:
     mean : the `Impacts` of the mean law, by which the energy is counted
     """
 
+    never_lose = False  # as of `Impacts`
+
     def __init__(self, machine: Any):
         self.machine, self.model, self.restitution = machine, machine.model, float(machine.restitution)
         if not hasattr(machine, "stated"):

@@ -23,6 +23,7 @@ from problems import (
 from problems.machines import files
 
 CUBIC = {"beta": 0.3}
+LOSSY = springs.lossy("r", loss_factor=0.1)
 
 
 def near_rigid(machine, rigid: Orbit, sink: float, name: str = "ground") -> Orbit:
@@ -181,7 +182,8 @@ class TestStatement:
             (lambda: Hopper("ground_mass*r", parameters={"ground_mass": 1.0}), InputError, "the machine's own name"),
             (lambda: Juggler(ground=Ground(1.0, 1.0)), InputError, "lands in a juggler does not land on the ground"),
             (lambda: juggler_in_si(1.0, 1.0, stiffness=1.0, ground=1.0), TypeError, "ground"),
-            (lambda: ReturnMap(Hopper(ground=Ground(1.0, 1.0))), InputError, "more than a speed"),
+            (lambda: ReturnMap(Hopper(ground=Ground(1.0, 1.0))).upkeep(4.0), InputError, "a launch has 3 numbers"),
+            (lambda: ReturnMap(Hopper(LOSSY, ground=Ground(1.0, 1.0))), InputError, "it is simulated, without a map"),
             (lambda: find(Hopper(ground=Ground(1.0, 1.0))), NoOrbit, "give `find` a start"),
             (lambda: Actuated(Hopper(ground=Ground(1.0, 1.0))), InputError, "planned on rigid ground"),
             (lambda: replace(chain_hand(), ground=Ground(1.0, 1.0)), InputError, "is not one coordinate, the height"),
