@@ -27,6 +27,7 @@ from .exact.bounds import Enclosure as Enclosure
 from .mechanics import (
     Damper as Damper,
     Force as Force,
+    Ground as Ground,
     Inerter as Inerter,
     Mass as Mass,
     Potential as Potential,

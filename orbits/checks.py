@@ -124,6 +124,9 @@ def _along_motions(machine: Machine, start: Orbit | Mapping[str, float] | None, 
     """The relations along an orbit and along hops beside it."""
     model, graphs = machine.model, Graphs(machine.model, tuple(machine.values))
     found, orbit = [*_piece_relations(machine, graphs)], None
+    if model.hysteretic:
+        left_out.append("no motion was looked at: the spring has hysteresis, and the phases have its mean law")
+        return found
     if not model.conservative:
         left_out.append("no orbit was looked at: the machine is not conservative")
     elif all(each.holds for each in found):

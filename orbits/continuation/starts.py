@@ -15,6 +15,7 @@ from ..laws.law_statement import from_formula
 from ..mechanics.elements import Damper, Force, Spring
 from ..mechanics.mechanism import Mechanism
 from ..model.machine import Machine
+from ..model.model import refuse_hysteresis
 from ..periodic.find import Progress
 from ..periodic.linear_hops import LinearSearch
 from ..running import interrupts
@@ -214,6 +215,7 @@ def _springs_of(machine: Mechanism) -> list[Spring]:
     """The springs of a machine whose hops may be followed from linear ones; raises `InputError` for another machine."""
     if not isinstance(machine, Mechanism):
         raise InputError(f"starts are those of a Mechanism, not of a {type(machine).__name__}")
+    refuse_hysteresis(machine.model)
     springs = [element for element in machine.elements if isinstance(element, Spring)]
     remedy = "starts are led there from linear hops; give find a start instead, such as that of start_from_rest"
     for element in machine.elements:
@@ -258,6 +260,7 @@ def start_from_rest(
 
     All numbers are in the machine's units. Raises `NoOrbit` when the motion from there cannot be integrated.
     """
+    refuse_hysteresis(machine.model)
     contact, values, count = machine.model.contact, machine.values, len(machine.model.contact.states) // 2
     if np.shape(positions) != (count,):
         raise InputError(f"positions = {positions!r}; they are {count} numbers, from the top")

@@ -61,6 +61,8 @@ class Claim:
 def claim_of(orbit: Orbit, machine: Machine | None, varied: Sequence[str] = ()) -> Claim:
     """The claims of an orbit about a machine, None for the one that it was found for, with other values of some
     parameters; raises `InputError` where the machine is not known, and for an orbit of another kind of machine."""
+    if not isinstance(orbit, Orbit):
+        raise InputError(f"a {type(orbit).__name__} is no orbit to prove: give prove(find(machine))")
     machine = machine or orbit.source
     if machine is None:
         raise InputError("this orbit does not know its machine: give prove(orbit, machine=...)")

@@ -86,6 +86,8 @@ class Key(NamedTuple):
 
     written : the law as it is written; None for a table, and for a function that formulas cannot say
     reach : how far an integration step may go along the variable, see `features.reach`
+    branches : of a spring with hysteresis, the keys of its laws while the extension grows and while it shrinks; this
+        key is then that of their mean
     """
 
     text: str
@@ -95,6 +97,7 @@ class Key(NamedTuple):
     pieces: LawPieces | None
     reach: float = math.inf
     written: Written | None = None
+    branches: "tuple[Key, Key] | None" = None
 
     @lru_cache(maxsize=256)  # noqa: B019 -- equal keys share the result
     def degree(self) -> int:

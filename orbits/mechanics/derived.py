@@ -54,6 +54,7 @@ def derived_model(structure: Structure) -> Model:
         homotopy=GRAVITY_SHARE if mechanics.gravity.varies else None,
         conservative=mechanics.conservative and not s.actuators,
         driven=any(isinstance(element, Force) for element in s.elements),
+        hysteretic=parts.hysteretic,
         reduction=still.reduction if still else None,
         tension=parts.tension if parts.counted else None,
         spring_forces=parts.spring_forces(),

@@ -163,8 +163,14 @@ class Mechanics:
 
     @property
     def conservative(self) -> bool:
-        """Whether no element damps or drives."""
-        return not any(isinstance(element, Damper | Force) for element in self.elements)
+        """Whether no element damps or drives, and no spring has hysteresis."""
+        return not self.hysteretic and not any(isinstance(each, Damper | Force) for each in self.elements)
+
+    @property
+    def hysteretic(self) -> list[Spring]:
+        """The springs with hysteresis, whose laws differ while they extend and while they shorten."""
+        springs = [element for element in self.elements if isinstance(element, Spring)]
+        return [spring for spring in springs if self.laws and self.law_of(spring).branches]
 
     def with_laws(self, laws: Sequence[Key]) -> "Mechanics":
         """The same mechanics with the keys of the springs' laws."""

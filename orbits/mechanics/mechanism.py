@@ -35,6 +35,7 @@ from ..units import FORCE, LENGTH, TORQUE, Dimension, Units, unit_text
 from .derived import derived_launch, derived_model, linear_equations
 from .dimensions import dimensions_of_parameters, length_or_angle
 from .elements import Element, Scalar, Spring, expressions_of, names_in
+from .ground import on_ground
 from .linear import LinearEquations
 from .parts import names_of_springs
 from .refusals import (
@@ -79,6 +80,8 @@ class Mechanism(Stated):
         drawn from the height of the name `lower`, None for the ground, to that of the name `upper`
     actuators : names of displacements that may occur in extensions, each with the name of its rate, a parameter that
         is 0 unless `parameters` has it
+    ground : a `Ground` that yields, under a gap that is one coordinate; the mechanism then has the ground's coordinate,
+        mass and spring among its own, and no `ground` any more. None for rigid ground
     words : the name of the "liftoff" force in messages, the texts of a violated "gap", "pull", "separation" and "end",
         and the text to look after where a search finds "none"
 
@@ -114,6 +117,7 @@ class Mechanism(Stated):
     knees: Sequence[tuple[str | None, str, Scalar]] = ()
     actuators: Mapping[str, str] = field(default_factory=dict)
     words: Mapping[str, str] = field(default_factory=dict)
+    ground: Any = None
 
     @exclusive
     def __post_init__(self) -> None:
@@ -122,6 +126,9 @@ class Mechanism(Stated):
             knees=tuple(listed("knees", knee) for knee in listed("knees", self.knees)),
             angles=listed("angles", self.angles),
         )  # fmt: skip
+        if self.ground is not None:
+            stated = self.coordinates, self.elements, self.gap, self.launch, self.heights
+            self._store(**on_ground(self.ground, *stated))
         self._store(inertia=self._rows(), heights=self.heights or self._lengths())
         refuse_misstated(self)
         numbers = {name: number(name, value) for name, value in self.parameters.items()}

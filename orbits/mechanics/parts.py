@@ -120,6 +120,22 @@ class Parts:
         states = (*self._states_in_contact, *(name for name, _ in self.structure.actuators))
         return Phase("contact", states, self.mechanics.contact, watch, pieces, closed_form, reaches)
 
+    @property
+    def hysteretic(self) -> tuple[float, ...] | None:
+        """The weights of the rate of the spring with hysteresis in the flight state, None without one; raises
+        `InputError` for several, and for an extension whose rate is no sum of speeds."""
+        springs = self.mechanics.hysteretic
+        if not springs:
+            return None
+        weights, text = self.mechanics.coordinates.weights(springs[0].extension), springs[0].extension
+        if len(springs) > 1:
+            several = "springs with hysteresis: one can be followed, since at rest their forces depend on one another"
+            raise InputError(f"the {self.structure.name} has {len(springs)} {several}; give the others their `.mean`")
+        if weights is None or any(weights[self.mechanics.size :]):
+            rate = "its rate decides which branch holds, and is no sum of speeds"
+            raise InputError(f"the spring with hysteresis along '{text}': {rate}; give it its law's `.mean`")
+        return _interleaved(list(map(float, weights[: self.mechanics.size])), self._ends, 1)
+
     def _along(self, contact: bool) -> tuple[Pieces | None, tuple[Reach, ...]]:
         """The `pieces` and the `reaches` of the contact, or of the flight."""
         mechanics, pieces, reaches = self.mechanics, None, list[Reach]()

@@ -8,7 +8,7 @@ from typing import Any, Self, TypeAlias
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, NoOrbit
 from ..io import fields_in_line
 from ..laws.law import Algebraic, Parameters, Scalars
 from ..units import Dimension
@@ -75,6 +75,8 @@ class Model:
         for which `search` and `release` suffice
     conservative : whether flight and contact conserve the energy
     driven : whether a force may add energy to a machine that is not conservative
+    hysteretic : weights (n,) of the rate of the spring with hysteresis in the flight state, None without one; the
+        phases have the mean law of such a spring, and simulations and return maps its branches
     homotopy : name of the parameter that leads from the machine of the guess (0) to this one (1); None where they are
         the same
     reduction : the reduced statement that the machine allows; None where there is none
@@ -122,6 +124,7 @@ class Model:
     knees: Callable | None = None
     driven: bool = False
     fixed: tuple[str, ...] = ()
+    hysteretic: tuple[float, ...] | None = None
     # A model that `dataclasses.replace` makes has to be checked again.
     derived: bool = field(default=False, init=False)
 
@@ -244,6 +247,15 @@ class Model:
     def one_speed(self) -> bool:
         """Whether its speed alone fixes a launch; that speed then first vanishes again in mid-contact."""
         return len(self.launch_unknowns) == 2
+
+
+def refuse_hysteresis(model: Model) -> None:
+    """Raise `NoOrbit` for a model whose spring has hysteresis: its phases are those of the mean law."""
+    if model.hysteretic:
+        raise NoOrbit(
+            "a spring with hysteresis loses energy on every hop: it has no lossless orbit, but a return map; the law "
+            "half way between its branches, its `.mean`, has"
+        )
 
 
 def as_derived(model: Model) -> Model:

@@ -10,7 +10,7 @@ from ..errors import FlowError, NoOrbit, OutOfRange
 from ..flow.flow import Flow, flow_of
 from ..flow.zero_crossing import first_zeros
 from ..laws.law import from_key, values_and_slopes
-from ..model.model import Model
+from ..model.model import Model, refuse_hysteresis
 from ..model.phase import Affine
 from ..model.relative import FASTEST, Relative, half_angle
 from ..numerics.polynomial_roots import Crossings
@@ -57,6 +57,7 @@ class Guesses(NamedTuple):
 def guess(model: Model, family: int, p: Mapping[str, float]) -> dict[str, float]:
     """The launch and the "duration" of the half flight that a model guesses, or that follow from its relative motion
     under constant gravity; raises `NoOrbit` where there is none."""
+    refuse_hysteresis(model)
     if not model.conservative:
         raise NoOrbit("a damped machine loses energy on every hop: it has no lossless orbit, but a return map")
     relative = model.guess

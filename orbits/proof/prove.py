@@ -15,6 +15,7 @@ from ..consistency.accepted import check_machine, check_parameters
 from ..errors import InputError
 from ..exact.claim import Claim, claim_of
 from ..model.machine import Machine
+from ..model.model import refuse_hysteresis
 from ..periodic.orbit import Orbit
 from ..running.exclusive import exclusive
 from ..running.time_limit import LIMIT, time_limit
@@ -67,6 +68,7 @@ def prove(
     need_flint()
     claim = claim_of(orbit, machine, list(parameters or {}))
     check_machine(claim.machine)
+    refuse_hysteresis(claim.machine.model)
     from .case import checked_digits
     from .intervals import proof_of
 
@@ -146,6 +148,7 @@ def prove_fold(
     """
     need_flint()
     check_parameters(machine, along)
+    refuse_hysteresis(machine.model)
     if not all(hasattr(fold, name) for name in ("u", "tangent", "value")):
         raise InputError('the fold is the `point` of a "fold" event of a family')
     if along in (parameters or {}):
@@ -185,6 +188,7 @@ def prove_absence(machine: Machine, family: int | None = None, *, parameters: Ex
     """
     need_flint()
     check_machine(machine)
+    refuse_hysteresis(machine.model)
     if family is not None and (isinstance(family, bool) or not (isinstance(family, int) and family >= 1)):
         raise InputError(f"family = {family!r}; families are numbered from 1")
     from .absence import proof_of_absence

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..consistency.accepted import check_machine
 from ..errors import InputError, NoOrbit, OrbitsError, finite_number, whole_number
 from ..io import Document, fields_in_line
 from ..model.machine import Machine, dimensionless, machine_in_words
@@ -20,12 +21,13 @@ from ..numerics.roots import enclosed_sign_changes
 from ..periodic.find import Progress, find
 from ..result import Axes, Result, Row, cell, known, shown
 from ..running.exclusive import exclusive, in_threads
+from ..simulation.hysteresis import Branches
 from ..simulation.impacts import CAP, FASTEST_LAUNCH, STATUS, Impacts, decided_impacts, injected
 from ..simulation.launch_section import LaunchSection
 from ..simulation.multiplier import multiplier
 from ..simulation.simulation import simulate
 from ..tables import number_text
-from ..units import DIMENSIONS_OF_HOPS, LIFTOFF_SPEED, Message, Quantity, Units, in_own_units
+from ..units import DIMENSIONS_OF_HOPS, ENERGY, LIFTOFF_SPEED, Message, Quantity, Units, in_own_units
 from .basins import Basins
 from .launch_hops import hops_of_launches
 from .periodic_hop import PeriodicHop, different_hops, periodic_hop
@@ -35,6 +37,7 @@ BATCH_SIZE = 8192  # launch speeds in one batch: enough to pay for the calls, fe
 # The launches in the picture of a map, and the fastest of them where there is no lossless one, in units of the machine.
 SHOWN, HIGH_LAUNCH = 1000, 9.0
 HOP_COLUMNS = ("alpha", "next", "loss", "impacts", "status")
+DIMENSIONS_OF_UPKEEP = {**dict.fromkeys(("alpha", "inject"), LIFTOFF_SPEED), "energy": ENERGY}
 NO_BASIN = "with injection or damping no hop is lossless, and none comes to one"
 
 
@@ -44,7 +47,8 @@ class Hops(Result, what="table of hops"):
 
     alpha : launch speeds
     next : launch speeds at the next lift-off, with the injection; NaN where there is none
-    loss : loss of alpha**2 in the hop, without the injection, or in its impacts where there is no next launch
+    loss : loss of alpha**2 in the hop, without the injection, or in its impacts where there is no next launch; of a
+        machine with hysteresis NaN where there is none
     impacts : number of impacts in the hop
     status : "lifts_off", or why there is no next launch: a name of `orbits.simulation.impacts.STATUSES`
     units : of the numbers, by name; empty for a dimensionless machine
@@ -116,6 +120,20 @@ class FixedPoint:
     smallest_separation: float | None = None
 
 
+@dataclass(frozen=True)
+class Upkeep:
+    """What keeps a machine hopping with a launch speed.
+
+    alpha : launch speed
+    inject : injection, in launch speed per hop, with which it is a fixed point of the return map
+    energy : energy that the injection adds in every hop: what the hop loses
+    """
+
+    alpha: float
+    inject: float
+    energy: float
+
+
 class ReturnMap:
     """The return map of a machine, with its restitution and damping.
 
@@ -151,11 +169,13 @@ class ReturnMap:
         self._speed: float = self.units.of(LIFTOFF_SPEED) if self.units else 1.0
         self.inject, self.cap = injected(inject, self._speed), whole_number("cap", cap, "impacts")
         self._own = ReturnMap(dimensionless(machine), self.inject / self._speed, self.cap) if self.units else None
-        self.impacts: Impacts = self._own.impacts if self._own else Impacts(machine)
+        self.impacts: Any = self._own.impacts if self._own else _impacts_of(machine)
 
     @cached_property
     def section(self) -> LaunchSection:
         """The launches as points of the section on which the contact force vanishes."""
+        if self.impacts.model.hysteretic:
+            raise InputError("hops with hysteresis are followed from launch speeds: call the map, or take fixed_points")
         return LaunchSection(self.impacts, self.units)
 
     @property
@@ -222,7 +242,8 @@ class ReturnMap:
         hops = Hops(alpha, nothing, nothing.copy(), np.zeros(alpha.shape, int), np.full(alpha.shape, "invalid", STATUS))
         places = np.flatnonzero(launches)
         batches = np.array_split(places, -(-len(places) // BATCH_SIZE)) if len(places) else []
-        each = lambda batch: _hops_from(self.impacts, alpha.flat[batch], self.inject, self.cap)  # noqa: E731
+        hops_from = _hysteretic_hops if isinstance(self.impacts, Branches) else _hops_from
+        each = lambda batch: hops_from(self.impacts, alpha.flat[batch], self.inject, self.cap)  # noqa: E731
         for batch, found in zip(batches, in_threads(each, batches), strict=True):
             for name in ("next", "loss", "impacts", "status"):
                 getattr(hops, name).reshape(-1)[batch] = getattr(found, name)
@@ -327,6 +348,34 @@ class ReturnMap:
         lossless = lossless_speeds(self.impacts, low, high)
         return ResolvedMap(self, lossless, low, high, samples, False).preimages(edges)
 
+    @exclusive
+    def upkeep(self, alpha: float) -> "Upkeep":
+        """What keeps the machine hopping with a launch speed: the injection at which it is a fixed point, and the
+        energy that this adds in every hop; the machine's own `inject` does not matter. Raises `NoOrbit` where the hop
+        has no next launch.
+
+        >>> from orbits import ReturnMap
+        >>> from problems import Hopper, springs
+        >>> machine = Hopper(springs.lossy("r", loss_factor=0.01))
+        >>> upkeep = ReturnMap(machine).upkeep(4.6)
+        >>> round(upkeep.inject, 6), round(float(ReturnMap(machine, upkeep.inject)(4.6).next), 9)
+        (0.389609, 4.6)
+        """
+        self._check_one_speed("upkeep")
+        if not finite_number("alpha", alpha) > 0:
+            raise InputError(f"alpha = {alpha:g}; launch speeds are above 0")
+        return replace(self._upkeep(float(alpha)), alpha=float(alpha))
+
+    @in_own_units(lambda upkeep, step: step.units.convert(upkeep, **DIMENSIONS_OF_UPKEEP), alpha=LIFTOFF_SPEED)
+    def _upkeep(self, alpha: float) -> "Upkeep":
+        hop = ReturnMap(self.machine, cap=self.cap)(alpha)
+        if hop.status != "lifts_off":
+            text = "the hop from alpha = {alpha:g} ends with '{status}': there is no next launch to keep up"
+            raise NoOrbit(Message(text, alpha=Quantity(alpha, LIFTOFF_SPEED), status=str(hop.status)))
+        impacts = self.impacts.first() if isinstance(self.impacts, Branches) else self.impacts
+        before, after = impacts.launch(np.array([float(hop.next), alpha]))
+        return Upkeep(alpha, alpha - float(hop.next), impacts.energy(after) - impacts.energy(before))
+
     def plot(
         self, low: float, high: float, axes: Axes | None = None, start: float | None = None, hops: int = 60,
         samples: int = 4000, fixed_points: bool = True,
@@ -425,3 +474,30 @@ def _hops_from(impacts: Impacts, alpha, inject: float, cap: int) -> Hops:
     stopped = next_speed <= 0
     status[stopped], next_speed[stopped] = "rests", np.nan
     return Hops(requested, next_speed, loss, counts, status)
+
+
+def _impacts_of(machine: Machine) -> "Impacts | Branches":
+    """The impacts of a machine, on both branches of a spring with hysteresis."""
+    check_machine(machine, "restitution")
+    if not machine.model.hysteretic:
+        return Impacts(machine)
+    if not machine.model.one_speed:
+        name = machine.model.name
+        raise InputError(
+            f"a launch of a {name} is more than a speed, and its spring has hysteresis: it is simulated, without a map"
+        )
+    return Branches(machine)
+
+
+def _hysteretic_hops(branches: Branches, alpha, inject: float, cap: int) -> Hops:
+    """`_hops_from` of a machine whose spring has hysteresis."""
+    following, counts, status = branches.hops(alpha, cap)
+    for i in np.flatnonzero(status == "").tolist():
+        run = simulate(branches.machine, float(alpha[i]), hops=1, cap=cap)
+        following[i], counts[i] = run.launches[-1] if run.status == "done" else np.nan, run.impacts
+        done = "lifts_off" if np.isfinite(following[i]) else "leaves_elsewhere"
+        status[i] = done if run.status == "done" else run.status
+    loss, following = alpha**2 - following**2, following + inject
+    stopped = following <= 0
+    status[stopped], following[stopped] = "rests", np.nan
+    return Hops(alpha, following, loss, counts, status)

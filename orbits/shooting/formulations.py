@@ -13,7 +13,7 @@ from ..flow.flow import flow_of
 from ..flow.trajectory import Trajectories
 from ..flow.zero_crossing import first_zero, first_zeros, until_zero
 from ..laws.law import Algebraic
-from ..model.model import CONTACT_FORCE, Model
+from ..model.model import CONTACT_FORCE, Model, refuse_hysteresis
 from ..model.phase import Affine, Arc, Phase, Statement
 from ..model.relative import Reduction
 from ..numerics.roots import solve
@@ -62,7 +62,8 @@ def iterative(method: str) -> str:
 
 
 def equations_of(model: Model, method: str, parameters: tuple[str, ...]) -> Shooting:
-    """The equations that a method solves."""
+    """The equations that a method solves; raises `NoOrbit` for a spring with hysteresis."""
+    refuse_hysteresis(model)
     if reduction := reduction_of(model, method):
         return shooting_equations(reduction.statement, parameters)
     return shooting_equations(half_orbit(model) if model.reversor else whole_flight(model), parameters)

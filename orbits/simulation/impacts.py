@@ -129,6 +129,9 @@ class Impacts:
 
     def __init__(self, machine: Machine, values: Mapping | None = None, options: ImpactOptions | None = None):
         check_machine(machine, "restitution")
+        if machine.model.hysteretic:
+            several = "a machine whose spring has hysteresis is followed by simulations, and by maps of launch speeds"
+            raise InputError(f"{several}: take the law's `.mean`")
         self.machine, self.options = machine, options or ImpactOptions()
         model, self.restitution = machine.model, float(machine.restitution)
         self.model, self.values = model, dict(values or machine.values)

@@ -17,6 +17,7 @@ from ..model.machine import Machine
 from ..periodic.loss_coefficient import loss_coefficient
 from ..running.exclusive import exclusive
 from ..units import DIMENSIONS, LIFTOFF_SPEED, SPEED, Message, Quantity, in_own_units
+from .hysteresis import Branches, FirstOf, first_reversal
 from .impacts import CAP, LIFTOFF_ORDER, STATUSES, ContactEnd, Impacts, no_launch
 
 RESTS = "the machine rests: it does not lift off again"
@@ -51,6 +52,8 @@ def multiplier(machine: Machine, alpha: float) -> float:
 @in_own_units((), alpha=LIFTOFF_SPEED)
 def _slope_of_hop(machine: Machine, alpha: float) -> float:
     """The `multiplier` of the hop that starts with a speed above 0."""
+    if machine.model.hysteretic:
+        return _slope_with_hysteresis(Branches(machine), alpha)
     impacts = Impacts(machine)
     x = impacts.launch(np.array([alpha]))[0]
     step = 1e-5 * alpha  # The extension of the launch state depends on the launch speed too where there is damping.
@@ -195,3 +198,43 @@ def _at_liftoff(impacts: Impacts, y: np.ndarray, change: np.ndarray) -> np.ndarr
     gradient = impacts.force_gradient(y)
     rates = impacts.contact.rates(y, impacts.contact.data(y[None], impacts.p)[0])
     return change - np.outer(rates, gradient @ change) / (gradient @ rates)
+
+
+def _slope_with_hysteresis(branches: Branches, alpha: float) -> float:
+    """The `multiplier` of a machine whose spring has hysteresis: a reversal is an event too."""
+    impacts, order, step, contact = branches.first(), LIFTOFF_ORDER, 1e-5 * alpha, False
+    x = impacts.launch(np.array([alpha]))[0]
+    low, high = impacts.launch(np.array([alpha - step, alpha + step]))
+    change = (high - low)[:, None] / (2 * step)
+    if not impacts.opens(x[None])[0]:
+        raise NoOrbit(no_launch(alpha))
+    for _ in range(CAP):
+        side, turning = branches.branch(x, contact)
+        if not side:
+            raise NoOrbit(RESTS if contact else "the spring sticks in flight: no multiplier is computed there")
+        impacts = branches.of[side]
+        flow, rate = (impacts.contact, branches.rate_in_contact) if contact else (impacts.flight, branches.rate)
+        ends = ContactEnd(flow, None) if contact else first_zero(impacts.gap, order)
+        stop = FirstOf(ends, first_reversal(rate, turning))
+        limit = impacts.longest_contact(x) if contact else float(impacts.longest_flight(x))
+        x, change, _ = _follow(flow, impacts.p, x, change, limit, stop)
+        if stop.which is None:
+            raise NoOrbit(RESTS)
+        if stop.which == 1:
+            weights, rates = np.array(rate.weights), flow.rates(x, flow.data(x[None], impacts.p)[0])
+            change, order = change - np.outer(rates, weights @ change) / (weights @ rates), 0
+        elif contact:
+            if not impacts.liftoff(x[None])[1][0]:
+                raise NoOrbit("the contact ends where no launch does: the map has no next launch speed")
+            return float(np.array(impacts.model.contact_speed.weights) @ _at_liftoff(impacts, x, change)[:, 0])
+        else:
+            speed = float(impacts.gap_speed @ x)
+            if order == LIFTOFF_ORDER and abs(speed) < TANGENTIAL * alpha:
+                text = "the landing is tangential, at speed {speed:.1e}: no multiplier"
+                raise NoOrbit(Message(text, speed=Quantity(speed, SPEED)))
+            change = _at_landing(impacts, x, change)
+            impacts = branches.of[int(branches.landed(x[None])[0])]
+            x, change, contact = _through_impact(impacts, x, change)
+            order = impacts.bounce_order
+            x, change = (impacts.onto_contact @ each for each in (x, change)) if contact else (x, change)
+    raise NoOrbit(f"after {CAP} events the machine has not lifted off again")

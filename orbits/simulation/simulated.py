@@ -1,7 +1,7 @@
 """A simulated motion: its legs, flights and contacts, and the events between them."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, cast
@@ -34,10 +34,12 @@ DIMENSIONS_OF_SIMULATIONS = {
 class ContactEvent:
     """The event at the end of a leg.
 
-    kind : "impact", after which the machine flies on; "landing", after which it stays in contact; "lift-off"
+    kind : "impact", after which the machine flies on; "landing", after which it stays in contact; "lift-off"; or
+        "reversal" of a spring with hysteresis, whose loss is that of the energies between the events
     time : time since the start; for a landing by infinitely many bounces, the time when they have ended
     before, after : flight states (n,)
-    energy : energy before the event, relative to the machine at rest in contact with its spring unloaded
+    energy : energy before the event, relative to the machine at rest in contact with its spring unloaded; by the mean
+        law of a spring with hysteresis
     loss : energy lost in the event, below 0 where an injection adds energy
     """
 
@@ -54,11 +56,15 @@ class ContactEvent:
 
 @dataclass(frozen=True)
 class Leg:
-    """A flight or a contact: its phase's name, when it starts, and its motion from there."""
+    """A flight or a contact: its phase's name, when it starts, and its motion from there.
+
+    machine : with the law of the branch on which a spring with hysteresis is, without units; None without such a spring
+    """
 
     phase: str
     start: float
     path: Trajectory
+    machine: Machine | None = field(default=None, kw_only=True)
 
 
 @dataclass(frozen=True, repr=False)
@@ -123,6 +129,11 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
         """A length of the model as a function of the flight state: in SI where the machine is stated so."""
         units, states = self.source.units, self.source.model.flight.states
         return units.convert_height(height, states) if units else height
+
+    @property
+    def impacts(self) -> int:
+        """The number of impacts, landings included."""
+        return sum(event.kind in ("impact", "landing") for event in self.events)
 
     machine = property(lambda self: machine_in_words(self.source))
 
@@ -197,7 +208,23 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
 
     def spring_forces(self, t: ArrayLike) -> dict[str, np.ndarray]:
         """The force (...) of each spring at times (...), tension positive, by name, as in `Orbit.spring_forces`."""
+        if self.source.model.hysteretic:
+            return self._forces_on_branches(t)
         return spring_forces(self.source, self(t), self._changes(np.asarray(t, dtype=float)))
+
+    def _forces_on_branches(self, t: ArrayLike) -> dict[str, np.ndarray]:
+        """The `spring_forces` where a spring has hysteresis: those of the branch of each leg."""
+        model, units = self.source.model, self.source.units
+        dimensions = [model.spring_dimensions.get(name, FORCE) for name in model.spring_forces]
+        sizes = np.array([1.0 if units is None else units.of(each) for each in dimensions])
+        bare = 1.0 if units is None else units.of_states(model.flight.states)
+
+        def forces(leg: Leg, since: np.ndarray) -> np.ndarray:
+            found = spring_forces(leg.machine, self._flight_states(leg, since) / bare)
+            return np.stack([*found.values()], axis=-1) * sizes
+
+        found = rows_of_legs(self.legs, self.end, t, forces, self._second)
+        return {name: found[..., i] for i, name in enumerate(model.spring_forces)}
 
     def _changes(self, t: np.ndarray) -> dict[str, np.ndarray]:
         """The values (...) of the scheduled parameters at times (...): outside of the schedule those of the machine."""
@@ -233,13 +260,12 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
 
     def __call__(self, t: ArrayLike) -> np.ndarray:
         """Flight states (..., n) at times (...)."""
-        embed = self.source.model.embed
+        return rows_of_legs(self.legs, self.end, t, self._flight_states, self._second)
 
-        def flight_states(leg: Leg, since: np.ndarray) -> np.ndarray:
-            rows = leg.path(since)
-            return rows[..., : len(embed)] if leg.phase == "flight" else rows[..., : embed.shape[1]] @ embed.T
-
-        return rows_of_legs(self.legs, self.end, t, flight_states, self._second)
+    def _flight_states(self, leg: Leg, since: np.ndarray) -> np.ndarray:
+        """Flight states (k, n) at times (k,) since the start of a leg."""
+        rows, embed = leg.path(since), self.source.model.embed
+        return rows[..., : len(embed)] if leg.phase == "flight" else rows[..., : embed.shape[1]] @ embed.T
 
 
 def index_of_legs(legs: Sequence[Leg], t: np.ndarray) -> np.ndarray:

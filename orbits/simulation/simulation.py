@@ -17,14 +17,18 @@ from ..errors import FlowError, InputError, finite_number, whole_number
 from ..flow.trajectory import Trajectory
 from ..flow.zero_crossing import first_zero
 from ..model.machine import Machine
+from ..model.phase import Affine
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..units import LENGTH, LIFTOFF_SPEED, TIME, Message, Quantity, described, in_own_units
+from .hysteresis import Branches, FirstOf, first_reversal
 from .impacts import (
     CAP,
     FASTEST_LAUNCH,
     LIFTOFF_ORDER,
     MANY_BOUNCES,
+    TURNS,
+    ContactEnd,
     Impacts,
     decided_impacts,
     injected,
@@ -35,6 +39,7 @@ from .launch_section import LaunchSection
 from .schedule import Inputs, Schedule, check_scheduled, parsed_schedule
 from .simulated import ContactEvent, Leg, Simulation, run_in_units
 
+SLIPPED = 1e-9  # a spring that sticks moves slower, relative to the state, where its constant force keeps it
 TOUCHING = 1e-9  # a gap, gap speed or contact force below this, relative to the state, is zero: rounding is smaller
 
 
@@ -116,10 +121,19 @@ def _simulated(
     inputs: Inputs | None,
 ) -> Simulation:  # fmt: skip
     """The simulation of a machine, from checked arguments."""
-    impacts = Impacts(machine)
+    branches = Branches(machine) if machine.model.hysteretic else None
+    if branches and inputs is not None:
+        remedy = "its spring has hysteresis, which no schedule takes; give it the law's `.mean`"
+        raise InputError(f"a schedule for a {machine.model.name}: {remedy}")
+    impacts = branches.first(state) if branches else Impacts(machine)
+    if branches and inject != 0 and not impacts.model.one_speed:
+        name = impacts.model.name
+        raise InputError(f"inject = {inject:g}: a launch of a {name} is more than the speed that it adds to")
     known = Schedule(machine, inputs)
     x, launch_speed, order = _initial_state(impacts, known(0.0)[0], alpha, state)
     with interrupts.deferred():
+        if branches:
+            return _HystereticRun(branches, inject, hops, time, cap, known).simulate(x, order, launch_speed)
         run = _Run(impacts, inject, hops, time, cap, known).simulate(x, order, launch_speed)
     return replace(run, schedule=inputs)
 
@@ -175,6 +189,13 @@ class _Run:
         self.now, self.impact_count, self.liftoff_count, self.reason = 0.0, 0, 0, ""
         self.launch: np.ndarray | None = None  # the state in which the hop began, where it began with a lift-off
 
+    machine_of_leg: Machine | None = None
+
+    @property
+    def machine(self) -> Machine:
+        """The machine that is simulated."""
+        return self.impacts.machine
+
     def simulate(self, x, order: int | None, alpha: float | None) -> Simulation:
         """Alternate flights, from a zero of the gap of this order, and contacts, order None, up to the end's status."""
         self.launches += [] if alpha is None else [alpha]
@@ -186,8 +207,8 @@ class _Run:
             else:
                 status, x, held = self.flight(x, order)
                 order = None if held else self.impacts.bounce_order
-        launches, machine = np.array(self.launches), self.impacts.machine
-        return Simulation(tuple(self.legs), tuple(self.events), status, launches, self.now, machine, self.reason)
+        launches = np.array(self.launches)
+        return Simulation(tuple(self.legs), tuple(self.events), status, launches, self.now, self.machine, self.reason)
 
     def flight(self, x, order: int) -> tuple[str | None, np.ndarray, bool]:
         """Fly until the gap closes: the status at an end, the state after the impact, whether contact follows."""
@@ -223,7 +244,11 @@ class _Run:
         if impacts.restitution < MANY_BOUNCES or not (alpha > 0).any() or not impacts.model.one_speed:
             return False
         launched = self.launch is not None and np.array_equal(impacts.launch(alpha)[0], self.launch)
-        return launched and bool(decided_impacts(impacts, alpha, self.cap)[2][0] == "undecided")
+        return launched and bool(self.statuses(alpha)[0] == "undecided")
+
+    def statuses(self, alpha: np.ndarray) -> np.ndarray:
+        """The statuses (m,) of the impacts of hops with launch speeds (m,)."""
+        return decided_impacts(self.impacts, alpha, self.cap)[2]
 
     def contact(self, x) -> tuple[str | None, np.ndarray]:
         """Stay in contact until lift-off: the status if the simulation ends, and the state after lift-off."""
@@ -259,7 +284,7 @@ class _Run:
             if speed <= 0:
                 return "rests", x
             after = impacts.launch(np.array([speed]))[0]
-        self.add_event("lift-off", before, after, impacts.energy(before) - impacts.energy(after))
+        self.add_event("lift-off", before, after, self.energy(before) - self.energy(after))
         has_speed = is_launch or driven or not impacts.model.one_speed
         self.launches.append(float(speed) if has_speed else np.nan)
         self.impact_count, self.liftoff_count = 0, self.liftoff_count + 1
@@ -279,7 +304,7 @@ class _Run:
 
     def add_leg(self, phase: str, path: Trajectory, status: str | None, until: float | None = None) -> str | None:
         """Store a leg, which ends at `until` if not None; returns "done" at the end of the time, else `status`."""
-        self.legs.append(Leg(phase, self.now, path))
+        self.legs.append(Leg(phase, self.now, path, machine=self.machine_of_leg))
         lasted = float(path.times[-1])
         over = until is None and (lasted >= self.time - self.now or self.now + lasted >= self.time)
         self.now = self.time if over else self.now + lasted if until is None else until
@@ -287,4 +312,118 @@ class _Run:
 
     def add_event(self, kind: str, before, after, loss: float, wait: float = 0.0):
         """Store an event that happens `wait` after the end of the last leg."""
-        self.events.append(ContactEvent(kind, self.now + wait, before, after, self.impacts.energy(before), loss))
+        self.events.append(ContactEvent(kind, self.now + wait, before, after, self.energy(before), loss))
+
+    def energy(self, x) -> float:
+        """The energy of a flight state."""
+        return self.impacts.energy(x)
+
+
+class _HystereticRun(_Run):
+    """A simulation of a machine with hysteresis: its legs end at reversals of the spring too."""
+
+    def __init__(self, branches: Branches, *arguments: Any):
+        super().__init__(branches.first(), *arguments)
+        self.branches = branches
+
+    @property
+    def machine(self) -> Machine:
+        """The machine with hysteresis."""
+        return self.branches.machine
+
+    def energy(self, x) -> float:
+        """The energy of a flight state, by the mean law."""
+        return self.branches.mean.energy(x)
+
+    def flight(self, x, order: int) -> tuple[str | None, np.ndarray, bool]:
+        """Fly until the gap closes, see `_Run.flight`."""
+        self.launch = x if order == LIFTOFF_ORDER else self.launch
+        last, held = self.now + float(self.impacts.longest_flight(x)), False
+        (side, turning), turns = self.branches.branch(x), 0
+        self.use(side, x)
+        if order == LIFTOFF_ORDER and not self.impacts.opens(x[None])[0]:
+            return "no_launch", x, False
+        while not held:
+            left = min(self.time, last) - self.now
+            reverses = first_reversal(self.branches.rate, turning if side else None)
+            stop = FirstOf(first_zero(self.impacts.gap, order), reverses)
+            try:
+                path, _ = self.impacts.flight.run(x, self.impacts.p, left, stop=stop)
+            except FlowError as error:
+                self.reason = error.args[0]
+                return status_of_failure(error, "flight"), x, False
+            self.branches.check_width(path.coefficients[:, : len(x), 0])
+            if not side and self.slips(path, len(x), self.branches.rate):
+                return "lost", x, False
+            closed = path.times[-1] < left and stop.which == 0
+            if status := self.add_leg("flight", path, None if path.times[-1] < left else "carried_off"):
+                return status, x, False
+            x, order = path.end[: len(x)], 0
+            if held := closed or bool(self.impacts.gap(x) <= 0):
+                continue
+            if (turns := turns + 1) > self.cap:
+                self.reason = f"its spring turned {self.cap} times in one flight"
+                return "lost", x, False
+            self.add_event("reversal", x, x, 0.0)
+            side, turning = self.branches.branch(x)
+            self.use(side, x)
+        self.impacts = self.branches.of[int(self.branches.landed(x[None])[0])]
+        (held,), (after,), (loss,), (wait,) = self.impacts.landing(x[None])
+        self.impact_count += 1
+        self.add_event("landing" if held else "impact", x, after, float(loss), float(wait))
+        if held:
+            self.impacts = self.branches.first()  # whose launches are those of the machine
+            return ("undecided" if self.undecided() else None), after, True
+        return ("cap" if self.impact_count >= self.cap else None), after, False
+
+    def statuses(self, alpha: np.ndarray) -> np.ndarray:
+        """The statuses (m,) of hops with launch speeds (m,)."""
+        return self.branches.hops(alpha, self.cap)[2]
+
+    def contact(self, x) -> tuple[str | None, np.ndarray]:
+        """Stay in contact until lift-off, see `_Run.contact`."""
+        y, model, turns, endless = self.impacts.onto_contact @ x, self.branches.model, 0, self.time == np.inf
+        while turns <= self.cap:
+            side, turning = self.branches.branch(y, contact=True)
+            # One coordinate that sticks is at rest, and after some turns it never lifts off, see `ContactEnd`.
+            if endless and model.one_speed and (not side or turns == TURNS):
+                return "rests", x
+            self.use(side, y, contact=True)
+            impacts = self.impacts
+            if turns and impacts.pressing((model.embed @ y)[None])[0] < 0:
+                return self.liftoff(y, x)  # the force jumps at a reversal
+            limit = impacts.longest_contact(y) if endless else self.time - self.now
+            lifts = ContactEnd(impacts.contact, model.contact_speed if endless and model.one_speed else None)
+            stop = FirstOf(lifts, first_reversal(self.branches.rate_in_contact, turning if side else None))
+            try:
+                path, _ = impacts.contact.run(y, impacts.p, limit, stop=stop)
+            except FlowError as error:
+                self.reason = error.args[0]
+                return status_of_failure(error, "contact"), x
+            self.branches.check_width(path.coefficients[:, : impacts.contact.size, 0], contact=True)
+            if not side and self.slips(path, impacts.contact.size, self.branches.rate_in_contact):
+                return "lost", x
+            never = "collapses" if np.abs(path.end).max() > limit else "rests"
+            outcome = lifts.outcome if stop.which == 0 else never if stop.which is None and endless else None
+            if status := self.add_leg("contact", path, None if outcome == "lifts_off" else outcome):
+                return status, x
+            y = path.end[: impacts.contact.size]
+            if outcome == "lifts_off":
+                return self.liftoff(y, x)
+            x, turns = model.embed @ y, turns + 1
+            self.add_event("reversal", x, x, 0.0)
+        self.reason = f"its spring turned {self.cap} times in one contact"
+        return "lost", x
+
+    def use(self, side: int, state: np.ndarray, contact: bool = False):
+        """Go on with the impacts of a branch, or with those of the spring that sticks."""
+        self.impacts = self.branches.of[side] if side else self.branches.stuck(state, contact)
+        self.machine_of_leg = self.impacts.machine
+
+    def slips(self, path: Trajectory, size: int, rate: Affine) -> bool:
+        """Whether a phase with a spring that sticks and a constant force is not its motion, with the reason."""
+        states = path.coefficients[:, :size, 0]
+        if np.abs(rate(states)).max() <= SLIPPED * (1 + np.abs(states).max()):
+            return False
+        self.reason = "its spring sticks while the force that keeps it changes, which is not followed"
+        return True

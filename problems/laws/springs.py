@@ -7,7 +7,7 @@ from these: `beta` is 1/length**2, `delta` 1/length**4, `a` and `b` are 1/length
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from functools import lru_cache
 from keyword import iskeyword
 from pathlib import Path
@@ -17,11 +17,13 @@ import numpy as np
 
 from orbits.errors import InputError
 from orbits.laws import law_statement as laws
+from orbits.laws.hysteretic_law import HystereticLaw
 from orbits.laws.law import Law, LawPieces, Written, number, positive
 from orbits.laws.law_expressions import Expression
 from orbits.laws.law_statement import LawLike
 from orbits.symbolic.formula import suggest
 
+from . import loops
 from .fitting import fit as fit
 from .rows import measured_columns
 from .smoothing import SmoothCurve, branch_of, curve_of
@@ -196,6 +198,99 @@ def table(
     return Law(text, "r", moved, own, _table_pieces(curve)._replace(origin=shift))
 
 
+def hysteretic(extending: LawLike, shortening: LawLike, /, **parameters: float) -> HystereticLaw:
+    """A spring with hysteresis: the force is `extending` while the extension grows, `shortening` while it shrinks.
+
+    extending, shortening : springs stated in any of the ways of `as_spring`, the first nowhere below the second
+    parameters : values of the names in their formulas, which they have in common
+
+    The force does not depend on how fast the spring moves. A cycle between two extensions loses the area between the
+    branches; where they do not meet at a reversal the force jumps. `simulate` and `ReturnMap` follow such a spring; it
+    has no lossless hop, but its `mean` has, the law half way between the branches. Raises `InputError` where the force
+    would be smaller while the spring extends, and so gain energy.
+
+    >>> law = hysteretic("r + friction", "r - friction", friction=0.1)
+    >>> float(law.extending(2.0)), float(law.shortening(2.0)), float(law.mean(2.0))
+    (2.1, 1.9, 2.0)
+    """
+    branches = [as_spring(law, parameters, shared=True) for law in (extending, shortening)]
+    _refuse_unused(parameters, {name for law in branches for name in law.parameters})
+    return loops.of_branches(f"hysteretic:{branches[0].text};{branches[1].text}", *branches)
+
+
+def lossy(
+    mean: LawLike, /, *, loss_factor: float | None = None, loop_area: float | None = None,
+    between: tuple[float, float] | None = None, **parameters: float,
+) -> HystereticLaw:  # fmt: skip
+    """A spring with hysteresis from its mean law and its loss: (1 + pi/2 loss_factor) times the mean law while it moves
+    away from rest, and (1 - pi/2 loss_factor) times while it comes back (Reid 1956).
+
+    loss_factor : the loss of a cycle over 2 pi times the energy stored at its end, for a cycle between opposite
+        extensions of a spring that is the same in tension and compression; a parameter of the law
+    loop_area, between : instead, the area of the loop that was measured between two extensions
+    parameters : values of the names in the mean law
+
+    >>> float(lossy("r", loss_factor=0.1).extending(2.0).round(6)), float(lossy("r", loss_factor=0.1).mean(2.0))
+    (2.314159, 2.0)
+    """
+    law = as_spring(mean, parameters, shared=True)
+    _refuse_unused(parameters, law.parameters)
+    if (loss_factor is None) == (loop_area is None) or (loop_area is None) != (between is None):
+        raise InputError("a lossy spring has a loss_factor, or a loop_area with the extensions `between` which it is")
+    if loss_factor is None:
+        assert loop_area is not None  # and between, as was checked
+        assert between is not None
+        loss_factor = loops.loss_factor_of(law, loop_area, between)
+    return loops.of_loss(law, loss_factor)
+
+
+def loop(source: Any, *, in_si: bool = False, noise: float | None = None) -> HystereticLaw:
+    """A spring with hysteresis from a measured loop, whose rows are in the order of the measurement; see `table` for
+    the arguments.
+
+    >>> travel = [-2.0, -1.0, 0.0, 1.0, 2.0, 1.0, 0.0, -1.0, -2.0]
+    >>> force = [-2.0, -0.8, 0.2, 1.2, 2.0, 0.8, -0.2, -1.2, -2.0]
+    >>> law = loop((travel, force), noise=0)
+    >>> float(law.extending(0.0)), float(law.shortening(0.0))
+    (0.2, -0.2)
+    """
+    branches = [table(source, branch=name, in_si=in_si, noise=noise) for name in ("loading", "unloading")]
+    lows, highs = zip(*(law.range() for law in branches), strict=True)
+    low, high = max(lows), min(highs)
+    if not low < high:
+        raise InputError(f"{branches[0].text}: its two branches have no extension in common")
+    # Of a spring measured in compression alone, the extension grows while it is unloaded.
+    places = np.linspace(low, high, 257)
+    if float(np.mean(branches[0](places) - branches[1](places))) < 0:
+        branches.reverse()
+    label = branches[0].text.removeprefix("table:").partition(" (")[0]
+    return loops.of_branches(f"loop:{label}", *branches)
+
+
+def _refuse_unused(parameters: Mapping[str, float], used: Collection[str]) -> None:
+    if unused := [name for name in parameters if name not in used]:
+        raise InputError(f"this law has no parameter '{unused[0]}'{suggest(unused[0], used)}")
+
+
+def _with_loss(kind: str, text: str, values: Mapping[str, float], in_si: bool) -> HystereticLaw:
+    """The law of "hysteretic:EXTENDING;SHORTENING", "lossy:MEAN" and "loop:FILE?noise=0.5"."""
+    if kind == "loop":
+        path, options = table_options(text)
+        if not path.strip() or options.keys() - {"noise"}:
+            raise InputError(f"spring 'loop:{text}': a loop is stated as loop:FILE, or loop:FILE?noise=0.5")
+        return loop(path, in_si=in_si, **options)
+    if kind == "lossy":
+        if "loss_factor" not in values:
+            raise InputError(f"spring 'lossy:{text}' needs the loss_factor of its loop: set loss_factor=VALUE")
+        mean = as_spring(text, {name: x for name, x in values.items() if name != "loss_factor"}, in_si, shared=True)
+        return loops.of_loss(mean, values["loss_factor"])
+    texts = text.split(";")
+    if len(texts) != 2:
+        raise InputError(f"spring 'hysteretic:{text}': it has two branches, as in hysteretic:EXTENDING;SHORTENING")
+    branches = [as_spring(law.strip(), values, in_si, shared=True) for law in texts]
+    return loops.of_branches(f"hysteretic:{branches[0].text};{branches[1].text}", *branches)
+
+
 NAMED = {
     law.__name__: law
     for law in (linear, cubic, quintic, tanh, sinh, toda, morse, bilinear, end_stops, air, belleville, rubber)
@@ -206,7 +301,8 @@ def as_spring(
     law: LawLike, parameters: Mapping[str, float] | None = None, in_si: bool = False, shared: bool = False
 ) -> Law:
     """A spring from a law, a formula, a law's name, "table:FILE", "table:FILE?branch=loading&noise=0.5",
-    "potential:FORMULA" or a Python function.
+    "potential:FORMULA" or a Python function; with hysteresis from "hysteretic:EXTENDING;SHORTENING", "lossy:MEAN" with
+    the parameter loss_factor, or "loop:FILE".
 
     parameters : their values by name
     in_si : as in `table`
@@ -219,6 +315,8 @@ def as_spring(
         if not path.strip():
             raise InputError(f"spring '{law}' names no file after the colon")
         law = table(path, in_si=in_si, **options)
+    elif colon and kind in ("hysteretic", "lossy", "loop"):
+        law = _with_loss(kind, rest, parameters or {}, in_si)
     return laws.from_any(law, "r", parameters, NAMED, "a spring", shared)
 
 

@@ -8,6 +8,12 @@ gravity = "constant"            foot_mass = 3.0
 [parameters]                    rest_length = 0.8
 beta = 0.3                      surface_gravity = 9.81
 
+on ground that yields, by its mass (over the foot's, or in kg) and its stiffness or the spring of a formula,
+
+[ground]
+mass = 2.0
+stiffness = 50.0
+
 and what to design of it, in the machine's units or in SI:
 
 [design]
@@ -19,6 +25,7 @@ starts = 4                      # or 'global'; and seed = 0
 k = [1e3, 1e5]
 """
 
+import re
 import tomllib
 from collections.abc import Callable, Collection
 from pathlib import Path
@@ -26,6 +33,7 @@ from typing import Any, TypedDict
 
 from orbits.errors import InputError
 from orbits.io import conform, read_file
+from orbits.mechanics import Ground
 from orbits.symbolic.formula import suggest
 
 from .hopper import Hopper
@@ -37,11 +45,14 @@ KINDS: dict[str, type[TwoMassMachine]] = {"hopper": Hopper, "juggler": Juggler}
 IN_SI: dict[str, Callable[..., MachineInSI]] = {"hopper": hopper_in_si, "juggler": juggler_in_si}
 MASSES = {"hopper": ("body_mass", "foot_mass"), "juggler": ("ball_mass", "hand_mass")}
 OWN_KEYS = ("spring", "mass_ratio", "rest_length")
-COMMON_KEYS = ("gravity", "restitution", "damping", "drag", "parameters")
+COMMON_KEYS = ("gravity", "restitution", "damping", "drag", "parameters", "ground")
+GROUND_KEYS = ("mass", "stiffness", "spring")
 KEYS = ("machine", *OWN_KEYS, *COMMON_KEYS, "si", "design")
 SI_KEYS = ("surface_gravity", "stiffness", "rest_length", "body_radius")
 # The parameters of a machine in SI that its file states in [si].
 SI_PARAMETERS = {*SI_KEYS, *(name for names in MASSES.values() for name in names)}
+# A spring of a file, which may be the mean or a branch of one with hysteresis.
+OF_A_FILE = re.compile(r"((?:^|[:;]\s*)(?:table|loop):)([^;]+)")
 LARGEST_MACHINE_FILE = 1 << 14  # of a machine file: reading a longer one may take its length squared
 
 
@@ -63,12 +74,12 @@ def read(path: str | Path) -> dict[str, Any]:
     path = Path(path)
     data = read_file(path, f"the machine file {str(path)!r} cannot be read", tomllib.load, LARGEST_MACHINE_FILE)
     _check_keys(path, data, KEYS)
-    for table in ("parameters", "si", "design"):
+    for table in ("parameters", "si", "design", "ground"):
         if not isinstance(data.get(table, {}), dict):
             raise InputError(f"{path}: '{table}' is a table: write [{table}]")
-    spring = data.get("spring")
-    if isinstance(spring, str) and spring.startswith("table:"):  # a table's path counts from the file that names it
-        data["spring"] = "table:" + str(path.parent / spring.removeprefix("table:"))
+    for owner in (data, data.get("ground", {})):
+        if isinstance(spring := owner.get("spring"), str):  # a table's path counts from the file that names it
+            owner["spring"] = OF_A_FILE.sub(lambda found: found[1] + str(path.parent / found[2]), spring)
     return data
 
 
@@ -103,6 +114,8 @@ def _build(statement: dict[str, Any]) -> AnyMachine:
     if not isinstance(kind, str) or kind not in KINDS:
         raise InputError(f"unknown machine {kind!r}{suggest(str(kind), KINDS)}")
     common = {name: statement[name] for name in COMMON_KEYS if name in statement}
+    if "ground" in common:
+        common["ground"] = _ground(common["ground"])
     if "si" not in statement:
         return KINDS[kind](**{name: statement[name] for name in OWN_KEYS if name in statement}, **common)
     si = statement["si"]
@@ -116,6 +129,14 @@ def _build(statement: dict[str, Any]) -> AnyMachine:
     return IN_SI[kind](**si, force=statement.get("spring"), **common)
 
 
+def _ground(statement: dict[str, Any]) -> Ground:
+    """The ground of a table [ground]."""
+    _check_keys("[ground]", statement, GROUND_KEYS)
+    if "mass" not in statement or ("stiffness" in statement) == ("spring" in statement):
+        raise InputError("[ground] has a mass, and a stiffness or a spring")
+    return Ground(statement["mass"], statement.get("stiffness", statement.get("spring")))
+
+
 def statement_for_file(machine: AnyMachine) -> dict[str, Any] | None:
     """The statement of a machine for a file, from which `build` makes it again to the last bit; None for one that no
     file states alone, such as one with a Python function or a table as its spring."""
@@ -123,7 +144,9 @@ def statement_for_file(machine: AnyMachine) -> dict[str, Any] | None:
     own = {name: getattr(machine, name) for name in ("restitution", *DAMPERS)}
     statement: dict[str, object] = {"machine": machine.kind, "gravity": machine.gravity.text, **own}
     statement |= {} if law is None else {"spring": law.text}
-    laws = [each.parameters for each in (law, machine.gravity) if each is not None]
+    below = machine.ground.spring if machine.ground else None
+    statement |= {"ground": {"mass": machine.ground.mass, "spring": below.text}} if below else {}
+    laws = [each.parameters for each in (law, machine.gravity, below) if each is not None]
     statement["parameters"] = {name: value for each in laws for name, value in each.items()}
     length = {} if machine.rest_length is None else {"rest_length": machine.rest_length}
     if isinstance(machine, MachineInSI):
@@ -140,7 +163,8 @@ def statement_for_file(machine: AnyMachine) -> dict[str, Any] | None:
 def machine_stated(statement: dict[str, object]) -> AnyMachine:
     """The machine of a statement by `statement_for_file`; raises `InputError`, also where it refers to another file."""
     _check_keys("the machine", statement, KEYS)
-    if str(statement.get("spring", "")).startswith("table:"):
+    below: Any = statement.get("ground", {})
+    if any(OF_A_FILE.search(str(each.get("spring", ""))) for each in (statement, below)):
         raise InputError("the machine's spring is in another file, which is not read")
     return build(statement, "the machine")
 

@@ -10,7 +10,7 @@ from functools import lru_cache
 
 from orbits import Mechanism
 from orbits.laws.law import Key
-from orbits.mechanics import Damper, Mass, Spring
+from orbits.mechanics import Damper, Ground, Mass, Spring
 
 from .two_masses import TwoMassMachine
 
@@ -31,7 +31,9 @@ class Hopper(TwoMassMachine):
 
     @staticmethod
     @lru_cache(maxsize=64)
-    def mechanism(spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Mechanism:
+    def mechanism(
+        spring: Key, gravity: Key | None, has_length: bool, damped: bool, ground: Key | None = None
+    ) -> Mechanism:
         """The mechanism of the keys of the laws, see `TwoMassMachine.mechanism`."""
         body = "rest_length + y1" if has_length else "y1"
         masses = [Mass(body, "(1 + mass_ratio)/mass_ratio"), Mass("y2", "1 + mass_ratio")]
@@ -45,6 +47,7 @@ class Hopper(TwoMassMachine):
                 *(dampers if damped else []),
             ],
             gap="y2",
+            ground=ground and Ground("(1 + mass_ratio)*ground_mass", ground),
             gravity=gravity or "1",
             surface_gravity="1/(1 + mass_ratio)",
             energy_unit="1/mass_ratio",
@@ -54,6 +57,7 @@ class Hopper(TwoMassMachine):
             words={
                 "liftoff": "the foot's weight",
                 "gap": "foot below ground",
+                **({"liftoff": "the ground falls as fast as the foot"} if ground else {}),
                 "pull": "the ground would have to pull",
                 "separation": "the masses pass through each other",
                 "end": "contact: the spring collapses, the body never lifts off again",

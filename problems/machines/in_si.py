@@ -17,7 +17,7 @@ from orbits.errors import InputError
 from orbits.laws.law import WRONG_SIGN, Algebraic, Law, Parameters, number
 from orbits.laws.law_expressions import UNIT_FORCE, UNIT_LENGTH
 from orbits.laws.law_statement import LawLike
-from orbits.mechanics import Mass
+from orbits.mechanics import Ground, Mass
 from orbits.mechanics.dimensions import coefficient_dimensions
 from orbits.model.model import Model, reparametrised
 from orbits.running.exclusive import exclusive, exclusive_property
@@ -30,7 +30,7 @@ from ..laws.springs import as_spring
 from .hopper import Hopper
 from .juggler import Juggler
 from .parameters import checked_numbers, refuse_taken
-from .two_masses import DAMPERS, TwoMasses, TwoMassMachine
+from .two_masses import DAMPERS, GROUND_MASS, TwoMasses, TwoMassMachine, checked_ground
 
 STANDARD_GRAVITY = 9.80665
 # The parameter that sets the units beside a force law, and changes no motion.
@@ -38,13 +38,14 @@ GAUGE, BODY_RADIUS = "unit_stiffness", "body_radius"
 # Beyond these, results that have powers of the units overflow.
 SIZES_OF_UNITS = 1e-60, 1e60
 DIMENSIONS_OF_PARAMETERS: dict[str, Dimension] = {
-    **dict.fromkeys(("body_mass", "foot_mass", "ball_mass", "hand_mass"), MASS),
+    **dict.fromkeys(("body_mass", "foot_mass", "ball_mass", "hand_mass", GROUND_MASS), MASS),
     **dict.fromkeys(("rest_length", BODY_RADIUS), LENGTH),
     "surface_gravity": ACCELERATION,
-    "stiffness": (-1, 0, 1),
+    **dict.fromkeys(("stiffness", "ground_stiffness"), (-1, 0, 1)),
     **dict.fromkeys(DAMPERS, (-1, 1, 1)),
 }
-RESERVED = {*DIMENSIONS_OF_PARAMETERS, GAUGE, UNIT_LENGTH, UNIT_FORCE, "mass_ratio", "gravity_share"} - {BODY_RADIUS}
+STATED_BY_LAWS = {BODY_RADIUS, "ground_stiffness"}
+RESERVED = {*DIMENSIONS_OF_PARAMETERS, GAUGE, UNIT_LENGTH, UNIT_FORCE, "mass_ratio", "gravity_share"} - STATED_BY_LAWS
 
 
 def hopper_in_si(
@@ -52,6 +53,7 @@ def hopper_in_si(
     force: LawLike | None = None, stiffness: float | None = None, rest_length: float | None = None,
     surface_gravity: float = STANDARD_GRAVITY, body_radius: float | None = None, gravity: LawLike | None = None,
     restitution: float = 0.0, damping: float = 0.0, drag: float = 0.0, parameters: Mapping[str, float] | None = None,
+    ground: Ground | None = None,
 ) -> "MachineInSI":  # fmt: skip
     """A hopper in SI, whose results are in SI; its masses, lengths and coefficients are parameters like any other.
 
@@ -66,6 +68,8 @@ def hopper_in_si(
     restitution : of the impacts, 0 <= e <= 1
     damping, drag : coefficients of the damper in parallel with the spring and of the drag on each mass, N s/m
     parameters : values of the formulas' other names, in SI
+    ground : a `Ground` that yields, its mass in kg and its spring in N of m, or a stiffness in N/m; None for rigid
+        ground
 
     Returns a `MachineInSI`. Raises `InputError`, which names the invalid argument.
 
@@ -78,6 +82,7 @@ def hopper_in_si(
     return _machine(
         Hopper, {"body_mass": body_mass, "foot_mass": foot_mass}, force, stiffness, body_radius, gravity, parameters,
         surface_gravity=surface_gravity, rest_length=rest_length, restitution=restitution, damping=damping, drag=drag,
+        ground=ground,
     )  # fmt: skip
 
 
@@ -120,6 +125,7 @@ class MachineInSI(TwoMasses):
     restitution: float = 0.0
     damping: float = 0.0
     drag: float = 0.0
+    ground: Any = None
 
     @exclusive
     def __post_init__(self) -> None:
@@ -130,7 +136,9 @@ class MachineInSI(TwoMasses):
             number(BODY_RADIUS, self.gravity.parameters[BODY_RADIUS], low=0)
         number("mass_ratio", self.mass_ratio, low=0)
         self._store_common()
+        self._store(ground=checked_ground(self.ground, {}, self.kind, in_si=True))
         laws = [] if self.spring is None else [*self.spring.parameters]
+        laws += [*self.ground.spring.parameters] if self.ground else []
         refuse_taken(RESERVED, [*laws, *self.gravity.parameters], "the machine's own name")
         self.dimensionless()  # raises the errors of the machine itself
 
@@ -155,7 +163,7 @@ class MachineInSI(TwoMasses):
     def parameters(self) -> dict[str, float]:
         """The parameters of the laws, in SI."""
         own = {"stiffness": self.stiffness} if self.spring is None else self.spring.parameters
-        return {**own, **self.gravity.parameters}
+        return {**own, **self.gravity.parameters, **(self.ground.spring.parameters if self.ground else {})}
 
     @exclusive_property
     def values(self) -> dict[str, float]:
@@ -166,6 +174,8 @@ class MachineInSI(TwoMasses):
         values |= self.parameters
         if self.damped:
             values |= {name: getattr(self, name) for name in DAMPERS}
+        if self.ground:
+            values[GROUND_MASS] = self.ground.mass
         if self.spring is not None:
             values[GAUGE] = self.stiffness
         if homotopy := self.dimensionless().model.homotopy:
@@ -208,8 +218,9 @@ class MachineInSI(TwoMasses):
         """The machine as a mechanism in SI, with the values of its parameters."""
         hidden = (GAUGE, self.model.homotopy)
         spring = springs.formula("stiffness*r", stiffness=self.stiffness) if self.spring is None else self.spring
-        has_length, masses = self.rest_length is not None, iter(self.masses)
-        plain = self.base.mechanism(spring.key, self.gravity.key, has_length, self.damped)
+        has_length, masses = self.rest_length is not None, iter((*self.masses, GROUND_MASS))
+        yields = (False, self.ground.spring.key) if self.ground else ()
+        plain = self.base.mechanism(spring.key, self.gravity.key, has_length, self.damped, *yields)
         elements = [replace(each, mass=next(masses)) if isinstance(each, Mass) else each for each in plain.elements]
         return replace(
             plain, elements=elements, surface_gravity="surface_gravity", energy_unit=1.0, heights=None, in_si=True,
@@ -227,7 +238,12 @@ class MachineInSI(TwoMasses):
         for name, unit in (("length", units.length), ("time", units.time), ("force", units.force)):
             number(f"the unit of {name}", unit, *SIZES_OF_UNITS)
         stated = _restated(units, {name: getattr(self, name) for name in ("rest_length", *DAMPERS)})
+        ground = self.ground
+        if ground:
+            lower = list(self.masses.values())[1]
+            ground = Ground(ground.mass / lower, ground.spring.scaled(units.length, units.force))
         return self.base(
+            ground=ground,
             spring="r" if self.spring is None else self.spring.scaled(units.length, units.force),
             gravity=self.gravity.scaled(units.length) if self.gravity.key.degree() > 0 else self.gravity,
             mass_ratio=self.mass_ratio,
@@ -250,6 +266,8 @@ class MachineInSI(TwoMasses):
                 changes["masses"] = {**changes.get("masses", self.masses), name: value}
             elif name in ("surface_gravity", "rest_length", *DAMPERS) or name == self._stiffness_name == "stiffness":
                 changes[name] = value
+            elif name == GROUND_MASS and self.ground:
+                changes["ground"] = replace(changes.get("ground", self.ground), mass=value)
             elif name not in self.parameters:
                 raise InputError(f"this machine has no parameter '{name}'{suggest(name, self.stated_values)}")
             else:
@@ -257,6 +275,9 @@ class MachineInSI(TwoMasses):
                     mine = changes.get(law, getattr(self, law))
                     if mine is not None and name in mine.parameters:
                         changes[law] = mine.with_parameters(**{name: value})
+                below = changes.get("ground", self.ground)
+                if below and name in below.spring.parameters:
+                    changes["ground"] = replace(below, spring=below.spring.with_parameters(**{name: value}))
         return replace(self, **changes)
 
     def describe(self) -> dict[str, Any]:
@@ -307,6 +328,7 @@ def _model_in_si(model: Model, hopper: bool, upper: str, lower: str, stiffness: 
     def own(p: Parameters) -> dict[str, Algebraic]:
         these = units(p)
         scales = {"mass_ratio": p[lower] / p[upper], UNIT_LENGTH: these.length, UNIT_FORCE: these.force}
+        scales |= {GROUND_MASS: p[GROUND_MASS] / p[lower]} if GROUND_MASS in p else {}
         return {**p, **scales, **_restated(these, p)}
 
     return reparametrised(model, own, units=units, gauge=GAUGE if stiffness == GAUGE else None)
@@ -320,7 +342,9 @@ def _machine(
     values = checked_numbers(parameters or {})
     law, stiffness = _spring(force, stiffness, values)
     pull = _gravity_law(gravity, body_radius, values)
-    known = [*(law.parameters if law else ()), *pull.parameters]
+    numbers["ground"] = checked_ground(numbers.get("ground"), values, base.kind, in_si=True)
+    below = numbers["ground"].spring.parameters if numbers["ground"] else ()
+    known = [*(law.parameters if law else ()), *pull.parameters, *below]
     if unknown := [name for name in values if name not in known]:
         raise InputError(f"neither formula has a parameter '{unknown[0]}'{suggest(unknown[0], known)}")
     return MachineInSI(base, masses, law, stiffness, pull, **numbers)

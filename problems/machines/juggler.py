@@ -36,7 +36,9 @@ class Juggler(TwoMassMachine):
 
     @staticmethod
     @lru_cache(maxsize=64)
-    def mechanism(spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Mechanism:
+    def mechanism(
+        spring: Key, gravity: Key | None, has_length: bool, damped: bool, ground: Key | None = None
+    ) -> Mechanism:
         """The mechanism of the keys of the laws, see `TwoMassMachine.mechanism`."""
         ball, hand = ("rest_length + w1", "rest_length + w2") if has_length else ("w1", "w2")
         masses = [Mass(ball, "1/mass_ratio"), Mass(hand, 1.0)]

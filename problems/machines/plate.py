@@ -27,7 +27,7 @@ from collections.abc import Mapping, Sequence
 
 from orbits import Mechanism
 from orbits.laws.law_statement import LawLike
-from orbits.mechanics import Mass, Spring
+from orbits.mechanics import Ground, Mass, Spring
 
 from ..laws.springs import as_spring
 from .chain import mass_parameters
@@ -55,17 +55,16 @@ def plate_hopper(
     True
     """
     values = checked_numbers({"plate_stiffness": 100.0} if parameters is None else parameters)
-    names, own = ("body", "foot", "plate"), mass_parameters(masses, 3, 3)
+    names, own = ("body", "foot"), mass_parameters(masses, 3, 3)
     return Mechanism(
         name="hopper on a plate",
         coordinates=names,
         elements=[
-            *(Mass(name, mass) for name, mass in zip(names, own, strict=True)),
+            *(Mass(name, mass) for name, mass in zip(names, own, strict=False)),
             Spring("body - foot", as_spring(spring, values, shared=True)),
-            Spring("plate", as_spring(plate_spring, values, shared=True)),
         ],
-        gap="foot - plate",
-        launch="body",
+        gap="foot",
+        ground=Ground("m3", as_spring(plate_spring, values, shared=True), "plate"),
         parameters=with_parameters(own, values, "a mass"),
         restitution=restitution,
         words={

@@ -2,12 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
+from numbers import Real
 from typing import Any, ClassVar, Self
 
 from orbits.errors import InputError
 from orbits.io import one_line
 from orbits.laws.features import with_reach
 from orbits.laws.law import Key, Law, coefficient_of_restitution, number
+from orbits.mechanics.ground import Ground
 from orbits.mechanics.mechanism import Mechanism
 from orbits.mechanics.refusals import joined_values
 from orbits.model.machine import Stated
@@ -16,13 +18,31 @@ from orbits.running.exclusive import exclusive, exclusive_property
 from orbits.symbolic.formula import suggest
 
 from ..laws.gravity import as_gravity
-from ..laws.springs import as_spring
+from ..laws.springs import as_spring, formula
 from .parameters import checked_numbers, refuse_taken
 
 # Beyond these bounds one of the two masses is lost in rounding.
 MASS_RATIOS = (1e-12, 1e12)
 DAMPERS = ("damping", "drag")
 OWN_PARAMETERS = ("mass_ratio", "rest_length", *DAMPERS)
+GROUND_MASS = "ground_mass"
+
+
+def checked_ground(ground: object, parameters: Mapping[str, float], kind: str, in_si: bool = False) -> Ground | None:
+    """The ground of a machine with its mass as a number and its spring as a law; raises `InputError` for anything but
+    one under a hopper."""
+    if ground is None:
+        return None
+    if not isinstance(ground, Ground):
+        raise InputError(f"ground = {ground!r}; it is a Ground, as ground=Ground(mass=2.0, spring=100.0)")
+    if kind != "hopper":
+        raise InputError(f"ground={ground!r}: what lands in a {kind} does not land on the ground; leave it out")
+    if ground.name != "ground":
+        raise InputError(f"the ground of a {kind} is called 'ground', not '{ground.name}'; leave its name out")
+    spring = ground.spring
+    if isinstance(spring, Real) and not isinstance(spring, bool):
+        spring = formula("ground_stiffness*r", ground_stiffness=number("ground's spring", spring, low=0))
+    return Ground(number("ground's mass", ground.mass, low=0), as_spring(spring, parameters, in_si, shared=True))
 
 
 class TwoMasses(Stated):
@@ -34,6 +54,7 @@ class TwoMasses(Stated):
     restitution: float
     damping: float
     drag: float
+    ground: Any
 
     @property
     def damped(self) -> bool:
@@ -59,6 +80,7 @@ class TwoMasses(Stated):
             "rest_length": self.rest_length,
             "restitution": self.restitution,
             **({name: getattr(self, name) for name in DAMPERS} if self.damped else {}),
+            **({"ground": {"mass": self.ground.mass, "spring": self.ground.spring.text}} if self.ground else {}),
             "parameters": dict(self.parameters),
             "laws_in": laws_in,
         }
@@ -77,6 +99,9 @@ class TwoMassMachine(TwoMasses):
     damping : coefficient of the damper in parallel with the spring, force over speed, at least 0
     drag : coefficient of the drag on each mass, force over speed, at least 0
     parameters : values of the formulas' other names
+    ground : under a hopper, a `Ground` that yields: its mass over the foot's, a parameter "ground_mass", and its spring
+        in the units of the machine, a law or a stiffness, which is a parameter "ground_stiffness". A launch is then
+        more than a speed. None for rigid ground
 
     Raises `InputError` for invalid laws and numbers, and for names without values.
     """
@@ -89,6 +114,7 @@ class TwoMassMachine(TwoMasses):
     damping: float = 0.0
     drag: float = 0.0
     parameters: Mapping[str, float] = field(default_factory=dict)
+    ground: Any = None
 
     kind = ""
     # A machine with units is a `units.MachineInSI`.
@@ -98,27 +124,38 @@ class TwoMassMachine(TwoMasses):
     def __post_init__(self) -> None:
         self._store(mass_ratio=number("mass_ratio", self.mass_ratio, *MASS_RATIOS))
         self._store_common()
-        spring, gravity = self._laws()
-        parameters = joined_values(((law.text, law.parameters) for law in (spring, gravity)), {})
-        self._store(spring=spring, gravity=gravity, parameters=parameters)
+        spring, gravity, ground = self._laws()
+        laws = [spring, gravity, *([ground.spring] if ground else [])]
+        parameters = joined_values(((law.text, law.parameters) for law in laws), {})
+        self._store(spring=spring, gravity=gravity, parameters=parameters, ground=ground)
         if self.rest_length is None and self.varying_gravity:
             high = "the upper mass is as high as its coordinate and the rest length together"
             raise InputError(f"gravity '{gravity.text}' varies with height, and {high}: give the rest length")
 
-    def _laws(self) -> tuple[Law, Law]:
-        """The two laws, each with its own parameters; raises `InputError` for unknown and reserved names."""
+    def _laws(self) -> tuple[Law, Law, Ground | None]:
+        """The two laws and the ground with its law, each with its own parameters; raises `InputError` for unknown and
+        reserved names."""
         values = checked_numbers(self.parameters)
         spring, gravity = as_spring(self.spring, values, shared=True), as_gravity(self.gravity, values, shared=True)
-        known = {**spring.parameters, **gravity.parameters}
-        refuse_taken((*OWN_PARAMETERS, "gravity_share"), [*known, *values], "the machine's own name")
+        ground = checked_ground(self.ground, values, self.kind)
+        known = {**spring.parameters, **gravity.parameters, **(ground.spring.parameters if ground else {})}
+        refuse_taken((*OWN_PARAMETERS, GROUND_MASS, "gravity_share"), [*known, *values], "the machine's own name")
         if unknown := [name for name in values if name not in known]:
             raise InputError(f"neither formula has a parameter '{unknown[0]}'{suggest(unknown[0], known)}")
-        return spring, gravity
+        return spring, gravity, ground
 
     @exclusive_property
     def model(self) -> Model:
         """The phases and orbits of the machine; machines that differ only in numbers share it."""
-        return self.build(*self.keys, self.rest_length is not None, self.damped)
+        return self.build(*self.keys, self.rest_length is not None, self.damped, *self.ground_keys)
+
+    @property
+    def ground_keys(self) -> tuple[Any, ...]:
+        """The further arguments of `mechanism` on ground that yields."""
+        if self.ground is None:
+            return ()
+        key = self.ground.spring.key
+        return (with_reach(key, key, self.parameters),)
 
     @classmethod
     def build(cls, *laws: Any) -> Model:
@@ -139,16 +176,18 @@ class TwoMassMachine(TwoMasses):
         return with_reach(spring, spring, p), gravity and with_reach(gravity, spring, p)
 
     @staticmethod
-    def mechanism(spring: Key, gravity: Key | None, has_length: bool, damped: bool) -> Mechanism:
-        """The mechanism from the keys of the laws (None: constant gravity), and whether there is a rest length
-        and a damping; its parameters have no values yet."""
+    def mechanism(
+        spring: Key, gravity: Key | None, has_length: bool, damped: bool, ground: Key | None = None
+    ) -> Mechanism:
+        """The mechanism from the keys of the laws (None: constant gravity), and whether there is a rest length and a
+        damping; and from the key of the law of ground that yields. Its parameters have no values yet."""
         raise NotImplementedError
 
     def stated(self) -> Mechanism:
         """The machine as a mechanism, with the values of its parameters."""
         has_length = self.rest_length is not None
         values = {name: value for name, value in self.values.items() if name != self.model.homotopy}
-        mechanism = self.mechanism(self.spring.key, self.gravity.key, has_length, self.damped)
+        mechanism = self.mechanism(self.spring.key, self.gravity.key, has_length, self.damped, *self.ground_keys)
         return replace(mechanism, parameters=values)
 
     @property
@@ -160,6 +199,8 @@ class TwoMassMachine(TwoMasses):
         values |= self.parameters
         if self.damped:
             values |= {name: getattr(self, name) for name in DAMPERS}
+        if self.ground:
+            values[GROUND_MASS] = self.ground.mass
         if self.model.homotopy:
             values[self.model.homotopy] = 1.0
         return values
@@ -170,6 +211,8 @@ class TwoMassMachine(TwoMasses):
         Raises `InputError` for an unknown name.
         """
         own: dict[str, Any] = {name: values.pop(name) for name in OWN_PARAMETERS if name in values}
+        if self.ground and GROUND_MASS in values:
+            own["ground"] = replace(self.ground, mass=values.pop(GROUND_MASS))
         return replace(self, parameters={**self.parameters, **values}, **own)
 
     def __repr__(self) -> str:

@@ -123,7 +123,7 @@ class Actuated(Stated):
         """The machine with its actuator; of machines of two masses without values, as these are in the machine."""
         m = self.machine
         if isinstance(m, TwoMassMachine):
-            return _with_actuator(m.mechanism(*m.keys, m.rest_length is not None, True), self.actuator)
+            return _with_actuator(m.mechanism(*m.keys, m.rest_length is not None, True, *m.ground_keys), self.actuator)
         return _with_actuator(m.stated(), self.actuator)
 
     @property

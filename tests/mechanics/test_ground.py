@@ -1,0 +1,197 @@
+"""Ground that yields: the rigid ground as its limits, the plate hopper as its case, and how it is stated."""
+
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from orbits import InputError, Mechanism, NoOrbit, Orbit, ReturnMap, check, find, find_all, simulate, starts
+from orbits.mechanics import Ground, Mass, Spring
+from problems import (
+    Actuated,
+    Hopper,
+    Juggler,
+    chain_hand,
+    hopper_in_si,
+    inerter_hopper,
+    juggler_in_si,
+    knee_hopper,
+    plate_hopper,
+    springs,
+)
+from problems.machines import files
+
+CUBIC = {"beta": 0.3}
+LOSSY = springs.lossy("r", loss_factor=0.1)
+
+
+def near_rigid(machine, rigid: Orbit, sink: float, name: str = "ground") -> Orbit:
+    """The hop that is found from that on rigid ground, the ground resting so low."""
+    launch = {"liftoff": rigid(0.0)[0] + sink, "alpha": rigid.alpha, name: sink, f"{name}'": 0.0}
+    times = {"duration": rigid.flight_time / 2, "contact_duration": rigid.contact_time / 2}
+    return find(machine, start=launch | times)
+
+
+class TestRigidLimits:
+    rigid = find(Hopper("r + beta*r**3", mass_ratio=0.5, parameters=CUBIC))
+
+    def hopper(self, ground: Ground) -> Hopper:
+        return Hopper("r + beta*r**3", mass_ratio=0.5, parameters=CUBIC, ground=ground)
+
+    def test_heavy_ground(self):
+        """Pressed up by the hopper's weight, ground of mass m falls less by (1/M + 1)/m, and the launch speed is larger
+        by this share; the flight time is off by less. Both are so as if gravity were so much larger."""
+        masses, stiffness = np.array([1e3, 1e4, 1e5]), 2.0
+        hops = [near_rigid(self.hopper(Ground(m, stiffness)), self.rigid, -(m + 3.0) / stiffness) for m in masses]
+        speeds = np.array([hop.alpha / self.rigid.alpha - 1 for hop in hops])
+        assert np.diff(np.log(np.abs(speeds))) / np.diff(np.log(masses)) == pytest.approx([-1, -1], abs=0.02)
+        times = np.array([hop.flight_time / self.rigid.flight_time - 1 for hop in hops])
+        assert (np.abs(times) < 100 / masses).all()
+        assert abs(hops[-1].contact_time / self.rigid.contact_time - 1) < 1e-3
+
+    def test_stiff_ground(self):
+        """Where the phases of the ground's own vibration stay the same, the hop comes nearer like the root of the
+        stiffness."""
+        half_flight, half_contact = self.rigid.flight_time / 2, self.rigid.contact_time / 2
+        distances, stiffnesses = [], []
+        for n in (64, 128, 256):
+            flown, stood = (n + 0.25) * np.pi / half_flight, (n / 2 + 0.25) * np.pi / half_contact
+            mass = stood**2 / (flown**2 - stood**2)
+            # The unit of mass is that of the foot over 1 + M, and a force of 1 is the foot's weight.
+            stiffness = 1.5 * mass * flown**2
+            hop = near_rigid(self.hopper(Ground(mass, stiffness)), self.rigid, -mass / stiffness)
+            assert hop.admissible
+            stiffnesses.append(stiffness)
+            distances.append([hop.alpha / self.rigid.alpha - 1, hop.flight_time / self.rigid.flight_time - 1])
+        orders = np.diff(np.log(np.abs(distances)), axis=0) / np.diff(np.log(stiffnesses))[:, None]
+        assert orders == pytest.approx(np.full((2, 2), -0.5), abs=0.04)
+        assert np.abs(distances[-1]).max() < 0.01
+
+    def test_an_impact_on_heavy_ground_and_a_spring_with_hysteresis(self):
+        law = springs.lossy("r", loss_factor=0.02)
+        rigid = simulate(Hopper(law), 4.7, hops=1)
+        sink = -(1e8 + 2.0) / 5.0
+        state = [*(rigid(0.0) + np.array([sink, 0, sink, 0])), sink, 0.0]
+        heavy = simulate(Hopper(law, ground=Ground(1e8, 5.0)), state=state, hops=1)
+        assert [event.kind for event in heavy.events] == [event.kind for event in rigid.events]
+        assert [event.loss for event in heavy.events][:-1] == pytest.approx(
+            [event.loss for event in rigid.events][:-1], rel=1e-5, abs=1e-5
+        )
+        assert heavy.end == pytest.approx(rigid.end, rel=1e-6)
+        last = heavy(heavy.end)
+        assert last[1] - last[5] == pytest.approx(rigid.launches[-1], rel=1e-6)
+
+
+def test_the_knee_hopper_on_heavy_ground():
+    """A mechanism whose inertia varies."""
+    rigid, machine = find(knee_hopper()), knee_hopper()
+    mass, stiffness = 1e6, 1e5
+    weight = (mass + machine.parameters["body_mass"] + machine.parameters["foot_mass"]) * 9.80665
+    yielding = replace(machine, ground=Ground(mass, stiffness))
+    assert yielding.coordinates == ("foot", "knee", "ground")
+    assert yielding.parameters == machine.parameters
+    launch = {"liftoff": rigid(0.0)[2], "alpha": rigid.alpha, "ground": -weight / stiffness, "ground'": 0.0}
+    times = {"duration": rigid.flight_time / 2, "contact_duration": rigid.contact_time / 2}
+    assert find(yielding, start=launch | times).alpha == pytest.approx(rigid.alpha, rel=1e-4)
+
+
+def test_the_plate_hopper_is_a_case():
+    """It is the mechanism that it was, with the plate among its elements; and the hopper in other units."""
+    own = {"m1": 1.0, "m2": 1.0, "m3": 2.0, "plate_stiffness": 5.0}
+    stated = Mechanism(
+        coordinates=("body", "foot", "plate"),
+        elements=[
+            *(Mass(name, mass) for name, mass in zip(("body", "foot", "plate"), ("m1", "m2", "m3"), strict=True)),
+            Spring("body - foot", "r"),
+            Spring("plate", "plate_stiffness*r"),
+        ],
+        gap="foot - plate",
+        launch="body",
+        parameters=own,
+    )
+    plate = plate_hopper((1.0, 1.0, 2.0), parameters={"plate_stiffness": 5.0})
+    hopper = Hopper(ground=Ground(2.0, 5.0))
+    found = [find_all(machine, starts(machine, 6.0, 6.0)) for machine in (stated, plate)]
+    assert len(found[0]) == len(found[1]) > 3
+    unit, others = np.sqrt(2), find_all(hopper, starts(hopper.stated(), 6.0 * np.sqrt(2), 6.0 * np.sqrt(2)))
+    speeds = [hop.alpha for hop in others]
+    for a, b in zip(*found, strict=True):
+        assert (a.alpha, a.flight_time, a.contact_time) == pytest.approx(
+            (b.alpha, b.flight_time, b.contact_time), rel=1e-13
+        )
+        assert min(abs(speed * unit - a.alpha) for speed in speeds) < 1e-11 * abs(a.alpha)
+
+
+class TestStatement:
+    machines = (
+        Hopper(ground=Ground(2.0, 5.0)),
+        Hopper("cubic", mass_ratio=0.5, rest_length=20.0, damping=0.01, ground=Ground(2.0, "a*r + b*r**3"),
+               parameters={"beta": 0.3, "a": 5.0, "b": 0.1}),
+        hopper_in_si(3.0, 1.0, stiffness=1000.0, ground=Ground(2.0, 2000.0)),
+        hopper_in_si(3.0, 1.0, force="k*r", ground=Ground(2.0, "a*r"), parameters={"k": 1e3, "a": 2e3}),
+    )  # fmt: skip
+
+    @pytest.mark.parametrize("machine", machines)
+    def test_it_is_restored_from_files_and_pickles(self, machine):
+        assert files.machine_stated(files.statement_for_file(machine)) == machine
+        assert pickle.loads(pickle.dumps(machine)) == machine
+        other = machine.with_values(ground_mass=3.0)
+        assert (other.ground.mass, other.values["ground_mass"]) == (3.0, 3.0)
+        assert other.ground.spring == machine.ground.spring
+        name = next(iter(machine.ground.spring.parameters))
+        assert machine.with_values(**{name: 7.0}).ground.spring.parameters[name] == 7.0
+        assert machine.describe()["ground"] == {"mass": 2.0, "spring": machine.ground.spring.text}
+
+    def test_a_file_states_it(self, tmp_path):
+        text = 'machine = "hopper"\n[ground]\nmass = 2.0\nstiffness = 5.0\n'
+        (tmp_path / "a.toml").write_text(text, encoding="utf-8")
+        assert files.build(files.read(tmp_path / "a.toml")) == self.machines[0]
+        (tmp_path / "b.toml").write_text(text.replace("stiffness", "hardness"), encoding="utf-8")
+        with pytest.raises(InputError, match=r"\[ground\]: unknown key 'hardness'"):
+            files.build(files.read(tmp_path / "b.toml"))
+        (tmp_path / "c.toml").write_text(text.replace("mass = 2.0\n", ""), encoding="utf-8")
+        with pytest.raises(InputError, match=r"\[ground\] has a mass, and a stiffness or a spring"):
+            files.build(files.read(tmp_path / "c.toml"))
+
+    def test_in_si_it_hops_as_without_units_and_as_its_mechanism(self):
+        machine = self.machines[2]
+        bare, units = machine.dimensionless(), machine.units
+        start = next(each for each in starts(bare.stated(), 8.0, 8.0) if each["alpha"] > 0)
+        hop = find(bare, start=start)
+        speed = units.length / units.time
+        sizes = dict.fromkeys(start, units.length) | {"alpha": speed, "ground'": speed}
+        sizes |= dict.fromkeys(("duration", "contact_duration"), units.time)
+        in_si = {name: value * sizes[name] for name, value in start.items()}
+        for stated in (machine, machine.stated()):
+            orbit = find(stated, start=in_si)
+            assert orbit.alpha == pytest.approx(hop.alpha * speed, rel=1e-13)
+            assert orbit.flight_time == pytest.approx(hop.flight_time * units.time, rel=1e-13)
+        assert machine.units_of_parameters()["ground_mass"] == "kg"
+        assert machine.units_of_parameters()["ground_stiffness"] == "N/m"
+        check(bare, start=hop)
+
+    @pytest.mark.parametrize(
+        ("stated", "error", "message"),
+        [
+            (lambda: Hopper(ground=3.0), InputError, "ground = 3.0; it is a Ground, as ground=Ground"),
+            (lambda: Hopper(ground=Ground(0.0, 1.0)), InputError, "ground's mass = 0 is out of bounds"),
+            (lambda: Hopper(ground=Ground(1.0, 0.0)), InputError, "ground's spring = 0 is out of bounds"),
+            (lambda: Hopper(ground=Ground(1.0, "k*r")), InputError, "uses 'k' without a value"),
+            (lambda: Hopper(ground=Ground(1.0, 1.0, "soil")), InputError, "is called 'ground', not 'soil'"),
+            (lambda: Hopper("ground_mass*r", parameters={"ground_mass": 1.0}), InputError, "the machine's own name"),
+            (lambda: Juggler(ground=Ground(1.0, 1.0)), InputError, "lands in a juggler does not land on the ground"),
+            (lambda: juggler_in_si(1.0, 1.0, stiffness=1.0, ground=1.0), TypeError, "ground"),
+            (lambda: ReturnMap(Hopper(ground=Ground(1.0, 1.0))).upkeep(4.0), InputError, "a launch has 3 numbers"),
+            (lambda: ReturnMap(Hopper(LOSSY, ground=Ground(1.0, 1.0))), InputError, "it is simulated, without a map"),
+            (lambda: find(Hopper(ground=Ground(1.0, 1.0))), NoOrbit, "give `find` a start"),
+            (lambda: Actuated(Hopper(ground=Ground(1.0, 1.0))), InputError, "the hopper has 2 springs"),
+            (lambda: replace(chain_hand(), ground=Ground(1.0, 1.0)), InputError, "is not one coordinate, the height"),
+            (lambda: replace(inerter_hopper(), ground="soft"), InputError, "ground = 'soft'; it is a Ground"),
+            (lambda: replace(inerter_hopper(), ground=Ground(1.0, 1.0, "foot")), InputError, "give the ground another"),
+            (lambda: replace(inerter_hopper(), ground=Ground("foot", 1.0)), InputError, "depends on the coordinate"),
+        ],
+    )
+    def test_what_is_no_ground_is_refused(self, stated, error, message):
+        with pytest.raises(error, match=message):
+            stated()
