@@ -89,7 +89,7 @@ def advance_step(
     until = step.h
     for _ in range(MOST_WINDOWS):
         until = until / 2 if meeting is None else meeting - room
-        if not until > 4 * room:
+        if not until > 4 * room + arb(2) ** (12 - ctx.prec):  # a shorter step would be rounded to none
             break
         short = take_step(systems[law], centre, spread, _rounded_down(until), order, accuracy)
         if _stays(breakpoints, law, short):
