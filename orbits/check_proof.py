@@ -342,9 +342,10 @@ class Field:
         """The values of trees at states."""
         return Values(zip(self.states, x, strict=True))
 
-    def linear(self, end: tuple[list[arb], list[arb], arb_mat], of: Tree) -> tuple[arb, list[arb]]:
-        """A function of the states at an end of a passage: its value for c, and its derivatives by w for all."""
-        at, centre = self.values(end[1]), self.values(end[0])
+    def linear(self, end: tuple[list[arb], list[arb], arb_mat], of: Tree | None) -> tuple[arb, list[arb]]:
+        """A function of the states at an end of a passage, the contact force for None: its value for c, and its
+        derivatives by w for all."""
+        at, centre, of = self.values(end[1]), self.values(end[0]), of or self.force
         return centre[of], (arb_mat([[at[each] for each in self.gradient(of)]]) * end[2]).tolist()[0]
 
     def motion(self, rows: list[list[Any]]) -> list[list[Any]]:
@@ -408,6 +409,10 @@ class Pair(Field):
         first, other = (each.value(at, of, order) for each in self.fields)
         return first.union(other)
 
+    def linear(self, end: tuple[list[arb], list[arb], arb_mat], of: Tree | None) -> tuple[arb, list[arb]]:
+        (value, row), (other, another) = (each.linear(end, of) for each in self.fields)
+        return value.union(other), [a.union(b) for a, b in zip(row, another, strict=True)]
+
 
 class Part:
     """A step of length h from rows of balls: their Taylor polynomials, with the next coefficient over the whole step as
@@ -437,57 +442,63 @@ class Laws:
             self.known[piece] = Field(self.machines[piece], self.contact)
         return self.known[piece]
 
-    def piece_of(self, x: Sequence[arb]) -> int:
-        """The piece that states lie in."""
-        for piece, machine in enumerate(self.machines):
-            at = self[0].values(x)
-            if all(at[edge] > 0 for edge in machine.edges.values()):
-                return piece
-        raise Unverified("the motion begins where two pieces of a law meet, or where a spring's table ends")
+    def pieces_of(self, x: Sequence[arb]) -> tuple[int, ...]:
+        """The piece that states lie in, or the two pieces."""
+        at, numbers = self[0].values(x), range(len(self.machines))
+        beyond = [{side: not at[edge] > 0 for side, edge in machine.edges.items()} for machine in self.machines]
+        for pair in [*((k, k) for k in numbers), *pairwise(numbers)]:
+            if not (beyond[pair[0]].get(-1) or beyond[pair[1]].get(1)):
+                return tuple(dict.fromkeys(pair))
+        raise Unverified("the motion is on several pieces of a law at once, or comes to where a spring's table ends")
 
-    def step(self, piece: int, rows: list[list[Any]], length: Fraction, order: int) -> tuple[Part, int, Fraction]:
-        """A step from rows that lie in a piece, at most as long as said: within it, up to its end, or across that; the
-        piece and the time that it ends at. Raises `Unverified` where it is too long."""
+    def step(self, rows: list[list[Any]], length: Fraction, order: int) -> tuple[Part, Fraction]:
+        """A step from rows, at most as long as said, and its time: within the piece that they lie in, up to its end, or
+        across that. Raises `Unverified` where it is too long."""
+        start, bit = [row[0] for row in rows], arb(2) ** (16 - ctx.prec)
+        (piece, *others), side = self.pieces_of(start), 1
         field = self[piece]
-        part = Part(field, rows, ball(length), order)
-        over = [side for side, edge in field.edges.items() if not field.values(part.states(part.h))[edge] > 0]
-        if not over:
-            return inside(part, field.edges.values()), piece, length
-        side, meets, late, bit = over[0], Fraction(0), length, arb(2) ** (16 - ctx.prec)
-        edge = field.edges[side]
-        for _ in range(ctx.prec):  # a guess of when the middle of the set comes there
-            middle = (meets + late) / 2
-            early = field.values(part.states(ball(middle)))[edge].mid() > 0
-            meets, late = (middle, late) if early else (meets, middle)
-        at = field.values(part.states(ball(meets)))
-        width = Fraction(float(2 * at[edge].rad() / abs(field.value(at, edge, 1).mid()) + bit))
-        if meets > 2 * width:
-            part = Part(field, rows, ball(meets - width), order)
-            return inside(part, field.edges.values()), piece, meets - width
-        beyond, time = self[piece + side], meets + 2 * width
-        part = Part(Pair(field, beyond), rows, ball(time), 1)
+        if not others:
+            part, meets, late = Part(field, rows, ball(length), order), Fraction(0), length
+            over = [side for side, edge in field.edges.items() if not field.values(part.states(part.h))[edge] > 0]
+            if not over:
+                return inside(part, field.edges.values()), length
+            side = over[0]
+            for _ in range(ctx.prec):  # a guess of when the middle of the set comes there
+                middle = (meets + late) / 2
+                early = field.values(part.states(ball(middle)))[field.edges[side]].mid() > 0
+                meets, late = (middle, late) if early else (meets, middle)
+            at = field.values(part.states(ball(meets)))
+            pace = abs(field.value(at, field.edges[side], 1).mid())
+            before = meets - Fraction(float(2 * at[field.edges[side]].rad() / pace + bit))
+            if before > meets / 2:
+                return inside(Part(field, rows, ball(before), order), field.edges.values()), before
+        beyond, at = self[piece + side], field.values(start)
+        pace = abs(field.value(at, field.edges[side], 1).mid())
+        time = Fraction(float(3 * at[field.edges[side]].abs_upper() / pace + bit))
         outer = [edges[k] for edges, k in ((field.edges, -side), (beyond.edges, side)) if k in edges]
-        if not (time <= length and field.values(part.states(part.h))[beyond.edges[-side]] > 0):
+        part = Part(Pair(field, beyond), rows, ball(time), 1)
+        if not time <= length or len(self.pieces_of(part.states(part.h))) > 1:
             raise Unverified("the place where two pieces of a law meet is not crossed")
-        return inside(part, outer), piece + side, time
+        return inside(part, outer), time
 
-    def steps(self, piece: int, rows: Callable[[], list[list[Any]]], whole: Fraction, length: Fraction, order: int,
-              good: Callable[[Part], bool]) -> Iterator[tuple[Part, int, Fraction]]:  # fmt: skip
-        """Steps over a time, the first at most of a length, each from what `rows` says then, and such that it is good;
-        with the pieces at their ends, and their times."""
+    def steps(self, rows: Callable[[], list[list[Any]]], whole: Fraction, length: Fraction, order: int,
+              good: Callable[[Part], bool]) -> Iterator[tuple[Part, Fraction]]:  # fmt: skip
+        """Steps over a time, and their times: the first at most of a length, each from what `rows` says then, and such
+        that it is good."""
+        shortest = SHORTEST * whole
         while whole:
             length = min(length, whole)
             try:
-                part, beyond, time = self.step(piece, rows(), length, order)
+                part, time = self.step(rows(), length, order)
                 if not good(part):
                     raise Unverified("the step is too long")
             except Unverified as reason:
-                if length < SHORTEST * min(whole, 1):
+                if length < shortest:
                     raise Unverified(f"the motion is not enclosed: {reason}") from None
                 length /= 2
                 continue
-            yield part, piece, time
-            piece, whole, length = beyond, whole - time, length * Fraction(5, 4)
+            yield part, time
+            whole, length = whole - time, length * Fraction(5, 4)
 
 
 def inside(part: Part, edges: Iterable[Tree]) -> Part:
@@ -511,8 +522,8 @@ class Passage:
         n, small, order = len(centre), arb(2) ** (12 - ctx.prec), int(ORDER_PER_BIT * ctx.prec)
         one, rounded, error, slopes = arb_mat(n, n, 1), arb_mat(n, n, 1), arb_mat(n, n, 0), seeds
         self.parts, box = list[Part](), moved(centre, seeds, reach)
-        self.start, first = (list(centre), box, seeds), laws.piece_of(box)
-        self.field = laws[first]
+        self.start, first = (list(centre), box, seeds), [laws[piece] for piece in laws.pieces_of(box)]
+        self.field = first[0] if len(first) == 1 else Pair(*first)
 
         def sharp(part: Part) -> bool:
             ends = zip(part.polynomials, part.states(part.h), strict=False)
@@ -525,9 +536,9 @@ class Passage:
         def rows() -> list[list[Any]]:
             return [[x, *row] for x, row in zip(box, one.tolist(), strict=True)]
 
-        for part, piece, time in laws.steps(first, rows, Fraction(1), FIRST, DERIVED_ORDER, mild):
+        for part, time in laws.steps(rows, Fraction(1), FIRST, DERIVED_ORDER, mild):
             ends = list(centre)
-            for alone, *_ in laws.steps(piece, lambda: [[each] for each in ends], time, time, order, sharp):
+            for alone, _ in laws.steps(lambda: [[each] for each in ends], time, time, order, sharp):
                 ends = alone.states(alone.h)
             moving = [[each(part.h) for each in row[1:]] for row in part.polynomials]
             transition = arb_mat([*moving, *one.tolist()[len(moving) :]])
@@ -543,18 +554,19 @@ def signs(
     parts: Sequence[Part], of: Tree | None, orders: Callable[..., Sequence[int]], most: int = MOST_HALVINGS
 ) -> list[list[int]]:
     """On stretches of a motion, in order, the first of some derivatives of a function, the contact force for None, that
-    has a sign there, and that sign. Which orders are tried depends on whether a stretch holds either end."""
+    has a sign there, and that sign. Which orders are tried depends on whether orders above 0 decided all
+    stretches before, and whether one holds the end."""
     found, last = list[list[int]](), len(parts) - 1
-    waiting = [(each, arb(0), each.h, i == 0, i == last, most) for i, each in enumerate(parts)][::-1]
+    waiting = [(each, arb(0), each.h, i == last, most) for i, each in enumerate(parts)][::-1]
     while waiting:
-        part, low, high, begins, ends, left = waiting.pop()
+        part, low, high, ends, left = waiting.pop()
         at, field = part.field.values(part.states(low.union(high))), part.field
-        values = ((order, field.value(at, of, order)) for order in orders(begins, ends))
+        values = ((order, field.value(at, of, order)) for order in orders(all(order for order, _ in found), ends))
         if decided := next(([order, 1 if each > 0 else -1] for order, each in values if each > 0 or each < 0), None):
             found.append(decided)
         elif left:
             middle = (low + high) / 2
-            waiting += [(part, middle, high, False, ends, left - 1), (part, low, middle, begins, False, left - 1)]
+            waiting += [(part, middle, high, ends, left - 1), (part, low, middle, False, left - 1)]
         else:
             raise Unverified("a sign along the motion is not decided")
     return found
@@ -563,7 +575,7 @@ def signs(
 def check_positive(what: str, parts: Sequence[Part], of: Tree | None, at_start: int = 0, at_end: int = 0) -> None:
     """See that a function is positive inside the motion. At one end it may be known to have a zero of some order: it is
     positive beside that by Taylor's formula where the derivative of that order has the fitting sign."""
-    found = signs(parts, of, lambda begins, ends: [at_start if begins and at_start else at_end if ends else 0])
+    found = signs(parts, of, lambda begins, ends: [at_end if ends else 0, *([at_start] if begins and at_start else [])])
     if [sign for _, sign in found] != [1] * (len(found) - 1) + [(-1) ** at_end]:
         raise Unverified(f"{what} is not so")
 
@@ -601,7 +613,7 @@ class Solution:
             seeds = arb_mat([[ball(row.get(name, Fraction(0))) for name in names] for row in rows])
             start = moved([arb(0)] * len(rows), seeds, centre)
             self.passages.append(Passage(Laws(machines, sign < 0), start, seeds, reach))
-        equations = [self.passages[0].field.linear(self.passages[0].start, self.passages[0].field.force)]
+        equations = [self.passages[0].field.linear(self.passages[0].start, None)]
         for passage, those in zip(self.passages, (range(len(machine.names)), machine.unknowns), strict=False):
             equations += [passage.field.linear(passage.end, machine.rates[i]) for i in those]
         by_all, count = arb_mat([row for _, row in equations]), len(equations)

@@ -16,8 +16,8 @@ from flint import arb, arb_poly, ctx
 from ..exact.refusal import Unproved
 from .rigorous_step import Step, System, between, take_step
 
-# Attempts at a window about a breakpoint, each wider than the last.
-MOST_WINDOWS, WIDER_WINDOW = 12, 4
+# Attempts at a window about a breakpoint, each of the first ones wider than the last.
+MOST_WINDOWS, WINDOWS_AT_END, WIDER_WINDOW = 12, 4, 4
 # The most parts of a step that are compared with the breakpoints, and the most halvings of a part.
 MOST_PARTS, MOST_HALVINGS_OF_STEP = 400, 60
 # Beyond a breakpoint a set is followed until its distance from it is this multiple of its own width.
@@ -40,11 +40,11 @@ class Breakpoints:
         parts = zip(self.weights, states, strict=False)
         return sum((weight * state for weight, state in parts if not weight.is_zero()), arb(0))
 
-    def holds(self, law: int, states: Sequence[arb]) -> bool:
-        """Whether states are strictly between the breakpoints of a law."""
-        place = self.coordinate(states)
+    def holds(self, law: int, states: Sequence[arb], last: int | None = None) -> bool:
+        """Whether states are strictly between the breakpoints of a law, or of it and the next ones up to the last."""
+        place, last = self.coordinate(states), law if last is None else last
         above = law == 0 or self.values[law - 1] < place
-        return above and (law == len(self.values) or place < self.values[law])
+        return above and (last == len(self.values) or place < self.values[last])
 
     def beyond(self, law: int, states: Sequence[arb]) -> int:
         """The law on the other side of that breakpoint of a law which is nearest to states."""
@@ -53,12 +53,14 @@ class Breakpoints:
         nearest = min(numbers, key=lambda number: float(abs(place - self.values[number].mid())))
         return law - 1 if nearest == law - 1 else law + 1
 
-    def law_of(self, states: Sequence[arb]) -> int:
-        """The law of states; raises `Unproved` where they are not all strictly within one piece."""
-        for law in range(len(self.values) + 1):
-            if self.holds(law, states):
-                return law
-        raise Unproved("the motion begins at a breakpoint of the spring's law")
+    def laws_of(self, states: Sequence[arb]) -> tuple[int, ...]:
+        """The law of states, or the two laws where they are not all strictly within one piece; raises `Unproved` where
+        they are not strictly within two."""
+        for count in (1, 2):
+            for law in range(len(self.values) + 2 - count):
+                if self.holds(law, states, law + count - 1):
+                    return tuple(range(law, law + count))
+        raise Unproved("the motions are spread over several pieces of the spring's law")
 
 
 NO_BREAKPOINTS = Breakpoints((), [])
@@ -77,8 +79,14 @@ def advance_step(
     systems: Sequence[System], breakpoints: Breakpoints, law: int, centre: Sequence[arb],
     spread: Sequence[arb], longest: arb, order: int, accuracy: float,
 ) -> Advance:  # fmt: skip
-    """A step from the states within a spread of a centre, all of them in the piece of a law: up to a breakpoint where
-    one is in the way, and from there across it. The arguments are as in `take_step`."""
+    """A step from the states within a spread of a centre, expected in the piece of a law: up to a breakpoint where one
+    is in the way, and from there across it. The arguments are as in `take_step`."""
+    states = [value + arb(0, radius) for value, radius in zip(centre, spread, strict=True)]
+    if not breakpoints.holds(law, states):
+        law, *others = breakpoints.laws_of(states)
+        if others:  # they begin on both sides of a breakpoint
+            rises = bool(breakpoints.coordinate(systems[law].rates([*states])) > 0)
+            return _across(systems, breakpoints, *((law, *others) if rises else (*others, law)), states, longest)
     step = take_step(systems[law], centre, spread, longest, order, accuracy)
     if _stays(breakpoints, law, step):
         return Advance(step, (law,), law)
@@ -87,7 +95,9 @@ def advance_step(
         speed = abs(breakpoints.coordinate([p.derivative()(meeting) for p in step.polynomials]))
         room = 2 * breakpoints.coordinate([arb(0, radius) for radius in step.tube]).abs_upper() / speed.mid()
     until = step.h
-    for _ in range(MOST_WINDOWS):
+    for window in range(MOST_WINDOWS):
+        if window == WINDOWS_AT_END:  # it may be the beginning that is not clear of a breakpoint
+            meeting, room = None, room / WIDER_WINDOW**window
         until = until / 2 if meeting is None else meeting - room
         if not until > 4 * room + arb(2) ** (12 - ctx.prec):  # a shorter step would be rounded to none
             break
@@ -95,9 +105,7 @@ def advance_step(
         if _stays(breakpoints, law, short):
             return Advance(short, (law,), law)
         room = WIDER_WINDOW * room + (arb(0) if meeting is None else arb(2) ** (8 - ctx.prec))
-    beyond = breakpoints.beyond(law, centre)
-    states = [value + arb(0, radius) for value, radius in zip(centre, spread, strict=True)]
-    return _across(systems, breakpoints, law, beyond, states, longest)
+    return _across(systems, breakpoints, law, breakpoints.beyond(law, centre), states, longest)
 
 
 def _stays(breakpoints: Breakpoints, law: int, step: Step) -> bool:
@@ -154,6 +162,8 @@ def _across(
 ) -> Advance:  # fmt: skip
     """A step across a breakpoint, for as long as all states need to be on the other side."""
     both = (law, beyond)
+    if not breakpoints.holds(min(both), states, max(both)):  # from there the coordinate is monotone
+        raise Unproved("the motions are spread over several pieces of the spring's law")
     goal = breakpoints.values[max(both) - 1]
     speed = breakpoints.coordinate(systems[law].rates([*states]))
     if not (speed > 0 or speed < 0):

@@ -112,7 +112,7 @@ def follow_set(
     frame, inner = unit_matrix(n), by_unknowns
     # The error of the centre, in the frame.
     centre, error = [value.mid() for value in start], arb_mat(n, 1, [arb(0, value.rad()) for value in start])
-    pieces, at, law = list[Piece](), arb(0), breakpoints.law_of(_moved(start, by_unknowns * radii))
+    pieces, at, law = list[Piece](), arb(0), breakpoints.laws_of(_moved(start, by_unknowns * radii))[0]
     while True:
         if len(pieces) == MOST_STEPS:
             raise Unproved(TOO_LONG)

@@ -8,6 +8,7 @@ intervals. The unknowns of a proof are those of the statement and, after them, t
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 from flint import arb, arb_mat
 
@@ -217,7 +218,6 @@ class Equations:
                 by_unknowns = by_unknowns + columns_of(slopes, columns, len(last)) * last_slopes
             breakpoints = leg.breakpoints(box[len(self.unknowns) :])
             passage = follow_set(leg.variation, start, by_unknowns, deviations, bits, fineness, breakpoints)
-            law = passage.pieces[0].laws[0]
             m = leg.variation.moving
             end, end_slopes = passage.end[:m], _first_rows(passage.slopes, m)
             start_slopes = _first_rows(by_unknowns, m)
@@ -226,8 +226,10 @@ class Equations:
             last, last_box, last_slopes = end, end_box, end_slopes
             if leg.count == 0:
                 continue
-            values += leg.conditions[law]([*middle, *start[:m], *end])
-            slopes = _matrix_of(leg.condition_slopes[law]([*box, *start_box, *end_box]), leg.count)
+            laws, wide_laws = breakpoints.laws_of(start), breakpoints.laws_of(passage.start)
+            values += _united([leg.conditions[law]([*middle, *start[:m], *end]) for law in laws])
+            by_laws = [leg.condition_slopes[law]([*box, *start_box, *end_box]) for law in wide_laws]
+            slopes = _matrix_of(_united(by_laws), leg.count)
             whole = columns_of(slopes, 0, columns) + columns_of(slopes, columns, m) * start_slopes
             rows += (whole + columns_of(slopes, columns + m, m) * end_slopes).tolist()
         return Evaluated(values, arb_mat(rows), passages)
@@ -236,6 +238,11 @@ class Equations:
         """Raise `Unproved` where a formula is not proved to have a value along the whole enclosed motions."""
         for leg, passage in zip(self.legs, passages, strict=True):
             leg.check_domains(passage)
+
+
+def _united(values: list[list[arb]]) -> list[arb]:
+    """Enclosures of several laws' values, from those of each."""
+    return [reduce(arb.union, each) for each in zip(*values, strict=True)]
 
 
 def _matrix_of(values: list[arb], rows: int) -> arb_mat:

@@ -86,12 +86,13 @@ def test_a_table_is_refused():
 
 def test_breakpoints():
     points = Breakpoints((arb(1), arb(0)), [arb(-1), arb(2)])
-    assert [points.law_of([arb(x), arb(7)]) for x in (-2, 0, 3)] == [0, 1, 2]
+    assert [points.laws_of([arb(x), arb(7)]) for x in (-2, 0, 3)] == [(0,), (1,), (2,)]
+    assert points.laws_of([arb(2), arb(0)]) == (1, 2)
     assert not points.holds(1, [arb(2), arb(0)])
     assert not points.holds(1, [arb(2, 1e-3), arb(0)])
     assert [points.beyond(1, [arb(x), arb(0)]) for x in (-0.9, 1.9)] == [0, 2]
-    with pytest.raises(Unproved, match="begins at a breakpoint"):
-        points.law_of([arb(2), arb(0)])
+    with pytest.raises(Unproved, match="several pieces"):
+        points.laws_of([arb(0, 3), arb(0)])
 
 
 def test_a_force_that_jumps_is_refused():
