@@ -205,8 +205,9 @@ def law_on(spring: Mapping[str, Any], piece: int, known: Mapping[str, Tree], r: 
     (a, *low), (b, *high) = ([Fraction(each) for each in row] for row in spring["rows"][piece : piece + 2])
     units, polynomial = (Fraction(1), b - a, (b - a) ** 2 / 2), ZERO
     ends = [size * unit for size, unit in zip((*low, *high), units * 2, strict=True)]
-    for each in reversed([*ends[:3], *(dot(row, ends, Fraction(0)) for row in QUINTIC)]):
-        polynomial = polynomial * ((r - number(a)) / number(b - a)) + number(each)
+    shares = [*ends[:3], *(dot(row, ends, Fraction(0)) for row in QUINTIC)]
+    for k in reversed(range(6)):
+        polynomial = polynomial * (r - number(a)) + number(shares[k] / (b - a) ** k)
     (scale,) = spring["force"]
     return parse(scale, known, needed) * polynomial
 
@@ -218,7 +219,8 @@ def edges_of(spring: Mapping[str, Any], piece: int, known: Mapping[str, Tree], r
         raise Unverified("a law in pieces is stated by forces or by rows")
     inner = [parse(each, known, []) for each in spring["breaks"]]
     places = [number(Fraction(row[0])) for row in spring.get("rows", ())] or [None, *inner, None]
-    if any(each.kind != "number" for each in inner) or len(places) != pieces_of(spring) + 1:
+    formulas = 1 if spring.get("rows") else pieces_of(spring)
+    if any(each.kind != "number" for each in inner) or len(spring["force"]) != formulas:
         raise Unverified("a breakpoint is no number, or there are more or fewer formulas than pieces")
     low, high = places[piece : piece + 2]
     if low and high and not low.value < high.value:

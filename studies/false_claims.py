@@ -439,7 +439,7 @@ def _tables(rng: np.random.Generator) -> FalseClaim | None:
     own, other = (springs.table(rows, noise=0, scale=s) for rows, s in (((r, force), None), ((moved, changed), scale)))
     other = other.with_parameters(s=share) if scale else other
     low, high = other.range()
-    truth = TwoMasses.hopper(lambda x: np.where(low <= x <= high, other(np.clip(x, low, high)), np.nan))
+    truth = TwoMasses.hopper(lambda x: other(x) if low <= x <= high else np.nan)
     return _of_other(KINDS[9], rng, Hopper(own), Hopper(other), truth)
 
 

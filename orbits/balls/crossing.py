@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from flint import arb, arb_poly, ctx
 
 from ..exact.refusal import Unproved
+from .programs import OfLaws
 from .rigorous_step import Step, System, between, take_step
 
 # Attempts at a window about a breakpoint, each of the first ones wider than the last.
@@ -76,7 +77,7 @@ class Advance:
 
 
 def advance_step(
-    systems: Sequence[System], breakpoints: Breakpoints, law: int, centre: Sequence[arb],
+    systems: OfLaws[System], breakpoints: Breakpoints, law: int, centre: Sequence[arb],
     spread: Sequence[arb], longest: arb, order: int, accuracy: float,
 ) -> Advance:  # fmt: skip
     """A step from the states within a spread of a centre, expected in the piece of a law: up to a breakpoint where one
@@ -157,7 +158,7 @@ def _rounded_down(time: arb) -> arb:
 
 
 def _across(
-    systems: Sequence[System], breakpoints: Breakpoints, law: int, beyond: int,
+    systems: OfLaws[System], breakpoints: Breakpoints, law: int, beyond: int,
     states: Sequence[arb], longest: arb,
 ) -> Advance:  # fmt: skip
     """A step across a breakpoint, for as long as all states need to be on the other side."""

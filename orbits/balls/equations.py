@@ -19,7 +19,7 @@ from ..exact.stated import Bounds
 from ..exact.statement import ExactArc, ExactStatement
 from .crossing import Breakpoints
 from .enclosure import COARSE, Fineness, Passage, Variation, follow_set
-from .programs import BallProgram, ball_of_fraction
+from .programs import BallProgram, OfLaws, ball_of_fraction
 from .rigorous_step import StatesOfPart, System, between, widened
 
 # Halvings of a step's time after which it stays undecided whether a law has a value there.
@@ -77,12 +77,12 @@ class BallLeg:
         inputs = [*unknowns, *intervals, *first, *last]
         at_end = substitute(arc.conditions, dict(zip(arc.states, last, strict=True)))
         each_law = [[*at_end, *substitute(law, dict(zip(arc.states, first, strict=True)))] for law in arc.guards]
-        self.conditions = [BallProgram(inputs, each) for each in each_law]
-        self.condition_slopes = [_dense_program(each, inputs) for each in each_law]
+        self.conditions = OfLaws(lambda law: BallProgram(inputs, each_law[law]))
+        self.condition_slopes = OfLaws(lambda law: _dense_program(each_law[law], inputs))
         self.count = len(each_law[0])
         self.variation = self._variation()
         self._breaks = BallProgram(intervals, arc.breaks)
-        self._domains = [BallProgram(self.state, [each.place for each in law]) for law in arc.domains]
+        self._domains = OfLaws(lambda law: BallProgram(self.state, [each.place for each in arc.domains[law]]))
 
     def _variation(self) -> Variation:
         """The system of the leg with its variational equations."""
@@ -90,17 +90,17 @@ class BallLeg:
         varied = [[symbol(f"d {i} {j}") for j in range(n)] for i in range(m)]
         rows = [*varied, *([exact_number(int(i == j)) for j in range(n)] for i in range(m, n))]
         states = [*self.state, *(each for row in varied for each in row)]
-        systems, both = list[System](), list[System]()
-        for rates in self.rates:
-            slopes = jacobian(rates[:m], self.state)
+
+        def varied_system(law: int) -> System:
+            slopes = jacobian(self.rates[law][:m], self.state)
             changes = [
                 total(slopes[i][k] * rows[k][j] for k in range(n) if slopes[i][k] is not ZERO)
                 for i in range(m)
                 for j in range(n)
             ]
-            systems.append(system_of(self.state, rates))
-            both.append(system_of(states, [*rates, *changes]))
-        return Variation(m, tuple(systems), tuple(both))
+            return system_of(states, [*self.rates[law], *changes])
+
+        return Variation(n, m, OfLaws(lambda law: system_of(self.state, self.rates[law])), OfLaws(varied_system))
 
     def breakpoints(self, intervals: Sequence[arb]) -> Breakpoints:
         """The breakpoints of the law, for enclosures of the interval parameters."""

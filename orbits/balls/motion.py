@@ -10,7 +10,7 @@ from ..exact.expressions import ExactExpression, along
 from ..exact.refusal import Unproved
 from .enclosure import Passage, Piece
 from .equations import BallLeg
-from .programs import BallProgram
+from .programs import BallProgram, OfLaws
 from .rigorous_step import between
 
 # Halvings of a step's time after which a sign is left undecided.
@@ -30,7 +30,7 @@ class Derivatives:
     programs : for each law of the leg, those of the function and of its derivatives in ascending order
     """
 
-    programs: tuple[tuple[BallProgram, ...], ...]
+    programs: OfLaws[tuple[BallProgram, ...]]
 
 
 @dataclass(frozen=True)
@@ -42,13 +42,15 @@ class Motion:
 
     def chain(self, functions: Sequence[ExactExpression], orders: int) -> Derivatives:
         """A function of the states, one expression for each law, with `orders` derivatives along the motion."""
-        state, by_law = self.leg.state, list[tuple[BallProgram, ...]]()
-        for function, rates in zip(functions, self.leg.rates, strict=True):
-            each = [function]
+        state = self.leg.state
+
+        def programs(law: int) -> tuple[BallProgram, ...]:
+            each = [functions[law]]
             for _ in range(orders):
-                each.append(along(each[-1], state, rates))
-            by_law.append(tuple(BallProgram(state, [one]) for one in each))
-        return Derivatives(tuple(by_law))
+                each.append(along(each[-1], state, self.leg.rates[law]))
+            return tuple(BallProgram(state, [one]) for one in each)
+
+        return Derivatives(OfLaws(programs))
 
     def value(self, each: Derivatives, order: int, piece: Piece, t: arb) -> arb:
         """An enclosure of a derivative at a time, or at all times of a ball, within a piece; across a breakpoint of the

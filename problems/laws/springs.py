@@ -369,9 +369,12 @@ def _quintic_pieces(nodes: np.ndarray) -> np.ndarray:
     h, rise = np.diff(x), np.diff(y)
     # The coefficients are written out, since through Bernstein form, as in SciPy, the highest lose three digits.
     d0, d1, s0, s1 = slope[:-1], slope[1:], curvature[:-1], curvature[1:]
-    c3 = 10 * rise / h**3 - (6 * d0 + 4 * d1) / h**2 - (1.5 * s0 - 0.5 * s1) / h
-    c4 = -15 * rise / h**4 + (8 * d0 + 7 * d1) / h**3 + (1.5 * s0 - s1) / h**2
-    c5 = 6 * rise / h**5 - 3 * (d0 + d1) / h**4 - (0.5 * s0 - 0.5 * s1) / h**3
+    # What is left of value, slope and curvature at the end of a piece beyond those of the parabola at its start: in
+    # these the errors of rounding cancel at the end.
+    off, tilt, bend = rise - h * (d0 + s0 * h / 2), h * (d1 - d0 - s0 * h), h**2 * (s1 - s0)
+    c3 = (10 * off - 4 * tilt + bend / 2) / h**3
+    c4 = (-15 * off + 7 * tilt - bend) / h**4
+    c5 = (6 * off - 3 * tilt + bend / 2) / h**5
     return np.column_stack([x[:-1], y[:-1], d0, s0 / 2, c3, c4, c5])
 
 
