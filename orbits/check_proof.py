@@ -7,7 +7,8 @@ as remainder. So are the derivatives by the start; over several steps they are P
 small E (`Passage`), so that the errors of the steps add and do not multiply. By the mean value theorem the states of a
 set are those of its centre and the derivatives times the deviations. Existence and uniqueness follow from Krawczyk's
 test (`Solution`), on the stated enclosures and on these with the radius of uniqueness around them. Signs along the
-motion are those of functions, and of their derivatives by time, on stretches of it (`signs`). Nothing of
+motion are those of functions, and of their derivatives by time, on stretches of it (`signs`). Where a law has pieces,
+a step stays in one of them, or crosses from one to the next one in the hull of both (`Pair`). Nothing of
 the prover and of CasADi is used. What is verified is what the file says in its fields, but for `about`.
 """
 
@@ -43,7 +44,8 @@ PHASES, ENDS = ("flight_time", "contact_time"), ("liftoff_extension", "mid_fligh
 # What the file says of the machine, of a spring, of a part, and of itself; beside that it repeats what is verified.
 FIELDS = [{*names.split()} for names in (
     "name units coordinates parameters masses weights inerters inertia springs potentials surface_gravity gravity gap "
-    "launch counts separation eliminated", "extension force breaks potential rows", "parameters unknowns uniqueness_radius",
+    "launch counts separation eliminated", "extension force breaks potential rows",
+    "parameters unknowns uniqueness_radius",
     "format kind proved statement machine about motion parts enclosures family conditions radius digits seconds",
 )]  # fmt: skip
 
@@ -218,7 +220,8 @@ def edges_of(spring: Mapping[str, Any], piece: int, known: Mapping[str, Tree], r
     if (spring.get("rows") and spring["breaks"]) or (spring["potential"] and pieces_of(spring) > 1):
         raise Unverified("a law in pieces is stated by forces or by rows")
     inner = [parse(each, known, []) for each in spring["breaks"]]
-    places = [number(Fraction(row[0])) for row in spring.get("rows", ())] or [None, *inner, None]
+    rows: list[Tree | None] = [number(Fraction(row[0])) for row in spring.get("rows", ())]
+    places = rows or [None, *inner, None]
     formulas = 1 if spring.get("rows") else pieces_of(spring)
     if any(each.kind != "number" for each in inner) or len(spring["force"]) != formulas:
         raise Unverified("a breakpoint is no number, or there are more or fewer formulas than pieces")
@@ -502,6 +505,17 @@ class Laws:
             yield part, time
             whole, length = whole - time, length * Fraction(5, 4)
 
+    def end(self, x: Sequence[arb], whole: Fraction, order: int, good: Callable[[Part], bool]) -> list[arb]:
+        """The states after a time, from states; the steps are as in `steps`."""
+        ends = list(x)
+
+        def rows() -> list[list[Any]]:
+            return [[each] for each in ends]
+
+        for part, _ in self.steps(rows, whole, whole, order, good):
+            ends = part.states(part.h)
+        return ends
+
 
 def inside(part: Part, edges: Iterable[Tree]) -> Part:
     """The part, along which all edges are positive."""
@@ -539,9 +553,7 @@ class Passage:
             return [[x, *row] for x, row in zip(box, one.tolist(), strict=True)]
 
         for part, time in laws.steps(rows, Fraction(1), FIRST, DERIVED_ORDER, mild):
-            ends = list(centre)
-            for alone, _ in laws.steps(lambda: [[each] for each in ends], time, time, order, sharp):
-                ends = alone.states(alone.h)
+            ends = laws.end(centre, time, order, sharp)
             moving = [[each(part.h) for each in row[1:]] for row in part.polynomials]
             transition = arb_mat([*moving, *one.tolist()[len(moving) :]])
             before, rounded = rounded, (transition.mid() * rounded).mid()

@@ -444,5 +444,9 @@ def _tables(rng: np.random.Generator) -> FalseClaim | None:
 
 
 _MAKERS: dict[str, Callable[[np.random.Generator], FalseClaim | None]] = dict(
-    zip(KINDS, (_numerals, _sums, _exponents, _dropped, _domains, _pieces, _in_si, _moved, _edited, _tables), strict=True)
+    zip(
+        KINDS,
+        (_numerals, _sums, _exponents, _dropped, _domains, _pieces, _in_si, _moved, _edited, _tables),
+        strict=True,
+    )
 )

@@ -3,9 +3,9 @@
 The rates are continuous and change their law where a coordinate of the state passes a breakpoint. Within a piece a step
 is that of a smooth system, whose tube stays off the breakpoints. Across one, for the short time that a set of states
 needs, x' lies in the hull of both laws' rates F over a tube that holds the motion: where x0 + [0, h] F is inside the
-tube, x(t) is in x0 + t F. The derivatives by the start are continuous there too, as the rates are, so that the
-variational equations are crossed in the same way. The speed of the coordinate does not vanish (a transversal crossing):
-else the set does not come to the other side, and nothing is proved.
+tube, x(t) is in x0 + t F. The difference of two motions obeys d' = A(t) d with A in the hull of both laws' Jacobians,
+as the rates are continuous, so that the variational equations are crossed in the same way. The speed of the coordinate
+does not vanish (a transversal crossing): else the set does not come to the other side, and nothing is proved.
 """
 
 from collections.abc import Sequence
@@ -19,8 +19,8 @@ from .rigorous_step import Step, System, between, take_step
 
 # Attempts at a window about a breakpoint, each of the first ones wider than the last.
 MOST_WINDOWS, WINDOWS_AT_END, WIDER_WINDOW = 12, 4, 4
-# The most parts of a step that are compared with the breakpoints, and the most halvings of a part.
-MOST_PARTS, MOST_HALVINGS_OF_STEP = 400, 60
+# The most parts of a step that are compared with the breakpoints, and the halvings of a part at the least precision.
+MOST_PARTS, FEWEST_HALVINGS_OF_STEP = 400, 60
 # Beyond a breakpoint a set is followed until its distance from it is this multiple of its own width.
 CLEAR_OF = 8
 
@@ -84,10 +84,11 @@ def advance_step(
     is in the way, and from there across it. The arguments are as in `take_step`."""
     states = [value + arb(0, radius) for value, radius in zip(centre, spread, strict=True)]
     if not breakpoints.holds(law, states):
-        law, *others = breakpoints.laws_of(states)
-        if others:  # they begin on both sides of a breakpoint
+        law, last = (laws := breakpoints.laws_of(states))[0], laws[-1]
+        if law < last:  # they begin on both sides of a breakpoint
             rises = bool(breakpoints.coordinate(systems[law].rates([*states])) > 0)
-            return _across(systems, breakpoints, *((law, *others) if rises else (*others, law)), states, longest)
+            law, last = (law, last) if rises else (last, law)
+            return _across(systems, breakpoints, law, last, states, longest)
     step = take_step(systems[law], centre, spread, longest, order, accuracy)
     if _stays(breakpoints, law, step):
         return Advance(step, (law,), law)
@@ -113,7 +114,7 @@ def _stays(breakpoints: Breakpoints, law: int, step: Step) -> bool:
     """Whether all motions of a step are proved to stay strictly within the piece of a law."""
     if not breakpoints.values:
         return True
-    waiting = [(arb(0), step.h, MOST_HALVINGS_OF_STEP)]
+    waiting = [(arb(0), step.h, max(FEWEST_HALVINGS_OF_STEP, ctx.prec))]
     for _ in range(MOST_PARTS):
         if not waiting:
             return True

@@ -67,7 +67,9 @@ class StatedSpring:
         where = f"along r = {self.extension}"
         if self.rows:
             scale = "f" if self.force[0] == "1" else f"({self.force[0]})*f"
-            between = "where f is, from each of these extensions r to the next, the polynomial of degree 5 with the value"
+            between = (
+                "where f is, from each of these extensions r to the next, the polynomial of degree 5 with the value"
+            )
             rows = "; ".join(f"({', '.join(row)})" for row in self.rows)
             return f"a spring with the force {scale} {where}, {between}, slope and curvature in (r, f, f', f''): {rows}"
         if self.potential:

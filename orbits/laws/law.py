@@ -38,10 +38,10 @@ WRONG_SIGN = "is tension positive? A force acts against the extension, as in k*r
 class Written(NamedTuple):
     """A law as it is written, for a theorem about it.
 
-    formulas : one for each piece, of the variable and the parameters; of a table, one of the parameters alone, its scale
+    formulas : one for each piece, of the variable and the parameters; of a table, that of its scale, of the parameters
     breaks : formulas of where one piece follows the other
     potential : whether the law is the derivative of the formula
-    rows : of a table, a function without arguments that returns rows (n, 4): a place, and the value, slope and curvature
+    rows : of a table, a function without arguments that returns rows (n, 4): a place, and value, slope and curvature
         there; from each row to the next the law is the polynomial of degree 5 with these at both ends, times the scale
     shift : of a table, the name of a parameter by which the places are moved, or None
     """

@@ -91,7 +91,9 @@ class Rows:
         for (a, *low), (b, *high) in itertools.pairwise(rows):
             matrix = [[mp.ff(j, k) * (b - a) ** (j - k) for j in range(6)] for k in range(3)]
             parabola = [low[0], low[1], low[2] / 2]
-            left = [y - sum(m * c for m, c in zip(row, parabola)) for y, row in zip(high, matrix, strict=True)]
+            left = [
+                y - sum(m * c for m, c in zip(row, parabola, strict=False)) for y, row in zip(high, matrix, strict=True)
+            ]
             rest = mp.lu_solve(mp.matrix([row[3:] for row in matrix]), mp.matrix(left))
             self.pieces.append((a, b, [*parabola, *rest]))
             self.base.append(self.potential(b))
