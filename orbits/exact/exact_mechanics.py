@@ -217,7 +217,9 @@ class ExactMechanics:
         """The force of a spring at an extension, on a piece of its law; its domains are added to these."""
         r, own = symbol("r"), Domains()
         if spring.rows:
-            law = expression_of(spring.force[0], self.parameters, own) * quintic(spring.rows[piece : piece + 2], r)
+            law = expression_of(spring.force[0], self.parameters, own) * polynomial_between(
+                spring.rows[piece : piece + 2], r
+            )
             if piece == 0:
                 own.need("the spring's table", r - exact_fraction("a row", spring.rows[0][0]), positive=True)
             if piece == len(spring.rows) - 2:
@@ -313,7 +315,7 @@ class ExactMechanics:
         return LoneExtension(place, r, thrown, accelerations, -inner_product(thrown, falling), domains)
 
 
-def quintic(rows: Sequence[Sequence[str]], r: ExactExpression) -> ExactExpression:
+def polynomial_between(rows: Sequence[Sequence[str]], r: ExactExpression) -> ExactExpression:
     """The polynomial of degree 5 with the value, slope and curvature of two rows (r, value, slope, curvature)."""
     (a, *low), (b, *high) = ([exact_fraction("a row", each) for each in row] for row in rows)
     h, u, v = b - a, r - a, r - b

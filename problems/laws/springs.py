@@ -266,7 +266,7 @@ def _piece_expression(x, p, q):
 
 def _table_pieces(curve: SmoothCurve) -> tuple[bytes, LawPieces]:
     """The nodes of a table's law in bytes, and its pieces, with the noise of its rows."""
-    nodes, x = _nodes(*curve[:4]), curve.extensions.tobytes()
+    nodes, x = _nodes_of_table(*curve[:4]), curve.extensions.tobytes()
     pieces = LawPieces(7, _quintic_table(x, _quintic_pieces(nodes).tobytes()))
     if curve.deviations is not None or len(curve.changes):
         unit = None if curve.deviations is None else curve.deviations.tobytes()
@@ -351,7 +351,7 @@ def table_options(text: str) -> tuple[str, dict[str, Any]]:
     return path, options
 
 
-def _nodes(x: np.ndarray, y: np.ndarray, slope: np.ndarray | None, curvature: np.ndarray | None) -> np.ndarray:
+def _nodes_of_table(x: np.ndarray, y: np.ndarray, slope: np.ndarray | None, curvature: np.ndarray | None) -> np.ndarray:
     """Nodes (n, 4) of the interpolant of y (n,) at x (n,): x, y, and these slopes and curvatures, or those that `table`
     describes."""
     from scipy.interpolate import CubicSpline  # only a table needs it, and it takes half a second to import

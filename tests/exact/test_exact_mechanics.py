@@ -11,7 +11,7 @@ from flint import arb, ctx
 
 from orbits import Mechanism
 from orbits.balls.programs import BallProgram
-from orbits.exact.exact_mechanics import ExactMechanics, Scale, inner_product, quintic
+from orbits.exact.exact_mechanics import ExactMechanics, Scale, inner_product, polynomial_between
 from orbits.exact.expressions import derivative_by, substitute, symbol, vanishes
 from orbits.exact.refusal import Unproved
 from orbits.exact.stated import StatedSpring, stated_machine
@@ -139,7 +139,7 @@ def test_an_extension_in_pieces(scale):
 def test_a_quintic_has_the_values_of_both_rows():
     """Those of value, slope and curvature, which determine it."""
     rows, r = (("-0.5", "1.25", "3e-1", "-2"), ("0.7", "-0.1", "0.0", "7.5")), symbol("r")
-    found = quintic(rows, r)
+    found = polynomial_between(rows, r)
     for row in rows:
         at, *values = map(Fraction, row)
         derivatives = [found, derivative_by(found, r), derivative_by(derivative_by(found, r), r)]
