@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from flint import arb
 
-from orbits import find, prove
+from orbits import find, find_all, prove
 from orbits.balls.crossing import Breakpoints
 from orbits.exact.claim import claim_of
 from orbits.exact.refusal import Unproved
 from orbits.laws.law import Written
 from orbits.proof.prove import prove_claims
-from problems import Hopper, Juggler
+from problems import Chain, Hopper, Juggler
 from problems.laws import springs
 from studies.false_claims import REFUSED, _tables
 
@@ -79,6 +79,7 @@ def test_wrong_claims_of_laws_in_pieces():
         assert not prove(orbit, machine=Hopper(springs.bilinear(gap=gap, ratio=ratio))).proved
 
 
+CUBIC = springs.cubic(beta=0.004)
 ROWS = ([-8.0, -4.5, -1.5, 0.0, 1.25, 4.0, 8.0], [-9.1, -4.8, -1.5, 0.0, 1.3, 4.2, 9.1])
 
 
@@ -141,6 +142,17 @@ def test_a_measured_spring():
         low, high = (rows.lateness(mp.mpf(bound), *ends) for bound in (proof.alpha.low, proof.alpha.high))
         assert low * high < 0
         assert abs(low) < 1e-18
+
+
+@pytest.mark.slow
+def test_a_chain_with_a_measured_spring():
+    """The table has the rows of a cubic spring, so closely that the hop is near that of the formula."""
+    r = np.linspace(-12.0, 12.0, 25)
+    chain, cubic = (Chain([1, 1, 1], ["r", law]) for law in (springs.table((r, r + 0.004 * r**3), noise=0), CUBIC))
+    orbit = find_all(chain, chain.starts(5, 5))[0]
+    proof = prove(orbit)
+    assert proof.proved, proof.reasons
+    assert find(cubic, start=orbit).alpha == pytest.approx(float(proof.alpha.low), rel=1e-6)
 
 
 def test_parameters_of_a_table():
