@@ -82,6 +82,8 @@ def advance_step(
 ) -> Advance:  # fmt: skip
     """A step from the states within a spread of a centre, expected in the piece of a law: up to a breakpoint where one
     is in the way, and from there across it. The arguments are as in `take_step`."""
+    if not breakpoints.values:
+        return Advance(take_step(systems[law], centre, spread, longest, order, accuracy), (law,), law)
     states = [value + arb(0, radius) for value, radius in zip(centre, spread, strict=True)]
     if not breakpoints.holds(law, states):
         law, last = (laws := breakpoints.laws_of(states))[0], laws[-1]
@@ -112,8 +114,6 @@ def advance_step(
 
 def _stays(breakpoints: Breakpoints, law: int, step: Step) -> bool:
     """Whether all motions of a step are proved to stay strictly within the piece of a law."""
-    if not breakpoints.values:
-        return True
     waiting = [(arb(0), step.h, max(FEWEST_HALVINGS_OF_STEP, ctx.prec))]
     for _ in range(MOST_PARTS):
         if not waiting:
