@@ -7,13 +7,14 @@ as remainder. So are the derivatives by the start; over several steps they are P
 small E (`Passage`), so that the errors of the steps add and do not multiply. By the mean value theorem the states of a
 set are those of its centre and the derivatives times the deviations. Existence and uniqueness follow from Krawczyk's
 test (`Solution`), on the stated enclosures and on these with the radius of uniqueness around them. Signs along the
-motion are those of functions, and of their derivatives by time, on stretches of it (`signs`). Nothing of
+motion are those of functions, and of their derivatives by time, on stretches of it (`signs`). Where a law has pieces,
+a step stays in one of them, or crosses from one to the next one in the hull of both (`Pair`). Nothing of
 the prover and of CasADi is used. What is verified is what the file says in its fields, but for `about`.
 """
 
 import ast
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from functools import lru_cache
 from itertools import groupby, pairwise, product
@@ -28,6 +29,8 @@ ORDER_PER_BIT, DERIVED_ORDER, MOST_HALVINGS, MOST_SPLITS = 0.3, 14, 16, 3
 FIRST, SHORTEST, MOST_POWER = Fraction(1, 8), Fraction(1, 2**14), 2**16
 # Bits beside those of the enclosures, those for uniqueness, and what a step's remainder may be in a derivative.
 GUARD_BITS, BITS_OF_UNIQUENESS, COARSE = 64, 90, 2.0**-36
+# The coefficients of t**3, t**4 and t**5 of a quintic on [0, 1] with a value, a slope and half a curvature at each end.
+QUINTIC = (-10, -6, -3, 10, -4, 1), (15, 8, 3, -15, 7, -2), (-6, -3, -1, 6, -3, 1)
 # The derivatives of functions of x, and functions that these define.
 SLOPES = {"exp": "exp(x)", "log": "1/x", "sqrt": ".5/sqrt(x)", "sin": "cos(x)", "cos": "-sin(x)", "atan": "1/(1 + x*x)"}
 DEFINED = {
@@ -41,7 +44,8 @@ PHASES, ENDS = ("flight_time", "contact_time"), ("liftoff_extension", "mid_fligh
 # What the file says of the machine, of a spring, of a part, and of itself; beside that it repeats what is verified.
 FIELDS = [{*names.split()} for names in (
     "name units coordinates parameters masses weights inerters inertia springs potentials surface_gravity gravity gap "
-    "launch counts separation eliminated", "extension force breaks potential", "parameters unknowns uniqueness_radius",
+    "launch counts separation eliminated", "extension force breaks potential rows",
+    "parameters unknowns uniqueness_radius",
     "format kind proved statement machine about motion parts enclosures family conditions radius digits seconds",
 )]  # fmt: skip
 
@@ -190,8 +194,49 @@ def coefficient(value: Any, order: int) -> arb:
     return value if order == 0 else arb(0)
 
 
+def pieces_of(spring: Mapping[str, Any]) -> int:
+    """The number of pieces of a spring's law."""
+    return max(len(spring.get("rows", ())) - 1, len(spring["breaks"]) + 1)
+
+
+def law_on(spring: Mapping[str, Any], piece: int, known: Mapping[str, Tree], r: Tree, needed: list[Tree]) -> Tree:
+    """The force of a spring at an extension, or its energy, as it is on a piece of its law. Between two rows (r, value,
+    slope, curvature) of a table it is the polynomial of degree 5 with these, times the formula."""
+    if not spring.get("rows"):
+        return parse(spring["force"][piece], {**known, "r": r}, needed)
+    (a, *low), (b, *high) = ([Fraction(each) for each in row] for row in spring["rows"][piece : piece + 2])
+    units, polynomial = (Fraction(1), b - a, (b - a) ** 2 / 2), ZERO
+    ends = [size * unit for size, unit in zip((*low, *high), units * 2, strict=True)]
+    shares = [*ends[:3], *(dot(row, ends, Fraction(0)) for row in QUINTIC)]
+    for k in reversed(range(6)):
+        polynomial = polynomial * (r - number(a)) + number(shares[k] / (b - a) ** k)
+    (scale,) = spring["force"]
+    return parse(scale, known, needed) * polynomial
+
+
+def edges_of(spring: Mapping[str, Any], piece: int, known: Mapping[str, Tree], r: Tree) -> dict[int, Tree]:
+    """What is positive on a piece of a law, by the step to the piece beyond: distances of the extension from the ends.
+    Raises `Unverified` where the law is not plainly continuous there."""
+    if (spring.get("rows") and spring["breaks"]) or (spring["potential"] and pieces_of(spring) > 1):
+        raise Unverified("a law in pieces is stated by forces or by rows")
+    inner = [parse(each, known, []) for each in spring["breaks"]]
+    rows: list[Tree | None] = [number(Fraction(row[0])) for row in spring.get("rows", ())]
+    places = rows or [None, *inner, None]
+    formulas = 1 if spring.get("rows") else pieces_of(spring)
+    if any(each.kind != "number" for each in inner) or len(spring["force"]) != formulas:
+        raise Unverified("a breakpoint is no number, or there are more or fewer formulas than pieces")
+    low, high = places[piece : piece + 2]
+    if low and high and not low.value < high.value:
+        raise Unverified("the ends of the pieces of a law are not in order")
+    if high and piece + 2 < len(places):
+        below, above = (law_on(spring, k, known, high, []) for k in (piece, piece + 1))
+        if below is not above and not (below.kind == above.kind == "number" and below.value == above.value):
+            raise Unverified("a spring's force is not plainly continuous")
+    return ({-1: r - low} if low else {}) | ({1: high - r} if high else {})
+
+
 class Machine:
-    """Lagrange's equations of a stated machine, with exact bounds of its parameters.
+    """Lagrange's equations of a stated machine, with exact bounds of its parameters, on a piece of its springs' laws.
 
     states : the n coordinates, their rates, half a phase's time, and parameters' places in their intervals
     inertia, forces, needed : M (n, n), what M y'' is without contact, and what has to have a value
@@ -199,9 +244,10 @@ class Machine:
     unknowns : the names of the places and the rates at the launch of the contact's coordinates, by their numbers
     out, embedded : the coordinate that the closed gap determines, and the matrix (n, n - 1) from the others to all
     launch : of all coordinates and of their rates at the launch, the weights of the unknowns
+    edges : what is positive on the piece, by the step to the piece beyond
     """
 
-    def __init__(self, stated: Mapping[str, Any], bounds: Bounds):
+    def __init__(self, stated: Mapping[str, Any], bounds: Bounds, piece: int = 0):
         names, needed = list(stated["coordinates"]), list[Tree]()
         n, wide = len(names), [name for name, (low, high) in bounds.items() if low < high]
         states = [*names, *(f"{name}'" for name in names), "half time", *(f"place of {name}" for name in wide)]
@@ -233,13 +279,12 @@ class Machine:
         pull = parse(stated["surface_gravity"], both, needed)
         along = [(m * pull * parse(stated["gravity"], {**both, "z": h}, needed), h) for m, h in masses + weights]
         along += [(ONE, parse(each, both, needed)) for each in stated["potentials"]]
+        self.edges = dict[int, Tree]()
         for spring in stated["springs"]:
-            if spring["breaks"]:
-                raise Unverified("a law in pieces is not verified by this program")
-            extension = parse(spring["extension"], both, needed)
-            (force,) = spring["force"]
-            law = parse(force, {**known, "r": extension}, needed)
+            extension, on = parse(spring["extension"], both, needed), piece if pieces_of(spring) > 1 else 0
+            law = law_on(spring, on, known, extension, needed)
             along.append((ONE, law) if spring["potential"] else (law, extension))
+            self.edges |= edges_of(spring, on, known, extension)
         loads = [sum((LESS * size * slope(at, y) for size, at in along), ZERO) for y in names]
         self.forces = [load - each for load, each in zip(loads, turning, strict=True)]
         self.gap, self.counts = (parse(stated[name], both, needed) for name in ("gap", "counts"))
@@ -260,6 +305,13 @@ class Machine:
         self.out, self.embedded = out, [[number(each) for each in row] for row in embedded]
 
 
+def machines_of(stated: Mapping[str, Any], bounds: Bounds) -> list["Machine"]:
+    """A stated machine on each piece of its laws."""
+    if sum(pieces_of(spring) > 1 for spring in stated["springs"]) > 1:
+        raise Unverified("more than one spring has a law in pieces")
+    return [Machine(stated, bounds, k) for k in range(max(map(pieces_of, stated["springs"]), default=1))]
+
+
 class Field:
     """The motion of the states in half a phase, with time scaled such that it lasts from 0 to 1; the first 2 n move.
     `force` is the contact force that keeps the gap's acceleration 0, `slopes` the derivatives of `rates` by all states.
@@ -267,7 +319,8 @@ class Field:
 
     def __init__(self, machine: Machine, contact: bool):
         m, time, out = machine, machine.states[2 * len(machine.names)], machine.out
-        self.states, self.needed, along = m.states, m.needed, list(zip(*m.embedded, strict=True))
+        self.states, self.needed, self.edges = m.states, m.needed, m.edges
+        along = list(zip(*m.embedded, strict=True))
         self.pivots, (free,) = solved(m.inertia, m.forces)
         reduced = [[dot(a, [dot(row, b) for row in m.inertia]) for b in along] for a in along]
         _, (inside,) = solved(reduced, [dot(a, m.forces) for a in along])
@@ -286,13 +339,18 @@ class Field:
             of = dot(self.gradient(of)[: len(self.rates)], self.rates)
         return of
 
+    def value(self, at: Values, of: Tree | None, order: int) -> arb:
+        """A derivative by the scaled time of a function of the states, the contact force for None, at states."""
+        return at[self.along(of or self.force, order)]
+
     def values(self, x: Sequence[Any]) -> Values:
         """The values of trees at states."""
         return Values(zip(self.states, x, strict=True))
 
-    def linear(self, end: tuple[list[arb], list[arb], arb_mat], of: Tree) -> tuple[arb, list[arb]]:
-        """A function of the states at an end of a passage: its value for c, and its derivatives by w for all."""
-        at, centre = self.values(end[1]), self.values(end[0])
+    def linear(self, end: tuple[list[arb], list[arb], arb_mat], of: Tree | None) -> tuple[arb, list[arb]]:
+        """A function of the states at an end of a passage, the contact force for None: its value for c, and its
+        derivatives by w for all."""
+        at, centre, of = self.values(end[1]), self.values(end[0]), of or self.force
         return centre[of], (arb_mat([[at[each] for each in self.gradient(of)]]) * end[2]).tolist()[0]
 
     def motion(self, rows: list[list[Any]]) -> list[list[Any]]:
@@ -339,6 +397,28 @@ class Field:
         raise Unverified("no box holds the motion, or the inertia is not positive definite")
 
 
+class Pair(Field):
+    """Two laws, for steps across the place where they meet: as the force is continuous there, the motion and the
+    differences of two motions obey equations whose rates and derivatives lie in the hull of both laws'."""
+
+    def __init__(self, *fields: Field):
+        self.fields, (first, other) = fields, fields
+        self.states, self.rates, self.pivots = first.states, first.rates, first.pivots
+        self.needed = first.needed + other.needed
+
+    def motion(self, rows: list[list[Any]]) -> list[list[Any]]:
+        both = zip(*(each.motion(rows) for each in self.fields), strict=True)
+        return [[coefficient(a, 0).union(coefficient(b, 0)) for a, b in zip(*row, strict=True)] for row in both]
+
+    def value(self, at: Values, of: Tree | None, order: int) -> arb:
+        first, other = (each.value(at, of, order) for each in self.fields)
+        return first.union(other)
+
+    def linear(self, end: tuple[list[arb], list[arb], arb_mat], of: Tree | None) -> tuple[arb, list[arb]]:
+        (value, row), (other, another) = (each.linear(end, of) for each in self.fields)
+        return value.union(other), [a.union(b) for a, b in zip(row, another, strict=True)]
+
+
 class Part:
     """A step of length h from rows of balls: their Taylor polynomials, with the next coefficient over the whole step as
     the last; raises `Unverified` where h is too long."""
@@ -354,36 +434,126 @@ class Part:
         return [row[0](t) for row in self.polynomials] + [row[0] for row in self.still]
 
 
+class Laws:
+    """The fields of a phase on all pieces of its laws, and steps along motions that go from one to another."""
+
+    def __init__(self, machines: Sequence[Machine], contact: bool):
+        self.machines, self.contact, self.known = machines, contact, dict[int, Field]()
+
+    def __getitem__(self, piece: int) -> Field:
+        if not 0 <= piece < len(self.machines):
+            raise Unverified("the motion comes to where a spring's table ends")
+        if piece not in self.known:
+            self.known[piece] = Field(self.machines[piece], self.contact)
+        return self.known[piece]
+
+    def pieces_of(self, x: Sequence[arb]) -> tuple[int, ...]:
+        """The piece that states lie in, or the two pieces."""
+        at, numbers = self[0].values(x), range(len(self.machines))
+        beyond = [{side: not at[edge] > 0 for side, edge in machine.edges.items()} for machine in self.machines]
+        for pair in [*((k, k) for k in numbers), *pairwise(numbers)]:
+            if not (beyond[pair[0]].get(-1) or beyond[pair[1]].get(1)):
+                return tuple(dict.fromkeys(pair))
+        raise Unverified("the motion is on several pieces of a law at once, or comes to where a spring's table ends")
+
+    def step(self, rows: list[list[Any]], length: Fraction, order: int) -> tuple[Part, Fraction]:
+        """A step from rows, at most as long as said, and its time: within the piece that they lie in, up to its end, or
+        across that. Raises `Unverified` where it is too long."""
+        start, bit = [row[0] for row in rows], arb(2) ** (16 - ctx.prec)
+        (piece, *others), side = self.pieces_of(start), 1
+        field = self[piece]
+        if not others:
+            part, meets, late = Part(field, rows, ball(length), order), Fraction(0), length
+            over = [side for side, edge in field.edges.items() if not field.values(part.states(part.h))[edge] > 0]
+            if not over:
+                return inside(part, field.edges.values()), length
+            side = over[0]
+            for _ in range(ctx.prec):  # a guess of when the middle of the set comes there
+                middle = (meets + late) / 2
+                early = field.values(part.states(ball(middle)))[field.edges[side]].mid() > 0
+                meets, late = (middle, late) if early else (meets, middle)
+            at = field.values(part.states(ball(meets)))
+            pace = abs(field.value(at, field.edges[side], 1).mid())
+            before = meets - Fraction(float(2 * at[field.edges[side]].rad() / pace + bit))
+            if before > meets / 2:
+                return inside(Part(field, rows, ball(before), order), field.edges.values()), before
+        beyond, at = self[piece + side], field.values(start)
+        pace = abs(field.value(at, field.edges[side], 1).mid())
+        time = Fraction(float(3 * at[field.edges[side]].abs_upper() / pace + bit))
+        outer = [edges[k] for edges, k in ((field.edges, -side), (beyond.edges, side)) if k in edges]
+        part = Part(Pair(field, beyond), rows, ball(time), 1)
+        if not time <= length or len(self.pieces_of(part.states(part.h))) > 1:
+            raise Unverified("the place where two pieces of a law meet is not crossed")
+        return inside(part, outer), time
+
+    def steps(self, rows: Callable[[], list[list[Any]]], whole: Fraction, length: Fraction, order: int,
+              good: Callable[[Part], bool]) -> Iterator[tuple[Part, Fraction]]:  # fmt: skip
+        """Steps over a time, and their times: the first at most of a length, each from what `rows` says then, and such
+        that it is good."""
+        shortest = SHORTEST * whole
+        while whole:
+            length = min(length, whole)
+            try:
+                part, time = self.step(rows(), length, order)
+                if not good(part):
+                    raise Unverified("the step is too long")
+            except Unverified as reason:
+                if length < shortest:
+                    raise Unverified(f"the motion is not enclosed: {reason}") from None
+                length /= 2
+                continue
+            yield part, time
+            whole, length = whole - time, length * Fraction(5, 4)
+
+    def end(self, x: Sequence[arb], whole: Fraction, order: int, good: Callable[[Part], bool]) -> list[arb]:
+        """The states after a time, from states; the steps are as in `steps`."""
+        ends = list(x)
+
+        def rows() -> list[list[Any]]:
+            return [[each] for each in ends]
+
+        for part, _ in self.steps(rows, whole, whole, order, good):
+            ends = part.states(part.h)
+        return ends
+
+
+def inside(part: Part, edges: Iterable[Tree]) -> Part:
+    """The part, along which all edges are positive."""
+    for edge in edges:
+        if not all(sign == 1 for _, sign in signs([part], edge, lambda *_: [0], ctx.prec)):
+            raise Unverified("the step leaves a piece of a law")
+    return part
+
+
 def moved(values: Sequence[arb], matrix: arb_mat, deviations: Sequence[arb]) -> list[arb]:
     """Values and a matrix times deviations from these."""
     return [value + dot(row, deviations, arb(0)) for value, row in zip(values, matrix.tolist(), strict=True)]
 
 
 class Passage:
-    """The motions of a field over the scaled times from 0 to 1, from the starts c + S w with deviations w in a box:
+    """The motions of a phase over the scaled times from 0 to 1, from the starts c + S w with deviations w in a box:
     steps, and at either end enclosures of the motion from c, of all motions, and of the derivatives by w of all."""
 
-    def __init__(self, field: Field, centre: Sequence[arb], seeds: arb_mat, reach: Sequence[arb]):
-        n, small = len(centre), arb(2) ** (12 - ctx.prec)
+    def __init__(self, laws: Laws, centre: Sequence[arb], seeds: arb_mat, reach: Sequence[arb]):
+        n, small, order = len(centre), arb(2) ** (12 - ctx.prec), int(ORDER_PER_BIT * ctx.prec)
         one, rounded, error, slopes = arb_mat(n, n, 1), arb_mat(n, n, 1), arb_mat(n, n, 0), seeds
-        self.field, self.parts, box = field, list[Part](), moved(centre, seeds, reach)
-        self.start, left, length = (list(centre), box, seeds), Fraction(1), FIRST
-        while left:
-            length = min(length, left)
-            try:
-                alone = Part(field, [[each] for each in centre], ball(length), int(ORDER_PER_BIT * ctx.prec))
-                ends = alone.states(alone.h)
-                rows = [[x, *row] for x, row in zip(box, one.tolist(), strict=True)]
-                part = Part(field, rows, alone.h, DERIVED_ORDER)
-                rests = (each[DERIVED_ORDER] * part.h**DERIVED_ORDER for row in part.polynomials for each in row[1:])
-                sharp = (d.rad() <= small * (1 + abs(d)) + 4 * c.rad() for c, d in zip(centre, ends, strict=True))
-                if not (all(sharp) and all(abs(each) < COARSE for each in rests)):
-                    raise Unverified("the step is too long")
-            except Unverified as reason:
-                if length < SHORTEST:
-                    raise Unverified(f"the motion is not enclosed: {reason}") from None
-                length /= 2
-                continue
+        self.parts, box = list[Part](), moved(centre, seeds, reach)
+        self.start, first = (list(centre), box, seeds), [laws[piece] for piece in laws.pieces_of(box)]
+        self.field = first[0] if len(first) == 1 else Pair(*first)
+
+        def sharp(part: Part) -> bool:
+            ends = zip(part.polynomials, part.states(part.h), strict=False)
+            return all(d.rad() <= small * (1 + abs(d)) + 4 * row[0](0).rad() for row, d in ends)
+
+        def mild(part: Part) -> bool:
+            rests = (each[DERIVED_ORDER] * part.h**DERIVED_ORDER for row in part.polynomials for each in row[1:])
+            return all(abs(each) < COARSE for each in rests)
+
+        def rows() -> list[list[Any]]:
+            return [[x, *row] for x, row in zip(box, one.tolist(), strict=True)]
+
+        for part, time in laws.steps(rows, Fraction(1), FIRST, DERIVED_ORDER, mild):
+            ends = laws.end(centre, time, order, sharp)
             moving = [[each(part.h) for each in row[1:]] for row in part.polynomials]
             transition = arb_mat([*moving, *one.tolist()[len(moving) :]])
             before, rounded = rounded, (transition.mid() * rounded).mid()
@@ -391,24 +561,26 @@ class Passage:
             slopes, centre = rounded * (one + error) * seeds, ends
             box = moved(centre, slopes, reach)
             self.parts.append(part)
-            left, length = left - length, length * Fraction(5, 4)
         self.end = list(centre), box, slopes
 
 
-def signs(parts: Sequence[Part], of: Tree | None, orders: Callable[..., Sequence[int]]) -> list[list[int]]:
+def signs(
+    parts: Sequence[Part], of: Tree | None, orders: Callable[..., Sequence[int]], most: int = MOST_HALVINGS
+) -> list[list[int]]:
     """On stretches of a motion, in order, the first of some derivatives of a function, the contact force for None, that
-    has a sign there, and that sign. Which orders are tried depends on whether a stretch holds either end."""
+    has a sign there, and that sign. Which orders are tried depends on whether orders above 0 decided all
+    stretches before, and whether one holds the end."""
     found, last = list[list[int]](), len(parts) - 1
-    waiting = [(each, arb(0), each.h, i == 0, i == last, MOST_HALVINGS) for i, each in enumerate(parts)][::-1]
+    waiting = [(each, arb(0), each.h, i == last, most) for i, each in enumerate(parts)][::-1]
     while waiting:
-        part, low, high, begins, ends, left = waiting.pop()
+        part, low, high, ends, left = waiting.pop()
         at, field = part.field.values(part.states(low.union(high))), part.field
-        values = ((order, at[field.along(of or field.force, order)]) for order in orders(begins, ends))
+        values = ((order, field.value(at, of, order)) for order in orders(all(order for order, _ in found), ends))
         if decided := next(([order, 1 if each > 0 else -1] for order, each in values if each > 0 or each < 0), None):
             found.append(decided)
         elif left:
             middle = (low + high) / 2
-            waiting += [(part, middle, high, False, ends, left - 1), (part, low, middle, begins, False, left - 1)]
+            waiting += [(part, middle, high, ends, left - 1), (part, low, middle, False, left - 1)]
         else:
             raise Unverified("a sign along the motion is not decided")
     return found
@@ -417,7 +589,7 @@ def signs(parts: Sequence[Part], of: Tree | None, orders: Callable[..., Sequence
 def check_positive(what: str, parts: Sequence[Part], of: Tree | None, at_start: int = 0, at_end: int = 0) -> None:
     """See that a function is positive inside the motion. At one end it may be known to have a zero of some order: it is
     positive beside that by Taylor's formula where the derivative of that order has the fitting sign."""
-    found = signs(parts, of, lambda begins, ends: [at_start if begins and at_start else at_end if ends else 0])
+    found = signs(parts, of, lambda begins, ends: [at_end if ends else 0, *([at_start] if begins and at_start else [])])
     if [sign for _, sign in found] != [1] * (len(found) - 1) + [(-1) ** at_end]:
         raise Unverified(f"{what} is not so")
 
@@ -443,8 +615,9 @@ class Solution:
     passages : half a phase each, from the launch, in contact with the rates turned
     """
 
-    def __init__(self, machine: Machine, box: Mapping[str, arb]):
-        self.machine, names = machine, list(box)
+    def __init__(self, machines: Sequence[Machine], box: Mapping[str, arb]):
+        self.machine, names = machines[0], list(box)
+        machine = self.machine
         centre = [each.mid() for each in box.values()]
         reach = [each - c for each, c in zip(box.values(), centre, strict=True)]
         self.passages, phases = list[Passage](), [name for name in PHASES if name in names]
@@ -453,8 +626,8 @@ class Solution:
             rows += [{phase: Fraction(1, 2)}, *({place.value: Fraction(1)} for place in machine.places)]
             seeds = arb_mat([[ball(row.get(name, Fraction(0))) for name in names] for row in rows])
             start = moved([arb(0)] * len(rows), seeds, centre)
-            self.passages.append(Passage(Field(machine, sign < 0), start, seeds, reach))
-        equations = [self.passages[0].field.linear(self.passages[0].start, self.passages[0].field.force)]
+            self.passages.append(Passage(Laws(machines, sign < 0), start, seeds, reach))
+        equations = [self.passages[0].field.linear(self.passages[0].start, None)]
         for passage, those in zip(self.passages, (range(len(machine.names)), machine.unknowns), strict=False):
             equations += [passage.field.linear(passage.end, machine.rates[i]) for i in those]
         by_all, count = arb_mat([row for _, row in equations]), len(equations)
@@ -507,7 +680,8 @@ def _check_said(document: Mapping[str, Any]) -> None:
     again |= {**said, "parameters": parameters, "units": machine["units"], "uniqueness_radius": radius, "reasons": []}
     if false := [name for name, value in again.items() if document.get(name) != value]:
         raise Unverified(f"'{false[0]}' is not what the file says elsewhere, or this program does not verify it")
-    groups = [machine], machine["springs"], parts, [document.keys() - again.keys() - {"attraction_radius", "digest"}]
+    springs = [{"rows": [], **spring} for spring in machine["springs"]]
+    groups = [machine], springs, parts, [document.keys() - again.keys() - {"attraction_radius", "digest"}]
     if any({*each} != names for group, names in zip(groups, FIELDS, strict=True) for each in group):
         raise Unverified("the file says more than this program verifies, or less")
 
@@ -558,7 +732,8 @@ def _check_halved(document: Mapping[str, object], claims: Bounds, radius: Fracti
 
 def _solution(document: Mapping[str, Any], claims: Bounds, radius: Fraction, cell: Bounds) -> Solution:
     """The solution that is claimed within bounds, shown to exist there and to be the only one within a radius."""
-    machine = Machine(document["machine"], cell)
+    machines = machines_of(document["machine"], cell)
+    machine = machines[0]
     phases = [name for name in PHASES if name in claims]
     names = [name for pair in machine.unknowns.values() for name in pair] + phases
     other = claims.keys() != {*names} or ((len(machine.names) > 2 or document["motion"]) and len(phases) < 2)
@@ -567,17 +742,17 @@ def _solution(document: Mapping[str, Any], claims: Bounds, radius: Fraction, cel
     stated, around = ({name: ball(claims[name][0] - more).union(ball(claims[name][1] + more)) for name in names}
                       | {place.value: arb(0, 1) for place in machine.places} for more in (0, radius))  # fmt: skip
     with ctx.workprec(BITS_OF_UNIQUENESS):
-        known = Solution(machine, around)
+        known = Solution(machines, around)
         for _ in range(3):
-            known = known if known.inside else Solution(machine, known.common)
+            known = known if known.inside else Solution(machines, known.common)
     if not known.inside:
         raise Unverified("the solution is not shown to be the only one within the radius of uniqueness")
-    solution = Solution(machine, stated)
+    solution = Solution(machines, stated)
     for _ in range(3):  # where the enclosures do not suffice, from the boxes that are known to hold the solution
         lies = all(ball(claims[name][0]) < solution.common[name] < ball(claims[name][1]) for name in names)
         if solution.inside and lies:
             return solution
-        known = solution = Solution(machine, known.common)
+        known = solution = Solution(machines, known.common)
     raise Unverified("the solution is not shown to lie in its enclosures")
 
 

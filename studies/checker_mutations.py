@@ -74,7 +74,7 @@ OF_FIRST = [
     (ROOTS, "change -= by_parameters", "change -= 0 * by_parameters", ["interval"]),
     (EQUATIONS, "return [arb(1)] * len(self)", "return [arb(0.5)] * len(self)", ["interval"]),
     (SIGNS, "laws[-1:], self.passage.finish)", "laws[-1:], self.passage.end)", ["interval"]),
-    (SIGNS, "laws[:1], self.passage.start)", "laws[:1], [x.mid() for x in self.passage.start])", ["interval"]),
+    (SIGNS, "laws, self.passage.start)", "laws, [x.mid() for x in self.passage.start])", ["interval"]),
     (SIGNS, "if self.value(each, 0, piece, times) > 0:", "if True:", ["overlap"]),
     (SIGNS, "turns, before, slope = 0,", "turns, before, slope = 1,", ["family"]),
     (FORMULAS, 'domains.need(f"a quotient in {shown}", right, positive=False)', "pass", ["quotient"]),

@@ -1,4 +1,4 @@
-"""False claims of nine kinds for the prover, which `theorems` runs. Each is known to be false without the prover: by
+"""False claims of ten kinds for the prover, which `theorems` runs. Each is known to be false without the prover: by
 its construction, or by integrating with SciPy the one equation of a hop of two masses under constant gravity.
 
 With the force F of the extension r, masses m1 and m2 and gravity g, the foot leaves where F(r) = m2 g, while the body
@@ -23,6 +23,7 @@ from orbits.laws.law import Law, Written
 from orbits.mechanics import Mass, Spring
 from orbits.proof.prove import prove_claims
 from problems import Hopper, hopper_in_si
+from problems.laws import springs
 
 Force = Callable[[np.ndarray], np.ndarray]
 # By the integration here a hop counts as lossless where the last rate is below this share of the first one.
@@ -33,7 +34,7 @@ DIGITS, SECONDS = 30, 600.0
 PROVED, REFUSED, OUT_OF_TIME = "proved", "refused", "out of time"
 KINDS = (
     "hostile numerals", "cancelling sums", "exponents near whole numbers", "dropped terms", "domains", "pieces", "SI",
-    "moved", "edited files",
+    "moved", "edited files", "tables",
 )  # fmt: skip
 
 
@@ -415,6 +416,37 @@ def _of_file(document: dict, orbit: Orbit) -> str:
             return REFUSED
 
 
+def _tables(rng: np.random.Generator) -> FalseClaim | None:
+    """Hops of a table as those of one with another row, another scale, or rows that do not reach as far."""
+    r = np.sort(np.r_[-7.0, 7.0, rng.uniform(-6.9, 6.9, int(rng.integers(3, 9)))]).round(3)
+    force = (r + rng.uniform(0, 0.2) * r**3).round(4)
+    share, row, way = 1 + float(rng.choice([-1, 1])) * 10 ** rng.uniform(-6, -1), rng.integers(len(r)), rng.random()
+    if np.diff(r).min() < 0.05:
+        return None
+    moved, changed, scale = r.copy(), force.copy(), None
+    if way < 0.2:
+        scale = "s"
+    elif way < 0.5:
+        moved[row] *= share
+    elif way < 0.8:
+        changed[row] *= share
+    else:
+        reach = rng.uniform(0.3, 1.0, 2)
+        near = (r >= -7 * reach[0]) & (r <= 7 * reach[1])
+        moved, changed = r[near], force[near]
+    if len(moved) < 4 or not (np.diff(moved) > 0).all():
+        return None
+    own, other = (springs.table(rows, noise=0, scale=s) for rows, s in (((r, force), None), ((moved, changed), scale)))
+    other = other.with_parameters(s=share) if scale else other
+    low, high = other.range()
+    truth = TwoMasses.hopper(lambda x: other(x) if low <= x <= high else np.nan)
+    return _of_other(KINDS[9], rng, Hopper(own), Hopper(other), truth)
+
+
 _MAKERS: dict[str, Callable[[np.random.Generator], FalseClaim | None]] = dict(
-    zip(KINDS, (_numerals, _sums, _exponents, _dropped, _domains, _pieces, _in_si, _moved, _edited), strict=True)
+    zip(
+        KINDS,
+        (_numerals, _sums, _exponents, _dropped, _domains, _pieces, _in_si, _moved, _edited, _tables),
+        strict=True,
+    )
 )

@@ -2,7 +2,7 @@
 
 Springs are drawn as in `stress`, families 1 to 3 in turn. An admissible hop counts as proved where the whole theorem
 is: it exists, is unique nearby, is of its family, and is a motion. For an inadmissible one a condition has to be
-refuted. False claims are those of `false_claims`, of nine kinds. Last, the spring's parameter is an interval, and the
+refuted. False claims are those of `false_claims`, of ten kinds. Last, the spring's parameter is an interval, and the
 width of the enclosure of alpha is compared with that of the range of alpha.
 Run: python studies/theorems.py [--output FOLDER] [--quick]"""
 

@@ -3,9 +3,9 @@
 The rates are continuous and change their law where a coordinate of the state passes a breakpoint. Within a piece a step
 is that of a smooth system, whose tube stays off the breakpoints. Across one, for the short time that a set of states
 needs, x' lies in the hull of both laws' rates F over a tube that holds the motion: where x0 + [0, h] F is inside the
-tube, x(t) is in x0 + t F. The derivatives by the start are continuous there too, as the rates are, so that the
-variational equations are crossed in the same way. The speed of the coordinate does not vanish (a transversal crossing):
-else the set does not come to the other side, and nothing is proved.
+tube, x(t) is in x0 + t F. The difference of two motions obeys d' = A(t) d with A in the hull of both laws' Jacobians,
+as the rates are continuous, so that the variational equations are crossed in the same way. The speed of the coordinate
+does not vanish (a transversal crossing): else the set does not come to the other side, and nothing is proved.
 """
 
 from collections.abc import Sequence
@@ -14,12 +14,13 @@ from dataclasses import dataclass
 from flint import arb, arb_poly, ctx
 
 from ..exact.refusal import Unproved
+from .programs import OfLaws
 from .rigorous_step import Step, System, between, take_step
 
-# Attempts at a window about a breakpoint, each wider than the last.
-MOST_WINDOWS, WIDER_WINDOW = 12, 4
-# The most parts of a step that are compared with the breakpoints, and the most halvings of a part.
-MOST_PARTS, MOST_HALVINGS_OF_STEP = 400, 60
+# Attempts at a window about a breakpoint, each of the first ones wider than the last.
+MOST_WINDOWS, WINDOWS_AT_END, WIDER_WINDOW = 12, 4, 4
+# The most parts of a step that are compared with the breakpoints, and the halvings of a part at the least precision.
+MOST_PARTS, FEWEST_HALVINGS_OF_STEP = 400, 60
 # Beyond a breakpoint a set is followed until its distance from it is this multiple of its own width.
 CLEAR_OF = 8
 
@@ -40,11 +41,11 @@ class Breakpoints:
         parts = zip(self.weights, states, strict=False)
         return sum((weight * state for weight, state in parts if not weight.is_zero()), arb(0))
 
-    def holds(self, law: int, states: Sequence[arb]) -> bool:
-        """Whether states are strictly between the breakpoints of a law."""
-        place = self.coordinate(states)
+    def holds(self, law: int, states: Sequence[arb], last: int | None = None) -> bool:
+        """Whether states are strictly between the breakpoints of a law, or of it and the next ones up to the last."""
+        place, last = self.coordinate(states), law if last is None else last
         above = law == 0 or self.values[law - 1] < place
-        return above and (law == len(self.values) or place < self.values[law])
+        return above and (last == len(self.values) or place < self.values[last])
 
     def beyond(self, law: int, states: Sequence[arb]) -> int:
         """The law on the other side of that breakpoint of a law which is nearest to states."""
@@ -53,12 +54,14 @@ class Breakpoints:
         nearest = min(numbers, key=lambda number: float(abs(place - self.values[number].mid())))
         return law - 1 if nearest == law - 1 else law + 1
 
-    def law_of(self, states: Sequence[arb]) -> int:
-        """The law of states; raises `Unproved` where they are not all strictly within one piece."""
-        for law in range(len(self.values) + 1):
-            if self.holds(law, states):
-                return law
-        raise Unproved("the motion begins at a breakpoint of the spring's law")
+    def laws_of(self, states: Sequence[arb]) -> tuple[int, ...]:
+        """The law of states, or the two laws where they are not all strictly within one piece; raises `Unproved` where
+        they are not strictly within two."""
+        for count in (1, 2):
+            for law in range(len(self.values) + 2 - count):
+                if self.holds(law, states, law + count - 1):
+                    return tuple(range(law, law + count))
+        raise Unproved("the motions are spread over several pieces of the spring's law")
 
 
 NO_BREAKPOINTS = Breakpoints((), [])
@@ -74,11 +77,20 @@ class Advance:
 
 
 def advance_step(
-    systems: Sequence[System], breakpoints: Breakpoints, law: int, centre: Sequence[arb],
+    systems: OfLaws[System], breakpoints: Breakpoints, law: int, centre: Sequence[arb],
     spread: Sequence[arb], longest: arb, order: int, accuracy: float,
 ) -> Advance:  # fmt: skip
-    """A step from the states within a spread of a centre, all of them in the piece of a law: up to a breakpoint where
-    one is in the way, and from there across it. The arguments are as in `take_step`."""
+    """A step from the states within a spread of a centre, expected in the piece of a law: up to a breakpoint where one
+    is in the way, and from there across it. The arguments are as in `take_step`."""
+    if not breakpoints.values:
+        return Advance(take_step(systems[law], centre, spread, longest, order, accuracy), (law,), law)
+    states = [value + arb(0, radius) for value, radius in zip(centre, spread, strict=True)]
+    if not breakpoints.holds(law, states):
+        law, last = (laws := breakpoints.laws_of(states))[0], laws[-1]
+        if law < last:  # they begin on both sides of a breakpoint
+            rises = bool(breakpoints.coordinate(systems[law].rates([*states])) > 0)
+            law, last = (law, last) if rises else (last, law)
+            return _across(systems, breakpoints, law, last, states, longest)
     step = take_step(systems[law], centre, spread, longest, order, accuracy)
     if _stays(breakpoints, law, step):
         return Advance(step, (law,), law)
@@ -87,24 +99,22 @@ def advance_step(
         speed = abs(breakpoints.coordinate([p.derivative()(meeting) for p in step.polynomials]))
         room = 2 * breakpoints.coordinate([arb(0, radius) for radius in step.tube]).abs_upper() / speed.mid()
     until = step.h
-    for _ in range(MOST_WINDOWS):
+    for window in range(MOST_WINDOWS):
+        if window == WINDOWS_AT_END:  # it may be the beginning that is not clear of a breakpoint
+            meeting, room = None, room / WIDER_WINDOW**window
         until = until / 2 if meeting is None else meeting - room
-        if not until > 4 * room:
+        if not until > 4 * room + arb(2) ** (12 - ctx.prec):  # a shorter step would be rounded to none
             break
         short = take_step(systems[law], centre, spread, _rounded_down(until), order, accuracy)
         if _stays(breakpoints, law, short):
             return Advance(short, (law,), law)
         room = WIDER_WINDOW * room + (arb(0) if meeting is None else arb(2) ** (8 - ctx.prec))
-    beyond = breakpoints.beyond(law, centre)
-    states = [value + arb(0, radius) for value, radius in zip(centre, spread, strict=True)]
-    return _across(systems, breakpoints, law, beyond, states, longest)
+    return _across(systems, breakpoints, law, breakpoints.beyond(law, centre), states, longest)
 
 
 def _stays(breakpoints: Breakpoints, law: int, step: Step) -> bool:
     """Whether all motions of a step are proved to stay strictly within the piece of a law."""
-    if not breakpoints.values:
-        return True
-    waiting = [(arb(0), step.h, MOST_HALVINGS_OF_STEP)]
+    waiting = [(arb(0), step.h, max(FEWEST_HALVINGS_OF_STEP, ctx.prec))]
     for _ in range(MOST_PARTS):
         if not waiting:
             return True
@@ -149,11 +159,13 @@ def _rounded_down(time: arb) -> arb:
 
 
 def _across(
-    systems: Sequence[System], breakpoints: Breakpoints, law: int, beyond: int,
+    systems: OfLaws[System], breakpoints: Breakpoints, law: int, beyond: int,
     states: Sequence[arb], longest: arb,
 ) -> Advance:  # fmt: skip
     """A step across a breakpoint, for as long as all states need to be on the other side."""
     both = (law, beyond)
+    if not breakpoints.holds(min(both), states, max(both)):  # from there the coordinate is monotone
+        raise Unproved("the motions are spread over several pieces of the spring's law")
     goal = breakpoints.values[max(both) - 1]
     speed = breakpoints.coordinate(systems[law].rates([*states]))
     if not (speed > 0 or speed < 0):

@@ -17,6 +17,7 @@ from flint import arb, arb_mat, ctx
 
 from ..exact.refusal import Unproved, check_proof_time
 from .crossing import NO_BREAKPOINTS, Breakpoints, advance_step
+from .programs import OfLaws
 from .rigorous_step import SPREADING, Step, System
 
 # How derivatives are enclosed: the order of polynomials, their accuracy, and the bits of balls. Coarse ones are
@@ -37,19 +38,16 @@ TOO_LONG = f"the motion takes more than {MOST_STEPS} steps"
 class Variation:
     """A system of n states, of which the first are moving and the others constant, with its variational equations.
 
+    size : n, the number of states
     moving : m, the number of moving states
     systems : the states alone, one system for each law of a phase that is smooth in pieces
     varied : the states, and after them the derivatives of the m moving states by all n, row by row; likewise
     """
 
+    size: int
     moving: int
-    systems: tuple[System, ...]
-    varied: tuple[System, ...]
-
-    @property
-    def size(self) -> int:
-        """n, the number of states."""
-        return self.systems[0].size
+    systems: OfLaws[System]
+    varied: OfLaws[System]
 
 
 @dataclass(frozen=True)
@@ -84,7 +82,7 @@ def order_for(bits: int) -> int:
 
 
 def follow_centre(
-    systems: Sequence[System], breakpoints: Breakpoints, law: int, start: Sequence[arb],
+    systems: OfLaws[System], breakpoints: Breakpoints, law: int, start: Sequence[arb],
     length: arb, bits: int,
 ) -> tuple[list[arb], int]:  # fmt: skip
     """Enclosures (n,) of the state a short time after a start (n,) in the piece of a law, by tubes alone, which grow
@@ -112,7 +110,7 @@ def follow_set(
     frame, inner = unit_matrix(n), by_unknowns
     # The error of the centre, in the frame.
     centre, error = [value.mid() for value in start], arb_mat(n, 1, [arb(0, value.rad()) for value in start])
-    pieces, at, law = list[Piece](), arb(0), breakpoints.law_of(_moved(start, by_unknowns * radii))
+    pieces, at, law = list[Piece](), arb(0), breakpoints.laws_of(_moved(start, by_unknowns * radii))[0]
     while True:
         if len(pieces) == MOST_STEPS:
             raise Unproved(TOO_LONG)

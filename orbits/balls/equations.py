@@ -8,6 +8,7 @@ intervals. The unknowns of a proof are those of the statement and, after them, t
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 from flint import arb, arb_mat
 
@@ -18,7 +19,7 @@ from ..exact.stated import Bounds
 from ..exact.statement import ExactArc, ExactStatement
 from .crossing import Breakpoints
 from .enclosure import COARSE, Fineness, Passage, Variation, follow_set
-from .programs import BallProgram, ball_of_fraction
+from .programs import BallProgram, OfLaws, ball_of_fraction
 from .rigorous_step import StatesOfPart, System, between, widened
 
 # Halvings of a step's time after which it stays undecided whether a law has a value there.
@@ -76,12 +77,12 @@ class BallLeg:
         inputs = [*unknowns, *intervals, *first, *last]
         at_end = substitute(arc.conditions, dict(zip(arc.states, last, strict=True)))
         each_law = [[*at_end, *substitute(law, dict(zip(arc.states, first, strict=True)))] for law in arc.guards]
-        self.conditions = [BallProgram(inputs, each) for each in each_law]
-        self.condition_slopes = [_dense_program(each, inputs) for each in each_law]
+        self.conditions = OfLaws(lambda law: BallProgram(inputs, each_law[law]))
+        self.condition_slopes = OfLaws(lambda law: _dense_program(each_law[law], inputs))
         self.count = len(each_law[0])
         self.variation = self._variation()
         self._breaks = BallProgram(intervals, arc.breaks)
-        self._domains = [BallProgram(self.state, [each.place for each in law]) for law in arc.domains]
+        self._domains = OfLaws(lambda law: BallProgram(self.state, [each.place for each in arc.domains[law]]))
 
     def _variation(self) -> Variation:
         """The system of the leg with its variational equations."""
@@ -89,17 +90,17 @@ class BallLeg:
         varied = [[symbol(f"d {i} {j}") for j in range(n)] for i in range(m)]
         rows = [*varied, *([exact_number(int(i == j)) for j in range(n)] for i in range(m, n))]
         states = [*self.state, *(each for row in varied for each in row)]
-        systems, both = list[System](), list[System]()
-        for rates in self.rates:
-            slopes = jacobian(rates[:m], self.state)
+
+        def varied_system(law: int) -> System:
+            slopes = jacobian(self.rates[law][:m], self.state)
             changes = [
                 total(slopes[i][k] * rows[k][j] for k in range(n) if slopes[i][k] is not ZERO)
                 for i in range(m)
                 for j in range(n)
             ]
-            systems.append(system_of(self.state, rates))
-            both.append(system_of(states, [*rates, *changes]))
-        return Variation(m, tuple(systems), tuple(both))
+            return system_of(states, [*self.rates[law], *changes])
+
+        return Variation(n, m, OfLaws(lambda law: system_of(self.state, self.rates[law])), OfLaws(varied_system))
 
     def breakpoints(self, intervals: Sequence[arb]) -> Breakpoints:
         """The breakpoints of the law, for enclosures of the interval parameters."""
@@ -217,7 +218,6 @@ class Equations:
                 by_unknowns = by_unknowns + columns_of(slopes, columns, len(last)) * last_slopes
             breakpoints = leg.breakpoints(box[len(self.unknowns) :])
             passage = follow_set(leg.variation, start, by_unknowns, deviations, bits, fineness, breakpoints)
-            law = passage.pieces[0].laws[0]
             m = leg.variation.moving
             end, end_slopes = passage.end[:m], _first_rows(passage.slopes, m)
             start_slopes = _first_rows(by_unknowns, m)
@@ -226,8 +226,10 @@ class Equations:
             last, last_box, last_slopes = end, end_box, end_slopes
             if leg.count == 0:
                 continue
-            values += leg.conditions[law]([*middle, *start[:m], *end])
-            slopes = _matrix_of(leg.condition_slopes[law]([*box, *start_box, *end_box]), leg.count)
+            laws, wide_laws = breakpoints.laws_of(start), breakpoints.laws_of(passage.start)
+            values += _united([leg.conditions[law]([*middle, *start[:m], *end]) for law in laws])
+            by_laws = [leg.condition_slopes[law]([*box, *start_box, *end_box]) for law in wide_laws]
+            slopes = _matrix_of(_united(by_laws), leg.count)
             whole = columns_of(slopes, 0, columns) + columns_of(slopes, columns, m) * start_slopes
             rows += (whole + columns_of(slopes, columns + m, m) * end_slopes).tolist()
         return Evaluated(values, arb_mat(rows), passages)
@@ -236,6 +238,11 @@ class Equations:
         """Raise `Unproved` where a formula is not proved to have a value along the whole enclosed motions."""
         for leg, passage in zip(self.legs, passages, strict=True):
             leg.check_domains(passage)
+
+
+def _united(values: list[list[arb]]) -> list[arb]:
+    """Enclosures of several laws' values, from those of each."""
+    return [reduce(arb.union, each) for each in zip(*values, strict=True)]
 
 
 def _matrix_of(values: list[arb], rows: int) -> arb_mat:

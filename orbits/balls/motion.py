@@ -10,7 +10,7 @@ from ..exact.expressions import ExactExpression, along
 from ..exact.refusal import Unproved
 from .enclosure import Passage, Piece
 from .equations import BallLeg
-from .programs import BallProgram
+from .programs import BallProgram, OfLaws
 from .rigorous_step import between
 
 # Halvings of a step's time after which a sign is left undecided.
@@ -30,7 +30,7 @@ class Derivatives:
     programs : for each law of the leg, those of the function and of its derivatives in ascending order
     """
 
-    programs: tuple[tuple[BallProgram, ...], ...]
+    programs: OfLaws[tuple[BallProgram, ...]]
 
 
 @dataclass(frozen=True)
@@ -42,13 +42,15 @@ class Motion:
 
     def chain(self, functions: Sequence[ExactExpression], orders: int) -> Derivatives:
         """A function of the states, one expression for each law, with `orders` derivatives along the motion."""
-        state, by_law = self.leg.state, list[tuple[BallProgram, ...]]()
-        for function, rates in zip(functions, self.leg.rates, strict=True):
-            each = [function]
+        state = self.leg.state
+
+        def programs(law: int) -> tuple[BallProgram, ...]:
+            each = [functions[law]]
             for _ in range(orders):
-                each.append(along(each[-1], state, rates))
-            by_law.append(tuple(BallProgram(state, [one]) for one in each))
-        return Derivatives(tuple(by_law))
+                each.append(along(each[-1], state, self.leg.rates[law]))
+            return tuple(BallProgram(state, [one]) for one in each)
+
+        return Derivatives(OfLaws(programs))
 
     def value(self, each: Derivatives, order: int, piece: Piece, t: arb) -> arb:
         """An enclosure of a derivative at a time, or at all times of a ball, within a piece; across a breakpoint of the
@@ -57,7 +59,7 @@ class Motion:
 
     def first(self, each: Derivatives, order: int) -> arb:
         """An enclosure of a derivative at the start."""
-        return self._on(each, order, self.passage.pieces[0].laws[:1], self.passage.start)
+        return self._on(each, order, self.passage.pieces[0].laws, self.passage.start)
 
     def last(self, each: Derivatives, order: int) -> arb:
         """An enclosure of a derivative at the end."""
@@ -89,23 +91,27 @@ class Motion:
             raise
 
     def _check_pieces(self, each: Derivatives, zero_at_start: int, zero_at_end: bool) -> None:
-        pieces = self.passage.pieces
+        pieces, opens = self.passage.pieces, bool(zero_at_start)
         for i, piece in enumerate(pieces):
             low, high = arb(0), piece.step.h
-            if i == 0 and zero_at_start:
-                low = self._beginning(each, zero_at_start, piece)
+            if opens:  # and beyond the first piece, as far as the same derivative is positive
+                low = self._beginning(each, zero_at_start, piece, i == 0)
+                opens = not low < high
             if i == len(pieces) - 1 and zero_at_end:
                 high = self._ending(each, piece, low)
             if low < high:
                 self._check_between(each, piece, low, high, MOST_BISECTIONS)
 
-    def _beginning(self, each: Derivatives, order: int, piece: Piece) -> arb:
-        """A time up to which the first derivative that is not zero at the start is positive, and so the function."""
+    def _beginning(self, each: Derivatives, order: int, piece: Piece, is_first: bool) -> arb:
+        """A time up to which the first derivative that is not zero at the start is positive, and so the function; after
+        the first piece it may be 0."""
         until = piece.step.h
         for _ in range(MOST_BISECTIONS):
             derivative = self.value(each, order, piece, between(arb(0), until))
             if derivative > 0:
                 return until
+            if not is_first:
+                return arb(0)
             if self.value(each, order, piece, arb(0)) < 0:
                 raise Refuted("it has the wrong sign as soon as the motion begins")
             until = until / 2

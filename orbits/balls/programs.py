@@ -7,7 +7,7 @@ program on balls contains the values on all their points, and a series contains 
 import operator
 from collections.abc import Callable, Sequence
 from fractions import Fraction
-from typing import Any, TypeAlias
+from typing import Any, Generic, TypeAlias, TypeVar
 
 from flint import arb, arb_series, ctx, fmpq
 
@@ -16,10 +16,23 @@ from ..exact.refusal import Unproved
 
 # A ball, or a power series of balls that is cut off at the context's order.
 Value: TypeAlias = Any
+Built = TypeVar("Built")
 # The errors where a series is divided by one that may begin with 0.
 UNDEFINED = (ZeroDivisionError, ValueError)
 # Whole powers up to this exponent are computed as products.
 LARGEST_PRODUCT = 2**20
+
+
+class OfLaws(Generic[Built]):
+    """What is built for each law of a phase, where it is first needed: of a table, a motion passes few pieces."""
+
+    def __init__(self, build: Callable[[int], Built]):
+        self._build, self._known = build, dict[int, Built]()
+
+    def __getitem__(self, law: int) -> Built:
+        if law not in self._known:
+            self._known[law] = self._build(law)
+        return self._known[law]
 
 
 class BallProgram:

@@ -29,7 +29,7 @@ from .expressions import (
     total,
     vanishes,
 )
-from .formulas import Domains, expression_of
+from .formulas import Domains, exact_fraction, expression_of
 from .refusal import Unproved
 from .stated import StatedMachine, StatedSpring
 
@@ -194,16 +194,16 @@ class ExactMechanics:
             constant = [f - weight * slope for f, slope in zip(constant, self.gradient(height), strict=True)]
         for energy in s.potentials:
             constant = [f - slope for f, slope in zip(constant, self.gradient(self.formula(energy)), strict=True)]
-        in_pieces = [each for each in s.springs if each.breaks]
+        in_pieces = [each for each in s.springs if each.meetings]
         if len(in_pieces) > 1:
             raise Unproved("more than one spring has a law in pieces")
-        domains = [Domains() for _ in range(1 + (len(in_pieces[0].breaks) if in_pieces else 0))]
+        domains = [Domains() for _ in range(1 + (len(in_pieces[0].meetings) if in_pieces else 0))]
         laws = list[Column]()
         for law, own in enumerate(domains):
             force = list(constant)
             for spring in s.springs:
                 extension = self.formula(spring.extension)
-                pull = self.pull(spring, law if spring.breaks else 0, extension, own)
+                pull = self.pull(spring, law if spring.meetings else 0, extension, own)
                 force = [f - pull * slope for f, slope in zip(force, self.gradient(extension), strict=True)]
             laws.append(force)
         scaled = [[self.scale.time**2 * each for each in force] for force in laws]
@@ -216,7 +216,16 @@ class ExactMechanics:
     def pull(self, spring: StatedSpring, piece: int, extension: ExactExpression, domains: Domains) -> ExactExpression:
         """The force of a spring at an extension, on a piece of its law; its domains are added to these."""
         r, own = symbol("r"), Domains()
-        law = expression_of(spring.force[piece], {**self.parameters, "r": r}, own)
+        if spring.rows:
+            law = expression_of(spring.force[0], self.parameters, own) * polynomial_between(
+                spring.rows[piece : piece + 2], r
+            )
+            if piece == 0:
+                own.need("the spring's table", r - exact_fraction("a row", spring.rows[0][0]), positive=True)
+            if piece == len(spring.rows) - 2:
+                own.need("the spring's table", exact_fraction("a row", spring.rows[-1][0]) - r, positive=True)
+        else:
+            law = expression_of(spring.force[piece], {**self.parameters, "r": r}, own)
         force, *places = substitute(
             [derivative_by(law, r) if spring.potential else law, *(each.place for each in own)], {r: extension}
         )
@@ -230,7 +239,7 @@ class ExactMechanics:
         (offset,) = substitute([extension], dict.fromkeys(self.y, ZERO))
         if not all(each.is_number for each in weights):
             raise Unproved("a law in pieces acts along no sum of coordinates with numbers before them")
-        breaks = tuple(expression_of(each, self.parameters, self.domains) - offset for each in spring.breaks)
+        breaks = tuple(expression_of(each, self.parameters, self.domains) - offset for each in spring.meetings)
         for k, place in enumerate(breaks):
             low, high = (self.pull(spring, piece, place + offset, Domains()) for piece in (k, k + 1))
             if not vanishes(low - high):
@@ -299,11 +308,24 @@ class ExactMechanics:
         accelerations, domains, squared = list[ExactExpression](), [Domains() for _ in self.forces], self.scale.time**2
         for law, own in enumerate(domains):
             pull = total(
-                squared * factor * self.pull(each, law if each.breaks else 0, factor * place + offset, own)
+                squared * factor * self.pull(each, law if each.meetings else 0, factor * place + offset, own)
                 for each, (factor, offset) in zip(s.springs, actions, strict=True)
             )
             accelerations.append(-(pull * inner_product(r, mobility) + inner_product(r, falling)))
         return LoneExtension(place, r, thrown, accelerations, -inner_product(thrown, falling), domains)
+
+
+def polynomial_between(rows: Sequence[Sequence[str]], r: ExactExpression) -> ExactExpression:
+    """The polynomial of degree 5 with the value, slope and curvature of two rows (r, value, slope, curvature)."""
+    (a, *low), (b, *high) = ([exact_fraction("a row", each) for each in row] for row in rows)
+    h, u, v = b - a, r - a, r - b
+    first = [low[0], low[1], low[2] / 2]
+    # Beyond the Taylor polynomial at the first row there is u**3 (g[0] + g[1] v + g[2] v**2).
+    rest = [high[0] - (first[0] + first[1] * h + first[2] * h**2), high[1] - first[1] - low[2] * h, high[2] - low[2]]
+    g = [rest[0] / h**3]
+    g.append(rest[1] / h**3 - 3 * g[0] / h)
+    g.append(rest[2] / (2 * h**3) - 3 * g[0] / h**2 - 3 * g[1] / h)
+    return first[0] + u * (first[1] + u * (first[2] + u * (g[0] + v * (g[1] + v * g[2]))))
 
 
 def place_of(name: str) -> ExactExpression:

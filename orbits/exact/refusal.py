@@ -2,6 +2,9 @@
 
 from ..running import time_limit
 
+# Why some theorems need a law without pieces.
+NOT_ACROSS = "second derivatives are not enclosed across the breakpoints of a law in pieces, or of a table"
+
 
 class Unproved(Exception):
     """Something could not be proved; the message states it and the reason. It never leaves the package."""

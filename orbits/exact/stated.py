@@ -41,16 +41,37 @@ class StatedSpring:
     """A spring along an extension; `force` has a formula of r for each piece, and `breaks` those where they meet.
 
     potential : whether the force is the derivative of the formula by r
+    rows : of a table, (r, value, slope, curvature) as decimals; from each row to the next the force is the polynomial
+        of degree 5 with these at both ends, times the only formula in `force`, and elsewhere it has no value
     """
 
     extension: str
     force: tuple[str, ...]
     breaks: tuple[str, ...] = ()
     potential: bool = False
+    rows: tuple[tuple[str, ...], ...] = ()
+
+    @property
+    def meetings(self) -> tuple[str, ...]:
+        """Formulas of where one piece of the force follows the other; empty for a smooth force."""
+        return tuple(row[0] for row in self.rows[1:-1]) or self.breaks
+
+    def document(self) -> Document:
+        """The spring for JSON."""
+        table = {"rows": [list(row) for row in self.rows]} if self.rows else {}
+        own = {"extension": self.extension, "force": list(self.force), "breaks": list(self.breaks)}
+        return {**own, "potential": self.potential, **table}
 
     def words(self) -> str:
         """The spring in words."""
         where = f"along r = {self.extension}"
+        if self.rows:
+            scale = "f" if self.force[0] == "1" else f"({self.force[0]})*f"
+            between = (
+                "where f is, from each of these extensions r to the next, the polynomial of degree 5 with the value"
+            )
+            rows = "; ".join(f"({', '.join(row)})" for row in self.rows)
+            return f"a spring with the force {scale} {where}, {between}, slope and curvature in (r, f, f', f''): {rows}"
         if self.potential:
             return f"a spring with the energy {self.force[0]} {where}"
         if not self.breaks:
@@ -105,15 +126,7 @@ class StatedMachine:
             "parameters": {name: [*map(decimal_text, bounds)] for name, bounds in self.parameters.items()},
             **{name: [list(each) for each in getattr(self, name)] for name in ("masses", "weights", "inerters")},
             "inertia": [list(row) for row in self.inertia],
-            "springs": [
-                {
-                    "extension": each.extension,
-                    "force": list(each.force),
-                    "breaks": list(each.breaks),
-                    "potential": each.potential,
-                }
-                for each in self.springs
-            ],
+            "springs": [each.document() for each in self.springs],
             "potentials": list(self.potentials),
             **{name: getattr(self, name) for name in ("surface_gravity", "gravity", "gap", "launch", "counts")},
             "separation": self.separation,
@@ -167,7 +180,7 @@ def stated_machine(machine: Machine, parameters: Mapping[str, Decimals]) -> Stat
     the shortest decimal that rounds to it.
 
     Raises `InputError` for a machine that states no mechanics and for parameters that it does not have or with invalid
-    values, and `Unproved` for laws without a formula: a table, or a Python function that formulas cannot express.
+    values, and `Unproved` for laws without a formula: a Python function that formulas cannot express.
     """
     if not callable(getattr(machine, "stated", None)):
         raise InputError(f"a {machine.model.name} states no mechanics that a proof could read: state a Mechanism")
@@ -256,6 +269,10 @@ def _text_of(expression: Scalar, coordinates: tuple[str, ...], names: tuple[str,
 
 def _stated_spring(extension: str, law: object) -> StatedSpring:
     assert isinstance(law, Key)
-    if law.written is None:
-        raise Unproved(f"the spring's law '{law.text}' is a table or a function that no formula says")
-    return StatedSpring(extension, *law.written)
+    written = law.written
+    if written is None:
+        raise Unproved(f"the spring's law '{law.text}' is a function that no formula says")
+    along = f"{extension} - {written.shift}" if written.shift else extension
+    rows = written.rows() if written.rows else ()
+    texts = tuple(tuple(repr(float(each)) for each in row) for row in rows)
+    return StatedSpring(along, written.formulas, written.breaks, written.potential, texts)

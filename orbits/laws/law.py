@@ -38,14 +38,19 @@ WRONG_SIGN = "is tension positive? A force acts against the extension, as in k*r
 class Written(NamedTuple):
     """A law as it is written, for a theorem about it.
 
-    formulas : one for each piece, of the variable and the parameters
+    formulas : one for each piece, of the variable and the parameters; of a table, that of its scale, of the parameters
     breaks : formulas of where one piece follows the other
     potential : whether the law is the derivative of the formula
+    rows : of a table, a function without arguments that returns rows (n, 4): a place, and value, slope and curvature
+        there; from each row to the next the law is the polynomial of degree 5 with these at both ends, times the scale
+    shift : of a table, the name of a parameter by which the places are moved, or None
     """
 
     formulas: tuple[str, ...]
     breaks: tuple[str, ...] = ()
     potential: bool = False
+    rows: Callable[[], Any] | None = None
+    shift: str | None = None
 
 
 # (derivatives (k, size) of a number by the data of the pieces) -> its standard deviation by the noise of the rows of a
@@ -84,7 +89,7 @@ class LawPieces(NamedTuple):
 class Key(NamedTuple):
     """A law without its parameters' values; laws with equal keys share everything that is built from them.
 
-    written : the law as it is written; None for a table, and for a function that formulas cannot say
+    written : the law as it is written; None for a function that formulas cannot say
     reach : how far an integration step may go along the variable, see `features.reach`
     branches : of a spring with hysteresis, the keys of its laws while the extension grows and while it shrinks; this
         key is then that of their mean

@@ -36,8 +36,15 @@ reduce wrapping.
 A motion under a law that is smooth in pieces (`crossing`) is enclosed by Lemma 1 within a piece, while the tube stays
 off the breakpoints. The force of the law is continuous, and so are the rates. Where a set crosses a breakpoint, x' and
 the variational equations lie in the hull of both laws over a tube that is proved by x0 + [0, h] F(tube) in tube; this
-is continued until the whole set is in the next piece. The speed of the coordinate has a sign at the crossing, so that
-the flow is continuously differentiable there as elsewhere, and the mean value theorem still holds.
+is continued until the whole set is in the next piece. The difference d of two motions obeys d' = A(t) d there, with A
+in the hull of both laws' Jacobians over the tube, as the rates are continuous and differentiable on both sides. So the
+estimate of the mean value theorem holds across a breakpoint too, also where the slope of the force jumps. A motion that
+begins at a breakpoint is first enclosed across it.
+
+A table is stated by rows of decimals: an extension, and the force, its slope and its curvature there. The law between
+two rows is the polynomial of degree 5 with these six values, in exact fractions; it is twice continuously
+differentiable. Beyond the rows there is no law: it is proved that the motion stays between the first and the last. The
+theorem is about this law. How well it describes the measured spring, and the noise of the rows, are no part of it.
 
 Lemma 3, existence and uniqueness (`root`). Krawczyk's operator K(U) = u - Y F(u) + (1 - Y F'(U)) (U - u): if K(U) lies
 in the interior of U, then F has exactly one zero in U, and it lies in K(U). For an interval parameter q, F(u) holds the
@@ -80,8 +87,8 @@ returns to its launch speed, its events, and the multiplier, which is enclosed t
 and the point at which a fixed point loses its stability by period doubling.
 
 What is trusted: Arb and python-flint; CPython; Python's own parser of arithmetic; and these rooms, which a second
-program can check for proofs of orbits (`orbits.check_proof`). Tables, abs and sign are refused, and so are machines
-that state no mechanics, such as models written by hand.
+program can check for proofs of orbits (`orbits.check_proof`). Forces that jump, abs and sign are refused, and so are
+machines that state no mechanics, such as models written by hand.
 
 Sources: R. Krawczyk, Computing 4 (1969) 187-201; R. E. Moore, R. B. Kearfott, M. J. Cloud, Introduction to Interval
 Analysis, SIAM 2009; T. Kapela, M. Mrozek, D. Wilczak, P. Zgliczynski, CAPD::DynSys, Communications in Nonlinear Science

@@ -63,7 +63,11 @@ def proof_of_absence(machine: Machine, family: int | None, parameters: Mapping[s
         with ctx.workprec(BITS):
             mechanics = ExactMechanics(stated, Scale())
             lone = mechanics.lone_extension()
-            if lone is None or mechanics.pieces:
+            if mechanics.pieces:
+                raise InputError(
+                    "absence is proved of one formula for all extensions, not of a law in pieces or a table"
+                )
+            if lone is None:
                 raise InputError(f"no smooth extension of a {stated.name} moves alone: nothing can be proved absent")
             law = _Law(mechanics, lone)
             found = law.no_orbit() if family is None else law.no_family(family)

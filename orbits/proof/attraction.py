@@ -41,7 +41,7 @@ from ..exact.bounds import Enclosure
 from ..exact.exact_mechanics import ExactMechanics
 from ..exact.expressions import substitute
 from ..exact.outward_decimals import enclosure_of
-from ..exact.refusal import TooLong, Unproved
+from ..exact.refusal import NOT_ACROSS, TooLong, Unproved
 from ..exact.statement import ExactArc, HalfOrbit
 from .bounces import Bounces, losses_with_bounce
 from .landings import losses_at_landing
@@ -84,7 +84,7 @@ def attraction_of(hop: Hop) -> Attraction:
     if mechanics.stated.wide:
         raise Unproved("it is proved for parameters that have one value")
     if mechanics.pieces is not None:
-        raise Unproved("a law in pieces has no second derivatives at its breakpoints")
+        raise Unproved(NOT_ACROSS)
     bounces = Bounces(hop.half) if hop.loss.bounce_side == "above" else None
     equations = LaunchEquations(hop.half, hop.contact)
     distances, found, reason = _distances(hop.loss.coefficient * (10 if bounces else 1)), None, ""

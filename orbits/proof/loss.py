@@ -37,7 +37,9 @@ class Loss:
 def enclosed_loss(half: HalfOrbit, flight: Motion, unknowns: Mapping[str, arb], bits: int) -> Loss:
     """The loss beside an enclosed half flight in the flight states, with enclosures of the unknowns by name; raises
     `Unproved` where the signs that it requires are not decided."""
-    m, leg, law = half.mechanics, flight.leg, flight.passage.pieces[0].laws[0]
+    m, leg, (law, *others) = half.mechanics, flight.leg, flight.passage.pieces[0].laws
+    if others:
+        raise Unproved("the flight begins at a breakpoint of the spring's law, where its jerk may jump")
     if m.size != 2:
         raise Unproved("a launch is more than a speed: no map of launch speeds tells what is lost")
     mass, power, *by_alpha = launch_expressions(half, law)

@@ -16,7 +16,7 @@ from ..exact.claim import FLIGHT_DURATION
 from ..exact.exact_mechanics import ExactMechanics, Scale
 from ..exact.expressions import substitute, symbol
 from ..exact.outward_decimals import bounds_of_fractions, enclosure_of, lower_decimal, radius_of
-from ..exact.refusal import Unproved
+from ..exact.refusal import NOT_ACROSS, Unproved
 from ..exact.stated import Decimals, StatedMachine, stated_machine
 from ..exact.statement import HalfOrbit, statement_of_folds
 from ..model.machine import Machine, machine_in_words
@@ -99,7 +99,7 @@ def proved_fold(
     half = HalfOrbit(mechanics)
     statement = half.statement(with_contact=False)
     if mechanics.pieces:
-        raise InputError("a fold of a piecewise law cannot be proved: it has no second derivatives everywhere")
+        raise InputError(f"a fold is not proved: {NOT_ACROSS}")
     if missing := [name for name in statement.unknowns if name not in unknowns]:
         raise Unproved(f"the fold has no {missing[0]}")
     named = [*statement.unknowns, *(f"d{name}" for name in statement.unknowns), along]

@@ -93,6 +93,10 @@ def proved_hop(
         centre = polished(equations, centre)
     root = prove_root(equations, [float(value) for value in centre], bits_of_digits(digits))
     equations.check_domains(root.evaluated.passages)
+    if any(len(passage.pieces[0].laws) > 1 for passage in root.evaluated.passages):
+        raise Unproved(
+            "a flight or the contact begins at a breakpoint of the spring's law, where the map may not be smooth"
+        )
     found = ProvedHop(base, further, equations, root, digits)
     for name in (*base.flights, base.contact):
         if not found.balls[name] > 0:

@@ -52,7 +52,7 @@ from ..errors import InputError
 from ..exact.bounds import Enclosure
 from ..exact.exact_mechanics import ExactMechanics, Scale, parameter_of
 from ..exact.outward_decimals import bounds_of_fractions, decimal_text, enclosure_of, radius_of
-from ..exact.refusal import Unproved
+from ..exact.refusal import NOT_ACROSS, Unproved
 from ..exact.stated import Bounds, Decimals, StatedMachine, exact_bounds, range_text, stated_machine
 from ..exact.statement import unknown
 from ..model.machine import Machine, machine_in_words
@@ -244,7 +244,7 @@ def _of_doubling(case: _Case, guess: HopGuess, said: tuple[float, float]) -> _Re
     """The results on a period doubling."""
     hop = case.hop(guess, None)
     if hop.half.mechanics.pieces:
-        raise InputError("a doubling with a piecewise law cannot be proved: its map is not smooth everywhere")
+        raise InputError(f"a period doubling is not proved: {NOT_ACROSS}")
     further = {INJECTION: unknown(INJECTION)}
     jet = _guessed_jet(case, guess)
     hop = replace(hop, pace=pace_of(jet.unknowns, hop.statement))

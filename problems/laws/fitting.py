@@ -187,9 +187,10 @@ def _formula_of(formula: str | Law) -> tuple[str, dict[str, float]]:
         if not isinstance(formula, str):
             raise InputError(f"formula = {formula!r}; it is a text, as 'k*r + b*r**3', or a law from a formula")
         return formula, {}
-    if formula.written is None or formula.written.potential or len(formula.written.formulas) != 1:
+    written = formula.written
+    if written is None or written.potential or written.rows or len(written.formulas) != 1:
         raise InputError(f"'{formula.text}' is no formula of the force; state one, as 'k*r + b*r**3'")
-    return formula.written.formulas[0], dict(formula.parameters)
+    return written.formulas[0], dict(formula.parameters)
 
 
 def _weighted_rows(

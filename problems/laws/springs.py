@@ -195,7 +195,9 @@ def table(
         raise InputError(f"scale = shift = '{scale}': they are two parameters, with two names")
     moved = _moved_expression(_piece_expression, scale, shift) if own else _piece_expression
     text = (f"{scale}*" if scale else "") + text + (f" moved by {shift}" if shift else "")
-    return Law(text, "r", moved, own, _table_pieces(curve)._replace(origin=shift))
+    nodes, pieces = _table_pieces(curve)
+    written = Written((scale or "1",), rows=_rows_of_table(nodes), shift=shift)
+    return Law(text, "r", moved, own, pieces._replace(origin=shift), written)
 
 
 def hysteretic(extending: LawLike, shortening: LawLike, /, **parameters: float) -> HystereticLaw:
@@ -360,14 +362,20 @@ def _piece_expression(x, p, q):
     return value
 
 
-def _table_pieces(curve: SmoothCurve) -> LawPieces:
-    """The pieces of a table's law, with the noise of its rows."""
-    x = curve.extensions.tobytes()
-    table = _quintic_table(x, _quintic_pieces(*curve[:4]).tobytes())
-    if curve.deviations is None and not len(curve.changes):
-        return LawPieces(7, table)
-    unit = None if curve.deviations is None else curve.deviations.tobytes()
-    return LawPieces(7, table, noise=_row_noise(x, curve.places.tobytes(), curve.changes.tobytes(), unit))
+def _table_pieces(curve: SmoothCurve) -> tuple[bytes, LawPieces]:
+    """The nodes of a table's law in bytes, and its pieces, with the noise of its rows."""
+    nodes, x = _nodes_of_table(*curve[:4]), curve.extensions.tobytes()
+    pieces = LawPieces(7, _quintic_table(x, _quintic_pieces(nodes).tobytes()))
+    if curve.deviations is not None or len(curve.changes):
+        unit = None if curve.deviations is None else curve.deviations.tobytes()
+        pieces = pieces._replace(noise=_row_noise(x, curve.places.tobytes(), curve.changes.tobytes(), unit))
+    return nodes.tobytes(), pieces
+
+
+@lru_cache(maxsize=64)
+def _rows_of_table(nodes: bytes) -> Expression:
+    """The function without arguments that returns the nodes (n, 4) of a measured law."""
+    return Expression(lambda: np.frombuffer(nodes).reshape(-1, 4), _rows_of_table, nodes)
 
 
 @lru_cache(maxsize=64)
@@ -441,23 +449,30 @@ def table_options(text: str) -> tuple[str, dict[str, Any]]:
     return path, options
 
 
-def _quintic_pieces(
-    x: np.ndarray, y: np.ndarray, slope: np.ndarray | None = None, curvature: np.ndarray | None = None
-) -> np.ndarray:
-    """Rows (start, c0 .. c5), one per interval, of the interpolant of y (n,) at x (n,), with these slopes and
-    curvatures or as `table` describes."""
+def _nodes_of_table(x: np.ndarray, y: np.ndarray, slope: np.ndarray | None, curvature: np.ndarray | None) -> np.ndarray:
+    """Nodes (n, 4) of the interpolant of y (n,) at x (n,): x, y, and these slopes and curvatures, or those that `table`
+    describes."""
     from scipy.interpolate import CubicSpline  # only a table needs it, and it takes half a second to import
 
-    h, rise = np.diff(x), np.diff(y)
     if slope is None or curvature is None:
-        spline = CubicSpline(x, y)
+        spline, h, rise = CubicSpline(x, y), np.diff(x), np.diff(y)
         slope = _limited_slopes(spline(x, 1), rise / h)
         curvature = _limited_curvatures(spline(x, 2), slope, h, rise)
+    return np.column_stack([x, y, slope, curvature])
+
+
+def _quintic_pieces(nodes: np.ndarray) -> np.ndarray:
+    """Rows (start, c0 .. c5), one per interval, of the polynomials of degree 5 between nodes (n, 4)."""
+    x, y, slope, curvature = nodes.T
+    h, rise = np.diff(x), np.diff(y)
     # The coefficients are written out, since through Bernstein form, as in SciPy, the highest lose three digits.
     d0, d1, s0, s1 = slope[:-1], slope[1:], curvature[:-1], curvature[1:]
-    c3 = 10 * rise / h**3 - (6 * d0 + 4 * d1) / h**2 - (1.5 * s0 - 0.5 * s1) / h
-    c4 = -15 * rise / h**4 + (8 * d0 + 7 * d1) / h**3 + (1.5 * s0 - s1) / h**2
-    c5 = 6 * rise / h**5 - 3 * (d0 + d1) / h**4 - (0.5 * s0 - 0.5 * s1) / h**3
+    # What is left of value, slope and curvature at the end of a piece beyond those of the parabola at its start: in
+    # these the errors of rounding cancel at the end.
+    off, tilt, bend = rise - h * (d0 + s0 * h / 2), h * (d1 - d0 - s0 * h), h**2 * (s1 - s0)
+    c3 = (10 * off - 4 * tilt + bend / 2) / h**3
+    c4 = (-15 * off + 7 * tilt - bend) / h**4
+    c5 = (6 * off - 3 * tilt + bend / 2) / h**5
     return np.column_stack([x[:-1], y[:-1], d0, s0 / 2, c3, c4, c5])
 
 

@@ -11,7 +11,8 @@ from flint import arb, ctx
 
 from orbits import Mechanism
 from orbits.balls.programs import BallProgram
-from orbits.exact.exact_mechanics import ExactMechanics, Scale, inner_product
+from orbits.exact.exact_mechanics import ExactMechanics, Scale, inner_product, polynomial_between
+from orbits.exact.expressions import derivative_by, substitute, symbol, vanishes
 from orbits.exact.refusal import Unproved
 from orbits.exact.stated import StatedSpring, stated_machine
 from orbits.mechanics import Inerter, Mass, Potential, Spring, Weight
@@ -135,6 +136,19 @@ def test_an_extension_in_pieces(scale):
         assert (below == above) == (step == 0)
 
 
+def test_a_quintic_has_the_values_of_both_rows():
+    """Those of value, slope and curvature, which determine it."""
+    rows, r = (("-0.5", "1.25", "3e-1", "-2"), ("0.7", "-0.1", "0.0", "7.5")), symbol("r")
+    found = polynomial_between(rows, r)
+    for row in rows:
+        at, *values = map(Fraction, row)
+        derivatives = [found, derivative_by(found, r), derivative_by(derivative_by(found, r), r)]
+        assert [each.value for each in substitute(derivatives, {r: at})] == values
+    for _ in range(6):
+        found = derivative_by(found, r)
+    assert vanishes(found)
+
+
 def check_lone(found):
     """The acceleration of an extension that moves alone is that of all coordinates, and what is thrown falls with
     theirs."""
@@ -162,6 +176,7 @@ def test_an_extension_that_does_not_move_alone(elements, options):
 
 
 BROKEN = StatedSpring("body - foot", ("r", "2*r - 1"), ("1",))
+TABLE = StatedSpring("body - foot", ("2",), rows=(("-1", "-1", "1", "0"), ("0", "0", "1", "0"), ("1", "2", "1", "0")))
 
 
 @pytest.mark.parametrize(
@@ -174,6 +189,7 @@ BROKEN = StatedSpring("body - foot", ("r", "2*r - 1"), ("1",))
         ({"inertia": (("1", "body - foot"), ("foot - body", "1"))}, "not plainly symmetric"),
         ({"springs": (replace(BROKEN, extension="body - foot**3"),)}, "in pieces acts along no sum"),
         ({"springs": (BROKEN, replace(BROKEN, extension="body"))}, "more than one spring"),
+        ({"springs": (TABLE, replace(TABLE, extension="body"))}, "more than one spring"),
         ({"springs": (replace(BROKEN, breaks=("0.75",)),)}, "not plainly continuous"),
         ({"launch": "foot"}, "'foot' is no coordinate of the contact"),
     ],
