@@ -255,7 +255,7 @@ class Drive:
         return here - there
 
     @property
-    def _way(self) -> "_Way":
+    def _way(self) -> "_Distance":
         return _way(str(self.actuator.along), self.coordinates)
 
 
@@ -347,7 +347,7 @@ def _with_forces(model: Model, dimensions: tuple[Dimension, ...]) -> Model:
 
 
 @dataclass(frozen=True, eq=False)
-class _Way:
+class _Distance:
     """The distance along which a force acts.
 
     names : of the parameters
@@ -360,10 +360,10 @@ class _Way:
 
 
 @lru_cache(maxsize=64)
-def _way(along: str, coordinates: tuple[str, ...]) -> _Way:
+def _way(along: str, coordinates: tuple[str, ...]) -> _Distance:
     names = tuple(sorted(names_in(along) - {*coordinates}))
     y, v, p = (ca.SX.sym(name, len(each)) for name, each in (("y", coordinates), ("v", coordinates), ("p", names)))
     named = [dict(zip(each, ca.vertsplit(symbols), strict=True)) for each, symbols in ((coordinates, y), (names, p))]
     value = ca.SX(value_of(along, *named))
     rate = ca.jtimes(value, y, v)
-    return _Way(names, ca.Function("way", [y, p], [value]), ca.Function("rate", [y, v, p], [rate]))
+    return _Distance(names, ca.Function("way", [y, p], [value]), ca.Function("rate", [y, v, p], [rate]))
