@@ -15,6 +15,7 @@ from orbits.units import LIFTOFF_SPEED, Message, Quantity
 from .actuated import Actuated
 from .actuated_launch import launch_argument
 
+AT_REST = 1e-10  # the largest acceleration of a machine that rests, in units in which gravity is about 1
 
 def contact_time_of(orbit: Orbit) -> float:
     """The time of the orbit's contact, which an admissible one has."""
@@ -72,7 +73,8 @@ def rest_in_contact(driven: Actuated, orbit: Orbit) -> dict[str, float]:
             )
         }
     found = root(acceleration, (low + high)[: 2 * len(names) : 2] / 2, tol=1e-14)
-    if not found.success:
+    # At a tolerance of rounding the method may say that it makes no progress where it has arrived.
+    if not np.abs(found.fun).max() <= AT_REST:
         raise NoOrbit("the machine has no rest in contact near the hop from which it could be started")
     return dict(zip(names, found.x.tolist(), strict=True))
 

@@ -50,7 +50,7 @@ MACHINES = {
     "Hopper(spring='bilinear', ratio=3.0, gap=0.5)": lambda: Hopper("bilinear"),
     "Hopper(spring='end_stops', gap=3.0, stop=20.0)": lambda: Hopper("end_stops"),
     "Hopper(spring='table:table (noise not known, 7 rows are too few)')": lambda: Hopper(springs.table(ROWS)),
-    "Actuated(machine=Hopper(spring='r', damping=0.01))": lambda: Actuated(Hopper(damping=0.01)),
+    "Actuated(machine=Hopper(spring='r', damping=0.01)": lambda: Actuated(Hopper(damping=0.01)),
     "Chain(b=0.1, masses=(1.0, 2.0, 1.0), springs='r + b*r**3')": lambda: Chain(
         (1, 2, 1), "r + b*r**3", parameters={"b": 0.1}
     ),
