@@ -16,7 +16,7 @@ from ..consistency.accepted import check_parameters
 from ..errors import InputError, NoOrbit, whole_number
 from ..flow.flow import flow_of
 from ..model.machine import Machine
-from ..model.model import Model
+from ..model.model import Model, refuse_hysteresis
 from ..model.phase import Phase
 from ..numerics.roots import Array, solve
 from ..periodic.find import find
@@ -28,7 +28,7 @@ from ..symbolic.caches import cached
 from ..units import TIME
 from .sensitivities import sensitivities
 
-# The way from the known orbit to another one is halved so many times before the other counts as lost.
+# The number of times that the way from the known orbit to another one is halved before the other counts as lost.
 MOST_BRANCH_HALVINGS = 6
 # A launch of several unknowns is that of the same branch where it differs by less from what derivatives expect, as a
 # share of the largest unknown.
@@ -73,7 +73,8 @@ def orbit_function(
     as "clearance" and "smallest_contact_force" where it has to be. Where it cannot be followed, the call raises
     `RuntimeError` with the reason; Ipopt then takes a shorter step. Derivatives follow from the implicit function
     theorem; second derivatives, as Ipopt takes them, are differences of these, unless "hessian_approximation" is
-    "limited-memory". Raises `InputError` for an unknown name, and for a model without a reversor.
+    "limited-memory". Raises `InputError` for an unknown name, and for a model without a reversor, and `NoOrbit` for a
+    spring with hysteresis.
 
     >>> from orbits import orbit_function
     >>> from problems import Hopper
@@ -86,8 +87,10 @@ def orbit_function(
     check_parameters(machine, *names)
     if not names or len({*names}) < len(names):
         raise InputError(f"over = {over!r}; it names the parameters of the function, each once")
+    refuse_hysteresis(machine.model)
     if machine.model.reversor is None:
-        raise InputError(f"a {machine.model.name} has no reversor: its half orbits, which are differentiated, are none")
+        halves = "the second half of its orbits is no mirror image of the first, which is differentiated"
+        raise InputError(f"a {machine.model.name} has no reversor: {halves}")
     machine.with_values(**{each: machine.values[each] for each in names})  # refuses one that follows from others
     whole_number("times", times, "times", least=0)
     known = orbit if isinstance(orbit, Orbit) else find(machine, orbit)

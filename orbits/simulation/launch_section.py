@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..units import UNKNOWNS, Dimension, Units, dimension_of_state
+from ..units import UNKNOWNS, Dimension, Message, Units, described, dimension_of_state
 from .impacts import Impacts
 
 # Newton's method for the unknown that follows from the others has converged at this change, as a share of the launch.
@@ -55,6 +55,10 @@ class LaunchSection:
     def free(self, ys: np.ndarray) -> np.ndarray:
         """The free unknowns (..., d) of launches, contact states (..., k)."""
         return ys[..., self._free]
+
+    def in_words(self, y: np.ndarray) -> Message:
+        """The free unknowns of a launch (k,) in a message."""
+        return described(self.names, self.free(y))
 
     def unknowns_of(self, y: np.ndarray) -> dict[str, float]:
         """The unknowns of a launch (k,) by name."""
