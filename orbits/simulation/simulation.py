@@ -189,7 +189,7 @@ class _Run:
         self.now, self.impact_count, self.liftoff_count, self.reason = 0.0, 0, 0, ""
         self.launch: np.ndarray | None = None  # the state in which the hop began, where it began with a lift-off
 
-    machine_of_leg: Machine | None = None
+    branch: int | None = None  # that of the leg, of a spring with hysteresis
 
     @property
     def machine(self) -> Machine:
@@ -304,7 +304,7 @@ class _Run:
 
     def add_leg(self, phase: str, path: Trajectory, status: str | None, until: float | None = None) -> str | None:
         """Store a leg, which ends at `until` if not None; returns "done" at the end of the time, else `status`."""
-        self.legs.append(Leg(phase, self.now, path, machine=self.machine_of_leg))
+        self.legs.append(Leg(phase, self.now, path, branch=self.branch))
         lasted = float(path.times[-1])
         over = until is None and (lasted >= self.time - self.now or self.now + lasted >= self.time)
         self.now = self.time if over else self.now + lasted if until is None else until
@@ -417,8 +417,7 @@ class _HystereticRun(_Run):
 
     def use(self, side: int, state: np.ndarray, contact: bool = False):
         """Go on with the impacts of a branch, or with those of the spring that sticks."""
-        self.impacts = self.branches.of[side] if side else self.branches.stuck(state, contact)
-        self.machine_of_leg = self.impacts.machine
+        self.branch, self.impacts = side, self.branches.on(side, state, contact)
 
     def slips(self, path: Trajectory, size: int, rate: Affine) -> bool:
         """Whether a phase with a spring that sticks and a constant force is not its motion, with the reason."""
