@@ -63,7 +63,7 @@ def simulate(
     schedule : (times (k + 1,), values (k,) of parameters by name): the piecewise constant inputs of an actuator; before
         and after these times the machine's own values hold
 
-    All numbers are in the machine's units. A hop from a launch that is "undecided" in the `ReturnMap` ends the
+    All numbers are in the machine's units. A hop from a launch speed that is "undecided" in the `ReturnMap` ends the
     simulation with that status, at the landing after its many bounces. Raises `InputError` for invalid arguments, such
     as a launch at which the contact would not open.
 
@@ -169,7 +169,8 @@ def _launch_state(impacts: Impacts, launch) -> tuple[np.ndarray, float]:
             # The unknown that follows from the others may be left out.
             launch = section.unknowns_of(section.launch(launch))
         if unknown := sorted(set(names) ^ launch.keys()):
-            raise InputError(f"alpha: a launch of this machine is told by {', '.join(names)}; not so '{unknown[0]}'")
+            wrong = f"has no '{unknown[0]}'" if unknown[0] in launch else f"needs '{unknown[0]}'"
+            raise InputError(f"alpha: a launch of this machine has the numbers {', '.join(names)}: it {wrong}")
         named = {name: finite_number(name, launch[name]) for name in names}
         return np.array([impacts.model.launch(named, impacts.values)], dtype=float), named["alpha"]
     if not 0 < (alpha := finite_number("alpha", launch)) <= FASTEST_LAUNCH:
