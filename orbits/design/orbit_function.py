@@ -19,14 +19,14 @@ from ..model.machine import Machine
 from ..model.model import Model, refuse_hysteresis
 from ..model.phase import Phase
 from ..numerics.roots import Array, solve
-from ..periodic.find import find
+from ..periodic.find import StartLike, find
 from ..periodic.orbit import Orbit
 from ..running.exclusive import exclusive
 from ..shooting.formulations import half_orbit, vector
 from ..shooting.single_shooting import shooting_equations
 from ..symbolic.caches import cached
 from ..units import TIME
-from .sensitivities import sensitivities
+from .sensitivities import known_orbit, sensitivities
 
 # The number of times that the way from the known orbit to another one is halved before the other counts as lost.
 MOST_BRANCH_HALVINGS = 6
@@ -49,7 +49,7 @@ class Along(NamedTuple):
 @exclusive
 def orbit_function(
     machine: Machine, over: str | Sequence[str], orbit: Orbit | int = 1, *,
-    quantities: str | Sequence[str] = (), times: int = 0, name: str = "orbit",
+    quantities: str | Sequence[str] = (), times: int = 0, start: StartLike | None = None, name: str = "orbit",
 ) -> ca.Function:  # fmt: skip
     """An orbit of a machine as a `casadi.Function` of some of its parameters, with exact first derivatives.
 
@@ -59,6 +59,7 @@ def orbit_function(
         the straight line between them
     quantities : of the orbit, or formulas of them, as in `sensitivities`
     times : number m of times at which states are returned
+    start : as in `find`, of the orbit, in place of the number of its family
     name : of the function
 
     The function takes "parameters" (k,) in the order of `over` and, unless m is 0, "times" (m,) since lift-off, and
@@ -93,7 +94,7 @@ def orbit_function(
         raise InputError(f"a {machine.model.name} has no reversor: {halves}")
     machine.with_values(**{each: machine.values[each] for each in names})  # refuses one that follows from others
     whole_number("times", times, "times", least=0)
-    known = orbit if isinstance(orbit, Orbit) else find(machine, orbit)
+    known = known_orbit(machine, orbit, start)
     if known.contact_time is None:
         raise NoOrbit("the orbit has no contact that ends: " + "; ".join(known.violations))
     if texts:

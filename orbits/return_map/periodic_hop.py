@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -186,9 +187,9 @@ def _distance(found: HopsDerivative) -> float:
 
 
 def listed_starts(starts: Any) -> list[Any]:
-    """Starts in a list, of which an orbit, a periodic hop or a mapping may be the only one; raises `InputError` for an
+    """Starts in a list; a single one may be an orbit, its file, a periodic hop or a mapping. Raises `InputError` for an
     empty list."""
-    found = [starts] if isinstance(starts, Result | Mapping) else list(starts)
+    found = [starts] if isinstance(starts, Result | Mapping | str | Path) else list(starts)
     if not found:
         raise InputError("starts = []; give launches, lossless orbits or periodic hops that hops are searched near")
     return found

@@ -5,11 +5,13 @@ that 2N - 3 numbers determine it: the unknowns of the launch but one, which foll
 """
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..errors import InputError
+from ..periodic.orbit import start_in_file
 from ..units import UNKNOWNS, Dimension, Message, Units, described, dimension_of_state
 from .impacts import Impacts
 
@@ -91,9 +93,10 @@ class LaunchSection:
 
     def parsed(self, launch: Any) -> tuple[np.ndarray, np.ndarray | None]:
         """Launches (..., d), and values (...) of the dependent unknown if they are stated: from an array (..., d) of
-        the free unknowns, a mapping of arrays (...) by name, or an orbit or a periodic hop, which begins with a launch.
-        Raises `InputError` for anything else."""
+        the free unknowns, a mapping of arrays (...) by name, or an orbit, its file or a periodic hop, which begins with
+        a launch. Raises `InputError` for anything else."""
         names, text = self.names, f"a launch of this machine is an array (..., {len(self.names)}) or a mapping"
+        launch = start_in_file(launch) if isinstance(launch, str | Path) else launch
         if callable(launch) and hasattr(launch, "flight_time"):
             launch = self.impacts.model.launch_at(launch(0.0))
         elif hasattr(launch, "launches"):

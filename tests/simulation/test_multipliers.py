@@ -146,7 +146,7 @@ def test_a_small_machine_comes_back_as_a_large_one_does():
     ("launch", "error", "message"),
     [
         (4.6, InputError, "an array .* 3.* of alpha, y1, y1'"), ({"alpha": 4.6, "y1": 0.0}, InputError, "needs 'y1''"),
-        ((1.0, 0.0, np.nan), InputError, "one launch is 3 numbers"), ("x", InputError, "a launch is numbers"),
+        ((1.0, 0.0, np.nan), InputError, "one launch is 3 numbers"), ("x", InputError, "x is not a saved orbit"),
         ({"alpha": 4.6, "y1": 0.0, "y1'": 0.0, "y9": 1.0}, InputError, "no 'y9'"),
         ((-1.0, 0.0, 0.0), NoOrbit, "no launch: the contact would not open"),
     ],
