@@ -200,8 +200,9 @@ def classes_in(hint):
 
 # What is returned and is no result, with what it is.
 NO_RESULTS = {
-    "part of a result": {"Certificate", "Trajectory", "Point", "Event", "End", "FixedPoint", "Stretch"},
-    "a machine or a law, to be asked": {"Mechanism", "MachineInSI", "Law", "Chain", "Actuated", "Model", "ReturnMap"},
+    "part of a result": {"Certificate", "Trajectory", "Point", "Event", "End", "FixedPoint", "Stretch", "Upkeep"},
+    "a machine": {"Mechanism", "MachineInSI", "Chain", "Actuated", "Model", "ReturnMap"},
+    "a law": {"Law", "HystereticLaw"},
     "of the mechanics": {"LinearEquations", "Affine", "StateFormula", "Units", "Quantity"},
     "a page that is open": {"Exploration"},
     "an argument of other functions": {"Starts"},

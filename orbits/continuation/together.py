@@ -19,14 +19,14 @@ from .curve import Curve
 # any angle, as it does where a motion grazes a corner of a law, and of the shortest. An accepted step is followed by a
 # longer one, another one is repeated shorter.
 FIRST_JOINT_STEP, CORNER_STEP, SHORTEST_JOINT_STEP, STEP_GROWS, STEP_SHRINKS = 1.0, 1e-3, 1e-5, 2.0, 0.25
-# A step is too long where Newton's method does not converge in so many steps, where it moves the point by more than
+# A step is too long where Newton's method does not converge in this many steps, where it moves the point by more than
 # this share of its size away from the tangent, or where the tangent turns by more than an angle with this cosine.
 JOINT_NEWTON_STEPS, LARGEST_MOVE, LEAST_JOINT_COSINE = 6, 0.03, 0.9
 # The first Newton step of a correction that is tried at all is no larger than this.
 LARGEST_FIRST_MOVE = 0.3
 # A curve is given up after this many steps, some of them repeated; smooth ones that arrive take at most 40. It has
 # returned to the value where it began where it goes back there at less than this distance, and it grows beyond all
-# bounds where its unknowns are so many times as large as at first.
+# bounds where its unknowns are larger than at first by this factor.
 MOST_JOINT_STEPS, RETURNED, LARGEST_LAUNCH = 500, 1e-3, 1e4
 NOWHERE, MOTION_ENDS, RETURNS, GROWS, TOO_SHORT, TOO_MANY = (
     "Newton's method does not find where it begins",
@@ -56,7 +56,7 @@ class WayTogether(NamedTuple):
 
 def follow_together(curve: Curve, us: Array, order: Array, most: int = 64) -> Iterator[WayTogether]:
     """The curves from solutions (m, n) at the parameter's value 0 to its value 1, after each step, until each has
-    arrived or ended. At `most` so many take their steps together, the next ones of an order (m,) after others."""
+    arrived or ended. At most `most` take their steps together, the next ones of an order (m,) after others."""
     at_value, count = np.eye(us.shape[1] + 1)[-1], len(us)
     xs, tangents = np.column_stack([us, np.zeros(count)]), np.zeros((count, us.shape[1] + 1))
     furthest, arrived, ended = np.zeros(count), np.zeros(count, bool), dict[int, str]()

@@ -1,11 +1,12 @@
 """Many designs of a machine together: the orbit of each, its quantities, and the reasons why some have none."""
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import InputError, OrbitsError, shortened
+from ..errors import InputError, NoOrbit, OrbitsError, shortened
 from ..model.machine import Machine
 from ..model.model import Model
 from ..periodic.certified import Certified
@@ -132,7 +133,8 @@ def _continue(
         for i in orbits.which.tolist() if alone else ():
             interrupts.heed()
             own = designs.machine(machine, i)
-            _fill_in_formulas(designs, i, own, orbit_of(own, orbit_from_unknowns(own, found.unknowns[i])), alone)
+            with suppress(NoOrbit):  # what is not certified alone has no such numbers
+                _fill_in_formulas(designs, i, own, orbit_of(own, orbit_from_unknowns(own, found.unknowns[i])), alone)
     for i, (status, reason) in found.stopped.items():
         designs.statuses[i], designs.reasons[i] = status, reason
 

@@ -16,19 +16,19 @@ from ..consistency.accepted import check_parameters
 from ..errors import InputError, NoOrbit, whole_number
 from ..flow.flow import flow_of
 from ..model.machine import Machine
-from ..model.model import Model
+from ..model.model import Model, refuse_hysteresis
 from ..model.phase import Phase
 from ..numerics.roots import Array, solve
-from ..periodic.find import find
+from ..periodic.find import StartLike, find
 from ..periodic.orbit import Orbit
 from ..running.exclusive import exclusive
 from ..shooting.formulations import half_orbit, vector
 from ..shooting.single_shooting import shooting_equations
 from ..symbolic.caches import cached
 from ..units import TIME
-from .sensitivities import sensitivities
+from .sensitivities import known_orbit, sensitivities
 
-# The way from the known orbit to another one is halved so many times before the other counts as lost.
+# The number of times that the way from the known orbit to another one is halved before the other counts as lost.
 MOST_BRANCH_HALVINGS = 6
 # A launch of several unknowns is that of the same branch where it differs by less from what derivatives expect, as a
 # share of the largest unknown.
@@ -49,7 +49,7 @@ class Along(NamedTuple):
 @exclusive
 def orbit_function(
     machine: Machine, over: str | Sequence[str], orbit: Orbit | int = 1, *,
-    quantities: str | Sequence[str] = (), times: int = 0, name: str = "orbit",
+    quantities: str | Sequence[str] = (), times: int = 0, start: StartLike | None = None, name: str = "orbit",
 ) -> ca.Function:  # fmt: skip
     """An orbit of a machine as a `casadi.Function` of some of its parameters, with exact first derivatives.
 
@@ -59,6 +59,7 @@ def orbit_function(
         the straight line between them
     quantities : of the orbit, or formulas of them, as in `sensitivities`
     times : number m of times at which states are returned
+    start : as in `find`, of the orbit, in place of the number of its family
     name : of the function
 
     The function takes "parameters" (k,) in the order of `over` and, unless m is 0, "times" (m,) since lift-off, and
@@ -73,7 +74,8 @@ def orbit_function(
     as "clearance" and "smallest_contact_force" where it has to be. Where it cannot be followed, the call raises
     `RuntimeError` with the reason; Ipopt then takes a shorter step. Derivatives follow from the implicit function
     theorem; second derivatives, as Ipopt takes them, are differences of these, unless "hessian_approximation" is
-    "limited-memory". Raises `InputError` for an unknown name, and for a model without a reversor.
+    "limited-memory". Raises `InputError` for an unknown name, and for a model without a reversor, and `NoOrbit` for a
+    spring with hysteresis.
 
     >>> from orbits import orbit_function
     >>> from problems import Hopper
@@ -86,11 +88,13 @@ def orbit_function(
     check_parameters(machine, *names)
     if not names or len({*names}) < len(names):
         raise InputError(f"over = {over!r}; it names the parameters of the function, each once")
+    refuse_hysteresis(machine.model)
     if machine.model.reversor is None:
-        raise InputError(f"a {machine.model.name} has no reversor: its half orbits, which are differentiated, are none")
+        halves = "the second half of its orbits is no mirror image of the first, which is differentiated"
+        raise InputError(f"a {machine.model.name} has no reversor: {halves}")
     machine.with_values(**{each: machine.values[each] for each in names})  # refuses one that follows from others
     whole_number("times", times, "times", least=0)
-    known = orbit if isinstance(orbit, Orbit) else find(machine, orbit)
+    known = known_orbit(machine, orbit, start)
     if known.contact_time is None:
         raise NoOrbit("the orbit has no contact that ends: " + "; ".join(known.violations))
     if texts:

@@ -148,7 +148,7 @@ def formula_names(machine: Machine) -> list[str]:
 
 
 def list_of_names(names: str | Iterable[str]) -> list[str]:
-    """The names in a list, of which one alone may be text."""
+    """The names in a list; a single one may be text."""
     return [names] if isinstance(names, str) else list(names)
 
 

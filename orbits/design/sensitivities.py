@@ -69,11 +69,7 @@ def sensitivities(
     """
     check_parameters(machine)
     formula_names(machine)  # raises for a machine that cannot be designed, before an orbit is searched for
-    if not isinstance(orbit, Orbit):
-        check_start(machine, start)
-        orbit = find(machine, orbit) if start is None else find(machine, start=start)
-    elif start is not None:
-        raise InputError("sensitivities are of an orbit, or of the one near start=: give one of the two")
+    orbit = known_orbit(machine, orbit, start)
     names = free_parameters(machine) if names is None else list_of_names(names)
     # The machine itself determines which of its parameters follow from others.
     machine.with_values(**{name: machine.values[name] for name in names if name in machine.values})
@@ -88,6 +84,16 @@ def sensitivities(
         each: dict(zip(names, row, strict=True)) for each, row in zip(quantities, point.slopes.tolist(), strict=False)
     }
     return Sensitivities(words, slopes, dict(zip(quantities, point.values.tolist(), strict=False)), parameters)
+
+
+def known_orbit(machine: Machine, orbit: Orbit | int, start: StartLike | None) -> Orbit:
+    """The orbit that is stated itself, by the number of its family, or by a start; raises `InputError` for two."""
+    if isinstance(orbit, Orbit):
+        if start is not None:
+            raise InputError("an orbit, or the one near start=, is needed: leave one of the two out")
+        return orbit
+    check_start(machine, start)
+    return find(machine, orbit) if start is None else find(machine, start=start)
 
 
 def _formulas_at(machine: Machine, orbit: Orbit, texts: Sequence[str], over: Sequence[str]) -> DesignPoint:

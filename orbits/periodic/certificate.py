@@ -57,8 +57,10 @@ class Certificate:
     largest_contact_force : its maximum, None where the contact does not end
     landing_jerk : third derivative of the contact point's height at landing; negative on a motion
     loss_coefficient : C of the one-step map alpha + d -> alpha + d - C |d|**(4/3) on the side of alpha where hops land
-        once; on the other, where they bounce once, it is 10 C
-    stable_side : "above", the side from which it attracts; None where the loss is not known to differ from 0
+        once; on the other, where they bounce once, it is 10 C. Where a launch is more than a speed, a hop loses the
+        energy C dE/dalpha |d|**(4/3) if alpha alone is changed, and C has the sign of alpha
+    stable_side : "above", the side from which it attracts; None where the loss is not known to differ from 0, and
+        where a launch is more than a speed: `multipliers` says there what attracts
     violations : the conditions of a motion that it violates, in words; empty for an admissible orbit
     loss_error : estimate of the error of `loss_coefficient`, None where there is none
     unfolding : multiple of the energy gradient added to the equations of motion; None where this is not an unknown
@@ -66,7 +68,8 @@ class Certificate:
         is not known, and along a family
     alpha_per_noise : where that noise is not known, the standard deviation of alpha for each unit of the standard
         deviation of a row's force; else None
-    bounce_side : "above" or "below", the side of alpha on which hops land with a bounce; None if `stable_side` is None
+    bounce_side : "above" or "below", the side of alpha on which hops land with a bounce; None where the loss is not
+        known to differ from 0
     """
 
     family: int
@@ -125,9 +128,9 @@ def certify(model: Model, cycles: Cycles) -> tuple[Records[Certificate], dict[in
     families = _families(curves["extension"], cycles.halves_per_flight)
     with np.errstate(all="ignore"):
         share = 4 / 3 * cycles.slope_error / np.abs(cycles.gap_slope) + LOSS_ROUNDING * EPS
-        losses_off = np.where((loss == NONE) | ~np.isfinite(share), NONE, loss * share)
+        losses_off = np.where((loss == NONE) | ~np.isfinite(share), NONE, np.abs(loss) * share)
     # The sides of a loss that may be 0 are not known.
-    known = (loss != NONE) & (losses_off != NONE) & (losses_off < loss)
+    known = (loss != NONE) & (losses_off != NONE) & (losses_off < np.abs(loss))
     columns: dict[str, Any] = {
         "family": families,
         "residual": cycles.residual,
@@ -139,7 +142,7 @@ def certify(model: Model, cycles: Cycles) -> tuple[Records[Certificate], dict[in
         "largest_contact_force": largest_force,
         "landing_jerk": -jerk,
         "loss_coefficient": loss,
-        "stable_side": _SIDES[np.where(known, 1, 0)],
+        "stable_side": _SIDES[np.where(known & model.one_speed, 1, 0)],
         "violations": violations,
         "unfolding": cycles.u.get("unfolding", np.full(len(cycles), NONE)),
         "loss_error": losses_off,

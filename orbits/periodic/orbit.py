@@ -26,6 +26,7 @@ from .saved_orbit import DOCUMENT_FIELDS, SavedOrbit, check_consistent, machine_
 
 # The notes of a table on the side of a bounce.
 ATTRACTS = {"below": "   (attracts from above; 10 C below)", "above": "   (attracts from above, with 10 C; C below)"}
+BOUNCES = {"below": "   (10 C below)", "above": "   (10 C above)"}  # where it is not known what attracts
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -271,7 +272,8 @@ class Orbit(Result, what="orbit", printed_digits=15):
             text = text if c.alpha_noise is not None else f"not known: {text}"
             yield Row("  by the table's noise", {"alpha_per_noise": c.alpha_per_noise}, (text,))
         within = f"   +- {c.loss_error:.1e} (error of the numerics)" if c.loss_error else ""
-        after, figures = {"loss_coefficient": within + ATTRACTS.get(c.bounce_side or "", "")}, vars(c) | vars(self)
+        sides = ATTRACTS if c.stable_side else BOUNCES
+        after, figures = {"loss_coefficient": within + sides.get(c.bounce_side or "", "")}, vars(c) | vars(self)
         for name, quantity in QUANTITIES.items():
             if name == "rises":
                 unit = units.get(name, "")

@@ -20,7 +20,7 @@ from ..running import interrupts
 from ..simulation.multipliers import HopsDerivative, derivative_of_hops
 from .cycles import INJECT, STEP_ALONG, MapsAlong
 from .diagram import Bifurcation, Branch
-from .periodic_hop import SAME_PERIODIC, PeriodicHop
+from .periodic_hop import SAME_PERIODIC, PeriodicHop, listed_starts
 
 # Steps along a curve, as shares of the ranges; the cosine of the largest turn in one; and the most points of a curve.
 FIRST_LENGTH, LONGEST_LENGTH, SHORTEST_LENGTH, LARGEST_TURN, MOST_LAUNCH_POINTS = 1e-3, 0.05, 1e-6, 0.95, 2000
@@ -251,6 +251,7 @@ class LaunchDiagram:
         self.maps, self.between, self.report = maps, between, progress or (lambda share: None)
         self.branches, self.events = list[Branch](), list[tuple[int, str, LaunchPoint, str]]()
         self._done = 0.0  # the completed share
+        self.refused = ""  # why the last start that leads to no hops does not
         self._points = list[tuple[int, list[LaunchPoint]]]()
 
     def search(self, starts: list[Any], values: list[float]) -> None:
@@ -263,7 +264,8 @@ class LaunchDiagram:
                 for below in (False, True):
                     try:
                         hop = step._periodic(start, period, below)
-                    except NoOrbit:
+                    except NoOrbit as error:
+                        self.refused = str(error)
                         continue
                     self._follow(hop, value)
             self._progress((i + 1) / len(values))
@@ -370,7 +372,7 @@ def launch_diagram(
 ) -> LaunchDiagram:  # fmt: skip
     """The branches of periodic hops that are found from starts at values of the parameter."""
     model = maps.machine.model
-    if starts is None or not len(starts := list(starts)):
+    if starts is None:
         raise InputError(
             f"a launch of a {model.name} has {len(maps.at(maps.low).names)} numbers, which no grid covers: give "
             "starts=[...], lossless orbits or periodic hops"
@@ -381,5 +383,7 @@ def launch_diagram(
             "numbers call the ReturnMap again and again"
         )
     found = LaunchDiagram(maps, between, progress)
-    found.search(starts, values)
+    found.search(listed_starts(starts), values)
+    if not found.branches:
+        raise NoOrbit(f"the starts lead to no hops that come back: {found.refused}")
     return found

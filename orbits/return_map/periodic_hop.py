@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from ..result import Axes, Result, Row, shown, stored
 from ..simulation.launch_section import LaunchSection
 from ..simulation.multipliers import EnergyLoss, HopMultipliers, HopsDerivative, derivative_of_hops
 from ..simulation.simulation import simulate
+from ..units import LIFTOFF_SPEED, Message, Quantity
 
 # Newton's method has converged where the launch comes back within this share of it, and is given up after this many
 # steps, or halvings of one.
@@ -123,7 +125,8 @@ def _beside_lossless(section: LaunchSection, y: np.ndarray, loss: EnergyLoss, in
     """The launch (k,) beside a lossless one that loses about as much as the injection adds."""
     added = float(loss.powers[section.names.index("alpha")]) * inject
     if not added > 0:
-        raise NoOrbit(f"inject = {inject:g} takes energy away here: hops beside the lossless one do not come back")
+        text = "inject = {inject:g} takes energy away here: hops beside the lossless one do not come back"
+        raise NoOrbit(Message(text, inject=Quantity(inject, LIFTOFF_SPEED)))
     c = loss.coefficients[below]
     launch = section.free(y) + (-1 if below else 1) * (added / c) ** 0.75 * loss.direction
     return section.states(launch[None], y[[section.places[section.dependent]]])[0]
@@ -156,8 +159,10 @@ def returning_hops(section: LaunchSection, found: HopsDerivative, inject: float)
         else:
             if distance <= ROUNDED_RETURN:
                 break
-            text = f"no step from the launch {free[0].tolist()} comes nearer to hops of period {period}"
-            raise NoOrbit(f"{text}, whose first and last launch differ by the share {distance:.2g}: start elsewhere")
+            text = "no step from the launch {launch} comes nearer to hops of period {period}, whose first and last "
+            text += "launch differ by the share {share:.2g}: start elsewhere"
+            launch = section.in_words(found.launches[0])
+            raise NoOrbit(Message(text, launch=launch, period=period, share=distance))
         found, distance = nearer, _distance(nearer)
     if distance > ROUNDED_RETURN:
         raise NoOrbit(f"Newton's method did not settle in {MOST_HOP_STEPS} steps: start nearer to the hops")
@@ -181,12 +186,21 @@ def _distance(found: HopsDerivative) -> float:
     return float(np.abs(last - first).max() / (1 + np.abs(first).max()))
 
 
+def listed_starts(starts: Any) -> list[Any]:
+    """Starts in a list; a single one may be an orbit, its file, a periodic hop or a mapping. Raises `InputError` for an
+    empty list."""
+    found = [starts] if isinstance(starts, Result | Mapping | str | Path) else list(starts)
+    if not found:
+        raise InputError("starts = []; give launches, lossless orbits or periodic hops that hops are searched near")
+    return found
+
+
 def different_hops(
-    hop_from: Callable[..., PeriodicHop], starts: list[Any], progress: Callable[[float], None] | None = None
+    hop_from: Callable[..., PeriodicHop], starts: Any, progress: Callable[[float], None] | None = None
 ) -> tuple[PeriodicHop, ...]:
     """The different hops that are found from starts, in their order; starts from which none is found are left out.
     `progress` is called with the completed share of the starts."""
-    found = list[PeriodicHop]()
+    starts, found = listed_starts(starts), list[PeriodicHop]()
     for i, start in enumerate(starts):
         if progress:
             progress(i / len(starts))
@@ -195,7 +209,7 @@ def different_hops(
                 hop = hop_from(start, below=below)
             except NoOrbit:
                 continue
-            size = 1 + np.abs(hop.launches[0]).max()
+            size = np.abs(hop.launches[0]).max()
             if all(np.abs(other.launches[0] - hop.launches[0]).max() > SAME_PERIODIC * size for other in found):
                 found.append(hop)
     return tuple(found)

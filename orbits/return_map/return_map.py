@@ -27,7 +27,7 @@ from ..simulation.launch_section import LaunchSection
 from ..simulation.multiplier import multiplier
 from ..simulation.simulation import simulate
 from ..tables import number_text
-from ..units import DIMENSIONS_OF_HOPS, ENERGY, LIFTOFF_SPEED, Message, Quantity, Units, in_own_units
+from ..units import DIMENSIONS_OF_HOPS, ENERGY, LIFTOFF_SPEED, Message, Quantity, Units, in_own_units, without_units
 from .basins import Basins
 from .launch_hops import hops_of_launches
 from .periodic_hop import PeriodicHop, different_hops, periodic_hop
@@ -264,7 +264,7 @@ class ReturnMap:
         `progress` is called with the completed share of the starts, and with 0 while the grid is refined.
         """
         if starts is not None:
-            return different_hops(self._periodic, list(starts), progress)
+            return different_hops(self._periodic, starts, progress)
         self._check_one_speed("fixed_points(low, high)")
         if low is None or high is None:
             raise InputError("fixed points are searched for between two launch speeds, low and high, or from starts")
@@ -283,7 +283,8 @@ class ReturnMap:
         return self._periodic(start, whole_number("period", period, "hops"))
 
     def _periodic(self, start: Any, period: int = 1, below: bool = False) -> PeriodicHop:
-        return periodic_hop(self.machine, self.section, start, period, self.inject / self._speed, self.cap, below)
+        with without_units(self.units):
+            return periodic_hop(self.machine, self.section, start, period, self.inject / self._speed, self.cap, below)
 
     @in_own_units(LIFTOFF_SPEED, low=LIFTOFF_SPEED, high=LIFTOFF_SPEED)
     def _fixed_points(self, low: float, high: float, samples: int, progress: Progress = None) -> tuple[FixedPoint, ...]:

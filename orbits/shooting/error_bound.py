@@ -76,8 +76,8 @@ def error_bounds(
     # The residuals have rounding errors of their own, as large as the errors they measure: the factor 2 covers these.
     found, alpha = 2 * np.abs(moves), us[:, index]
     shared = np.maximum(_grown_rounding(equations, evaluation, inverse), _carried_rounding(evaluation, weights))
-    floor = shared + np.spacing(alpha)
-    for i in (found > np.maximum(WORST_ERROR * alpha, DOUBTFUL_RATIO * floor)).nonzero()[0].tolist():
+    floor = shared + np.spacing(np.abs(alpha))
+    for i in (found > np.maximum(WORST_ERROR * np.abs(alpha), DOUBTFUL_RATIO * floor)).nonzero()[0].tolist():
         text = "the orbit cannot be certified: launch speed {alpha:.6g} may be off by {error:.1e}{narrow}"
         numbers = {"alpha": Quantity(alpha[i], LIFTOFF_SPEED), "error": Quantity(found[i], LIFTOFF_SPEED)}
         refused.setdefault(i, NoOrbit(Message(text, **numbers, narrow=NARROW)))

@@ -62,7 +62,7 @@ def iterative(method: str) -> str:
 
 
 def equations_of(model: Model, method: str, parameters: tuple[str, ...]) -> Shooting:
-    """The equations that a method solves; raises `NoOrbit` for a spring with hysteresis."""
+    """The equations that a method solves; raises `NoOrbit` for a spring with hysteresis, and as `whole_flight` does."""
     refuse_hysteresis(model)
     if reduction := reduction_of(model, method):
         return shooting_equations(reduction.statement, parameters)
@@ -107,8 +107,14 @@ def whole_flight(model: Model) -> Statement:
 
     Launch speed and flight time are two unknowns for three landing conditions, which can all hold only since energy is
     conserved and by symmetry. So the equations are made square by an unfolding: a multiple of the energy's gradient,
-    a further unknown, is added to the field. It vanishes on an orbit.
+    a further unknown, is added to the field. It vanishes on an orbit. Raises `NoOrbit` for a model whose launch is more
+    than a speed: the landing leaves its other unknowns free.
     """
+    if not model.one_speed:
+        raise NoOrbit(
+            f"a {model.name} has no reversor, as no machine with a damper has: where a launch is more than a speed, "
+            "only orbits whose halves are mirror images of each other are found"
+        )
     flight = model.flight
 
     def field(x, p, q):
@@ -197,7 +203,7 @@ def interpret(
     p = dict(zip(equations.parameters, ps.T, strict=True))
     flight, halves, gap_slope, growth = _flights(model, method, u, p, evaluation)
     # The derivatives change with the error of alpha.
-    slope_error = SLOPE_CHANGE * growth * evaluation.amplification**2 * errors / u["alpha"]
+    slope_error = SLOPE_CHANGE * growth * evaluation.amplification**2 * errors / np.abs(u["alpha"])
     # Where the launch has several speeds, the contact up to its middle is a part of the equations.
     if len(evaluation.trajectories) > 1:
         contacts: Any = np.arange(len(us)), evaluation.trajectories[1].only(evaluation.trajectories[1].names), {}

@@ -121,6 +121,10 @@ class Branches:
         places = np.linspace(low, high, SAMPLES_OF_WIDTH)
         return NOISE * float(np.abs(laws[0](places) - laws[1](places)).max())
 
+    def on(self, side: int, x: np.ndarray, contact: bool = False) -> Impacts:
+        """The impacts on a branch, as `branch` has it from a flight or a contact state on."""
+        return self.of[side] if side else self.stuck(x, contact)
+
     def stuck(self, x: np.ndarray, contact: bool = False) -> Impacts:
         """The machine while its spring sticks, with the force that keeps the extension of a flight or contact state."""
         free, pulled = (float(self._turns(each, x[None], contact)[0]) for each in self._pulls)

@@ -5,12 +5,14 @@ that 2N - 3 numbers determine it: the unknowns of the launch but one, which foll
 """
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..errors import InputError
-from ..units import UNKNOWNS, Dimension, Units, dimension_of_state
+from ..periodic.orbit import start_in_file
+from ..units import UNKNOWNS, Dimension, Message, Units, described, dimension_of_state
 from .impacts import Impacts
 
 # Newton's method for the unknown that follows from the others has converged at this change, as a share of the launch.
@@ -56,6 +58,10 @@ class LaunchSection:
         """The free unknowns (..., d) of launches, contact states (..., k)."""
         return ys[..., self._free]
 
+    def in_words(self, y: np.ndarray) -> Message:
+        """The free unknowns of a launch (k,) in a message."""
+        return described(self.names, self.free(y))
+
     def unknowns_of(self, y: np.ndarray) -> dict[str, float]:
         """The unknowns of a launch (k,) by name."""
         return {name: float(y[place]) for name, place in self.places.items()}
@@ -87,9 +93,10 @@ class LaunchSection:
 
     def parsed(self, launch: Any) -> tuple[np.ndarray, np.ndarray | None]:
         """Launches (..., d), and values (...) of the dependent unknown if they are stated: from an array (..., d) of
-        the free unknowns, a mapping of arrays (...) by name, or an orbit or a periodic hop, which begins with a launch.
-        Raises `InputError` for anything else."""
+        the free unknowns, a mapping of arrays (...) by name, or an orbit, its file or a periodic hop, which begins with
+        a launch. Raises `InputError` for anything else."""
         names, text = self.names, f"a launch of this machine is an array (..., {len(self.names)}) or a mapping"
+        launch = start_in_file(launch) if isinstance(launch, str | Path) else launch
         if callable(launch) and hasattr(launch, "flight_time"):
             launch = self.impacts.model.launch_at(launch(0.0))
         elif hasattr(launch, "launches"):

@@ -13,7 +13,7 @@ from ..model.machine import Machine, dimensionless, machine_in_words
 from ..periodic.loss_coefficient import loss_coefficient
 from ..result import Axes, Result, Row, shown, stored
 from ..running.exclusive import exclusive
-from ..units import LIFTOFF_SPEED, Units
+from ..units import LIFTOFF_SPEED, Message, Quantity, Units, without_units
 from .impacts import FASTEST_LAUNCH, Impacts, injected
 from .launch_section import LaunchSection
 from .multiplier import HopDerivative, hop_derivative
@@ -69,7 +69,7 @@ class HopMultipliers(Result, what="multipliers", in_line=("values",), document_i
     @property
     def returns(self) -> bool:
         """Whether the launch comes back after the hops, so that it is periodic."""
-        return bool(np.abs(self.following - self.launch).max() <= COMES_BACK * (1 + np.abs(self.launch).max()))
+        return bool(np.abs(self.following - self.launch).max() <= COMES_BACK * np.abs(self.launch).max())
 
     @property
     def stability(self) -> str:
@@ -164,8 +164,9 @@ def multipliers(machine: Machine, launch: Any, *, hops: int = 1, inject: float =
     speed = units.of(LIFTOFF_SPEED) if units else 1.0
     section = LaunchSection(Impacts(dimensionless(machine)), units)
     first = section.launch(launch)
-    found = derivative_of_hops(section, first, whole_number("hops", hops, "hops"), injected(inject, speed) / speed)
-    return found.as_result(machine)
+    count, added = whole_number("hops", hops, "hops"), injected(inject, speed) / speed
+    with without_units(units):
+        return derivative_of_hops(section, first, count, added).as_result(machine)
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,12 +231,13 @@ def derivative_of_hops(section: LaunchSection, y: np.ndarray, count: int, inject
     for _ in range(count):
         x = impacts.model.embed @ y
         if np.abs(x).max() > FASTEST_LAUNCH or not impacts.opens(x[None])[0]:
-            raise NoOrbit(f"launch = {section.free(y).tolist()} is no launch: the contact would not open")
+            raise NoOrbit(Message("{launch} is no launch: the contact would not open", launch=section.in_words(y)))
         hop = hop_derivative(impacts, x, impacts.model.embed @ section.tangent(y))
         matrix = section.free(hop.derivative.T).T @ matrix
         (y,) = section.injected(hop.liftoff[None], inject)
         if not np.isfinite(y).all():
-            raise NoOrbit(f"inject = {inject:g}: the contact force vanishes at no '{section.dependent}' of the launch")
+            text = "inject = {inject:g}: the contact force vanishes at no '{name}' of the launch"
+            raise NoOrbit(Message(text, inject=Quantity(inject, LIFTOFF_SPEED), name=section.dependent))
         launches.append(y)
         hops.append(hop)
     return HopsDerivative(section, np.array(launches), matrix, tuple(hops))

@@ -13,13 +13,14 @@ from ..errors import InputError
 from ..flow.forces import spring_forces, units_of_springs
 from ..flow.trajectory import Trajectory
 from ..io import Document, fields_in_line
-from ..model.machine import Machine, machine_in_words
+from ..model.machine import Machine, dimensionless, machine_in_words
 from ..model.model import CONTACT_FORCE, Knee
 from ..model.phase import Affine
 from ..model.state_formula import StateFormula
 from ..numerics.polynomial_roots import lowest
 from ..result import TABLE_ROWS, Axes, Report, Result, Row, known, shown
 from ..units import ENERGY, FORCE, LENGTH, LIFTOFF_SPEED, TIME, Units, in_units
+from .hysteresis import Branches
 
 # The dimensions of a simulation's numbers by name; those of states are lengths and speeds.
 DIMENSIONS_OF_SIMULATIONS = {
@@ -58,13 +59,13 @@ class ContactEvent:
 class Leg:
     """A flight or a contact: its phase's name, when it starts, and its motion from there.
 
-    machine : with the law of the branch on which a spring with hysteresis is, without units; None without such a spring
+    branch : of a spring with hysteresis, as `Branches.branch` has it; None without such a spring
     """
 
     phase: str
     start: float
     path: Trajectory
-    machine: Machine | None = field(default=None, kw_only=True)
+    branch: int | None = field(default=None, kw_only=True)
 
 
 @dataclass(frozen=True, repr=False)
@@ -218,9 +219,12 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
         dimensions = [model.spring_dimensions.get(name, FORCE) for name in model.spring_forces]
         sizes = np.array([1.0 if units is None else units.of(each) for each in dimensions])
         bare = 1.0 if units is None else units.of_states(model.flight.states)
+        branches = Branches(dimensionless(self.source))
 
         def forces(leg: Leg, since: np.ndarray) -> np.ndarray:
-            found = spring_forces(leg.machine, self._flight_states(leg, since) / bare)
+            first, contact = self._flight_states(leg, np.zeros(1))[0] / bare, leg.phase == "contact"
+            impacts = branches.on(leg.branch or 0, branches.of[1].onto_contact @ first if contact else first, contact)
+            found = spring_forces(impacts.machine, self._flight_states(leg, since) / bare)
             return np.stack([*found.values()], axis=-1) * sizes
 
         found = rows_of_legs(self.legs, self.end, t, forces, self._second)

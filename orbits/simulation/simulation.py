@@ -63,7 +63,7 @@ def simulate(
     schedule : (times (k + 1,), values (k,) of parameters by name): the piecewise constant inputs of an actuator; before
         and after these times the machine's own values hold
 
-    All numbers are in the machine's units. A hop from a launch that is "undecided" in the `ReturnMap` ends the
+    All numbers are in the machine's units. A hop from a launch speed that is "undecided" in the `ReturnMap` ends the
     simulation with that status, at the landing after its many bounces. Raises `InputError` for invalid arguments, such
     as a launch at which the contact would not open.
 
@@ -169,7 +169,8 @@ def _launch_state(impacts: Impacts, launch) -> tuple[np.ndarray, float]:
             # The unknown that follows from the others may be left out.
             launch = section.unknowns_of(section.launch(launch))
         if unknown := sorted(set(names) ^ launch.keys()):
-            raise InputError(f"alpha: a launch of this machine is told by {', '.join(names)}; not so '{unknown[0]}'")
+            wrong = f"has no '{unknown[0]}'" if unknown[0] in launch else f"needs '{unknown[0]}'"
+            raise InputError(f"alpha: a launch of this machine has the numbers {', '.join(names)}: it {wrong}")
         named = {name: finite_number(name, launch[name]) for name in names}
         return np.array([impacts.model.launch(named, impacts.values)], dtype=float), named["alpha"]
     if not 0 < (alpha := finite_number("alpha", launch)) <= FASTEST_LAUNCH:
@@ -189,7 +190,7 @@ class _Run:
         self.now, self.impact_count, self.liftoff_count, self.reason = 0.0, 0, 0, ""
         self.launch: np.ndarray | None = None  # the state in which the hop began, where it began with a lift-off
 
-    machine_of_leg: Machine | None = None
+    branch: int | None = None  # that of the leg, of a spring with hysteresis
 
     @property
     def machine(self) -> Machine:
@@ -304,7 +305,7 @@ class _Run:
 
     def add_leg(self, phase: str, path: Trajectory, status: str | None, until: float | None = None) -> str | None:
         """Store a leg, which ends at `until` if not None; returns "done" at the end of the time, else `status`."""
-        self.legs.append(Leg(phase, self.now, path, machine=self.machine_of_leg))
+        self.legs.append(Leg(phase, self.now, path, branch=self.branch))
         lasted = float(path.times[-1])
         over = until is None and (lasted >= self.time - self.now or self.now + lasted >= self.time)
         self.now = self.time if over else self.now + lasted if until is None else until
@@ -417,8 +418,7 @@ class _HystereticRun(_Run):
 
     def use(self, side: int, state: np.ndarray, contact: bool = False):
         """Go on with the impacts of a branch, or with those of the spring that sticks."""
-        self.impacts = self.branches.of[side] if side else self.branches.stuck(state, contact)
-        self.machine_of_leg = self.impacts.machine
+        self.branch, self.impacts = side, self.branches.on(side, state, contact)
 
     def slips(self, path: Trajectory, size: int, rate: Affine) -> bool:
         """Whether a phase with a spring that sticks and a constant force is not its motion, with the reason."""

@@ -151,6 +151,9 @@ def question_of(
         check_start(machine, start)
     if outcome != "find" and (quantities or families != (1,)):
         raise InputError(f"outcome = {outcome!r} has no families and no quantities: leave them out")
+    if outcome != "find" and not machine.model.one_speed:
+        remedy = "sweep its orbits from start=, or call ReturnMap(machine) with launches"
+        raise InputError(f"outcome = {outcome!r}: a launch of a {machine.model.name} is more than a speed; {remedy}")
     if (outcome == "map") != (LAUNCH_SPEED in members.names):
         raise InputError(f"'{LAUNCH_SPEED}', a launch speed, is swept over with outcome = 'map', and only then")
     if (outcome == "fixed_points") != (between is not None):

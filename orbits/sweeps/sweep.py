@@ -161,7 +161,7 @@ def _computed(
     statuses = Counter(store.statuses() if store else {})
     chunks, before, shown = chunks_of(question, done), int(done.sum()), began
 
-    def tell(now: int) -> None:
+    def show_state(now: int) -> None:
         nonlocal shown
         shown, seconds = time.perf_counter(), time.perf_counter() - began
         left = (count - now) * seconds / max(now - before, 1)
@@ -169,7 +169,7 @@ def _computed(
 
     def within_chunk(more: int) -> None:
         if time.perf_counter() - shown > SILENT:
-            tell(min(int(done.sum()) + more, count - 1))
+            show_state(min(int(done.sum()) + more, count - 1))
 
     try:
         with interrupts.deferred():
@@ -180,7 +180,7 @@ def _computed(
                     _put(table, part)
                 done[part.members] = True
                 statuses.update(part.columns["status"])
-                tell(int(done.sum()))
+                show_state(int(done.sum()))
         if table is None:
             assert store is not None
             table = store.read()

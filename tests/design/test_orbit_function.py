@@ -5,7 +5,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from orbits import InputError, find, find_all, optimize, orbit_function, sensitivities, starts
+from orbits import InputError, NoOrbit, find, find_all, optimize, orbit_function, sensitivities, starts
 from problems import Chain, HeavyHand, Hopper, hopper_in_si, knee_hopper, plate_hopper, springs
 
 CUBIC = Hopper("r + beta*r**3", mass_ratio=0.5, rest_length=10, parameters={"beta": 0.3})
@@ -161,3 +161,18 @@ class TestRefusals:
     def test_bad_input(self, arguments, options, words):
         with pytest.raises(InputError, match=words):
             orbit_function(CUBIC, *arguments, **options)
+
+    def test_machines_that_lose_energy(self):
+        with pytest.raises(NoOrbit, match="hysteresis loses energy on every hop"):
+            orbit_function(Hopper(springs.lossy("r", loss_factor=0.1)), "loss_factor")
+        with pytest.raises(InputError, match="a hopper has no reversor: the second half of its orbits is no mirror"):
+            orbit_function(Hopper(damping=0.1), "damping")
+
+    def test_a_start_stands_for_the_orbit(self, tmp_path):
+        orbit, machine = of_plate(plate_hopper()), plate_hopper()
+        near = orbit_function(machine, "m3", start=orbit.save(tmp_path / "hop.json"))
+        assert float(near(1.0)[0][1]) == pytest.approx(orbit.alpha, rel=1e-12)
+        with pytest.raises(InputError, match="families of a hopper on a plate are not guessed: give start="):
+            orbit_function(machine, "m3")
+        with pytest.raises(InputError, match="leave one of the two out"):
+            orbit_function(machine, "m3", orbit, start=orbit)

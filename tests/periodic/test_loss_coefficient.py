@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from thirty_digits import exact_alpha, series
 
-from orbits import find, follow, orbit_at
+from orbits import Mechanism, find, find_all, follow, multipliers, orbit_at, simulate, starts
 from orbits.flow.flow import flow_of
+from orbits.mechanics import Mass, Spring
 from orbits.periodic.loss_coefficient import by_launch_speed, launch_power
 from orbits.shooting.formulations import landing_gap_slope
 from problems import Hopper, Juggler
@@ -124,3 +125,24 @@ def test_the_loss_coefficient_of_the_cubic_spring_has_all_its_digits():
         assert abs(point.certificate.loss_coefficient - exact) <= point.certificate.loss_error <= 1e-6 * exact
         worst = max(worst, abs(point.certificate.loss_coefficient / exact - 1))
     assert worst < 1e-7
+
+
+def test_where_the_launched_mass_moves_down_at_lift_off():
+    """A launch of three numbers, an unstable one: its speed alone is changed, and the energy falls by the local law."""
+    masses = [Mass(name, 1.0) for name in ("a", "b", "c")]
+    column = Mechanism(
+        ("a", "b", "c"), [*masses, Spring("a - b", "r + 0.02*r**3"), Spring("b - c", "1.2*r")], gap="c", launch="a"
+    )
+    orbit = min(find_all(column, starts(column, 4.0, 4.0)), key=lambda hop: hop.alpha)
+    assert orbit.alpha == pytest.approx(-2.1357131, abs=1e-7)
+    certificate, energy = orbit.certificate, -orbit.alpha  # its derivative by the speed downwards
+    assert certificate.loss_coefficient < 0 < certificate.loss_error < 1e-9
+    assert certificate.stable_side is None
+    assert multipliers(column, orbit).stability == "unstable"
+    once = 1 if certificate.bounce_side == "below" else -1
+    launch = column.model.launch_at(orbit(0.0))
+    for side, factor, impacts in ((once, 1, 1), (-once, 10, 2)):
+        run = simulate(column, {**launch, "alpha": orbit.alpha + side * 1e-7}, hops=1)
+        assert sum(event.kind in ("impact", "landing") for event in run.events) == impacts
+        law = -factor * certificate.loss_coefficient * energy * 1e-7 ** (4 / 3)
+        assert sum(event.loss for event in run.events) == pytest.approx(law, rel=0.03)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from columns import column, hop_of
 
-from orbits import InputError, ReturnMap, bifurcations, find
+from orbits import InputError, NoOrbit, ReturnMap, bifurcations, find
 from orbits.return_map.cycles import MapsAlong
 from orbits.return_map.launch_branches import launch_diagram
 from problems import Hopper, chain_hand
@@ -67,5 +67,13 @@ def test_along_a_parameter_of_the_machine():
 def test_refusals(options, message):
     with pytest.raises(InputError, match=message):
         bifurcations(chain_hand((1, 1, 1)), "inject", (0.01, 0.02), (2.5, 3.2), **options)
+    with pytest.raises(InputError, match=r"starts = \[\]; give launches"):
+        bifurcations(chain_hand((1, 1, 1)), "inject", (0.01, 0.02), (2.5, 3.2), starts=[])
     with pytest.raises(InputError, match="leave them out"):
         bifurcations(Hopper(), "inject", (0.01, 0.02), (4.4, 4.7), starts=[4.5])
+
+
+def test_starts_that_lead_nowhere_are_said_to_and_nothing_of_other_hops():
+    machine, orbit = hop_of("chain_hand")
+    with pytest.raises(NoOrbit, match=r"lead to no hops that come back: inject = -0\.01 takes energy away"):
+        bifurcations(machine, "inject", (-0.02, -0.01), (2.5, 3.2), starts=orbit, sections=2)

@@ -31,6 +31,18 @@ def test_fixed_points_beside_a_lossless_hop(kind):
     )
 
 
+def test_one_orbit_alone_or_its_file_is_a_start_and_none_is_not(tmp_path):
+    machine, orbit = hop_of("chain_hand")
+    step = ReturnMap(machine, inject=1e-3)
+    alone, listed = step.fixed_points(starts=orbit), step.fixed_points(starts=[orbit])
+    assert [hop.launches.tolist() for hop in alone] == [hop.launches.tolist() for hop in listed]
+    file = orbit.save(tmp_path / "hop.json")
+    assert [hop.launches.tolist() for hop in step.fixed_points(starts=file)] == [hop.launches.tolist() for hop in alone]
+    assert multipliers(machine, str(file)).values.tolist() == multipliers(machine, orbit).values.tolist()
+    with pytest.raises(InputError, match=r"starts = \[\]; give launches"):
+        step.fixed_points(starts=[])
+
+
 def test_a_stable_fixed_point_attracts():
     machine, orbit = hop_of()
     step = ReturnMap(machine, inject=1e-3)

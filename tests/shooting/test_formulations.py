@@ -4,9 +4,10 @@ import dataclasses
 
 import numpy as np
 import pytest
+from columns import column
 from conftest import REFERENCES, machine_of
 
-from orbits import InputError, find
+from orbits import InputError, NoOrbit, find
 from orbits.shooting.formulations import contact_force_row, half_orbit, whole_flight
 from problems import Hopper
 from problems.laws import springs
@@ -79,3 +80,10 @@ def test_the_row_of_the_contact_force_is_the_force():
     assert row(rows) == pytest.approx(rows[:, contact.names.index("contact force")], abs=0.0)
     extension = rows[:, 0]  # the foot stands: weights 1 and 2, less what the spring pulls up
     assert row(rows) == pytest.approx(1.0 - extension - 0.1 * extension**3, abs=1e-12)
+
+
+def test_a_damped_machine_whose_launch_is_more_than_a_speed_has_no_equations():
+    machine = column(damping=0.1)
+    start = {**dict.fromkeys(("liftoff", "alpha", "y1", "y1'", "duration", "contact_duration"), 1.0), "unfolding": 0.0}
+    with pytest.raises(NoOrbit, match="a column has no reversor, as no machine with a damper has"):
+        find(machine, start=start)

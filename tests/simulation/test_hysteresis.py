@@ -6,7 +6,19 @@ import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
 
-from orbits import InputError, Mechanism, NoOrbit, ReturnMap, find, find_all, follow, multiplier, simulate, starts
+from orbits import (
+    InputError,
+    Mechanism,
+    NoOrbit,
+    ReturnMap,
+    Simulation,
+    find,
+    find_all,
+    follow,
+    multiplier,
+    simulate,
+    starts,
+)
 from orbits.mechanics import Mass, Spring
 from problems import Chain, Hopper, Juggler, hopper_in_si, springs
 
@@ -129,6 +141,19 @@ def test_a_spring_that_sticks_falls_as_one_body():
     still = simulate(machine, 2.0, time=40.0)
     assert (still.status, still.end) == ("done", 40.0)
     assert np.abs(still(39.0) - still(40.0)).max() < 1e-12
+
+
+def test_a_file_of_a_simulation_has_the_forces_of_the_branches(tmp_path):
+    law = springs.lossy("k*r", loss_factor=0.03, k=2000.0)
+    of_each = [(SPRINGS["friction"], 4.7), (springs.hysteretic("r + 3", "r - 3"), 2.0)]
+    machines = [(Hopper(own, mass_ratio=0.5), speed) for own, speed in of_each]
+    for i, (machine, speed) in enumerate([*machines, (hopper_in_si(2.0, 1.0, force=law), 1.2)]):
+        run = simulate(machine, speed, hops=1)
+        again = Simulation.load(run.save(tmp_path / f"{i}.json"), machine)
+        assert [leg.branch for leg in again.legs] == [leg.branch for leg in run.legs]
+        t = np.linspace(0, run.end, 40)
+        for name, force in run.forces(t).items():
+            np.testing.assert_array_equal(again.forces(t)[name], force)
 
 
 def test_the_loss_tends_to_that_of_the_mean_laws_hop_with_the_loop():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from columns import CUBIC, column
 
-from orbits import ReturnMap, simulate
+from orbits import InputError, ReturnMap, simulate
 from orbits.simulation.impacts import Impacts
 from orbits.simulation.launch_section import LaunchSection
 from problems import Hopper, plate_hopper
@@ -61,3 +61,15 @@ def test_a_simulation_with_injection_is_the_map():
     assert sum(event.loss for event in run.events if event.kind != "lift-off") == pytest.approx(
         step(launch).loss + second.loss, rel=1e-9
     )
+
+
+@pytest.mark.parametrize(
+    ("machine", "launch", "wrong"),
+    [
+        (Hopper(), {"alpha": 4.6}, "has the numbers liftoff, alpha: it needs 'liftoff'"),
+        (column(), {"liftoff": 1.0, "alpha": 6.4, "y1": -1.2, "y1'": 1.1, "y9": 0.0}, "it has no 'y9'"),
+    ],
+)
+def test_a_launch_that_lacks_a_number_or_has_another(machine, launch, wrong):
+    with pytest.raises(InputError, match=wrong):
+        simulate(machine, launch, hops=1)

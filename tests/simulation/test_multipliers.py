@@ -5,8 +5,9 @@ import pytest
 from columns import CUBIC, column, hop_of
 from scipy.linalg import expm
 
-from orbits import HopMultipliers, InputError, NoOrbit, ReturnMap, find, multiplier, multipliers
-from problems import Hopper, chain_hand, plate_hopper
+from orbits import HopMultipliers, InputError, NoOrbit, ReturnMap, find, find_all, multiplier, multipliers, starts
+from orbits.mechanics import Ground
+from problems import Hopper, chain_hand, hopper_in_si, plate_hopper
 
 STENCIL = np.array([-2.0, -1.0, 1.0, 2.0])
 
@@ -123,11 +124,29 @@ def test_what_multipliers_say():
     assert "linearly stable to first order" in str(inside)
 
 
+SI = hopper_in_si(2.0, 1.0, force="k*r", parameters={"k": 2000.0}, ground=Ground(1.5, 3000.0))
+
+
+def test_launches_and_injections_in_messages_are_in_si():
+    with pytest.raises(NoOrbit, match=r"^alpha = -4 m/s, ground = 0 m, ground' = 0 m/s is no launch"):
+        multipliers(SI, (-4.0, 0.0, 0.0))
+    orbit = find_all(SI, starts(SI))[0]
+    with pytest.raises(NoOrbit, match=r"^inject = -0\.001 m/s takes energy away here"):
+        ReturnMap(SI, inject=-1e-3).periodic_hop(orbit)
+
+
+def test_a_small_machine_comes_back_as_a_large_one_does():
+    """The distance of a launch to the next is a share of it, whatever the units."""
+    changed = np.array([1.0 + 1e-5])
+    for size in (1.0, 1e-4):
+        assert HopMultipliers(("alpha",), size * changed, np.array([size]), np.eye(1)).stability == "not periodic"
+
+
 @pytest.mark.parametrize(
     ("launch", "error", "message"),
     [
         (4.6, InputError, "an array .* 3.* of alpha, y1, y1'"), ({"alpha": 4.6, "y1": 0.0}, InputError, "needs 'y1''"),
-        ((1.0, 0.0, np.nan), InputError, "one launch is 3 numbers"), ("x", InputError, "a launch is numbers"),
+        ((1.0, 0.0, np.nan), InputError, "one launch is 3 numbers"), ("x", InputError, "x is not a saved orbit"),
         ({"alpha": 4.6, "y1": 0.0, "y1'": 0.0, "y9": 1.0}, InputError, "no 'y9'"),
         ((-1.0, 0.0, 0.0), NoOrbit, "no launch: the contact would not open"),
     ],

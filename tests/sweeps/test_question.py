@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import norm
 
 from orbits import InputError, sweep
-from problems import Hopper
+from problems import Hopper, plate_hopper
 
 
 @pytest.mark.parametrize(
@@ -43,6 +43,20 @@ from problems import Hopper
 def test_what_cannot_be_asked_is_refused_at_once(arguments, options, said):
     with pytest.raises(InputError, match=said):
         sweep(Hopper("cubic"), *arguments, **options)
+
+
+@pytest.mark.parametrize(
+    ("over", "options"),
+    [
+        ({"alpha": (0.0, 6.4)}, {"outcome": "map"}),
+        ({"m3": (0.9, 1.1)}, {"outcome": "fixed_points", "between": (3.0, 5.0)}),
+    ],
+)
+def test_the_return_map_is_not_swept_where_a_launch_is_more_than_a_speed(over, options):
+    """Three speeds are no launch of three numbers."""
+    said = f"outcome = '{options['outcome']}': a launch of a hopper on a plate is more than a speed; sweep its orbits"
+    with pytest.raises(InputError, match=said):
+        sweep(plate_hopper(), over, 3, **options)
 
 
 @pytest.mark.parametrize("kind", [tuple, list, np.array])

@@ -173,3 +173,18 @@ def test_a_column_in_si_is_the_chain_without_units():
     np.testing.assert_allclose(found["alpha"], expected["alpha"] * length / time, rtol=1e-11)
     np.testing.assert_allclose(found["stroke"], expected["stroke"] * length, rtol=1e-11)
     assert found.orbit(1).alpha == pytest.approx(found["alpha"][1], rel=1e-12)
+
+
+def test_a_member_that_is_not_certified_alone_lacks_the_numbers_that_need_it(monkeypatch):
+    machine = Hopper("cubic", rest_length=9.0)
+
+    def refused(machine, unknowns):
+        raise NoOrbit("it cannot be certified")
+
+    over, options = {"beta": [0.1, 0.2]}, {"start": find(machine), "quantities": ["largest_spring_force", "stroke"]}
+    whole = sweep(machine, over, **options)
+    monkeypatch.setattr("orbits.design.designs_at_once.orbit_from_unknowns", refused)
+    found = sweep(machine, over, **options)
+    assert np.isfinite(whole["largest_spring_force"]).all()
+    assert np.isnan(found["largest_spring_force"]).all()
+    np.testing.assert_array_equal(found["stroke"], whole["stroke"])

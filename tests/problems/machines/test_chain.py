@@ -136,8 +136,10 @@ class TestSimulation:
         assert sum(event.loss for event in run.events) < 1e-15
 
     def test_beside_it_the_loss_has_the_local_law(self, three):
-        """C d^(4/3) dE/dalpha on the side that attracts; ten times that on the other, as for two masses."""
+        """C d^(4/3) dE/dalpha on the side without a bounce; ten times that on the other, as for two masses."""
         orbit = next(o for o in three if abs(o.alpha - 6.3478627438) < 1e-9)
+        assert (orbit.certificate.stable_side, orbit.certificate.bounce_side) == (None, "below")
+        assert "(10 C below)" in str(orbit)
         for side, factor, impacts in ((1, 1, 1), (-1, 10, 2)):
             for d in (1e-6, 1e-8):
                 run = simulate(Chain(), {**launch_of(orbit), "alpha": orbit.alpha + side * d}, hops=1)
