@@ -360,10 +360,10 @@ class Impacts:
 
 def decided_impacts(impacts: Impacts, alpha: np.ndarray, cap: int) -> tuple[np.ndarray, ...]:
     """`impacts_from` launches with speeds (m,), with losses of the launch speed's square."""
-    too_fast = alpha > FASTEST_LAUNCH
-    launch, per = lambda speeds: impacts.launch(np.minimum(speeds, FASTEST_LAUNCH)), impacts.launch_inertia
-    neighbours = launch(alpha * (1 + NEIGHBOUR)) if impacts.restitution >= MANY_BOUNCES else None
-    return impacts_from(impacts, launch(alpha), cap, neighbours, 0.5 * per, alpha**2, too_fast)
+    too_fast, followed = alpha > FASTEST_LAUNCH, np.minimum(alpha, FASTEST_LAUNCH)
+    nearly = np.minimum(alpha * (1 + NEIGHBOUR), FASTEST_LAUNCH)
+    neighbours, per = impacts.launch(nearly) if impacts.restitution >= MANY_BOUNCES else None, impacts.launch_inertia
+    return impacts_from(impacts, impacts.launch(followed), cap, neighbours, 0.5 * per, followed**2, too_fast)
 
 
 def impacts_from(
