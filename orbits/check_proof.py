@@ -349,26 +349,20 @@ class Field:
         return Values(zip(self.states, x, strict=True), pieces)
 
     def pieces_of(self, x: Sequence[arb]) -> tuple[int, ...]:
-        """The piece of a law that states are on, or the two pieces."""
+        """The pieces of a law that states may be on."""
         values = self.values(x)
         ends = enumerate(pairwise([values[edge] for edge in self.edges]))
-        found = tuple(k for k, (low, high) in ends if not (low < 0 or high > 0))
-        if len(found) > 2:
-            raise Unverified("the motion is on several pieces of a law at once")
-        return found
+        return tuple(k for k, (low, high) in ends if not (low < 0 or high > 0))
 
     def linear(self, end: tuple[list[arb], list[arb], arb_mat], of: Tree) -> tuple[arb, list[arb]]:
         """A function of the states at an end of a passage: its value for c, and its derivatives by w for all."""
         centre, at = (self.values(x, self.pieces_of(x)) for x in end[:2])
         return centre[of], (arb_mat([[at[each] for each in self.gradient(of)]]) * end[2]).tolist()[0]
 
-    def time_across(self, x: Sequence[arb], edge: int) -> Fraction:
-        """About the time in which states cross an edge, and more."""
-        values, of, bit = self.values(x), self.edges[edge], arb(2) ** (16 - ctx.prec)
-        time = 3 * values[of].abs_upper() / abs(values[self.along(of, 1)].mid()) + bit
-        if not time.is_finite():
-            raise Unverified("the motion does not cross the place where two pieces of a law meet")
-        return Fraction(float(time))
+    def time_across(self, x: Sequence[arb], edge: int) -> arb:
+        """About the time in which states cross an edge, and more; no number where they do not."""
+        values, of = self.values(x), self.edges[edge]
+        return 3 * values[of].abs_upper() / abs(values[self.along(of, 1)].mid()) + arb(2) ** (16 - ctx.prec)
 
     def step(self, rows: list[list[Any]], length: Fraction, order: int) -> "Part":
         """A step from rows, at most as long as said: on the piece that they are on, up to its end, or across that.
@@ -386,34 +380,23 @@ class Field:
                 on, off = (middle, off) if stay else (on, middle)
             end = part.states(ball(off))
             edge = max(pieces + self.pieces_of(end))
-            if on > self.time_across(end, edge):
-                return part.up_to(on)
-        time = self.time_across(start, edge)
-        part = Part(self, (edge - 1, edge), rows, time, order)
-        if time > length or len(self.pieces_of(part.states(part.h))) > 1:
-            raise Unverified("the place where two pieces of a law meet is not crossed")
-        return part.up_to(time)
+            if ball(on) > 2 * (near := self.time_across(end, edge)):
+                return part.up_to(on - Fraction(float(near)))
+        across = self.time_across(start, edge)
+        if across < ball(length):
+            part = Part(self, (edge - 1, edge), rows, time := Fraction(float(across)), order)
+            if len(self.pieces_of(part.states(part.h))) == 1:
+                return part.up_to(time)
+        raise Unverified("the place where two pieces of a law meet is not crossed")
 
-    def good_step(self, rows: list[list[Any]], length: Fraction, shortest: Fraction, order: int,
-                  good: Callable[["Part"], bool]) -> tuple["Part", Fraction]:  # fmt: skip
-        """A step from rows, at most as long as said and halved until it is good, and how long the next one may be."""
-        try:
-            part = self.step(rows, length, order)
-            if good(part):
-                return part, length * Fraction(5, 4)
-            raise Unverified("the step is too long")
-        except Unverified as reason:
-            if length < shortest:
-                raise Unverified(f"the motion is not enclosed: {reason}") from None
-        return self.good_step(rows, length / 2, shortest, order, good)
-
-    def end(self, x: Sequence[arb], time: Fraction) -> list[arb]:
-        """The states a time after these."""
-        x, left, length, order = list(x), time, time, int(ORDER_PER_BIT * ctx.prec)
+    def end(self, x: Sequence[arb], time: Fraction) -> Sequence[arb]:
+        """The states a time after these. Raises `Unverified` where a step adds much to their errors."""
+        small, left = arb(2) ** (12 - ctx.prec), time
         while left:
-            rows = [[each] for each in x]
-            part, length = self.good_step(rows, min(length, left), SHORTEST * time, order, Part.is_sharp)
-            x, left = part.states(part.h), left - part.time
+            part = self.step([[each] for each in x], left, int(ORDER_PER_BIT * ctx.prec))
+            before, x, left = x, part.states(part.h), left - part.time
+            if not all(d.rad() <= small * (1 + abs(d)) + 4 * c.rad() for c, d in zip(before, x, strict=True)):
+                raise Unverified("the step is too long")
         return x
 
 
@@ -489,16 +472,6 @@ class Part:
                 raise Unverified("the step leaves a piece of a law")
         return self
 
-    def is_sharp(self) -> bool:
-        """Whether the step adds little to the errors of its start."""
-        small, ends = arb(2) ** (12 - ctx.prec), zip(self.polynomials, self.states(self.h), strict=False)
-        return all(d.rad() <= small * (1 + abs(d)) + 4 * row[0](0).rad() for row, d in ends)
-
-    def is_mild(self) -> bool:
-        """Whether the remainders of the derivatives are small."""
-        rests = (each[DERIVED_ORDER] * self.h**DERIVED_ORDER for row in self.polynomials for each in row[1:])
-        return all(abs(each) < COARSE for each in rests)
-
 
 def moved(values: Sequence[arb], matrix: arb_mat, deviations: Sequence[arb]) -> list[arb]:
     """Values and a matrix times deviations from these."""
@@ -515,9 +488,19 @@ class Passage:
         self.field, self.parts, box = field, list[Part](), moved(centre, seeds, reach)
         self.start, left, length = (list(centre), box, seeds), Fraction(1), FIRST
         while left:
-            rows = [[x, *row] for x, row in zip(box, one.tolist(), strict=True)]
-            part, length = field.good_step(rows, min(length, left), SHORTEST, DERIVED_ORDER, Part.is_mild)
-            ends = field.end(centre, part.time)
+            length = min(length, left)
+            try:
+                rows = [[x, *row] for x, row in zip(box, one.tolist(), strict=True)]
+                part = field.step(rows, length, DERIVED_ORDER)
+                rests = (each[DERIVED_ORDER] * part.h**DERIVED_ORDER for row in part.polynomials for each in row[1:])
+                if not all(abs(each) < COARSE for each in rests):
+                    raise Unverified("the step is too long")
+                ends = field.end(centre, part.time)
+            except Unverified as reason:
+                if length < SHORTEST:
+                    raise Unverified(f"the motion is not enclosed: {reason}") from None
+                length /= 2
+                continue
             moving = [[each(part.h) for each in row[1:]] for row in part.polynomials]
             transition = arb_mat([*moving, *one.tolist()[len(moving) :]])
             before, rounded = rounded, (transition.mid() * rounded).mid()
@@ -525,7 +508,7 @@ class Passage:
             slopes, centre = rounded * (one + error) * seeds, ends
             box = moved(centre, slopes, reach)
             self.parts.append(part)
-            left -= part.time
+            left, length = left - part.time, length * Fraction(5, 4)
         self.end = list(centre), box, slopes
 
 
