@@ -40,6 +40,7 @@ DEFINED = {
     "acosh": "log(x + sqrt(x - 1)*sqrt(x + 1))", "atanh": "log((1 + x)/(1 - x))/2",
 }  # fmt: skip
 Bounds = Mapping[str, tuple[Fraction, Fraction]]
+Names = Mapping[str, "Tree"]
 PHASES, ENDS = ("flight_time", "contact_time"), ("liftoff_extension", "mid_flight_extension")
 # What the file says of the machine, of a spring, of a part, and of itself; beside that it repeats what is verified.
 FIELDS = [{*names.split()} for names in (
@@ -106,7 +107,7 @@ def number(value: Fraction | int) -> Tree:
 ZERO, ONE, LESS = map(number, (0, 1, -1))
 
 
-def parse(text: str, names: Mapping[str, Tree], needed: list[Tree]) -> Tree:
+def parse(text: str, names: Names, needed: list[Tree]) -> Tree:
     """The tree of a formula, with trees in the place of its names; its numerals are the decimals that are written.
     Quotients, roots and whatever else may have no value are added to `needed`, also where they cancel."""
     # An underscore ends each name, as Python's keywords are names like others.
@@ -221,10 +222,11 @@ def quintic(row: Sequence[str], other: Sequence[str], r: Tree) -> Tree:
     return polynomial
 
 
-def law_of(spring: Mapping[str, Any], known: Mapping[str, Tree], r: Tree, needed: list[Tree]) -> tuple[Tree, list[Tree]]:
+def law_of(spring: Mapping[str, Any], known: Names, r: Tree, needed: list[Tree]) -> tuple[Tree, list[Tree]]:
     """The force of a spring at an extension, or its energy, and the edges of its pieces: piece k is where edge k is
     positive and edge k + 1 negative. A table's is its formula times the polynomials between rows; beyond it has none.
     """
+
     def law_on(piece: int, r: Tree, needed: list[Tree]) -> Tree:
         return parse(spring["force"][piece], {**known, "r": r}, needed)
 
@@ -332,6 +334,7 @@ class Field:
         held = [dot(row, inside) for row in m.embedded]
         self.force = (dot(m.inertia[out], held) - m.forces[out]) / m.weights[out]
         self.rates = [time * each for each in (*m.rates, *(held if contact else free))]
+        self.rates += [ZERO] * (len(m.states) - len(self.rates))
         self.slopes = [self.gradient(each) for each in self.rates]
 
     def gradient(self, of: Tree) -> list[Tree]:
@@ -341,7 +344,7 @@ class Field:
     def along(self, of: Tree, order: int) -> Tree:
         """A derivative by the scaled time of a function of the states."""
         for _ in range(order):
-            of = dot(self.gradient(of)[: len(self.rates)], self.rates)
+            of = dot(self.gradient(of), self.rates)
         return of
 
     def values(self, x: Sequence[Any], pieces: Sequence[int] = ()) -> Values:
@@ -407,57 +410,50 @@ class Part:
 
     def __init__(self, field: Field, pieces: Sequence[int], rows: list[list[Any]], time: Fraction, order: int):
         self.field, self.pieces, self.h = field, pieces, ball(time)
-        self.still, order = rows[len(field.rates) :], order if len(pieces) == 1 else 1
+        order = order if len(pieces) == 1 else 1
         rests = self.taylor(self.inclusion(rows), order)
         self.polynomials = [[arb_poly([*each, rest[order]]) for each, rest in zip(*both, strict=True)]
                             for both in zip(self.taylor(rows, order - 1), rests, strict=True)]  # fmt: skip
 
-    def motion(self, rows: list[list[Any]]) -> list[list[Any]]:
-        """The rates of the moving states, and of their derivatives."""
-        at, columns = self.field.values([row[0] for row in rows], self.pieces), list(zip(*rows, strict=True))[1:]
-        found = [[at[rate]] for rate in self.field.rates]
-        for row, slopes in zip(found, self.field.slopes if columns else [], strict=False):
-            places = [k for k, each in enumerate(slopes) if each is not ZERO]
-            row += [sum((at[slopes[k]] * each[k] for k in places), arb(0)) for each in columns]
-        return found
-
     def taylor(self, rows: list[list[Any]], order: int) -> list[list[list[arb]]]:
-        """Taylor coefficients of the moving rows, one list for each entry."""
-        count, cap = len(self.field.rates), ctx.cap
-        found, still = [[[each] for each in row] for row in rows[:count]], rows[count:]
+        """Taylor coefficients of the rows, one list for each entry: of the states from their rates, and of the
+        derivatives from the linear equations that these obey."""
+        cap, found, columns = ctx.cap, [[row[0]] for row in rows], [arb_mat([row[1:] for row in rows])]
         try:
             for k in range(order):
                 ctx.cap = k + 1
-                moving = [[arb_series(each, k + 1) for each in row] for row in found]
-                for row, rates in zip(found, self.motion([*moving, *still]), strict=True):
-                    for each, rate in zip(row, rates, strict=True):
-                        each.append(coefficient(rate, k) / (k + 1))
+                at = self.field.values([arb_series(each, k + 1) for each in found], self.pieces)
+                for each, rate in zip(found, [at[rate] for rate in self.field.rates], strict=True):
+                    each.append(coefficient(rate, k) / (k + 1))
+            slopes = [arb_mat([[coefficient(at[each], k) for each in row] for row in self.field.slopes])
+                      for k in range(order if len(rows[0]) > 1 else 0)]  # fmt: skip
         except (ZeroDivisionError, ValueError):
             raise Unverified("the motion comes to where a formula has no value") from None
         finally:
             ctx.cap = cap
-        return found
+        for k in range(len(slopes)):
+            columns.append(dot(slopes[: k + 1], columns[::-1], 0 * columns[0]) * (arb(1) / (k + 1)))
+        derived = zip(*(each.tolist() for each in columns), strict=True)
+        return [[x, *map(list, zip(*d, strict=True))] for x, d in zip(found, derived, strict=True)]
 
     def inclusion(self, rows: list[list[Any]]) -> list[list[Any]]:
         """Rows that hold the motion over the step: Picard's inclusion. All that is needed has a value there,
         and the inertia is positive definite."""
         box, times, least = rows, arb(0).union(self.h), arb(2) ** (8 - ctx.prec)
         for _ in range(12):
-            rates = self.motion(box)
-            new = [[x + times * each for x, each in zip(*both, strict=True)] for both in zip(rows, rates, strict=False)]
-            pairs = [pair for both in zip(new, box, strict=False) for pair in zip(*both, strict=True)]
+            new = [[x + times * rate for x, (_, rate) in zip(*both, strict=True)]
+                   for both in zip(rows, self.taylor(box, 1), strict=True)]  # fmt: skip
+            pairs = [pair for both in zip(new, box, strict=True) for pair in zip(*both, strict=True)]
             if all(inner.is_finite() and outer.contains(inner) for inner, outer in pairs):
-                new += rows[len(new) :]
                 at, field = self.field.values([row[0] for row in new], self.pieces), self.field
                 if all(at[each] > 0 for each in field.pivots) and all(at[each].is_finite() for each in field.needed):
                     return new
             box = [[x + arb(0, 0.1) * (x - x.mid()) + arb(0, least) * (abs(x) + 1) for x in row] for row in new]
-            box += rows[len(new) :]
         raise Unverified("no box holds the motion, or the inertia is not positive definite")
 
     def states(self, t: arb) -> list[arb]:
         """Enclosures of the states at a time, or at all times of a ball, within the step."""
-        return [row[0](t) for row in self.polynomials] + [row[0] for row in self.still]
+        return [row[0](t) for row in self.polynomials]
 
     def values(self, t: arb) -> Values:
         """The values of trees then."""
@@ -467,8 +463,7 @@ class Part:
         """The same part, but for a shorter time, in which the motion is seen to be on its pieces."""
         self.time, self.h = time, ball(time)
         for edge, side in ((self.pieces[0], 1), (self.pieces[-1] + 1, -1)):
-            found = signs([self], self.field.edges[edge], lambda *_: [0], ctx.prec)
-            if any(sign != side for _, sign in found):
+            if any(sign != side for _, sign in signs([self], self.field.edges[edge], lambda *_: [0], ctx.prec)):
                 raise Unverified("the step leaves a piece of a law")
         return self
 
@@ -501,8 +496,7 @@ class Passage:
                     raise Unverified(f"the motion is not enclosed: {reason}") from None
                 length /= 2
                 continue
-            moving = [[each(part.h) for each in row[1:]] for row in part.polynomials]
-            transition = arb_mat([*moving, *one.tolist()[len(moving) :]])
+            transition = arb_mat([[each(part.h) for each in row[1:]] for row in part.polynomials])
             before, rounded = rounded, (transition.mid() * rounded).mid()
             error = rounded.inv() * (transition * before) * (one + error) - one
             slopes, centre = rounded * (one + error) * seeds, ends
