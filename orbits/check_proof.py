@@ -23,8 +23,8 @@ from typing import Any
 
 from flint import arb, arb_mat, arb_poly, arb_series, ctx, fmpq
 
-# The orders of Taylor polynomials per bit and of those for derivatives, halvings of stretches, and of parameters.
-ORDER_PER_BIT, DERIVED_ORDER, MOST_HALVINGS, MOST_SPLITS = 0.3, 14, 16, 3
+# The orders of Taylor polynomials per bit and of those for derivatives, and halvings of parameters.
+ORDER_PER_BIT, DERIVED_ORDER, MOST_SPLITS = 0.3, 14, 3
 # The first and the shortest step as shares of half a phase, and the largest whole power.
 FIRST, SHORTEST, MOST_POWER = Fraction(1, 8), Fraction(1, 2**14), 2**16
 # Bits beside those of the enclosures, those for uniqueness, and what a step's remainder may be in a derivative.
@@ -187,16 +187,15 @@ class Values(dict[Tree, Any]):
 
     def __missing__(self, of: Tree) -> Any:
         parts = [of.parts[k] for k in self.pieces] if of.kind == "pieces" else of.parts
-        x, *rest = [self[part] for part in parts] or [None]
+        x, *rest = [self[part] for part in parts] or [ball(of.value)]
         if of.kind == "pieces":
-            found = coefficient(x, 0).union(*(coefficient(each, 0) for each in rest)) if rest else x
-        else:
-            function = OPERATIONS.get(of.kind, lambda x: getattr(x, of.kind)())
-            found = ball(of.value) if of.kind == "number" else function(x, *rest)
-        if not coefficient(found, 0).is_finite():
+            x = coefficient(x, 0).union(*(coefficient(each, 0) for each in rest)) if rest else x
+        elif of.parts:
+            x = OPERATIONS[of.kind](x, *rest) if rest else getattr(x, of.kind)()
+        if not coefficient(x, 0).is_finite():
             raise Unverified(f"a formula ({of.kind}) has no value on the motion, or no motion is in the enclosures")
-        self[of] = found
-        return found
+        self[of] = x
+        return x
 
 
 def ball(value: Fraction) -> arb:
@@ -224,26 +223,26 @@ def quintic(row: Sequence[str], other: Sequence[str], r: Tree) -> Tree:
 
 def law_of(spring: Mapping[str, Any], known: Names, r: Tree, needed: list[Tree]) -> tuple[Tree, list[Tree]]:
     """The force of a spring at an extension, or its energy, and the edges of its pieces: piece k is where edge k is
-    positive and edge k + 1 negative. A table's is its formula times the polynomials between rows; beyond it has none.
-    """
+    positive and edge k + 1 negative. A table's is its formula times the polynomials between its rows, each of which
+    two of them share, and has no value beyond."""
+    rows, ends = spring.get("rows"), [parse(each, known, []) for each in spring["breaks"]]
 
     def law_on(piece: int, r: Tree, needed: list[Tree]) -> Tree:
-        return parse(spring["force"][piece], {**known, "r": r}, needed)
+        return parse(spring["force"][piece], known if rows else {**known, "r": r}, needed)
 
-    ends = [parse(each, known, []) for each in spring["breaks"]]
-    lists, changes = [list[Tree]() for _ in spring["force"]], list(enumerate(ends))
+    if len(spring["force"]) != len(ends) + 1:
+        raise Unverified("a spring's force has more or fewer formulas than pieces")
+    if any(law_on(k, end, []) is not law_on(k + 1, end, []) for k, end in enumerate(ends)):
+        raise Unverified("a spring's force is not plainly continuous")
+    lists = [list[Tree]() for _ in spring["force"]]
     laws = [law_on(k, r, each) for k, each in enumerate(lists)]
     needed.append(in_pieces([sum(each, ZERO) for each in lists]))
-    if rows := spring.get("rows"):
-        (scale,), beyond = laws, parse("1/(r - r)", {"r": r}, [])
+    if rows:
+        (scale,), beyond, ends = laws, parse("1/(r - r)", {"r": r}, []), [number(Fraction(row[0])) for row in rows]
         laws = [beyond, *(scale * quintic(*pair, r) for pair in pairwise(rows)), beyond]
-        ends += [number(Fraction(row[0])) for row in rows]
-    if any(each.kind != "number" for each in ends) or any(low.value >= high.value for low, high in pairwise(ends)):
-        raise Unverified("the ends of the pieces of a law are no numbers, or not in order")
-    if len(laws) != len(ends) + 1 or any(law_on(k, end, []) is not law_on(k + 1, end, []) for k, end in changes):
-        raise Unverified("a spring's force is not plainly continuous, or has more or fewer formulas than pieces")
-    if spring["potential"] and ends:
-        raise Unverified("a law in pieces is stated by its force")
+    numbers = [each.value for each in ends if each.kind == "number"]
+    if len(numbers) < len(ends) or numbers != sorted({*numbers}) or (ends and spring["potential"]):
+        raise Unverified("the ends of a law's pieces are no numbers, not in order, or those of an energy")
     return in_pieces(laws), [ONE, *(r - end for end in ends), LESS]
 
 
@@ -463,7 +462,7 @@ class Part:
         """The same part, but for a shorter time, in which the motion is seen to be on its pieces."""
         self.time, self.h = time, ball(time)
         for edge, side in ((self.pieces[0], 1), (self.pieces[-1] + 1, -1)):
-            if any(sign != side for _, sign in signs([self], self.field.edges[edge], lambda *_: [0], ctx.prec)):
+            if any(sign != side for _, sign in signs([self], self.field.edges[edge], lambda *_: [0])):
                 raise Unverified("the step leaves a piece of a law")
         return self
 
@@ -506,14 +505,12 @@ class Passage:
         self.end = list(centre), box, slopes
 
 
-def signs(
-    parts: Sequence[Part], of: Tree | None, orders: Callable[..., Sequence[int]], most: int = MOST_HALVINGS
-) -> list[list[int]]:
+def signs(parts: Sequence[Part], of: Tree | None, orders: Callable[..., Sequence[int]]) -> list[list[int]]:
     """On stretches of a motion, in order, the first of some derivatives of a function, the contact force for None, that
     has a sign there, and that sign. Which orders are tried depends on whether orders above 0 decided all
     stretches before, and whether one holds the end."""
     found, last = list[list[int]](), len(parts) - 1
-    waiting = [(each, arb(0), each.h, i == last, most) for i, each in enumerate(parts)][::-1]
+    waiting = [(each, arb(0), each.h, i == last, ctx.prec) for i, each in enumerate(parts)][::-1]
     while waiting:
         part, low, high, ends, left = waiting.pop()
         at, function = part.values(low.union(high)), of or part.field.force
