@@ -373,22 +373,15 @@ class Field:
         pieces = self.pieces_of(start)
         edge = max(pieces)
         if len(pieces) == 1:
-            part, on, off = Part(self, pieces, rows, length, order), Fraction(0), length
-            if self.pieces_of(part.states(part.h)) == pieces:
-                return part.up_to(length)
-            for _ in range(ctx.prec):  # until when all are on the piece
-                middle = (on + off) / 2
-                stay = self.pieces_of(part.states(ball(middle))) == pieces
-                on, off = (middle, off) if stay else (on, middle)
-            end = part.states(ball(off))
-            edge = max(pieces + self.pieces_of(end))
-            if ball(on) > 2 * (near := self.time_across(end, edge)):
-                return part.up_to(on - Fraction(float(near)))
+            part = Part(self, pieces, rows, length, order)
+            edge = max(part.touched)
+            if part.time == length or part.h > self.time_across(part.states(part.h), edge):
+                return part
         across = self.time_across(start, edge)
         if across < ball(length):
             part = Part(self, (edge - 1, edge), rows, time := Fraction(float(across)), order)
-            if len(self.pieces_of(part.states(part.h))) == 1:
-                return part.up_to(time)
+            if part.time == time and len(self.pieces_of(part.states(part.h))) == 1:
+                return part
         raise Unverified("the place where two pieces of a law meet is not crossed")
 
     def end(self, x: Sequence[arb], time: Fraction) -> Sequence[arb]:
@@ -403,16 +396,28 @@ class Field:
 
 
 class Part:
-    """A step over a time from rows of balls, on pieces of a law: their Taylor polynomials, with the next coefficient
-    over the whole step as the last. Across an edge they have degree 1. Raises `Unverified` where the time is too long.
+    """A step from rows of balls over a time, or as long as the motion is on pieces of a law: Taylor polynomials, with
+    the next coefficient over the whole step as the last. Across an edge they have degree 1. Raises `Unverified` where
+    the time is too long.
+
+    time, h : of the step
+    touched : the pieces on which the motion may be at its end or, where it leaves its pieces, right after that
     """
 
     def __init__(self, field: Field, pieces: Sequence[int], rows: list[list[Any]], time: Fraction, order: int):
-        self.field, self.pieces, self.h = field, pieces, ball(time)
-        order = order if len(pieces) == 1 else 1
-        rests = self.taylor(self.inclusion(rows), order)
+        self.field, self.pieces, order = field, pieces, order if len(pieces) == 1 else 1
+        rests = self.taylor(self.inclusion(rows, ball(time)), order)
         self.polynomials = [[arb_poly([*each, rest[order]]) for each, rest in zip(*both, strict=True)]
                             for both in zip(self.taylor(rows, order - 1), rests, strict=True)]  # fmt: skip
+        self.time, self.touched, waiting = Fraction(0), pieces, [time]
+        while waiting and waiting[-1] * 2**ctx.prec > time:
+            length = waiting.pop()
+            self.touched = field.pieces_of(self.states(ball(self.time).union(ball(self.time + length))))
+            if {*self.touched} <= {*pieces}:
+                self.time += length
+            else:
+                waiting += [length / 2] * 2
+        self.h = ball(self.time)
 
     def taylor(self, rows: list[list[Any]], order: int) -> list[list[list[arb]]]:
         """Taylor coefficients of the rows, one list for each entry: of the states from their rates, and of the
@@ -435,10 +440,10 @@ class Part:
         derived = zip(*(each.tolist() for each in columns), strict=True)
         return [[x, *map(list, zip(*d, strict=True))] for x, d in zip(found, derived, strict=True)]
 
-    def inclusion(self, rows: list[list[Any]]) -> list[list[Any]]:
-        """Rows that hold the motion over the step: Picard's inclusion. All that is needed has a value there,
+    def inclusion(self, rows: list[list[Any]], h: arb) -> list[list[Any]]:
+        """Rows that hold the motion for a time h from these: Picard's inclusion. All that is needed has a value there,
         and the inertia is positive definite."""
-        box, times, least = rows, arb(0).union(self.h), arb(2) ** (8 - ctx.prec)
+        box, times, least = rows, arb(0).union(h), arb(2) ** (8 - ctx.prec)
         for _ in range(12):
             new = [[x + times * rate for x, (_, rate) in zip(*both, strict=True)]
                    for both in zip(rows, self.taylor(box, 1), strict=True)]  # fmt: skip
@@ -457,14 +462,6 @@ class Part:
     def values(self, t: arb) -> Values:
         """The values of trees then."""
         return self.field.values(self.states(t), self.pieces)
-
-    def up_to(self, time: Fraction) -> "Part":
-        """The same part, but for a shorter time, in which the motion is seen to be on its pieces."""
-        self.time, self.h = time, ball(time)
-        for edge, side in ((self.pieces[0], 1), (self.pieces[-1] + 1, -1)):
-            if any(sign != side for _, sign in signs([self], self.field.edges[edge], lambda *_: [0])):
-                raise Unverified("the step leaves a piece of a law")
-        return self
 
 
 def moved(values: Sequence[arb], matrix: arb_mat, deviations: Sequence[arb]) -> list[arb]:
