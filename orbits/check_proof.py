@@ -29,8 +29,6 @@ ORDER_PER_BIT, DERIVED_ORDER, MOST_SPLITS = 0.3, 14, 3
 FIRST, SHORTEST, MOST_POWER = Fraction(1, 8), Fraction(1, 2**14), 2**16
 # Bits beside those of the enclosures, those for uniqueness, and what a step's remainder may be in a derivative.
 GUARD_BITS, BITS_OF_UNIQUENESS, COARSE = 64, 90, 2.0**-36
-# The coefficients of t**3, t**4 and t**5 of a quintic on [0, 1] with a value, a slope and half a curvature at each end.
-QUINTIC = (-10, -6, -3, 10, -4, 1), (15, 8, 3, -15, 7, -2), (-6, -3, -1, 6, -3, 1)
 # The derivatives of functions of x, and functions that these define.
 SLOPES = {"exp": "exp(x)", "log": "1/x", "sqrt": ".5/sqrt(x)", "sin": "cos(x)", "cos": "-sin(x)", "atan": "1/(1 + x*x)"}
 DEFINED = {
@@ -211,14 +209,14 @@ def coefficient(value: Any, order: int) -> arb:
 
 
 def quintic(row: Sequence[str], other: Sequence[str], r: Tree) -> Tree:
-    """The polynomial of degree 5 between two rows (r, value, slope, curvature) of a table with these."""
-    (a, *low), (b, *high) = ([Fraction(each) for each in ends] for ends in (row, other))
-    units, polynomial = (Fraction(1), b - a, (b - a) ** 2 / 2), ZERO
-    ends = [size * unit for size, unit in zip((*low, *high), units * 2, strict=True)]
-    shares = [*ends[:3], *(dot(weights, ends, Fraction(0)) for weights in QUINTIC)]
-    for k in reversed(range(6)):
-        polynomial = polynomial * (r - number(a)) + number(shares[k] / (b - a) ** k)
-    return polynomial
+    """The polynomial of degree 5 between two rows (r, value, slope, curvature) of a table with these: Taylor's at one
+    end, and what that lacks at the other."""
+    (a, *low), (b, *high) = ([number(Fraction(each)) for each in ends] for ends in (row, other))
+    two, three, h = number(2), number(3), b - a
+    (y, v, w), (p, q, s) = ((value, rate * h, bend * h * h / two) for value, rate, bend in (low, high))
+    p, q, s = p - y - v - w, q - v - two * w, s - w
+    t, u = (r - a) / h, (r - b) / h
+    return y + t * (v + t * (w + t * (p + u * (q - three * p + u * (s - three * (q - two * p))))))
 
 
 def law_of(spring: Mapping[str, Any], known: Names, r: Tree, needed: list[Tree]) -> tuple[Tree, list[Tree]]:
