@@ -8,13 +8,13 @@ small E (`Passage`), so that the errors of the steps add and do not multiply. By
 set are those of its centre and the derivatives times the deviations. Existence and uniqueness follow from Krawczyk's
 test (`Solution`), on the stated enclosures and on these with the radius of uniqueness around them. Signs along the
 motion are those of functions, and of their derivatives by time, on stretches of it (`signs`). Where a law has pieces,
-a step stays in one of them, or crosses from one to the next one in the hull of both (`Pair`). Nothing of
-the prover and of CasADi is used. What is verified is what the file says in its fields, but for `about`.
+a step stays on one of them, or crosses to the next one in the hull of both (`in_pieces`). Nothing of the prover and of
+CasADi is used. What is verified is what the file says in its fields, but for `about`.
 """
 
 import ast
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from functools import lru_cache
 from itertools import groupby, pairwise, product
@@ -23,14 +23,12 @@ from typing import Any
 
 from flint import arb, arb_mat, arb_poly, arb_series, ctx, fmpq
 
-# The orders of Taylor polynomials per bit and of those for derivatives, halvings of stretches, and of parameters.
-ORDER_PER_BIT, DERIVED_ORDER, MOST_HALVINGS, MOST_SPLITS = 0.3, 14, 16, 3
+# The orders of Taylor polynomials per bit and of those for derivatives, and halvings of parameters.
+ORDER_PER_BIT, DERIVED_ORDER, MOST_SPLITS = 0.3, 14, 3
 # The first and the shortest step as shares of half a phase, and the largest whole power.
 FIRST, SHORTEST, MOST_POWER = Fraction(1, 8), Fraction(1, 2**14), 2**16
 # Bits beside those of the enclosures, those for uniqueness, and what a step's remainder may be in a derivative.
 GUARD_BITS, BITS_OF_UNIQUENESS, COARSE = 64, 90, 2.0**-36
-# The coefficients of t**3, t**4 and t**5 of a quintic on [0, 1] with a value, a slope and half a curvature at each end.
-QUINTIC = (-10, -6, -3, 10, -4, 1), (15, 8, 3, -15, 7, -2), (-6, -3, -1, 6, -3, 1)
 # The derivatives of functions of x, and functions that these define.
 SLOPES = {"exp": "exp(x)", "log": "1/x", "sqrt": ".5/sqrt(x)", "sin": "cos(x)", "cos": "-sin(x)", "atan": "1/(1 + x*x)"}
 DEFINED = {
@@ -40,6 +38,7 @@ DEFINED = {
     "acosh": "log(x + sqrt(x - 1)*sqrt(x + 1))", "atanh": "log((1 + x)/(1 - x))/2",
 }  # fmt: skip
 Bounds = Mapping[str, tuple[Fraction, Fraction]]
+Names = Mapping[str, "Tree"]
 PHASES, ENDS = ("flight_time", "contact_time"), ("liftoff_extension", "mid_flight_extension")
 # What the file says of the machine, of a spring, of a part, and of itself; beside that it repeats what is verified.
 FIELDS = [{*names.split()} for names in (
@@ -59,8 +58,8 @@ OPERATIONS |= {ast.Add: add, ast.Sub: sub, ast.Mult: mul, ast.Div: truediv, ast.
 
 
 class Tree:
-    """A formula: a "number", with a Fraction as its value, a "name", with a text, an operation on its parts, or a
-    function. Equal ones are one object, see `tree`. Sums and products leave out 0 and 1."""
+    """A formula: a "number", with a Fraction as its value, a "name", with a text, an operation on its parts, a
+    function, or a function in "pieces". Equal ones are one object, see `tree`. Sums and products leave out 0 and 1."""
 
     def __init__(self, kind: str, parts: tuple["Tree", ...], value: Any):
         self.kind, self.parts, self.value = kind, parts, value
@@ -106,7 +105,7 @@ def number(value: Fraction | int) -> Tree:
 ZERO, ONE, LESS = map(number, (0, 1, -1))
 
 
-def parse(text: str, names: Mapping[str, Tree], needed: list[Tree]) -> Tree:
+def parse(text: str, names: Names, needed: list[Tree]) -> Tree:
     """The tree of a formula, with trees in the place of its names; its numerals are the decimals that are written.
     Quotients, roots and whatever else may have no value are added to `needed`, also where they cancel."""
     # An underscore ends each name, as Python's keywords are names like others.
@@ -139,9 +138,17 @@ def parse(text: str, names: Mapping[str, Tree], needed: list[Tree]) -> Tree:
         raise Unverified(f"'{text[:50]}' cannot be read, or has what is not stated, or is not smooth") from None
 
 
+def in_pieces(pieces: Sequence[Tree]) -> Tree:
+    """The tree of a function with a formula on each piece of a law. Where a step crosses from a piece to the next one,
+    the hull of both holds the function, and that of their derivatives the quotients of its differences."""
+    return pieces[0] if len({*pieces}) == 1 else tree("pieces", *pieces)
+
+
 @lru_cache(maxsize=100_000)
 def slope(of: Tree, by: str) -> Tree:
     """The derivative of a tree by a name."""
+    if of.kind == "pieces":
+        return in_pieces([slope(part, by) for part in of.parts])
     if not of.parts:
         return ONE if of.kind == "name" and of.value == by else ZERO
     (a, da), *rest = [(part, slope(part, by)) for part in of.parts]
@@ -169,17 +176,24 @@ def solved(matrix: list[list[Tree]], *right: Sequence[Tree]) -> tuple[list[Tree]
 
 
 class Values(dict[Tree, Any]):
-    """Balls, or power series of balls, that enclose trees, each computed once, where names have such values; raises
-    `Unverified` where an operation has no finite one."""
+    """Balls, or power series of balls, that enclose trees, each computed once, where names have such values and states
+    are on these pieces of a law; raises `Unverified` where an operation has no finite value."""
+
+    def __init__(self, known: Iterable[tuple[Tree, Any]], pieces: Sequence[int] = ()):
+        super().__init__(known)
+        self.pieces = pieces
 
     def __missing__(self, of: Tree) -> Any:
-        x, *rest = [self[part] for part in of.parts] or [None]
-        function = OPERATIONS.get(of.kind, lambda x: getattr(x, of.kind)())
-        found = ball(of.value) if of.kind == "number" else function(x, *rest)
-        if not coefficient(found, 0).is_finite():
+        parts = [of.parts[k] for k in self.pieces] if of.kind == "pieces" else of.parts
+        x, *rest = [self[part] for part in parts] or [ball(of.value)]
+        if of.kind == "pieces":
+            x = coefficient(x, 0).union(*(coefficient(each, 0) for each in rest)) if rest else x
+        elif of.parts:
+            x = OPERATIONS[of.kind](x, *rest) if rest else getattr(x, of.kind)()
+        if not coefficient(x, 0).is_finite():
             raise Unverified(f"a formula ({of.kind}) has no value on the motion, or no motion is in the enclosures")
-        self[of] = found
-        return found
+        self[of] = x
+        return x
 
 
 def ball(value: Fraction) -> arb:
@@ -194,49 +208,44 @@ def coefficient(value: Any, order: int) -> arb:
     return value if order == 0 else arb(0)
 
 
-def pieces_of(spring: Mapping[str, Any]) -> int:
-    """The number of pieces of a spring's law."""
-    return max(len(spring.get("rows", ())) - 1, len(spring["breaks"]) + 1)
+def quintic(row: Sequence[str], other: Sequence[str], r: Tree) -> Tree:
+    """The polynomial of degree 5 between two rows (r, value, slope, curvature) of a table with these: Taylor's at one
+    end, and what that lacks at the other."""
+    (a, *low), (b, *high) = ([number(Fraction(each)) for each in ends] for ends in (row, other))
+    two, three, h = number(2), number(3), b - a
+    (y, v, w), (p, q, s) = ((value, rate * h, bend * h * h / two) for value, rate, bend in (low, high))
+    p, q, s = p - y - v - w, q - v - two * w, s - w
+    t, u = (r - a) / h, (r - b) / h
+    return y + t * (v + t * (w + t * (p + u * (q - three * p + u * (s - three * (q - two * p))))))
 
 
-def law_on(spring: Mapping[str, Any], piece: int, known: Mapping[str, Tree], r: Tree, needed: list[Tree]) -> Tree:
-    """The force of a spring at an extension, or its energy, as it is on a piece of its law. Between two rows (r, value,
-    slope, curvature) of a table it is the polynomial of degree 5 with these, times the formula."""
-    if not spring.get("rows"):
-        return parse(spring["force"][piece], {**known, "r": r}, needed)
-    (a, *low), (b, *high) = ([Fraction(each) for each in row] for row in spring["rows"][piece : piece + 2])
-    units, polynomial = (Fraction(1), b - a, (b - a) ** 2 / 2), ZERO
-    ends = [size * unit for size, unit in zip((*low, *high), units * 2, strict=True)]
-    shares = [*ends[:3], *(dot(row, ends, Fraction(0)) for row in QUINTIC)]
-    for k in reversed(range(6)):
-        polynomial = polynomial * (r - number(a)) + number(shares[k] / (b - a) ** k)
-    (scale,) = spring["force"]
-    return parse(scale, known, needed) * polynomial
+def law_of(spring: Mapping[str, Any], known: Names, r: Tree, needed: list[Tree]) -> tuple[Tree, list[Tree]]:
+    """The force of a spring at an extension, or its energy, and the edges of its pieces: piece k is where edge k is
+    positive and edge k + 1 negative. A table's is its formula times the polynomials between its rows, each of which
+    two of them share, and has no value beyond."""
+    rows, ends = spring.get("rows"), [parse(each, known, []) for each in spring["breaks"]]
 
+    def law_on(piece: int, r: Tree, needed: list[Tree]) -> Tree:
+        return parse(spring["force"][piece], known if rows else {**known, "r": r}, needed)
 
-def edges_of(spring: Mapping[str, Any], piece: int, known: Mapping[str, Tree], r: Tree) -> dict[int, Tree]:
-    """What is positive on a piece of a law, by the step to the piece beyond: distances of the extension from the ends.
-    Raises `Unverified` where the law is not plainly continuous there."""
-    if (spring.get("rows") and spring["breaks"]) or (spring["potential"] and pieces_of(spring) > 1):
-        raise Unverified("a law in pieces is stated by forces or by rows")
-    inner = [parse(each, known, []) for each in spring["breaks"]]
-    rows: list[Tree | None] = [number(Fraction(row[0])) for row in spring.get("rows", ())]
-    places = rows or [None, *inner, None]
-    formulas = 1 if spring.get("rows") else pieces_of(spring)
-    if any(each.kind != "number" for each in inner) or len(spring["force"]) != formulas:
-        raise Unverified("a breakpoint is no number, or there are more or fewer formulas than pieces")
-    low, high = places[piece : piece + 2]
-    if low and high and not low.value < high.value:
-        raise Unverified("the ends of the pieces of a law are not in order")
-    if high and piece + 2 < len(places):
-        below, above = (law_on(spring, k, known, high, []) for k in (piece, piece + 1))
-        if below is not above and not (below.kind == above.kind == "number" and below.value == above.value):
-            raise Unverified("a spring's force is not plainly continuous")
-    return ({-1: r - low} if low else {}) | ({1: high - r} if high else {})
+    if len(spring["force"]) != len(ends) + 1:
+        raise Unverified("a spring's force has more or fewer formulas than pieces")
+    if any(law_on(k, end, []) is not law_on(k + 1, end, []) for k, end in enumerate(ends)):
+        raise Unverified("a spring's force is not plainly continuous")
+    lists = [list[Tree]() for _ in spring["force"]]
+    laws = [law_on(k, r, each) for k, each in enumerate(lists)]
+    needed.append(in_pieces([sum(each, ZERO) for each in lists]))
+    if rows:
+        (scale,), beyond, ends = laws, parse("1/(r - r)", {"r": r}, []), [number(Fraction(row[0])) for row in rows]
+        laws = [beyond, *(scale * quintic(*pair, r) for pair in pairwise(rows)), beyond]
+    numbers = [each.value for each in ends if each.kind == "number"]
+    if len(numbers) < len(ends) or numbers != sorted({*numbers}) or (ends and spring["potential"]):
+        raise Unverified("the ends of a law's pieces are no numbers, not in order, or those of an energy")
+    return in_pieces(laws), [ONE, *(r - end for end in ends), LESS]
 
 
 class Machine:
-    """Lagrange's equations of a stated machine, with exact bounds of its parameters, on a piece of its springs' laws.
+    """Lagrange's equations of a stated machine, with exact bounds of its parameters.
 
     states : the n coordinates, their rates, half a phase's time, and parameters' places in their intervals
     inertia, forces, needed : M (n, n), what M y'' is without contact, and what has to have a value
@@ -244,10 +253,10 @@ class Machine:
     unknowns : the names of the places and the rates at the launch of the contact's coordinates, by their numbers
     out, embedded : the coordinate that the closed gap determines, and the matrix (n, n - 1) from the others to all
     launch : of all coordinates and of their rates at the launch, the weights of the unknowns
-    edges : what is positive on the piece, by the step to the piece beyond
+    edges : functions that end the pieces of a spring's law, see `law_of`
     """
 
-    def __init__(self, stated: Mapping[str, Any], bounds: Bounds, piece: int = 0):
+    def __init__(self, stated: Mapping[str, Any], bounds: Bounds):
         names, needed = list(stated["coordinates"]), list[Tree]()
         n, wide = len(names), [name for name, (low, high) in bounds.items() if low < high]
         states = [*names, *(f"{name}'" for name in names), "half time", *(f"place of {name}" for name in wide)]
@@ -279,12 +288,14 @@ class Machine:
         pull = parse(stated["surface_gravity"], both, needed)
         along = [(m * pull * parse(stated["gravity"], {**both, "z": h}, needed), h) for m, h in masses + weights]
         along += [(ONE, parse(each, both, needed)) for each in stated["potentials"]]
-        self.edges = dict[int, Tree]()
+        self.edges = [ONE, LESS]
         for spring in stated["springs"]:
-            extension, on = parse(spring["extension"], both, needed), piece if pieces_of(spring) > 1 else 0
-            law = law_on(spring, on, known, extension, needed)
+            extension = parse(spring["extension"], both, needed)
+            law, edges = law_of(spring, known, extension, needed)
             along.append((ONE, law) if spring["potential"] else (law, extension))
-            self.edges |= edges_of(spring, on, known, extension)
+            if len(edges) > 2 < len(self.edges):
+                raise Unverified("more than one spring has a law in pieces")
+            self.edges = max(self.edges, edges, key=len)
         loads = [sum((LESS * size * slope(at, y) for size, at in along), ZERO) for y in names]
         self.forces = [load - each for load, each in zip(loads, turning, strict=True)]
         self.gap, self.counts = (parse(stated[name], both, needed) for name in ("gap", "counts"))
@@ -305,13 +316,6 @@ class Machine:
         self.out, self.embedded = out, [[number(each) for each in row] for row in embedded]
 
 
-def machines_of(stated: Mapping[str, Any], bounds: Bounds) -> list["Machine"]:
-    """A stated machine on each piece of its laws."""
-    if sum(pieces_of(spring) > 1 for spring in stated["springs"]) > 1:
-        raise Unverified("more than one spring has a law in pieces")
-    return [Machine(stated, bounds, k) for k in range(max(map(pieces_of, stated["springs"]), default=1))]
-
-
 class Field:
     """The motion of the states in half a phase, with time scaled such that it lasts from 0 to 1; the first 2 n move.
     `force` is the contact force that keeps the gap's acceleration 0, `slopes` the derivatives of `rates` by all states.
@@ -327,6 +331,7 @@ class Field:
         held = [dot(row, inside) for row in m.embedded]
         self.force = (dot(m.inertia[out], held) - m.forces[out]) / m.weights[out]
         self.rates = [time * each for each in (*m.rates, *(held if contact else free))]
+        self.rates += [ZERO] * (len(m.states) - len(self.rates))
         self.slopes = [self.gradient(each) for each in self.rates]
 
     def gradient(self, of: Tree) -> list[Tree]:
@@ -336,193 +341,125 @@ class Field:
     def along(self, of: Tree, order: int) -> Tree:
         """A derivative by the scaled time of a function of the states."""
         for _ in range(order):
-            of = dot(self.gradient(of)[: len(self.rates)], self.rates)
+            of = dot(self.gradient(of), self.rates)
         return of
 
-    def value(self, at: Values, of: Tree | None, order: int) -> arb:
-        """A derivative by the scaled time of a function of the states, the contact force for None, at states."""
-        return at[self.along(of or self.force, order)]
+    def values(self, x: Sequence[Any], pieces: Sequence[int] = ()) -> Values:
+        """The values of trees at states, which are on pieces of a law."""
+        return Values(zip(self.states, x, strict=True), pieces)
 
-    def values(self, x: Sequence[Any]) -> Values:
-        """The values of trees at states."""
-        return Values(zip(self.states, x, strict=True))
+    def pieces_of(self, x: Sequence[arb]) -> tuple[int, ...]:
+        """The pieces of a law that states may be on."""
+        values = self.values(x)
+        ends = enumerate(pairwise([values[edge] for edge in self.edges]))
+        return tuple(k for k, (low, high) in ends if not (low < 0 or high > 0))
 
-    def linear(self, end: tuple[list[arb], list[arb], arb_mat], of: Tree | None) -> tuple[arb, list[arb]]:
-        """A function of the states at an end of a passage, the contact force for None: its value for c, and its
-        derivatives by w for all."""
-        at, centre, of = self.values(end[1]), self.values(end[0]), of or self.force
+    def linear(self, end: tuple[list[arb], list[arb], arb_mat], of: Tree) -> tuple[arb, list[arb]]:
+        """A function of the states at an end of a passage: its value for c, and its derivatives by w for all."""
+        centre, at = (self.values(x, self.pieces_of(x)) for x in end[:2])
         return centre[of], (arb_mat([[at[each] for each in self.gradient(of)]]) * end[2]).tolist()[0]
 
-    def motion(self, rows: list[list[Any]]) -> list[list[Any]]:
-        """The rates of the moving states, and of their derivatives."""
-        at, columns = self.values([row[0] for row in rows]), list(zip(*rows, strict=True))[1:]
-        found = [[at[rate]] for rate in self.rates]
-        for row, slopes in zip(found, self.slopes if columns else [], strict=False):
-            places = [k for k, each in enumerate(slopes) if each is not ZERO]
-            row += [sum((at[slopes[k]] * each[k] for k in places), arb(0)) for each in columns]
-        return found
+    def time_across(self, x: Sequence[arb], edge: int) -> arb:
+        """About the time in which states cross an edge, and more; no number where they do not."""
+        values, of = self.values(x), self.edges[edge]
+        return 3 * values[of].abs_upper() / abs(values[self.along(of, 1)].mid()) + arb(2) ** (16 - ctx.prec)
+
+    def step(self, rows: list[list[Any]], length: Fraction, order: int) -> "Part":
+        """A step from rows, at most as long as said: on the piece that they are on, up to its end, or across that.
+        Raises `Unverified` where it is too long."""
+        start = [row[0] for row in rows]
+        pieces = self.pieces_of(start)
+        edge = max(pieces)
+        if len(pieces) == 1:
+            part = Part(self, pieces, rows, length, order)
+            edge = max(part.touched)
+            if part.time == length or part.h > self.time_across(part.states(part.h), edge):
+                return part
+        across = self.time_across(start, edge)
+        if across < ball(length):
+            part = Part(self, (edge - 1, edge), rows, time := Fraction(float(across)), order)
+            if part.time == time and len(self.pieces_of(part.states(part.h))) == 1:
+                return part
+        raise Unverified("the place where two pieces of a law meet is not crossed")
+
+    def end(self, x: Sequence[arb], time: Fraction) -> Sequence[arb]:
+        """The states a time after these. Raises `Unverified` where a step adds much to their errors."""
+        small, left = arb(2) ** (12 - ctx.prec), time
+        while left:
+            part = self.step([[each] for each in x], left, int(ORDER_PER_BIT * ctx.prec))
+            before, x, left = x, part.states(part.h), left - part.time
+            if not all(d.rad() <= small * (1 + abs(d)) + 4 * c.rad() for c, d in zip(before, x, strict=True)):
+                raise Unverified("the step is too long")
+        return x
+
+
+class Part:
+    """A step from rows of balls over a time, or as long as the motion is on pieces of a law: Taylor polynomials, with
+    the next coefficient over the whole step as the last. Across an edge they have degree 1. Raises `Unverified` where
+    the time is too long.
+
+    time, h : of the step
+    touched : the pieces on which the motion may be at its end or, where it leaves its pieces, right after that
+    """
+
+    def __init__(self, field: Field, pieces: Sequence[int], rows: list[list[Any]], time: Fraction, order: int):
+        self.field, self.pieces, order = field, pieces, order if len(pieces) == 1 else 1
+        rests = self.taylor(self.inclusion(rows, ball(time)), order)
+        self.polynomials = [[arb_poly([*each, rest[order]]) for each, rest in zip(*both, strict=True)]
+                            for both in zip(self.taylor(rows, order - 1), rests, strict=True)]  # fmt: skip
+        self.time, self.touched, waiting = Fraction(0), pieces, [time]
+        while waiting and waiting[-1] * 2**ctx.prec > time:
+            length = waiting.pop()
+            self.touched = field.pieces_of(self.states(ball(self.time).union(ball(self.time + length))))
+            if {*self.touched} <= {*pieces}:
+                self.time += length
+            else:
+                waiting += [length / 2] * 2
+        self.h = ball(self.time)
 
     def taylor(self, rows: list[list[Any]], order: int) -> list[list[list[arb]]]:
-        """Taylor coefficients of the moving rows, one list for each entry."""
-        count, cap = len(self.rates), ctx.cap
-        found, still = [[[each] for each in row] for row in rows[:count]], rows[count:]
+        """Taylor coefficients of the rows, one list for each entry: of the states from their rates, and of the
+        derivatives from the linear equations that these obey."""
+        cap, found, columns = ctx.cap, [[row[0]] for row in rows], [arb_mat([row[1:] for row in rows])]
         try:
             for k in range(order):
                 ctx.cap = k + 1
-                moving = [[arb_series(each, k + 1) for each in row] for row in found]
-                for row, rates in zip(found, self.motion([*moving, *still]), strict=True):
-                    for each, rate in zip(row, rates, strict=True):
-                        each.append(coefficient(rate, k) / (k + 1))
+                at = self.field.values([arb_series(each, k + 1) for each in found], self.pieces)
+                for each, rate in zip(found, [at[rate] for rate in self.field.rates], strict=True):
+                    each.append(coefficient(rate, k) / (k + 1))
+            slopes = [arb_mat([[coefficient(at[each], k) for each in row] for row in self.field.slopes])
+                      for k in range(order if len(rows[0]) > 1 else 0)]  # fmt: skip
         except (ZeroDivisionError, ValueError):
             raise Unverified("the motion comes to where a formula has no value") from None
         finally:
             ctx.cap = cap
-        return found
+        for k in range(len(slopes)):
+            columns.append(dot(slopes[: k + 1], columns[::-1], 0 * columns[0]) * (arb(1) / (k + 1)))
+        derived = zip(*(each.tolist() for each in columns), strict=True)
+        return [[x, *map(list, zip(*d, strict=True))] for x, d in zip(found, derived, strict=True)]
 
     def inclusion(self, rows: list[list[Any]], h: arb) -> list[list[Any]]:
         """Rows that hold the motion for a time h from these: Picard's inclusion. All that is needed has a value there,
         and the inertia is positive definite."""
         box, times, least = rows, arb(0).union(h), arb(2) ** (8 - ctx.prec)
         for _ in range(12):
-            rates = self.motion(box)
-            new = [[x + times * each for x, each in zip(*both, strict=True)] for both in zip(rows, rates, strict=False)]
-            pairs = [pair for both in zip(new, box, strict=False) for pair in zip(*both, strict=True)]
+            new = [[x + times * rate for x, (_, rate) in zip(*both, strict=True)]
+                   for both in zip(rows, self.taylor(box, 1), strict=True)]  # fmt: skip
+            pairs = [pair for both in zip(new, box, strict=True) for pair in zip(*both, strict=True)]
             if all(inner.is_finite() and outer.contains(inner) for inner, outer in pairs):
-                new += rows[len(new) :]
-                at = self.values([row[0] for row in new])
-                if all(at[each] > 0 for each in self.pivots) and all(at[each].is_finite() for each in self.needed):
+                at, field = self.field.values([row[0] for row in new], self.pieces), self.field
+                if all(at[each] > 0 for each in field.pivots) and all(at[each].is_finite() for each in field.needed):
                     return new
             box = [[x + arb(0, 0.1) * (x - x.mid()) + arb(0, least) * (abs(x) + 1) for x in row] for row in new]
-            box += rows[len(new) :]
         raise Unverified("no box holds the motion, or the inertia is not positive definite")
-
-
-class Pair(Field):
-    """Two laws, for steps across the place where they meet: as the force is continuous there, the motion and the
-    differences of two motions obey equations whose rates and derivatives lie in the hull of both laws'."""
-
-    def __init__(self, *fields: Field):
-        self.fields, (first, other) = fields, fields
-        self.states, self.rates, self.pivots = first.states, first.rates, first.pivots
-        self.needed = first.needed + other.needed
-
-    def motion(self, rows: list[list[Any]]) -> list[list[Any]]:
-        both = zip(*(each.motion(rows) for each in self.fields), strict=True)
-        return [[coefficient(a, 0).union(coefficient(b, 0)) for a, b in zip(*row, strict=True)] for row in both]
-
-    def value(self, at: Values, of: Tree | None, order: int) -> arb:
-        first, other = (each.value(at, of, order) for each in self.fields)
-        return first.union(other)
-
-    def linear(self, end: tuple[list[arb], list[arb], arb_mat], of: Tree | None) -> tuple[arb, list[arb]]:
-        (value, row), (other, another) = (each.linear(end, of) for each in self.fields)
-        return value.union(other), [a.union(b) for a, b in zip(row, another, strict=True)]
-
-
-class Part:
-    """A step of length h from rows of balls: their Taylor polynomials, with the next coefficient over the whole step as
-    the last; raises `Unverified` where h is too long."""
-
-    def __init__(self, field: Field, rows: list[list[Any]], h: arb, order: int):
-        self.field, self.h, self.still = field, h, rows[len(field.rates) :]
-        rests = field.taylor(field.inclusion(rows, h), order)
-        self.polynomials = [[arb_poly([*each, rest[order]]) for each, rest in zip(*both, strict=True)]
-                            for both in zip(field.taylor(rows, order - 1), rests, strict=True)]  # fmt: skip
 
     def states(self, t: arb) -> list[arb]:
         """Enclosures of the states at a time, or at all times of a ball, within the step."""
-        return [row[0](t) for row in self.polynomials] + [row[0] for row in self.still]
+        return [row[0](t) for row in self.polynomials]
 
-
-class Laws:
-    """The fields of a phase on all pieces of its laws, and steps along motions that go from one to another."""
-
-    def __init__(self, machines: Sequence[Machine], contact: bool):
-        self.machines, self.contact, self.known = machines, contact, dict[int, Field]()
-
-    def __getitem__(self, piece: int) -> Field:
-        if not 0 <= piece < len(self.machines):
-            raise Unverified("the motion comes to where a spring's table ends")
-        if piece not in self.known:
-            self.known[piece] = Field(self.machines[piece], self.contact)
-        return self.known[piece]
-
-    def pieces_of(self, x: Sequence[arb]) -> tuple[int, ...]:
-        """The piece that states lie in, or the two pieces."""
-        at, numbers = self[0].values(x), range(len(self.machines))
-        beyond = [{side: not at[edge] > 0 for side, edge in machine.edges.items()} for machine in self.machines]
-        for pair in [*((k, k) for k in numbers), *pairwise(numbers)]:
-            if not (beyond[pair[0]].get(-1) or beyond[pair[1]].get(1)):
-                return tuple(dict.fromkeys(pair))
-        raise Unverified("the motion is on several pieces of a law at once, or comes to where a spring's table ends")
-
-    def step(self, rows: list[list[Any]], length: Fraction, order: int) -> tuple[Part, Fraction]:
-        """A step from rows, at most as long as said, and its time: within the piece that they lie in, up to its end, or
-        across that. Raises `Unverified` where it is too long."""
-        start, bit = [row[0] for row in rows], arb(2) ** (16 - ctx.prec)
-        (piece, *others), side = self.pieces_of(start), 1
-        field = self[piece]
-        if not others:
-            part, meets, late = Part(field, rows, ball(length), order), Fraction(0), length
-            over = [side for side, edge in field.edges.items() if not field.values(part.states(part.h))[edge] > 0]
-            if not over:
-                return inside(part, field.edges.values()), length
-            side = over[0]
-            for _ in range(ctx.prec):  # a guess of when the middle of the set comes there
-                middle = (meets + late) / 2
-                early = field.values(part.states(ball(middle)))[field.edges[side]].mid() > 0
-                meets, late = (middle, late) if early else (meets, middle)
-            at = field.values(part.states(ball(meets)))
-            pace = abs(field.value(at, field.edges[side], 1).mid())
-            before = meets - Fraction(float(2 * at[field.edges[side]].rad() / pace + bit))
-            if before > meets / 2:
-                return inside(Part(field, rows, ball(before), order), field.edges.values()), before
-        beyond, at = self[piece + side], field.values(start)
-        pace = abs(field.value(at, field.edges[side], 1).mid())
-        time = Fraction(float(3 * at[field.edges[side]].abs_upper() / pace + bit))
-        outer = [edges[k] for edges, k in ((field.edges, -side), (beyond.edges, side)) if k in edges]
-        part = Part(Pair(field, beyond), rows, ball(time), 1)
-        if not time <= length or len(self.pieces_of(part.states(part.h))) > 1:
-            raise Unverified("the place where two pieces of a law meet is not crossed")
-        return inside(part, outer), time
-
-    def steps(self, rows: Callable[[], list[list[Any]]], whole: Fraction, length: Fraction, order: int,
-              good: Callable[[Part], bool]) -> Iterator[tuple[Part, Fraction]]:  # fmt: skip
-        """Steps over a time, and their times: the first at most of a length, each from what `rows` says then, and such
-        that it is good."""
-        shortest = SHORTEST * whole
-        while whole:
-            length = min(length, whole)
-            try:
-                part, time = self.step(rows(), length, order)
-                if not good(part):
-                    raise Unverified("the step is too long")
-            except Unverified as reason:
-                if length < shortest:
-                    raise Unverified(f"the motion is not enclosed: {reason}") from None
-                length /= 2
-                continue
-            yield part, time
-            whole, length = whole - time, length * Fraction(5, 4)
-
-    def end(self, x: Sequence[arb], whole: Fraction, order: int, good: Callable[[Part], bool]) -> list[arb]:
-        """The states after a time, from states; the steps are as in `steps`."""
-        ends = list(x)
-
-        def rows() -> list[list[Any]]:
-            return [[each] for each in ends]
-
-        for part, _ in self.steps(rows, whole, whole, order, good):
-            ends = part.states(part.h)
-        return ends
-
-
-def inside(part: Part, edges: Iterable[Tree]) -> Part:
-    """The part, along which all edges are positive."""
-    for edge in edges:
-        if not all(sign == 1 for _, sign in signs([part], edge, lambda *_: [0], ctx.prec)):
-            raise Unverified("the step leaves a piece of a law")
-    return part
+    def values(self, t: arb) -> Values:
+        """The values of trees then."""
+        return self.field.values(self.states(t), self.pieces)
 
 
 def moved(values: Sequence[arb], matrix: arb_mat, deviations: Sequence[arb]) -> list[arb]:
@@ -531,51 +468,49 @@ def moved(values: Sequence[arb], matrix: arb_mat, deviations: Sequence[arb]) -> 
 
 
 class Passage:
-    """The motions of a phase over the scaled times from 0 to 1, from the starts c + S w with deviations w in a box:
+    """The motions of a field over the scaled times from 0 to 1, from the starts c + S w with deviations w in a box:
     steps, and at either end enclosures of the motion from c, of all motions, and of the derivatives by w of all."""
 
-    def __init__(self, laws: Laws, centre: Sequence[arb], seeds: arb_mat, reach: Sequence[arb]):
-        n, small, order = len(centre), arb(2) ** (12 - ctx.prec), int(ORDER_PER_BIT * ctx.prec)
+    def __init__(self, field: Field, centre: Sequence[arb], seeds: arb_mat, reach: Sequence[arb]):
+        n = len(centre)
         one, rounded, error, slopes = arb_mat(n, n, 1), arb_mat(n, n, 1), arb_mat(n, n, 0), seeds
-        self.parts, box = list[Part](), moved(centre, seeds, reach)
-        self.start, first = (list(centre), box, seeds), [laws[piece] for piece in laws.pieces_of(box)]
-        self.field = first[0] if len(first) == 1 else Pair(*first)
-
-        def sharp(part: Part) -> bool:
-            ends = zip(part.polynomials, part.states(part.h), strict=False)
-            return all(d.rad() <= small * (1 + abs(d)) + 4 * row[0](0).rad() for row, d in ends)
-
-        def mild(part: Part) -> bool:
-            rests = (each[DERIVED_ORDER] * part.h**DERIVED_ORDER for row in part.polynomials for each in row[1:])
-            return all(abs(each) < COARSE for each in rests)
-
-        def rows() -> list[list[Any]]:
-            return [[x, *row] for x, row in zip(box, one.tolist(), strict=True)]
-
-        for part, time in laws.steps(rows, Fraction(1), FIRST, DERIVED_ORDER, mild):
-            ends = laws.end(centre, time, order, sharp)
-            moving = [[each(part.h) for each in row[1:]] for row in part.polynomials]
-            transition = arb_mat([*moving, *one.tolist()[len(moving) :]])
+        self.field, self.parts, box = field, list[Part](), moved(centre, seeds, reach)
+        self.start, left, length = (list(centre), box, seeds), Fraction(1), FIRST
+        while left:
+            length = min(length, left)
+            try:
+                rows = [[x, *row] for x, row in zip(box, one.tolist(), strict=True)]
+                part = field.step(rows, length, DERIVED_ORDER)
+                rests = (each[DERIVED_ORDER] * part.h**DERIVED_ORDER for row in part.polynomials for each in row[1:])
+                if not all(abs(each) < COARSE for each in rests):
+                    raise Unverified("the step is too long")
+                ends = field.end(centre, part.time)
+            except Unverified as reason:
+                if length < SHORTEST:
+                    raise Unverified(f"the motion is not enclosed: {reason}") from None
+                length /= 2
+                continue
+            transition = arb_mat([[each(part.h) for each in row[1:]] for row in part.polynomials])
             before, rounded = rounded, (transition.mid() * rounded).mid()
             error = rounded.inv() * (transition * before) * (one + error) - one
             slopes, centre = rounded * (one + error) * seeds, ends
             box = moved(centre, slopes, reach)
             self.parts.append(part)
+            left, length = left - part.time, length * Fraction(5, 4)
         self.end = list(centre), box, slopes
 
 
-def signs(
-    parts: Sequence[Part], of: Tree | None, orders: Callable[..., Sequence[int]], most: int = MOST_HALVINGS
-) -> list[list[int]]:
+def signs(parts: Sequence[Part], of: Tree | None, orders: Callable[..., Sequence[int]]) -> list[list[int]]:
     """On stretches of a motion, in order, the first of some derivatives of a function, the contact force for None, that
     has a sign there, and that sign. Which orders are tried depends on whether orders above 0 decided all
     stretches before, and whether one holds the end."""
     found, last = list[list[int]](), len(parts) - 1
-    waiting = [(each, arb(0), each.h, i == last, most) for i, each in enumerate(parts)][::-1]
+    waiting = [(each, arb(0), each.h, i == last, ctx.prec) for i, each in enumerate(parts)][::-1]
     while waiting:
         part, low, high, ends, left = waiting.pop()
-        at, field = part.field.values(part.states(low.union(high))), part.field
-        values = ((order, field.value(at, of, order)) for order in orders(all(order for order, _ in found), ends))
+        at, function = part.values(low.union(high)), of or part.field.force
+        tried = orders(all(order for order, _ in found), ends)
+        values = ((order, at[part.field.along(function, order)]) for order in tried)
         if decided := next(([order, 1 if each > 0 else -1] for order, each in values if each > 0 or each < 0), None):
             found.append(decided)
         elif left:
@@ -598,7 +533,7 @@ def turns(parts: Sequence[Part], of: Tree) -> int:
     """How often a function turns inside the motion, at whose end it is known to turn. On each stretch its rate has a
     sign, or the rate's rate has: then the rate has one zero there or none, as the signs before and after tell."""
     found, field = signs(parts, of, lambda *_: (1, 2)), parts[0].field
-    start = field.values(parts[0].states(arb(0)))[field.along(of, 1)]
+    start = parts[0].values(arb(0))[field.along(of, 1)]
     turned = (order == 2 and len({sign for _, sign in group}) > 1 for order, group in groupby(found, lambda x: x[0]))
     if not (start > 0 or start < 0) or found[-1][0] == 1 or any(turned):
         raise Unverified("turns of the extension are not told apart, or it hangs where the motion begins or ends")
@@ -615,9 +550,8 @@ class Solution:
     passages : half a phase each, from the launch, in contact with the rates turned
     """
 
-    def __init__(self, machines: Sequence[Machine], box: Mapping[str, arb]):
-        self.machine, names = machines[0], list(box)
-        machine = self.machine
+    def __init__(self, machine: Machine, box: Mapping[str, arb]):
+        self.machine, names = machine, list(box)
         centre = [each.mid() for each in box.values()]
         reach = [each - c for each, c in zip(box.values(), centre, strict=True)]
         self.passages, phases = list[Passage](), [name for name in PHASES if name in names]
@@ -626,8 +560,8 @@ class Solution:
             rows += [{phase: Fraction(1, 2)}, *({place.value: Fraction(1)} for place in machine.places)]
             seeds = arb_mat([[ball(row.get(name, Fraction(0))) for name in names] for row in rows])
             start = moved([arb(0)] * len(rows), seeds, centre)
-            self.passages.append(Passage(Laws(machines, sign < 0), start, seeds, reach))
-        equations = [self.passages[0].field.linear(self.passages[0].start, None)]
+            self.passages.append(Passage(Field(machine, sign < 0), start, seeds, reach))
+        equations = [self.passages[0].field.linear(self.passages[0].start, self.passages[0].field.force)]
         for passage, those in zip(self.passages, (range(len(machine.names)), machine.unknowns), strict=False):
             equations += [passage.field.linear(passage.end, machine.rates[i]) for i in those]
         by_all, count = arb_mat([row for _, row in equations]), len(equations)
@@ -732,8 +666,7 @@ def _check_halved(document: Mapping[str, object], claims: Bounds, radius: Fracti
 
 def _solution(document: Mapping[str, Any], claims: Bounds, radius: Fraction, cell: Bounds) -> Solution:
     """The solution that is claimed within bounds, shown to exist there and to be the only one within a radius."""
-    machines = machines_of(document["machine"], cell)
-    machine = machines[0]
+    machine = Machine(document["machine"], cell)
     phases = [name for name in PHASES if name in claims]
     names = [name for pair in machine.unknowns.values() for name in pair] + phases
     other = claims.keys() != {*names} or ((len(machine.names) > 2 or document["motion"]) and len(phases) < 2)
@@ -742,17 +675,17 @@ def _solution(document: Mapping[str, Any], claims: Bounds, radius: Fraction, cel
     stated, around = ({name: ball(claims[name][0] - more).union(ball(claims[name][1] + more)) for name in names}
                       | {place.value: arb(0, 1) for place in machine.places} for more in (0, radius))  # fmt: skip
     with ctx.workprec(BITS_OF_UNIQUENESS):
-        known = Solution(machines, around)
+        known = Solution(machine, around)
         for _ in range(3):
-            known = known if known.inside else Solution(machines, known.common)
+            known = known if known.inside else Solution(machine, known.common)
     if not known.inside:
         raise Unverified("the solution is not shown to be the only one within the radius of uniqueness")
-    solution = Solution(machines, stated)
+    solution = Solution(machine, stated)
     for _ in range(3):  # where the enclosures do not suffice, from the boxes that are known to hold the solution
         lies = all(ball(claims[name][0]) < solution.common[name] < ball(claims[name][1]) for name in names)
         if solution.inside and lies:
             return solution
-        known = solution = Solution(machines, known.common)
+        known = solution = Solution(machine, known.common)
     raise Unverified("the solution is not shown to lie in its enclosures")
 
 

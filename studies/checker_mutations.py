@@ -99,7 +99,7 @@ OF_SECOND = [
     ("self.inside = all(", "self.inside = any(", ["unique"]),
     ("- more).union(ball(claims[name][1] + more))", ").union(ball(claims[name][1]))", ["unique"]),
     ("ball(claims[name][0]) < solution.common[name]", "solution.common[name]", ["above"]),
-    (" and all(at[each].is_finite() for each in self.needed)", "", ["quotient"]),
+    (" and all(at[each].is_finite() for each in field.needed)", "", ["quotient"]),
     ("if each > 0 or each < 0)", "if each.mid() != 0)", ["inerter", "overlap"]),
     ("sum(a != b for a, b in pairwise(rates))", "sum(a != b for a, b in pairwise(rates)) + 1", ["family"]),
     ('.replace("_", "?")))', "and repr(node.value)))", ["exponent"]),
