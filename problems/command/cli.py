@@ -548,8 +548,8 @@ def control_command(
     wanted = options.steering_arguments(goal, stated)
     functions = {"hold": steering.keep_hopping, "recover": steering.recover, "start-up": steering.start_up}
     machine = options.machine_of(**stated)
-    with options.progress():
-        found = functions[goal](machine, family=family, **wanted)
+    with options.progress() as report:
+        found = functions[goal](machine, family=family, progress=report, **wanted)
     options.write(found, as_json, plot, animate, save)
 
 
