@@ -219,7 +219,7 @@ class MachineInSI(TwoMasses):
         hidden = (GAUGE, self.model.homotopy)
         spring = springs.formula("stiffness*r", stiffness=self.stiffness) if self.spring is None else self.spring
         has_length, masses = self.rest_length is not None, iter((*self.masses, GROUND_MASS))
-        yields = (False, self.ground.spring.key) if self.ground else ()
+        yields = (self.ground.spring.key,) if self.ground else ()
         plain = self.base.mechanism(spring.key, self.gravity.key, has_length, self.damped, *yields)
         elements = [replace(each, mass=next(masses)) if isinstance(each, Mass) else each for each in plain.elements]
         return replace(
