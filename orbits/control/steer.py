@@ -172,7 +172,9 @@ def _steer(stages, parameters: Mapping, free: Mapping, guess, tolerance: float, 
         try:
             motion = roll_out(current, found.cost, fixed)
         except FlowError as reason:
-            text = "the motion that the search comes to cannot be followed: {reason}; begin nearer to a motion, by guess="
+            text = (
+                "the motion that the search comes to cannot be followed: {reason}; begin nearer to a motion, by guess="
+            )
             raise NoOrbit(Message(text, reason=reason)) from reason
         _check_not_collapsed(stages, [of.unknowns for of in motion.stages])
         if motion.error <= tolerance and motion.violation <= tolerance:

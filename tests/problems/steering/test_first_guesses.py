@@ -31,5 +31,7 @@ def test_swings_begin_at_rest_and_reach_the_lowest_place():
 
 def test_a_contact_that_does_not_end_is_refused_with_the_reason():
     rows = springs.table(([-5.5, -2.0, 0.0, 2.0, 6.0], [-5.5, -2.0, 0.0, 2.0, 6.0]), noise=0)
-    with pytest.raises(NoOrbit, match=r"contact does not end: .* leaves the law's range, \[-5.5, 6\].*; change the machine"):
+    with pytest.raises(
+        NoOrbit, match=r"contact does not end: .* leaves the law's range, \[-5.5, 6\].*; change the machine"
+    ):
         contact_time_of(find(Hopper(rows)))
