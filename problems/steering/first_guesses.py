@@ -19,7 +19,7 @@ from .actuated_launch import launch_argument
 def contact_time_of(orbit: Orbit) -> float:
     """The time of the orbit's contact, which an admissible one has."""
     if orbit.contact_time is None:
-        text = "no hop is near the lossless orbit, since its contact does not end: {why}; change the machine, or its family"
+        text = "no hop is near the lossless orbit, whose contact does not end: {why}; change the machine or its family"
         raise NoOrbit(Message(text, why=Message.joined("; ", orbit.violations)))
     return float(orbit.contact_time)
 

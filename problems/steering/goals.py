@@ -272,8 +272,8 @@ class _Hop:
         if deep > most + slack or turns < fewest - slack:
             raise NoOrbit(
                 f"the extension turns {turns} times in the flight that is found, that of family {self.orbit.family} "
-                f"{most} times: it is another kind of hop; start nearer to the lossless orbit, with the result for less "
-                "damping, or for a launch nearer to its, as guess=, or take other intervals"
+                f"{most} times: it is another kind of hop; take guess=, the result for less damping or for a launch "
+                "nearer to the lossless one, or another number of intervals"
             )
         return result
 
