@@ -12,12 +12,12 @@ from orbits.numerics.polynomial_roots import derivative, piecewise_roots
 # Two turns with less between them than this share of the extension's range may merge, or appear, on the way from the
 # lossless orbit to a motion of the same kind.
 SHALLOW = 0.05
-SAMPLES = 1001  # of an orbit's flight
+SAMPLES_OF_FLIGHT = 1001  # of an orbit's flight
 
 
 def turns_of_orbit(orbit: Orbit, extension: Affine) -> tuple[int, int]:
     """The number of an orbit's turns in flight that are not shallow, and of all; the last state is the actuator's."""
-    states = orbit(np.linspace(0.0, float(orbit.flight_time), SAMPLES))
+    states = orbit(np.linspace(0.0, float(orbit.flight_time), SAMPLES_OF_FLIGHT))
     return deep_turns(extension(np.pad(states, ((0, 0), (0, 1))))), 2 * orbit.family + 1
 
 
