@@ -33,6 +33,7 @@ def machine_numbers(words: Mapping[str, Any]) -> dict[str, tuple[float, str]]:
     stated = {name: value for name, value in words.items() if type(value) in (int, float) and name != "restitution"}
     numbers = {name: words.get(name) for name in own} if own else {n.replace("_", " "): stated[n] for n in stated}
     numbers |= words.get("parameters", {})
+    numbers |= {"ground_mass": ground["mass"]} if (ground := words.get("ground")) else {}
     return {name: (value, own.get(name) or "") for name, value in numbers.items() if value is not None}
 
 

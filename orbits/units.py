@@ -195,6 +195,7 @@ class SavedUnits(TypedDict):
     force: float
     energy: NotRequired[float | None]
     angles: NotRequired[tuple[str, ...]]
+    own: NotRequired[tuple[tuple[str, Dimension], ...]]
 
 
 def saved_units(data: Mapping[str, object]) -> Units:

@@ -26,7 +26,7 @@ from orbits import (
     simulate,
     trace,
 )
-from orbits.units import DIMENSIONS, SPEED, unit_text
+from orbits.units import DIMENSIONS, SPEED, Units, saved_units, unit_text
 from problems import hopper_in_si, steering
 
 SCHEDULE = "; it is a list of times, and lists of values of parameters by name"
@@ -413,3 +413,8 @@ def test_files_of_the_first_version_had_no_results_in_si(tmp_path):
     head["machine"] |= {"laws_in": "SI", **{f"unit_{name}": size for name, size in sizes.items()}}
     (tmp_path / "old.jsonl").write_text("\n".join([json.dumps(head), *lines[1:]]) + "\n")
     agree(Family.load(tmp_path / "old.jsonl").column("alpha"), family.column("alpha"), sizes_of("leg")["alpha"])
+
+
+def test_units_of_states_of_other_kinds_come_back_from_a_file():
+    units = Units(1.0, 2.0, 3.0, 4.0, ("knee",), (("f", (1, 0, 1)),))
+    assert saved_units(json.loads(json.dumps(units.saved()))) == units

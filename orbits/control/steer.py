@@ -14,7 +14,7 @@ from itertools import count
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import InputError, NoOrbit, finite_number
+from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..periodic.find import Progress
 from ..running import interrupts
 from ..running.exclusive import exclusive
@@ -168,7 +168,14 @@ def _steer(stages, parameters: Mapping, free: Mapping, guess, tolerance: float, 
             factor, (bound, held) = current.unit / size, found.multipliers
             current = replace(current, unit=size, multipliers=(factor * bound, factor * held))
             continue
-        before, motion = motion, roll_out(current, found.cost, fixed)
+        before = motion
+        try:
+            motion = roll_out(current, found.cost, fixed)
+        except FlowError as reason:
+            text = (
+                "the motion that the search comes to cannot be followed: {reason}; begin nearer to a motion, by guess="
+            )
+            raise NoOrbit(Message(text, reason=reason)) from reason
         _check_not_collapsed(stages, [of.unknowns for of in motion.stages])
         if motion.error <= tolerance and motion.violation <= tolerance:
             named = dict(zip(problem.names, motion.values.tolist(), strict=True))

@@ -49,7 +49,7 @@ def bifurcations(
         injection, where all are mapped together, and none along other parameters, where this takes longer
     cap : number of impacts in one hop after which its computation is ended
     starts : for a machine whose launch has d > 1 numbers, launches or lossless orbits near which fixed points are
-        searched for at each section by Newton's method, or the `PeriodicHop`s of a period
+        searched for at each section by Newton's method, or results `PeriodicHop` of a period
     progress : called with the completed share
 
     Launch speeds and the injection are in the machine's units. Folds and flips are located to some 1e-11 of the range,

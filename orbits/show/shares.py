@@ -28,9 +28,8 @@ def plot_sensitivities(found: "Sensitivities", axes: Axes | None = None) -> Axes
     largest = float(np.abs(known).max()) or 1.0
     axes.imshow(known, cmap=DIVERGING, vmin=-1.6 * largest, vmax=1.6 * largest, aspect="auto")
     for i, j in np.ndindex(*shares.shape):
-        text = (
-            f"{round(float(shares[i, j]), 9) + 0.0:.3g}" if np.isfinite(shares[i, j]) else "-"
-        )  # without rounding errors
+        rounded = round(float(shares[i, j]), 9) + 0.0  # a derivative of 0 has rounding errors
+        text = f"{rounded:.3g}" if np.isfinite(shares[i, j]) else "-"
         axes.text(j, i, text, ha="center", va="center", fontsize="small")
     axes.set_xticks(range(len(columns)), [label_of(each) for each in columns], rotation=20, ha="right")
     axes.set_yticks(range(len(rows)), [label_of(each) for each in rows])
@@ -65,7 +64,7 @@ def plot_uncertainty(found: Any, quantity: str | None = None, axes: Axes | None 
     quantiles, and the normal distribution of the linear deviation; return the axes."""
     quantity = next(iter(found.mean)) if quantity is None else quantity
     if quantity not in found.mean:
-        raise InputError(f"the uncertainty has no '{quantity}'; it has {', '.join(found.mean)}")
+        raise InputError(f"the uncertainty has no '{quantity}'; it has {', '.join(found.mean)}: name it in quantities")
     axes, sweep = axes or new_axes(), found.sweep
     values = sweep[quantity][(sweep["status"] == "certified") & np.isfinite(sweep[quantity])]
     bars = int(np.clip(np.sqrt(len(values)), 5, BARS))

@@ -307,8 +307,8 @@ def return_map(
     click.echo("{:>16}{:>20}{:>16}{:>9}  {}".format(*heads, "impacts", "status"))
     columns = [hops.document()[name] for name in (*COLUMNS_OF_HOPS, "impacts", "status")]
     for row in zip(*columns, strict=True):
-        following = "-" if row[1] is None else f"{row[1]:.12g}"
-        click.echo(f"{row[0]:16.12g}{following:>20}{row[2]:16.9g}{row[3]:9d}  {row[4]}")
+        following, loss = ("-" if x is None else f"{x:.{digits}g}" for x, digits in zip(row[1:3], (12, 9), strict=True))
+        click.echo(f"{row[0]:16.12g}{following:>20}{loss:>16}{row[3]:9d}  {row[4]}")
     if len(speeds) <= LONGEST_TABLE and (separations := step.smallest_separation(speeds)) is not None:
         for alpha in speeds[separations <= 0]:
             click.echo(f"the masses pass through each other in the hop from {alpha:.12g}")
@@ -548,8 +548,8 @@ def control_command(
     wanted = options.steering_arguments(goal, stated)
     functions = {"hold": steering.keep_hopping, "recover": steering.recover, "start-up": steering.start_up}
     machine = options.machine_of(**stated)
-    with options.progress():
-        found = functions[goal](machine, family=family, **wanted)
+    with options.progress() as report:
+        found = functions[goal](machine, family=family, progress=report, **wanted)
     options.write(found, as_json, plot, animate, save)
 
 

@@ -319,7 +319,7 @@ def statement_of(
     """
     from orbits.errors import InputError
 
-    from ..machines.files import KINDS, MASSES, SI_PARAMETERS, read
+    from ..machines.files import GROUND_PARAMETERS, KINDS, MASSES, SI_PARAMETERS, read
 
     statement: dict[str, Any] = {"machine": machine or "hopper"}
     where = "the options"
@@ -340,7 +340,11 @@ def statement_of(
     values, parameters = _parameter_values(settings), dict(statement.get("parameters", {}))
     if first is not None:
         (own if first[0] in ("mass_ratio", "rest_length") else values)[first[0]] = first[1]
+    ground = statement.get("ground", {})
     for name, value in (own | values).items():
+        if (key := GROUND_PARAMETERS.get(name)) in ground:
+            ground[key] = value
+            continue
         in_si = name in SI_PARAMETERS and "si" in statement and name not in parameters
         place = statement["si"] if in_si else statement if name in own else parameters
         place[name] = value

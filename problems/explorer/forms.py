@@ -10,6 +10,7 @@ from urllib.parse import urlencode
 
 from orbits.errors import InputError
 
+from ..laws.springs import HYSTERETIC_KINDS
 from ..machines.files import MASSES, SI_KEYS
 from .scene import LARGEST_ROWS, LINEAR_IN_SI, LOSSES, PYTHON_MACHINE, DroppedRows, Scene, with_surroundings
 
@@ -121,10 +122,17 @@ def _whole_in_link(name: str, text: str) -> int:
 def scene_of_statement(stated: Mapping[str, Any], family: int = 1) -> Scene:
     """The scene of a statement of a machine file or of the command line, whose table is read from its file.
 
-    Raises `InputError` for a table that cannot be read; `Scene.build` refuses other faults.
+    Raises `InputError` for a table that cannot be read, and for what the page does not show; `Scene.build` refuses
+    other faults.
     """
     si = stated.get("si")
     machine, spring = stated.get("machine", "hopper"), stated.get("spring")
+    if "ground" in stated:
+        raise InputError("the page shows hops on rigid ground, which have a family: leave [ground] out")
+    if isinstance(spring, str) and spring.partition(":")[0] in HYSTERETIC_KINDS:
+        raise InputError(
+            f"spring '{spring}' has hysteresis, and no lossless hop to show: state the mean of its branches"
+        )
     rows = _rows_from_file(spring) if isinstance(spring, str) and spring.startswith("table:") else None
     numbers = dict(stated.get("parameters", {}))
     numbers |= {name: stated[name] for name in ("mass_ratio", "rest_length", *LOSSES) if stated.get(name) is not None}
@@ -146,6 +154,8 @@ def _rows_from_file(spring: str) -> DroppedRows:
     from ..laws.springs import table_options
 
     path, options = table_options(spring.removeprefix("table:"))
+    if moved := [name for name in ("scale", "shift") if name in options]:
+        raise InputError(f"spring '{spring}': the page shows a table as it was measured: leave {moved[0]} out")
     return DroppedRows(Path(path).name, text_of(Path(path)), **options)
 
 

@@ -31,6 +31,7 @@ from .smoothing import SmoothCurve, branch_of, curve_of
 # A sample to try tables with: a leg's spring in mm and N, with noise as from a bench.
 SAMPLE = Path(__file__).with_name("leg_spring.csv")
 TABLE_OPTIONS = ("branch", "noise", "scale", "shift")
+HYSTERETIC_KINDS = ("hysteretic", "lossy", "loop")  # of springs with hysteresis in text, before the colon
 
 
 def formula(text: str, /, **parameters: float) -> Law:
@@ -317,7 +318,7 @@ def as_spring(
         if not path.strip():
             raise InputError(f"spring '{law}' names no file after the colon")
         law = table(path, in_si=in_si, **options)
-    elif colon and kind in ("hysteretic", "lossy", "loop"):
+    elif colon and kind in HYSTERETIC_KINDS:
         law = _with_loss(kind, rest, parameters or {}, in_si)
     return laws.from_any(law, "r", parameters, NAMED, "a spring", shared)
 

@@ -39,7 +39,7 @@ from orbits.symbolic.formula import suggest
 from .hopper import Hopper
 from .in_si import AnyMachine, MachineInSI, hopper_in_si, juggler_in_si
 from .juggler import Juggler
-from .two_masses import DAMPERS, TwoMassMachine
+from .two_masses import DAMPERS, GROUND_MASS, TwoMassMachine
 
 KINDS: dict[str, type[TwoMassMachine]] = {"hopper": Hopper, "juggler": Juggler}
 IN_SI: dict[str, Callable[..., MachineInSI]] = {"hopper": hopper_in_si, "juggler": juggler_in_si}
@@ -47,6 +47,8 @@ MASSES = {"hopper": ("body_mass", "foot_mass"), "juggler": ("ball_mass", "hand_m
 OWN_KEYS = ("spring", "mass_ratio", "rest_length")
 COMMON_KEYS = ("gravity", "restitution", "damping", "drag", "parameters", "ground")
 GROUND_KEYS = ("mass", "stiffness", "spring")
+# The parameters of ground that yields, by the keys of [ground] that state them.
+GROUND_PARAMETERS = {GROUND_MASS: "mass", "ground_stiffness": "stiffness"}
 KEYS = ("machine", *OWN_KEYS, *COMMON_KEYS, "si", "design")
 SI_KEYS = ("surface_gravity", "stiffness", "rest_length", "body_radius")
 # The parameters of a machine in SI that its file states in [si].

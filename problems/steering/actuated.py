@@ -269,8 +269,12 @@ def springs_of_mechanism(stated: Mechanism) -> list[Spring]:
 
 
 def refuse_corners(stated: Mechanism) -> None:
-    """Raise `InputError` where the law of a spring has a corner, which no Taylor series of an input crosses."""
+    """Raise `InputError` where the law of a spring has hysteresis, or a corner, which no Taylor series of an input
+    crosses."""
     for spring in springs_of_mechanism(stated):
+        if spring.force.branches:
+            remedy = "its spring has hysteresis, which no schedule takes; give it the law's `.mean`"
+            raise InputError(f"the {stated.name} cannot be steered: {remedy}")
         if spring.force.pieces and (corners := from_key(spring.force, stated.parameters).corners()):
             text = f"spring '{spring.force.text}' has a corner at r = {corners[0]:.6g}"
             raise InputError(

@@ -126,15 +126,15 @@ class Driven(Control, what="motion of a driven machine"):
         """
         return disturbed(self, hops, launch_error, state, push, values)
 
-    def followed_by(self, kept: "Driven", hops: int = 1) -> Simulation:
+    def followed_by(self, hop: "Driven", hops: int = 1) -> Simulation:
         """Simulate this motion and then hops of another one, open loop: a start, say, and the hop at which it aims.
 
-        kept : the result of `keep_hopping` for the same machine and actuator
+        hop : the result of `keep_hopping` for the same machine and actuator
         hops : number of its hops
         """
-        if self.actuated.describe() != kept.actuated.describe():
+        if self.actuated.describe() != hop.actuated.describe():
             raise InputError("what follows is a motion of another machine or actuator")
-        (own, first), (later, then) = self.schedule_of(1), kept.schedule_of(whole_number("hops", hops, "hops"))
+        (own, first), (later, then) = self.schedule_of(1), hop.schedule_of(whole_number("hops", hops, "hops"))
         schedule = np.append(own, own[-1] + later[1:]), {n: np.append(first[n], then[n]) for n in first}
         liftoffs = hops + sum(leg.phase == "contact" for leg in self.legs[-1:])
         return simulate(self.actuated, state=self(0.0), hops=liftoffs, schedule=schedule)

@@ -20,7 +20,8 @@ AT_REST = 1e-10  # the largest acceleration of a machine that rests, in units in
 def contact_time_of(orbit: Orbit) -> float:
     """The time of the orbit's contact, which an admissible one has."""
     if orbit.contact_time is None:
-        raise NoOrbit("the contact of the lossless orbit does not end, so that no hop is near it")
+        text = "no hop is near the lossless orbit, whose contact does not end: {why}; change the machine or its family"
+        raise NoOrbit(Message(text, why=Message.joined("; ", orbit.violations)))
     return float(orbit.contact_time)
 
 
@@ -36,7 +37,7 @@ def undriven_guess(driven: Actuated, launch: Mapping[str, float]) -> list[Guess]
     run = simulate(driven, launch_argument(driven, launch, launch["alpha"]), hops=1)
     contacts = [leg for leg in run.legs if leg.phase == "contact"]
     if run.status != "done" or not contacts:
-        text = "from a launch at {launch:.6g} the machine does not hop on by itself: {why}"
+        text = "from a launch at {launch:.6g} the machine does not hop on without control: {why}"
         speed = Quantity(launch["alpha"], LIFTOFF_SPEED)
         raise NoOrbit(Message(text, launch=speed, why=run.reason or run.status))
     first, last, (n, m) = run.legs[0].path, contacts[0].path, driven.model.embed.shape

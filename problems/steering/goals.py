@@ -18,7 +18,6 @@ import numpy as np
 from orbits import Control, InputError, NoOrbit, Orbit, Simulation, find, simulate, steer
 from orbits.control.control import control_in_units
 from orbits.errors import finite_number, whole_number
-from orbits.numerics.polynomial_roots import derivative, piecewise_roots
 from orbits.periodic.find import Progress
 from orbits.running.exclusive import exclusive
 from orbits.simulation.simulated import run_in_units
@@ -30,6 +29,7 @@ from .actuator_bounds import Limits, actuator_limits, dimensions_of_limits, dime
 from .driven import Driven, flight_states, work_done
 from .first_guesses import contact_time_of, growing_swings, lossless_guess, rest_in_contact, undriven_guess
 from .steered_stages import hop_stages, parameter_of_rest, swing_stages
+from .turns import turns_of_leg, turns_of_orbit
 
 # Positive work is rounded: power P counts as (P + sqrt(P^2 + round^2))/2, with a share of the mean power as `round`.
 # The last of these shares is that of the result; the earlier ones lead there.
@@ -264,15 +264,16 @@ class _Hop:
         return start if self.lossless else [*start, lambda: undriven_guess(self.driven, launch)]
 
     def checked(self, result: Control) -> Control:
-        """The result, if it turns in flight as often as the orbit; one turn fewer or more if the landing is plastic."""
-        flight, size, extension = result.legs[0].path, len(self.driven.model.flight.states), self.driven.model.extension
-        series = extension.series(flight.coefficients[:, :size])
-        turns, expected = len(piecewise_roots(derivative(series), flight.steps)), 2 * self.orbit.family + 1
-        if abs(turns - expected) > (0 if self.lossless else 1):
+        """The result, if it turns in flight as often as the orbit, whatever its shallow turns; once more or less if the
+        landing is plastic."""
+        extension, slack = self.driven.model.extension, 0 if self.lossless else 1
+        fewest, most = turns_of_orbit(self.orbit, extension)
+        deep, turns = turns_of_leg(result.legs[0], extension)
+        if deep > most + slack or turns < fewest - slack:
             raise NoOrbit(
-                f"the answer's extension turns {turns} times in flight, that of family {self.orbit.family} {expected} "
-                "times: it is another kind of hop; start from the answer for a machine, or a launch, nearer to the "
-                "lossless orbit's"
+                f"the extension turns {turns} times in the flight that is found, that of family {self.orbit.family} "
+                f"{most} times: it is another kind of hop; take guess=, the result for less damping or for a launch "
+                "nearer to the lossless one, or another number of intervals"
             )
         return result
 

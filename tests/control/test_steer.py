@@ -9,6 +9,7 @@ from carts import EFFORT, STRAIGHT, cart
 from orbits import InputError, NoOrbit, steer
 from orbits.control import Guess, Input, Stage
 from orbits.model import Phase
+from orbits.model.phase import Pieces
 
 
 def test_least_effort_from_rest_to_rest():
@@ -126,3 +127,12 @@ def test_what_cannot_be_asked(arguments, words):
 def test_what_has_no_answer(stage, words):
     with pytest.raises(NoOrbit, match=words):
         steer([stage()], guess=STRAIGHT)
+
+
+def test_a_motion_that_leaves_the_range_of_a_law_is_refused_with_the_remedy():
+    pieces = Pieces((1.0,), 1, lambda p: ([0.0, 1.0], [[0.0]]))
+    phase = Phase("cart", ("x",), lambda x, p, q: [p["w"] + q[0]], pieces=pieces)
+    ends = {"start": lambda x, before, p: x, "end": lambda x, p: [x[0] - 2.0]}
+    stage = Stage(phase, 2, (1, 1), {"w": Input()}, **ends, running=lambda x, p, q: p["w"] ** 2)
+    with pytest.raises(NoOrbit, match=r"cannot be followed: .* leaves the law's range, \[0, 1\], at 1; begin nearer"):
+        steer([stage], guess=[Guess(1.0, lambda t: [t])])

@@ -63,3 +63,10 @@ def test_a_map_of_many_launches_is_a_summary_unless_all_are_asked_for(orbits):
     assert f"{'rests':<24}{document['status'].count('rests')}\n" in short.out
     assert len(whole.out.splitlines()) == 301
     assert len(document["alpha"]) == 300
+
+
+def test_a_hop_whose_loss_is_not_stated(orbits):
+    """With hysteresis the loss follows from the next launch, which there may not be."""
+    done = orbits("map --spring 'lossy:r + 0.1*r**3' --set loss_factor=0.1 --alpha 4.3:4.4:2")
+    assert (done.code, done.err) == (0, "")
+    assert done.out.splitlines()[2].split()[1:] == ["-", "-", "1", "rests"]

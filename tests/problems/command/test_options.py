@@ -5,6 +5,7 @@ import pytest
 
 from orbits import find
 from problems import hopper_in_si, juggler_in_si
+from problems.command.options import machine_of
 
 ALPHA = 4.493409457909064  # tan(alpha) = alpha, eq. (12) of the paper
 DUFFING = 2.936459188494196478  # tests/data/orbits.json: r + 0.3 r**3
@@ -158,3 +159,11 @@ def test_the_progress_display_shows_on_a_terminal_and_clears_itself(monkeypatch)
     shown = terminal.getvalue()
     assert "searching, 1 s, 25%" in shown
     assert shown.endswith("\r" + " " * 40 + "\r")
+
+
+def test_the_numbers_of_ground_that_yields_are_parameters(tmp_path):
+    machine = tmp_path / "soft.toml"
+    machine.write_text("[ground]\nmass = 2.0\nstiffness = 5.0\n")
+    soft = machine_of(str(machine), ("ground_mass=3.0", "ground_stiffness=7.0"))
+    assert (soft.values["ground_mass"], soft.values["ground_stiffness"]) == (3.0, 7.0)
+    assert machine_of(str(machine), first=("ground_mass", 4.0)).values["ground_mass"] == 4.0

@@ -15,6 +15,7 @@ from problems import inerter_hopper
 from problems.command.options import machine_of
 from problems.explorer.forms import link_of, machine_file, python_lines, scene_of_link, scene_of_statement
 from problems.explorer.scene import LARGEST_ROWS, DroppedRows, beginning
+from problems.laws.springs import SAMPLE
 from problems.machines.files import read
 from tests.problems.explorer.scenes import SCENES, SHORT_ROWS, arguments, given
 
@@ -134,3 +135,16 @@ def test_rows_that_are_too_many_stay_out_of_the_link():
 )
 def test_a_family_is_followed_along_what_changes_the_hop(stated, along):
     assert scene_of_statement(stated).along == along
+
+
+@pytest.mark.parametrize(
+    ("stated", "words"),
+    [
+        ({"ground": {"mass": 2.0, "stiffness": 5.0}}, r"leave \[ground\] out"),
+        ({"spring": "lossy:r", "parameters": {"loss_factor": 0.1}}, "state the mean of its branches"),
+        ({"spring": f"table:{SAMPLE}?scale=s", "parameters": {"s": 1.1}}, "leave scale out"),
+    ],
+)
+def test_what_the_page_does_not_show_is_refused(stated, words):
+    with pytest.raises(InputError, match=words):
+        scene_of_statement(stated)

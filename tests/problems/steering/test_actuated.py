@@ -7,7 +7,7 @@ from scipy.integrate import trapezoid
 from orbits import InputError, Mechanism, simulate
 from orbits.mechanics import Damper, Mass, Spring
 from orbits.simulation.impacts import Impacts
-from problems import Actuated, Actuator, Chain, Hopper, steering
+from problems import Actuated, Actuator, Chain, Hopper, springs, steering
 from problems.laws.springs import as_spring
 
 
@@ -75,6 +75,7 @@ def test_a_force_does_work_along_its_way():
         (Chain(), Actuator("2", kind="force"), "has no coordinate; there are y1, y2, y3"),
         (Chain(), "y1 - y2", "it is an Actuator"),
         (restated(as_spring("bilinear", {})), Actuator(), "corner at r = 0.5"),
+        (Hopper(springs.lossy("r", loss_factor=0.1)), Actuator(), "has hysteresis, which no schedule takes"),
         (restated(as_spring("r + f*r**3", {"f": 0.1})), Actuator(kind="force"), "actuator's own name"),
         (
             Mechanism(("body", "foot"), [*MASSES, Spring("body - foot - e")], actuators={"e": "v"}, **TWO),

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from orbits import find
-from problems import Actuated, Actuator, Chain, Hopper
+from orbits import NoOrbit, find
+from problems import Actuated, Actuator, Chain, Hopper, springs
 from problems.steering.first_guesses import contact_time_of, growing_swings, lossless_guess, rest_in_contact
 
 
@@ -27,3 +27,11 @@ def test_swings_begin_at_rest_and_reach_the_lowest_place():
     ends = [swing.states(swing.duration)[0] for swing in swings]
     assert swings[0].states(0.0) == pytest.approx([-1.0, 0, 0], abs=1e-12)
     assert ends == pytest.approx(-1 + np.array([-1, 2, -3, 4]) / 3 * (-1 - lowest), abs=1e-9)
+
+
+def test_a_contact_that_does_not_end_is_refused_with_the_reason():
+    rows = springs.table(([-5.5, -2.0, 0.0, 2.0, 6.0], [-5.5, -2.0, 0.0, 2.0, 6.0]), noise=0)
+    with pytest.raises(
+        NoOrbit, match=r"contact does not end: .* leaves the law's range, \[-5.5, 6\].*; change the machine"
+    ):
+        contact_time_of(find(Hopper(rows)))
