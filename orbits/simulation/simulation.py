@@ -150,15 +150,19 @@ def _initial_state(impacts: Impacts, p, alpha, state) -> tuple[np.ndarray, float
     x = np.array(state)
     gap, speed, tolerance = impacts.gap(x), float(x @ impacts.gap_speed), TOUCHING * (1 + np.abs(x).max())
     if abs(gap) <= tolerance and abs(speed) <= tolerance:
-        path, _ = impacts.contact.run(impacts.onto_contact @ x, p, tolerance)
-        force, rise = impacts.contact_force.series(path.coefficients)[0, :2]
-        if abs(force) <= tolerance and rise < 0:
-            return x, None, LIFTOFF_ORDER  # just lifting off
-        return x, None, None if force >= 0 else 2
+        force, lifts_off = _force_at_start(impacts, impacts.onto_contact @ x, p, tolerance)
+        return x, None, LIFTOFF_ORDER if lifts_off else None if force >= 0 else 2
     if not gap > 0:
         text, names = "state = {place}: its gap is {gap:.6g} and must be open", impacts.flight.phase.states
         raise InputError(Message(text, place=described(names, x), gap=Quantity(gap, LENGTH)))
     return x, None, 0
+
+
+def _force_at_start(impacts: Impacts, y: np.ndarray, p: np.ndarray, tolerance: float) -> tuple[float, bool]:
+    """The contact force in a contact state, and whether it is 0 up to a tolerance and falls, so that it ends there."""
+    path, _ = impacts.contact.run(y, p, tolerance)
+    force, rise = impacts.contact_force.series(path.coefficients)[0, :2]
+    return float(force), bool(abs(force) <= tolerance and rise < 0)
 
 
 def _launch_state(impacts: Impacts, launch) -> tuple[np.ndarray, float]:
@@ -265,8 +269,9 @@ class _Run:
                 return status, x
             y = path.end[: self.impacts.contact.size]
             self.update_parameters()
-            if cut and self.impacts.pressing((self.impacts.model.embed @ y)[None])[0] <= 0:
-                outcome = "lifts_off"  # by rounding, or because the new inputs make the force vanish
+            if cut:  # The force may vanish by rounding, or because the new inputs make it vanish.
+                force, lifts_off = _force_at_start(self.impacts, y, self.impacts.p, TOUCHING * (1 + np.abs(y).max()))
+                outcome = "lifts_off" if lifts_off or force <= 0 else None
         return self.liftoff(y, x)
 
     def liftoff(self, y, x) -> tuple[str | None, np.ndarray]:
