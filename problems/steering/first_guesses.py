@@ -17,6 +17,7 @@ from .actuated_launch import launch_argument
 
 AT_REST = 1e-10  # the largest acceleration of a machine that rests, in units in which gravity is about 1
 
+
 def contact_time_of(orbit: Orbit) -> float:
     """The time of the orbit's contact, which an admissible one has."""
     if orbit.contact_time is None:
