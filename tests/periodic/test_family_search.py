@@ -129,7 +129,7 @@ def test_what_cannot_be_searched():
         find_all(Hopper(), [], family=1)
     with pytest.raises(InputError, match="give family="):
         find_all(Hopper(), 2)
-    with pytest.raises(InputError, match="give find_all starts"):
+    with pytest.raises(InputError, match=r"find_all\(machine, starts\(machine\)\) finds its hops"):
         find_all(Chain(masses=(1, 1, 1)), family=1)
     with pytest.raises(InputError, match="a family is a whole number"):
         find_all(Hopper(), family=0)
