@@ -111,7 +111,7 @@ def machine():
 
 @pytest.fixture(scope="module")
 def orbits(machine):
-    return find_all(machine, starts(machine, 2.5, 4.0))
+    return find_all(machine, starts(machine, 4.0, 6.0))
 
 
 def test_all_linear_hops_by_their_equations():

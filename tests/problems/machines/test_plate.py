@@ -134,7 +134,8 @@ class TestEquationsByHand:
         for orbit in orbits[:3]:
             state = dict(zip(machine.model.flight.states, orbit(0.0), strict=True))
             assert orbit.liftoff_extension == pytest.approx(state["body"] - state["foot"], rel=1e-14)
-            assert find(machine, start=orbit).alpha == pytest.approx(orbit.alpha, rel=1e-12)
+            again = find(machine, start=orbit)
+            assert again.alpha == pytest.approx(orbit.alpha, rel=1e-12, abs=again.error + orbit.error)
 
     def test_a_simulated_hop_and_an_impact(self, machine, orbits):
         orbit, (_, m2, m3) = next(o for o in orbits if o.admissible), self.m
