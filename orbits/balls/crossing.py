@@ -173,9 +173,8 @@ def _across(
     h = 2 * (goal - breakpoints.coordinate(states)).abs_upper() / speed.abs_lower() + arb(2) ** (16 - ctx.prec)
     for _ in range(MOST_WINDOWS):
         h = h.abs_upper().mid()
-        if not h < longest:
-            raise Unproved("the motion ends at a breakpoint of the spring's law")
-        h = _rounded_down(h)
+        whole = not h < longest
+        h = longest if whole else _rounded_down(h)
         rates = _rates_across([systems[k] for k in both], states, h)
         lines = [arb_poly([x, rate]) for x, rate in zip(states, rates, strict=True)]
         step = Step(h, lines, [arb(0)] * len(states))
@@ -186,6 +185,8 @@ def _across(
         clear = abs(place.mid() - goal) > CLEAR_OF * (place.rad() + goal.rad())
         if clear and breakpoints.holds(beyond, step.end()):
             return Advance(step, both, beyond)
+        if whole:
+            raise Unproved("the motion ends at a breakpoint of the spring's law")
         h = 2 * h
     raise Unproved("a breakpoint of the spring's law is not crossed transversally")
 

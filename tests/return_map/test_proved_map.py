@@ -133,6 +133,7 @@ def test_a_doubling_that_is_said_elsewhere_or_of_other_laws():
         Hopper("r + 0.3*r**3", mass_ratio=0.5, rest_length=8.0),
         Juggler("tanh", parameters={"b": 0.1}),
         Hopper("r + 0.3*r**3", gravity="1/(1 + z/40)**2", rest_length=8.0),
+        Hopper("bilinear"),
         inerter_hopper(),
         hopper_in_si(60.0, 3.0, force="k*r + b*r**3", parameters={"k": 8000.0, "b": 2e6}, rest_length=0.8),
     ],
