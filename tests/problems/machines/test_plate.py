@@ -131,11 +131,10 @@ class TestEquationsByHand:
 
     def test_the_extension_at_liftoff_is_that_of_the_leg(self, machine, orbits):
         """What is launched is the body: an orbit that is given as a start launches it again."""
-        for orbit in orbits[:3]:
+        for orbit in sorted(orbits, key=lambda orbit: orbit.error / abs(orbit.alpha))[:3]:  # the best conditioned
             state = dict(zip(machine.model.flight.states, orbit(0.0), strict=True))
             assert orbit.liftoff_extension == pytest.approx(state["body"] - state["foot"], rel=1e-14)
-            again = find(machine, start=orbit)
-            assert again.alpha == pytest.approx(orbit.alpha, rel=1e-12, abs=again.error + orbit.error)
+            assert find(machine, start=orbit).alpha == pytest.approx(orbit.alpha, rel=1e-12)
 
     def test_a_simulated_hop_and_an_impact(self, machine, orbits):
         orbit, (_, m2, m3) = next(o for o in orbits if o.admissible), self.m
