@@ -131,7 +131,10 @@ class TestEquationsByHand:
 
     def test_the_extension_at_liftoff_is_that_of_the_leg(self, machine, orbits):
         """What is launched is the body: an orbit that is given as a start launches it again."""
-        for orbit in sorted(orbits, key=lambda orbit: orbit.error / abs(orbit.alpha))[:3]:  # the best conditioned
+        # One hop, of 7e-5 in contact, is known to six digits alone, as its error says.
+        accurate = [orbit for orbit in orbits if orbit.error <= 1e-9 * abs(orbit.alpha)]
+        assert len(accurate) == 2
+        for orbit in accurate:
             state = dict(zip(machine.model.flight.states, orbit(0.0), strict=True))
             assert orbit.liftoff_extension == pytest.approx(state["body"] - state["foot"], rel=1e-14)
             assert find(machine, start=orbit).alpha == pytest.approx(orbit.alpha, rel=1e-12)
