@@ -56,10 +56,11 @@ from .proof.prove import prove, prove_absence, prove_fold
 from .proof.theorem import Proof
 from .return_map.bifurcations import bifurcations
 from .return_map.diagram import Bifurcation as Bifurcation, BifurcationDiagram, Branch as Branch, BranchEnd as BranchEnd
+from .return_map.hops import FixedPoint as FixedPoint, Hops as Hops
 from .return_map.launch_hops import LaunchHops as LaunchHops
 from .return_map.periodic_hop import PeriodicHop
 from .return_map.proofs import prove_doubling, prove_fixed_point
-from .return_map.return_map import FixedPoint as FixedPoint, Hops as Hops, ReturnMap
+from .return_map.return_map import ReturnMap
 from .running.time_limit import time_limit
 from .shooting.formulations import METHODS as METHODS
 from .simulation.multiplier import multiplier

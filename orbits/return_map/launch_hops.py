@@ -14,12 +14,13 @@ from ..running.exclusive import in_threads
 from ..simulation.impacts import FASTEST_LAUNCH, MANY_BOUNCES, NEIGHBOUR, STATUS, impacts_from
 from ..simulation.launch_section import LaunchSection
 from ..units import ENERGY, Units
+from .hops import OfStatuses
 
 LAUNCH_BATCH = 2048  # launches in one batch; their states have several times the numbers of a launch speed
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class LaunchHops(Result, what="table of hops of launches"):
+class LaunchHops(OfStatuses, Result, what="table of hops of launches"):
     """The hops that begin with launches (...) of d numbers each.
 
     names : of these numbers
@@ -41,26 +42,12 @@ class LaunchHops(Result, what="table of hops of launches"):
     units: Mapping[str, str] = field(default_factory=dict)
     machine: Mapping[str, Any] = field(default_factory=dict)
 
-    def statuses(self) -> dict[str, int]:
-        """The number of launches of each status."""
-        names, counts = np.unique(self.status, return_counts=True)
-        return dict(zip(names.tolist(), counts.tolist(), strict=True))
-
-    def _line(self) -> dict[str, int]:
-        return self.statuses()
-
     def title(self) -> str:
         return f"{self.status.size} launches of {len(self.names)} numbers: what becomes of them"
 
     def _rows(self) -> Iterator[Row]:
         """How many launches have each status, and the range of their losses."""
-        for status, count in self.statuses().items():
-            yield Row(status.replace("_", " "), {status: count})
-            inside = self.loss[self.status == status]
-            if np.isfinite(inside).any():
-                ends = {f"least loss of {status}": float(np.nanmin(inside)),
-                        f"largest loss of {status}": float(np.nanmax(inside))}  # fmt: skip
-                yield Row("  loss", ends, (f"{{:.10g}} to {{:.10g}} {self.unit_of('loss')}".rstrip(),))
+        yield from self.rows_of_statuses({"loss": self.loss})
 
     def table(self) -> dict[str, np.ndarray]:
         """One row for each launch: its numbers, those of the next one, the loss, the impacts and the status."""

@@ -5,8 +5,8 @@ sum of the losses of its impacts. It is not the difference of launch speeds: nea
 like the power 4/3 of the distance, and the difference would be rounding.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -15,11 +15,11 @@ from numpy.typing import ArrayLike
 
 from ..consistency.accepted import check_machine
 from ..errors import InputError, NoOrbit, OrbitsError, finite_number, whole_number
-from ..io import Document, fields_in_line
+from ..io import fields_in_line
 from ..model.machine import Machine, dimensionless, machine_in_words
 from ..numerics.roots import enclosed_sign_changes
 from ..periodic.find import Progress, find
-from ..result import Axes, Result, Row, cell, known, shown
+from ..result import Axes, cell, shown
 from ..running.exclusive import exclusive, in_threads
 from ..simulation.hysteresis import Branches
 from ..simulation.impacts import CAP, FASTEST_LAUNCH, STATUS, Impacts, decided_impacts, injected
@@ -27,8 +27,9 @@ from ..simulation.launch_section import LaunchSection
 from ..simulation.multiplier import multiplier
 from ..simulation.simulation import simulate
 from ..tables import number_text
-from ..units import DIMENSIONS_OF_HOPS, ENERGY, LIFTOFF_SPEED, Message, Quantity, Units, in_own_units, without_units
+from ..units import ENERGY, LIFTOFF_SPEED, Message, Quantity, in_own_units, without_units
 from .basins import Basins
+from .hops import FixedPoint, Hops, Upkeep
 from .launch_hops import hops_of_launches
 from .periodic_hop import PeriodicHop, different_hops, periodic_hop
 from .resolved_map import JUMP, SLOWEST_LOSSLESS, Intervals, ResolvedMap, lossless_speeds
@@ -36,102 +37,8 @@ from .resolved_map import JUMP, SLOWEST_LOSSLESS, Intervals, ResolvedMap, lossle
 BATCH_SIZE = 8192  # launch speeds in one batch: enough to pay for the calls, few enough for the processor's cache
 # The launches in the picture of a map, and the fastest of them where there is no lossless one, in units of the machine.
 SHOWN, HIGH_LAUNCH = 1000, 9.0
-HOP_COLUMNS = ("alpha", "next", "loss", "impacts", "status")
 DIMENSIONS_OF_UPKEEP = {**dict.fromkeys(("alpha", "inject"), LIFTOFF_SPEED), "energy": ENERGY}
 NO_BASIN = "with injection or damping no hop is lossless, and none comes to one"
-
-
-@dataclass(frozen=True, repr=False)
-class Hops(Result, what="table of hops"):
-    """The hops that begin with launches; each array has the shape of the launch speeds.
-
-    alpha : launch speeds
-    next : launch speeds at the next lift-off, with the injection; NaN where there is none
-    loss : loss of alpha**2 in the hop, without the injection, or in its impacts where there is no next launch; of a
-        machine with hysteresis NaN where there is none
-    impacts : number of impacts in the hop
-    status : "lifts_off", or why there is no next launch: a name of `orbits.simulation.impacts.STATUSES`
-    units : of the numbers, by name; empty for a dimensionless machine
-    machine : in words and numbers
-    """
-
-    alpha: np.ndarray
-    next: np.ndarray
-    loss: np.ndarray
-    impacts: np.ndarray
-    status: np.ndarray
-    units: Mapping[str, str] = field(default_factory=dict)
-    machine: Mapping[str, Any] = field(default_factory=dict)
-
-    def in_units(self, units: Units) -> "Hops":
-        """Dimensionless hops in these units."""
-        return replace(units.convert(self, **DIMENSIONS_OF_HOPS), units=units.texts(DIMENSIONS_OF_HOPS))
-
-    def statuses(self) -> dict[str, int]:
-        """The number of launches of each status."""
-        names, counts = np.unique(self.status, return_counts=True)
-        return dict(zip(names.tolist(), counts.tolist(), strict=True))
-
-    def _line(self) -> dict[str, int]:
-        return self.statuses()
-
-    def title(self) -> str:
-        return f"{self.status.size} launches: what becomes of them"
-
-    def _rows(self) -> Iterator[Row]:
-        """How many launches have each status, and the ranges of their numbers."""
-        for status, count in self.statuses().items():
-            yield Row(status.replace("_", " "), {status: count})
-            for name in HOP_COLUMNS[:-1]:
-                inside = getattr(self, name)[self.status == status]
-                if np.isfinite(inside).any():
-                    low, high = float(np.nanmin(inside)), float(np.nanmax(inside))
-                    ends = {f"least {name} of {status}": low, f"largest {name} of {status}": high}
-                    text = f"{{:.10g}} to {{:.10g}} {self.unit_of(name)}".rstrip()
-                    yield Row(f"  {name}".replace("alpha", "launch speed"), ends, (text,))
-
-    def table(self) -> dict[str, np.ndarray]:
-        return {name: np.ravel(getattr(self, name)) for name in HOP_COLUMNS}
-
-    def plot(self, axes: Axes | None = None) -> Axes:
-        """Plot the next launch speeds against the launch speeds; returns the axes."""
-        return shown("map_figures").plot_hops(self, axes)
-
-    def document(self) -> Document:
-        columns = {name: known(getattr(self, name)) for name in DIMENSIONS_OF_HOPS}
-        columns |= {name: np.ravel(getattr(self, name)).tolist() for name in ("impacts", "status")}
-        return columns | ({"units": self.units} if self.units else {})
-
-
-@dataclass(frozen=True)
-class FixedPoint:
-    """A fixed point of the return map.
-
-    alpha : launch speed
-    kind : "lossless", or "crossing" where the map crosses the identity line
-    multiplier : slope of the map there; None at a lossless hop, and where the hop lands tangentially
-    smallest_separation : of the masses during the hop, None without a rest length; where it is not above 0 they pass
-        through each other, and the hop is no motion of a real machine
-    """
-
-    alpha: float
-    kind: str
-    multiplier: float | None = None
-    smallest_separation: float | None = None
-
-
-@dataclass(frozen=True)
-class Upkeep:
-    """What keeps a machine hopping with a launch speed.
-
-    alpha : launch speed
-    inject : injection, in launch speed per hop, with which it is a fixed point of the return map
-    energy : energy that the injection adds in every hop: what the hop loses
-    """
-
-    alpha: float
-    inject: float
-    energy: float
 
 
 class ReturnMap:

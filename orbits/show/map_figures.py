@@ -12,7 +12,8 @@ from ..units import LIFTOFF_SPEED
 from .plot import COLOURS, cobweb, finished, new_axes, plain, sampled_map, title_of_machine
 
 if TYPE_CHECKING:
-    from ..return_map.return_map import FixedPoint, Hops, ReturnMap
+    from ..return_map.hops import FixedPoint, Hops
+    from ..return_map.return_map import ReturnMap
 
 IDENTITY: dict[str, object] = {"color": "0.6", "lw": 0.8, "zorder": 1}
 # Markers of fixed points: full where they attract, open where they do not, half where they attract from above only.

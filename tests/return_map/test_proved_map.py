@@ -10,7 +10,7 @@ import pytest
 
 from orbits import InputError, ReturnMap, find, prove_doubling, prove_fixed_point
 from orbits.return_map.diagram import Bifurcation
-from orbits.return_map.return_map import FixedPoint
+from orbits.return_map.hops import FixedPoint
 from problems import Hopper, Juggler, hopper_in_si, inerter_hopper
 
 # Of the linear hopper with equal masses: launch speeds of fixed points, and the times of their flights.
