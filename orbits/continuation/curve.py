@@ -218,6 +218,11 @@ class Curve:
         """The equations at points (m, n + 1)."""
         return self.equations.evaluate_all(xs[:, :-1], self.parameters_at(xs), (self.along,))
 
+    def evaluate_lanes(self, xs: np.ndarray) -> tuple[np.ndarray, Evaluation | None]:
+        """The equations at those points (m, n + 1) whose motions can be followed: their indices (k,), and the equations
+        there, None without any."""
+        return self.equations.evaluate_lanes(xs[:, :-1], self.parameters_at(xs), (self.along,))
+
     @property
     def kernel(self) -> NewtonKernel | None:
         """Newton's method for points in one call; None where the motion has several arcs or no Taylor series, and where

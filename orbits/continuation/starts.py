@@ -24,7 +24,7 @@ from ..running.heartbeat import LOGGER
 from ..running.time_limit import TimeOver, time_left, time_limit
 from ..shooting.formulations import equations_of, method_of
 from .curve import Curve
-from .together import WayTogether, follow_together, followed_motions
+from .together import WayTogether, follow_together
 
 # The homotopy parameter, which goes from straight lines at 0 to the springs' own laws at 1.
 LAW_SHARE = "share_of_the_springs_own_law"
@@ -138,7 +138,7 @@ def starts(
     lines = [
         None if spring.force.degree() == 1 else _straight_line(law) for spring, law in zip(springs, laws, strict=True)
     ]
-    pairs = list(zip(laws, lines, strict=True))
+    pairs, ranged = list(zip(laws, lines, strict=True)), bool(np.isfinite([law.range() for law in laws]).any())
     linear = machine.with_springs([line.law(i) if line else law for i, (law, line) in enumerate(pairs)])
     search, mixes = LinearSearch(linear.linear_equations(), linear.gap_weights), any(lines)
     contact_period, flight_period = search.periods
@@ -164,7 +164,7 @@ def starts(
                     _report(progress, share + (1 - share) * way.share)
             except TimeOver as over:
                 stopped = "; ".join([*filter(None, [stopped]), f"{FOLLOWING_STOPPED}: {over}"])
-    own, ended = _own_hops(machine, found, way) if way else ([] if mixes else found, [])
+    own, ended = _own_hops(machine, found, way, ranged) if way else ([] if mixes else found, [])
     if stopped:
         LOGGER.warning("starts: %s", stopped)
     return Starts(tuple(own), half_contact, half_flight, search.periods, len(found), tuple(ended), stopped)
@@ -189,12 +189,16 @@ def _followed(mixed: Mechanism, found: Sequence[Mapping[str, float]]) -> Iterato
     return follow_together(curve, np.array(us), np.argsort(lengths, kind="stable"))
 
 
-def _own_hops(machine: Machine, found: Sequence[dict[str, float]], way: WayTogether) -> tuple[list[dict], list[Ended]]:
-    """The different hops of the springs' own laws that have been reached, and the hops that end before."""
+def _own_hops(
+    machine: Machine, found: Sequence[dict[str, float]], way: WayTogether, ranged: bool
+) -> tuple[list[dict], list[Ended]]:
+    """The different hops of the springs' own laws that have been reached, and the hops that end before; `ranged` where
+    a law has no value beyond some extension."""
     xs = way.xs[way.arrived, :-1]
     same = (np.abs(xs[:, None] - xs) <= SAME_START * np.abs(xs)).all(2)
     names, different = machine.model.half_unknowns, ~np.tril(same, -1).any(1)
-    why = way.ended | {int(np.flatnonzero(way.arrived)[k]): text for k, text in _outside(machine, xs).items()}
+    outside = _outside(machine, xs) if ranged else {}
+    why = way.ended | {int(np.flatnonzero(way.arrived)[k]): text for k, text in outside.items()}
     own = [
         x for i, x in zip(np.flatnonzero(way.arrived)[different], xs[different].tolist(), strict=True) if i not in why
     ]
@@ -207,7 +211,11 @@ def _outside(machine: Machine, us: np.ndarray) -> dict[int, str]:
     names, failures = tuple(machine.values), dict[int, str]()
     equations = equations_of(machine.model, method_of(machine.model), names)
     ps = np.tile([*machine.values.values()], (len(us), 1))
-    followed_motions(lambda i: equations.evaluate_all(us[i], ps[i]), np.arange(len(us)), failures)
+    for i in np.setdiff1d(np.arange(len(us)), equations.evaluate_lanes(us, ps)[0]).tolist():
+        try:
+            equations.evaluate_all(us[i : i + 1], ps[i : i + 1])
+        except FlowError as error:
+            failures[i] = str(error)
     return failures
 
 
