@@ -36,13 +36,15 @@ LINEAR_SHARE = 0.1
 # Why there may be more hops.
 LINEAR_STOPPED = "the search for hops of straight springs has not come to its end"
 FOLLOWING_STOPPED = "some hops have not reached the springs' own laws"
+# About the steps of integration on the way of a hop of a stiff machine, in each phase.
+STEPS_OF_HOP = 2000
 SAME_START = 1e-6  # two hops whose unknowns differ by a smaller share are the same
 # The zero of a law is searched up to this distance from rest, in units of the force divided by its slope at rest.
 FURTHEST_ZERO, ZERO_SAMPLES = 4.0, 801
 
 
 class _StraightLine(NamedTuple):
-    """The force slope (r - zero), to which a law is tangent at a zero of its force."""
+    """The force slope (r - zero), which vanishes where that of a law does."""
 
     slope: float
     zero: float
@@ -112,6 +114,7 @@ def starts(
     half_flight: float | None = None,
     seed: int = 0,
     *,
+    slope: float = 1.0,
     progress: Progress = None,
     limit: float | None = None,
 ) -> Starts:
@@ -122,21 +125,28 @@ def starts(
         half the slowest natural period of the contact, and for the slowest natural period of the flight. The number of
         hops grows with the square of these times, divided by the periods of the fastest springs
     seed : of the quasi-random pairs of times from which the search starts; another seed may find some more hops
+    slope : of the straight lines, in units of the slopes of the tangents; steeper lines lead to more hops of springs
+        that stiffen, those with larger extensions
     progress : called with the share that is done
     limit : time limit in seconds; None for 30, or for the limit of a `time_limit` around it. Where it is reached, the
         starts that were found until then are returned, with the reason in `stopped`, and a warning is logged
 
     Returns the unknowns of each hop, by name. For linear springs the hops are those of `linear_hops`. For other springs
-    these are followed, all together, along a homotopy from straight lines through the zero of each force that is
-    nearest to its rest. Hops that end before the springs' own laws are in `ended`, with the reason; hops that no linear
-    one leads to are not found. Raises `InputError` for dampers and other forces, gravity that varies, and extensions
-    that are not linear in the coordinates. Source: for linear springs, after Pankov 2024, arXiv 2402.16010.
+    these are followed, all together and round folds, along a homotopy from straight lines through the zero of each
+    force that is nearest to its rest. Hops that end before the springs' own laws are in `ended`, with the reason. Hops
+    that no linear one leads to are not found: a spring that stiffens has hops without number, of ever larger
+    extensions, which lead to linear ones of other `slope`s or longer times, or to none. Raises `InputError` for dampers
+    and other forces, gravity that varies, and extensions that are not linear in the coordinates. Source: for linear
+    springs, after Pankov 2024, arXiv 2402.16010.
     """
     machine = machine.stated() if hasattr(machine, "stated") else machine
     springs = _springs_of(machine)
     laws = [from_key(spring.force, machine.values) for spring in springs]
+    if not finite_number("slope", slope) > 0:
+        raise InputError(f"slope = {slope:g} is out of bounds; it lies above 0")
     lines = [
-        None if spring.force.degree() == 1 else _straight_line(law) for spring, law in zip(springs, laws, strict=True)
+        None if spring.force.degree() == 1 else _straight_line(law, slope)
+        for spring, law in zip(springs, laws, strict=True)
     ]
     pairs, ranged = list(zip(laws, lines, strict=True)), bool(np.isfinite([law.range() for law in laws]).any())
     linear = machine.with_springs([line.law(i) if line else law for i, (law, line) in enumerate(pairs)])
@@ -186,6 +196,7 @@ def _followed(mixed: Mechanism, found: Sequence[Mapping[str, float]]) -> Iterato
     )
     # The shortest hops come first, in case that there is no time for all.
     lengths = [start["duration"] + start["contact_duration"] for start in found]
+    curve.equations.expect(STEPS_OF_HOP * len(us), (LAW_SHARE,))
     return follow_together(curve, np.array(us), np.argsort(lengths, kind="stable"))
 
 
@@ -236,8 +247,8 @@ def _springs_of(machine: Mechanism) -> list[Spring]:
     return springs
 
 
-def _straight_line(law: Law) -> _StraightLine:
-    """The tangent of a law at the zero of its force that is nearest to its rest."""
+def _straight_line(law: Law, share: float = 1.0) -> _StraightLine:
+    """The line through the zero of a law's force that is nearest to its rest, with this share of its slope there."""
     from scipy.optimize import brentq  # takes long to import
 
     rest = law.rest()
@@ -255,7 +266,7 @@ def _straight_line(law: Law) -> _StraightLine:
         slope = float(law.with_slope(zero)[1])
     if not finite_number(f"the slope of spring '{law.text}' where it is unloaded", slope) > 0:
         raise InputError(f"spring '{law.text}' has the slope {slope:g} where it is unloaded, not above 0")
-    return _StraightLine(slope, zero)
+    return _StraightLine(share * slope, zero)
 
 
 def start_from_rest(

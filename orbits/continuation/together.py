@@ -26,10 +26,10 @@ JOINT_NEWTON_STEPS, LARGEST_MOVE, LEAST_JOINT_COSINE = 6, 0.01, 0.9
 AIMED_MOVE, LEAST_RATIO, SHORTER_RATIO, LARGEST_RATIO = 1e-3, 0.25, 0.5, 3.0
 # The first Newton step of a correction that is tried at all is no larger than the first share. On the way a point is
 # known well enough after a Newton step below the second; with ten times that, steps become too short at sharp folds.
-LARGEST_FIRST_MOVE, ON_THE_WAY = 0.3, 1e-3
+LARGEST_FIRST_MOVE, NEAR_ENOUGH = 0.3, 1e-3
 # A curve is given up after this many steps, some of them repeated; those that arrive take 10, or 100 round many folds.
-# It has returned to the value where it began where it goes back there at less than this distance and less than this
-# share of the furthest value, and it grows beyond all bounds where its unknowns are larger than at first by this factor.
+# It has returned to the value where it began where it goes back there at less than this distance and this share of the
+# furthest value, and it grows beyond all bounds where its unknowns are larger than at first by this factor.
 MOST_JOINT_STEPS, RETURNED, RETURNED_SHARE, LARGEST_LAUNCH = 500, 1e-3, 0.1, 1e4
 # Newton steps to the place of a cubic where the parameter has its last value, from the secant.
 STEPS_TO_LAST = 4
@@ -61,7 +61,7 @@ class WayTogether(NamedTuple):
 def follow_together(curve: Curve, us: Array, order: Array, most: int = 64) -> Iterator[WayTogether]:
     """The curves from solutions (m, n) at the parameter's value 0 to its value 1, after each step, until each has
     arrived or ended. At most `most` take their steps together, the next ones of an order (m,) after others."""
-    lanes = _Lanes(curve, us)
+    lanes = _CurvesTogether(curve, us)
     while True:
         yield WayTogether(lanes.xs, lanes.furthest, lanes.arrived, lanes.ended)
         left = np.array([i for i in order.tolist() if not lanes.arrived[i] and i not in lanes.ended], int)[:most]
@@ -71,7 +71,7 @@ def follow_together(curve: Curve, us: Array, order: Array, most: int = 64) -> It
         lanes.step(np.array([i for i in left.tolist() if i not in lanes.ended], int))
 
 
-class _Lanes:
+class _CurvesTogether:
     """Curves (m) on their way: their points and tangents (m, n + 1), of length 1 in units of the points' sizes, the
     same one step before, the lengths of the next steps, the numbers of steps taken, -1 before a curve has begun, and
     the rest as in `WayTogether`."""
@@ -93,12 +93,17 @@ class _Lanes:
 
     def step(self, lanes: Array) -> None:
         """Take a step of some curves (k,), shorten it where it is too long, and end those that lead nowhere."""
-        xs, tangents, steps, sizes = self.xs[lanes], self.tangents[lanes], self.steps[lanes], self.curve.size(self.xs[lanes])
+        xs, tangents, steps, sizes = (
+            self.xs[lanes],
+            self.tangents[lanes],
+            self.steps[lanes],
+            self.curve.size(self.xs[lanes]),
+        )
         rows = tangents / sizes**2
         cubics = _cubics(xs, tangents, self.before[lanes], self.tangents_before[lanes], rows)
-        guesses = _at(cubics, steps[:, None])
+        guesses = _on_cubics(cubics, steps[:, None])
         last = guesses[:, -1] >= 1.0
-        guesses[last] = _at(cubics[:, last], _steps_to_last(cubics[:, last, -1], steps[last])[:, None])
+        guesses[last] = _on_cubics(cubics[:, last], _steps_to_last(cubics[:, last, -1], steps[last])[:, None])
         guesses[last, -1], rows[last] = 1.0, self.at_value
         levels = np.einsum("mi,mi->m", rows, guesses)
         solved, found, directions = _near_curve(self.curve, guesses, rows, levels, last)
@@ -156,18 +161,18 @@ def _cubics(xs: Array, tangents: Array, before: Array, tangents_before: Array, r
     return np.concatenate([[xs, tangents], np.where(known, bends, 0.0)])
 
 
-def _at(cubics: Array, steps: Array) -> Array:
+def _on_cubics(cubics: Array, steps: Array) -> Array:
     """The points (m, ...) of cubics (4, m, ...) after some steps."""
     return cubics[0] + steps * (cubics[1] + steps * (cubics[2] + steps * cubics[3]))
 
 
 def _steps_to_last(cubics: Array, steps: Array) -> Array:
-    """The steps (m,) after which cubics (4, m) of the parameter have its value 1, near the steps (m,) that go beyond."""
+    """The steps (m,) after which cubics (4, m) of the parameter have its value 1, near steps (m,) that go beyond."""
     with np.errstate(all="ignore"):
-        steps = steps * (1 - cubics[0]) / (_at(cubics, steps) - cubics[0])
+        steps = steps * (1 - cubics[0]) / (_on_cubics(cubics, steps) - cubics[0])
         for _ in range(STEPS_TO_LAST):
             slopes = cubics[1] + steps * (2 * cubics[2] + 3 * steps * cubics[3])
-            steps = steps - (_at(cubics, steps) - 1) / slopes
+            steps = steps - (_on_cubics(cubics, steps) - 1) / slopes
     return steps
 
 
@@ -188,7 +193,7 @@ def _near_curve(
             xs[left] += moves
             sizes = (np.abs(moves) / curve.size(xs[left])).max(1)
             to_rounding = settles(sizes, last[left], evaluation.amplification) > 0
-            settled = np.where(exact[left], to_rounding, sizes < ON_THE_WAY)
+            settled = np.where(exact[left], to_rounding, sizes < NEAR_ENOUGH)
             shrinks = sizes < np.minimum(LARGEST_FIRST_MOVE, STALLED_RATIO * last[left])
         solved[left[settled]], last[left] = True, sizes
         left = left[~settled & shrinks]

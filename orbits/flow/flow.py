@@ -120,6 +120,11 @@ class Flow:
         paths, ends = [path for path, _ in found.values()], [variations for _, variations in found.values()]
         return np.array([*found], int), Trajectories.of(paths) if paths else None, np.array(ends)
 
+    def expect(self, steps: int, seeds: Array, parameter_seeds: Array) -> None:
+        """Compile now what is worth it for this number of steps with such sensitivities."""
+        if self._is_together(seeds, parameter_seeds):
+            self.stepper(seeds.shape[-1], self.varied(parameter_seeds)).kernel.expect(steps)
+
     def _is_together(self, seeds: Array, parameter_seeds: Array) -> bool:
         """Whether motions with these seeds are integrated together."""
         stepper = self.stepper(seeds.shape[-1], self.varied(parameter_seeds))

@@ -129,6 +129,11 @@ class Shooting:
         seeds = [(np.eye(size, size + k), np.hstack([np.zeros((len(dp), size)), dp[:, n:]])) for size in sizes]
         return np.eye(n, n + k), dp, np.eye(k, n + k, n), seeds
 
+    def expect(self, steps: int, vary: tuple[str, ...] = ()) -> None:
+        """Compile now what is worth it for this number of steps of each arc."""
+        for flow, seeds in zip(self.flows, self.seeds(vary)[3], strict=True):
+            flow.expect(steps, *seeds)
+
     def evaluate_all(self, us: np.ndarray, ps: np.ndarray, vary: tuple[str, ...] = ()) -> Evaluation:
         """Residual, Jacobian and motion at points (m, n) with parameters (m, np), with steps that the error control of
         the flow chooses; raises `FlowError` when a motion cannot be integrated."""

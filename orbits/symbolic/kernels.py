@@ -104,6 +104,11 @@ class Kernel:
                 self._make_code(optimised=False)
         return self.compiled
 
+    def expect(self, iterations: int) -> None:
+        """Make the machine code that takes the least time now, where this number of iterations is worth it."""
+        if COMPILED_SHARE * iterations * self.seconds_per_step > self.optimisation_budget:
+            self.optimise()
+
     def optimise(self) -> None:
         """Make the machine code that takes the least time."""
         with LOCK:

@@ -83,6 +83,16 @@ def test_a_table_of_a_formula_has_its_hops():
     same(starts(plate(Spring("body - foot", CUBIC)), 2.0, 2.0), starts(plate(Spring("body - foot", TABLE)), 2.0, 2.0))
 
 
+def test_steeper_lines_lead_to_the_same_hops_and_to_more():
+    machine = plate(Spring("body - foot", CUBIC))
+    known, more = (np.array([[*start.values()] for start in starts(machine, *LONGEST, slope=s)]) for s in (1.0, 2.0))
+    assert len(more) > len(known)
+    for hop in known:
+        assert np.isclose(more, hop, rtol=1e-9).all(1).sum() == 1
+    with pytest.raises(InputError, match="slope = 0 is out of bounds; it lies above 0"):
+        starts(machine, slope=0.0)
+
+
 def test_hops_that_end_before_say_how_far_they_came():
     """The launches of a family of hops that returns to straight springs grow as the inverse root of the share of the
     cubic term; those of a law of two stiffnesses grow beyond all bounds at one share, as if it had no gap."""

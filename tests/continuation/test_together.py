@@ -48,6 +48,16 @@ def test_a_curve_that_folds_twice_arrives():
     assert way.xs[0, 0] > 2
 
 
+def test_a_curve_that_folds_near_its_beginning_goes_on():
+    """The curve above, 1e-4 times as high where it folds: it does not go back to where it began."""
+    curves = Curves(
+        lambda u: 1e-4 * (3 * u * (u - 1) ** 2 + 0.25 * u), lambda u: 1e-4 * (3 * (u - 1) * (3 * u - 1) + 0.25)
+    )
+    way = followed(curves, 0.0)
+    assert way.arrived.all()
+    assert curves.g(way.xs[:, 0] - 1) == pytest.approx([1.0], abs=1e-13)
+
+
 def test_why_curves_end():
     returns = Curves(lambda u: u * (1 - u), lambda u: 1 - 2 * u)
     way = followed(returns, 0.0, 1.0)

@@ -71,7 +71,7 @@ class TestEquationsByHand:
         return [x[1], -pull / (m1 + m2) - 1, x[3], (pull - push) / m3 - 1]
 
     def test_every_hop_is_one(self, machine, orbits):
-        assert len(orbits) >= 3
+        assert len(orbits) == 10  # one of them behind folds near straight springs
         assert any(orbit.admissible for orbit in orbits)
         for orbit in orbits:
             x = orbit(0.0)

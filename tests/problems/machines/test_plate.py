@@ -115,7 +115,7 @@ class TestEquationsByHand:
         return [x[1], -pull / m1 - 1, x[3], (pull - push) / (m2 + m3) - 1]
 
     def test_every_hop_is_one(self, orbits):
-        assert len(orbits) >= 2
+        assert len(orbits) == 4
         tight = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-13, "dense_output": True}
         for orbit in orbits:
             x = orbit(0.0)
@@ -127,11 +127,12 @@ class TestEquationsByHand:
             gap = flown.sol(np.linspace(0, orbit.flight_time, 2000))
             body, _, foot, _ = stood.sol(np.linspace(0, orbit.contact_time, 2000))
             force = self.m[1] * (self.contact(0, [body, 0, foot, 0])[3] + 1) - self.leg(body - foot)
-            assert orbit.admissible == bool((gap[2] - gap[4]).min() > -1e-9 and force.min() > -1e-9)
+            rounded = -1e-9 - 1e-12 * np.abs(self.leg(body - foot)).max()
+            assert orbit.admissible == bool((gap[2] - gap[4]).min() > -1e-9 and force.min() > rounded)
 
     def test_the_extension_at_liftoff_is_that_of_the_leg(self, machine, orbits):
         """What is launched is the body: an orbit that is given as a start launches it again."""
-        # One hop, of 7e-5 in contact, is known to six digits alone, as its error says.
+        # Two hops, of 7e-5 and 6e-6 in contact, are known to few digits alone, as their errors say.
         accurate = [orbit for orbit in orbits if orbit.error <= 1e-9 * abs(orbit.alpha)]
         assert len(accurate) == 2
         for orbit in accurate:
@@ -140,7 +141,7 @@ class TestEquationsByHand:
             assert find(machine, start=orbit).alpha == pytest.approx(orbit.alpha, rel=1e-12)
 
     def test_a_simulated_hop_and_an_impact(self, machine, orbits):
-        orbit, (_, m2, m3) = next(o for o in orbits if o.admissible), self.m
+        orbit, (_, m2, m3) = next(o for o in orbits if o.admissible and o.error < 1e-9), self.m
         launch = dict(zip(("liftoff", "alpha", "plate", "plate'"), orbit(0.0)[[0, 1, 4, 5]], strict=True))
         run = simulate(machine, launch, hops=3)
         assert run.status == "done"
