@@ -144,7 +144,8 @@ class _CurvesTogether:
     def _why(self, x: Array, otherwise: str) -> str:
         """Why the motions at a point (n + 1,) cannot be followed; another reason where they can."""
         try:
-            self.curve.evaluate(x[None])
+            if np.isfinite(x).all():
+                self.curve.evaluate(x[None])
         except FlowError as error:
             return str(error)
         return otherwise

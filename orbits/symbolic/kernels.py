@@ -25,6 +25,9 @@ SECONDS_INTERPRETED = 3e-9
 SECONDS_OF_CALL, SECONDS_OF_POINT = 1e-6, 1e-5
 # About the share of that which machine code takes.
 COMPILED_SHARE = 0.03
+# Where the time of iterations is known beforehand, optimised code is worth it from this multiple of its time to compile
+# on, as it takes half of the time.
+WORTH_OPTIMISING = 2.0
 # From this many instructions on, optimised code is hardly faster, and takes long to make.
 LONG = 25_000
 # The most iterations of a point.
@@ -105,9 +108,13 @@ class Kernel:
         return self.compiled
 
     def expect(self, iterations: int) -> None:
-        """Make the machine code that takes the least time now, where this number of iterations is worth it."""
-        if COMPILED_SHARE * iterations * self.seconds_per_step > self.optimisation_budget:
+        """Make the machine code now that this number of iterations is worth, which then count for no other."""
+        seconds = COMPILED_SHARE * iterations * self.seconds_per_step
+        if seconds > WORTH_OPTIMISING * self.optimisation_budget:
             self.optimise()
+        elif seconds > COMPILED_SHARE * self.interpretation_budget:
+            self.compile()
+            self.optimisation_budget += WORTH_OPTIMISING * seconds
 
     def optimise(self) -> None:
         """Make the machine code that takes the least time."""

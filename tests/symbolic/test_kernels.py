@@ -42,6 +42,20 @@ def test_the_most_records():
         assert (some.going == (z[:, 1] // 2 >= most)).all()
 
 
+def test_what_is_expected_is_compiled():
+    """As far as its iterations are worth it, and with the same results."""
+    z, step = starts(20, 5), np.ones((1, 1))
+    few, some, many = (Kernel(countdown()) for _ in range(3))
+    worth = some.optimisation_budget / (kernels.COMPILED_SHARE * some.seconds_per_step)
+    for kernel, iterations in ((few, 1), (some, int(worth)), (many, int(3 * worth))):
+        kernel.expect(iterations)
+    assert not few.compiled
+    assert some.compiled
+    assert (some.optimisation_budget, many.optimisation_budget) == (pytest.approx(3 * few.optimisation_budget), np.inf)
+    for found in (some(z, step), many(z, step)):
+        assert_equal(found, few(z, step))
+
+
 def endless() -> ca.Function:
     """Counts for ever, and records the numbers below a bound."""
     z = ca.SX.sym("z", 2)
