@@ -122,8 +122,9 @@ class Flow:
 
     def expect(self, steps: int, seeds: Array, parameter_seeds: Array) -> None:
         """Compile now what is worth it for this number of steps with such sensitivities."""
-        if self._is_together(seeds, parameter_seeds):
-            self.stepper(seeds.shape[-1], self.varied(parameter_seeds)).kernel.expect(steps)
+        stepper = self.stepper(seeds.shape[-1], self.varied(parameter_seeds))
+        if isinstance(stepper, TaylorStepper):
+            stepper.kernel.expect(steps)
 
     def _is_together(self, seeds: Array, parameter_seeds: Array) -> bool:
         """Whether motions with these seeds are integrated together."""
