@@ -315,8 +315,8 @@ def stated_unknowns(model: Model, start: Orbit | Mapping[str, float]) -> dict[st
     """The unknowns that a start states, by name; raises `InputError` for an invalid start."""
     if isinstance(start, Orbit):
         start = start.dimensionless()
-        if start.flight.names[: len(model.flight.states)] != model.flight.states:
-            raise InputError(f"start is an orbit of another machine, with the states {', '.join(start.flight.names)}")
+        if (states := start.flight.names[: len(start.shape.embed)]) != model.flight.states:
+            raise InputError(f"start is an orbit of another machine, with the states {', '.join(states)}")
         unknowns = model.launch_at(start.flight.coefficients[0, :, 0].tolist()) | {"alpha": start.alpha}
         unknowns["duration"] = start.flight_time / (2 if start.shape.reversor else 1)
         unknowns["unfolding"] = start.certificate.unfolding or 0.0

@@ -11,7 +11,7 @@ from ..io import Document
 from ..model.machine import Machine, machine_in_words
 from ..result import Axes, Result, Row, known, shown
 from ..running.exclusive import in_threads
-from ..simulation.impacts import FASTEST_LAUNCH, MANY_BOUNCES, NEIGHBOUR, STATUS, impacts_from
+from ..simulation.impacts import FASTEST_LAUNCH, STATUS, decided_from
 from ..simulation.launch_section import LaunchSection
 from ..units import ENERGY, Units
 from .hops import OfStatuses
@@ -101,10 +101,7 @@ def next_launches(section: LaunchSection, ys: np.ndarray, inject: float, cap: in
     """The launches (m, k) after launches (m, k), contact states, NaN where there is none; the losses of energy in
     impacts, the numbers of impacts and the statuses (m,)."""
     impacts = section.impacts
-    states = ys @ impacts.model.embed.T
-    speeds = [name.endswith("'") for name in impacts.flight.phase.states]
-    neighbours = states * np.where(speeds, 1 + NEIGHBOUR, 1.0) if impacts.restitution >= MANY_BOUNCES else None
-    loss, counts, status, standing = impacts_from(impacts, states, cap, neighbours)
+    loss, counts, status, standing = decided_from(impacts, ys @ impacts.model.embed.T, cap)
     following, lifting = np.full(ys.shape, np.nan), np.flatnonzero(status == "lifts_off")
     status[lifting], ends = impacts.sustained_contacts(standing[lifting])
     ended = status[lifting] == "lifts_off"

@@ -366,6 +366,13 @@ def decided_impacts(impacts: Impacts, alpha: np.ndarray, cap: int) -> tuple[np.n
     return impacts_from(impacts, impacts.launch(followed), cap, neighbours, 0.5 * per, followed**2, too_fast)
 
 
+def decided_from(impacts: Impacts, states: np.ndarray, cap: int) -> tuple[np.ndarray, ...]:
+    """`impacts_from` flight states (m, n) at lift-off, of launches of several numbers."""
+    speeds = [name.endswith("'") for name in impacts.flight.phase.states]
+    neighbours = states * np.where(speeds, 1 + NEIGHBOUR, 1.0) if impacts.restitution >= MANY_BOUNCES else None
+    return impacts_from(impacts, states, cap, neighbours)
+
+
 def impacts_from(
     impacts: Impacts, states: np.ndarray, cap: int, neighbours: np.ndarray | None = None, per: float = 1.0,
     available: np.ndarray | float = np.inf, too_fast: np.ndarray | None = None,

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
 from numbers import Real
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,8 @@ from ..flow.trajectory import Trajectory
 from ..flow.zero_crossing import first_zero
 from ..model.machine import Machine
 from ..model.phase import Affine
+from ..periodic.find import StartLike, unknowns_of_start
+from ..periodic.orbit import Orbit, start_in_file
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..units import LENGTH, LIFTOFF_SPEED, TIME, Message, Quantity, described, in_own_units
@@ -30,6 +33,7 @@ from .impacts import (
     TURNS,
     ContactEnd,
     Impacts,
+    decided_from,
     decided_impacts,
     injected,
     no_launch,
@@ -45,14 +49,15 @@ TOUCHING = 1e-9  # a gap, gap speed or contact force below this, relative to the
 
 @exclusive
 def simulate(
-    machine: Machine, alpha: float | Mapping[str, float] | None = None, *, state: ArrayLike | None = None,
+    machine: Machine, alpha: float | StartLike | None = None, *, state: ArrayLike | None = None,
     hops: int | None = None, time: float = np.inf, inject: float = 0.0, cap: int = CAP,
     schedule: tuple[ArrayLike, Mapping[str, ArrayLike]] | None = None,
 ) -> Simulation:  # fmt: skip
     """Simulate a machine from a launch or from a state, with every impact, landing and lift-off located.
 
     machine : as in `find`, with its restitution
-    alpha : launch speed at a lift-off after sustained contact, or the numbers of a launch by name; or
+    alpha : launch speed at a lift-off after sustained contact, the numbers of a launch by name, or an orbit or the file
+        of one, which begins with a launch: with its speed, or its numbers where a launch has several; or
     state : (n,), a flight state with an open gap, or with a gap that is closed and at rest; then the machine stays in
         contact if the contact force presses, and lifts off if it does not
     hops, time : the simulation ends after this many lift-offs or after this time, whichever is first; one is needed
@@ -63,7 +68,7 @@ def simulate(
     schedule : (times (k + 1,), values (k,) of parameters by name): the piecewise constant inputs of an actuator; before
         and after these times the machine's own values hold
 
-    All numbers are in the machine's units. A hop from a launch speed that is "undecided" in the `ReturnMap` ends the
+    All numbers are in the machine's units. A hop from a launch that is "undecided" in the `ReturnMap` ends the
     simulation with that status, at the landing after its many bounces. Raises `InputError` for invalid arguments, such
     as a launch at which the contact would not open.
 
@@ -83,7 +88,8 @@ def simulate(
         raise InputError(f"time = {time!r}; it is a number above 0")
     if hops is None and time == np.inf:
         raise InputError("a simulation needs hops or a time at which to end")
-    if not (alpha is None or isinstance(alpha, Mapping) or finite_number("alpha", alpha) > 0):
+    alpha = start_in_file(alpha) if isinstance(alpha, str | Path) else alpha
+    if not (alpha is None or isinstance(alpha, Mapping | Orbit) or finite_number("alpha", alpha) > 0):
         raise InputError(f"alpha = {alpha:g}; a launch speed is above 0")
     inputs = None if schedule is None else parsed_schedule(schedule)
     state = None if state is None else _checked_state(machine, state)
@@ -93,6 +99,8 @@ def simulate(
 def _checked_state(machine: Machine, state: ArrayLike) -> np.ndarray:
     """A flight state (n,); raises `InputError` for an invalid one."""
     names = machine.model.flight.states
+    if isinstance(state, Orbit):
+        raise InputError("state is an orbit, and a state is numbers: simulate(machine, orbit) begins with its launch")
     with suppress(TypeError, ValueError):
         x = np.array(state, dtype=float)
         if x.shape == (len(names),) and np.isfinite(x).all():
@@ -166,8 +174,13 @@ def _force_at_start(impacts: Impacts, y: np.ndarray, p: np.ndarray, tolerance: f
 
 
 def _launch_state(impacts: Impacts, launch) -> tuple[np.ndarray, float]:
-    """The flight state (1, n) of a launch, which is stated by its speed or by its unknowns; and its speed."""
+    """The flight state (1, n) of a launch, which is stated by its speed, its unknowns or an orbit; and its speed."""
     names = impacts.model.launch_unknowns
+    if isinstance(launch, Orbit):
+        known = unknowns_of_start(impacts.machine, launch)
+        section = None if impacts.model.one_speed else LaunchSection(impacts)
+        # On another machine than that of the orbit one of the unknowns follows from the others.
+        launch = section.unknowns_of(section.launch(known)) if section else known["alpha"]
     if isinstance(launch, Mapping):
         if not impacts.model.one_speed and (section := LaunchSection(impacts)).dependent not in launch:
             # The unknown that follows from the others may be left out.
@@ -244,12 +257,16 @@ class _Run:
         return ("cap" if self.impact_count >= self.cap else None), after, False
 
     def undecided(self) -> bool:
-        """Whether rounding decides how the hop ends that has just landed, by the test of the map for hops."""
+        """Whether rounding decides how the hop ends that has just landed, by the test of the map for its launch."""
         impacts, alpha = self.impacts, np.array(self.launches[-1:])
-        if impacts.restitution < MANY_BOUNCES or not (alpha > 0).any() or not impacts.model.one_speed:
+        if impacts.restitution < MANY_BOUNCES or self.launch is None:
             return False
-        launched = self.launch is not None and np.array_equal(impacts.launch(alpha)[0], self.launch)
-        return launched and bool(self.statuses(alpha)[0] == "undecided")
+        if not impacts.model.one_speed:
+            if len(self.inputs.times) > 0 or self.branch is not None:
+                return False  # such hops have no map
+            return bool(decided_from(impacts, self.launch[None], self.cap)[2][0] == "undecided")
+        launched = (alpha > 0).any() and np.array_equal(impacts.launch(alpha)[0], self.launch)
+        return bool(launched and self.statuses(alpha)[0] == "undecided")
 
     def statuses(self, alpha: np.ndarray) -> np.ndarray:
         """The statuses (m,) of the impacts of hops with launch speeds (m,)."""

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from columns import column, hop_of, next_launch
 
-from orbits import InputError, Mechanism, ReturnMap
+from orbits import InputError, Mechanism, ReturnMap, simulate
 from orbits.mechanics import Mass, Spring
+from problems import plate_hopper
 
 LAUNCHES = np.array([[6.4, -1.2, 1.1], [6.1, -1.4, 0.9], [5.0, -0.5, 0.0], [7.0, 0.2, 2.0]])
 
@@ -73,6 +74,15 @@ def test_many_bounces_are_decided_as_those_of_one_speed():
     speeds = np.linspace(5.0, 8.0, 7)
     following = ReturnMap(light)(np.column_stack([speeds, np.zeros(7), np.zeros(7)])).next[:, 0]
     assert following == pytest.approx(ReturnMap(hopper)(speeds).next, rel=1e-5, nan_ok=True)
+
+
+def test_a_simulation_ends_where_the_map_is_undecided():
+    machine = plate_hopper(restitution=0.6)
+    step = ReturnMap(machine, cap=300)
+    launches = np.array([[6.286551036629898, -0.11265776205267503, 1.448714871741501], [1.8, 0.03, 0.4]])
+    runs = [simulate(machine, dict(zip(step.names, launch, strict=True)), hops=1, cap=300) for launch in launches]
+    assert [*step(launches).status] == ["undecided", "lifts_off"]
+    assert [run.status for run in runs] == ["undecided", "done"]
 
 
 @pytest.mark.parametrize(

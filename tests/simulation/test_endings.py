@@ -220,7 +220,7 @@ class TestStatuses:
     [
         (lambda: simulate(Hopper(), 4.0, hops=1, inject=np.nan), "inject = nan is not a finite number"),
         (lambda: simulate(Hopper(), 4.0, hops=1, inject="x"), "inject = 'x' is not a finite number"),
-        (lambda: simulate(Hopper(), "x", hops=1), "alpha = 'x' is not a finite number"),
+        (lambda: simulate(Hopper(), "x", hops=1), "x is not a saved orbit"),
         (lambda: simulate(Hopper(), 4.0, hops="x"), "hops = 'x'; it is a number of lift-offs"),
         (lambda: simulate(Hopper(), 4.0, time="x"), "time = 'x'; it is a number above 0"),
         (lambda: simulate(Hopper(), 4.0, time=np.nan), "time = nan; it is a number above 0"),

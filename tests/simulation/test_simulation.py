@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from columns import column, hop_of
 
 from orbits import InputError, find, simulate
 from orbits.simulation.impacts import Impacts
-from problems import Hopper, Juggler
+from problems import Hopper, Juggler, hopper_in_si
 
 
 def test_damping_loses_energy_all_the_time():
@@ -23,6 +24,27 @@ def test_a_lossless_orbit_goes_on():
     assert run.end == pytest.approx(30 * orbit.period, rel=1e-5)
     states = run(orbit.period * 0.3)
     assert states == pytest.approx(orbit(orbit.period * 0.3), abs=1e-4)
+
+
+@pytest.mark.parametrize("kind", ["hopper", "leg", "column"])
+def test_it_starts_from_an_orbit(kind, tmp_path):
+    machine, orbit = hop_of("column") if kind == "column" else (None, None)
+    if machine is None:
+        machine = Hopper("cubic", parameters={"beta": 0.3}) if kind == "hopper" else hopper_in_si(60, 3, stiffness=8e3)
+        orbit = find(machine)
+    orbit.save(tmp_path / "hop.json")
+    for start in (orbit, tmp_path / "hop.json"):
+        run, t = simulate(machine, start, hops=1), 0.3 * orbit.flight_time
+        assert run(t) == pytest.approx(orbit(t), rel=1e-11, abs=1e-11)
+
+
+def test_it_starts_from_an_orbit_of_another_machine():
+    """A damper moves the extension at lift-off, r + c r' = 1, as the launch of the damped machine has it."""
+    _, orbit = hop_of("column")
+    first = simulate(column("r", 0.02), orbit, hops=1)(0.0)
+    assert first == pytest.approx([*orbit(0.0)[:2], 1 - 0.02 * orbit.alpha, orbit.alpha, 0, 0], abs=1e-12)
+    with pytest.raises(InputError, match="of another machine, with the states"):
+        simulate(Hopper(), orbit, hops=1)
 
 
 def test_rest_is_a_result():
@@ -84,6 +106,7 @@ def test_a_cap_ends_with_a_status():
         ({"alpha": 2.0, "state": [1, 2, 3, 4], "hops": 1}, "give one of them"),
         ({"state": [1, 2, 3], "hops": 1}, "is 4 numbers, y1, y1', y2, y2'"),
         ({"state": [1, 2, -3, 4], "hops": 1}, "must be open"),
+        ({"state": find(Hopper()), "hops": 1}, "begins with its launch"),
         ({"alpha": 2.0, "hops": 0}, "hops = 0; it is a number of lift-offs, from 1"),
         ({"alpha": 2.0, "time": -1.0}, "time = -1.0; it is a number above 0"),
     ],
