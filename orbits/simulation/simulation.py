@@ -178,9 +178,11 @@ def _launch_state(impacts: Impacts, launch) -> tuple[np.ndarray, float]:
     names = impacts.model.launch_unknowns
     if isinstance(launch, Orbit):
         known = unknowns_of_start(impacts.machine, launch)
-        section = None if impacts.model.one_speed else LaunchSection(impacts)
-        # On another machine than that of the orbit one of the unknowns follows from the others.
-        launch = section.unknowns_of(section.launch(known)) if section else known["alpha"]
+        if impacts.model.one_speed:
+            launch = known["alpha"]
+        else:  # on another machine than that of the orbit, one of the unknowns follows from the others
+            section = LaunchSection(impacts)
+            launch = section.unknowns_of(section.launch(known))
     if isinstance(launch, Mapping):
         if not impacts.model.one_speed and (section := LaunchSection(impacts)).dependent not in launch:
             # The unknown that follows from the others may be left out.

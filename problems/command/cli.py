@@ -6,12 +6,16 @@ import json
 import os
 import sys
 import time
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
 
 from . import options
+
+if TYPE_CHECKING:
+    from orbits.return_map.hops import Hops
+    from orbits.return_map.return_map import ReturnMap
 
 EXAMPLES = """\b
 Examples:
@@ -40,6 +44,8 @@ Examples:
   orbits uncertainty --spring cubic --over "beta=norm(0.3,0.02)" --indices --plot spread.png
   orbits control hold --damping 0.01 --plot drive.png  the least effort that keeps a damped machine hopping
   orbits control recover --short 0.1                   back to the lossless launch speed in one hop
+  orbits control hold --damping 0.01 --actuator "force:y1 - y2" --force 0.5
+  orbits sweep --machine soft.toml --start hop.json --over ground_stiffness=40:60 --samples 100
   orbits control start-up --pumps 2 --stroke 2         from rest in contact onto the lossless hop
 
 \b
@@ -70,9 +76,7 @@ def orbits() -> None:
 @options.machine_options
 @options.family_option("Oscillations in flight, from 1.")
 @click.option("--method", metavar="NAME", help="Use 'closed form', 'relative', 'half orbit' or 'shooting'.")
-@click.option(
-    "--start", type=click.Path(dir_okay=False), metavar="FILE", help="Start from a saved orbit, and solve it again."
-)
+@options.start_option
 @click.option("--allow-inadmissible", is_flag=True, help="Exit with 0 even if the orbit is not a motion.")
 @options.limit_option
 @options.json_option
@@ -81,16 +85,18 @@ def orbits() -> None:
 @options.animate_option
 @options.file_option("--save", "result", "Save the orbit (.json), for Orbit.load.")
 def find_command(
-    family: int, method: str | None, start: str | None, allow_inadmissible: bool, limit: float, as_json: bool,
+    family: int, method: str | None, hop: str | None, allow_inadmissible: bool, limit: float, as_json: bool,
     explain: bool, plot: str | None, animate: str | None, save: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Find one lossless orbit and certify it."""
     from orbits.periodic.find import find
 
     stated_family = click.get_current_context().get_parameter_source("family") is not ParameterSource.DEFAULT
-    requested = family if start is None or stated_family else None
+    requested, machine = family if hop is None or stated_family else None, options.machine_of(**stated)
     with options.progress() as report:
-        orbit = find(options.machine_of(**stated), requested, start=start, method=method, progress=report, limit=limit)
+        orbit = find(
+            machine, requested, method=method, progress=report, limit=limit, start=options.started(machine, hop)
+        )  # fmt: skip
     options.write(orbit, as_json, plot, animate, save)
     if explain and not as_json:
         click.echo("  what this scene did not need:")
@@ -102,6 +108,7 @@ def find_command(
 @orbits.command("prove", epilog="\b\nExit code: 0 all is proved, 1 not all or no such orbit, 2 bad input.")
 @options.machine_options
 @options.family_option("As in find.")
+@options.start_option
 @click.option(
     "--between",
     "intervals",
@@ -123,9 +130,9 @@ def find_command(
 @options.json_option
 @options.file_option("--save", "result", "Save the proof (.json).")
 def prove_command(
-    family: int, intervals: tuple[str, ...], digits: int | None, loss: bool, attraction: bool, inject: str | None,
-    near: float | None, along: str | None, start: float | None, stop: float | None, limit: float, as_json: bool,
-    save: str | None, **stated: Any,
+    family: int, hop: str | None, intervals: tuple[str, ...], digits: int | None, loss: bool, attraction: bool,
+    inject: str | None, near: float | None, along: str | None, start: float | None, stop: float | None, limit: float,
+    as_json: bool, save: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Prove by interval arithmetic that a lossless orbit exists, that no other is nearby, and that it is a motion.
 
@@ -143,6 +150,8 @@ def prove_command(
 
     if (inject is None) != (near is None) or ((loss or attraction) and inject is not None):
         raise InputError("--inject EPS and --near ALPHA go together, and without --loss and --attraction")
+    if hop is not None and (inject is not None or along is not None):
+        raise InputError("--start is for one orbit: it goes with neither --along nor --inject")
     exact = options.exact_parameters(stated["settings"], intervals)
     if along is not None or start is not None or stop is not None:
         if along is None or stop is None or intervals or loss or attraction or inject is not None:
@@ -157,7 +166,8 @@ def prove_command(
     else:
         machine = options.machine_of(**options.with_middles(stated, intervals))
         with options.progress() as report:
-            orbit = find(machine, family, progress=report, limit=limit)
+            first = options.started(machine, hop)
+            orbit = find(machine, None if first else family, start=first, progress=report, limit=limit)
         proof = prove(orbit, digits, parameters=exact, loss=loss, attraction=attraction, limit=limit)
     options.write(proof, as_json, save=save)
     if not proof.proved:
@@ -205,6 +215,7 @@ COLUMNS_OF_HOPS = {"alpha": "launch speed", "next": "next", "loss": "loss"}
 @click.option("--to", "stop", type=float, required=True, metavar="B", help="Its last value.")
 @click.option("--at", metavar="V1,V2,...", help="Values to hit exactly.")
 @click.option("--longest", type=float, default=0.02, show_default=True, help="Longest step, as a share of the range.")
+@options.start_option
 @click.option("--method", metavar="NAME", help="As in find.")
 @click.option("--stop-inadmissible", is_flag=True, help="End where the orbits are not motions any more.")
 @options.free_limit_option
@@ -214,8 +225,8 @@ COLUMNS_OF_HOPS = {"alpha": "launch speed", "next": "next", "loss": "loss"}
 @options.file_option("--save", "family", "Save the whole family: .csv, .nc or .jsonl.")
 @click.option("--resume", metavar="FILE", help="Continue from the end of a family written by --output or --save.")
 def follow_command(
-    family: int, along: str, start: float | None, stop: float, at: str | None, longest: float, method: str | None,
-    stop_inadmissible: bool, as_json: bool, plot: str | None, output: str | None, save: str | None,
+    family: int, along: str, start: float | None, stop: float, at: str | None, longest: float, hop: str | None,
+    method: str | None, stop_inadmissible: bool, as_json: bool, plot: str | None, output: str | None, save: str | None,
     resume: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Follow a family of orbits along a parameter, past folds, to its end."""
@@ -226,9 +237,10 @@ def follow_command(
     values = options.numbers("--at", at, float) if at else []
     before = None if resume is None else Family.load(resume)
     machine = options.machine_of(**stated, first=None if start is None else (along, start))
+    first = options.started(machine, hop) if before is None else None
     with options.progress() as report:
         followed = follow(
-            machine, along, stop, start, family, at=values, longest=longest,
+            machine, along, stop, first or start, family, at=values, longest=longest,
             method=method, stop_inadmissible=stop_inadmissible, output=output, resume=before, progress=report,
         )  # fmt: skip
     if plot is not None:
@@ -243,9 +255,8 @@ def follow_command(
 @orbits.command("map", epilog="\b\nExit code: 0 done, also for hops that come to rest; 2 bad input.")
 @options.machine_options
 @options.loss_options
-@click.option(
-    "--alpha", required=True, metavar="A|A:B:N", help=f"A launch speed, or N of them from A to B{options.IN_UNITS}"
-)
+@click.option("--alpha", metavar="A|A:B:N", help=f"A launch speed, or N of them from A to B{options.IN_UNITS}")
+@options.start_option
 @options.free_limit_option
 @options.json_option
 @options.file_option("--plot", "figure", "Write a figure of the map from A to B (.png, .pdf, .svg).")
@@ -262,29 +273,38 @@ def follow_command(
 @click.option("--attractor", type=click.IntRange(0), metavar="N", help="Number of values with the attractor computed.")
 @options.file_option("--save", "result", "Save the diagram: .json, or its points as .csv.")
 def return_map(
-    alpha: str, inject: float, as_json: bool, plot: str | None, cobweb: float | None, whole: bool, cap: int,
-    along: str | None, start: float | None, stop: float | None, attractor: int | None, save: str | None,
-    **stated: Any,
+    alpha: str | None, hop: str | None, inject: float, as_json: bool, plot: str | None, cobweb: float | None,
+    whole: bool, cap: int, along: str | None, start: float | None, stop: float | None, attractor: int | None,
+    save: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Map launch speeds to the next ones, with the losses and impacts in between. With --along, follow the fixed points
-    of the map and its hops of period two along a parameter instead, with their folds and flips."""
+    of the map and its hops of period two along a parameter instead, with their folds and flips. Where a launch has
+    several numbers, --start has those beside the speed, and alone the launch, which has multipliers too."""
     from orbits.errors import InputError
     from orbits.io import to_json
     from orbits.return_map.return_map import ReturnMap
     from orbits.show.plot import save_figure
 
-    speeds = options.launch_speeds(alpha)
-    if not 0 < speeds[0] < float("inf"):
-        raise InputError(f"--alpha {alpha}; launch speeds are above 0")
+    speeds = None if alpha is None else options.launch_speeds(alpha)
     if along is not None:
-        if cobweb is not None or whole or start is None or stop is None or len(speeds) < 2:
+        if cobweb is not None or whole or start is None or stop is None or speeds is None or len(speeds) < 2:
             raise InputError("--along needs --from V, --to W and a range --alpha A:B:N, and has no --cobweb or --all")
         settings = {"inject": inject, "cap": cap, "attractor": attractor}
-        diagram = options.diagram_of(along, (start, stop), speeds, stated, settings)
+        diagram = options.diagram_of(along, (start, stop), speeds, hop, stated, settings)
         options.write(diagram, as_json, plot, save=save)
         return
     if any(each is not None for each in (start, stop, attractor, save)):
         raise InputError("--from, --to, --attractor and --save go with --along NAME")
+    machine = options.machine_of(**stated)
+    launches = options.launches_of(machine, hop, speeds)
+    if not machine.model.one_speed:
+        if cobweb is not None or whole:
+            raise InputError("--cobweb and --all are for maps of launch speeds: a launch has several numbers here")
+        options.write_launches(ReturnMap(machine, inject, cap), launches, as_json, plot, speeds is None)
+        return
+    speeds = launches if speeds is not None else options.launch_speeds(repr(launches))
+    if not 0 < speeds[0] < float("inf"):
+        raise InputError(f"--alpha {alpha}; launch speeds are above 0")
     if plot is not None:
         if len(speeds) < 2:
             raise InputError(f"--plot needs a range, --alpha A:B:N, not --alpha {alpha}")
@@ -292,34 +312,38 @@ def return_map(
         raise InputError("--cobweb is drawn into a figure: give --plot FILE too")
     if cobweb is not None and not 0 < cobweb < float("inf"):
         raise InputError(f"--cobweb {cobweb:g}; a launch speed is above 0")
-    step = ReturnMap(options.machine_of(**stated), inject, cap)
+    step = ReturnMap(machine, inject, cap)
     with options.progress():
         hops = step(speeds)
         if plot is not None:
             save_figure(step.plot(float(speeds[0]), float(speeds[-1]), start=cobweb), plot)
     if as_json:
         click.echo(to_json(hops.document()))
-        return
-    if len(speeds) > LONGEST_TABLE and not whole:
+    elif len(speeds) > LONGEST_TABLE and not whole:
         click.echo(f"{hops}\n  --all prints each, --json all as one document")
-        return
+    else:
+        _print_hops(step, hops)
+
+
+def _print_hops(step: "ReturnMap", hops: "Hops") -> None:
+    """Print each hop of a map in a line of its own."""
     heads = [f"{name} ({hops.units[key]})" if hops.units else name for key, name in COLUMNS_OF_HOPS.items()]
     click.echo("{:>16}{:>20}{:>16}{:>9}  {}".format(*heads, "impacts", "status"))
     columns = [hops.document()[name] for name in (*COLUMNS_OF_HOPS, "impacts", "status")]
     for row in zip(*columns, strict=True):
         following, loss = ("-" if x is None else f"{x:.{digits}g}" for x, digits in zip(row[1:3], (12, 9), strict=True))
         click.echo(f"{row[0]:16.12g}{following:>20}{loss:>16}{row[3]:9d}  {row[4]}")
+    speeds = hops.alpha
     if len(speeds) <= LONGEST_TABLE and (separations := step.smallest_separation(speeds)) is not None:
-        for alpha in speeds[separations <= 0]:
-            click.echo(f"the masses pass through each other in the hop from {alpha:.12g}")
+        for speed in speeds[separations <= 0]:
+            click.echo(f"the masses pass through each other in the hop from {speed:.12g}")
 
 
 @orbits.command("simulate", epilog="\b\nExit code: 0 done, also when it comes to rest; 2 bad input.")
 @options.machine_options
 @options.loss_options
-@click.option(
-    "--alpha", type=float, required=True, metavar="A", help=f"Launch speed at the first lift-off{options.IN_UNITS}"
-)
+@click.option("--alpha", type=float, metavar="A", help=f"Launch speed at the first lift-off{options.IN_UNITS}")
+@options.start_option
 @click.option("--hops", type=click.IntRange(1), metavar="N", help="End after N lift-offs.")
 @click.option("--cap", type=click.IntRange(1), default=2000, show_default=True, help="Most impacts in one hop.")
 @click.option("--time", "end", type=options.POSITIVE, metavar="T", help=f"End at this time{options.IN_UNITS}")
@@ -328,24 +352,26 @@ def return_map(
 @options.plot_option
 @options.animate_option
 def simulate_command(
-    alpha: float, hops: int | None, end: float | None, cap: int, inject: float, as_json: bool, plot: str | None,
-    animate: str | None, **stated: Any,
+    alpha: float | None, hop: str | None, hops: int | None, end: float | None, cap: int, inject: float, as_json: bool,
+    plot: str | None, animate: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Simulate the machine from a launch, through every impact and contact."""
     from orbits.simulation.simulation import simulate
 
     machine = options.machine_of(**stated)
-    run = simulate(machine, alpha, hops=hops, time=float("inf") if end is None else end, inject=inject, cap=cap)
+    launch = options.launches_of(machine, hop, alpha)
+    run = simulate(machine, launch, hops=hops, time=float("inf") if end is None else end, inject=inject, cap=cap)
     options.write(run, as_json, plot, animate)
 
 
 @orbits.command("optimize", epilog="\b\nExit code: 0 found, 1 no such design (with the reason), 2 bad input.")
 @click.argument("file", metavar="FILE.toml")
+@options.start_option
 @options.free_limit_option
 @options.json_option
 @options.file_option("--plot", "figure", "Write a figure of the best orbit, or of the front (.png, .pdf, .svg).")
 @options.file_option("--save", "result", "Save the design (.json), or the front (.json, .csv).")
-def optimize_command(file: str, as_json: bool, plot: str | None, save: str | None) -> None:
+def optimize_command(file: str, hop: str | None, as_json: bool, plot: str | None, save: str | None) -> None:
     """Find the best design of a machine, or a Pareto front of two objectives, for the problem in its file."""
     from orbits.design.optimize import optimize as best_design
     from orbits.design.pareto import Front, pareto
@@ -357,6 +383,7 @@ def optimize_command(file: str, as_json: bool, plot: str | None, save: str | Non
     statement = read(file)
     machine, problem = build(statement, file), design(statement, file)
     front = isinstance(problem.get("minimise"), tuple)
+    problem["start"] = options.started(machine, hop)
     with options.progress() as report:
         try:
             found = (pareto if front else best_design)(machine, **problem, progress=report)
@@ -382,6 +409,7 @@ def optimize_command(file: str, as_json: bool, plot: str | None, save: str | Non
 @click.option("--sampling", metavar="WAY", help="grid, sobol, lhs or random; default: grid for values, else sobol.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the sampling.")
 @click.option("--family", "families", default="1", show_default=True, metavar="N1,N2,...", help="As in find.")
+@options.start_option
 @click.option("--quantities", metavar="A,B,...", help="Further columns: quantities of the orbit, or formulas of them.")
 @click.option(
     "--outcome", default="find", show_default=True, metavar="find|map|fixed_points",
@@ -397,8 +425,8 @@ def optimize_command(file: str, as_json: bool, plot: str | None, save: str | Non
 @options.plot_option
 def sweep_command(
     over: tuple[str, ...], designs: str | None, samples: int | None, sampling: str | None, seed: int, families: str,
-    quantities: str | None, outcome: str, between: str | None, store: str | None, resume: bool, workers: int | None,
-    as_json: bool, output: str | None, plot: str | None, **stated: object,
+    hop: str | None, quantities: str | None, outcome: str, between: str | None, store: str | None, resume: bool,
+    workers: int | None, as_json: bool, output: str | None, plot: str | None, **stated: object,
 ) -> None:  # fmt: skip
     """Find the orbits of many machines, over ranges of their parameters."""
     from orbits.errors import InputError
@@ -414,8 +442,7 @@ def sweep_command(
         machine, axes if table is None else None, samples if table is None else table, sampling=sampling, seed=seed,
         family=options.numbers("--family", families, int), quantities=options.formulas(quantities), outcome=outcome,
         between=None if between is None else tuple(options.numbers("--between", between, float, ":")),
-        store=store, resume=resume,
-        **options.computed_by(workers),
+        store=store, resume=resume, start=options.started(machine, hop), **options.computed_by(workers),
     )  # fmt: skip
     options.write(result, as_json, plot, save=output)
     if not result.found:
@@ -427,6 +454,7 @@ def sweep_command(
 @click.option("--along", required=True, metavar="NAME=LOW:HIGH[:log]", help="The parameter of the rows.")
 @click.option("--across", required=True, metavar="NAME=RANGE", help="The one that differs between rows; also V1,V2,...")
 @options.family_option("As in find.")
+@options.start_option
 @click.option("--samples", default="100", show_default=True, metavar="N[,M]", help="Values along and across.")
 @click.option("--quantities", metavar="A,B,...", help="Further columns: quantities of the orbit, or formulas of them.")
 @click.option("--both-ways", is_flag=True, help="Locate boundaries between the rows too.")
@@ -437,7 +465,7 @@ def sweep_command(
 @options.file_option("--output", "result", "Write the diagram: .json or .nc; its rows: .csv.")
 @options.plot_option
 def existence_command(
-    along: str, across: str, family: int, samples: str, quantities: str | None, both_ways: bool,
+    along: str, across: str, family: int, hop: str | None, samples: str, quantities: str | None, both_ways: bool,
     colour: str | None, workers: int | None, as_json: bool, output: str | None, plot: str | None, **stated: object,
 ) -> None:  # fmt: skip
     """Find where orbits exist in two parameters, and where they are motions."""
@@ -455,7 +483,7 @@ def existence_command(
         requested.append(colour)
     diagram = existence(
         machine, row, between, column, values, family, samples=counts[0] if len(counts) == 1 else tuple(counts),
-        both_ways=both_ways, quantities=requested, **options.computed_by(workers),
+        both_ways=both_ways, quantities=requested, start=options.started(machine, hop), **options.computed_by(workers),
     )  # fmt: skip
     options.write(diagram, as_json, save=output)
     if plot is not None:
@@ -476,6 +504,7 @@ def existence_command(
 @click.option("--samples", type=int, default=1024, show_default=True, metavar="N", help="Number of members.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the sampling.")
 @options.family_option("As in find.")
+@options.start_option
 @click.option("--quantities", metavar="A,B,...", help="Further rows: quantities of the orbit, or formulas of them.")
 @click.option("--indices", is_flag=True, help="Print Sobol's indices too: which parameter causes the spread.")
 @click.option("--workers", type=click.IntRange(1), metavar="N", help="Number of processes; 1 by default.")
@@ -485,7 +514,7 @@ def existence_command(
 @options.file_option("--plot", "figure", "Write a figure of the distribution of --quantity, or of the indices.")
 @click.option("--quantity", metavar="A", help="That the figure shows; default: alpha.")
 def uncertainty_command(
-    over: tuple[str, ...], samples: int, seed: int, family: int, quantities: str | None, indices: bool,
+    over: tuple[str, ...], samples: int, seed: int, family: int, hop: str | None, quantities: str | None, indices: bool,
     workers: int | None, as_json: bool, output: str | None, plot: str | None, quantity: str | None, **stated: object,
 ) -> None:  # fmt: skip
     """Find the spread of an orbit's quantities that follows from uncertain parameters.
@@ -500,7 +529,7 @@ def uncertainty_command(
     machine = options.machine_of(**options.with_first_values(stated, axes, None))
     found = uncertainty(
         machine, axes, options.formulas(quantities), family=family, samples=samples, seed=seed,
-        **options.computed_by(workers),
+        start=options.started(machine, hop), **options.computed_by(workers),
     )  # fmt: skip
     shares = found.sweep.sensitivity(seed=seed, samples=options.power_of_two(samples)) if indices else None
     if output is not None:
@@ -518,8 +547,17 @@ def uncertainty_command(
 @options.machine_options
 @options.damper_options
 @options.family_option("As in find.")
+@options.start_option
+@click.option(
+    "--actuator",
+    metavar="EXTENSION|force:DISTANCE",
+    help="The extension of the spring whose end is moved, or a force and the distance along which it acts, as "
+    "'force:y1 - y2'; default: the end of the only spring.",
+)
 @click.option("--rate", type=options.POSITIVE, metavar="W", help=f"Largest rate of the actuator{options.IN_UNITS}")
 @click.option("--stroke", type=options.POSITIVE, metavar="U", help=f"Its largest displacement{options.IN_UNITS}")
+@click.option("--force", type=options.POSITIVE, metavar="F", help=f"Its largest force{options.IN_UNITS}")
+@click.option("--power", type=options.POSITIVE, metavar="P", help=f"Its largest power{options.IN_UNITS}")
 @click.option(
     "--intervals",
     type=click.IntRange(1),
@@ -536,9 +574,10 @@ def uncertainty_command(
 @options.animate_option
 @options.file_option("--save", "result", "Write the motion (.json, to load), or its states, inputs and forces (.csv).")
 def control_command(
-    goal: str, family: int, as_json: bool, plot: str | None, animate: str | None, save: str | None, **stated: Any,
+    goal: str, family: int, hop: str | None, as_json: bool, plot: str | None, animate: str | None, save: str | None,
+    **stated: Any,
 ) -> None:  # fmt: skip
-    """Steer a machine whose spring's end is moved, with locally least effort.
+    """Steer a machine whose spring's end is moved, or that a force drives, with locally least effort.
 
     hold keeps a damped machine hopping, recover brings one whose launch is too slow back to its lossless hop in one
     hop, and start-up lifts one off from rest in contact.
@@ -549,7 +588,8 @@ def control_command(
     functions = {"hold": steering.keep_hopping, "recover": steering.recover, "start-up": steering.start_up}
     machine = options.machine_of(**stated)
     with options.progress() as report:
-        found = functions[goal](machine, family=family, progress=report, **wanted)
+        first = options.started(machine, hop)
+        found = functions[goal](machine, family=family, start=first, progress=report, **wanted)
     options.write(found, as_json, plot, animate, save)
 
 

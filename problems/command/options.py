@@ -56,6 +56,10 @@ loss_options = combined(
     damper_options,
     click.option("--inject", type=float, default=0.0, metavar="EPS", help=f"Added to every launch speed{IN_UNITS}"),
 )
+start_option = click.option(
+    "--start", "hop", type=click.Path(dir_okay=False), metavar="FILE",
+    help="Start from a saved orbit, also where a launch has several numbers, as on ground that yields.",
+)  # fmt: skip
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON document.")
 limit_option = click.option(
     "--limit", type=float, default=30.0, show_default=True, metavar="SECONDS", help="Time limit."
@@ -213,6 +217,57 @@ def with_first_values(stated: dict[str, Any], axes: dict[str, object], table: An
     return {**stated, "settings": tuple(settings)}
 
 
+def started(machine: "AnyMachine", hop: str | None) -> str | None:
+    """The orbit's file of --start, for functions that take `start=`; raises `InputError` where it is missing for a
+    machine whose launch has several numbers."""
+    from orbits.errors import InputError
+
+    if hop is None and not (model := machine.model).one_speed:
+        names = ", ".join(model.launch_unknowns)
+        raise InputError(
+            f"a launch of this {model.name} has several numbers, {names}: give --start FILE, an orbit of it that is "
+            "saved, as one of find_all(machine, starts(machine)) in Python is by its save(FILE)"
+        )
+    return hop
+
+
+def launches_of(machine: "AnyMachine", hop: str | None, alpha: Any) -> Any:
+    """The launches of --alpha and --start, for `simulate` and the map: speeds, or the launch of an orbit with its own
+    speed or with those; raises `InputError` for neither, and where --start is missing."""
+    from orbits.errors import InputError
+    from orbits.periodic.find import unknowns_of_start
+    from orbits.periodic.orbit import start_in_file
+    from orbits.return_map.return_map import ReturnMap
+
+    started(machine, hop)
+    if hop is None and alpha is None:
+        raise InputError("a launch is --alpha A, or that of a saved orbit, --start FILE")
+    if hop is None or (alpha is not None and machine.model.one_speed):
+        return alpha
+    known = unknowns_of_start(machine, start_in_file(hop))
+    own = known if alpha is None else {**known, "alpha": alpha}
+    return own["alpha"] if machine.model.one_speed else {name: own[name] for name in ReturnMap(machine).names}
+
+
+def write_launches(step: Any, launches: Any, as_json: bool, plot: str | None, alone: bool) -> None:
+    """Write the hops of a map from launches of several numbers, as `write` does; and where one launch stands `alone`,
+    its multipliers."""
+    from orbits.io import to_json
+    from orbits.show.plot import save_figure
+    from orbits.simulation.multipliers import multipliers
+
+    with progress():
+        hops = step(launches)
+        lifts = alone and hops.statuses().keys() == {"lifts_off"}
+        found = multipliers(step.machine, launches, inject=step.inject) if lifts else None
+    if plot is not None:
+        save_figure(hops.plot(), plot)
+    if as_json:
+        click.echo(to_json(hops.document() | ({"multipliers": found.document()} if found else {})))
+    else:
+        click.echo("\n".join(map(str, filter(None, (hops, found)))))
+
+
 # The options of `orbits control` that belong to some goals, with the argument that each of them is there.
 OF_GOALS = {
     "cost": {"hold": "cost"},
@@ -228,7 +283,12 @@ def steering_arguments(goal: str, stated: dict[str, Any]) -> dict[str, Any]:
     those that state the machine; raises `InputError` for one of another goal, and where one is missing."""
     from orbits.errors import InputError
 
-    common = {name: stated.pop(name) for name in ("rate", "stroke", "intervals")}
+    from ..steering.actuated import Actuator
+
+    common = {name: stated.pop(name) for name in ("rate", "stroke", "force", "power", "intervals")}
+    if (stated_actuator := stated.pop("actuator")) is not None:
+        kind, colon, along = stated_actuator.partition(":")
+        common["actuator"] = Actuator(along, kind) if colon else Actuator(kind)
     own = {name: stated.pop(name) for name in OF_GOALS}
     own["plastic"] = own["plastic"] or None
     found = {name: value for name, value in common.items() if value is not None}
@@ -268,15 +328,19 @@ def launch_speeds(text: str) -> "np.ndarray":
 
 
 def diagram_of(
-    along: str, span: tuple[float, float], speeds: "np.ndarray", stated: dict[str, Any], requested: dict[str, Any]
-) -> "BifurcationDiagram":
+    along: str, span: tuple[float, float], speeds: "np.ndarray", hop: str | None, stated: dict[str, Any],
+    requested: dict[str, Any],
+) -> "BifurcationDiagram":  # fmt: skip
     """The bifurcation diagram of the stated machine along a parameter, between the ends of its range `span`."""
+    from orbits.periodic.orbit import start_in_file
     from orbits.return_map.bifurcations import bifurcations
     from orbits.return_map.cycles import DAMPERS_OF_HOPS, INJECT, RESTITUTION
 
     between = float(speeds[0]), float(speeds[-1])
     known = along in (INJECT, RESTITUTION, *DAMPERS_OF_HOPS)  # without being a parameter of the formulas
     machine = machine_of(**stated, first=None if known else (along, span[0]))
+    if (own := started(machine, hop)) is not None and not machine.model.one_speed:
+        requested = {**requested, "starts": [start_in_file(own)]}
     with progress() as report:
         return bifurcations(machine, along, span, between, samples=len(speeds), progress=report, **requested)
 

@@ -306,7 +306,8 @@ def _resolved(actuator: Any, stated: Mechanism) -> Actuator:
         if len({*extensions}) != 1 or not named:
             raise InputError(
                 f"the {stated.name} has {len(extensions)} springs: name the extension of the one whose end is moved, "
-                f"actuator={choice.replace(', ', ' or ') or 'Actuator(...), with the extension as a formula'}"
+                f"actuator={choice.replace(', ', ' or ') or 'Actuator(...), with the extension as a formula'}, or "
+                "--actuator in the command"
             )
         return replace(actuator, along=named[0])
     if actuator.is_force:

@@ -11,6 +11,7 @@ actuator's state is 0 at lift-off. Source: direct multiple shooting, see `orbits
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import wraps
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
@@ -18,7 +19,7 @@ import numpy as np
 from orbits import Control, InputError, NoOrbit, Orbit, Simulation, find, simulate, steer
 from orbits.control.control import control_in_units
 from orbits.errors import finite_number, whole_number
-from orbits.periodic.find import Progress
+from orbits.periodic.find import Progress, StartLike
 from orbits.running.exclusive import exclusive
 from orbits.simulation.simulated import run_in_units
 from orbits.units import ENERGY, LIFTOFF_SPEED, Dimension, Message, Quantity, Units, in_own_units
@@ -84,7 +85,7 @@ def in_units_of_the_machine(function: Callable[..., Control]) -> Callable[..., D
 def keep_hopping(
     machine: Any, *, actuator: Actuator | None = None, family: int = 1, cost: str = "effort", lossless: bool = True,
     intervals: int = 40, rate: float = np.inf, stroke: float = np.inf, force: float = np.inf, power: float = np.inf,
-    start: Orbit | None = None, guess: Control | None = None, progress: Progress = None,
+    start: StartLike | None = None, guess: Control | None = None, progress: Progress = None,
 ) -> Control:  # fmt: skip
     """Keep a damped machine hopping periodically at locally least cost, near its lossless orbit without the damping.
 
@@ -101,8 +102,8 @@ def keep_hopping(
     stroke : bound of its displacement, in both directions: from the one at lift-off, or for a force, of the distance
         along which it acts, from where the machine rests with its springs unloaded
     force, power : bounds of its force, which is that in the spring for a spring's end, and of its power
-    start : the lossless orbit without damping near which the machine is kept; by default it is found. A machine whose
-        launch is more than a speed needs it
+    start : the lossless orbit without damping near which the machine is kept, or a start of `find` that leads there, as
+        its file; by default it is found. A machine whose launch is more than a speed needs it
     guess : the result for a machine nearby
     progress : called with the share that is done, as in `steer`
 
@@ -135,7 +136,7 @@ def keep_hopping(
 def recover(
     machine: Any, short: float, *, actuator: Actuator | None = None, family: int = 1, lossless: bool = True,
     intervals: int = 40, rate: float = np.inf, stroke: float = np.inf, force: float = np.inf, power: float = np.inf,
-    start: Orbit | None = None, aim: Driven | None = None, guess: Control | None = None, progress: Progress = None,
+    start: StartLike | None = None, aim: Driven | None = None, guess: Control | None = None, progress: Progress = None,
 ) -> Control:  # fmt: skip
     """Bring a machine back to its lossless launch speed in one hop, with locally least effort.
 
@@ -173,7 +174,7 @@ def recover(
 def start_up(
     machine: Any, pumps: int, *, actuator: Actuator | None = None, family: int = 1, intervals: int = 20,
     rate: float = np.inf, stroke: float = np.inf, force: float = np.inf, power: float = np.inf,
-    start: Orbit | None = None, aim: Driven | None = None, progress: Progress = None,
+    start: StartLike | None = None, aim: Driven | None = None, progress: Progress = None,
 ) -> Control:  # fmt: skip
     """Bring a machine from rest in contact onto its lossless orbit with locally least effort.
 
@@ -389,6 +390,8 @@ def _lossless(driven: Actuated, family: int, start: Any) -> Orbit:
                 "machine without its dampers near which to keep it, as find(machine, start=...)"
             )
         return find(lossless, family=family)
+    if isinstance(start, Mapping | str | Path):
+        return find(undamped(driven.machine), start=start)
     if not isinstance(start, Orbit):
         raise InputError(f"start = {start!r}; it is an orbit, as find returns it")
     if len(start(0.0)) != len(states):

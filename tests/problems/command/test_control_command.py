@@ -5,7 +5,7 @@ import csv
 import pytest
 
 from orbits import find
-from problems import Hopper, hopper_in_si, steering
+from problems import Actuator, Hopper, hopper_in_si, steering
 from problems.steering.driven import Driven
 
 LEG = "--masses 60,3 --set stiffness=8000 --rest-length 0.8"
@@ -36,6 +36,15 @@ def test_recover_in_si(orbits, tmp_path):
     assert Driven.load(whole).source == leg
 
 
+def test_an_actuator_is_named(orbits):
+    """A force between the masses, as in Python; the default is the end of the only spring, as there."""
+    line = "control hold --damping 0.01 --intervals 16 --json"
+    done = orbits(f"{line} --actuator 'force:y1 - y2' --force 0.5")
+    pushed = steering.keep_hopping(Hopper(damping=0.01), actuator=Actuator("y1 - y2", "force"), intervals=16, force=0.5)
+    assert done.document["cost"] == pytest.approx(pushed.cost, rel=1e-9)
+    assert orbits(f"{line} --actuator 'y1 - y2'").document["cost"] == orbits(line).document["cost"]
+
+
 def test_start_up(orbits):
     done = orbits("control start-up --pumps 2 --stroke 2 --intervals 8 --json")
     assert (done.code, done.err) == (0, "")
@@ -54,6 +63,8 @@ def test_start_up(orbits):
         ("hold --cost joy", 2, "it is 'effort', 'work' or 'peak'"),
         ("hold --cost work --damping 0.01", 2, "give the largest rate"),
         ("recover --short 9", 2, "lossless launch speed is 4.49341"),
+        ("hold --actuator 'force:y1 - y3'", 2, "there is no coordinate 'y3'"),
+        ("hold --actuator 'torque:y1 - y2'", 2, "a 'displacement' or a 'force'"),
         ("hold --save hold.txt", 2, "needs an ending"),
         ("hold --damping 0.01 --rate 1e-6", 1, ""),
     ],

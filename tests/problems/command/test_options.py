@@ -1,10 +1,14 @@
 """Options that the commands share: machines in many words, and the display of progress."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.stats import norm
 
-from orbits import find
-from problems import hopper_in_si, juggler_in_si
+from orbits import existence, find, follow, multipliers, optimize, simulate, sweep, uncertainty
+from orbits.mechanics import Ground
+from problems import Actuator, Hopper, hopper_in_si, juggler_in_si, steering
 from problems.command.options import machine_of
 
 ALPHA = 4.493409457909064  # tan(alpha) = alpha, eq. (12) of the paper
@@ -167,3 +171,103 @@ def test_the_numbers_of_ground_that_yields_are_parameters(tmp_path):
     soft = machine_of(str(machine), ("ground_mass=3.0", "ground_stiffness=7.0"))
     assert (soft.values["ground_mass"], soft.values["ground_stiffness"]) == (3.0, 7.0)
     assert machine_of(str(machine), first=("ground_mass", 4.0)).values["ground_mass"] == 4.0
+
+
+PLATE = {
+    "liftoff": 4.1923, "alpha": -1.5392, "ground": -0.17468, "ground'": 3.796, "duration": 2.25674,
+    "contact_duration": 0.48548,
+}  # fmt: skip
+SOFT = """
+rest_length = 10
+ground = {mass = 2.0, stiffness = 50.0}
+[design]
+minimise = "largest_contact_force"
+over = {ground_stiffness = [45, 55]}
+"""
+OF_SEVERAL = {
+    "sweep": "--over ground_stiffness=49,51",
+    "existence": "--along ground_stiffness=49:51 --across mass_ratio=1,1.1 --samples 2",
+    "uncertainty": "--over ground_stiffness=norm(50,0.2) --samples 4",
+    "follow": "--along ground_stiffness --to 50.1",
+    "map": "",
+    "simulate": "--hops 1",
+    "control hold": "--actuator 'y1 - y2' --intervals 6",
+    "prove": "",
+}
+
+
+@pytest.fixture(scope="module")
+def soft(tmp_path_factory):
+    """A hopper on ground that yields, its lossless hop, and the files of both."""
+    files = tmp_path_factory.mktemp("soft")
+    machine = Hopper(rest_length=10, ground=Ground(2.0, 50.0))
+    orbit = find(machine, start=PLATE)
+    (files / "soft.toml").write_text(SOFT)
+    orbit.save(files / "hop.json")
+    return machine, orbit, files / "soft.toml", files / "hop.json"
+
+
+class TestStartOfSeveralNumbers:
+    """What the commands compute from `--start` is what the functions do, and without it they name it."""
+
+    def test_it_is_the_start_of_functions(self, soft, orbits):
+        machine, orbit, file, hop = soft
+
+        def of(name):
+            done = orbits(f"{name} --machine {file} --start {hop} {OF_SEVERAL.get(name, '')} --json")
+            assert (done.code, done.err) == (0, "")
+            return done.document
+
+        assert of("find")["alpha"] == pytest.approx(orbit.alpha, rel=1e-12)
+        members = sweep(machine, {"ground_stiffness": [49.0, 51.0]}, start=orbit)
+        assert [each["alpha"] for each in of("sweep")["members"]] == pytest.approx(members["alpha"], rel=1e-12)
+        rows = existence(machine, "ground_stiffness", (49.0, 51.0), "mass_ratio", [1, 1.1], samples=2, start=orbit)
+        assert of("existence")["rows"] == rows.document()["rows"]
+        spread = uncertainty(machine, {"ground_stiffness": norm(50, 0.2)}, start=orbit, samples=4)
+        assert of("uncertainty")["linear"]["alpha"] == pytest.approx(spread.linear["alpha"], rel=1e-9)
+        family = follow(machine, "ground_stiffness", 50.1, orbit)
+        assert of("follow")["points"][-1]["alpha"] == pytest.approx(family.points[-1].alpha, rel=1e-12)
+        own = multipliers(machine, orbit)
+        assert of("map")["multipliers"]["real"] == pytest.approx(own.values.real, rel=1e-9)
+        assert of("simulate")["launches"] == pytest.approx(simulate(machine, orbit, hops=1).launches, rel=1e-12)
+
+    def test_designs(self, soft, orbits):
+        machine, orbit, file, hop = soft
+        done = orbits(f"optimize {file} --start {hop} --json")
+        best = optimize(machine, minimise="largest_contact_force", over={"ground_stiffness": (45, 55)}, start=orbit)
+        assert done.document["objective"]["value"] == pytest.approx(best.objective, rel=1e-9)
+
+    def test_steering(self, soft, orbits):
+        machine, orbit, file, hop = soft
+        done = orbits(f"control hold --damping 0.01 --machine {file} --start {hop} {OF_SEVERAL['control hold']} --json")
+        damped = replace(machine, damping=0.01)
+        held = steering.keep_hopping(damped, actuator=Actuator("y1 - y2"), start=orbit, intervals=6)
+        assert done.document["cost"] == pytest.approx(held.cost, rel=1e-6)
+
+    def test_launches_differ_in_speed(self, soft, orbits):
+        _, orbit, file, hop = soft
+        done = orbits(f"map --machine {file} --start {hop} --alpha=-1.6:-1.5:2 --json")
+        assert done.document["alpha"] == [-1.6, -1.5]
+        assert done.document["ground"] == pytest.approx([orbit(0.0)[4]] * 2, rel=1e-12)
+        assert "cobweb" in orbits(f"map --machine {file} --start {hop} --cobweb 4").err
+
+    @pytest.mark.parametrize("name", [*OF_SEVERAL, "find", "optimize"])
+    def test_without_it(self, name, soft, orbits):
+        file = soft[2] if name == "optimize" else f"--machine {soft[2]}"
+        done = orbits(f"{name} {file} {OF_SEVERAL.get(name, '')}")
+        assert done.code == 2
+        assert "several numbers, liftoff, alpha, ground, ground': give --start FILE" in done.err
+
+    def test_the_file_of_another_machine(self, soft, orbits):
+        done = orbits(f"simulate --start {soft[3]} --hops 1")
+        assert (done.code, "of another machine, with the states" in done.err) == (2, True)
+
+
+def test_one_number_starts_from_a_file_too(tmp_path, orbits):
+    orbit = find(Hopper())
+    orbit.save(tmp_path / "hop.json")
+    for line in ("map", "simulate --hops 1"):
+        done = orbits(f"{line} --start {tmp_path / 'hop.json'} --json")
+        assert done.code == 0
+    assert done.document["launches"] == pytest.approx([orbit.alpha] * 2, rel=1e-12)
+    assert "--alpha A, or that of a saved orbit" in orbits("map").err
