@@ -45,8 +45,7 @@ class Hops(OfStatuses, Result, what="table of hops"):
 
     alpha : launch speeds
     next : launch speeds at the next lift-off, with the injection; NaN where there is none
-    loss : loss of alpha**2 in the hop, without the injection, or in its impacts where there is no next launch; of a
-        machine with hysteresis NaN where there is none
+    loss : loss of alpha**2 in the hop, without the injection, or in its impacts where there is no next launch
     impacts : number of impacts in the hop
     status : "lifts_off", or why there is no next launch: a name of `orbits.simulation.impacts.STATUSES`
     units : of the numbers, by name; empty for a dimensionless machine

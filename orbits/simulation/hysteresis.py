@@ -155,23 +155,24 @@ class Branches:
                 found[side] = Affine(tuple((force[1:] - force[0]).tolist()), float(force[0]))
         return found
 
-    def hops(self, alpha: np.ndarray, cap: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """One hop from each of the launch speeds (m,): the next launch speeds (m,), the numbers (m,) of impacts, and
-        the statuses (m,), "" for a hop that is to be simulated alone, as where the spring sticks in flight. One is
-        "undecided" where a launch that is faster by some roundings ends in another way, see `decided_impacts`."""
+    def hops(self, alpha: np.ndarray, cap: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """One hop from each of the launch speeds (m,): the next launch speeds (m,), the numbers (m,) of impacts, the
+        statuses (m,), "" for a hop that is to be simulated alone, as where the spring sticks in flight, and the
+        energies (m,) lost in impacts. One is "undecided" where a launch that is faster by some roundings ends in another way, see `decided_impacts`."""
         if self.restitution < MANY_BOUNCES:
             return self._hops(alpha, cap)
         m = len(alpha)
-        speeds, counts, status = self._hops(np.concatenate([alpha, alpha * (1 + NEIGHBOUR)]), cap)
+        speeds, counts, status, lost = self._hops(np.concatenate([alpha, alpha * (1 + NEIGHBOUR)]), cap)
         apart = np.abs(np.nan_to_num(speeds[:m] - speeds[m:])) > PARTED * np.nan_to_num(speeds[:m])
         other = (status[:m] != status[m:]) | (apart & (status[:m] == "lifts_off"))
         undecided = other & (status[:m] != "cap") & (status[:m] != "") & (status[m:] != "")
-        return np.where(undecided, np.nan, speeds[:m]), counts[:m], np.where(undecided, "undecided", status[:m])
+        status = np.where(undecided, "undecided", status[:m])
+        return np.where(undecided, np.nan, speeds[:m]), counts[:m], status, lost[:m]
 
-    def _hops(self, alpha: np.ndarray, cap: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _hops(self, alpha: np.ndarray, cap: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         m, first = len(alpha), self.first()
         x = first.launch(np.minimum(alpha, FASTEST_LAUNCH))
-        speeds, counts, turns = np.full(m, np.nan), np.zeros(m, int), np.zeros(m, int)
+        speeds, lost, counts, turns = np.full(m, np.nan), np.zeros(m), np.zeros(m, int), np.zeros(m, int)
         status = np.where(alpha > FASTEST_LAUNCH, "lost", np.where(first.opens(x), "", "no_launch")).astype(STATUS)
         side, turning = self.branches(x)
         order, left, standing = np.full(m, LIFTOFF_ORDER), first.longest_flight(x), np.zeros(m, bool)
@@ -181,7 +182,7 @@ class Branches:
             for sign in (1, -1):
                 fly = remaining[(side[remaining] == sign) & ~standing[remaining] & ~alone[remaining]]
                 if len(fly):
-                    self._fly(sign, fly, x, order, turning, side, left, standing, counts, status)
+                    self._fly(sign, fly, x, order, turning, side, left, standing, counts, lost, status)
                 stand = remaining[(side[remaining] == sign) & standing[remaining] & (status[remaining] == "")]
                 stand = np.setdiff1d(stand, fly)
                 if len(stand):
@@ -191,9 +192,9 @@ class Branches:
             remaining = np.flatnonzero((status == "") & ~alone)
             if not len(remaining):
                 break
-        return speeds, counts, status
+        return speeds, counts, status, lost
 
-    def _fly(self, sign: int, i, x, order, turning, side, left, standing, counts, status) -> None:
+    def _fly(self, sign: int, i, x, order, turning, side, left, standing, counts, lost, status) -> None:
         """Fly on one branch to the next event of the motions `i`, and update their states."""
         impacts = self.of[sign]
         until, rows, broken = self._first(impacts.flight, impacts.p, x[i], self.rate, left[i], turning[i])
@@ -214,8 +215,9 @@ class Branches:
             after_on = self.landed(states)
             for on in (1, -1):
                 if len(own := np.flatnonzero(after_on == on)):
-                    held, after, _, _ = self.of[on].landing(states[own])
+                    held, after, losses, _ = self.of[on].landing(states[own])
                     x[j[own]], standing[j[own]] = after, held
+                    lost[j[own]] += losses
             order[j], left[j] = impacts.bounce_order, impacts.longest_flight(x[j])
             side[j], turning[j] = self.branches(x[j])
             if (down := j[standing[j]]).size:

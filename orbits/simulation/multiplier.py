@@ -202,7 +202,7 @@ def _at_liftoff(impacts: Impacts, y: np.ndarray, change: np.ndarray) -> np.ndarr
 
 def _slope_with_hysteresis(branches: Branches, alpha: float) -> float:
     """The `multiplier` of a machine whose spring has hysteresis: a reversal is an event too."""
-    impacts, order, step, contact = branches.first(), LIFTOFF_ORDER, 1e-5 * alpha, False
+    impacts, order, step, contact, landed = branches.first(), LIFTOFF_ORDER, 1e-5 * alpha, False, False
     x = impacts.launch(np.array([alpha]))[0]
     low, high = impacts.launch(np.array([alpha - step, alpha + step]))
     change = (high - low)[:, None] / (2 * step)
@@ -222,17 +222,20 @@ def _slope_with_hysteresis(branches: Branches, alpha: float) -> float:
             raise NoOrbit(RESTS)
         if stop.which == 1:
             weights, rates = np.array(rate.weights), flow.rates(x, flow.data(x[None], impacts.p)[0])
-            change, order = change - np.outer(rates, weights @ change) / (weights @ rates), 0
+            if (turning_rate := float(weights @ rates)) == 0.0:
+                raise NoOrbit("the spring stops without turning: no multiplier is computed there")
+            change, order = change - np.outer(rates, weights @ change) / turning_rate, 0
         elif contact:
             if not impacts.liftoff(x[None])[1][0]:
                 raise NoOrbit("the contact ends where no launch does: the map has no next launch speed")
             return float(np.array(impacts.model.contact_speed.weights) @ _at_liftoff(impacts, x, change)[:, 0])
         else:
             speed = float(impacts.gap_speed @ x)
-            if order == LIFTOFF_ORDER and abs(speed) < TANGENTIAL * alpha:
+            # Later bounces may be arbitrarily slow.
+            if abs(speed) < TANGENTIAL * alpha and not (landed and speed):
                 text = "the landing is tangential, at speed {speed:.1e}: no multiplier"
                 raise NoOrbit(Message(text, speed=Quantity(speed, SPEED)))
-            change = _at_landing(impacts, x, change)
+            landed, change = True, _at_landing(impacts, x, change)
             impacts = branches.of[int(branches.landed(x[None])[0])]
             x, change, contact = _through_impact(impacts, x, change)
             order = impacts.bounce_order

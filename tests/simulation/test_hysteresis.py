@@ -205,6 +205,24 @@ def test_the_map_is_that_of_simulated_hops_and_its_slope_that_of_differences(mac
     assert multiplier(machine, alpha) == pytest.approx((high - low) / (2 * h), rel=1e-6)
 
 
+def test_hops_without_a_next_launch_lose_what_those_of_the_mean_law_lose():
+    """A narrow loop changes little, also where the spring sticks and the hop is simulated alone."""
+    law, speeds = springs.lossy("r + 0.1*r**3", loss_factor=1e-9), np.linspace(0.5, 3.0, 9)
+    hops, mean = (ReturnMap(Hopper(each, mass_ratio=0.5))(speeds) for each in (law, law.mean))
+    assert "rests" in hops.statuses()
+    assert hops.statuses() == mean.statuses()
+    assert hops.loss == pytest.approx(mean.loss, rel=1e-6)
+    assert np.isfinite(hops.loss).all()
+
+
+@pytest.mark.parametrize("beyond", [0.0, 1e-13])
+def test_a_tangential_landing_after_reversals_has_no_multiplier(beyond):
+    """A loop of almost no width: the hop lands as the lossless one of its mean law, where slopes have no digits."""
+    machine = Hopper(springs.lossy("r", loss_factor=1e-12))
+    with pytest.raises(NoOrbit, match="the landing is tangential"):
+        multiplier(machine, find(Hopper()).alpha + beyond)
+
+
 def test_what_is_injected_keeps_the_machine_hopping():
     machine = Hopper(springs.lossy("r", loss_factor=0.005))
     need = ReturnMap(machine).upkeep(4.55)
