@@ -252,7 +252,7 @@ class Model:
 def refuse_hysteresis(model: Model) -> None:
     """Raise `NoOrbit` for a model whose spring has hysteresis: its phases are those of the mean law."""
     if model.hysteretic:
-        instead = "a return map" if model.one_speed else "simulations"
+        instead = "a return map, whose `upkeep` says what keeps it hopping" if model.one_speed else "simulations"
         raise NoOrbit(
             f"a spring with hysteresis loses energy on every hop: it has no lossless orbit, but {instead}; the law "
             "half way between its branches, its `.mean`, has"

@@ -11,7 +11,7 @@ import numpy as np
 from ..consistency.accepted import check_machine
 from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..model.machine import Machine
-from ..model.model import Model
+from ..model.model import Model, refuse_hysteresis
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..running.time_limit import time_limit
@@ -125,6 +125,7 @@ def find_all(
     """
     if starts is None:
         check_machine(machine)
+        refuse_hysteresis(machine.model)
         if fastest is not None and not finite_number("fastest", fastest) > 0:
             raise InputError(f"fastest = {fastest:g} is no launch speed; it lies above 0")
         family, method = family_number(1 if family is None else family), method_of(machine.model, method)
@@ -295,8 +296,10 @@ def _same(a: Orbit, b: Orbit) -> bool:
 
 
 def check_start(machine: Machine, start: object) -> None:
-    """Raise `InputError` where there is no start and no family of the machine's orbits can be found without one."""
+    """Raise `InputError` where there is no start and no family of the machine's orbits can be found without one, and
+    `NoOrbit` for a spring with hysteresis."""
     model = machine.model
+    refuse_hysteresis(model)
     if start is None and model.conservative and not (model.is_guessed or model.search):
         raise InputError(
             f"the families of a {model.name} are not guessed: give start= an orbit of it"

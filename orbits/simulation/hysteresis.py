@@ -158,7 +158,8 @@ class Branches:
     def hops(self, alpha: np.ndarray, cap: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """One hop from each of the launch speeds (m,): the next launch speeds (m,), the numbers (m,) of impacts, the
         statuses (m,), "" for a hop that is to be simulated alone, as where the spring sticks in flight, and the
-        energies (m,) lost in impacts. One is "undecided" where a launch that is faster by some roundings ends in another way, see `decided_impacts`."""
+        energies (m,) lost in impacts. One is "undecided" where a launch that is faster by some roundings ends in
+        another way, see `decided_impacts`."""
         if self.restitution < MANY_BOUNCES:
             return self._hops(alpha, cap)
         m = len(alpha)

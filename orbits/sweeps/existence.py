@@ -20,7 +20,7 @@ from ..design.designs_at_once import CONTINUED_STATUSES, solved_designs
 from ..errors import InputError
 from ..io import Document
 from ..model.machine import Machine
-from ..periodic.continued import NOT_REACHED
+from ..periodic.continued import AT_FOLD, NOT_REACHED
 from ..periodic.find import StartLike, family_number, find
 from ..result import Axes, Result, Row, shown
 from ..running import interrupts
@@ -123,8 +123,9 @@ class Existence(Result, what="diagram", in_line=("along", "across", "values")):
         return [(low, high) for low, high, motion in self.stretches(row) if motion]
 
     def unknown(self, row: int) -> bool:
-        """Whether a row may be incomplete because one of its members has failed or is not reached from the start."""
-        return any(status in ("failed", NOT_REACHED) for _, _, status in self.row(row))
+        """Whether a row may be incomplete as one of its members has failed, or is not reached from the start: where
+        the orbits end at a fold on the way, a member may have others."""
+        return any(status in ("failed", AT_FOLD, NOT_REACHED) for _, _, status in self.row(row))
 
     @property
     def orbit_edges(self) -> np.ndarray:

@@ -25,6 +25,7 @@ class Uncertainty(Result, what="uncertainty", in_line=("share", "mean"), printed
     linear : the standard deviation by quantity to first order, from exact sensitivities
     share : of the members whose orbit is a motion
     sweep : the members
+    violations : of the machine's own orbit, at which the linear deviation is taken: empty where it is a motion
     """
 
     mean: Mapping[str, float]
@@ -33,11 +34,13 @@ class Uncertainty(Result, what="uncertainty", in_line=("share", "mean"), printed
     linear: Mapping[str, float]
     share: float
     sweep: Sweep
+    violations: tuple[str, ...] = ()
 
     machine = property(lambda self: self.sweep.machine)
 
     def title(self) -> str:
-        return f"{self.share:.1%} of {len(self.sweep)} members are motions"
+        own = f"; the machine's own orbit is inadmissible: {', '.join(self.violations)}" if self.violations else ""
+        return f"{self.share:.1%} of {len(self.sweep)} members are motions{own}"
 
     def table(self) -> dict[str, list[Any]]:
         """The quantities, each with its mean, deviation, linear deviation, quantiles and unit, as columns."""
@@ -67,8 +70,8 @@ def uncertainty(
     samples : number of members, sampled by Sobol's sequence
     options : `executor`, `workers`, `client`, `store`, `progress` of `sweep`
 
-    The linear deviation is taken at the machine itself, with the standard deviations of the distributions. Raises
-    `NoOrbit` where the machine itself has no such orbit.
+    The linear deviation is taken at the machine itself, with the standard deviations of the distributions; where its
+    own orbit is inadmissible the first line says so. Raises `NoOrbit` where the machine itself has no such orbit.
 
     >>> from scipy.stats import norm
     >>> from orbits import uncertainty
@@ -93,7 +96,9 @@ def uncertainty(
     motions = result["status"] == "certified"
     columns = {text: result[text][motions & np.isfinite(result[text])] for text in texts}
     if empty := [text for text, values in columns.items() if len(values) < 2]:
-        raise InputError(f"fewer than two members have '{empty[0]}': the distributions reach where there is no hop")
+        why = f"the machine's own orbit is inadmissible: {', '.join(orbit.violations)}" if orbit.violations else ""
+        why = why or "the distributions reach where there is no hop"
+        raise InputError(f"fewer than two of the members have '{empty[0]}' and are motions: {why}")
     quantiles = {
         text: {f"{share:.0%}": float(np.quantile(values, share)) for share in QUANTILES}
         for text, values in columns.items()
@@ -102,7 +107,7 @@ def uncertainty(
     linear = {text: float(np.sqrt(row @ uncertain.covariance @ row)) for text, row in rows.items()}
     mean = {text: float(values.mean()) for text, values in columns.items()}
     deviation = {text: float(values.std(ddof=1)) for text, values in columns.items()}
-    return Uncertainty(mean, deviation, quantiles, linear, float(motions.mean()), result)
+    return Uncertainty(mean, deviation, quantiles, linear, float(motions.mean()), result, orbit.violations)
 
 
 class _Uncertain(NamedTuple):

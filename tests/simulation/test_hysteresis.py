@@ -12,12 +12,17 @@ from orbits import (
     NoOrbit,
     ReturnMap,
     Simulation,
+    existence,
     find,
     find_all,
     follow,
     multiplier,
+    optimize,
+    pareto,
     simulate,
     starts,
+    sweep,
+    uncertainty,
 )
 from orbits.mechanics import Mass, Spring
 from problems import Chain, Hopper, Juggler, hopper_in_si, springs
@@ -276,8 +281,14 @@ def test_no_lossless_orbit_of_it_is_looked_for():
         lambda: find_all(machine, [start]),
         lambda: follow(machine, "beta", 0.5),
         lambda: starts(machine.stated(), 3.0, 3.0),
+        lambda: find_all(machine),
+        lambda: sweep(machine, {"beta": [0.2, 0.3]}),
+        lambda: existence(machine, "beta", (0.2, 0.3), "mass_ratio", [1.0], samples=2),
+        lambda: uncertainty(machine, {"beta": (0.2, 0.3)}, samples=4),
+        lambda: optimize(machine, minimise="alpha", over={"beta": (0.2, 0.3)}),
+        lambda: pareto(machine, minimise=("alpha", "flight_time"), over={"beta": (0.2, 0.3)}),
     ):
-        with pytest.raises(NoOrbit, match=r"loses energy on every hop: it has no lossless orbit, .*`\.mean`, has"):
+        with pytest.raises(NoOrbit, match=r"a spring with hysteresis loses energy on .*`upkeep` says .*`\.mean`, has"):
             refused()
     assert find(Hopper(SPRINGS["lossy"].mean)).alpha == find(Hopper("cubic")).alpha
     with pytest.raises(InputError, match=r"has 2 springs with hysteresis: one can be followed"):

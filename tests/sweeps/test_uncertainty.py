@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from orbits import InputError, find, find_all, sweep, uncertainty
+from orbits import InputError, Uncertainty, find, find_all, sweep, uncertainty
 from orbits.periodic.linear_hops import linear_hops
 from problems import Chain, Hopper, hopper_in_si
 
@@ -45,6 +45,19 @@ def test_members_that_are_no_motions_do_not_count():
     motions = found.sweep["status"] == "certified"
     assert 0 < found.share == motions.mean() < 1
     assert found.mean["alpha"] == pytest.approx(found.sweep["alpha"][motions].mean(), rel=1e-14)
+
+
+def test_an_inadmissible_orbit_of_the_machine_itself_is_in_the_first_line(tmp_path):
+    """Its masses pass through each other, while those of half the members do not."""
+    machine = Hopper("cubic", rest_length=3.2, parameters={"beta": 0.3})
+    found = uncertainty(machine, {"beta": norm(0.3, 0.03)}, samples=32)
+    assert 0.3 < found.share < 0.6
+    assert "orbit is inadmissible: the masses pass through each other" in str(found).splitlines()[0]
+    found.save(tmp_path / "spread.json")
+    assert Uncertainty.load(tmp_path / "spread.json").violations == found.violations
+    with pytest.raises(InputError, match=r"fewer than two .* orbit is inadmissible: the masses pass"):
+        uncertainty(machine.with_values(rest_length=2.0), {"beta": norm(0.3, 0.03)}, samples=8)
+    assert uncertainty(machine.with_values(rest_length=3.4), {"beta": norm(0.3, 0.03)}, samples=8).violations == ()
 
 
 def test_what_uncertainty_refuses():
