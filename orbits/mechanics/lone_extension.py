@@ -158,8 +158,9 @@ class Alone:
         plain = len(self.springs) == 1 and factor == 1 and self.offsets[0].constant == 0.0
         if plain and self.shares[0].constant == 1.0 and load == load:
             return law, load
-        if any(law.pieces for law in laws) and not plain:
-            raise InputError(f"spring '{law.text}' is in pieces: state it alone, along what is launched")
+        if (piecewise := [law.text for law in laws if law.pieces]) and not plain:
+            one = "state all springs along it as one law, springs.function(force, breakpoints=...), or fit a formula"
+            raise InputError(f"spring '{piecewise[0]}' is in pieces: it has to be alone, along what is launched; {one}")
         each = zip(laws, self.springs, self.shares, self.offsets, strict=True)
         parts = [(law.expression, float(factor), share, offset) for law, (_, factor, _), share, offset in each]
 

@@ -143,7 +143,10 @@ class Parts:
             weights = self._weights(spring.extension, contact)
             law = mechanics.law_of(spring)
             if law.pieces and (pieces or weights is None):
-                why = "since a motion is followed along the breakpoints of one extension; fit a formula to the others"
+                why = (
+                    "since a motion is followed along the breakpoints of one extension; state springs along the same "
+                    "one as one law, springs.function(force, breakpoints=...), or fit a formula to the others"
+                )
                 raise InputError(
                     f"spring '{law.text}': one law in pieces can be taken, along a sum of coordinates, {why}"
                 )
