@@ -33,8 +33,6 @@ DEFAULT_BITS = 60
 MOST_DIGITS = 300
 # An orbit's alpha is correct if it is within this multiple of its own error plus a few units of the last place.
 ERRORS_OF_ALPHA, CLAIM_ROUNDINGS = 2.0, 8 * 2.0**-52
-# The engine's law of a table has coefficients that are rounded from the exact ones, and its orbit with them.
-ROUNDINGS_OF_TABLE = 64 * 2.0**-52
 # Its other numbers are correct to this share of them plus this multiple of its error: the orbit bounds no errors of
 # theirs, and they are correct to some roundings.
 SHARE_OF_OTHERS, ERRORS_OF_OTHERS = 1e-11, 1e3
@@ -279,9 +277,7 @@ def _check_landings(machine: Machine) -> None:
 def wrong_numbers(found: ProvedExistence, claim: Claim) -> list[str]:
     """The reasons why the orbit's alpha and times are wrong, in words."""
     reasons = list[str]()
-    has_table = any(spring.rows for spring in found.half.mechanics.stated.springs)
-    roundings = ROUNDINGS_OF_TABLE if has_table else CLAIM_ROUNDINGS
-    error = ERRORS_OF_ALPHA * claim.error + roundings * abs(claim.alpha)
+    error = ERRORS_OF_ALPHA * claim.error + CLAIM_ROUNDINGS * abs(claim.alpha)
     balls = found.balls
     if not isfinite(error) or not (balls["alpha"] + arb(0, error)).overlaps(arb(claim.alpha)):
         claimed = f"the orbit says {claim.alpha!r} with an error of {claim.error:.1e}"
