@@ -59,7 +59,8 @@ def slopes_by_differences(function, arguments, i, step):
 
 # The quicker of them run always.
 KINDS = [
-    pytest.param(kind, marks=[pytest.mark.slow] if kind in ("plate", "gravity", "knee", "table") else []) for kind in MACHINES
+    pytest.param(kind, marks=[pytest.mark.slow] if kind in ("plate", "gravity", "knee", "table") else [])
+    for kind in MACHINES
 ]
 
 

@@ -90,9 +90,7 @@ SEVERAL = {
 }
 
 
-@pytest.mark.parametrize(
-    ("case", "names"), [("chain", ["m1", "b"]), ("hand", ["m2", "m3"])]
-)
+@pytest.mark.parametrize(("case", "names"), [("chain", ["m1", "b"]), ("hand", ["m2", "m3"])])
 def test_sensitivities_of_launches_of_several_unknowns(case, names):
     """Every quantity, by differences of neighbouring orbits, extrapolated by Richardson."""
     machine, start_of = SEVERAL[case]

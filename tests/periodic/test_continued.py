@@ -1,5 +1,7 @@
 """Orbits of many machines continued from one, against closed forms, families that are followed, and other searches."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -14,6 +16,7 @@ CUBIC = Chain(springs="r + b*r**3", parameters={"b": 0.0})
 HARDENING = CUBIC.with_values(b=0.01)
 
 
+@cache
 def hops_of_chain() -> list:
     """The hops of three equal masses on linear springs with half times up to 5, by launch speed."""
     return list(find_all(LINEAR, LINEAR.starts(5, 5)))
@@ -101,6 +104,7 @@ def test_machines_of_one_speed_are_continued_too(spring):
             assert orbit.family == family
 
 
+@pytest.mark.slow
 def test_a_hopper_on_a_plate_is_continued_to_the_orbits_of_its_family():
     """Two parameters at a time, against the family that is followed along one and then along the other."""
     plate = plate_hopper()

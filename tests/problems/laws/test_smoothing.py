@@ -137,11 +137,11 @@ class TestNoise:
 
     def test_of_unit_size_moves_alpha_as_each_row_does(self):
         """Rows too few to show their noise, against a hop solved anew with each of them changed."""
-        r, moves = np.linspace(-6.0, 6.0, 5), []
+        r, moves = np.linspace(-6.0, 6.0, 8), []
         force = r + 0.02 * r**3
         orbit = find(Hopper(springs.table((r, force))))
         assert orbit.certificate.alpha_noise is None
-        for change in 1e-5 * np.eye(5):
+        for change in 1e-5 * np.eye(8):
             moves.append(find(Hopper(springs.table((r, force + change), noise=0))).alpha - orbit.alpha)
         assert orbit.certificate.alpha_per_noise == pytest.approx(np.linalg.norm(moves) / 1e-5, rel=1e-4)
         assert "not known: +- " in str(orbit)

@@ -446,11 +446,10 @@ def test_a_torque_with_a_corner_that_the_knee_passes():
         assert slopes[quantity]["rest_angle"] == pytest.approx(difference, rel=1e-5)
 
 
-@pytest.mark.parametrize("hops", [50, pytest.param(1000, marks=pytest.mark.slow)])
-def test_energy_over_many_hops(orbit, hops):
-    run = simulate(MACHINE, orbit.alpha, hops=hops)
+def test_energy_over_many_hops(orbit):
+    run = simulate(MACHINE, orbit.alpha, hops=50)
     assert run.status == "done"
-    assert len(run.launches) == hops + 1
+    assert len(run.launches) == 51
     start, p = energy(orbit(0.0), MACHINE.values), MACHINE.values
     drift = energy(np.array([event.before for event in run.events]), p) / start - 1
     assert np.abs(drift).max() <= 1e-10
