@@ -67,7 +67,7 @@ def made(kind: str):
         "HopMultipliers": lambda: multipliers(*hop_of()),
         "ReturnMap": lambda: ReturnMap(cubic, inject=0.03),
         "BifurcationDiagram": lambda: bifurcations(
-            Hopper(), "inject", (0.06, 0.065), (4.5, 4.6), samples=50, sections=2
+            Hopper(), "inject", (0.06, 0.065), (4.5, 4.6), samples=50, sections=2, attractor=6
         ),
         "FixedPoint": lambda: ReturnMap(Hopper(), inject=0.03).fixed_points(4, 5)[0],
         "Simulation": lambda: simulate(Hopper(restitution=0.3, damping=0.01), 4.6, hops=2),
