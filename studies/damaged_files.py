@@ -302,7 +302,7 @@ def told(counts: Counter) -> str:
 
 def main(quick: bool = False, count: int | None = None, seed: int = 0) -> dict[str, Any]:
     """The outcomes of all damages and disk faults, and how many of them are faults."""
-    rng, count = np.random.default_rng(seed), count or (130 if quick else 2600)
+    rng, count = np.random.default_rng(seed), count or (40 if quick else 2600)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         kinds = made(folder)

@@ -140,12 +140,6 @@ def saved_documents(tmp_path_factory) -> dict[str, str]:
 
 
 @pytest.fixture(scope="session")
-def folded_family() -> Family:
-    """The family of the cubic spring up to its fold and beyond."""
-    return follow(Hopper("cubic", rest_length=30), "beta", stop=-0.02, start=0.0)
-
-
-@pytest.fixture(scope="session")
 def leg_hop() -> Orbit:
     """The hop of a leg in SI."""
     return find(hopper_in_si(70, 5, stiffness=20_000, rest_length=1.0))

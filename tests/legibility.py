@@ -14,7 +14,7 @@ SLACK = 1.0  # pixels by which boxes may overlap: a text's box is a little wider
 def faults(figure) -> list[str]:
     """The faults of a figure in words: texts that leave it or meet each other, axes without a name, legends whose
     entries are not the artists drawn, and curves under a legend."""
-    figure.draw_without_rendering()
+    _draw(figure)
     boxes = [(text.get_text(), text.get_window_extent()) for text in _texts(figure)]
     found = [f"{words!r} leaves the figure" for words, box in boxes if not _inside(box, figure.bbox)]
     found += [f"{a!r} meets {b!r}" for (a, one), (b, other) in combinations(boxes, 2) if _meet(one, other)]
@@ -28,8 +28,14 @@ def faults(figure) -> list[str]:
 
 def smallest_text(figure, width: float) -> float:
     """The smallest font size of a figure, in pixels, where the figure is shown this many pixels wide."""
-    figure.draw_without_rendering()
+    _draw(figure)
     return min(text.get_fontsize() for text in _texts(figure)) / 72 * width / figure.get_size_inches()[0]
+
+
+def _draw(figure) -> None:
+    """Place all that is drawn, where it has changed since."""
+    if figure.stale:
+        figure.draw_without_rendering()
 
 
 def _texts(figure) -> list[Text]:

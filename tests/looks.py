@@ -18,7 +18,7 @@ FEW = 30  # of more numbers the count may differ, as that of a family's points
 
 def check_looks(name: str, figure, draw: bool = True) -> None:
     """Hold a figure against its recorded looks; an animation would begin anew where it is drawn."""
-    if draw:
+    if draw and figure.stale:
         figure.draw_without_rendering()
     found = [_number(figure.get_size_inches()), *(line for axes in figure.findobj(Axes) for line in _of_axes(axes))]
     changes = [line for line in ndiff(known("looks", name, found), found) if line[0] in "+-"]

@@ -32,4 +32,4 @@ class KnownMaps(MapsAlong):
 
 @cache
 def of_the_paper():
-    return bifurcations(Hopper(), "inject", (0.0, 0.12), (4.4, 4.7), sections=3, attractor=6)
+    return bifurcations(Hopper(), "inject", (0.0, 0.12), (4.4, 4.7), samples=100, sections=3, attractor=6)

@@ -82,7 +82,7 @@ def test_what_cannot_be_resumed_or_watched_is_said(softening_family):
 def test_a_family_resumed_at_an_asked_value():
     """Wherever it stopped: each value once, as an event and as a point."""
     asked = tuple(np.linspace(0.1, 0.9, 9))
-    for most in range(2, 16):
+    for most in (2, 3, 8, 15):
         first = follow(Hopper("cubic"), "beta", 1.0, 0.0, at=asked, most=most)
         whole = follow(Hopper("cubic"), "beta", 1.0, 0.0, at=asked, resume=first)
         assert [point.value for point in events(whole, "asked")] == list(asked)

@@ -37,7 +37,7 @@ def test_masses_that_touch_are_located_and_the_curve_goes_on():
 
 
 def test_the_users_own_event():
-    family = follow(Hopper("cubic"), "beta", 2.0, 0.0, watch={"three": lambda orbit: orbit.alpha - 3.0})
+    family = follow(Hopper("cubic"), "beta", 1.0, 0.0, watch={"three": lambda orbit: orbit.alpha - 3.0})
     (point,) = events(family, "three")
     assert point.alpha == pytest.approx(3.0, rel=1e-14)
     assert find(Hopper("cubic", parameters={"beta": point.value})).alpha == pytest.approx(3.0, rel=1e-12)
@@ -54,7 +54,7 @@ def test_a_table_that_ends_is_no_collapse():
     assert find(table.with_values(mass_ratio=event.point.value + 1e-9)).admissible
 
 
-@pytest.mark.parametrize("before", [1e-6, 1e-9, 1e-12])
+@pytest.mark.parametrize("before", [1e-6, 1e-12])
 def test_values_beside_a_fold_are_hit_twice(before):
     value = FOLD + before
     family = follow(Hopper("cubic"), "beta", -0.02, 0.0, at=[value], most=60)

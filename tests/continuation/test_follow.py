@@ -30,6 +30,8 @@ def test_the_fold_of_the_cubic_spring_and_its_second_sheet(softening_family):
     assert [round(point.alpha, 4) for point in softening_family.at(-0.005)] == [4.7432, 9.924]
     assert softening_family.end.kind == "escaped"
     assert softening_family.end.limit == pytest.approx(0, abs=1e-4)
+    assert abs(softening_family.end.limit) <= 2 * softening_family.end.limit_error < 4e-3
+    assert "family" not in [event.kind for event in softening_family.events]
     beta, alpha = softening_family[-1].value, softening_family[-1].alpha
     way = f"beta = {beta:.10g}, alpha = {alpha:.10g}"
     assert softening_family.end.reason == f"the launch speed grows without bound, and was followed to {way}"
@@ -37,7 +39,7 @@ def test_the_fold_of_the_cubic_spring_and_its_second_sheet(softening_family):
 
 def test_points_are_what_find_finds():
     machine = Hopper("r", "1/(1 + k*z)**2", 0.5, 10.0, parameters={"k": 0.0})
-    for point in list(follow(machine, "k", 0.05))[::9]:
+    for point in list(follow(machine, "k", 0.05))[::18]:
         orbit = find(machine.with_values(k=point.value))
         assert point.alpha == pytest.approx(orbit.alpha, rel=1e-12)
         assert point.flight_time == pytest.approx(orbit.flight_time, rel=1e-12)
@@ -186,7 +188,6 @@ def test_a_family_does_not_depend_on_the_unit_of_its_parameter():
 )
 def test_a_family_begins_with_what_find_gives(machine, along, stop, family):
     lowest = find(machine, family).alpha
-    assert follow(machine, along, stop, family=family)[0].alpha == pytest.approx(lowest, rel=1e-12)
     first = next(trace(machine, along, stop, family=family))
     assert first.alpha == pytest.approx(lowest, rel=1e-12)
 

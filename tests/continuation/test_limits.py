@@ -13,7 +13,7 @@ from orbits.continuation.step_control import Options, StepControl
 from problems import Hopper
 
 
-@pytest.mark.parametrize("family", slow_after(2, [1, 4, 2, 3]))
+@pytest.mark.parametrize("family", slow_after(1, [4, 1]))
 def test_the_saturating_spring_runs_off_to_its_limit(family):
     curve = follow(Hopper("tanh"), "b", 0.9, 0.05, family)
     assert curve.end.kind == "escaped"
@@ -32,10 +32,12 @@ def test_no_first_orbit_is_said_and_a_lost_curve_keeps_what_it_has():
 
 
 def test_an_isola_closes():
-    """With b = fold + d - q**2 the two sheets are joined at both ends of q**2 = d: fold, fold, and the start again."""
+    """With b = fold + d - q**2 the two sheets are joined at both ends of q**2 = d: fold, fold, and the start again. The
+    start is among the values to come to, which is none; the others are on both sheets."""
     machine = Hopper("r + (b - q**2)*r**3", rest_length=30.0, parameters={"b": FOLD + 4e-4, "q": 0.0})
-    family = follow(machine, "q", (-0.1, 0.1))
+    family = follow(machine, "q", (-0.1, 0.1), at=[0.0, 0.01, -0.01], most=600)
     assert family.end.kind == "closed"
+    assert sorted(point.value for point in events(family, "asked")) == [-0.01, -0.01, 0.0, 0.01, 0.01]
     assert [fold.value for fold in events(family, "fold")] == pytest.approx([0.02, -0.02], abs=1e-9)
     assert [fold.alpha for fold in events(family, "fold")] == pytest.approx([FOLD_ALPHA] * 2, abs=1e-6)
     assert family[-1].u == pytest.approx(family[0].u, rel=1e-9)
@@ -47,7 +49,7 @@ def test_an_isola_closes():
 
 @pytest.mark.parametrize(
     ("before", "longest"),
-    slow_after(3, [(1e-3, 0.02), (1e-9, 0.02), (1e-7, 0.011), (1e-3, 0.011), (1e-7, 0.02), (1e-9, 0.011)]),
+    slow_after(2, [(1e-3, 0.02), (1e-7, 0.011), (1e-9, 0.02)]),
 )
 def test_a_stop_beside_a_fold_is_not_passed_over(before, longest):
     stop = FOLD + before * abs(FOLD)
@@ -60,10 +62,9 @@ def test_a_stop_beside_a_fold_is_not_passed_over(before, longest):
 
 @pytest.mark.parametrize(
     ("machine", "along", "stop", "limit"),
-    [  # the tide's frequencies as 3 to 1; the barrier of r + c r^2 at -1/c; the softening cubic's family ends at 0
+    [  # the tide's frequencies as 3 to 1; the barrier of r + c r^2 at -1/c
         (Hopper("r", "1 + a*z", rest_length=2.0, parameters={"a": 0.0}), "a", 3.0, 0.25),
         (Hopper("r + c*r**2", parameters={"c": 0.0}), "c", 1.0, 0.0),
-        (Hopper("cubic", rest_length=30.0, parameters={"beta": 0.0}), "beta", -0.02, 0.0),
         (Hopper("toda", parameters={"b": 0.01}), "b", 0.9, 0.5),
     ],
 )
@@ -96,14 +97,6 @@ def test_a_stop_at_the_edge_of_a_law_is_reached():
     family = follow(Hopper("r + c**1.5*r**3", parameters={"c": 1.0}), "c", 0.0)
     assert family.end.kind == "reached"
     assert family[-1].alpha == pytest.approx(4.493409457909064, rel=1e-13)
-
-
-def test_asked_values_on_a_closed_curve():
-    """The start among them, which is none to come to; the others on both sheets."""
-    isola = Hopper("r + (b - q**2)*r**3", rest_length=30.0, parameters={"b": FOLD + 4e-4, "q": 0.0})
-    family = follow(isola, "q", (-0.1, 0.1), at=[0.0, 0.01, -0.01], most=600)
-    assert family.end.kind == "closed"
-    assert sorted(point.value for point in events(family, "asked")) == [-0.01, -0.01, 0.0, 0.01, 0.01]
 
 
 def history(value, alpha, power=-1):

@@ -9,7 +9,7 @@ from conftest import slow_after
 from orbits import follow
 from orbits.flow.vector_field import FlowControl
 from orbits.shooting.newton_kernel import NewtonKernel
-from problems import Hopper, Juggler
+from problems import Hopper
 from studies.random_families import differences, random_springs, twice
 
 SINH = Hopper("sinh", "1/(1 + z/R)**2", rest_length=12, parameters={"b": 0.1, "R": 80.0})
@@ -23,11 +23,10 @@ SINH = Hopper("sinh", "1/(1 + z/R)**2", rest_length=12, parameters={"b": 0.1, "R
             Hopper("r + c*r**2 + d*r**3", parameters={"c": 0.0, "d": -0.003}), "c", 0.2, marks=pytest.mark.slow
         ),
         (Hopper("r", "1/(1 + k*z)**2", rest_length=20.0, parameters={"k": 0.0}), "k", 0.05),
-        (Juggler("r + 0.1*r**3", "1/(1 + k*z)**2", rest_length=20.0, parameters={"k": 0.0}), "k", 0.05),
         (Hopper("bilinear", parameters={"ratio": 1.0}), "ratio", 5.0),
         (Hopper("toda", parameters={"b": 0.01}), "b", 0.45),
     ],
-    ids=["cubic", "quadratic", "hopper in gravity", "juggler in gravity", "bilinear", "toda"],
+    ids=["cubic", "quadratic", "hopper in gravity", "bilinear", "toda"],
 )
 def test_half_the_step_gives_the_same_curve(machine, along, stop):
     """The same events, and the same orbits wherever the parameter has the same value."""
@@ -66,7 +65,7 @@ def test_motions_of_many_steps_are_followed_one_by_one(monkeypatch):
 
 @pytest.mark.parametrize(
     ("text", "parameters", "family"),
-    slow_after(2, random_springs(12, seed=7)),
+    slow_after(1, random_springs(5, seed=7)),
 )
 def test_random_families_keep_to_their_curve(text, parameters, family):
     curves = twice(text, parameters, family)

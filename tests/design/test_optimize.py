@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from conftest import slow_after
 from designs import CUBIC, LEG, RANGE, VARYING
 from scipy.optimize import brentq
 
@@ -195,13 +196,13 @@ ON_GRID = {
 }
 
 
-@pytest.mark.parametrize("case", ON_GRID)
+@pytest.mark.parametrize("case", slow_after(1, ON_GRID))
 def test_the_optimum_is_the_least_of_a_dense_grid(case):
-    """The grid is narrowed about its least value, to a millionth of it; from a family and from a start."""
+    """The grid is narrowed about its least value; from a family and from a start."""
     machine, over, text = ON_GRID[case]
     start = find(machine, start=find_all(Chain(), Chain().starts(4, 5))[0]) if case == "chain" else None
     best = optimize(machine, minimise=text, over=over, start=start)
-    ranges, count = {name: np.array(bounds) for name, bounds in over.items()}, 13
+    ranges, count = {name: np.array(bounds) for name, bounds in over.items()}, 7
     for _ in range(4):
         axes = {name: np.linspace(*bounds, count).tolist() for name, bounds in ranges.items()}
         grid = sweep(machine, axes, start=start, quantities=text, progress=False)
@@ -211,11 +212,11 @@ def test_the_optimum_is_the_least_of_a_dense_grid(case):
         for name, bounds in over.items():
             assert abs(best.parameters[name] - place[name]) <= 1.5 * step[name]
             ranges[name] = np.clip(place[name] + step[name] * np.array([-1, 1]), *bounds)
-        count = 9
-    assert np.nanmin(grid[text]) == pytest.approx(best.objective, rel=1e-6)
+    assert np.nanmin(grid[text]) == pytest.approx(best.objective, rel=3e-5)
     assert best.kkt < 1e-6
 
 
+@pytest.mark.slow
 def test_fronts_and_samples_of_designs_from_a_start():
     """A front whose ends are the optima of its objectives, and the best of many local minima."""
     over, start = {"m1": (0.95, 1.3), "b": (0.01, 0.05)}, find_all(Chain(), Chain().starts(4, 5))[0]

@@ -4,6 +4,7 @@ optima that `optimize` finds."""
 import casadi as ca
 import numpy as np
 import pytest
+from conftest import slow_after
 
 from orbits import InputError, NoOrbit, find, find_all, optimize, orbit_function, sensitivities, starts
 from problems import Chain, HeavyHand, Hopper, hopper_in_si, knee_hopper, plate_hopper, springs
@@ -58,7 +59,8 @@ def slopes_by_differences(function, arguments, i, step):
 
 # The quicker of them run always.
 KINDS = [
-    pytest.param(kind, marks=[pytest.mark.slow] if kind in ("plate", "gravity", "knee") else []) for kind in MACHINES
+    pytest.param(kind, marks=[pytest.mark.slow] if kind in ("plate", "gravity", "knee", "table") else [])
+    for kind in MACHINES
 ]
 
 
@@ -92,7 +94,7 @@ def test_it_has_the_quantities_and_their_derivatives():
 
 
 class TestWithinOtherProblems:
-    @pytest.mark.parametrize("hessian", ["exact", "limited-memory"])
+    @pytest.mark.parametrize("hessian", slow_after(1, ["limited-memory", "exact"]))
     def test_ipopt_finds_the_optimum_of_optimize(self, hessian):
         """The least contact force at a rise of the centre of mass."""
         over, wanted = {"k": (3e3, 9e3), "b": (0.0, 2e6)}, "centre_of_mass_rise == 0.04"

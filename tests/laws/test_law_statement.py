@@ -11,7 +11,7 @@ from problems.laws import gravity, springs
 
 def test_one_law_five_ways():
     """A formula, a potential, a Python function, a function with a declared breakpoint, and a fine table."""
-    r = np.linspace(-6, 3, 400)
+    r = np.linspace(-6, 3, 200)
     laws = [
         springs.formula("r + beta*r**3", beta=0.3),
         springs.potential("r**2/2 + beta*r**4/4", beta=0.3),

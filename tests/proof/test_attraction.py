@@ -73,11 +73,10 @@ class TestLinear:
         assert mp.nstr(lost(d, after), 15) in proof.enclosures["attraction_loss"]
         assert mp.almosteq(after, next_distance(d), 1e-15)
 
-    @pytest.mark.parametrize("hops", [300, pytest.param(10**4, marks=SLOW)])
-    def test_hops_fall_as_is_said(self, proof, hops):
+    def test_hops_fall_as_is_said(self, proof):
         c, first = mp.mpf(proof.enclosures["attraction_loss"].low), mp.mpf(proof.attraction_radius)
         d = first
-        for n in range(1, hops + 1):
+        for n in range(1, 301):
             before, d = d, next_distance(d)
             assert 0 < d < before
             assert d < (1 / mp.cbrt(first) + n * c / 3) ** -3
@@ -98,7 +97,6 @@ class TestLinear:
     ("machine", "radius"),
     [
         pytest.param(Juggler("r + 0.3*r**3"), 1e-3, marks=SLOW),
-        pytest.param(Hopper("r + 0.3*r**3", rest_length=8.0), 1e-3, marks=SLOW),
         pytest.param(Hopper("tanh", rest_length=30, parameters={"b": 0.2}), 1e-3, marks=SLOW),
         pytest.param(inerter_hopper(), 1e-2, marks=SLOW),
         pytest.param(knee_hopper(), 1e-2, marks=SLOW),

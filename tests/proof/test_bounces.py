@@ -10,7 +10,7 @@ from problems import Hopper
 SLOW = pytest.mark.slow
 
 
-@pytest.mark.parametrize("distance", ["1e-6", pytest.param(None, marks=SLOW)])
+@pytest.mark.parametrize("distance", [pytest.param(each, marks=SLOW) for each in ("1e-6", None)])
 def test_simulated_hops_with_a_bounce(distance, monkeypatch):
     """Past the fold of a family the landing bounces above the orbit; ten times as much is lost, to leading order."""
     machine = Hopper("cubic", mass_ratio=20.0, parameters={"beta": -0.0105})

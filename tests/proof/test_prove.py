@@ -37,9 +37,8 @@ class TestReferences:
     @pytest.mark.parametrize(
         ("spring", "family"),
         [
-            ("r/(1 - (r/c)**2)", 1),
             ("c*tan(r/c)", 1),
-            pytest.param("c*atanh(r/c)", 1, marks=SLOW),
+            pytest.param("r/(1 - (r/c)**2)", 1, marks=SLOW),
             pytest.param("r/sqrt(1 - (r/c)**2)", 2, marks=SLOW),
         ],
     )
@@ -68,8 +67,8 @@ class TestDigits:
         """By quadrature: with equal masses the extension r'' = -f(r) begins where f(r) = 1 with speed alpha, and its
         half flight takes the time alpha. It turns at A and then, mid-flight, at -A; with r = A sin(s) the time is an
         integral over s without singularities."""
-        proof = prove(cubic_hop, 50, motion=False)
-        with mp.workdps(60):
+        proof = prove(cubic_hop, 30, motion=False)
+        with mp.workdps(40):
             beta = mp.mpf(3) / 10
             liftoff = mp.findroot(lambda r: r + beta * r**3 - 1, mp.mpf("0.829"))
 
@@ -87,8 +86,8 @@ class TestDigits:
                 return mp.quad(rate, places) - speed(top)
 
             alpha = speed(mp.findroot(late, (mp.mpf("2.291"), mp.mpf("2.292"))))
-            assert meets(proof.alpha, mp.nstr(alpha, 58), "1e-54")
-        assert proof.alpha.width < 1e-50
+            assert meets(proof.alpha, mp.nstr(alpha, 38), "1e-34")
+        assert proof.alpha.width < 1e-30
 
     @SLOW
     def test_as_many_digits_as_may_be_asked_for(self):

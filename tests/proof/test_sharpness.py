@@ -28,7 +28,10 @@ def interval_proof(cubic_hop):
     return prove(cubic_hop, parameters={"beta": ("0.3", "0.301")})
 
 
-@pytest.mark.parametrize("name", ["cubic_proof", "folded_curve", "interval_proof"])
+CURVE = pytest.param("folded_curve", marks=pytest.mark.slow)
+
+
+@pytest.mark.parametrize("name", ["cubic_proof", CURVE, "interval_proof"])
 def test_enclosures_are_as_narrow_as_before(name, request):
     proof = request.getfixturevalue(name)
     found = digits(proof[1] if isinstance(proof, tuple) else proof)
@@ -63,7 +66,7 @@ def absence_proof():
 @pytest.mark.parametrize(
     "name",
     [
-        *("cubic_proof", "folded_curve", "interval_proof", "flight_proof", "refused_proof", "collapse_proof"),
+        *("cubic_proof", CURVE, "interval_proof", "flight_proof", "refused_proof", "collapse_proof"),
         "absence_proof",
     ],
 )

@@ -21,7 +21,7 @@ def test_launches_of_a_basin_come_to_its_hop(of_leg):
     (alpha,) = basins
     assert alpha == pytest.approx(star, rel=1e-12)
     step, launches = ReturnMap(LEG), np.array([0.3 * a + 0.7 * b for a, b in basins[alpha]])
-    for _ in range(2000):
+    for _ in range(150):
         launches = step(launches).next
     assert launches == pytest.approx(star, rel=1e-3)
     assert (launches >= star * (1 - 1e-12)).all()

@@ -52,7 +52,7 @@ def test_along_a_parameter_of_the_machine():
     """Points of the branch are fixed points of the machines there."""
     orbit = hop_of()[1]
     options = {"inject": 0.01, "starts": [orbit], "sections": 2}
-    branch, *_ = bifurcations(column(), "restitution", (0.0, 0.05), (5.0, 8.0), **options).branches
+    branch, *_ = bifurcations(column(), "restitution", (0.0, 0.02), (5.0, 8.0), **options).branches
     assert branch.ends[1].kind == "reached"
     step = ReturnMap(column(restitution=float(branch.values[-1])), inject=0.01)
     assert step(branch.launches[-1, 0]).next == pytest.approx(branch.launches[-1, 0], rel=1e-9)

@@ -48,7 +48,6 @@ def test_under_varying_gravity_those_of_find():
     ("e", "inject", "root", "width", "samples"),
     [
         pytest.param(0.9, 0.3, 4.645714373490958, 0.01, 11, marks=pytest.mark.slow),
-        (0.8, 1.0, 4.8020163721065, 0.01, 11),
         (0.8, 1.5, 5.6082259848818, 0.02, 21), (0.5, 1.5, 4.3758465565328, 0.05, 11),
     ],
 )  # fmt: skip
@@ -82,16 +81,16 @@ def test_the_basin_is_what_comes_to_a_lossless_hop(machine):
     assert shares[0] == 0.0  # while the grid is refined
     assert shares == sorted(shares)
     stars = [point.alpha for point in step.fixed_points(1.0, high)]
-    start = np.random.default_rng(3).uniform(4.5, high, 300)
+    start = np.random.default_rng(3).uniform(4.5, high, 100)
     alpha = start.copy()
-    for _ in range(400):
+    for _ in range(200):
         alpha = np.where(np.isfinite(alpha), alpha, 1e-3)
         alpha = step(alpha).next
     # launches come down to a lossless one like (3/(C n))^3; all others rest
     comes = np.array([np.abs(np.array(stars) - a).min() < 1e-3 if np.isfinite(a) else False for a in alpha])
     np.testing.assert_array_equal(comes, within(start, basin))
     inside = np.concatenate([np.linspace(a, b, 5)[1:-1] for a, b in basin[:20]])
-    for _ in range(400):
+    for _ in range(200):
         inside = step(inside).next
         assert np.isfinite(inside).all()
 
@@ -106,11 +105,11 @@ def test_the_map_is_broken_only_where_it_jumps():
 
     assert gaps(Hopper(restitution=0.3), 4.2, 5.4) == 0
     step = ReturnMap(Hopper(mass_ratio=50.0))
-    alpha = np.linspace(3.0, 9.0, 2000)
+    alpha = np.linspace(3.0, 9.0, 500)
     hops = step(alpha)
     for i in step.jumps(hops):
         a, b = alpha[i], alpha[i + 1]
-        fine = step(np.linspace(a, b, 200)).next
+        fine = step(np.linspace(a, b, 60)).next
         assert np.abs(np.diff(np.nan_to_num(fine))).max() > 0.3 * abs(np.nan_to_num(fine[-1]) - np.nan_to_num(fine[0]))
 
 

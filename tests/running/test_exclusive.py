@@ -16,12 +16,12 @@ from problems import Hopper
 
 
 def test_calls_in_threads_and_a_child_give_the_sequential_answers():
-    run("running/concurrent_calls.py", 8, 16)
+    run("running/concurrent_calls.py", 4, 8)
 
 
 @pytest.mark.slow
 def test_many_calls_in_threads_give_the_sequential_answers():
-    run("running/concurrent_calls.py", 8, 80)
+    run("running/concurrent_calls.py", 8, 30)
 
 
 def in_thread(function):
@@ -107,7 +107,7 @@ def test_a_map_in_threads(monkeypatch):
         build(self, *arguments, **options)
 
     for machine in (Hopper(), Hopper("cubic", parameters={"beta": 0.3})):
-        step, alpha = ReturnMap(machine), np.linspace(3.0, 9.0, 9000)
+        step, alpha = ReturnMap(machine), np.linspace(4.4, 9.0, 9000)
         monkeypatch.setattr(caches, "_cached", {})
         monkeypatch.setenv("ORBITS_THREADS", "2")
         monkeypatch.setattr(ca.Function, "__init__", with_lock)

@@ -66,7 +66,9 @@ def results():
         "Front": lambda: pareto(leg, minimise=objectives, points=3, over=over["over"]),
         "Control": lambda: steering.keep_hopping(Hopper(damping=0.01)),
         "Disturbed": lambda: steering.keep_hopping(Hopper(damping=0.01)).simulate(3, launch_error=1e-4),
-        "BifurcationDiagram": lambda: bifurcations(Hopper(), "inject", (0.0, 0.05), (4.2, 4.8), samples=100),
+        "BifurcationDiagram": lambda: bifurcations(
+            Hopper(), "inject", (0.06, 0.065), (4.5, 4.6), samples=50, sections=2, attractor=6
+        ),
         "Sweep": lambda: sweep(leg, {"k": [3e3, 5e3], "body_mass": [55.0, 60.0]}, quantities=["stroke"]),
         "Sweep over three": lambda: sweep(cubic, dict.fromkeys(("beta", "mass_ratio", "rest_length"), (0.5, 0.9)), 16),
         "Existence": lambda: existence(cubic, "beta", (-0.02, 0.02), "mass_ratio", [0.5, 0.6], samples=5),

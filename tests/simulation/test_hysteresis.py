@@ -186,8 +186,6 @@ def test_the_loss_tends_to_that_of_the_mean_laws_hop_with_the_loop():
 @pytest.mark.parametrize(
     "machine",
     [
-        Hopper(SPRINGS["lossy"]),
-        Hopper(SPRINGS["friction"], restitution=0.4),
         Hopper(SPRINGS["one side"], damping=0.02),
         Hopper(SPRINGS["lossy"], gravity="1/(1 + z/R)**2", rest_length=10.0, parameters={"R": 60.0}),
         Juggler(springs.lossy("r", loss_factor=0.01)),
@@ -195,7 +193,7 @@ def test_the_loss_tends_to_that_of_the_mean_laws_hop_with_the_loop():
     ],
 )
 def test_the_map_is_that_of_simulated_hops_and_its_slope_that_of_differences(machine):
-    step, speeds = ReturnMap(machine), np.linspace(0.8, 6.0, 12)
+    step, speeds = ReturnMap(machine), np.linspace(0.8, 6.0, 7)
     hops = step(speeds)
     assert {"lifts_off", "rests"} <= {*hops.status.tolist()}
     for i, alpha in enumerate(speeds.tolist()):

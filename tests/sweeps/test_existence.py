@@ -1,6 +1,7 @@
 """Diagrams in two parameters, against the folds and events of single families."""
 
 import json
+from functools import cache
 
 import numpy as np
 import pytest
@@ -19,17 +20,23 @@ TO_ACCURACY = 1e-6 * (BETWEEN[1] - BETWEEN[0])
 
 @pytest.fixture(scope="module")
 def diagram():
-    return existence(MACHINE, "beta", BETWEEN, "delta", DELTAS, samples=13, quantities=["stroke"])
+    return existence(MACHINE, "beta", BETWEEN, "delta", DELTAS, samples=9, quantities=["stroke"])
 
 
-def event_of(machine, kind: str, stop: float = -0.02):
-    """The point of an event of a family, to rounding."""
-    return next(event.point for event in follow(machine, "beta", stop).events if event.kind == kind)
+@cache
+def events():
+    """The events of the family of the machine, to rounding."""
+    return follow(MACHINE, "beta", -0.02, most=60).events
+
+
+def event_of(kind: str, found=None):
+    """The point of an event of a family; of that of the machine by default."""
+    return next(event.point for event in found or events() if event.kind == kind)
 
 
 def test_the_edges_are_folds_and_the_collapse(diagram):
     """Without the fifth power: orbits from the fold on, motions from where the contact no longer collapses."""
-    fold, collapse = FOLD, event_of(MACHINE, "collapse").value
+    fold, collapse = FOLD, event_of("collapse").value
     (low, middle, motion), (begin, high, other) = diagram.stretches(1)
     assert (motion, other) == (False, True)
     assert low == pytest.approx(fold, abs=TO_ACCURACY)
@@ -40,7 +47,7 @@ def test_the_edges_are_folds_and_the_collapse(diagram):
 
 
 def test_the_edge_moves_as_the_fold_does(diagram):
-    curve = follow_fold(MACHINE, event_of(MACHINE, "fold"), "beta", "delta", -4e-5)
+    curve = follow_fold(MACHINE, event_of("fold"), "beta", "delta", -4e-5)
     assert diagram.stretches(0)[0][0] == pytest.approx(curve[-1].also["beta"], abs=TO_ACCURACY)
 
 
@@ -58,7 +65,7 @@ def test_boundaries_of_a_juggler():
     """A softening spring of a juggler ends at a fold of its own."""
     juggler = Juggler("r + beta*r**3", parameters={"beta": 0.0})
     diagram = existence(juggler, "beta", (-0.012, 0.0), "mass_ratio", [0.5, 1.0], samples=7)
-    fold = event_of(juggler, "fold", stop=-0.012).value
+    fold = event_of("fold", follow(juggler, "beta", -0.012).events).value
     assert [diagram.stretches(row)[0][0] for row in (0, 1)] == pytest.approx([fold, fold], abs=0.012e-6)
 
 
@@ -163,6 +170,7 @@ def test_questions_that_cannot_be_meant():
         existence(MACHINE, "beta", (-1, 1), "delta", [0.0], [1, 2])
 
 
+@pytest.mark.slow
 def test_the_edge_of_a_chain_is_the_fold_of_its_family():
     """Orbits continued from a hop, which end where the family that is followed along the row folds."""
     chain = Chain(springs="r + b*r**3", parameters={"b": 0.01})

@@ -30,13 +30,13 @@ def test_uncertainty_of_a_saturating_spring():
     """alpha bends so much over b that the straight line misses its deviation, but not the sample: against Gauss's
     quadrature over the same distribution."""
     machine = Hopper("tanh", parameters={"b": 0.12})
-    found = uncertainty(machine, {"b": norm(0.12, 0.02)}, samples=4096)
+    found = uncertainty(machine, {"b": norm(0.12, 0.02)}, samples=1024)
     nodes, weights = np.polynomial.hermite_e.hermegauss(16)
     alphas = np.array([find(machine.with_values(b=0.12 + 0.02 * node)).alpha for node in nodes])
     mean = weights @ alphas / weights.sum()
     deviation = np.sqrt(weights @ (alphas - mean) ** 2 / weights.sum())
-    assert found.mean["alpha"] == pytest.approx(mean, rel=1e-5)
-    assert found.deviation["alpha"] == pytest.approx(deviation, rel=2e-3)
+    assert found.mean["alpha"] == pytest.approx(mean, rel=1e-4)
+    assert found.deviation["alpha"] == pytest.approx(deviation, rel=5e-3)
     assert found.linear["alpha"] < 0.97 * deviation
 
 

@@ -419,7 +419,7 @@ def scrambled(rng: random.Random) -> str:
     return text
 
 
-@pytest.mark.parametrize(("seed", "count"), [(1, 25_000), pytest.param(2, 100_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("seed", "count"), [(1, 5_000), pytest.param(2, 25_000, marks=pytest.mark.slow)])
 def test_random_text_is_a_formula_or_an_input_error(seed, count):
     rng = random.Random(seed)
     values = np.array([0.5, -2.0])

@@ -54,7 +54,7 @@ def random_graph(rng, size: int) -> tuple[list, list]:
     return symbols, known[-40:]
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(6))
 def test_random_graphs(seed):
     rng = np.random.default_rng(seed)
     assert_equal(*both(once(*random_graph(rng, 200)), rng.normal(0, 2, (37, 3))))

@@ -36,10 +36,10 @@ def test_separation_without_a_rest_length_is_left_out(orbits):
 
 def test_numbers_are_exact_decimals(orbits):
     """Beyond what floats tell: alpha changes by about -0.45 times what is added to beta."""
-    exact = orbits(CUBIC + " --digits 40 --json")
-    moved = orbits(CUBIC.replace("0.3", "0.3000000000000000000000000001") + " --digits 40 --json")
+    exact = orbits(CUBIC + " --digits 30 --json")
+    moved = orbits(CUBIC.replace("0.3", "0.3000000000000000000001") + " --digits 30 --json")
     low, high = (done.document["alpha"]["low"] for done in (moved, exact))
-    assert low[:27] == high[:27]
+    assert low[:21] == high[:21]
     assert low != high
 
 

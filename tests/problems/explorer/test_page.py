@@ -20,6 +20,17 @@ pytestmark = pytest.mark.extra("bokeh")
 SOFTENING = replace(beginning("hopper"), numbers={"mass_ratio": 1.0, "rest_length": 30.0, "beta": -0.008}, along="beta")
 
 
+RESULTS: dict[str, list] = {}
+
+
+def results(question) -> list:
+    """The results of a task; tasks that are the same but for their numbers have the same ones."""
+    key = repr((question.name, question.arguments))
+    if key not in RESULTS:
+        RESULTS[key] = list(_results_of(question, None))
+    return RESULTS[key]
+
+
 class Inline:
     """A worker in this process; while it is `held` it keeps what it was asked, until it is let go."""
 
@@ -35,7 +46,7 @@ class Inline:
     def let_go(self, pieces: int | None = None):
         """Deliver what was asked, or only so many of its answers."""
         for question in self.kept:
-            for _, answer in zip(range(pieces or 10_000), _results_of(question, None), strict=False):
+            for _, answer in zip(range(pieces or 10_000), results(question), strict=False):
                 self.came(question, answer)
 
     def stop(self):
@@ -80,7 +91,7 @@ def test_the_slider_goes_through_a_fold_from_hop_to_hop(tab):
     first, key, lowest = told["place"]["at"], told["place"]["key"], page.alpha
     assert 10 < first < told["place"]["of"]
     launches = []
-    for place in range(first, -1, -1):
+    for place in [*range(first, 0, -4), 0]:
         told = page.ask("place", value=place, key=key)
         assert (told["place"]["at"], told["problems"]) == (place, {})
         launches.append(page.alpha)
@@ -95,7 +106,7 @@ def test_the_slider_goes_through_a_fold_from_hop_to_hop(tab):
 def test_hops_of_one_launch_speed_are_told_apart(tab, along):
     page = tab(replace(beginning("hopper"), along=along))
     told = page.rest()
-    for place in range(told["place"]["of"]):
+    for place in range(0, told["place"]["of"], 4):
         assert page.ask("place", value=place, key=told["place"]["key"])["place"]["at"] == place
 
 

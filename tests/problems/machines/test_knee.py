@@ -394,9 +394,8 @@ def test_it_is_a_hopper_with_a_nonlinear_spring(machine, family):
     assert len(knee.violations) == len(plain.violations)
 
 
-@pytest.mark.parametrize("family", [1, 2])
-@pytest.mark.parametrize("rest_angle", [1.2, 2.0])
-def test_stiff_knees_are_linear_springs(family, rest_angle):
+@pytest.mark.parametrize(("rest_angle", "family"), [(1.2, 2), (2.0, 1)])
+def test_stiff_knees_are_linear_springs(rest_angle, family):
     """Their launch speed in rad/s, x (1 + M) g (mu/kappa)^(1/2) with tan x = x, depends neither on the links nor on
     the angle; it is approached with the square of the compliance."""
     x = float(mp.findroot(lambda x: mp.sin(x) - x * mp.cos(x), (family + 0.5) * np.pi - 0.1))
@@ -427,7 +426,7 @@ SMALL = {"body_mass": 0.9, "foot_mass": 0.045, "link": 0.05}
 
 
 def test_a_measured_torque_is_that_of_its_formula():
-    r = np.linspace(-2.7, 2.7, 401)
+    r = np.linspace(-2.7, 2.7, 41)
     formula = find(knee_hopper("r + b*r**3", parameters={"b": 0.2}, **SMALL))
     table = find(knee_hopper(springs.table((r, r + 0.2 * r**3), noise=0), **SMALL))
     numbers = ("alpha", "flight_time", "contact_time", "liftoff_extension")
@@ -440,19 +439,17 @@ def test_a_torque_with_a_corner_that_the_knee_passes():
     orbit = find(machine)
     assert by_another_integrator(machine, 1)(orbit) is None
     assert check(machine)
-    slopes = sensitivities(machine, orbit, ["rest_angle", "gap"], ["alpha", "contact_time"])
-    for name, step in (("rest_angle", 1e-4), ("gap", 1e-6)):
-        low, high = (find(machine.with_values(**{name: machine.values[name] + s})) for s in (-step, step))
-        for quantity in ("alpha", "contact_time"):
-            difference = (getattr(high, quantity) - getattr(low, quantity)) / (2 * step)
-            assert slopes[quantity][name] == pytest.approx(difference, rel=1e-5)
+    slopes, step = sensitivities(machine, orbit, "rest_angle", ["alpha", "contact_time"]), 1e-4
+    low, high = (find(machine.with_values(rest_angle=machine.values["rest_angle"] + s)) for s in (-step, step))
+    for quantity in ("alpha", "contact_time"):
+        difference = (getattr(high, quantity) - getattr(low, quantity)) / (2 * step)
+        assert slopes[quantity]["rest_angle"] == pytest.approx(difference, rel=1e-5)
 
 
-@pytest.mark.parametrize("hops", [50, pytest.param(1000, marks=pytest.mark.slow)])
-def test_energy_over_many_hops(orbit, hops):
-    run = simulate(MACHINE, orbit.alpha, hops=hops)
+def test_energy_over_many_hops(orbit):
+    run = simulate(MACHINE, orbit.alpha, hops=50)
     assert run.status == "done"
-    assert len(run.launches) == hops + 1
+    assert len(run.launches) == 51
     start, p = energy(orbit(0.0), MACHINE.values), MACHINE.values
     drift = energy(np.array([event.before for event in run.events]), p) / start - 1
     assert np.abs(drift).max() <= 1e-10
@@ -460,7 +457,7 @@ def test_energy_over_many_hops(orbit, hops):
 
 def test_its_map_and_multiplier():
     step, alpha, change = ReturnMap(MACHINE), 11.0, 1e-5
-    assert step(np.linspace(8.0, 14.0, 50)).units == {"alpha": "rad/s", "next": "rad/s", "loss": "rad^2/s^2"}
+    assert step(np.linspace(8.0, 14.0, 5)).units == {"alpha": "rad/s", "next": "rad/s", "loss": "rad^2/s^2"}
     slope = float(step(alpha + change).next - step(alpha - change).next) / (2 * change)
     assert multiplier(MACHINE, alpha) == pytest.approx(slope, rel=1e-6)
     (point,) = step.fixed_points(9.0, 13.0)

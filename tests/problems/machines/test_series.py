@@ -69,9 +69,9 @@ class TestNonlinear:
             start = [liftoff, half_flight * (m1 + m2) / m1]
             return solve_ivp(in_relative, (0, half_flight), start, **TIGHT).y[1, -1]
 
-        times = np.linspace(0.5, 8.0, 40)
+        times = np.linspace(0.5, 8.0, 16)
         speeds = [speed(time) for time in times]
-        i = next(i for i in range(39) if speeds[i] < 0 <= speeds[i + 1])
+        i = next(i for i in range(15) if speeds[i] < 0 <= speeds[i + 1])
         half_flight = brentq(speed, times[i], times[i + 1], xtol=1e-13)
         alpha = half_flight * (m1 + m2) / m1
         turns = lambda t, x: x[1]  # noqa: E731

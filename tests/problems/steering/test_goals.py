@@ -147,7 +147,7 @@ def test_little_damping_costs_its_square_whatever_the_landing():
     orbit = find(Hopper())
     cost = lambda c: steering.keep_hopping(Hopper(damping=c), lossless=False, start=orbit).cost / c**2  # noqa: E731
     limit = 2 * cost(1e-3) - cost(2e-3)
-    assert [cost(1e-6), cost(1e-7)] == pytest.approx([limit, limit], rel=1e-5)
+    assert cost(1e-6) == pytest.approx(limit, rel=1e-5)
     assert cost(1e-8) == pytest.approx(limit, rel=1e-3)
     free = steering.keep_hopping(Hopper(), lossless=False, start=orbit)
     assert free.cost < 1e-20
@@ -216,7 +216,7 @@ def test_what_an_actuator_cannot_do(question, words):
         question()
 
 
-@pytest.mark.parametrize("short", slow_after(2, [-0.3, 0.01, -0.1, -0.01, 0.3]))
+@pytest.mark.parametrize("short", slow_after(2, [-0.3, 0.01, 0.3]))
 def test_landing_as_it_likes_costs_no_more(short):
     """A lossless landing is one of those; and from the answer for another launch nothing cheaper is found."""
     orbit, machine = find(Hopper()), Hopper()
@@ -271,7 +271,7 @@ def test_a_measured_spring_is_driven_as_its_formula():
     rows = np.linspace(-14, 14, 29)
     table = springs.table((rows, rows + 0.02 * rows**3), noise=0)
     expected, found = (
-        steering.recover(Hopper(law, mass_ratio=0.5, rest_length=10), 0.05, intervals=16)
+        steering.recover(Hopper(law, mass_ratio=0.5, rest_length=10), 0.05, intervals=8)
         for law in ("r + 0.02*r**3", table)
     )
     assert found.cost == pytest.approx(expected.cost, rel=1e-8)
@@ -304,6 +304,7 @@ def test_a_damped_column_is_kept_hopping():
     assert kept.work[0] == pytest.approx(lost, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_column_comes_onto_the_hop_at_which_it_is_kept():
     """From rest, and from a launch that is too slow; then the inputs of that hop go on."""
     column, hop, kept = damped_column()
@@ -320,11 +321,12 @@ def test_a_start_onto_the_hop_at_which_a_damped_hopper_is_kept(driven_hopper):
     started = steering.start_up(Hopper(damping=0.01), 2, stroke=3.0, aim=driven_hopper)
     assert started(started.end) == pytest.approx(driven_hopper(0.0), abs=1e-9)
     assert started.followed_by(driven_hopper, hops=3).launches == pytest.approx(driven_hopper.launch, abs=1e-9)
-    for aim, words in ((steering.keep_hopping(Hopper(damping=0.02)), "another machine"), (started, "repeats itself")):
+    other = steering.keep_hopping(Hopper(damping=0.02))
+    for aim, words in ((other, "another machine"), (started, "repeats itself")):
         with pytest.raises(InputError, match=words):
             steering.start_up(Hopper(damping=0.01), 2, aim=aim)
     with pytest.raises(InputError, match="another machine"):
-        started.followed_by(steering.keep_hopping(Hopper(damping=0.02)))
+        started.followed_by(other)
 
 
 @pytest.mark.parametrize("end", ["hand - y3", "y3"])
@@ -371,6 +373,7 @@ def test_a_knee_is_kept_bending():
     assert kept.work[0] == pytest.approx(0.01 * trapezoid(kept(t)[:, 3] ** 2, t), rel=1e-4)
 
 
+@pytest.mark.slow
 def test_least_work_is_found_at_the_rates_that_reach_it():
     """Down to the least peak of the rate; below it, the reason says what to widen."""
     machine = Hopper(damping=0.01)

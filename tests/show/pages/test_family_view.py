@@ -14,8 +14,8 @@ from orbits.show.pages.family_view import FamilyFigure, family_data
 pytestmark = pytest.mark.extra("bokeh")
 
 
-def test_a_family_has_its_motions_events_and_end(folded_family):
-    data = family_data(folded_family)
+def test_a_family_has_its_motions_events_and_end(softening_family):
+    data = family_data(softening_family)
     known = dict(zip(data.events["kind"], data.events["value"].tolist(), strict=True))
     assert known["fold"] == pytest.approx(-0.0106952149164040, rel=1e-9)  # the reference value
     assert [kind for kind in known if kind.startswith("end")] == ["end: escaped"]
@@ -26,19 +26,19 @@ def test_a_family_has_its_motions_events_and_end(folded_family):
     assert np.isfinite(data.motions[: collapse + 1]).all()
     assert np.isnan(data.motions[collapse + 1 :]).all()
     assert np.isfinite(data.others[collapse:]).all()
-    assert data.points["quantity"].tolist() == [point.alpha for point, _ in folded_family.in_order()]
-    assert family_data(folded_family, "flight_time").labels == ("beta", "flight time")
+    assert data.points["quantity"].tolist() == [point.alpha for point, _ in softening_family.in_order()]
+    assert family_data(softening_family, "flight_time").labels == ("beta", "flight time")
     with pytest.raises(InputError, match="no quantity 'weight'"):
-        family_data(folded_family, "weight")
+        family_data(softening_family, "weight")
     assert pickle.loads(pickle.dumps(data)).labels == data.labels
 
 
-def test_a_familys_figure_marks_the_hop_that_is_shown(folded_family):
+def test_a_familys_figure_marks_the_hop_that_is_shown(softening_family):
     figure = FamilyFigure()
-    figure.show(family_data(folded_family))
-    figure.mark(0.0, folded_family[0].alpha)
+    figure.show(family_data(softening_family))
+    figure.mark(0.0, softening_family[0].alpha)
     ring = figure.figure.renderers[-1].data_source
-    assert ring.data == {"value": [0.0], "quantity": [folded_family[0].alpha]}
-    figure.show(family_data(folded_family, "flight_time"))
+    assert ring.data == {"value": [0.0], "quantity": [softening_family[0].alpha]}
+    figure.show(family_data(softening_family, "flight_time"))
     assert ring.data == {"value": [], "quantity": []}
     assert figure.figure.yaxis[0].axis_label == "flight time"

@@ -59,20 +59,20 @@ def test_an_inadmissible_orbit_says_why(tmp_path):
     assert "Contact force: the contact never ends" in text
 
 
-def test_the_page_of_a_family_has_hops(folded_family, tmp_path):
+def test_the_page_of_a_family_has_hops(softening_family, tmp_path):
     shares = []
-    text = checked(folded_family.page(tmp_path / "family.html", progress=shares.append))
+    text = checked(softening_family.page(tmp_path / "family.html", progress=shares.append))
     assert shares == [(i + 1) / len(shares) for i in range(len(shares))]
     assert "End: escaped" in text
     assert "Hop of the family" in text
-    assert f"{folded_family[0].alpha:.7g}" in text
-    assert f"{folded_family[-1].alpha:.7g}" in text
-    other = checked(folded_family.page(tmp_path / "family.html", "flight_time", machine=folded_family.source))
+    assert f"{softening_family[0].alpha:.7g}" in text
+    assert f"{softening_family[-1].alpha:.7g}" in text
+    other = checked(softening_family.page(tmp_path / "family.html", "flight_time", machine=softening_family.source))
     assert "flight time" in other
 
 
-def test_a_family_from_a_file_has_hops_with_its_machine(folded_family, tmp_path):
-    loaded = Family.load(folded_family.save(tmp_path / "family.jsonl"))
+def test_a_family_from_a_file_has_hops_with_its_machine(softening_family, tmp_path):
+    loaded = Family.load(softening_family.save(tmp_path / "family.jsonl"))
     assert "Hop of the family" not in checked(loaded.page(tmp_path / "without.html"))
     machine = Hopper("cubic", rest_length=30)
     assert "Hop of the family" in checked(loaded.page(tmp_path / "with.html", machine=machine))
@@ -102,9 +102,9 @@ def test_the_page_of_a_sweep(tmp_path):
 @pytest.mark.parametrize(
     ("name", "said"), [("hop.pdf", "needs an ending, .html"), ("none/hop.html", "there is no folder")]
 )
-def test_bad_paths_are_refused(name, said, tmp_path, folded_family):
+def test_bad_paths_are_refused(name, said, tmp_path, softening_family):
     swept = sweep(Hopper("cubic", rest_length=30), {"beta": [0.0]})
-    for result in (find(Hopper()), folded_family, swept):
+    for result in (find(Hopper()), softening_family, swept):
         with pytest.raises(InputError, match=said):
             result.page(tmp_path / name)
 
