@@ -47,6 +47,14 @@ class Breakpoints:
         above = law == 0 or self.values[law - 1] < place
         return above and (last == len(self.values) or place < self.values[last])
 
+    def leaves(self, law: int, states: Sequence[arb], system: System) -> bool:
+        """Whether the coordinate is monotone, and away from the end of the piece towards which it goes, over states
+        that hold motions since a time when they were strictly within the piece."""
+        place, pace = self.coordinate(states), self.coordinate(system.rates([*states]))
+        if pace > 0:
+            return law == len(self.values) or bool(place < self.values[law])
+        return bool(pace < 0) and (law == 0 or bool(self.values[law - 1] < place))
+
     def beyond(self, law: int, states: Sequence[arb]) -> int:
         """The law on the other side of that breakpoint of a law which is nearest to states."""
         place = self.coordinate(states).mid()
@@ -92,7 +100,7 @@ def advance_step(
             law, last = (law, last) if rises else (last, law)
             return _across(systems, breakpoints, law, last, states, longest)
     step = take_step(systems[law], centre, spread, longest, order, accuracy)
-    if _stays(breakpoints, law, step):
+    if _stays(breakpoints, law, step, systems[law]):
         return Advance(step, (law,), law)
     meeting, room = _meeting(breakpoints, law, step), arb(0)
     if meeting is not None:
@@ -106,20 +114,21 @@ def advance_step(
         if not until > 4 * room + arb(2) ** (12 - ctx.prec):  # a shorter step would be rounded to none
             break
         short = take_step(systems[law], centre, spread, _rounded_down(until), order, accuracy)
-        if _stays(breakpoints, law, short):
+        if _stays(breakpoints, law, short, systems[law]):
             return Advance(short, (law,), law)
         room = WIDER_WINDOW * room + (arb(0) if meeting is None else arb(2) ** (8 - ctx.prec))
     return _across(systems, breakpoints, law, breakpoints.beyond(law, centre), states, longest)
 
 
-def _stays(breakpoints: Breakpoints, law: int, step: Step) -> bool:
-    """Whether all motions of a step are proved to stay strictly within the piece of a law."""
+def _stays(breakpoints: Breakpoints, law: int, step: Step, system: System) -> bool:
+    """Whether all motions of a step, which begin strictly within the piece of a law, are proved to stay there."""
     waiting = [(arb(0), step.h, max(FEWEST_HALVINGS_OF_STEP, ctx.prec))]
     for _ in range(MOST_PARTS):
         if not waiting:
             return True
         low, high, left = waiting.pop()
-        if breakpoints.holds(law, step.at(between(low, high))):
+        states = step.at(between(low, high))
+        if breakpoints.holds(law, states) or (low.is_zero() and breakpoints.leaves(law, states, system)):
             continue
         if left == 0:
             return False

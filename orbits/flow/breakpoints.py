@@ -12,6 +12,13 @@ from .vector_field import SHORTEST_CUT
 # How far from a breakpoint the limits of the field on its two sides are evaluated, relative to the breakpoint. They are
 # extrapolated to it from this distance and its double, so that an error of second order, 1e-12, remains.
 SIDE_DISTANCE = 1e-6
+# A place that differs from a breakpoint by less, relative to its size and to one, is on it: the rest is rounding.
+SAME_PLACE = 1e-15
+
+
+def same_place(breaks: Array, places: Array | float) -> Array:
+    """Which breakpoints are at places, up to rounding."""
+    return np.abs(breaks - places) <= SAME_PLACE * (1 + np.abs(places))
 
 
 class ActivePiece:
@@ -27,8 +34,9 @@ class ActivePiece:
             raise flow.out_of_range(p, x)
         self.index, (self.data, self.seeds) = index, self._on(index)
         place = float(self.weights @ x)
-        # The breakpoint that the state is on, whose exact zero at the start of the next step is divided out.
-        self.level = place if place in self.breaks else None
+        # The breakpoint that the state is on, whose zero at the start of the next step is divided out.
+        on = self.breaks[same_place(self.breaks, place)]
+        self.level = on[0] if len(on) else None
 
     def cut(self, c: Array, h: float) -> tuple[float, int]:
         """The step shortened to the end of the piece, and the end it reaches: -1 lower, +1 upper, 0 neither."""

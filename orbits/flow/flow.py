@@ -23,7 +23,7 @@ from ..symbolic.caches import cached
 from ..symbolic.calls import BufferedFunction, MappedFunction
 from ..symbolic.kernels import ElementwiseFunction
 from ..units import TIME, Message, Quantity, described
-from .breakpoints import SIDE_DISTANCE
+from .breakpoints import SIDE_DISTANCE, same_place
 from .runge_kutta import RungeKuttaMotion, RungeKuttaStepper
 from .taylor import OnPieces, PieceRows, TaylorMotion, TaylorStepper
 from .trajectory import Trajectories, Trajectory, begins_of_steps
@@ -457,12 +457,12 @@ class Flow:
         """Numbers (m,) of the pieces on which motions from states (m, n) begin, from 1 on; 0, or one more than there
         are pieces, where there is none.
 
-        From a breakpoint a motion enters a piece by the rate of the coordinate or, where that vanishes, the rate of the
-        rate.
+        From a breakpoint, up to rounding, a motion enters a piece by the rate of the coordinate or, where that
+        vanishes, the rate of the rate.
         """
         (breaks, data), places = self._pieces_at(ps), self._places(starts, ps)[:, None]
         numbers = (breaks <= places).sum(1) - (breaks[:, -1:] == places)[:, 0]
-        on = ((breaks == places).any(1) & (numbers > 0)).nonzero()[0]
+        on = (same_place(breaks, places).any(1) & (numbers > 0) & (numbers < breaks.shape[1])).nonzero()[0]
         if len(on):
             xs, own = starts[on], ps[on] if len(ps) > 1 else np.tile(ps, (len(on), 1))
             with_data = np.hstack([own, data[on if len(data) > 1 else 0, numbers[on] - 1]])
@@ -470,9 +470,9 @@ class Flow:
             heading = rates @ self.coordinate
             turns = (self.fields(xs + rates, with_data)[0] - rates) @ self.coordinate
             heading = np.where(heading == 0, turns, heading)
-            at_end = (breaks[on if len(breaks) > 1 else 0, numbers[on]] == places[on, 0]) & (heading > 0)
-            numbers[on] += at_end
-            numbers[on] -= (heading < 0) & (breaks[on if len(breaks) > 1 else 0, numbers[on] - 1] == places[on, 0])
+            own = on if len(breaks) > 1 else 0
+            numbers[on] += (heading > 0) & same_place(breaks[own, numbers[on]], places[on, 0])
+            numbers[on] -= (heading < 0) & same_place(breaks[own, numbers[on] - 1], places[on, 0])
         return numbers.astype(float)
 
     def approach(self, x: Array, p: Array, index: int) -> tuple[Array, Array]:
