@@ -85,8 +85,8 @@ class Actuated(Stated):
     actuator : by default it moves the end of the only spring
     units : of the machine in SI, None for a dimensionless one
 
-    Raises `InputError` for a machine that no mechanism states, for laws with corners, and for an actuator that does not
-    fit the machine.
+    Raises `InputError` for a machine that no mechanism states, for laws with hysteresis, and for an actuator that does
+    not fit the machine.
     """
 
     machine: Any
@@ -103,7 +103,7 @@ class Actuated(Stated):
             raise InputError(
                 f"the {stated.name} has actuators of its own ({names}): state it without, and give actuator="
             )
-        refuse_corners(stated)
+        refuse_hysteresis(stated)
         object.__setattr__(self, "actuator", _resolved(self.actuator, stated))
         own = (self.actuator.state, self.actuator.rate)
         refuse_taken((*own, *LAUNCH_PARAMETERS), [*stated.coordinates, *stated.parameters], "the actuator's own name")
@@ -169,6 +169,13 @@ class Actuated(Stated):
         dampers = [each for each in stated.elements if isinstance(each, Damper)]
         own = any(callable(each.coefficient) or value_of(each.coefficient, {}, stated.values) > 0 for each in dampers)
         return own or any(isinstance(each, Force) for each in stated.elements)
+
+    @property
+    def has_corners(self) -> bool:
+        """Whether the law of a spring has corners."""
+        stated = self.machine.stated()
+        laws = [each.force for each in springs_of_mechanism(stated) if each.force.pieces]
+        return any(from_key(law, stated.parameters).corners() for law in laws)
 
     restitution = property(attrgetter("machine.restitution"), doc="That of the machine.")
     rest_length = property(attrgetter("machine.rest_length"), doc="That of the machine, None if it has none.")
@@ -268,18 +275,12 @@ def springs_of_mechanism(stated: Mechanism) -> list[Spring]:
     return [each for each in stated.elements if isinstance(each, Spring)]
 
 
-def refuse_corners(stated: Mechanism) -> None:
-    """Raise `InputError` where the law of a spring has hysteresis, or a corner, which no Taylor series of an input
-    crosses."""
+def refuse_hysteresis(stated: Mechanism) -> None:
+    """Raise `InputError` where the law of a spring has hysteresis."""
     for spring in springs_of_mechanism(stated):
         if spring.force.branches:
             remedy = "its spring has hysteresis, which no schedule takes; give it the law's `.mean`"
             raise InputError(f"the {stated.name} cannot be steered: {remedy}")
-        if spring.force.pieces and (corners := from_key(spring.force, stated.parameters).corners()):
-            text = f"spring '{spring.force.text}' has a corner at r = {corners[0]:.6g}"
-            raise InputError(
-                f"{text}: an actuator needs a law with a continuous slope; round it, as by a table of rows"
-            )
 
 
 def undamped(machine: Any) -> Any:

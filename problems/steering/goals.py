@@ -27,6 +27,7 @@ from orbits.units import ENERGY, LIFTOFF_SPEED, Dimension, Message, Quantity, Un
 from .actuated import Actuated, Actuator, undamped
 from .actuated_launch import launched_at
 from .actuator_bounds import Limits, actuator_limits, dimensions_of_limits, dimensions_of_rows
+from .corners import steer_across
 from .driven import Driven, flight_states, work_done
 from .first_guesses import contact_time_of, growing_swings, lossless_guess, rest_in_contact, undriven_guess
 from .steered_stages import hop_stages, parameter_of_rest, swing_stages
@@ -200,7 +201,12 @@ def start_up(
     stages = swing_stages(driven.drive, pumps, intervals, limits, contact_time_of(orbit))
     values = {**driven.still, "aim": reached["alpha"], **_named("aim", reached)}
     values |= {parameter_of_rest(driven.model, name): place for name, place in rest.items()}
-    return steer(stages, values, guess=growing_swings(driven, orbit, rest, pumps), progress=progress)
+    return _steered(driven)(stages, values, guess=growing_swings(driven, orbit, rest, pumps), progress=progress)
+
+
+def _steered(driven: Actuated) -> Callable[..., Control]:
+    """What steers a machine: `steer`, or that in parts where its law has corners."""
+    return steer_across if driven.has_corners else steer
 
 
 @in_own_units(lambda run, driven: run_in_units(run, driven), control=())
@@ -305,7 +311,7 @@ def _least_peak(hop: _Hop, guess: Control, progress: Progress) -> Control:
         peaks = [np.abs(leg.inputs.row(actuator.rate)).max() for leg in guess.legs]
     guess = replace(guess, parameters={**guess.parameters, "peak": float(max(peaks))})
     stages, free = hop.stages("peak", periodic=True), {"peak": (0.0, np.inf)}
-    result = hop.checked(steer(stages, hop.driven.still, guess=guess, free=free, progress=progress))
+    result = hop.checked(_steered(hop.driven)(stages, hop.driven.still, guess=guess, free=free, progress=progress))
     return replace(result, cost=result.parameters["peak"])
 
 
@@ -347,7 +353,7 @@ def _least_work_at(hop: _Hop, guess: Control, progress: Progress) -> Control:
         values = {**hop.driven.still, "round": share * mean}
         stages = hop.stages("work", periodic=True)
         part = _share_of(progress, number / len(ROUNDINGS), (number + 1) / len(ROUNDINGS))
-        guess = hop.checked(steer(stages, values, guess=guess, tolerance=WORK_TOLERANCE, progress=part))
+        guess = hop.checked(_steered(hop.driven)(stages, values, guess=guess, tolerance=WORK_TOLERANCE, progress=part))
     return replace(guess, cost=work_done(hop.driven, guess)[1])
 
 
@@ -371,7 +377,7 @@ def _cheapest(hop: _Hop, stages, values: dict[str, float], starts: Sequence[Any]
         part = _share_of(progress, number / len(starts), (number + 1) / len(starts))
         try:
             guess = start if isinstance(start, Control | list) else start()
-            results.append(hop.checked(steer(stages, values, guess=guess, progress=part)))
+            results.append(hop.checked(_steered(hop.driven)(stages, values, guess=guess, progress=part)))
         except NoOrbit as reason:
             reasons.append(reason)
     if not results:

@@ -1,0 +1,226 @@
+"""Steered motions of laws with corners: every stage in parts, each on one smooth piece of the law.
+
+No Taylor step and no derivative crosses a corner. So a stage is divided where its guess passes from one piece to the
+next. Each part has a free duration, ends on the breakpoint and stays on its side of it; in the result the parts of a
+stage are joined again. The order of the pieces is that of the guess.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
+from itertools import accumulate, pairwise
+from typing import Any, NamedTuple, cast
+
+import casadi as ca
+import numpy as np
+from scipy.optimize import brentq
+
+from orbits import Control, NoOrbit, steer
+from orbits.control import Guess, Stage
+from orbits.control.control import ControlledLeg
+from orbits.control.stage import RUNNING_COST
+from orbits.flow.trajectory import Trajectory
+from orbits.laws.law import Algebraic, Parameters, Scalars
+from orbits.model.phase import Phase, Pieces, weighted_sum
+
+# Samples of a guess between which it is on one piece: an excursion between two of them is left out.
+SAMPLES_OF_GUESS = 1000
+# The shortest duration of a part, as a share of that of its stage.
+SHORTEST_PART = 0.01
+# The widths within which corners are rounded to find the order of pieces, as shares of the range of a guess, and the
+# tolerance of such a motion.
+ROUNDED_SHARES, ROUNDED_TOLERANCE = (0.1, 0.03), 1e-4
+# The paths that keep a part on its side of the breakpoints.
+SIDES = ("room above the corner", "room below the corner")
+
+
+class Passage(NamedTuple):
+    """A part of a motion: the number of the piece that it is on, and the times between which it is there."""
+
+    piece: int
+    begin: float
+    end: float
+
+
+def steer_across(
+    stages: Sequence[Stage], parameters: Mapping[str, float], *, guess: Any, tolerance: float = 1e-9, **options: Any
+) -> Control:
+    """As `steer`, with stages whose laws have corners, divided as their guess passes them; where that order of pieces
+    leads to no motion, as a motion passes them whose corners are rounded."""
+    try:
+        return _in_parts(stages, parameters, guess, tolerance=tolerance, **options)
+    except NoOrbit as error:
+        reason = error
+    size = _range(stages, parameters, guess)
+    for share in ROUNDED_SHARES:
+        try:
+            rounded = [_rounded(stage, share * size) for stage in stages]
+            guess = steer(rounded, parameters, guess=guess, tolerance=ROUNDED_TOLERANCE, **options)
+            return _in_parts(stages, parameters, guess, tolerance=tolerance, **options)
+        except NoOrbit:
+            continue
+    raise reason
+
+
+def _in_parts(stages: Sequence[Stage], parameters: Mapping[str, float], guess: Any, **options: Any) -> Control:
+    """A motion that passes the pieces in the order of its guess."""
+    guesses = _guesses(stages, guess)
+    passages = [passages_of(stage.phase, parameters, each) for stage, each in zip(stages, guesses, strict=True)]
+    groups = [_divided(stage, each, parameters) for stage, each in zip(stages, passages, strict=True)]
+    parts = tuple(part for group in groups for part in group)
+    known = guess.warm_start if isinstance(guess, Control) else None
+    if known is None or known.problem.stages != parts:
+        shorter = [_during(each, one) for each, own in zip(guesses, passages, strict=True) for one in own]
+        legs = cast(Any, tuple(shorter))
+        guess = replace(guess, legs=legs, warm_start=None) if isinstance(guess, Control) else shorter
+    return _joined(steer(parts, parameters, guess=guess, **options), [len(group) for group in groups])
+
+
+def _range(stages: Sequence[Stage], parameters: Mapping[str, float], guess: Any) -> float:
+    """The range of the coordinate of pieces over a guess."""
+    pairs = zip(stages, _guesses(stages, guess), strict=True)
+    return float(np.ptp(np.concatenate([_places(stage.phase, parameters, each)[1] for stage, each in pairs])))
+
+
+@lru_cache(maxsize=64)
+def _rounded(stage: Stage, width: float) -> Stage:
+    """A stage whose rates pass from one piece to the next within a width."""
+    phase, pieces = stage.phase, cast(Pieces, stage.phase.pieces)
+
+    def blended(of: Callable) -> Callable:
+        def value(x: Scalars, p: Parameters, q: Scalars) -> Any:
+            levels, rows = pieces.table(p)
+            each, place = [of(x, p, list(row)) for row in rows], _place(pieces, x, p)
+            shares = [0.5 * (1 + ca.tanh((place - level) / width)) for level in levels[1:-1]]
+
+            def mixed(values: Sequence[Algebraic]) -> Algebraic:
+                jumps = (b - a for a, b in pairwise(values))
+                return values[0] + sum(share * jump for share, jump in zip(shares, jumps, strict=True))
+
+            return [*map(mixed, zip(*each, strict=True))] if isinstance(each[0], list) else mixed(each)
+
+        return value
+
+    path, watch = ({name: blended(of) for name, of in each.items()} for each in (stage.path, phase.watch))
+    smooth = replace(phase, field=blended(phase.field), watch=watch, pieces=None)
+    return replace(stage, phase=smooth, path=path, running=blended(stage.running))
+
+
+def _guesses(stages: Sequence[Stage], guess: Any) -> list[Guess]:
+    legs = guess.legs if isinstance(guess, Control) else guess
+    return [_as_guess(stage, leg) for stage, leg in zip(stages, legs, strict=True)]
+
+
+def _as_guess(stage: Stage, guess: Guess | ControlledLeg) -> Guess:
+    if isinstance(guess, Guess):
+        return guess
+    size, inputs = len(stage.phase.states), {name: guess.input_of(name) for name in guess.inputs.names}
+    return Guess(guess.duration, lambda t: guess.path(t)[:size], inputs)
+
+
+def _during(guess: Guess, passage: Passage) -> Guess:
+    """The part of a guess during a passage."""
+    since = passage.begin
+
+    def later(of: Any) -> Any:
+        return (lambda t: of(since + t)) if callable(of) else of
+
+    inputs = {name: later(value) for name, value in guess.inputs.items()}
+    return Guess(passage.end - since, later(guess.states), inputs)
+
+
+def _places(phase: Phase, parameters: Mapping[str, float], guess: Guess) -> tuple[np.ndarray, np.ndarray]:
+    """Times within a guess, and the coordinate of pieces there."""
+    pieces = cast(Pieces, phase.pieces)
+    times = guess.duration * (np.arange(SAMPLES_OF_GUESS) + 0.5) / SAMPLES_OF_GUESS
+    return times, pieces.place(np.array([guess.states(t) for t in times.tolist()]), parameters)
+
+
+def passages_of(phase: Phase, parameters: Mapping[str, float], guess: Guess) -> list[Passage]:
+    """The passages of a guess through the pieces of a phase's law."""
+    pieces = cast(Pieces, phase.pieces)
+    levels = np.array(pieces.table(parameters)[0], dtype=float)[1:-1]
+    times, places = _places(phase, parameters, guess)
+    numbers = np.searchsorted(levels, places, "right").tolist()
+    on, marks = [numbers[0]], [0.0]
+    for (number, after), (low, high) in zip(pairwise(numbers), pairwise(times.tolist()), strict=True):
+        way = 1 if after > number else -1
+        for k in range(number, after, way):
+            level = levels[max(k, k + way) - 1]
+            marks.append(brentq(lambda t, level=level: pieces.place(guess.states(t), parameters) - level, low, high))
+            on.append(k + way)
+    return [Passage(k, *ends) for k, ends in zip(on, pairwise([*marks, guess.duration]), strict=True)]
+
+
+def _divided(stage: Stage, passages: Sequence[Passage], parameters: Mapping[str, float]) -> tuple[Stage, ...]:
+    """The parts of a stage, which share its intervals by their durations."""
+    whole, levels = passages[-1].end, cast(Pieces, stage.phase.pieces).table(parameters)[0]
+    counts = [max(1, round(stage.intervals * (each.end - each.begin) / whole)) for each in passages]
+    bounded = [tuple(np.isfinite(levels[each.piece : each.piece + 2]).tolist()) for each in passages]
+    return _parts(stage, tuple(each.piece for each in passages), tuple(counts), tuple(bounded))
+
+
+def _place(pieces: Pieces, x: Scalars, p: Parameters) -> Algebraic:
+    """The coordinate of pieces at a state of expressions."""
+    return weighted_sum(pieces.coordinate, x) * pieces.unit(p) - pieces.origin(p)
+
+
+@lru_cache(maxsize=64)
+def _parts(
+    stage: Stage, numbers: tuple[int, ...], counts: tuple[int, ...], bounded: tuple[tuple[bool, bool], ...]
+) -> tuple[Stage, ...]:
+    """The parts of a stage on pieces with these numbers, bounded below and above, in these numbers of intervals."""
+    phase, last, (shortest, longest) = stage.phase, len(numbers) - 1, stage.duration
+    pieces = cast(Pieces, phase.pieces)
+
+    def beyond(x: Scalars, p: Parameters, level: int) -> Algebraic:
+        return _place(pieces, x, p) - pieces.table(p)[0][level]
+
+    def part(i: int) -> Stage:
+        number = numbers[i]
+
+        def on_piece(of: Callable) -> Callable:
+            return lambda x, p, q: of(x, p, list(pieces.table(p)[1][number]))
+
+        above, below = lambda x, p, q: beyond(x, p, number), lambda x, p, q: -beyond(x, p, number + 1)
+        sides = {name: of for name, of, is_end in zip(SIDES, (above, below), bounded[i], strict=True) if is_end}
+        path, watch = ({name: on_piece(of) for name, of in each.items()} for each in (stage.path, phase.watch))
+        own: dict[str, Any] = {"path": {**path, **sides}, "running": on_piece(stage.running), "intervals": counts[i]}
+        own["phase"] = replace(phase, field=on_piece(phase.field), watch=watch, pieces=None)
+        if i > 0:
+            own["start"] = lambda x, before, p: [one - other for one, other in zip(x, before, strict=True)]
+        if i < last:
+            own |= {"final": lambda x, p: 0.0, "above": lambda x, p: []}
+            own["end"] = lambda x, p: [beyond(x, p, max(number, numbers[i + 1]))]
+        return replace(stage, duration=(SHORTEST_PART * shortest, longest), **own)
+
+    return tuple(map(part, range(len(numbers))))
+
+
+def _joined(control: Control, counts: Sequence[int]) -> Control:
+    """The motion with the parts of each stage, which are these numbers of legs, as one leg."""
+    ends = [0, *accumulate(counts)]
+    return replace(control, legs=tuple(_as_one(control.legs[a:b]) for a, b in pairwise(ends)))
+
+
+def _as_one(legs: Sequence[ControlledLeg]) -> ControlledLeg:
+    """Legs that follow each other as one, without the rows that keep each on its side of the corner."""
+    first, starts = legs[0], np.cumsum([0.0, *(leg.duration for leg in legs)])
+    if len(legs) == 1:
+        return first
+    names = tuple(name for name in first.path.names if name not in SIDES)
+    blocks, spent = [], 0.0
+    for leg in legs:
+        rows = leg.path.coefficients[:, [leg.path.names.index(name) for name in names]]
+        rows[:, names.index(RUNNING_COST), 0] += spent
+        spent += leg.path.end[leg.path.names.index(RUNNING_COST)]
+        blocks.append(rows)
+    inputs = [leg.inputs.coefficients for leg in legs]
+    paths, driven = (
+        Trajectory(np.append(np.concatenate([at + each.times[:-1] for at, each in parts]), starts[-1]), rows, own)
+        for parts, rows, own in (
+            ([*zip(starts, [leg.path for leg in legs], strict=False)], np.concatenate(blocks), names),
+            ([*zip(starts, [leg.inputs for leg in legs], strict=False)], np.concatenate(inputs), first.inputs.names),
+        )
+    )
+    return replace(first, path=paths, inputs=driven)
