@@ -11,7 +11,6 @@ from functools import lru_cache
 from itertools import accumulate, pairwise
 from typing import Any, NamedTuple, cast
 
-import casadi as ca
 import numpy as np
 from scipy.optimize import brentq
 
@@ -21,15 +20,15 @@ from orbits.control.control import ControlledLeg
 from orbits.control.stage import RUNNING_COST
 from orbits.flow.trajectory import Trajectory
 from orbits.laws.law import Algebraic, Parameters, Scalars
-from orbits.model.phase import Phase, Pieces, weighted_sum
+from orbits.model.phase import Affine, Phase, Pieces, weighted_sum
+from orbits.numerics.polynomial_roots import PiecewisePolynomials
 
 # Samples of a guess between which it is on one piece: an excursion between two of them is left out.
 SAMPLES_OF_GUESS = 1000
 # The shortest duration of a part, as a share of that of its stage.
 SHORTEST_PART = 0.01
-# The widths within which corners are rounded to find the order of pieces, as shares of the range of a guess, and the
-# tolerance of such a motion.
-ROUNDED_SHARES, ROUNDED_TOLERANCE = (0.1, 0.03), 1e-4
+# The most orders of the pieces that are tried.
+MOST_ORDERS = 6
 # The paths that keep a part on its side of the breakpoints.
 SIDES = ("room above the corner", "room below the corner")
 
@@ -45,68 +44,65 @@ class Passage(NamedTuple):
 def steer_across(
     stages: Sequence[Stage], parameters: Mapping[str, float], *, guess: Any, tolerance: float = 1e-9, **options: Any
 ) -> Control:
-    """As `steer`, with stages whose laws have corners, divided as their guess passes them; where that order of pieces
-    leads to no motion, as a motion passes them whose corners are rounded."""
-    try:
-        return _in_parts(stages, parameters, guess, tolerance=tolerance, **options)
-    except NoOrbit as error:
-        reason = error
-    size = _range(stages, parameters, guess)
-    for share in ROUNDED_SHARES:
+    """As `steer`, with stages whose laws have corners.
+
+    A part goes by the formula of its piece, also beyond the corner, until the motion that is found passes the pieces in
+    the order in which it is divided. Where no order leads to itself, parts are bounded by the corners.
+    """
+    orders = list[list[list[int]]]()
+    for _ in range(MOST_ORDERS):
+        pairs = zip(stages, _guesses(stages, guess), strict=True)
+        passages = [passages_of(stage.phase, parameters, each) for stage, each in pairs]
+        if (order := [[each.piece for each in own] for own in passages]) in orders:
+            break
+        orders.append(order)
         try:
-            rounded = [_rounded(stage, share * size) for stage in stages]
-            guess = steer(rounded, parameters, guess=guess, tolerance=ROUNDED_TOLERANCE, **options)
-            return _in_parts(stages, parameters, guess, tolerance=tolerance, **options)
+            found = _in_parts(stages, parameters, passages, guess, False, tolerance=tolerance, **options)
         except NoOrbit:
-            continue
-    raise reason
+            break
+        guess = _joined(found, [len(own) for own in order])
+        if _strayed(stages, parameters, order, found) <= tolerance:
+            return guess
+    found = _in_parts(stages, parameters, passages, guess, True, tolerance=tolerance, **options)
+    return _joined(found, [len(own) for own in passages])
 
 
-def _in_parts(stages: Sequence[Stage], parameters: Mapping[str, float], guess: Any, **options: Any) -> Control:
-    """A motion that passes the pieces in the order of its guess."""
-    guesses = _guesses(stages, guess)
-    passages = [passages_of(stage.phase, parameters, each) for stage, each in zip(stages, guesses, strict=True)]
-    groups = [_divided(stage, each, parameters) for stage, each in zip(stages, passages, strict=True)]
-    parts = tuple(part for group in groups for part in group)
+def _in_parts(
+    stages: Sequence[Stage], parameters: Mapping[str, float], passages: Sequence[Sequence[Passage]], guess: Any,
+    bounded: bool, **options: Any,
+) -> Control:  # fmt: skip
+    """A motion in parts, divided as its guess, and whether these are bounded by the corners."""
+    pairs = [*zip(stages, passages, strict=True)]
+    parts = tuple(part for stage, own in pairs for part in _divided(stage, own, parameters, bounded))
     known = guess.warm_start if isinstance(guess, Control) else None
     if known is None or known.problem.stages != parts:
-        shorter = [_during(each, one) for each, own in zip(guesses, passages, strict=True) for one in own]
+        shorter = [
+            _during(each, one) for each, own in zip(_guesses(stages, guess), passages, strict=True) for one in own
+        ]
         legs = cast(Any, tuple(shorter))
         guess = replace(guess, legs=legs, warm_start=None) if isinstance(guess, Control) else shorter
-    return _joined(steer(parts, parameters, guess=guess, **options), [len(group) for group in groups])
+    return steer(parts, parameters, guess=guess, **options)
 
 
-def _range(stages: Sequence[Stage], parameters: Mapping[str, float], guess: Any) -> float:
-    """The range of the coordinate of pieces over a guess."""
-    pairs = zip(stages, _guesses(stages, guess), strict=True)
-    return float(np.ptp(np.concatenate([_places(stage.phase, parameters, each)[1] for stage, each in pairs])))
-
-
-@lru_cache(maxsize=64)
-def _rounded(stage: Stage, width: float) -> Stage:
-    """A stage whose rates pass from one piece to the next within a width."""
-    phase, pieces = stage.phase, cast(Pieces, stage.phase.pieces)
-
-    def blended(of: Callable) -> Callable:
-        def value(x: Scalars, p: Parameters, q: Scalars) -> Any:
-            levels, rows = pieces.table(p)
-            each, place = [of(x, p, list(row)) for row in rows], _place(pieces, x, p)
-            shares = [0.5 * (1 + ca.tanh((place - level) / width)) for level in levels[1:-1]]
-
-            def mixed(values: Sequence[Algebraic]) -> Algebraic:
-                jumps = (b - a for a, b in pairwise(values))
-                return values[0] + sum(share * jump for share, jump in zip(shares, jumps, strict=True))
-
-            return [*map(mixed, zip(*each, strict=True))] if isinstance(each[0], list) else mixed(each)
-
-        return value
-
-    path, watch = ({name: blended(of) for name, of in each.items()} for each in (stage.path, phase.watch))
-    smooth = replace(phase, field=blended(phase.field), watch=watch, pieces=None)
-    return replace(stage, phase=smooth, path=path, running=blended(stage.running))
+def _strayed(
+    stages: Sequence[Stage], parameters: Mapping[str, float], order: Sequence[Sequence[int]], found: Control
+) -> float:
+    """The most by which a part of a motion leaves its piece."""
+    most, owners = 0.0, [(stage, number) for stage, own in zip(stages, order, strict=True) for number in own]
+    for leg, (stage, number) in zip(found.legs, owners, strict=True):
+        pieces, counts = cast(Pieces, stage.phase.pieces), np.array([len(leg.path.steps)])
+        places = Affine(pieces.coordinate).series(leg.path.coefficients) * pieces.unit(parameters)
+        places[:, 0] -= pieces.origin(parameters)
+        for sign, level in zip((1.0, -1.0), pieces.table(parameters)[0][number : number + 2], strict=True):
+            if np.isfinite(level):
+                room = sign * places
+                room[:, 0] -= sign * level
+                most = max(most, -float(PiecewisePolynomials(room, leg.path.steps, counts).lowest()[0].min()))
+    return most
 
 
 def _guesses(stages: Sequence[Stage], guess: Any) -> list[Guess]:
+    """The guess of each stage."""
     legs = guess.legs if isinstance(guess, Control) else guess
     return [_as_guess(stage, leg) for stage, leg in zip(stages, legs, strict=True)]
 
@@ -129,18 +125,12 @@ def _during(guess: Guess, passage: Passage) -> Guess:
     return Guess(passage.end - since, later(guess.states), inputs)
 
 
-def _places(phase: Phase, parameters: Mapping[str, float], guess: Guess) -> tuple[np.ndarray, np.ndarray]:
-    """Times within a guess, and the coordinate of pieces there."""
-    pieces = cast(Pieces, phase.pieces)
-    times = guess.duration * (np.arange(SAMPLES_OF_GUESS) + 0.5) / SAMPLES_OF_GUESS
-    return times, pieces.place(np.array([guess.states(t) for t in times.tolist()]), parameters)
-
-
 def passages_of(phase: Phase, parameters: Mapping[str, float], guess: Guess) -> list[Passage]:
     """The passages of a guess through the pieces of a phase's law."""
     pieces = cast(Pieces, phase.pieces)
     levels = np.array(pieces.table(parameters)[0], dtype=float)[1:-1]
-    times, places = _places(phase, parameters, guess)
+    times = guess.duration * (np.arange(SAMPLES_OF_GUESS) + 0.5) / SAMPLES_OF_GUESS
+    places = pieces.place(np.array([guess.states(t) for t in times.tolist()]), parameters)
     numbers = np.searchsorted(levels, places, "right").tolist()
     on, marks = [numbers[0]], [0.0]
     for (number, after), (low, high) in zip(pairwise(numbers), pairwise(times.tolist()), strict=True):
@@ -152,17 +142,14 @@ def passages_of(phase: Phase, parameters: Mapping[str, float], guess: Guess) -> 
     return [Passage(k, *ends) for k, ends in zip(on, pairwise([*marks, guess.duration]), strict=True)]
 
 
-def _divided(stage: Stage, passages: Sequence[Passage], parameters: Mapping[str, float]) -> tuple[Stage, ...]:
-    """The parts of a stage, which share its intervals by their durations."""
+def _divided(
+    stage: Stage, passages: Sequence[Passage], parameters: Mapping[str, float], bounded: bool
+) -> tuple[Stage, ...]:
+    """The parts of a stage, which share its intervals by their durations, and whether the corners bound them."""
     whole, levels = passages[-1].end, cast(Pieces, stage.phase.pieces).table(parameters)[0]
     counts = [max(1, round(stage.intervals * (each.end - each.begin) / whole)) for each in passages]
-    bounded = [tuple(np.isfinite(levels[each.piece : each.piece + 2]).tolist()) for each in passages]
-    return _parts(stage, tuple(each.piece for each in passages), tuple(counts), tuple(bounded))
-
-
-def _place(pieces: Pieces, x: Scalars, p: Parameters) -> Algebraic:
-    """The coordinate of pieces at a state of expressions."""
-    return weighted_sum(pieces.coordinate, x) * pieces.unit(p) - pieces.origin(p)
+    sides = [tuple((bounded & np.isfinite(levels[each.piece : each.piece + 2])).tolist()) for each in passages]
+    return _parts(stage, tuple(each.piece for each in passages), tuple(counts), tuple(sides))
 
 
 @lru_cache(maxsize=64)
@@ -174,7 +161,8 @@ def _parts(
     pieces = cast(Pieces, phase.pieces)
 
     def beyond(x: Scalars, p: Parameters, level: int) -> Algebraic:
-        return _place(pieces, x, p) - pieces.table(p)[0][level]
+        place = weighted_sum(pieces.coordinate, x) * pieces.unit(p) - pieces.origin(p)
+        return place - pieces.table(p)[0][level]
 
     def part(i: int) -> Stage:
         number = numbers[i]

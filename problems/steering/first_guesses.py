@@ -81,16 +81,21 @@ def rest_in_contact(driven: Actuated, orbit: Orbit) -> dict[str, float]:
     return dict(zip(names, found.x.tolist(), strict=True))
 
 
-def growing_swings(driven: Actuated, orbit: Orbit, rest: Mapping[str, float], pumps: int) -> list[Guess]:
-    """Swings about rest that grow evenly to the orbit's lowest position."""
+def growing_swings(
+    driven: Actuated, orbit: Orbit, rest: Mapping[str, float], pumps: int, to_liftoff: bool = False
+) -> list[Guess]:
+    """Swings about rest that grow evenly to the orbit's lowest position, and as far upward, or `to_liftoff`."""
     states, onto = driven.model.contact.states, np.linalg.pinv(driven.model.embed)
-    lowest = (onto @ np.append(_lowest_state(orbit), 0.0))[: 2 * len(rest) : 2]
+    lowest, highest = ((onto @ np.append(x, 0.0))[: 2 * len(rest) : 2] for x in (_lowest_state(orbit), orbit(0.0)))
     still = np.array([*rest.values()])
     count, time = 2 * pumps, 0.85 * contact_time_of(orbit)  # a contact is more than one half swing, part of a whole one
+    down = still - lowest
+    up = (highest - still) * (1 - 1 / count) if to_liftoff else down
 
     def at(i, t):
         share, side = t / time, 1.0 if i % 2 == 0 else -1.0
-        grown, angle = (still - lowest) * (i + share) / (count - 1), np.pi * share
+        angle = np.pi * share
+        grown = (up if side * np.cos(angle) > 0 else down) * (i + share) / (count - 1)
         x = np.zeros(len(states))
         x[: 2 * len(rest) : 2] = still + side * grown * np.cos(angle)
         x[1 : 2 * len(rest) : 2] = -side * grown * np.pi / time * np.sin(angle)

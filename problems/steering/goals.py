@@ -166,9 +166,8 @@ def recover(
         **driven.still, "launch": launch, "aim": reached["alpha"], "liftoff": first["liftoff"],
         **_named("launch", first), **_named("aim", reached),
     }  # fmt: skip
-    return _cheapest(
-        hop, hop.stages("effort", periodic=False), values, [guess] if guess else hop.starts(first), progress
-    )
+    stages, starts = hop.stages("effort", periodic=False), [guess] if guess else hop.starts(first)
+    return _cheapest(hop.steered, stages, values, starts, progress)
 
 
 @in_units_of_the_machine
@@ -201,7 +200,9 @@ def start_up(
     stages = swing_stages(driven.drive, pumps, intervals, limits, contact_time_of(orbit))
     values = {**driven.still, "aim": reached["alpha"], **_named("aim", reached)}
     values |= {parameter_of_rest(driven.model, name): place for name, place in rest.items()}
-    return _steered(driven)(stages, values, guess=growing_swings(driven, orbit, rest, pumps), progress=progress)
+    # Where a law has corners, the swings decide in which order its pieces are passed.
+    guesses = [growing_swings(driven, orbit, rest, pumps, to_liftoff) for to_liftoff in (False, True)]
+    return _cheapest(_steered(driven), stages, values, guesses[: 1 + driven.has_corners], progress)
 
 
 def _steered(driven: Actuated) -> Callable[..., Control]:
@@ -270,7 +271,11 @@ class _Hop:
         start = [lossless_guess(self.driven, self.orbit)]
         return start if self.lossless else [*start, lambda: undriven_guess(self.driven, launch)]
 
-    def checked(self, result: Control) -> Control:
+    def steered(self, stages, values: Mapping[str, float], **options: Any) -> Control:
+        """A motion through the stages, as `steer` finds it, that is a hop of the same kind as the orbit."""
+        return self._checked(_steered(self.driven)(stages, values, **options))
+
+    def _checked(self, result: Control) -> Control:
         """The result, if it turns in flight as often as the orbit, whatever its shallow turns; once more or less if the
         landing is plastic."""
         extension, slack = self.driven.model.extension, 0 if self.lossless else 1
@@ -299,7 +304,7 @@ def _hop(
 def _least_effort(hop: _Hop, guess: Control | None, progress: Progress) -> Control:
     """A periodic hop of locally least effort."""
     starts = [guess] if guess else hop.starts(_aim(hop.driven, hop.orbit, None))
-    return _cheapest(hop, hop.stages("effort", periodic=True), hop.driven.still, starts, progress)
+    return _cheapest(hop.steered, hop.stages("effort", periodic=True), hop.driven.still, starts, progress)
 
 
 def _least_peak(hop: _Hop, guess: Control, progress: Progress) -> Control:
@@ -311,7 +316,7 @@ def _least_peak(hop: _Hop, guess: Control, progress: Progress) -> Control:
         peaks = [np.abs(leg.inputs.row(actuator.rate)).max() for leg in guess.legs]
     guess = replace(guess, parameters={**guess.parameters, "peak": float(max(peaks))})
     stages, free = hop.stages("peak", periodic=True), {"peak": (0.0, np.inf)}
-    result = hop.checked(_steered(hop.driven)(stages, hop.driven.still, guess=guess, free=free, progress=progress))
+    result = hop.steered(stages, hop.driven.still, guess=guess, free=free, progress=progress)
     return replace(result, cost=result.parameters["peak"])
 
 
@@ -353,7 +358,7 @@ def _least_work_at(hop: _Hop, guess: Control, progress: Progress) -> Control:
         values = {**hop.driven.still, "round": share * mean}
         stages = hop.stages("work", periodic=True)
         part = _share_of(progress, number / len(ROUNDINGS), (number + 1) / len(ROUNDINGS))
-        guess = hop.checked(_steered(hop.driven)(stages, values, guess=guess, tolerance=WORK_TOLERANCE, progress=part))
+        guess = hop.steered(stages, values, guess=guess, tolerance=WORK_TOLERANCE, progress=part)
     return replace(guess, cost=work_done(hop.driven, guess)[1])
 
 
@@ -370,14 +375,17 @@ def _share_of(progress: Progress, first: float, last: float) -> Progress:
     return progress and (lambda share: progress(first + (last - first) * share))
 
 
-def _cheapest(hop: _Hop, stages, values: dict[str, float], starts: Sequence[Any], progress: Progress) -> Control:
-    """The cheapest result from several starts; raises the first one's `NoOrbit` if there is none."""
+def _cheapest(
+    solve: Callable[..., Control], stages, values: dict[str, float], starts: Sequence[Any], progress: Progress
+) -> Control:
+    """The cheapest result of a function like `steer` from several starts; raises the first one's `NoOrbit` if there is
+    none."""
     results, reasons = [], []
     for number, start in enumerate(starts):
         part = _share_of(progress, number / len(starts), (number + 1) / len(starts))
         try:
             guess = start if isinstance(start, Control | list) else start()
-            results.append(hop.checked(_steered(hop.driven)(stages, values, guess=guess, progress=part)))
+            results.append(solve(stages, values, guess=guess, progress=part))
         except NoOrbit as reason:
             reasons.append(reason)
     if not results:
