@@ -16,7 +16,7 @@ from ..errors import InputError
 from ..laws.law import Algebraic, Key, LawPieces, Parameters, Scalars
 from ..model.liftoff import Liftoff
 from ..model.modes import Modes, single_mode
-from ..model.phase import is_used
+from ..model.phase import data_at, is_used
 from ..model.relative import Reduction, Relative, straight_line
 from .coefficients import Coefficients
 from .elements import Force, Potential, Scalar, Spring
@@ -295,7 +295,8 @@ def _held(mechanics: Mechanics, rest: Scalar) -> Launch:
     if still:
         return Launch(relative)
     symbols = ca.SX.sym("r"), ca.SX.sym("speed")
-    force = ca.SX(expression(symbols[0], {**c.p, SPEED_OF_LAUNCH: symbols[1]}, []))
+    q = data_at(symbols[0] * pieces.units(c.p) - pieces.origins(c.p), *pieces.table(c.p)) if pieces else []
+    force = ca.SX(expression(symbols[0], {**c.p, SPEED_OF_LAUNCH: symbols[1]}, q))
     by_extension, by_rate = (ca.jacobian(force, symbol) for symbol in symbols)
     slope = c.coefficients(-by_rate / by_extension, c.symbols(*symbols))
     return Launch(relative, None, lambda u, p: slope(p, [u["liftoff"] - offset(p), u["alpha"]])[0][0])

@@ -98,6 +98,14 @@ class Pieces:
         return (np.asarray(breaks, dtype=float) + self.origin(p)) / self.unit(p)
 
 
+def data_at(place: Algebraic, breaks: Any, rows: Any) -> list[Algebraic]:
+    """The data of the piece at a place between breakpoints as expressions; outside their range those of the nearest."""
+    q = list(rows[-1])
+    for level, row in reversed(list(zip(breaks[1:-1], rows, strict=False))):
+        q = [ca.if_else(place < level, below, above) for below, above in zip(row, q, strict=True)]
+    return q
+
+
 @dataclass(frozen=True, eq=False)
 class Phase:
     """A part of the motion with one vector field, which is smooth or smooth in pieces.
@@ -131,12 +139,8 @@ class Phase:
         they are those of the nearest piece."""
         if self.pieces is None:
             return []
-        breaks, rows = self.pieces.table(p)
         place = weighted_sum(self.pieces.coordinate, x) * self.pieces.unit(p) - self.pieces.origin(p)
-        q = list(rows[-1])
-        for level, row in reversed(list(zip(breaks[1:-1], rows, strict=False))):
-            q = [ca.if_else(place < level, below, above) for below, above in zip(row, q, strict=True)]
-        return q
+        return data_at(place, *self.pieces.table(p))
 
 
 @dataclass(frozen=True, eq=False)

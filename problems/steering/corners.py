@@ -26,7 +26,7 @@ from orbits.numerics.polynomial_roots import PiecewisePolynomials
 # Samples of a guess between which it is on one piece: an excursion between two of them is left out.
 SAMPLES_OF_GUESS = 1000
 # The shortest duration of a part, as a share of that of its stage.
-SHORTEST_PART = 0.01
+SHORTEST_PART = 1e-3
 # The most orders of the pieces that are tried.
 MOST_ORDERS = 6
 # The paths that keep a part on its side of the breakpoints.
