@@ -13,7 +13,7 @@ from .vector_field import SHORTEST_CUT
 # extrapolated to it from this distance and its double, so that an error of second order, 1e-12, remains.
 SIDE_DISTANCE = 1e-6
 # A place that differs from a breakpoint by less, relative to its size and to one, is on it: the rest is rounding.
-SAME_PLACE = 1e-15
+SAME_PLACE = 1e-14
 
 
 def same_place(breaks: Array, places: Array | float) -> Array:

@@ -216,7 +216,7 @@ class Flow:
                 raise kind(self.failure("runs away", times[-1], motion.x))
             if stopped:
                 break
-            if duration - times[-1] < SAME_TIME * duration:
+            if duration - times[-1] < SAME_TIME * max(duration, 1.0):
                 times[-1] = duration
         with_variations = np.concatenate(begins) if columns else None
         return Trajectory(np.array(times), np.concatenate(coefficients), self.names, with_variations), motion.variations
