@@ -2,13 +2,13 @@
 
 Each cell that works is held against an independent figure: another integrator and another root finder, neighbouring
 orbits, the same question asked in another way. Each refusal gives a reason of mathematics in words that the page of
-limits has too.
-Run: python studies/matrix.py [--machine NAME] [--spring NAME] [--verb NAME]
+limits has too. The table of the documentation is made of what this study finds.
+Run: python studies/matrix.py [--machine NAME] [--spring NAME] [--verb NAME] [--write]
 """
 
 import argparse
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
@@ -40,21 +40,31 @@ from problems import (
 )
 
 LIMITS = Path(__file__).parent / "docs" / "limits.md"
+TABLE = Path(__file__).parent / "docs" / "machines_and_verbs.md"
 # The reasons for which something is refused, in the words of errors and of the page of limits.
-REASONS = ("an actuator needs a law with a continuous slope",)
+REASONS = ("an infinitely heavy hand is the limit of mechanisms",)
+HEAD = """# Machines and verbs
+
+Each verb is tried for each machine with five kinds of spring: two formulas (one of them linear), a potential, a
+measured table, and a law in pieces with a corner. What works is held against an independent figure, such as the orbit
+by another integrator, or neighbouring orbits. `python studies/matrix.py --write` tries all cells and writes this table.
+What is refused is so for a reason that [Limits](limits.md) gives.
+"""
 # The rows of the measured spring, which has the law of the cubic one.
 EXTENSIONS = np.linspace(-12.0, 12.0, 25)
 BETA = 0.02
 # The springs, by the extension at which one in pieces has its corner: law, values of its names, and the one varied.
 SPRINGS: dict[str, Callable[[float], tuple[Any, dict[str, float], str]]] = {
     "linear": lambda gap: ("k*r + c", {"k": 1.0, "c": 0.1}, "k"),
-    "cubic": lambda gap: ("r + beta*r**3", {"beta": BETA}, "beta"),
-    "potential": lambda gap: (springs.potential("r**2/2 + beta*r**4/4", beta=BETA), {}, "beta"),
+    "cubic": lambda gap: ("k*r + beta*r**3", {"k": 1.0, "beta": BETA}, "beta"),
+    "potential": lambda gap: (springs.potential("k*r**2/2 + beta*r**4/4", k=1.0, beta=BETA), {}, "beta"),
     "table": lambda gap: (_measured(), {}, "s"),
     "pieces": lambda gap: (springs.bilinear(ratio=2.0, gap=gap), {}, "ratio"),
 }
 # The extension at which the spring in pieces has its corner, which the motion passes; and the dampers of kept hops.
 GAPS, DAMPING = {"knee": 0.003}, {"knee": 2e-4}
+# The gain of launch speed by injection, where it is not the usual one.
+INJECTED = {"plate": 1e-3}
 MACHINES: dict[str, Callable[[Any, dict[str, float]], Any]] = {
     "hopper": lambda law, values: Hopper(law, mass_ratio=0.5, rest_length=20.0, parameters=values),
     "juggler": lambda law, values: Juggler(law, mass_ratio=0.5, rest_length=20.0, parameters=values),
@@ -70,8 +80,8 @@ LONGEST = {"plate": (2.2, 3.4), "chain": (4.0, 4.0), "chain as a hand": (4.0, 4.
 
 
 def _measured() -> Any:
-    """The cubic spring as rows, scaled by a parameter."""
-    return springs.table((EXTENSIONS, EXTENSIONS + BETA * EXTENSIONS**3), noise=0, scale="s")
+    """The cubic spring as rows, scaled and shifted by parameters."""
+    return springs.table((EXTENSIONS, EXTENSIONS + BETA * EXTENSIONS**3), noise=0, scale="s", shift="d")
 
 
 class Held(NamedTuple):
@@ -142,8 +152,9 @@ class Case:
         return self.machine.values[self.varied]
 
     def range_of(self, name: str, share: float = 0.02) -> tuple[float, float]:
-        """Bounds of a parameter around its value."""
-        return self.machine.values[name] * (1 - share), self.machine.values[name] * (1 + share)
+        """Bounds of a parameter around its value, or around 0."""
+        value = self.machine.values[name]
+        return value - share * (abs(value) or 1.0), value + share * (abs(value) or 1.0)
 
     @cached_property
     def start(self) -> dict[str, Any]:
@@ -311,9 +322,9 @@ def _has_multipliers(case: Case) -> Iterator[Held]:
         one = ReturnMap(case.machine)
         launch = 1.02 * np.array(one(case.orbit).launches)
         matrix = orbits.multipliers(case.machine, launch).matrix
-        steps = 1e-4 * np.abs(launch).max() * np.eye(len(launch))
-        at = lambda k: one(launch + k * steps).next  # noqa: E731
-        columns = (8 * (at(1) - at(-1)) - (at(2) - at(-2))) / (12 * steps.max())
+        sizes = np.maximum(1e-4 * np.abs(launch), 1e-6 * np.abs(launch).max())
+        at = lambda k: one(launch + k * np.diag(sizes)).next  # noqa: E731
+        columns = (8 * (at(1) - at(-1)) - (at(2) - at(-2))) / (12 * sizes[:, None])
         for value, other in zip(matrix.T.ravel(), columns.ravel(), strict=True):
             yield Held("an entry of the derivative", float(value), float(other), 1e-6)
         return
@@ -326,7 +337,8 @@ def _has_multipliers(case: Case) -> Iterator[Held]:
 
 def _bifurcates(case: Case) -> Iterator[Held]:
     unit = case.machine.units.of(LIFTOFF_SPEED) if case.machine.units else 1.0
-    speed, span = abs(case.orbit.alpha), (0.02 * unit, 0.03 * unit)
+    speed, size = abs(case.orbit.alpha), INJECTED.get(case.name, 0.02) * unit
+    span = size, 1.5 * size
     near = {"starts": [case.orbit]} if case.start else {"attractor": 0}
     between = sorted((0.8 * case.orbit.alpha, 1.2 * case.orbit.alpha)) if case.start else (0.8 * speed, 1.1 * speed)
     diagram = orbits.bifurcations(case.machine, "inject", span, tuple(between), sections=2, **near)
@@ -388,8 +400,10 @@ def _is_exported(case: Case) -> Iterator[Held]:
             yield Held(f"{path.suffix} has something in it", float(path.stat().st_size > 1000), 1.0)
     law, values, _ = case.law
     law = springs.formula(law, **values) if isinstance(law, str) else law
-    extension, time = parse(case.actuator_of(0).along), 0.3 * case.orbit.flight_time
-    known = {**case.stated.parameters, **dict(zip(case.machine.model.flight.states, case.orbit(time), strict=True))}
+    time, is_mechanism = 0.3 * case.orbit.flight_time, not isinstance(case.machine, HeavyHand)
+    extension = parse(str(case.actuator_of(0).along) if is_mechanism else "w2")
+    known = dict(zip(case.machine.model.flight.states, case.orbit(time), strict=True))
+    known |= case.stated.parameters if is_mechanism else {}
     name = next(name for name in case.orbit.table() if name.startswith("spring force"))
     force = case.orbit.spring_forces([time])[name][0]
     yield Held("force of the spring", float(force), float(law(extension(**{n: known[n] for n in extension.names}))))
@@ -432,11 +446,36 @@ def cells(machines: Iterable[str], laws: Iterable[str], verbs: Iterable[str]) ->
         yield from (cell_of(case, verb) for verb in verbs)
 
 
+def diagonal() -> Iterator[Cell]:
+    """Some cells, so that each machine, each spring and each verb occurs."""
+    names, laws = list(MACHINES), list(SPRINGS)
+    cases = [Case(name, laws[i % len(laws)]) for i, name in enumerate(names)]
+    for j, verb in enumerate(VERBS):
+        yield from (cell_of(cases[(j + k) % len(cases)], verb) for k in (0, 3))
+
+
+def page(found: Sequence[Cell]) -> str:
+    """The page of the documentation: a row for each verb, a column for each machine, in the cells the springs."""
+    machines, verbs = ({getattr(cell, of): None for cell in found} for of in ("machine", "verb"))
+    rows = [["", *machines], ["---"] * (len(machines) + 1)]
+    for verb in verbs:
+        each = [[cell for cell in found if (cell.verb, cell.machine) == (verb, name)] for name in machines]
+        rows.append([f"`{verb}`", *map(_springs_of, each)])
+    return "\n".join([HEAD, *(f"| {' | '.join(row)} |" for row in rows), ""])
+
+
+def _springs_of(row: Sequence[Cell]) -> str:
+    """The springs with which a machine takes a verb."""
+    taken = [cell.spring for cell in row if cell.stands and not cell.refused]
+    return "all" if len(taken) == len(row) else ", ".join(taken) or "refused"
+
+
 def main() -> None:
-    """Print what each cell does."""
+    """Print what each cell does, and write the page of the documentation where that is asked for."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     for name, known in (("machine", MACHINES), ("spring", SPRINGS), ("verb", VERBS)):
         parser.add_argument(f"--{name}", choices=known, action="append", help="only these")
+    parser.add_argument("--write", action="store_true", help="write the table of the documentation")
     options = parser.parse_args()
     found = list[Cell]()
     for cell in cells(options.machine or MACHINES, options.spring or SPRINGS, options.verb or VERBS):
@@ -445,6 +484,8 @@ def main() -> None:
         text = cell.refused or "; ".join(off) or f"{len(cell.held)} figures agree"
         print(f"{cell.machine:16} {cell.spring:10} {cell.verb:14} {'' if cell.stands else 'WRONG: '}{text}", flush=True)
     print(f"{sum(cell.stands for cell in found)} of {len(found)} cells stand")
+    if options.write:
+        TABLE.write_text(page(found), encoding="utf-8")
 
 
 if __name__ == "__main__":
