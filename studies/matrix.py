@@ -382,7 +382,7 @@ def _starts_up(case: Case) -> Iterator[Held]:
 
 def _is_proved(case: Case) -> Iterator[Held]:
     theorem = orbits.prove(case.orbit)
-    if not theorem.proved:
+    if not theorem.proved or theorem.alpha is None:
         raise orbits.InputError("; ".join(theorem.reasons))
     yield Held(
         "launch speed that is proved",

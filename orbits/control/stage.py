@@ -56,7 +56,7 @@ class Stage:
     above : (x, p) -> expressions that are not negative at the end
 
     Stages compare by identity: the functions compiled for them are stored for the next call. `steer` raises
-    `InputError` for a stage with invalid numbers, bounds or functions, and for a piecewise law.
+    `InputError` for a stage with invalid numbers, bounds or functions.
 
     >>> from orbits.control import Input, Stage
     >>> from orbits.model import Phase

@@ -1,8 +1,7 @@
 """Steered motions of laws with corners: every stage in parts, each on one smooth piece of the law.
 
 No Taylor step and no derivative crosses a corner. So a stage is divided where its guess passes from one piece to the
-next. Each part has a free duration, ends on the breakpoint and stays on its side of it; in the result the parts of a
-stage are joined again. The order of the pieces is that of the guess.
+next. Each part has a free duration and ends on the breakpoint; in the result the parts of a stage are joined again.
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -90,7 +90,7 @@ def keep_hopping(
 ) -> Control:  # fmt: skip
     """Keep a damped machine hopping periodically at locally least cost, near its lossless orbit without the damping.
 
-    machine : a `Hopper`, a `Juggler`, or any `Mechanism`, whose springs have smooth laws; dimensionless or in SI
+    machine : a `Hopper`, a `Juggler`, or any `Mechanism`, dimensionless or in SI, without hysteresis
     actuator : an `Actuator`; by default it moves the end of the only spring
     family : number of the family, from 1
     cost : "effort"; "work", the actuator's positive work; or "peak", the largest rate, or for a force its largest

@@ -74,7 +74,6 @@ def test_a_force_does_work_along_its_way():
         (Chain(), Actuator("y1 - y4", kind="force"), "there is no coordinate 'y4'; known: y1, y2, y3"),
         (Chain(), Actuator("2", kind="force"), "has no coordinate; there are y1, y2, y3"),
         (Chain(), "y1 - y2", "it is an Actuator"),
-        (restated(as_spring("bilinear", {})), Actuator(), "corner at r = 0.5"),
         (Hopper(springs.lossy("r", loss_factor=0.1)), Actuator(), "has hysteresis, which no schedule takes"),
         (restated(as_spring("r + f*r**3", {"f": 0.1})), Actuator(kind="force"), "actuator's own name"),
         (

@@ -255,7 +255,6 @@ def test_a_short_launch_is_brought_back(lossless):
         (lambda: steering.keep_hopping(Chain()), "has 2 springs: name the extension"),
         (lambda: steering.recover(Hopper(), None), "short = None"),
         (lambda: steering.recover(Hopper(), 5.0), "some of it is to be left"),
-        (lambda: Actuated(Hopper("bilinear")), "corner at r = 0.5"),
         (lambda: steering.start_up(HeavyHand(), 2), "limit of mechanisms"),
         (lambda: Actuated(3), "whose spring can be moved"),
         (lambda: Actuated(Hopper("r + u*r**3", parameters={"u": 1.0})), "actuator's own name"),
