@@ -13,12 +13,12 @@ from .vector_field import SHORTEST_CUT
 # extrapolated to it from this distance and its double, so that an error of second order, 1e-12, remains.
 SIDE_DISTANCE = 1e-6
 # A place that differs from a breakpoint by less, relative to its size and to one, is on it: the rest is rounding.
-SAME_PLACE = 1e-14
+BREAKPOINT_ROUNDING = 1e-14
 
 
 def same_place(breaks: Array, places: Array | float) -> Array:
     """Which breakpoints are at places, up to rounding."""
-    return np.abs(breaks - places) <= SAME_PLACE * (1 + np.abs(places))
+    return np.abs(breaks - places) <= BREAKPOINT_ROUNDING * (1 + np.abs(places))
 
 
 class ActivePiece:

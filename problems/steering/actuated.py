@@ -103,7 +103,7 @@ class Actuated(Stated):
             raise InputError(
                 f"the {stated.name} has actuators of its own ({names}): state it without, and give actuator="
             )
-        refuse_hysteresis(stated)
+        refuse_springs_with_loops(stated)
         object.__setattr__(self, "actuator", _resolved(self.actuator, stated))
         own = (self.actuator.state, self.actuator.rate)
         refuse_taken((*own, *LAUNCH_PARAMETERS), [*stated.coordinates, *stated.parameters], "the actuator's own name")
@@ -275,7 +275,7 @@ def springs_of_mechanism(stated: Mechanism) -> list[Spring]:
     return [each for each in stated.elements if isinstance(each, Spring)]
 
 
-def refuse_hysteresis(stated: Mechanism) -> None:
+def refuse_springs_with_loops(stated: Mechanism) -> None:
     """Raise `InputError` where the law of a spring has hysteresis."""
     for spring in springs_of_mechanism(stated):
         if spring.force.branches:

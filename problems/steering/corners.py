@@ -29,10 +29,10 @@ SHORTEST_PART = 1e-3
 # The most orders of the pieces that are tried.
 MOST_ORDERS = 6
 # The paths that keep a part on its side of the breakpoints.
-SIDES = ("room above the corner", "room below the corner")
+ROOMS_AT_CORNERS = ("room above the corner", "room below the corner")
 
 
-class Passage(NamedTuple):
+class OnOnePiece(NamedTuple):
     """A part of a motion: the number of the piece that it is on, and the times between which it is there."""
 
     piece: int
@@ -59,20 +59,20 @@ def steer_across(
             found = _in_parts(stages, parameters, passages, guess, False, tolerance=tolerance, **options)
         except NoOrbit:
             break
-        guess = _joined(found, [len(own) for own in order])
+        guess = _with_whole_legs(found, [len(own) for own in order])
         if _strayed(stages, parameters, order, found) <= tolerance:
             return guess
     found = _in_parts(stages, parameters, passages, guess, True, tolerance=tolerance, **options)
-    return _joined(found, [len(own) for own in passages])
+    return _with_whole_legs(found, [len(own) for own in passages])
 
 
 def _in_parts(
-    stages: Sequence[Stage], parameters: Mapping[str, float], passages: Sequence[Sequence[Passage]], guess: Any,
+    stages: Sequence[Stage], parameters: Mapping[str, float], passages: Sequence[Sequence[OnOnePiece]], guess: Any,
     bounded: bool, **options: Any,
 ) -> Control:  # fmt: skip
     """A motion in parts, divided as its guess, and whether these are bounded by the corners."""
     pairs = [*zip(stages, passages, strict=True)]
-    parts = tuple(part for stage, own in pairs for part in _divided(stage, own, parameters, bounded))
+    parts = tuple(part for stage, own in pairs for part in _parts_of_stage(stage, own, parameters, bounded))
     known = guess.warm_start if isinstance(guess, Control) else None
     if known is None or known.problem.stages != parts:
         shorter = [
@@ -113,7 +113,7 @@ def _as_guess(stage: Stage, guess: Guess | ControlledLeg) -> Guess:
     return Guess(guess.duration, lambda t: guess.path(t)[:size], inputs)
 
 
-def _during(guess: Guess, passage: Passage) -> Guess:
+def _during(guess: Guess, passage: OnOnePiece) -> Guess:
     """The part of a guess during a passage."""
     since = passage.begin
 
@@ -124,7 +124,7 @@ def _during(guess: Guess, passage: Passage) -> Guess:
     return Guess(passage.end - since, later(guess.states), inputs)
 
 
-def passages_of(phase: Phase, parameters: Mapping[str, float], guess: Guess) -> list[Passage]:
+def passages_of(phase: Phase, parameters: Mapping[str, float], guess: Guess) -> list[OnOnePiece]:
     """The passages of a guess through the pieces of a phase's law."""
     pieces = cast(Pieces, phase.pieces)
     levels = np.array(pieces.table(parameters)[0], dtype=float)[1:-1]
@@ -138,21 +138,21 @@ def passages_of(phase: Phase, parameters: Mapping[str, float], guess: Guess) -> 
             level = levels[max(k, k + way) - 1]
             marks.append(brentq(lambda t, level=level: pieces.place(guess.states(t), parameters) - level, low, high))
             on.append(k + way)
-    return [Passage(k, *ends) for k, ends in zip(on, pairwise([*marks, guess.duration]), strict=True)]
+    return [OnOnePiece(k, *ends) for k, ends in zip(on, pairwise([*marks, guess.duration]), strict=True)]
 
 
-def _divided(
-    stage: Stage, passages: Sequence[Passage], parameters: Mapping[str, float], bounded: bool
+def _parts_of_stage(
+    stage: Stage, passages: Sequence[OnOnePiece], parameters: Mapping[str, float], bounded: bool
 ) -> tuple[Stage, ...]:
     """The parts of a stage, which share its intervals by their durations, and whether the corners bound them."""
     whole, levels = passages[-1].end, cast(Pieces, stage.phase.pieces).table(parameters)[0]
     counts = [max(1, round(stage.intervals * (each.end - each.begin) / whole)) for each in passages]
     sides = [tuple((bounded & np.isfinite(levels[each.piece : each.piece + 2])).tolist()) for each in passages]
-    return _parts(stage, tuple(each.piece for each in passages), tuple(counts), tuple(sides))
+    return _stages_on_pieces(stage, tuple(each.piece for each in passages), tuple(counts), tuple(sides))
 
 
 @lru_cache(maxsize=64)
-def _parts(
+def _stages_on_pieces(
     stage: Stage, numbers: tuple[int, ...], counts: tuple[int, ...], bounded: tuple[tuple[bool, bool], ...]
 ) -> tuple[Stage, ...]:
     """The parts of a stage on pieces with these numbers, bounded below and above, in these numbers of intervals."""
@@ -170,7 +170,9 @@ def _parts(
             return lambda x, p, q: of(x, p, list(pieces.table(p)[1][number]))
 
         above, below = lambda x, p, q: beyond(x, p, number), lambda x, p, q: -beyond(x, p, number + 1)
-        sides = {name: of for name, of, is_end in zip(SIDES, (above, below), bounded[i], strict=True) if is_end}
+        sides = {
+            name: of for name, of, is_end in zip(ROOMS_AT_CORNERS, (above, below), bounded[i], strict=True) if is_end
+        }
         path, watch = ({name: on_piece(of) for name, of in each.items()} for each in (stage.path, phase.watch))
         own: dict[str, Any] = {"path": {**path, **sides}, "running": on_piece(stage.running), "intervals": counts[i]}
         own["phase"] = replace(phase, field=on_piece(phase.field), watch=watch, pieces=None)
@@ -184,7 +186,7 @@ def _parts(
     return tuple(map(part, range(len(numbers))))
 
 
-def _joined(control: Control, counts: Sequence[int]) -> Control:
+def _with_whole_legs(control: Control, counts: Sequence[int]) -> Control:
     """The motion with the parts of each stage, which are these numbers of legs, as one leg."""
     ends = [0, *accumulate(counts)]
     return replace(control, legs=tuple(_as_one(control.legs[a:b]) for a, b in pairwise(ends)))
@@ -195,7 +197,7 @@ def _as_one(legs: Sequence[ControlledLeg]) -> ControlledLeg:
     first, starts = legs[0], np.cumsum([0.0, *(leg.duration for leg in legs)])
     if len(legs) == 1:
         return first
-    names = tuple(name for name in first.path.names if name not in SIDES)
+    names = tuple(name for name in first.path.names if name not in ROOMS_AT_CORNERS)
     blocks, spent = [], 0.0
     for leg in legs:
         rows = leg.path.coefficients[:, [leg.path.names.index(name) for name in names]]
