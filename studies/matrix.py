@@ -48,7 +48,8 @@ HEAD = """# Machines and verbs
 Each verb is tried for each machine with five kinds of spring: two formulas (one of them linear), a potential, a
 measured table, and a law in pieces with a corner. What works is held against an independent figure, such as the orbit
 by another integrator, or neighbouring orbits. `python studies/matrix.py --write` tries all cells and writes this table.
-What is refused is so for a reason that [Limits](limits.md) gives.
+What is refused is so for a reason that [Limits](limits.md) gives. Where a cell names springs, no motion is found with
+the others: a start from rest may need more swings than the study asks for.
 """
 # The rows of the measured spring, which has the law of the cubic one.
 EXTENSIONS = np.linspace(-12.0, 12.0, 25)
