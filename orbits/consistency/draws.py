@@ -9,8 +9,9 @@ import numpy as np
 
 from ..errors import OrbitsError, OutOfRange
 from ..laws.law import Algebraic
-from ..model.model import CONTACT_FORCE, Model
+from ..model.model import CONTACT_FORCE, LANDED_FORCE, Model
 from ..model.phase import Phase
+from ..model.symmetry import SignedShift
 from ..symbolic.calls import MappedFunction
 
 # States and launches of a draw. States lie this far around a launch, in units of the extension there and of the unit of
@@ -83,6 +84,8 @@ class Graphs:
             "gradient": ca.SX(ca.vertcat(*model.contact_gradient(*contact))),
             "force": ca.SX(model.contact.watch[CONTACT_FORCE](*contact)),
         }
+        if landed := model.contact.watch.get(LANDED_FORCE):
+            in_contact["landed"] = ca.SX(landed(*contact))
         force = ca.SX(model.liftoff(us, known, contact[2]))
         at_launch = {
             "launch": ca.SX(ca.vertcat(*model.launch(us, known))),
@@ -100,15 +103,16 @@ class Graphs:
         about = np.array(model.rest(p) if model.rest else np.zeros(len(model.flight.states)), dtype=float)
         about = released["launch"].mean(0) if released else about
         about[self.speeds] = 0.0
-        signs, embed, of_contact = reversor_of(model), np.asarray(model.embed, dtype=float), np.array(model.mirror)
+        embed, mirror = np.asarray(model.embed, dtype=float), SignedShift(tuple(map(int, reversor_of(model))))
+        mirror = model.reversal if model.reversor else mirror
         for shrunk in SHRINKINGS:
             size = np.ones(len(about))
             size[self.positions] = length * shrunk
             spread = np.resize(SPREADS, STATES)[:, None] * size
             x = about + spread * self.rng.standard_normal((STATES, len(about)))
             y = x[self.rng.permutation(STATES)] @ np.linalg.pinv(embed).T
-            flights = [self.in_flight(each, p) for each in (x, x * signs, y @ embed.T)]
-            contacts = [self.in_contact(each, p) for each in (y, y * of_contact)]
+            flights = [self.in_flight(each, p) for each in (x, mirror(x, p), y @ embed.T)]
+            contacts = [self.in_contact(each, p) for each in (y, model.contact_reversal(y, p))]
             fine = [np.isfinite(each["field"]).all(1) for each in (*flights, *contacts)]
             good, also = fine[0] & fine[1], fine[2] & fine[3] & fine[4]
             if good.sum() > 1 and also.sum() > 1:

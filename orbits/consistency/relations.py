@@ -135,13 +135,28 @@ def reversal(model: Model, draw: Draw) -> Iterator[Relation]:
     signs, (at, rates) = reversor_of(model), coordinates(model.flight)
     words = "the reversor gives a speed the sign that its position has not"
     yield Relation(words, ("reversor",), share(signs[at] + signs[rates], 1.0))
+    own = ("reversor", "reversor_shift") if model.reversor_shift else ("reversor",)
+    both = (*own, "symmetry", "symmetry_shift") if model.symmetry else own
     for where, names, field, back in (
-        ("flight", ("reversor", "flight.field"), draw.flown, draw.mirrored),
-        ("contact", ("reversor", "contact.field", "embed"), draw.stood, draw.mirrored_contact),
+        ("flight", (*own, "flight.field"), draw.flown, draw.mirrored),
+        ("contact", (*both, "contact.field", "embed"), draw.stood, draw.mirrored_contact),
     ):
         mirror = signs if where == "flight" else np.array(model.mirror)
         residual = back["field"] * mirror + field["field"]
         yield Relation(f"the reversor turns motions in {where} back", names, share(residual, field["field"]))
+    if model.plain:
+        return
+    p, embed = draw.p, np.asarray(model.embed, float)
+    there = model.relabelling.after(model.reversal)(draw.y @ embed.T, p)
+    words, off = "the reversor of the contact keeps the gap closed", there - model.contact_reversal(draw.y, p) @ embed.T
+    yield Relation(words, (*both, "embed"), share(off, there))
+    image, closes = model.reversal.of(model.gap(p), p), model.landing_gap(p) if model.landing_gap else model.gap(p)
+    apart = [*np.subtract(image.weights, closes.weights), image.offset - closes.offset]
+    names = (*own, "landing_gap") if model.landing_gap else own
+    yield Relation("the gap at landing is the image of the gap", names, share(apart, image.weights))
+    words, force = "the force on the point that landed is the image of the contact force", draw.stood["force"]
+    off = draw.mirrored_contact["force"] - draw.stood.get("landed", force)
+    yield Relation(words, (*both, "contact.watch"), share(off, force))
 
 
 def geometry(model: Model, draw: Draw) -> Iterator[Relation]:

@@ -32,8 +32,8 @@ def closed_forms(model: Model, draw: Draw) -> Iterator[Relation]:
         value, rate = share(series[:, :n, 0] - states, states), share(series[:, :n, 1] - at["field"], at["field"])
         yield Relation(f"{name} moves by the field", (name, f"{where}.field"), max(value, rate))
         if where == "contact":
-            force = at["force"][:, 0]
-            off = share(series[:, n, 0] - force, force) if series.shape[1] > n else np.inf
+            forces = np.concatenate([at["force"], at.get("landed", at["force"][:, :0])], axis=1)
+            off = share(series[:, n:, 0] - forces, forces) if series.shape[1] == n + forces.shape[1] else np.inf
             yield Relation(f"{name} watches the contact force", (name, "contact.watch"), off)
         after, transition = form.state(x, SERIES_TIME), form.transition(SERIES_TIME)
         summed = series[0, :n] @ SERIES_TIME ** np.arange(SERIES_ORDER + 1)

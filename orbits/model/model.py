@@ -15,16 +15,19 @@ from ..units import Dimension
 from .phase import Affine, Phase, weighted_sum
 from .relative import Reduction, Relative
 from .state_formula import StateFormula
+from .symmetry import Shift, SignedShift
 
 # Two links of the same length with a knee between them: the names of the heights that they join, lower (None for the
 # ground) and upper, and the length of each.
 Knee: TypeAlias = tuple[str | None, str, float]
 # The quantity that the contact of every model watches, which opens where it vanishes.
 CONTACT_FORCE = "contact force"
+# The quantity that a contact of two points watches besides: the force on the one that has just landed.
+LANDED_FORCE = "contact force of the landed point"
 # What no model states, and the fields from which it follows.
 DERIVED_FIELDS = {
     "launch": "contact, launch_unknowns and embed",
-    "touchdown": "contact, launch_unknowns, reversor and embed",
+    "touchdown": "contact, launch_unknowns, reversor, symmetry and embed",
     "liftoff": "launch_unknowns and the contact force that contact watches",
     "landing": "gap, flight, launch_unknowns and embed",
     "contact_gradient": "flight_gradient and embed",
@@ -37,15 +40,18 @@ class Model:
     """A kind of machine whose plastic contact can be lossless; its functions take the parameters as a mapping `p`.
 
     A lossless cycle is a flight from the launch set to its image under the reversor, then a contact back to the launch
-    set. Energy is conserved in each phase; only its gradient is needed, so that the potential need not be known in
-    closed form. The unknowns are a mapping `u`: "liftoff" and "alpha" are the value and the speed of the coordinate
-    that is launched, and further unknowns of a launch have the names of contact states. The functions gap, separation,
-    impact_mass, impact, and the contact force are called for m orbits together, with arrays (m,) in `x` and `p`, and
-    with CasADi's expressions; so they must not branch on these values. A speed has the name of its coordinate with an
-    apostrophe. The launch, lift-off, the landing and the energy in contact follow from the fields, see the methods; a
-    model that states one of them raises `InputError`.
+    set; where there is a `symmetry`, of the machine with other labels, so that another point of it opens next. Energy
+    is conserved in each phase; only its gradient is needed, so that the potential need not be known in closed form. The
+    unknowns are a mapping `u`: "liftoff" and "alpha" are the value and the speed of the coordinate that is launched,
+    and further unknowns of a launch have the names of contact states. The functions gap, separation, impact_mass,
+    impact, and the contact force are called for m orbits together, with arrays (m,) in `x` and `p`, and with CasADi's
+    expressions; so they must not branch on these values. A speed has the name of its coordinate with an apostrophe. The
+    launch, lift-off, the landing and the energy in contact follow from the fields, see the methods; a model that states
+    one of them raises `InputError`.
 
-    flight, contact : the two phases; the contact watches a quantity named "contact force", which vanishes at lift-off
+    flight, contact : the two phases; the contact watches a quantity named "contact force", which vanishes at lift-off.
+        Where one point lands and another opens, that is the force on the latter, and the contact also watches the
+        force on the former, the "contact force of the landed point", which is its image under the contact's reversor
     launch_unknowns : names of the unknowns of a launch: "liftoff", "alpha", and the contact states except the value and
         the speed of the one coordinate that these two are; contact states without speeds are 0 at lift-off
     reversor : sign of each flight state under time reversal; None where the model has no reversor
@@ -62,7 +68,8 @@ class Model:
         separation are the difference of two of them, or of one and the ground, up to a constant, which may be the size
         of solid parts for the separation
     violations : messages for the four conditions of a motion: the "gap" closes in flight, the contact would have to
-        "pull", the "separation" vanishes, the contact does not "end"
+        "pull", the "separation" vanishes, the contact does not "end"; where another point lands than opens, also for
+        the "landing gap" that closes early and the landed point that would have to pull, the "landed pull"
     springs : pairs of names of the heights, lower and upper, between which springs are drawn; None is the ground
     knees : p -> (lower, upper, length) of pairs of such names between which a knee joins two links of this length, in
         the unit of the heights; None where there is none
@@ -89,6 +96,11 @@ class Model:
     fixed : names of parameters that have one value only
     rest : p -> flight state at rest in contact, with the springs unloaded, from which a simulation counts the energy;
         None where all of its coordinates are 0
+    reversor_shift : p -> what the reversor adds to each flight state after it changed the signs; None for nothing
+    symmetry : sign of each flight state in the relabelling after a landing, which names the contact that opens next as
+        the first one. None where the same contact opens again
+    symmetry_shift : p -> what the relabelling adds to each flight state after that; None for nothing
+    landing_gap : p -> height of the point that lands, the image of `gap` under the reversor; None where that is `gap`
     derived : whether the model was derived, so that its parts cannot contradict each other, see `as_derived`; other
         models are checked once before they are used (`orbits.check` checks more)
     """
@@ -125,6 +137,10 @@ class Model:
     driven: bool = False
     fixed: tuple[str, ...] = ()
     hysteretic: tuple[float, ...] | None = None
+    reversor_shift: Shift | None = None
+    symmetry: tuple[int, ...] | None = None
+    symmetry_shift: Shift | None = None
+    landing_gap: Callable[[Parameters], Affine] | None = None
     # A model that `dataclasses.replace` makes has to be checked again.
     derived: bool = field(default=False, init=False)
 
@@ -182,11 +198,53 @@ class Model:
         return [u[name] if name else 0.0 for name in self._unknown_states]
 
     @cached_property
-    def mirror(self) -> tuple[int, ...]:
-        """The sign of each contact state under time reversal; without a reversor, that of a damped machine."""
+    def plain(self) -> bool:
+        """Whether time reversal flips all speeds and no place, and the same contact opens again."""
+        usual = (None, tuple(-1 if name.endswith("'") else 1 for name in self.flight.states))
+        return self.symmetry is None and self.landing_gap is None and self.reversor in usual
+
+    @cached_property
+    def reversal(self) -> SignedShift:
+        """The reversor R of the flight; raises `InputError` for a model without one."""
         if self.reversor is None:
-            return tuple(-1 if name.endswith("'") else 1 for name in self.contact.states)
-        return tuple(int(self.reversor[i]) for i in np.abs(self.embed).argmax(0))
+            raise InputError("half an orbit needs a model with a reversor")
+        return SignedShift(self.reversor, self.reversor_shift)
+
+    @cached_property
+    def relabelling(self) -> SignedShift:
+        """The relabelling S after a landing."""
+        return SignedShift(self.symmetry or (1,) * len(self.flight.states), self.symmetry_shift)
+
+    @cached_property
+    def contact_reversal(self) -> SignedShift:
+        """The reversor Rc = S R of the contact, of contact states; without a reversor, that of a damped machine."""
+        if self.reversor is None:
+            return SignedShift(tuple(-1 if name.endswith("'") else 1 for name in self.contact.states))
+        whole = self.relabelling.after(self.reversal)
+        signs = tuple(int(whole.signs[i]) for i in np.abs(self.embed).argmax(0))
+        if whole.shift is None:
+            return SignedShift(signs)
+        own = [next(i for i, row in enumerate(self.embed) if np.array_equal(row, unit)) for unit in np.eye(len(signs))]
+        return SignedShift(signs, lambda p: [whole.shifts(p)[i] for i in own])
+
+    @property
+    def mirror(self) -> tuple[int, ...]:
+        """The sign of each contact state under the contact's reversor."""
+        return self.contact_reversal.signs
+
+    @property
+    def changes_contact(self) -> bool:
+        """Whether another point lands than opens, so that two stand in contact."""
+        return LANDED_FORCE in self.contact.watch
+
+    def mid_contact(self, p: Parameters) -> Affine:
+        """The function of the contact state that first vanishes in mid-contact where a speed fixes the launch: the
+        launched place less its centre where time reversal flips it, else its speed."""
+        place = self._place
+        if self.mirror[place] > 0:
+            return self.contact_speed
+        weights = tuple(float(i == place) for i in range(len(self.contact.states)))
+        return Affine(weights, -0.5 * self.contact_reversal.shifts(p)[place])
 
     @cached_property
     def _rows(self) -> list[list[float]]:
@@ -199,7 +257,7 @@ class Model:
 
     def touchdown(self, u: Parameters, p: Parameters) -> list[Algebraic]:
         """The contact state (m,) after a lossless landing: the mirror image of the launch."""
-        return [-value if sign < 0 else value for sign, value in zip(self.mirror, self._released(u), strict=True)]
+        return self.contact_reversal.image(self._released(u), p)
 
     def liftoff(self, u: Parameters, p: Parameters, q: Scalars) -> Algebraic:
         """The contact force of a launch, which vanishes where sustained contact ends."""
@@ -245,7 +303,7 @@ class Model:
 
     @property
     def one_speed(self) -> bool:
-        """Whether its speed alone fixes a launch; that speed then first vanishes again in mid-contact."""
+        """Whether its speed alone fixes a launch; in mid-contact `mid_contact` then first vanishes again."""
         return len(self.launch_unknowns) == 2
 
 

@@ -167,7 +167,11 @@ def _landing_states(model: Model, cycles: Cycles) -> np.ndarray:
     integrated from landing backwards."""
     first = cycles.halves.first[cycles.halves_per_flight - 1 :: cycles.halves_per_flight]
     states = cycles.halves.coefficients[first, : len(model.flight.states), 0].T
-    return states if model.reversor is None else np.array(model.reversor)[:, None] * states
+    return (
+        states
+        if model.reversor is None
+        else np.array(np.broadcast_arrays(*model.reversal.image(list(states), cycles.p)))
+    )
 
 
 @cached

@@ -1,6 +1,6 @@
 """The equations of an orbit of a model, the statement of each method, and the interpretation of its solutions."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any
@@ -77,17 +77,12 @@ def half_orbit(model: Model) -> Statement:
     speed, the contact after the mirrored landing has to reach such a state too, and half its time is a further unknown.
     Raises `InputError` for a model without a reversor.
     """
-    if model.reversor is None:
-        raise InputError("half an orbit needs a model with a reversor")
-
-    def at_rest(reversor: tuple[int, ...]) -> Callable:
-        return lambda u, x, p: [value for value, sign in zip(x, reversor, strict=True) if sign < 0]
-
+    flying, standing = model.reversal, model.contact_reversal
     flight = Arc(
         model.flight,
         start=lambda u, before, p: model.launch(u, p),
         duration=lambda u, p: u["duration"],
-        conditions=at_rest(model.reversor),
+        conditions=lambda u, x, p: flying.fixed(x, p),
         guard=lambda u, x, p, q: [model.liftoff(u, p, q)],
     )
     if model.one_speed:
@@ -96,7 +91,7 @@ def half_orbit(model: Model) -> Statement:
         model.contact,
         start=lambda u, before, p: model.touchdown(u, p),
         duration=lambda u, p: u["contact_duration"],
-        conditions=at_rest(model.mirror),
+        conditions=lambda u, x, p: standing.fixed(x, p),
     )
     return Statement("half orbit", model.half_unknowns, (flight, contact), ("duration", "contact_duration"))
 
@@ -110,6 +105,11 @@ def whole_flight(model: Model) -> Statement:
     a further unknown, is added to the field. It vanishes on an orbit. Raises `NoOrbit` for a model whose launch is more
     than a speed: the landing leaves its other unknowns free.
     """
+    if model.symmetry:
+        raise NoOrbit(
+            f"a {model.name} whose steps differ from one another, without a reversor, has no lossless orbit that is "
+            "found: `simulate` follows its steps"
+        )
     if not model.one_speed:
         raise NoOrbit(
             f"a {model.name} has no reversor, as no machine with a damper has: where a launch is more than a speed, "
@@ -243,7 +243,8 @@ def _flights(model: Model, method: str, u: Mapping, p: Mapping, evaluation: Eval
 
 def landing_gap_slope(model: Model, change: Iterable, p: Mapping) -> Algebraic:
     """Derivative by alpha of the gap at the orbit's landing time, from that of the flight state there, by component."""
-    return sum(weight * d for weight, d in zip(model.gap(p).weights, change, strict=False))
+    gap = model.landing_gap(p) if model.landing_gap else model.gap(p)
+    return sum(weight * d for weight, d in zip(gap.weights, change, strict=False))
 
 
 def halved(flights: Trajectories) -> Trajectories:
@@ -273,22 +274,25 @@ def _contacts(model: Model, u: Mapping, p: Mapping, limits: ndarray):
     """The `with_contact`, `contacts` and `without_contact` of `Cycles`; a contact has to end within `limits` (m,), and
     where the launch has several speeds, mid-contact is at that time."""
     flow, starts, ps = flow_of(model.contact, tuple(p)), columns(model.touchdown(u, p)), vectors(p, len(limits))
-    # A mirrored contact is followed until its speed vanishes. Otherwise the force ends it, whose zero at landing does
-    # not count.
-    end = (model.contact_speed, 0) if model.reversor else (contact_force_row(model.contact), 1)
-    done, contacts = until_zero(flow, starts, ps, *end) if model.one_speed else (np.zeros(0, int), None)
+    # A mirrored contact is followed up to its middle. Otherwise its force ends it, whose zero at landing is left out.
+    end = (model.mid_contact(p), 0) if model.reversor else (contact_force_row(model.contact), 1)
+    # A middle that differs between motions is searched for one by one.
+    together = model.one_speed and not np.any(end[0].offset)
+    end = (replace(end[0], offset=0.0), end[1]) if together else end
+    done, contacts = until_zero(flow, starts, ps, *end) if together else (np.zeros(0, int), None)
     if contacts and len(done) == len(starts) and (contacts.ends < limits).all():
         return done, contacts, {}
     ended = zip(done.tolist(), contacts or (), strict=True)
     found: dict[int, Any] = {i: contact for i, contact in ended if contact.times[-1] < limits[i]}
     rest = np.array(sorted({*range(len(starts))} - found.keys()), int)
-    if len(rest) and model.one_speed and flow.in_lanes and not flow.phase.closed_form:
+    if len(rest) and together and flow.in_lanes and not flow.phase.closed_form:
         # A contact that never ends takes thousands of steps, so that it is detected without storing them.
         times, _, failed = first_zeros(flow, starts[rest], ps[rest], end[0], limits[rest], end[1])
         found |= {int(rest[k]): _end_of_contact(model, failed.get(k)) for k in (~np.isfinite(times)).nonzero()[0]}
     for i in {*range(len(starts))} - found.keys():
         try:
-            path, _ = flow.run(starts[i], ps[i], limits[i], stop=first_zero(*end) if model.one_speed else None)
+            own = end if together else (replace(end[0], offset=np.broadcast_to(end[0].offset, len(starts))[i]), end[1])
+            path, _ = flow.run(starts[i], ps[i], limits[i], stop=first_zero(*own) if model.one_speed else None)
             found[i] = model.violations["end"] if model.one_speed and not path.times[-1] < limits[i] else path
         except FlowError as error:
             found[i] = _end_of_contact(model, error)
