@@ -178,6 +178,8 @@ class Flow:
             if stop and (halt := stop(c, np.minimum(step, duration - times))):
                 c, end = c[: halt[0] + 1], times[halt[0]] + halt[1]
             blocks.append(c)
+            if form.pushed and not np.abs(c[..., 0]).max() <= control.runaway:
+                raise RunsAway(self.failure("runs away", times[-1], c[-1, : self.size, 0]))
             if halt:
                 break
         if not halt and count * step < duration * (1 - STEP_ROUNDING):

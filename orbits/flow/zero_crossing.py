@@ -131,6 +131,13 @@ class _ZeroSearch:
             found, hits = began[owner] + length * piece + t, remaining[owner]
             self.times[hits] = np.where(found <= self.limit[hits], found, np.nan)
             self.rows[hits, : self.flow.size] = form.state(self.starts[hits].T, found).T
+            if form.pushed:
+                away = ~(np.abs(c[block - 1 :: block, 0]) <= self.flow.control.runaway)
+                away[owner] = False
+                for i in away.nonzero()[0].tolist():
+                    at = began[i], form.state(self.starts[remaining[i]], began[i])
+                    self.failed[int(remaining[i])] = RunsAway(self.flow.failure("runs away", *at))
+                owner = np.append(owner, away.nonzero()[0])
             remaining, began = np.delete(remaining, owner), np.delete(began, owner) + block * length
             # While the quantity stays positive nothing is searched, until shortly before that ends.
             jump = falls[remaining] - EARLY * length

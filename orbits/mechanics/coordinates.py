@@ -86,7 +86,11 @@ class Coordinates:
 
     def at_zero(self, expression: Scalar) -> ca.SX:
         """An expression where all coordinates are 0."""
-        return ca.substitute(self.scalar(expression), self.y, ca.SX(ca.DM.zeros(self.y.numel())))
+        return self.without_place(self.scalar(expression))
+
+    def without_place(self, expression: ca.SX) -> ca.SX:
+        """An expression of symbols where all coordinates are 0."""
+        return ca.substitute(expression, self.y, ca.SX(ca.DM.zeros(self.y.numel())))
 
     def affine(self, expression: Scalar) -> Coefficients | None:
         """The weights of the coordinates and displacements and the offset of an expression, functions of the

@@ -78,7 +78,7 @@ def linear_equations(structure: Structure, p: Parameters) -> LinearEquations:
     """The matrices of a mechanism whose springs are straight lines; raises `InputError` for another."""
     linear = Linear.of(_parts_of(structure).mechanics)
     if linear is None:
-        needed = "straight springs along sums of coordinates, no other force but weights, constant gravity and inertia"
+        needed = "straight springs along sums of coordinates, quadratic potentials, constant gravity and inertia"
         raise InputError(f"the {structure.name} is not linear: that takes {needed}")
     return linear.equations(p)
 

@@ -1,4 +1,4 @@
-"""Mechanisms whose springs are straight lines: their matrices, from which their motions follow without integration."""
+"""Mechanisms whose forces are straight lines: their matrices, from which their motions follow without integration."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -9,7 +9,8 @@ import numpy as np
 from ..laws.law import Parameters
 from ..model.modes import Modes, linear_modes
 from ..model.relative import straight_line
-from .elements import Spring
+from .coordinates import Coordinates
+from .elements import Potential, Spring
 from .lagrange import Mechanics
 from .terms import Term
 
@@ -26,15 +27,22 @@ class LinearEquations(NamedTuple):
 
 
 class Linear:
-    """A mechanism whose springs are straight lines, under constant gravity and without losses."""
+    """A mechanism whose springs are straight lines and whose potentials are quadratic, under constant gravity and
+    without losses.
+
+    straight : the forces of springs and potentials, each k (along . y + offset - zero) against its own direction, where
+        springs have k and zero by their laws, and potentials 1 and 0
+    """
 
     def __init__(self, mechanics: Mechanics):
         self.mechanics, c, flight = mechanics, mechanics.coordinates, mechanics.in_flight
-        self.springs = [term for term in flight.terms if isinstance(term.element, Spring)]
+        self.straight = [term for term in flight.terms if not term.is_weight]
         weight = sum((term.gradient for term in flight.terms if term.is_weight), ca.SX(c.size, 1))
         self._weight, self._inertia = c.coefficients(ca.densify(weight)), c.coefficients(flight.inertia)
-        self._along = c.coefficients(ca.horzcat(*(term.gradient for term in self.springs)))
-        self._offsets = c.coefficients(ca.horzcat(*(c.at_zero(term.place) for term in self.springs)))
+        forces = [_straight_force(c, term) for term in self.straight]
+        self._against = c.coefficients(ca.horzcat(*(term.gradient for term in self.straight)))
+        self._along = c.coefficients(ca.horzcat(*(ca.gradient(force, c.y) for force in forces)))
+        self._offsets = c.coefficients(ca.horzcat(*(c.without_place(force) for force in forces)))
         self.embed = mechanics.gap.embed[:, : c.size - 1]
 
     @classmethod
@@ -47,12 +55,14 @@ class Linear:
 
     def equations(self, p: Parameters) -> LinearEquations:
         """The matrices at parameters."""
-        inertia, along = np.array(self._inertia(p), dtype=float), np.array(self._along(p), dtype=float)
+        inertia, along, against = (
+            np.array(each(p), dtype=float) for each in (self._inertia, self._along, self._against)
+        )
         load = -np.ravel(self._weight(p)).astype(float)
         stiffness = np.zeros(inertia.shape)
-        for term, direction, offset in zip(self.springs, along.T, self._offsets(p)[0], strict=True):
-            k, zero = straight_line(self.mechanics.law_of(term.element), p)
-            stiffness += k * np.outer(direction, direction)
+        for term, own, direction, offset in zip(self.straight, along.T, against.T, self._offsets(p)[0], strict=True):
+            k, zero = self._line(term, p)
+            stiffness += k * np.outer(direction, own)
             load -= k * (offset - zero) * direction
         return LinearEquations(inertia, stiffness, load)
 
@@ -65,12 +75,12 @@ class Linear:
         (inertia, stiffness, load), embed, m = self.equations(p), self.embed, self.mechanics
         weights, value = np.zeros(m.size - 1), 0.0
         along, offsets = np.array(self._along(p), dtype=float), self._offsets(p)[0]
-        place = {id(term.element): j for j, term in enumerate(self.springs)}
+        place = {_force_of(term): j for j, term in enumerate(self.straight)}
         for coefficient, term in zip(m.in_contact.force_coefficients(p)[0], m.in_contact.terms, strict=True):
-            if (j := place.get(id(term.element))) is None:
+            if term.is_weight:
                 value += coefficient
                 continue
-            k, zero = straight_line(self.mechanics.law_of(term.element), p)
+            (k, zero), j = self._line(term, p), place[_force_of(term)]
             weights += coefficient * k * (along[:, j] @ embed)
             value += coefficient * k * (offsets[j] - zero)
         force = np.kron(weights, [1.0, 0.0]), float(value)
@@ -78,14 +88,35 @@ class Linear:
             embed.T @ inertia @ embed, embed.T @ stiffness @ embed, load @ embed, {"contact force": force}
         )
 
+    def _line(self, term: Term, p: Parameters) -> tuple[float, float]:
+        """Stiffness and zero of a force."""
+        if isinstance(term.element, Potential):
+            return 1.0, 0.0
+        return straight_line(self.mechanics.law_of(term.element), p)
+
+
+def _force_of(term: Term) -> int:
+    """The same number for the terms of one force in flight and in contact."""
+    return id(term.force if isinstance(term.element, Potential) else term.element)
+
+
+def _straight_force(c: Coordinates, term: Term) -> ca.SX:
+    """The extension of a spring, or the force of a potential."""
+    if isinstance(term.element, Potential):
+        return ca.dot(term.gradient, c.gradient(term.element.energy))
+    return c.scalar(term.place)
+
 
 def _is_straight(mechanics: Mechanics) -> Callable[[Term], bool]:
-    """Whether a term is a weight, or a spring whose law and whose extension are straight lines."""
+    """Whether a term is a weight, a spring whose law and whose extension are straight lines, or the force of a
+    quadratic potential."""
     c = mechanics.coordinates
 
     def is_straight(term: Term) -> bool:
         if isinstance(term.element, Spring):
             return mechanics.law_of(term.element).degree() == 1 and c.affine(term.place) is not None
+        if isinstance(term.element, Potential):
+            return not c.varies(ca.gradient(_straight_force(c, term), c.y))
         return term.is_weight and not c.varies(term.gradient)
 
     return is_straight

@@ -2,7 +2,8 @@
 
 The n coordinates y of M y'' = -K y + f, with M, K and f constant, are sums of n modes that move independently. A mode
 of squared frequency omega^2 > 0 swings about a centre; one that no spring resists, with omega = 0, is thrown with a
-constant acceleration. States are (y1, y1', y2, y2', ...).
+constant acceleration; and one with omega^2 < 0, as a pendulum upside down, is pushed away from its centre. States are
+(y1, y1', y2, y2', ...).
 """
 
 import math
@@ -24,13 +25,16 @@ SLOWEST_SQUARE = 1e-13
 CLEARLY = 0.99
 # A quantity that rises from a zero for so long, in radians of the fastest mode, is by then far above rounding.
 SHORTEST_RISE = 0.5
+# When a mode that is pushed away has grown by the exponential of this, its motion has run away whatever its start was.
+LARGEST_GROWTH = 300.0
 
 
 @dataclass(frozen=True, eq=False)
 class Modes:
     """The flow of a linear mechanism as modes q, with y = shapes @ q and q'' = loads - squares * q.
 
-    squares : (n,) squared angular frequencies, ascending, exactly 0 for modes without a restoring force ("thrown")
+    squares : (n,) squared angular frequencies: first those that are exactly 0, of modes without a restoring force
+        ("thrown"), then the others, ascending; below 0 for modes that are pushed away
     shapes : (n, n), the modes as columns
     apart : (n, n), the inverse of `shapes`, stated because a numerical inverse would have rounding errors
     loads : (n,) the accelerations of the modes at q = 0
@@ -48,8 +52,8 @@ class Modes:
 
     @property
     def square(self) -> float:
-        """The squared frequency of the fastest mode."""
-        return float(self.squares[-1])
+        """The largest squared frequency of a mode, or squared rate of growth."""
+        return float(np.abs(self.squares).max())
 
     @cached_property
     def thrown(self) -> int:
@@ -58,12 +62,25 @@ class Modes:
 
     @cached_property
     def rates(self) -> np.ndarray:
-        """Angular frequencies of the oscillating modes."""
-        return np.sqrt(self.squares[self.thrown :])
+        """Rates of growth of the modes that are pushed away, then angular frequencies of those that swing."""
+        return np.sqrt(np.abs(self.squares[self.thrown :]))
+
+    @cached_property
+    def pushed(self) -> int:
+        """The number of modes that are pushed away."""
+        return int(np.count_nonzero(self.squares < 0.0))
+
+    def _circular(self, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """cos and sin of rates times times (s, ...), of the modes that are pushed away cosh and sinh."""
+        c, s, k = np.cos(angles), np.sin(angles), self.pushed
+        if k:
+            grown = np.clip(angles[:k], -LARGEST_GROWTH, LARGEST_GROWTH)
+            c[:k], s[:k] = np.cosh(grown), np.sinh(grown)
+        return c, s
 
     @cached_property
     def centres(self) -> np.ndarray:
-        """Mode coordinates about which the modes oscillate."""
+        """Mode coordinates about which the modes swing, or from which they are pushed away."""
         return self.loads[self.thrown :] / self.squares[self.thrown :]
 
     def state(self, start: ArrayLike, t: float | np.ndarray) -> np.ndarray:
@@ -80,7 +97,8 @@ class Modes:
     def transition(self, t: float) -> np.ndarray:
         """Transition matrix (2n, 2n): the derivative of the state at time `t` with respect to the start."""
         angles, k, n = self.rates * t, self.thrown, len(self.squares)
-        c, s = np.cos(angles), np.sin(angles) / self.rates
+        c, s = self._circular(angles)
+        s = s / self.rates
         if k:
             c, s = np.append(np.ones(k), c), np.append(np.full(k, t), s)
         matrix = np.empty((2 * n, 2 * n))
@@ -120,7 +138,9 @@ class Modes:
     def positive_between(self, quantity: Any, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Times (m,) between which an affine quantity, of `weights` and `offset`, is positive on motions from `starts`
         (2n, m), however the modes swing: the sum of their amplitudes is less than the height of the thrown part's
-        parabola. The times are infinity and 0 where nothing is known."""
+        parabola. The times are infinity and 0 where nothing is known, as where a mode is pushed away."""
+        if self.pushed:
+            return np.full(starts.shape[1], np.inf), np.zeros(starts.shape[1])
         output = self._output(quantity.weights, starts)
         return output.above(self._amplitudes(output).sum(0) - quantity.offset)
 
@@ -131,6 +151,8 @@ class Modes:
         With d its derivative of this order at the start, and -bound a lower bound of the next one, the quantity is at
         least t^order (d - bound t / (order + 1)) / order!. `positive_between` may go on from there.
         """
+        if self.pushed:
+            return np.zeros(starts.shape[1])
         output = self._output(quantity.weights, starts)
         amplitudes = self._amplitudes(output)
         rises, falls = output.above(amplitudes.sum(0) - quantity.offset)
@@ -143,8 +165,8 @@ class Modes:
         return np.where(until > SHORTEST_RISE / np.sqrt(self.square), until, 0.0)
 
     def _modes(self, states: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Coordinates and speeds (k, N) of the thrown modes, and of those that swing, counted from their centres, in
-        states (2n, N)."""
+        """Coordinates and speeds (k, N) of the thrown modes, and of the others, counted from their centres, in states
+        (2n, N)."""
         q, u, k = self.apart @ states[::2], self.apart @ states[1::2], self.thrown
         return q[:k], u[:k], q[k:] - self.centres[:, None], u[k:]
 
@@ -157,9 +179,11 @@ class Modes:
         if many := len(tail) > 1:  # one column for each motion, whose times are further axes
             w, rise, x, v = (values.reshape(len(values), *tail) for values in (w, rise, x, v))
             pull, omega = (values.reshape(len(values), *(1,) * len(tail)) for values in (pull, omega))
-        angles = omega * t
-        c, s = np.cos(angles), np.sin(angles)
-        x, v = x * c + v * (s / omega), v * c - x * (omega * s)
+        angles, own = omega * t, slice(None, self.pushed)
+        c, s = self._circular(angles)
+        turned = x * (omega * s)
+        turned[own] = -turned[own]
+        x, v = x * c + v * (s / omega), v * c - turned
         if k:
             w, rise = w + t * (rise + 0.5 * t * pull), rise + t * pull
         if many:
@@ -188,7 +212,7 @@ class Modes:
         return np.hypot(output.even, output.odd / self.rates[:, None])
 
     def _alternating(self, order: int) -> np.ndarray:
-        """Taylor coefficients (2, s, order + 1) of cos(omega t) and sin(omega t) / omega."""
+        """Taylor coefficients (2, s, order + 1) of cos(omega t) and sin(omega t) / omega, or cosh and sinh."""
         halves, factors = _even_and_odd(order)
         return (-self.squares[self.thrown :, None]) ** halves * factors
 
@@ -244,11 +268,12 @@ def linear_modes(
     """The modes of M y'' = -K y + f.
 
     inertia : M (n, n), symmetric and positive definite
-    stiffness : K (n, n), symmetric and positive semidefinite
+    stiffness : K (n, n), symmetric
     load : f (n,)
     watch : as in `Modes`
 
-    Raises `InputError` for matrices without these properties, and where no mode oscillates.
+    Modes that are pushed away are taken too. Raises `InputError` for matrices without these properties, and where no
+    mode oscillates.
 
     >>> from orbits.model import linear_modes
     >>> modes = linear_modes([[1.0]], [[4.0]], [0.0])
@@ -275,8 +300,9 @@ def linear_modes(
     squares, turned = np.linalg.eigh(inverse @ k @ inverse.T)
     if not squares[-1] > 0:
         raise InputError("the stiffness is nowhere positive: without a spring no mode swings")
-    if squares[0] < -SLOWEST_SQUARE * squares[-1]:
-        raise InputError("the stiffness is not positive semidefinite: a motion is pushed away from rest")
-    squares = np.where(squares > SLOWEST_SQUARE * squares[-1], squares, 0.0)
+    squares = np.where(np.abs(squares) > SLOWEST_SQUARE * np.abs(squares).max(), squares, 0.0)
+    if squares[0] < 0:
+        thrown_first = np.argsort(squares != 0.0, kind="stable")
+        squares, turned = squares[thrown_first], turned[:, thrown_first]
     shapes = inverse.T @ turned
     return Modes(squares, shapes, turned.T @ root.T, f @ shapes, watch or {})

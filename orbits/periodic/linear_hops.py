@@ -143,6 +143,8 @@ class _HopEquations:
 
     def __init__(self, inertia: ArrayLike, stiffness: ArrayLike, load: ArrayLike, gap: ArrayLike):
         self.flight = flight = linear_modes(inertia, stiffness, load)
+        if flight.pushed:
+            raise InputError("the stiffness is not positive semidefinite: a motion is pushed away from rest")
         self.squares, self.loads, self.size = flight.squares, flight.loads, len(flight.squares)
         weights = np.array(gap, dtype=float)
         if weights.shape != (self.size,) or not np.isfinite(weights).all() or not weights.any():
