@@ -11,6 +11,8 @@ import casadi as ca
 import numpy as np
 from scipy.optimize import brentq
 
+from orbits import Mechanism
+from orbits.mechanics import Potential, Spring
 from orbits.model.model import Model
 from orbits.model.phase import Affine, Phase
 
@@ -148,3 +150,25 @@ def start_of(kind: str, mu: float, kappa: float, family: int, angle: float = 1.0
         "duration": half,
         "contact_duration": contact / 2,
     }
+
+
+def stepping(
+    kind: str, mu: float, kappa: float, angle: float | None = None, law: object = "r", **parameters: float
+) -> Mechanism:
+    """The same machines as mechanisms, linearised without an angle."""
+    a, energy = "angle", "kappa*cos(theta - angle)"
+    if angle is None:
+        a, energy = "1", "-kappa*(theta - 1)**2/2"
+    turned, maps = {"theta": f"2*{a} - theta", "phi": f"2*{a} - phi"}, dict[str, dict[str, str]]()
+    if kind == "rocker":
+        energy = "kappa*(theta - theta**2/2)" if angle is None else "kappa*(cos(theta) + tan(angle)*sin(theta))"
+        maps = {"symmetry": {"theta": "-theta", "phi": "-phi"}, "gaps": {"foot": "theta"}}
+    else:
+        step = {"theta": f"theta - 2*{a}", "phi": f"phi - 2*{a}"}
+        feet = {"rear foot": "theta", "front foot": f"2*{a} - theta"}
+        maps = {"reversor": turned, "symmetry": step if kind == "wheel" else turned, "gaps": feet}
+    numbers = {"mu": mu, "kappa": kappa, **parameters} | ({} if angle is None else {"angle": angle})
+    return Mechanism(
+        ("phi", "theta"), [Spring("phi - theta", law), Potential(energy)], name=kind,
+        inertia={"phi": 1.0, "theta": "1/mu"}, parameters=numbers, **maps,
+    )  # fmt: skip

@@ -229,6 +229,8 @@ def _of_mechanism(mechanism: Mechanism, values: Mapping[str, Bounds]) -> StatedM
             case _:
                 raise InputError(f"{type(element).__name__} does not conserve energy: it has no lossless orbit")
     gravity, structure = mechanism.gravity, mechanism.structure
+    if not mechanism.model.plain:
+        raise Unproved("its points of contact take turns, which no theorem states")
     if gravity.written is None or gravity.written.potential:
         raise Unproved(f"gravity '{gravity.text}' is no formula that a theorem could state")
     separation = mechanism.separation

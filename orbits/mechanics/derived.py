@@ -23,12 +23,14 @@ from .terms import GRAVITY_SHARE, Gravity
 def derived_model(structure: Structure) -> Model:
     """The model of a mechanism; raises `InputError` where it is no mechanism."""
     s, parts = structure, _parts_of(structure)
-    mechanics, gap = parts.mechanics, parts.gap
+    mechanics, gap, steps = parts.mechanics, parts.gap, parts.steps
+    if steps and steps.reversible:
+        steps.refuse_laws(mechanics.laws)
     launch = launch_of(mechanics, parts.alone, parts.words["liftoff"], dict(s.rest).get(parts.launched, 0.0))
-    linear = Linear.of(mechanics)
+    linear = Linear.of(mechanics, steps)
     # The motion of one extension alone leads to orbits where nothing damps or drives it. Under gravity that varies it
     # is the motion in the scene of the guess only, so that there is a guess and no reduction.
-    moves_alone = launch is not None and launch.reduction and mechanics.conservative and not s.actuators
+    moves_alone = launch is not None and launch.reduction and mechanics.conservative and not s.actuators and not steps
     still = launch if moves_alone and not mechanics.gravity.varies else None
     exact: tuple[Any, Any] = (linear.flight, linear.contact) if linear else (None, None)
     if linear and still and parts.alone:  # by the extension in the fewest operations, so with the least rounding
@@ -38,7 +40,7 @@ def derived_model(structure: Structure) -> Model:
         flight=parts.flight(exact[0]),
         contact=parts.contact(exact[1]),
         launch_unknowns=parts.launch_unknowns,
-        reversor=(1, -1) * mechanics.size if mechanics.conservative and not s.actuators else None,
+        **parts.maps(mechanics.conservative and not s.actuators),
         release=launch.relative.release if launch else parts.no_release,
         embed=parts.embed,
         flight_gradient=parts.flight_gradient,
@@ -76,11 +78,19 @@ def derived_launch(structure: Structure) -> str:
 @exclusive
 def linear_equations(structure: Structure, p: Parameters) -> LinearEquations:
     """The matrices of a mechanism whose springs are straight lines; raises `InputError` for another."""
-    linear = Linear.of(_parts_of(structure).mechanics)
+    linear = Linear.of(_parts_of(structure).mechanics, None)
     if linear is None:
         needed = "straight springs along sums of coordinates, quadratic potentials, constant gravity and inertia"
         raise InputError(f"the {structure.name} is not linear: that takes {needed}")
     return linear.equations(p)
+
+
+@exclusive
+def refuse_uneven_tables(structure: Structure, p: Parameters) -> None:
+    """Raise `InputError` for a law in pieces that a step turns into another one."""
+    parts = _parts_of(structure)
+    if parts.steps and parts.steps.reversible:
+        parts.steps.refuse_tables(parts.mechanics.laws, p)
 
 
 def _parts_of(structure: Structure) -> "Parts":

@@ -301,7 +301,7 @@ def _flight_equations(
     """The equations of the flight; the inertia is the `stated` one and that of the elements."""
     parts = [(c.scalar(mass), c.gradient(place)[: c.size]) for place, mass in moving_masses(elements)]
     parts += squares_of(stated, c.vanishes) if stated.nnz() else []
-    gradients, solved = ca.horzcat(*(term.gradient for term in terms)), Inertia(c.size, parts, _exactly(c, gap))
+    gradients, solved = ca.horzcat(*(term.gradient for term in terms)), Inertia(c.size, parts, as_number(c, gap))
     accelerations, kick = -solved.solve(gradients[: c.size, :]), solved.solve(gap.exact)
     compliance = gap.exact.T @ kick
     dampers = [term.gradient[c.size :] for term in terms if term.what == "damper"]
@@ -326,11 +326,11 @@ def _contact_equations(c: Coordinates, gap: ClosedGap, flight: InFlight) -> InCo
     return InContact(
         symbols, terms, row, c.coefficients(row, symbols),
         ca.sparsify(embed.T @ gap.inside(flight.inertia, c) @ embed),
-        c.coefficients(-Inertia(m, parts, _exactly(c, gap)).solve(along), symbols),
+        c.coefficients(-Inertia(m, parts, as_number(c, gap)).solve(along), symbols),
     )  # fmt: skip
 
 
-def _exactly(c: Coordinates, gap: ClosedGap) -> Callable[[ca.SX], ca.SX]:
+def as_number(c: Coordinates, gap: ClosedGap) -> Callable[[ca.SX], ca.SX]:
     """An expression -> the same one, a number where it is one."""
 
     def exactly(expression: ca.SX) -> ca.SX:

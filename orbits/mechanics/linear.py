@@ -1,17 +1,19 @@
 """Mechanisms whose forces are straight lines: their matrices, from which their motions follow without integration."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from ..laws.law import Parameters
+from ..laws.law import Parameters, Scalars
+from ..model.model import CONTACT_FORCE, LANDED_FORCE
 from ..model.modes import Modes, linear_modes
 from ..model.relative import straight_line
 from .coordinates import Coordinates
 from .elements import Potential, Spring
 from .lagrange import Mechanics
+from .steps import Stepping
 from .terms import Term
 
 
@@ -34,8 +36,8 @@ class Linear:
         springs have k and zero by their laws, and potentials 1 and 0
     """
 
-    def __init__(self, mechanics: Mechanics):
-        self.mechanics, c, flight = mechanics, mechanics.coordinates, mechanics.in_flight
+    def __init__(self, mechanics: Mechanics, steps: Stepping | None):
+        self.mechanics, c, flight, self.steps = mechanics, mechanics.coordinates, mechanics.in_flight, steps
         self.straight = [term for term in flight.terms if not term.is_weight]
         weight = sum((term.gradient for term in flight.terms if term.is_weight), ca.SX(c.size, 1))
         self._weight, self._inertia = c.coefficients(ca.densify(weight)), c.coefficients(flight.inertia)
@@ -46,12 +48,12 @@ class Linear:
         self.embed = mechanics.gap.embed[:, : c.size - 1]
 
     @classmethod
-    def of(cls, mechanics: Mechanics) -> "Linear | None":
+    def of(cls, mechanics: Mechanics, steps: Stepping | None) -> "Linear | None":
         """The linear form of a mechanism; None where it is not linear."""
         c, flight = mechanics.coordinates, mechanics.in_flight
         linear = mechanics.conservative and not mechanics.gravity.varies and not c.actuators
         linear = linear and not c.varies(flight.inertia)
-        return cls(mechanics) if linear and all(map(_is_straight(mechanics), flight.terms)) else None
+        return cls(mechanics, steps) if linear and all(map(_is_straight(mechanics), flight.terms)) else None
 
     def equations(self, p: Parameters) -> LinearEquations:
         """The matrices at parameters."""
@@ -73,20 +75,31 @@ class Linear:
     def contact(self, p: Parameters) -> Modes:
         """The exact flow of the contact, with the contact force."""
         (inertia, stiffness, load), embed, m = self.equations(p), self.embed, self.mechanics
-        weights, value = np.zeros(m.size - 1), 0.0
-        along, offsets = np.array(self._along(p), dtype=float), self._offsets(p)[0]
-        place = {_force_of(term): j for j, term in enumerate(self.straight)}
-        for coefficient, term in zip(m.in_contact.force_coefficients(p)[0], m.in_contact.terms, strict=True):
+        offsets = self._offsets(p)[0]
+        force = self._watched(m.in_contact.force_coefficients(p)[0], m.in_contact.terms, embed, offsets, p)
+        watch = {CONTACT_FORCE: force}
+        if self.steps and self.steps.row:
+            back = self.steps.states(self.steps.relabelling).inverse
+            signs, shifts = np.array(back.signs[::2]), np.array(back.shifts(p)[::2], dtype=float)
+            before = np.array(offsets) + shifts @ np.array(self._along(p), dtype=float)
+            terms, row = m.in_flight.terms, self.steps.row(p)[0]
+            watch[LANDED_FORCE] = self._watched(row, terms, signs[:, None] * embed, before, p)
+        return linear_modes(embed.T @ inertia @ embed, embed.T @ stiffness @ embed, load @ embed, watch)
+
+    def _watched(
+        self, row: Scalars, terms: Sequence[Term], embed: np.ndarray, offsets: Scalars, p: Parameters
+    ) -> tuple[np.ndarray, float]:
+        """Weights of the contact states in a sum of the terms, and its value where these are 0."""
+        weights, value, along = np.zeros(embed.shape[1]), 0.0, np.array(self._along(p), dtype=float)
+        place = {_owner_of(term): j for j, term in enumerate(self.straight)}
+        for coefficient, term in zip(row, terms, strict=True):
             if term.is_weight:
                 value += coefficient
                 continue
-            (k, zero), j = self._line(term, p), place[_force_of(term)]
+            (k, zero), j = self._line(term, p), place[_owner_of(term)]
             weights += coefficient * k * (along[:, j] @ embed)
             value += coefficient * k * (offsets[j] - zero)
-        force = np.kron(weights, [1.0, 0.0]), float(value)
-        return linear_modes(
-            embed.T @ inertia @ embed, embed.T @ stiffness @ embed, load @ embed, {"contact force": force}
-        )
+        return np.kron(weights, [1.0, 0.0]), float(value)
 
     def _line(self, term: Term, p: Parameters) -> tuple[float, float]:
         """Stiffness and zero of a force."""
@@ -95,7 +108,7 @@ class Linear:
         return straight_line(self.mechanics.law_of(term.element), p)
 
 
-def _force_of(term: Term) -> int:
+def _owner_of(term: Term) -> int:
     """The same number for the terms of one force in flight and in contact."""
     return id(term.force if isinstance(term.element, Potential) else term.element)
 

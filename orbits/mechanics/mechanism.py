@@ -32,13 +32,14 @@ from ..model.model import Model, as_derived
 from ..running.exclusive import exclusive, exclusive_property
 from ..symbolic.formula import suggest
 from ..units import FORCE, LENGTH, TORQUE, Dimension, Units, unit_text
-from .derived import derived_launch, derived_model, linear_equations
+from .derived import derived_launch, derived_model, linear_equations, refuse_uneven_tables
 from .dimensions import dimensions_of_parameters, length_or_angle
 from .elements import Element, Scalar, Spring, expressions_of, names_in
 from .ground import on_ground
 from .linear import LinearEquations
 from .parts import names_of_springs
 from .refusals import (
+    first_of_gaps,
     hint_of_coordinate,
     joined_values,
     listed,
@@ -58,7 +59,7 @@ class Mechanism(Stated):
     elements : `Mass`, `Spring`, `Damper`, `Weight`, `Inerter`, `Potential` and `Force`, whose extensions and heights
         are formulas of the coordinates and parameters
     gap : the distance that opens in flight and lands plastically, a linear combination of coordinates with constant
-        coefficients
+        coefficients, which is 0 where all coordinates are
     parameters : values of the names in all formulas and laws; the parameters of the laws are added to these
     gravity : the acceleration as a number, or as a formula or law of the height z. Where it varies, `find` first solves
         for constant gravity with the value at z = 0, and continues from there to the law in steps
@@ -82,8 +83,15 @@ class Mechanism(Stated):
         is 0 unless `parameters` has it
     ground : a `Ground` that yields, under a gap that is one coordinate; the mechanism then has the ground's coordinate,
         mass and spring among its own, and no `ground` any more. None for rigid ground
+    reversor : of the places in flight: formulas of those coordinates that time reversal does not leave as they are, by
+        coordinate, each the coordinate or its negative plus an amount, as "2*angle - theta"; None where motions are not
+        turned back, as on a slope, which leaves simulations alone
+    symmetry : such formulas for the relabelling after a landing, which makes that point the first that opens next
+    gaps : by name, instead of `gap`, the gap that opens and that which closes at landing, the image of the first under
+        the reversor
     words : the name of the "liftoff" force in messages, the texts of a violated "gap", "pull", "separation" and "end",
-        and the text to look after where a search finds "none"
+        where points take turns also those of a violated "landing gap" and "landed pull", and the text to look after
+        where a search finds "none"
 
     Raises `InputError` for an unknown name, for statements that do not describe a mechanism, and for masses, inertias,
     dampers and gravity of a wrong sign as soon as all parameters have values.
@@ -99,7 +107,7 @@ class Mechanism(Stated):
 
     coordinates: Sequence[str]
     elements: Sequence[Element]
-    gap: Scalar
+    gap: Scalar = ""
     parameters: Mapping[str, float] = field(default_factory=dict)
     gravity: Any = "1"
     surface_gravity: Scalar = 1.0
@@ -118,6 +126,9 @@ class Mechanism(Stated):
     actuators: Mapping[str, str] = field(default_factory=dict)
     words: Mapping[str, str] = field(default_factory=dict)
     ground: Any = None
+    reversor: Mapping[str, Scalar] | None = field(default_factory=dict)
+    symmetry: Mapping[str, Scalar] = field(default_factory=dict)
+    gaps: Mapping[str, Scalar] = field(default_factory=dict)
 
     @exclusive
     def __post_init__(self) -> None:
@@ -126,6 +137,8 @@ class Mechanism(Stated):
             knees=tuple(listed("knees", knee) for knee in listed("knees", self.knees)),
             angles=listed("angles", self.angles),
         )  # fmt: skip
+        if self.gaps or self.gap == "":
+            self._store(gap=first_of_gaps(self))
         if self.ground is not None:
             stated = self.coordinates, self.elements, self.gap, self.launch, self.heights
             self._store(**on_ground(self.ground, *stated))
@@ -142,7 +155,8 @@ class Mechanism(Stated):
         rates = {rate: 0.0 for rate in self.actuators.values() if rate not in values}
         self._store(
             elements=tuple(elements), gravity=laws[0][0], parameters=values | rates, actuators=self.actuators,
-            words=self.words, rest=self.rest, restitution=coefficient_of_restitution(self.restitution),
+            words=self.words, rest=self.rest, reversor=self.reversor, symmetry=self.symmetry, gaps=self.gaps,
+            restitution=coefficient_of_restitution(self.restitution),
         )  # fmt: skip
         used = self._used_names
         refuse_names_of_parameters(self, [*self.parameters, *(name for key, _ in laws for name in key.names)], used)
@@ -233,7 +247,8 @@ class Mechanism(Stated):
             self.name, tuple(self.coordinates), tuple(elements), self.gap, self.inertia, gravity, self.surface_gravity,
             counts, self.launch, tuple((self.heights or {}).items()), self.separation, self.energy_unit,
             tuple(self.rest.items()), tuple(self.knees), tuple(self.actuators.items()), tuple(self.words.items()),
-            names,
+            names, self.reversor if self.reversor is None else tuple(self.reversor.items()),
+            tuple(self.symmetry.items()), tuple(self.gaps.items()),
         )  # fmt: skip
 
     @exclusive_property
@@ -241,6 +256,8 @@ class Mechanism(Stated):
         """The model that follows; mechanisms that differ only in numbers share it."""
         try:
             model = derived_model(self.structure)
+            if not model.plain:
+                refuse_uneven_tables(self.structure, self.parameters)
         except InputError as error:
             hints = (hint_of_coordinate(name, self.coordinates) for name in self._missing)
             raise InputError("; ".join([str(error), *filter(None, hints)])) from error

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..laws.law import Algebraic, Key, Parameters, Scalars
-from ..model.model import CONTACT_FORCE, Knee
+from ..model.model import CONTACT_FORCE, LANDED_FORCE, Knee
 from ..model.phase import Affine, Phase, Pieces, weighted_sum
 from ..model.relative import Reach, pieces_along, reach_along
 from ..model.state_formula import StateFormula
@@ -19,7 +20,8 @@ from .coordinates import Coordinates
 from .elements import Scalar, Spring, names_in, value_of
 from .lagrange import Mechanics, forces_of
 from .lone_extension import Alone
-from .structure import USUAL_WORDS, Structure
+from .steps import Stepping, steps_of
+from .structure import USUAL_WORDS, Structure, words_of_gaps
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +36,7 @@ class Parts:
         energy by the coordinates
     drawn : as `Model.springs`
     alone : the extension that moves alone, None where none does
+    steps : the maps by which points of contact take turns, None where one point lands and opens again
     """
 
     structure: Structure
@@ -49,6 +52,7 @@ class Parts:
     turning: Callable
     drawn: tuple[tuple[str | None, str], ...]
     alone: Alone | None
+    steps: Stepping | None
 
     @classmethod
     def of(cls, s: Structure, mechanics: Mechanics) -> "Parts":
@@ -66,6 +70,7 @@ class Parts:
             None if s.separation is None else _height(c, s.separation),
             c.coefficients(flight.impact_mass / unit), c.coefficients(of_forces),
             c.coefficients(flight.inertia / unit), mechanics.turning(unit), _drawn(c, s), Alone.of(mechanics),
+            steps_of(c, s, mechanics),
         )  # fmt: skip
 
     def with_laws(self, laws: Sequence[Key]) -> "Parts":
@@ -75,7 +80,8 @@ class Parts:
     @property
     def words(self) -> dict[str, str]:
         """The words of messages."""
-        return {**USUAL_WORDS, **dict(self.structure.words)}
+        named = words_of_gaps([name for name, _ in self.structure.gaps]) if self.steps else {}
+        return {**USUAL_WORDS, **named, **dict(self.structure.words)}
 
     @property
     def _ends(self) -> int:
@@ -107,6 +113,19 @@ class Parts:
         """The gap."""
         return Affine(_interleaved([*self.mechanics.gap.numbers.tolist(), *[0.0] * self._ends], self._ends))
 
+    def maps(self, reversible: bool) -> dict[str, Any]:
+        """The reversor, the relabelling and the landing gap of a model, whose motions may be turned back or not."""
+        n, steps = self.mechanics.size, self.steps
+        if steps is None:
+            return {"reversor": (1, -1) * n if reversible else None}
+        label, back = steps.states(steps.relabelling), steps.states(steps.reversor)
+        found: dict[str, Any] = {"landing_gap": steps.landing_gap(self.mechanics.gap.weights), "reversor": None}
+        if steps.reversible and reversible:
+            found |= {"reversor": back.signs, "reversor_shift": back.shift}
+        if label.shift or label.signs != (1,) * len(label.signs):
+            found |= {"symmetry": label.signs, "symmetry_shift": label.shift}
+        return found
+
     def flight(self, closed_form: Callable | None) -> Phase:
         """The flight."""
         pieces, reaches = self._along(contact=False)
@@ -117,6 +136,8 @@ class Parts:
     def contact(self, closed_form: Callable | None) -> Phase:
         """The contact."""
         watch, (pieces, reaches) = {CONTACT_FORCE: self.mechanics.contact_force}, self._along(contact=True)
+        if self.steps and self.steps.row:
+            watch[LANDED_FORCE] = self.steps.landed_force(self.mechanics)
         states = (*self._states_in_contact, *(name for name, _ in self.structure.actuators))
         return Phase("contact", states, self.mechanics.contact, watch, pieces, closed_form, reaches)
 

@@ -27,7 +27,9 @@ NEARLY_THE_SAME = 0.75
 def refuse_misstated(mechanism: Any) -> None:
     """Raise `InputError` for a `Mechanism` whose names or shapes cannot be, whatever its parameters' values are."""
     m = mechanism
-    for name in ("parameters", "rest", "actuators", "words", "heights"):
+    for name in ("parameters", "rest", "actuators", "words", "heights", "symmetry", "gaps", "reversor"):
+        if name == "reversor" and m.reversor is None:
+            continue
         if not isinstance(getattr(m, name), Mapping):
             raise InputError(f"{name} = {getattr(m, name)!r}; it is a mapping of names")
     if len(m.coordinates) < 2:
@@ -49,6 +51,18 @@ def refuse_misstated(mechanism: Any) -> None:
     _refuse_rows(m.inertia, len(m.coordinates))
     _refuse_keys(m)
     _refuse_coordinates_in(m)
+
+
+def first_of_gaps(mechanism: Any) -> Scalar:
+    """The gap that opens, where a mechanism states `gaps`; raises `InputError` where it states none, or two different
+    ones."""
+    gap, gaps = mechanism.gap, mechanism.gaps
+    first = next(iter(gaps.values()), None) if isinstance(gaps, Mapping) else None
+    if first is None:
+        raise InputError(f"gaps = {gaps!r}: state gap=, the distance that opens, or gaps= with names of two of them")
+    if gap not in ("", first):
+        raise InputError(f"gap '{gap}' is not the first of the gaps, '{first}': leave gap= out")
+    return first
 
 
 def listed(what: str, value: object) -> tuple:
@@ -93,6 +107,8 @@ def _refuse_keys(m: Any) -> None:
     joined = [name for knee in m.knees for name in knee[:2] if name is not None]
     for what, kind, names, known in (
         ("rest", "coordinate", m.rest, places),
+        ("reversor", "coordinate", m.reversor or (), m.coordinates),
+        ("symmetry", "coordinate", m.symmetry, m.coordinates),
         ("angles", "coordinate", m.angles, m.coordinates),
         ("words", "message", m.words, tuple(USUAL_WORDS)),
         ("knees", "height", joined, tuple(m.heights)),

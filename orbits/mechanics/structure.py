@@ -1,5 +1,6 @@
 """A mechanism without its numbers."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from ..laws.law import Key
@@ -12,8 +13,18 @@ USUAL_WORDS = {
     "pull": "the contact would have to pull",
     "separation": "parts of the machine pass through each other",
     "end": "contact: it never opens again",
+    "landing gap": "",
+    "landed pull": "",
     "none": "",
 }
+
+
+def words_of_gaps(names: Sequence[str]) -> dict[str, str]:
+    """The words of a machine whose points of contact take turns; the one that opens and the one that lands may have
+    names."""
+    opens, lands = (f"the {name}" for name in (*names, *("point that opens", "point that lands")[len(names) :]))
+    own = {"gap": f"{opens} touches in flight", "pull": f"{opens} would have to pull"} if names else {}
+    return {**own, "landing gap": f"{lands} touches in flight", "landed pull": f"{lands} would have to pull"}
 
 
 class Structure(NamedTuple):
@@ -36,3 +47,6 @@ class Structure(NamedTuple):
     actuators: tuple[tuple[str, str], ...]
     words: tuple[tuple[str, str], ...]
     parameters: tuple[str, ...]
+    reversor: tuple[tuple[str, Scalar], ...] | None = ()
+    symmetry: tuple[tuple[str, Scalar], ...] = ()
+    gaps: tuple[tuple[str, Scalar], ...] = ()

@@ -26,7 +26,7 @@ CLEARLY = 0.99
 # A quantity that rises from a zero for so long, in radians of the fastest mode, is by then far above rounding.
 SHORTEST_RISE = 0.5
 # When a mode that is pushed away has grown by the exponential of this, its motion has run away whatever its start was.
-LARGEST_GROWTH = 300.0
+FARTHEST_PUSHED = 300.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +74,7 @@ class Modes:
         """cos and sin of rates times times (s, ...), of the modes that are pushed away cosh and sinh."""
         c, s, k = np.cos(angles), np.sin(angles), self.pushed
         if k:
-            grown = np.clip(angles[:k], -LARGEST_GROWTH, LARGEST_GROWTH)
+            grown = np.clip(angles[:k], -FARTHEST_PUSHED, FARTHEST_PUSHED)
             c[:k], s[:k] = np.cosh(grown), np.sinh(grown)
         return c, s
 

@@ -7,7 +7,8 @@ which are divided out of the numerator wherever that leaves no remainder.
 
 Every step is an identity between functions: what is found equal is equal, wherever both are defined. The converse holds
 for rational functions, and for those with roots and sines by the two rules that are used, sqrt(a)^2 = a and
-cos(a)^2 = 1 - sin(a)^2; any other function is related to nothing but itself. An operation whose result would have more
+cos(a)^2 = 1 - sin(a)^2; any other function is related to nothing but itself, and if it is odd or even to its value at
+the negative argument. An operation whose result would have more
 than `MOST_TERMS` terms is a generator too: what depends on it is never found to be constant unless it drops out.
 """
 
@@ -165,6 +166,8 @@ class NormalForms:
 
     def sine(self, a: Ratio, angle: Callable[[], ca.SX]) -> Ratio:
         """The sine of a normal form with this expression."""
+        if _leads_below_zero(a):
+            return self.multiply(_MINUS, self.sine(self.multiply(_MINUS, a), lambda: -angle()))
         return self.function((ca.OP_SIN,), [a], lambda: ca.sin(angle()))
 
     def cosine(self, a: Ratio, angle: Callable[[], ca.SX]) -> Ratio:
@@ -310,6 +313,11 @@ def rounded(number: Number) -> float:
     return value
 
 
+def _leads_below_zero(a: Ratio) -> bool:
+    """Whether the first coefficient is below 0: of a normal form and its negative, unless they vanish, that of one."""
+    return bool(a.numerator) and a.numerator[min(a.numerator)] < 0
+
+
 def _bits(value: Number) -> int:
     return value.numerator.bit_length() + value.denominator.bit_length()
 
@@ -407,6 +415,10 @@ def _form_of_operation(
             return _of_angle(forms, operation, *arguments[0])
     except (TooLargeError, ZeroDivisionError):
         pass
+    if operation in _PARITIES and _leads_below_zero(values[0]):
+        opposite = [(forms.multiply(_MINUS, values[0]), lambda: -arguments[0][1]())]
+        turned = _form_of_operation(forms, operation, opposite, _lazily(operation, [opposite[0][1]]))
+        return turned if _PARITIES[operation] > 0 else forms.multiply(_MINUS, turned)
     return forms.function((operation,), values, expression, square=operation == ca.OP_SQRT)
 
 
@@ -418,6 +430,11 @@ def _of_angle(forms: NormalForms, operation: int, angle: Ratio, expression: Call
     return cosine if operation == ca.OP_COS else forms.multiply(forms.sine(angle, expression), forms.inverse(cosine))
 
 
+# Beside sines, the functions that are odd (-1) and even (1).
+_PARITIES = {
+    **dict.fromkeys((ca.OP_SINH, ca.OP_TANH, ca.OP_ASIN, ca.OP_ATAN, ca.OP_ASINH, ca.OP_ATANH, ca.OP_ERF), -1),
+    **dict.fromkeys((ca.OP_COSH, ca.OP_FABS), 1),
+}
 _MINUS, _TWO = Ratio({(): -1}), Ratio({(): 2})
 _RATIONAL: dict[int, Callable[[NormalForms, Ratio, Ratio], Ratio]] = {
     ca.OP_ADD: lambda forms, a, b: forms.add(a, b),

@@ -1,0 +1,192 @@
+"""Mechanisms that step: against models written by hand, forces on a slope by hand, and what does not turn back."""
+
+import math
+
+import pytest
+from steps import SINES, TABLE, by_hand, start_of, stepping
+
+from orbits import InputError, Mechanism, find
+from orbits.consistency.verdict import algebraic_relations
+from orbits.mechanics import Damper, Mass, Potential, Spring, Weight
+from problems.laws import springs
+
+TURNED = {"theta": "2*angle - theta", "phi": "2*angle - phi"}
+NEXT = {"theta": "theta - 2*angle", "phi": "phi - 2*angle"}
+FEET = {"rear foot": "theta", "front foot": "2*angle - theta"}
+
+
+def walker(*elements, **changes) -> Mechanism:
+    """A rimless wheel with an inner body on a spring."""
+    stated = {
+        "inertia": {"phi": 1.0, "theta": 1.25},
+        "parameters": {"angle": 0.3, "weight": 0.5},
+        "reversor": TURNED,
+        "symmetry": NEXT,
+        "gaps": FEET,
+    }
+    usual = elements or (Spring("phi - theta"), Potential("weight*cos(theta - angle)"))
+    return Mechanism(("phi", "theta"), list(usual), **{**stated, **changes})
+
+
+@pytest.mark.parametrize(
+    ("kind", "law", "sine"), [*((kind, "r", False) for kind in TABLE), *((k, law, True) for k, law, _ in SINES)]
+)
+def test_a_mechanism_has_the_model_that_is_written_by_hand(kind, law, sine):
+    angle = 0.3 if sine else 1.0
+    hand, own = by_hand(kind, law, sine)(0.8, 0.5, angle), stepping(kind, 0.8, 0.5, angle if sine else None, law)
+    p, q, x, u = hand.values, own.values, [0.4, -0.3, 0.2, 0.7], {"liftoff": 0.3, "alpha": 1.1}
+    a, b = hand.model, own.model
+    assert b.flight.field(x, q, []) == pytest.approx([float(each) for each in a.flight.field(x, p, [])], rel=1e-14)
+    assert b.contact.field(x[:2], q, []) == pytest.approx(a.contact.field(x[:2], p, []), rel=1e-14)
+    assert a.contact.watch.keys() == b.contact.watch.keys()
+    for name, force in a.contact.watch.items():
+        assert b.contact.watch[name](x[:2], q, []) == pytest.approx(float(force(x[:2], p, [])), rel=1e-14)
+    assert (a.reversor, a.symmetry) == (b.reversor, b.symmetry)
+    for one, other in ((a.reversal, b.reversal), (a.relabelling, b.relabelling)):
+        assert one.image(x, p) == pytest.approx(other.image(x, q))
+    assert a.contact_reversal.image(x[:2], p) == pytest.approx(b.contact_reversal.image(x[:2], q))
+    assert b.touchdown(u, q) == pytest.approx(a.touchdown(u, p))
+    assert (a.landing_gap is None) == (b.landing_gap is None)
+    if a.landing_gap:
+        assert b.landing_gap(q) == a.landing_gap(p)
+    assert b.derived
+    assert all(each.holds for each in algebraic_relations(b, q))
+
+
+@pytest.mark.parametrize("kind", TABLE)
+def test_straight_lines_need_no_integration(kind):
+    for (mu, kappa, family), (half, speed, contact) in TABLE[kind].items():
+        machine = stepping(kind, mu, kappa)
+        assert machine.model.flight.closed_form
+        orbit = find(machine, start=start_of(kind, mu, kappa, family))
+        assert (orbit.flight_time / 2, orbit.alpha) == pytest.approx((half, speed), rel=0, abs=1e-14 + 1e-15 * half)
+        assert orbit.contact_time == pytest.approx(contact, rel=0, abs=1e-13)
+
+
+@pytest.mark.parametrize("law", ["tanh(r)", "r*abs(r)", "sinh(r)", "r + c*r**5", "atan(r)", "exp(r) - exp(-r)"])
+@pytest.mark.parametrize("kind", TABLE)
+def test_odd_laws_turn_motions_back(kind, law):
+    machine = stepping(kind, 0.8, 0.4, 0.3, law, **({"c": 0.7} if "c" in law else {}))
+    assert all(each.holds for each in algebraic_relations(machine.model, machine.values))
+
+
+def test_two_inner_bodies_step_together():
+    """The launch has more unknowns than a speed; the inner bodies take each other's places in no step."""
+    turned = {"inner": "2*angle - inner", **TURNED}
+    machine = Mechanism(
+        ("inner", "phi", "theta"),
+        [Spring("phi - theta", "r"), Spring("inner - phi", "2*r + r**3"), Potential("weight*cos(theta - angle)")],
+        inertia={"inner": 0.2, "phi": 1.0, "theta": 1.25}, parameters={"angle": 0.3, "weight": 0.5},
+        reversor=turned, symmetry={"inner": "inner - 2*angle", **NEXT}, gaps=FEET,
+    )  # fmt: skip
+    assert all(each.holds for each in algebraic_relations(machine.model, machine.values))
+    assert not machine.model.one_speed
+
+
+def test_the_forces_on_both_feet_on_a_slope():
+    """A wheel on a slope s: about each foot, the moment of the weight and of the spring."""
+    angle, slope, weight = 0.3, 0.1, 2.0
+    machine = walker(
+        Spring("phi - theta", "3*r"), Potential("weight*cos(theta - angle - slope)"),
+        parameters={"angle": angle, "slope": slope, "weight": weight}, reversor=None,
+    )  # fmt: skip
+    model, p = machine.model, machine.values
+    assert model.reversor is None
+    assert model.landing_gap(p).at([0.0, 0.0, 0.25, 0.0]) == pytest.approx(2 * angle - 0.25)
+    for r in (-0.4, 0.0, 0.7):
+        opens = -weight * math.sin(-angle - slope) - 3 * r  # about the front foot
+        landed = weight * math.sin(angle - slope) + 3 * r  # about the rear one
+        forces = [force([r, 0.9], p, []) for force in model.contact.watch.values()]
+        assert forces == pytest.approx([opens, landed], rel=1e-14)
+    assert all(each.holds for each in algebraic_relations(model, p))
+
+
+def test_the_weight_of_a_mass_above_the_foot_is_its_potential():
+    by_weight = walker(Spring("phi - theta"), Weight("cos(theta - angle)", "weight"))
+    x, p = [0.4, -0.3, 0.2, 0.7], by_weight.values
+    assert by_weight.model.flight.field(x, p, []) == pytest.approx(walker().model.flight.field(x, p, []), rel=1e-15)
+    for a, b in zip(by_weight.model.contact.watch.values(), walker().model.contact.watch.values(), strict=True):
+        assert a(x[:2], p, []) == pytest.approx(b(x[:2], p, []), rel=1e-15)
+
+
+def test_damped_steps_are_not_turned_back():
+    damped = walker(Spring("phi - theta"), Potential("weight*cos(theta - angle)"), Damper("phi - theta", 0.1))
+    assert damped.model.reversor is None
+    assert damped.model.symmetry == (1, 1, 1, 1)
+    assert damped.model.landing_gap(damped.values).offset == pytest.approx(0.6)
+    assert all(each.holds for each in algebraic_relations(damped.model, damped.values))
+
+
+def test_words_name_the_points_of_contact():
+    words = walker().model.violations
+    assert words["gap"] == "the rear foot touches in flight"
+    assert words["landing gap"] == "the front foot touches in flight"
+    assert words["pull"] == "the rear foot would have to pull"
+    assert words["landed pull"] == "the front foot would have to pull"
+    assert stepping("rocker", 1.0, 0.5).model.violations["landed pull"] == "the point that lands would have to pull"
+    assert walker(words={"gap": "scuffed"}).model.violations["gap"] == "scuffed"
+    plain = Mechanism(("a", "b"), [Mass("a", 1.0), Mass("b", 1.0), Spring("a - b")], gap="b")
+    assert plain.model.plain
+    assert "landing gap" not in plain.model.violations
+
+
+@pytest.mark.parametrize("kind", TABLE)
+def test_a_law_in_pieces_is_taken_where_it_is_odd(kind):
+    rows = [-2.0, -1.0, 0.0, 1.0, 2.0], [-3.0, -1.2, 0.0, 1.2, 3.0]
+    for law in (springs.end_stops(gap=0.1, stop=2.0), springs.table(rows, noise=0)):
+        machine = stepping(kind, 0.8, 0.4, 0.3, law)
+        assert all(each.holds for each in algebraic_relations(machine.model, machine.values))
+    for law in (springs.bilinear(), springs.table((rows[0], [-2.9, *rows[1][1:]]), noise=0)):
+        with pytest.raises(InputError, match="is no odd function of its extension"):
+            _ = stepping(kind, 0.8, 0.4, 0.3, law).model
+
+
+@pytest.mark.parametrize(
+    ("change", "telling"),
+    [
+        ({"reversor": {"theta": "2*theta"}}, "reversor of 'theta': '2\\*theta' is neither the coordinate"),
+        ({"reversor": {"theta": "phi"}}, "state a swap of two coordinates in their sum and their difference"),
+        ({"reversor": {"thet": "theta"}}, "reversor: there is no coordinate 'thet'; did you mean 'theta'"),
+        ({"symmetry": {"theta": "theta - theta**2"}}, "symmetry of 'theta'"),
+        ({"symmetry": {"theta": "theta - angle"}}, "the gap that lands is not gap 'theta' after the symmetry"),
+        ({"symmetry": {"theta": "theta - 2*angle"}}, "the symmetry do not turn motions in contact back"),
+        ({"gaps": {"rear": "theta", "front": "angle - theta"}}, "gap 'front' = 'angle - theta' is not the image of"),
+        ({"gaps": {"rear": "theta", "front": "theta*phi"}}, "gap 'front' = 'theta\\*phi' is no sum of coordinates"),
+        ({"gaps": {**FEET, "third": "phi"}}, "two of them"),
+        ({"gaps": {}}, "state gap=, the distance that opens"),
+        ({"gap": "phi"}, "gap 'phi' is not the first of the gaps, 'theta'"),
+        ({"reversor": {"theta": "2*angle - theta"}}, "do not turn motions in flight back, for the extension"),
+        ({"inertia": [[1.0, "0.1*theta"], ["0.1*theta", 1.25]]}, "do not turn motions in flight back, for the inertia"),
+    ],
+)  # fmt: skip
+def test_what_does_not_step_is_refused(change, telling):
+    with pytest.raises(InputError, match=telling):
+        _ = walker(**change).model
+
+
+@pytest.mark.parametrize(
+    ("elements", "telling"),
+    [
+        ((Spring("phi - theta"), Potential("weight*cos(theta - angle) + 0.1*theta")), "Potential.*reversor=None"),
+        ((Spring("phi - theta", "r + r**2"), Potential("weight*cos(theta - angle)")), "is no odd function"),
+        (
+            (Spring("phi - theta"), Spring("phi", "0.1*r"), Potential("weight*cos(theta - angle)")),
+            "the extension 'phi'",
+        ),
+    ],
+)
+def test_forces_that_are_not_turned_are_named(elements, telling):
+    with pytest.raises(InputError, match=telling):
+        _ = walker(*elements).model
+
+
+def test_springs_that_take_each_others_places_are_alike():
+    """Two springs from the hub to the ends of a bar that leans over."""
+    pair = ["r + r**3", "r + r**3"]
+    legs = lambda laws: walker(  # noqa: E731
+        Spring("phi - theta", "r"), Spring("theta - angle + 0.5", laws[0]), Spring("angle - theta + 0.5", laws[1]),
+        Potential("weight*cos(theta - angle)"),
+    )  # fmt: skip
+    assert all(each.holds for each in algebraic_relations(legs(pair).model, legs(pair).values))
+    with pytest.raises(InputError, match="take each other's places on a step: give both the same law"):
+        _ = legs(["r + r**3", "r"]).model
