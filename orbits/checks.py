@@ -190,7 +190,7 @@ def _orbit_relations(machine: Machine, orbit: Orbit, graphs: Graphs) -> Iterator
     words = f"the orbit's flight to its middle is that {INTEGRATED}"
     yield Relation(words, _fields_of("flight"), share(middle - orbit(half), begins, middle), LARGEST_DIFFERENCE)
     if orbit.contact is not None and orbit.contact_time is not None:
-        stood = np.linalg.pinv(model.embed) @ lands
+        stood = np.linalg.pinv(model.embed) @ model.relabelling(lands, machine.values)
         middle = np.asarray(model.embed) @ _integrated(machine, graphs, model.contact, stood, orbit.contact_time / 2)
         words, there = (
             f"the orbit's contact to its middle is that {INTEGRATED}",

@@ -12,7 +12,7 @@ from typing import Any
 import casadi as ca
 
 from ..errors import InputError
-from ..model.model import Model
+from ..model.model import Model, refuse_steps
 from ..model.phase import Arc, Phase, Statement
 from ..periodic.loss_coefficient import by_launch_speed, launch_power, loss_coefficient
 from ..periodic.quantities import DESIGNED
@@ -75,6 +75,7 @@ def base_statement(model: Model) -> Statement:
     mirror images."""
     if not model.reversor:
         raise InputError("a design needs a machine whose motion is its own mirror image in time: leave out the damping")
+    refuse_steps(model, "a design")
     return model.reduction.statement if model.reduction else half_orbit(model)
 
 

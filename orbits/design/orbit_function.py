@@ -16,7 +16,7 @@ from ..consistency.accepted import check_parameters
 from ..errors import InputError, NoOrbit, whole_number
 from ..flow.flow import flow_of
 from ..model.machine import Machine
-from ..model.model import Model, refuse_hysteresis
+from ..model.model import Model, refuse_hysteresis, refuse_steps
 from ..model.phase import Phase
 from ..numerics.roots import Array, solve
 from ..periodic.find import StartLike, find
@@ -89,6 +89,7 @@ def orbit_function(
     if not names or len({*names}) < len(names):
         raise InputError(f"over = {over!r}; it names the parameters of the function, each once")
     refuse_hysteresis(machine.model)
+    refuse_steps(machine.model, "a function of parameters")
     if machine.model.reversor is None:
         halves = "the second half of its orbits is no mirror image of the first, which is differentiated"
         raise InputError(f"a {machine.model.name} has no reversor: {halves}")

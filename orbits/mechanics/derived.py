@@ -6,6 +6,7 @@ from typing import Any
 
 from ..errors import InputError
 from ..laws.law import Parameters
+from ..model.linear_guess import search_of_steps
 from ..model.model import Model, as_derived
 from ..running.exclusive import exclusive
 from .coordinates import Coordinates
@@ -65,6 +66,10 @@ def derived_model(structure: Structure) -> Model:
         rest=parts.rest if s.rest else None,
         knees=parts.knees if s.knees else None,
     )
+    if steps and launch and model.search:
+        # Families are counted by turns or, where mid-flight turns all places over, by zeros of the extension.
+        usual, one_way = launch.relative.search, len({*steps.reversor.signs}) == 1
+        model = replace(model, search=(lambda p: search_of_steps(model, usual(p), p)) if one_way else None)
     return as_derived(model)
 
 

@@ -233,6 +233,12 @@ class Model:
         return self.contact_reversal.signs
 
     @property
+    def turns_midway(self) -> bool:
+        """Whether the extension is stationary in mid-flight, since the reversor leaves it as it is."""
+        weights = self.extension.weights
+        return self.reversor is None or weights == tuple(w * s for w, s in zip(weights, self.reversor, strict=True))
+
+    @property
     def changes_contact(self) -> bool:
         """Whether another point lands than opens, so that two stand in contact."""
         return LANDED_FORCE in self.contact.watch
@@ -293,8 +299,8 @@ class Model:
 
     @property
     def is_guessed(self) -> bool:
-        """Whether a family has a guess, from which its orbit is solved for."""
-        return self.guess is not None
+        """Whether a family has a guess, from which its orbit is solved for; that of machines that step is linear."""
+        return self.guess is not None or (not self.plain and self.search is not None)
 
     @property
     def half_unknowns(self) -> tuple[str, ...]:
@@ -314,6 +320,15 @@ def refuse_hysteresis(model: Model) -> None:
         raise NoOrbit(
             f"a spring with hysteresis loses energy on every hop: it has no lossless orbit, but {instead}; the law "
             "half way between its branches, its `.mean`, has"
+        )
+
+
+def refuse_steps(model: Model, what: str) -> None:
+    """Raise `InputError` for a model whose points of contact take turns, which `what` does not follow."""
+    if not model.plain:
+        raise InputError(
+            f"the points of contact of a {model.name} take turns, but {what} follows one that lands and opens again: "
+            "its orbits are found, followed and certified"
         )
 
 

@@ -7,7 +7,7 @@ the contact Rc = S R. With S the identity, and R the flip of all speeds, the mac
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
@@ -73,10 +73,10 @@ class SignedShift:
         weights = tuple(weight * sign for weight, sign in zip(function.weights, self.signs, strict=True))
         return Affine(weights, function.at(self.shifts(p)))
 
-    def rows(self, coefficients: np.ndarray, shifts: Any) -> np.ndarray:
+    def rows(self, coefficients: np.ndarray, p: Parameters) -> np.ndarray:
         """Taylor coefficients (N, n, K + 1) of the images, from those of rows (N, rows, K + 1) that begin with the
-        states, and shifts (n,), each a number or (N,)."""
+        states, and parameters that are numbers or (N,)."""
         found = coefficients[:, : len(self.signs)] * np.array(self.signs)[:, None]
-        for i, shift in enumerate(shifts):
+        for i, shift in enumerate(self.shifts(p)):
             found[:, i, 0] += shift
         return found

@@ -11,13 +11,13 @@ from ..errors import NoOrbit
 from ..flow.flow import flow_of
 from ..flow.trajectory import Trajectories
 from ..io import fields_in_line
-from ..model.model import Model
+from ..model.model import CONTACT_FORCE, LANDED_FORCE, Model
 from ..model.phase import Phase
 from ..numerics.polynomial_roots import PiecewisePolynomials, derivative, evaluate
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
 from ..records import NONE, Records
 from ..shooting.error_bound import DOUBTFUL_RATIO, EPS, NARROW
-from ..shooting.formulations import CONTACT_FORCE, Cycles, vectors
+from ..shooting.formulations import Cycles, vectors
 from ..symbolic.caches import cached
 from ..symbolic.kernels import ElementwiseFunction
 from ..units import JERK, LENGTH, TIME, Message, Quantity
@@ -70,6 +70,8 @@ class Certificate:
         deviation of a row's force; else None
     bounce_side : "above" or "below", the side of alpha on which hops land with a bounce; None where the loss is not
         known to differ from 0
+    friction_needed : of a machine that steps, the largest share of the force across the ground in that along it; None
+        where the machine does not state its masses across
     """
 
     family: int
@@ -89,6 +91,7 @@ class Certificate:
     alpha_noise: float | None = None
     alpha_per_noise: float | None = None
     bounce_side: str | None = None
+    friction_needed: float | None = None
 
     def __post_init__(self) -> None:
         if self.stable_side and self.bounce_side is None:
@@ -103,7 +106,7 @@ class Certificate:
 def certify(model: Model, cycles: Cycles) -> tuple[Records[Certificate], dict[int, NoOrbit]]:
     """The certificates of solved orbits (m,) of one model, and the errors, by index, of orbits that can have none."""
     curves = _curves(model, cycles)
-    jerk, clearance, collisions = _gaps(model, cycles, curves["gap"])
+    jerk, clearance, collisions = _gaps(model, cycles, curves)
     separation, meetings = _separations(model, cycles, curves)
     smallest_force, largest_force, pulls = _contact_forces(model, cycles, curves)
     violations: list[tuple[str, ...]] = [()] * len(cycles)
@@ -125,7 +128,7 @@ def certify(model: Model, cycles: Cycles) -> tuple[Records[Certificate], dict[in
         overflow = "its numbers overflow; state the machine in units nearer to 1"
         reason = f"its energy drifts by {drift[i]:.1e}{NARROW}" if finite[i] else overflow
         refused[i] = NoOrbit(f"the orbit cannot be certified: {reason}")
-    families = _families(curves["extension"], cycles.halves_per_flight)
+    families = _families(model, curves["extension"], cycles.halves_per_flight)
     with np.errstate(all="ignore"):
         share = 4 / 3 * cycles.slope_error / np.abs(cycles.gap_slope) + LOSS_ROUNDING * EPS
         losses_off = np.where((loss == NONE) | ~np.isfinite(share), NONE, np.abs(loss) * share)
@@ -153,7 +156,8 @@ def certify(model: Model, cycles: Cycles) -> tuple[Records[Certificate], dict[in
 
 def _losses(model: Model, cycles: Cycles, jerk: np.ndarray, power: np.ndarray) -> np.ndarray:
     """Loss coefficients (m,), `NONE` where the gap opens the wrong way or does not change with the launch speed."""
-    found, defined = np.full(len(cycles), NONE), (jerk > 0) & (cycles.gap_slope != 0)
+    # Where another point takes over at a landing with a speed, it loses another share of the energy.
+    found, defined = np.full(len(cycles), NONE), (jerk > 0) & (cycles.gap_slope != 0) & (not model.changes_contact)
     if defined.any():
         at_landing = [row[defined] for row in _landing_states(model, cycles)]
         mass = model.impact_mass(at_landing, {name: values[defined] for name, values in cycles.p.items()})
@@ -300,43 +304,56 @@ def extremes(motions: Trajectories, series: np.ndarray) -> tuple[np.ndarray, np.
 
 def _curves(model: Model, cycles: Cycles) -> dict[str, _Curve]:
     """The functions on the motions that a certificate checks: gap, force, separations and the extension with their
-    stationary points, and the force with its zeros ("pull")."""
+    stationary points, and the forces with their zeros too."""
     halves, contacts, distance = cycles.halves, cycles.contacts, model.separation(cycles.p_of_halves)
     # Each half starts from a zero of order three of the gap, so of order two of its rate, and the contact force from a
     # simple one.
     gap, extension = halves.series(model.gap(cycles.p_of_halves)), halves.series(model.extension)
     sought = {"gap": (halves, gap, True, 2), "extension": (halves, extension, True, 0)}
+    if model.landing_gap:
+        sought["landing gap"] = (halves, halves.series(model.landing_gap(cycles.p_of_halves)), True, 0)
     if distance:
-        sought["separation"] = (halves, halves.series(distance), True, 0)
+        for i, motions in enumerate(cycles.flown(model)):
+            sought[f"separation {i}"] = (motions, motions.series(distance), True, 0)
     if contacts:
-        force = contacts.coefficients[:, contacts.names.index(CONTACT_FORCE)]
-        sought["force"], sought["pull"] = (contacts, force, True, 0), (contacts, force, False, 1)
+        for name, order in _forces_of(model).items():
+            force = contacts.coefficients[:, contacts.names.index(name)]
+            sought[name], sought[f"zeros of {name}"] = (contacts, force, True, 0), (contacts, force, False, order)
         if distance:
-            apart = contacts.series(model.separation(cycles.p_of_contacts), model.embed)
-            sought["separation in contact"] = (contacts, apart, True, 0)
+            apart = model.separation(cycles.p_of_contacts)
+            for i, motions in enumerate(cycles.stood(model)):
+                sought[f"separation in contact {i}"] = (motions, motions.series(apart, model.embed), True, 0)
     return _searched(sought)
 
 
+def _forces_of(model: Model) -> dict[str, int]:
+    """The forces that have to press in contact, each with the order of its zero where the contact begins: only on the
+    point that has landed it vanishes there."""
+    return {CONTACT_FORCE: 0, LANDED_FORCE: 1} if model.changes_contact else {CONTACT_FORCE: 1}
+
+
 def count_families(model: Model, halves: Trajectories, per_flight: int) -> np.ndarray:
-    """The families of flights: the stationary points of the extension after lift-off up to and with mid-flight, less
-    one; `per_flight` of the halves belong to each flight."""
+    """The families of flights: the stationary points of the extension between lift-off and mid-flight; `per_flight` of
+    the halves belong to each flight."""
     found = _searched({"extension": (halves, halves.series(model.extension), True, 0)})
-    return _families(found["extension"], per_flight)
+    return _families(model, found["extension"], per_flight)
 
 
-def _families(extension: _Curve, per_flight: int) -> np.ndarray:
-    """`count_families` from the stationary points of the extension; the one left out is mid-flight."""
+def _families(model: Model, extension: _Curve, per_flight: int) -> np.ndarray:
+    """`count_families` from the stationary points of the extension. The one left out is mid-flight, where the extension
+    is stationary unless the second half has another one."""
     rest, rate, ends = np.abs(extension.at_ends(1)), np.abs(extension.at_ends(2)), extension.motions.ends
     # Rounding moves mid-flight where the extension is nearly constant there.
     moved = np.divide(2 * rest, rate, out=np.zeros(len(ends)), where=rate > 0)
-    middle = np.clip(moved, MIDDLE * ends, LARGEST_MIDDLE * ends)
+    middle = np.clip(moved, MIDDLE * ends, LARGEST_MIDDLE * ends) if model.turns_midway else 0.0 * ends
     owner = extension.owner[extension.times < (ends - middle)[extension.owner]] // per_flight
     return np.bincount(owner, minlength=len(extension.motions) // per_flight) // per_flight
 
 
-def _gaps(model: Model, cycles: Cycles, gap: _Curve) -> tuple[np.ndarray, np.ndarray, list[Violation]]:
-    """Jerks of the gap at lift-off (m,), its lowest interior minima (m,), `NONE` without one, and their violations."""
-    halves = cycles.halves
+def _gaps(model: Model, cycles: Cycles, curves: Mapping[str, _Curve]) -> tuple[np.ndarray, np.ndarray, list[Violation]]:
+    """Jerks of the gap at lift-off (m,), the lowest interior minima (m,) of the gaps, `NONE` without one, and their
+    violations."""
+    halves, gap = cycles.halves, curves["gap"]
     jerk = (6 * gap.series[halves.first, 3]).reshape(-1, cycles.halves_per_flight).min(1)
     # The end of a half, mid-flight, may be a minimum too.
     still = np.abs(gap.at_ends(1)) * halves.ends < STATIONARY * halves.largest(gap.series[:, :1])
@@ -346,10 +363,16 @@ def _gaps(model: Model, cycles: Cycles, gap: _Curve) -> tuple[np.ndarray, np.nda
     for i in (jerk <= 0).nonzero()[0].tolist():
         text = "the gap opens the wrong way at landing (landing jerk {jerk:.3g}, must be negative)"
         violations.append((i, Message(text, jerk=Quantity(-jerk[i], JERK))))
+    text = "{meets} at t = {time:.6g} of the flight (height {height:.3g})"
     for i in (clearance <= 0).nonzero()[0].tolist():
-        text, time = "{meets} at t = {time:.6g} of the flight (height {height:.3g})", Quantity(when[i], TIME)
-        height = Quantity(clearance[i], LENGTH)
+        time, height = Quantity(when[i], TIME), Quantity(clearance[i], LENGTH)
         violations.append((i, Message(text, meets=model.violations["gap"], time=time, height=height)))
+    if landing := curves.get("landing gap"):  # which is open at the start, and is as wide as the gap in mid-flight
+        lowest, when = landing.lowest()
+        for i in (lowest <= 0).nonzero()[0].tolist():
+            time, height = Quantity(when[i], TIME), Quantity(lowest[i], LENGTH)
+            violations.append((i, Message(text, meets=model.violations["landing gap"], time=time, height=height)))
+        clearance = np.minimum(clearance, landing.lowest(np.zeros(0, int))[0])
     return jerk, clearance, violations
 
 
@@ -369,22 +392,27 @@ def _contact_forces(
     (least, peaks), violations = np.full((2, len(cycles)), NONE), [*cycles.without_contact.items()]
     if not cycles.contacts:
         return least, peaks, violations
-    contacts, pulls, force, pull = cycles.contacts, model.violations["pull"], curves["force"], curves["pull"]
-    # Mid-contact itself may be a minimum.
-    middles = (force.at_ends(2) > 0).nonzero()[0] if model.reversor else np.zeros(0, int)
-    low, _ = force.lowest(middles)
-    least[cycles.with_contact], peaks[cycles.with_contact] = low, -force.lowest(sign=-1.0)[0]
-    # A whole contact ends on another zero of the force than the one that it starts from.
-    inside = np.full(len(pull.times), True) if model.reversor else pull.inside
-    owner, times = pull.owner[inside][::-1].tolist(), pull.times[inside][::-1].tolist()
-    pulling = dict(zip(owner, times, strict=True))  # the first of each
-    at_once = force.series[contacts.first, 1] <= 0
-    at_once[[*pulling]] = False
-    places = [(int(cycles.with_contact[i]), time) for i, time in sorted(pulling.items())]
-    text = "{pulls} in contact at t = {time:.6g}"
-    violations += [(i, Message(text, pulls=pulls, time=Quantity(time, TIME))) for i, time in places]
-    text = "{pulls} as soon as the contact begins"
-    violations += [(i, Message(text, pulls=pulls)) for i in cycles.with_contact[at_once].tolist()]
+    contacts, these, highest = cycles.contacts, cycles.with_contact, list[np.ndarray]()
+    for name, order in _forces_of(model).items():
+        force, zeros = curves[name], curves[f"zeros of {name}"]
+        pulls = model.violations["landed pull" if name == LANDED_FORCE else "pull"]
+        # Mid-contact itself may be a minimum.
+        still = model.reversor is not None and not model.changes_contact
+        middles = (force.at_ends(2) > 0).nonzero()[0] if still else np.zeros(0, int)
+        least[these] = np.minimum(least[these], force.lowest(middles)[0])
+        highest.append(-force.lowest(sign=-1.0)[0])
+        # A whole contact ends on another zero of the force than the one that it starts from.
+        inside = np.full(len(zeros.times), True) if model.reversor else zeros.inside
+        owner, times = zeros.owner[inside][::-1].tolist(), zeros.times[inside][::-1].tolist()
+        pulling = dict(zip(owner, times, strict=True))  # the first of each
+        at_once = force.series[contacts.first, order] <= 0
+        at_once[[*pulling]] = False
+        places = [(int(these[i]), time) for i, time in sorted(pulling.items())]
+        text = "{pulls} in contact at t = {time:.6g}"
+        violations += [(i, Message(text, pulls=pulls, time=Quantity(time, TIME))) for i, time in places]
+        text = "{pulls} as soon as the contact begins"
+        violations += [(i, Message(text, pulls=pulls)) for i in these[at_once].tolist()]
+    peaks[these] = np.max(highest, axis=0)
     return least, peaks, violations
 
 
@@ -392,15 +420,21 @@ def _separations(model: Model, cycles: Cycles, curves: Mapping[str, _Curve]) -> 
     """Least separations (m,) over the cycles, and the orbits where they are not positive; where the contact does not
     end, the flight is checked all the same."""
     found = np.full(len(cycles), NONE)
-    if "separation" not in curves:
+    if "separation 0" not in curves:
         return found, []
-    least, when = _least_of_halves(cycles, *curves["separation"].lowest())
-    where = np.full(len(cycles), "flight", dtype=object)
-    if cycles.contacts:
-        low, times = curves["separation in contact"].lowest()
-        lower = low < least[cycles.with_contact]
-        these = cycles.with_contact[lower]
-        least[these], where[these], when[these] = low[lower], "contact", times[lower]
+    least, when = _least_of_halves(cycles, *curves["separation 0"].lowest())
+    where, everything = np.full(len(cycles), "flight", dtype=object), np.arange(len(cycles))
+    for name, phase, owners, wholes in (
+        ("separation 1", "flight", everything, cycles.flight_times),
+        ("separation in contact 0", "contact", cycles.with_contact, None),
+        ("separation in contact 1", "contact", cycles.with_contact, cycles.contact_times),
+    ):
+        if name in curves:
+            low, times = curves[name].lowest()
+            lower = low < least[owners]
+            these = owners[lower]
+            times = times if wholes is None else wholes[owners] - times
+            least[these], where[these], when[these] = low[lower], phase, times[lower]
     found[cycles.with_contact] = least[cycles.with_contact]
     violations = list[Violation]()
     for i in (~(least > 0)).nonzero()[0].tolist():

@@ -1,7 +1,7 @@
 """The shape of a cycle: how the whole of it is made of the stored motions, and the parts of it that are shown."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NotRequired, TypedDict
 
 import numpy as np
@@ -21,6 +21,9 @@ class Shape:
     heights : names and functions of the flight state, the masses first
     springs : names of the heights, lower and upper, that springs join, None for the ground
     knees : such names with the length of each of the two links that join them
+    shift, contact_shift : what time reversal adds to the states after it changed their signs; None for nothing
+    step : signs, and what is added, of the flight states (n,) in the relabelling after a landing; None where there is
+        none
     """
 
     reversor: tuple[int, ...] | None
@@ -29,16 +32,53 @@ class Shape:
     heights: Mapping[str, Affine | StateFormula]
     springs: tuple[tuple[str | None, str], ...]
     knees: tuple[Knee, ...] = ()
+    shift: tuple[float, ...] | None = None
+    contact_shift: tuple[float, ...] | None = None
+    step: tuple[tuple[int, ...], tuple[float, ...]] | None = None
+
+    def saved(self) -> dict[str, object]:
+        """The fields for a file, without those of machines that step where there is no step."""
+        heights = {name: height.saved() for name, height in self.heights.items()}
+        return {name: value for name, value in vars(self).items() if value is not None or name not in OF_STEPS} | {
+            "heights": heights
+        }
+
+    def in_units(self, sizes: np.ndarray) -> "Shape":
+        """The same shape, but for its heights, in units in which one old unit of the flight states is `sizes` (n,)."""
+        if self.step is None or self.shift is None or self.contact_shift is None:
+            return self
+        own = (self.embed != 0).argmax(0)  # a flight state in the unit of each contact state
+        shifts = sizes * self.shift, sizes[own] * self.contact_shift, sizes * self.step[1]
+        first, second, step = (tuple(each.tolist()) for each in shifts)
+        return replace(self, shift=first, contact_shift=second, step=(self.step[0], step))
+
+    def unrolled(self, states: np.ndarray, landings: np.ndarray) -> np.ndarray:
+        """Flight states (..., n) in the labels of before so many landings (...)."""
+        if self.step is None:
+            return states
+        signs, shifts = map(np.array, self.step)
+        turned = np.where(landings[..., None] % 2 == 1, shifts - states, states)
+        return np.where(signs > 0, states - landings[..., None] * shifts, turned)
 
 
-def mirrored(path: Trajectory, t: np.ndarray, duration: float, signs: tuple[int, ...] | None) -> np.ndarray:
+OF_STEPS = ("shift", "contact_shift", "step")
+
+
+def mirrored(
+    path: Trajectory,
+    t: np.ndarray,
+    duration: float,
+    signs: tuple[int, ...] | None,
+    shift: tuple[float, ...] | None = None,
+) -> np.ndarray:
     """States at times `t` of a motion with the first half `path`; its image under `signs`, if any, is the second."""
     t = np.clip(t, 0, duration)
     if signs is None:
         return path(t)
     later = t > path.times[-1]
     states = path(np.where(later, duration - t, t))[..., : len(signs)]
-    return np.where(later[..., None], states * np.array(signs), states)
+    images = states * np.array(signs)
+    return np.where(later[..., None], images if shift is None else images + np.array(shift), states)
 
 
 class SavedShape(TypedDict):
@@ -50,6 +90,9 @@ class SavedShape(TypedDict):
     heights: Mapping[str, SavedHeight]
     springs: tuple[tuple[str | None, str], ...]
     knees: NotRequired[tuple[Knee, ...]]
+    shift: NotRequired[tuple[float, ...]]
+    contact_shift: NotRequired[tuple[float, ...]]
+    step: NotRequired[tuple[tuple[int, ...], tuple[float, ...]]]
 
 
 def shape_of(data: SavedShape, flight: Trajectory, contact: Trajectory | None) -> Shape:
@@ -61,8 +104,11 @@ def shape_of(data: SavedShape, flight: Trajectory, contact: Trajectory | None) -
     fits = 0 < sizes[0] <= len(flight.names) and 0 < sizes[1] <= (sizes[1] if contact is None else len(contact.names))
     fits &= all(each is None or len(each) == size for each, size in zip(signs, sizes, strict=True))
     weights = (height.weights for height in heights.values() if isinstance(height, Affine))
+    first, second, step = (data.get("shift"), data.get("contact_shift"), data.get("step"))
+    parts = zip((first, second, *(step or ())), (*sizes, sizes[0], sizes[0]), strict=False)
+    fits &= all(each is None or len(each) == size for each, size in parts)
     fits &= bool(heights) and all(len(each) == sizes[0] for each in weights)
     knees = data.get("knees", ())
     if not fits or not {*sum(data["springs"], ()), *(name for *pair, _ in knees for name in pair)} <= known:
         raise ValueError("its shape does not fit its motion")
-    return Shape(*signs, embed, heights, data["springs"], knees)
+    return Shape(*signs, embed, heights, data["springs"], knees, first, second, step)

@@ -3,8 +3,9 @@
 In a flight of an orbit of family n the extension turns for the n-th time after its first turn where the flight is half
 over. The delay of that turn, the lateness, follows from the launch speed alone: under constant gravity it is a time,
 since half the flight takes a known time; else it is minus the speed that both masses then share, since in mid-flight it
-vanishes. The cells between sampled launch speeds are halved until, according to its second differences, the lateness
-cannot vanish in any of them, or changes its sign once.
+vanishes. Where the reversor turns all places over, mid-flight of family n is the n-th zero of the extension, counted
+from its centre, and the lateness how far the places then are beyond theirs. The cells between sampled launch speeds are
+halved until, according to its second differences, the lateness cannot vanish in any of them, or changes its sign once.
 """
 
 from collections.abc import Sequence
@@ -32,10 +33,14 @@ NARROW_ESCAPE = 1e-3
 # Towards launches without a turn the lateness may grow without bounds: as a logarithm by at most 50 times its change in
 # the previous cell, down to neighbouring numbers, and as a fourth root by at most 1e4 times that change.
 STEEPEST_END = 1e4
-# After this many launches no more cells are halved.
-MOST_SEARCHED = 20_000
+# After this many launches no more cells are halved. Machines that step fall over in many ways, each with a bound of its
+# own, about which there is nothing to find.
+MOST_SEARCHED, MOST_STEPS_SEARCHED = 20_000, 1_000
 # The lateness of a turn that does not occur within this time, in multiples of the sum of scale and launch speed.
 LATEST_TURN = 10.0
+# Nothing throws up a machine that steps, so that the time from one turn to the next does not grow with the speed. One
+# that takes longer than this, in radians of the spring at rest, does not occur: the machine falls over.
+LONGEST_SWING = 40.0
 
 
 class Cells(NamedTuple):
@@ -71,6 +76,7 @@ class Lateness:
         self.statement = equations_of(model, method, names).statement
         self.arc = self.statement.arcs[0]
         self.flow = flow_of(self.arc.phase, names)
+        self.turns_midway = self.reduction is not None or model.turns_midway
         self.liftoffs = self._liftoffs() if liftoffs is None else liftoffs
 
     def __call__(self, alphas: np.ndarray, which: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
@@ -84,13 +90,18 @@ class Lateness:
         limit = LATEST_TURN * self.paces[which] * (self.scales[which] + alphas)
         states = columns(self.arc.start(u, np.zeros(0), p))
         ps, count = self.ps[which] if len(self.ps) > 1 else self.ps, 2 if self.reduction else self.family + 1
-        spans, states, broken = times_of_turns(self.flow, ps, states, self._rate, limit, count)
+        event = self._rate if self.turns_midway else self.model.extension
+        count = count if self.turns_midway else self.family
+        unit = self.paces[which] * self.scales[which]
+        longest = limit if self.model.plain else np.minimum(limit, LONGEST_SWING * unit)
+        spans, states, broken = times_of_turns(self.flow, ps, states, event, longest, count)
         # In reduced coordinates the extension oscillates: all half periods after the first turn are equal.
         times = spans[0] + self.family * spans[1] if self.reduction else spans.sum(axis=0)
         if self.reduction:
             late = (times - self.arc.duration(u, p)) / self.paces[which]
         else:
-            late = -np.sum(self.arc.conditions(u, list(states.T), p), axis=0)
+            late = np.sum(self.arc.conditions(u, list(states.T), p), axis=0)
+            late = -late if self.turns_midway else late / self.paces[which]
         return np.where(np.isfinite(times), late, limit / self.paces[which]), times, broken
 
     def start(self, alphas: np.ndarray, which: np.ndarray | None = None) -> np.ndarray:
@@ -123,8 +134,9 @@ class Lateness:
             first = [speeds[: np.searchsorted(speeds, end) + 2] for speeds, end in zip(first, below, strict=True)]
         owners, speeds, late = self._first_values(first)
         launches, stopped = np.bincount(owners, minlength=count), np.zeros(count, bool)
+        most = MOST_SEARCHED if self.model.plain else MOST_STEPS_SEARCHED
         while len(cells := _open_cells(owners, speeds, late)):
-            stopped[owners[cells]] |= launches[owners[cells]] > MOST_SEARCHED
+            stopped[owners[cells]] |= launches[owners[cells]] > most
             cells = cells[~stopped[owners[cells]]]
             if not len(cells):
                 break

@@ -10,6 +10,7 @@ from ..errors import FlowError, NoOrbit, OutOfRange
 from ..flow.flow import Flow, flow_of
 from ..flow.zero_crossing import first_zeros
 from ..laws.law import from_key, values_and_slopes
+from ..model.linear_guess import linear_guess
 from ..model.model import Model, refuse_hysteresis
 from ..model.phase import Affine
 from ..model.relative import FASTEST, Relative, half_angle
@@ -63,6 +64,8 @@ def guess(model: Model, family: int, p: Mapping[str, float]) -> dict[str, float]
     relative = model.guess
     if callable(relative):
         return relative(family, p)
+    if relative is None and model.is_guessed:
+        return linear_guess(model, family, p)
     if relative is None:
         remedy = (
             "" if model.one_speed else ", as one of starts(machine), or search by find_all(machine, starts(machine))"

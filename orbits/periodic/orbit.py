@@ -14,15 +14,24 @@ from ..flow.forces import spring_forces, units_of_springs
 from ..flow.trajectory import Trajectory
 from ..io import DIGEST, Changed, Document, has_digest, read_file, to_json, unsealed
 from ..model.machine import Machine, machine_in_words
+from ..model.model import CONTACT_FORCE, LANDED_FORCE
+from ..model.symmetry import SignedShift
 from ..numerics.polynomial_roots import lowest
 from ..result import TABLE_ROWS, Axes, Report, Result, Row, is_of, shown
-from ..shooting.formulations import CONTACT_FORCE
 from ..tables import VIOLATED, machine_numbers
 from ..units import Units, in_units, saved_units
 from .certificate import Certificate
 from .cycle_shape import Shape, mirrored
 from .quantities import QUANTITIES
-from .saved_orbit import DOCUMENT_FIELDS, SavedOrbit, check_consistent, machine_in_document, stated_fields, with_note
+from .saved_orbit import (
+    DOCUMENT_FIELDS,
+    FIELDS_OF_STEPS,
+    SavedOrbit,
+    check_consistent,
+    machine_in_document,
+    stated_fields,
+    with_note,
+)
 
 # The notes of a table on the side of a bounce.
 ATTRACTS = {"below": "   (attracts from above; 10 C below)", "above": "   (attracts from above, with 10 C; C below)"}
@@ -32,6 +41,9 @@ BOUNCES = {"below": "   (10 C below)", "above": "   (10 C above)"}  # where it i
 @dataclass(frozen=True, eq=False, repr=False)
 class Orbit(Result, what="orbit", printed_digits=15):
     """A lossless periodic motion: flight from time 0 to `flight_time`, then contact to `period`.
+
+    Where its points of contact take turns, the motion is periodic up to the relabelling after each landing, and the
+    states are in the labels of the present stance: they jump at the landing, see `unrolled`.
 
     alpha : launch speed
     liftoff_extension : of the spring, at lift-off and landing
@@ -128,9 +140,15 @@ class Orbit(Result, what="orbit", printed_digits=15):
 
     @property
     def rises(self) -> dict[str, float]:
-        """The largest rise of each of the shape's heights above its value at lift-off, by name."""
-        series = {name: height.series(self.flight.coefficients) for name, height in self.shape.heights.items()}
-        return {name: float(-lowest(-c, self.flight.steps)[0] - c[0, 0]) for name, c in series.items()}
+        """The largest rise of each of the shape's heights above its value at lift-off in flight, by name."""
+        found, path, shape = dict[str, float](), self.flight, self.shape
+        for name, height in shape.heights.items():
+            each = [height.series(path.coefficients)]
+            if shape.shift is not None and shape.reversor is not None:
+                back = SignedShift(shape.reversor, lambda p: shape.shift or ())
+                each.append(height.series(back.rows(path.coefficients, {})))
+            found[name] = float(max(-lowest(-c, path.steps)[0] for c in each) - each[0][0, 0])
+        return found
 
     @property
     def state_mid_flight(self) -> np.ndarray:
@@ -140,7 +158,8 @@ class Orbit(Result, what="orbit", printed_digits=15):
     def __call__(self, t: ArrayLike) -> np.ndarray:
         """Flight states (..., n) at times `t` (...): any time, or 0 <= t <= flight_time where there is no period.
 
-        Raises `InputError` for other times, and for anything but numbers.
+        Of a machine that steps they are in the labels of the present stance. Raises `InputError` for other times, and
+        for anything but numbers.
         """
         try:
             times = np.asarray(t, dtype=float)
@@ -154,15 +173,28 @@ class Orbit(Result, what="orbit", printed_digits=15):
             if times.size and not (times.min() >= 0 and times.max() <= self.flight_time * (1 + 1e-12)):
                 unit = " s" if self.scales else ""
                 raise InputError(f"the contact never ends: times lie between 0 and {self.flight_time:g}{unit}")
-            return mirrored(self.flight, times, self.flight_time, shape.reversor)
+            return mirrored(self.flight, times, self.flight_time, shape.reversor, shape.shift)
         times = np.mod(times, self.period)
-        flying = mirrored(self.flight, times, self.flight_time, shape.reversor)
-        standing = mirrored(self.contact, times - self.flight_time, self.contact_time, shape.contact_reversor)
+        flying = mirrored(self.flight, times, self.flight_time, shape.reversor, shape.shift)
+        since, signs, shift = times - self.flight_time, shape.contact_reversor, shape.contact_shift
+        standing = mirrored(self.contact, since, self.contact_time, signs, shift)
         standing = standing[..., : shape.embed.shape[1]] @ shape.embed.T
         return np.where((times <= self.flight_time)[..., None], flying, standing)
 
-    def contact_force(self, t: ArrayLike) -> np.ndarray:
+    def unrolled(self, t: ArrayLike) -> np.ndarray:
+        """Flight states (..., n) at times `t` (...) in the labels of the first flight: of a machine whose points of
+        contact take turns they go on smoothly from step to step. Raises `InputError` as a call does."""
+        states, times = self(t), np.asarray(t, dtype=float)
+        if self.contact_time is None:
+            return states
+        landed = np.mod(times, self.period) > self.flight_time
+        return self.shape.unrolled(states, np.floor(times / self.period) + landed)
+
+    def contact_force(self, t: ArrayLike, *, landed: bool = False) -> np.ndarray:
         """The contact force (...) at times `t` (...), positive where it presses; 0 in flight.
+
+        landed : whether that on the point that has landed, of a machine whose points take turns, not that on the one
+            that opens next
 
         Raises `InputError` for times at which the orbit has no states, and for a motion that was saved without its
         force.
@@ -170,12 +202,16 @@ class Orbit(Result, what="orbit", printed_digits=15):
         self(t)  # refuses times
         if self.contact is None or self.contact_time is None:
             return np.zeros(np.shape(t))
-        if CONTACT_FORCE not in self.contact.names:
+        images = {CONTACT_FORCE: LANDED_FORCE, LANDED_FORCE: CONTACT_FORCE}
+        row = LANDED_FORCE if landed else CONTACT_FORCE
+        image = images[row] if LANDED_FORCE in self.contact.names else row
+        if row not in self.contact.names:
             raise InputError(f"this orbit does not tell its contact force, but {', '.join(self.contact.names)}")
         since = np.mod(np.asarray(t, dtype=float), self.period) - self.flight_time
         later = (since > self.contact.times[-1]) & (self.shape.contact_reversor is not None)
         inside = np.clip(np.where(later, self.contact_time - since, since), 0, self.contact.times[-1])
-        return np.where(since > 0, self.contact(inside)[..., self.contact.names.index(CONTACT_FORCE)], 0.0)
+        first, second = (self.contact(inside)[..., self.contact.names.index(name)] for name in (row, image))
+        return np.where(since > 0, np.where(later, second, first), 0.0)
 
     def spring_forces(self, t: ArrayLike) -> dict[str, np.ndarray]:
         """The force (...) of each spring at times `t` (...), tension positive, by name: "spring force", or of several
@@ -191,15 +227,16 @@ class Orbit(Result, what="orbit", printed_digits=15):
     def document(self) -> Document:
         mid = self.state_mid_flight
         if self.shape.reversor:  # the states with the other sign vanish there
-            mid = mid[np.array(self.shape.reversor) > 0]
+            mid = mid[np.array(self.shape.reversor) > 0]  # or are those of its centre
         figures = vars(self.certificate) | vars(self) | {"admissible": self.admissible, "rises": self.rises}
         figures |= {"violations": list(self.violations), "skipped": list(self.skipped)}
         figures["state_mid_flight"] = mid.tolist()
         document = {**self.machine, **{name: figures[name] for name in DOCUMENT_FIELDS}}
+        document |= {name: figures[name] for name in FIELDS_OF_STEPS} if self.shape.step else {}
         if not self.scales:
             return document
         units = {name: unit for name, unit in self.scales.texts().items() if name in document}
-        own = dict.fromkeys(self.scales.text(name) for name in self.flight.names if not name.endswith("'"))
+        own = dict.fromkeys(self.scales.text(name) for name in self._in_middle)
         units |= {"rises": "m", "state_mid_flight": ", ".join(own)}
         return document | {"units": {**self.machine.get("units", {}), **units}, "si": self.si()}
 
@@ -226,6 +263,13 @@ class Orbit(Result, what="orbit", printed_digits=15):
         known = {name: self.scales.text(name) for name in self._states} | {"time": "s", "contact force": "N"}
         known |= units_of_springs(self.source) if self.source else {}
         return {**self.scales.texts(), **known, "rises": "m", **self.machine.get("units", {})}
+
+    @property
+    def _in_middle(self) -> list[str]:
+        """The names of the states that are free in mid-flight."""
+        signs = self.shape.reversor
+        names = [name for name in self._states if not name.endswith("'")]
+        return [name for name, sign in zip(self._states, signs, strict=True) if sign > 0] if signs else names
 
     @property
     def _states(self) -> tuple[str, ...]:
@@ -314,9 +358,8 @@ class Orbit(Result, what="orbit", printed_digits=15):
         """The content of a file of the orbit, from which `of_saved` restores it."""
         bare = self.dimensionless()
         flight, contact = (path and path.saved() for path in (bare.flight, bare.contact))
-        heights = {name: height.saved() for name, height in bare.shape.heights.items()}
-        shape, units = vars(bare.shape) | {"heights": heights}, self.scales and self.scales.saved()
-        motion = {"shape": shape, "flight": flight, "contact": contact, "units": units}
+        units = self.scales and self.scales.saved()
+        motion = {"shape": bare.shape.saved(), "flight": flight, "contact": contact, "units": units}
         document = self.document() | ({"bare": bare.document()} if self.scales else {})
         return {"format": self.form(), **document, "motion": motion}
 
@@ -374,12 +417,13 @@ def orbit_in_units(orbit: Orbit, units: Units, machine: Mapping[str, object]) ->
     states = orbit.flight.names[: len(orbit.shape.embed)]
     heights = {name: units.convert_height(height, states) for name, height in orbit.shape.heights.items()}
     knees = tuple((lower, upper, length * units.length) for lower, upper, length in orbit.shape.knees)
+    shape = orbit.shape.in_units(units.of_states(states))
     return replace(
         units.convert(orbit),
         machine=machine,
         flight=units.convert_motion(orbit.flight),
         contact=orbit.contact and units.convert_motion(orbit.contact),
-        shape=replace(orbit.shape, heights=heights, knees=knees),
+        shape=replace(shape, heights=heights, knees=knees),
         certificate=certificate_in_units(orbit.certificate, units),
         scales=units,
         bare=orbit,

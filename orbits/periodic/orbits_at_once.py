@@ -20,7 +20,7 @@ from ..shooting.single_shooting import SMALLEST_UNIT, Evaluation, Shooting
 from .certified import Certified, Solved, certified, certified_orbit, orbits_of, solve_from
 from .family_search import Lateness
 from .find import none_found, with_search
-from .guess import Guesses, guesses
+from .guess import Guesses, guess as guess_alone, guesses
 from .homotopy import MAX_CORRECTION
 from .orbit import Orbit
 
@@ -43,12 +43,12 @@ def lowest_orbits(
     machines without an orbit; the machines in neither are left to `find`, which agrees with these results."""
     method = iterative(method_of(model))
     equations = equations_of(model, method, names)
-    searched_at_once = not model.is_guessed and model.search is not None and model.reversor is not None
+    searched_at_once = model.guess is None and model.search is not None and model.reversor is not None
     if not (model.relative or searched_at_once) or not equations.in_lanes:
         return [], {}
     sought = _Family(model, names, ps, family, method, equations)
     p = dict(zip(names, ps.T, strict=True))
-    guess = guesses(model.relative, family, p) if model.relative else _no_guesses(model, names, ps)
+    guess = guesses(model.relative, family, p) if model.relative else _own_guesses(model, names, ps, family)
     guessed = _from_guesses(sought, guess)
     single, found = guess.single, np.full(len(ps), np.inf)
     if guessed:
@@ -93,14 +93,23 @@ def orbits_near(
     return [orbits.get(i) for i in range(len(machines))]
 
 
-def _no_guesses(model: Model, names: tuple[str, ...], ps: np.ndarray) -> Guesses:
-    """The guesses of machines (m, np) whose families are searched directly: their lift-offs, without launch speeds."""
-    liftoff, none = np.full(len(ps), np.nan), np.full(len(ps), np.nan)
-    for i, p in enumerate(ps.tolist()):
+def _own_guesses(model: Model, names: tuple[str, ...], ps: np.ndarray, family: int) -> Guesses:
+    """The guesses of machines (m, np) one by one; of those whose families are searched directly the lift-offs, without
+    launch speeds."""
+    found, single, refused = np.full((3, len(ps)), np.nan), np.zeros(len(ps), bool), dict[int, NoOrbit]()
+    for i, values in enumerate(ps.tolist()):
+        p = dict(zip(names, values, strict=True))
         with suppress(OrbitsError):
-            liftoff[i] = model.release(np.ones(1), dict(zip(names, p, strict=True)))[0]
-    found = {"liftoff": liftoff, "alpha": none, "duration": none}
-    return Guesses(found, np.isfinite(liftoff), np.zeros(len(ps), bool), {})
+            found[0, i] = model.release(np.ones(1), p)[0]
+        if model.is_guessed and model.search and np.isfinite(found[0, i]):
+            single[i] = model.search(p).single
+            try:
+                own = guess_alone(model, family, p)
+                found[:, i] = own["liftoff"], own["alpha"], own["duration"]
+            except NoOrbit as error:
+                refused[i] = error
+    unknowns = dict(zip(("liftoff", "alpha", "duration"), found, strict=True))
+    return Guesses(unknowns, np.isfinite(found[0]), single, refused)
 
 
 def _from_guesses(sought: _Family, guess: Guesses) -> Certified | None:

@@ -21,8 +21,10 @@ DOCUMENT_FIELDS = (
     *("stable_side", "bounce_side", "unfolding", "liftoff_extension", "state_mid_flight", "method", "skipped"),
     "seconds",
 )
+# Further fields of the orbit of a machine whose points of contact take turns.
+FIELDS_OF_STEPS = ("friction_needed",)
 # The fields of an orbit's file besides those of the machine.
-OTHER_FIELDS = {*DOCUMENT_FIELDS, "format", "motion", "units", "si", "bare"}
+OTHER_FIELDS = {*DOCUMENT_FIELDS, *FIELDS_OF_STEPS, "format", "motion", "units", "si", "bare"}
 
 
 class SavedMotion(TypedDict):

@@ -16,6 +16,7 @@ from ..laws.law import Algebraic
 from ..model.model import CONTACT_FORCE, Model, refuse_hysteresis
 from ..model.phase import Affine, Arc, Phase, Statement
 from ..model.relative import Reduction
+from ..model.symmetry import SignedShift
 from ..numerics.roots import solve
 from ..records import NONE
 from ..units import Message
@@ -183,6 +184,18 @@ class Cycles:
             times[self.with_contact] = self.contacts.ends * (2 // self.halves_per_flight)
         return times
 
+    def flown(self, model: Model) -> list[Trajectories]:
+        """The motions that take all values of a function of the places in flight: the halves, and their mirror images
+        where these have other places."""
+        return [self.halves] if model.plain else [self.halves, _images(self.halves, model.reversal, self.p_of_halves)]
+
+    def stood(self, model: Model) -> list[Trajectories]:
+        """The same of the contacts."""
+        contacts, p = self.contacts, self.p_of_contacts
+        if contacts is None or model.plain:
+            return [contacts] if contacts else []
+        return [contacts, _images(contacts, model.contact_reversal, p)]
+
     @cached_property
     def p_of_halves(self) -> Mapping[str, ndarray]:
         """The parameters of each of the `halves`."""
@@ -192,6 +205,12 @@ class Cycles:
     def p_of_contacts(self) -> Mapping[str, ndarray]:
         """The parameters of each of the `contacts`."""
         return {name: values[self.with_contact] for name, values in self.p.items()}
+
+
+def _images(motions: Trajectories, by: SignedShift, p: Mapping[str, ndarray]) -> Trajectories:
+    """The images of motions with parameters (m,)."""
+    of_steps = {name: values[motions.owner] for name, values in p.items()}
+    return motions.with_rows(by.rows(motions.coefficients, of_steps), motions.names[: len(by.signs)])
 
 
 def interpret(

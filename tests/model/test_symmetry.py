@@ -27,7 +27,7 @@ def test_fixed_states_functions_and_rows():
     height = Affine((2.0, 1.0, -1.0), 0.5)
     assert A.of(height, P).at(X) == pytest.approx(height.at(A.image(X, P)))
     rows = np.arange(24.0).reshape(2, 4, 3)
-    image = A.rows(rows, A.shifts(P))
+    image = A.rows(rows, P)
     assert image[:, :, 0] == pytest.approx(np.array([A.image(list(row), P) for row in rows[:, :3, 0]]))
     assert image[:, 0, 1:] == pytest.approx(-rows[:, 0, 1:])
 

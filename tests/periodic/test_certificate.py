@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import REFERENCES, machine_of
+from steps import stepping
 
 from orbits import NoOrbit, find
 from orbits.model.model import as_derived
@@ -81,3 +82,61 @@ def test_a_loss_beyond_all_numbers_is_refused():
     object.__setattr__(machine, "model", as_derived(replace(machine.model, impact_mass=lambda x, p: np.inf)))
     with pytest.raises(NoOrbit, match="its numbers overflow"):
         find(machine)
+
+
+class TestSteps:
+    """Machines whose points of contact take turns: each of them is checked, and named."""
+
+    def test_both_feet_press_and_stay_above_the_ground(self):
+        for kind in ("wheel", "rocker"):
+            orbit = find(stepping(kind, 1.0, 0.5, 0.3))
+            assert orbit.violations == ()
+            lift = 0.5 * (np.sin(0.3) if kind == "wheel" else np.tan(0.3))
+            assert orbit.certificate.largest_contact_force == pytest.approx(2 * lift, rel=1e-12)
+            assert orbit.certificate.loss_coefficient is None
+
+    @pytest.mark.parametrize(
+        ("numbers", "law", "start", "telling"),
+        [
+            (("wheel", 0.26, 1.19, 0.52), "r - 1.01*sin(8*r)", (0.41467, 1.49911, 2.36794), "the rear foot would have"),
+            (("rocker", 0.34, 1.22, 0.6), "r - 1.25*sin(4*r)", (0.79361, 1.15800, 3.27153), "the foot would have"),
+            (
+                ("rocker", 0.28, 2.22, 0.54),
+                "r - 0.87*sin(8*r)",
+                (0.53650, 2.23962, 3.94169),
+                "the foot touches in flight",
+            ),
+        ],
+    )
+    def test_feet_are_named(self, numbers, law, start, telling):
+        names = ("liftoff", "alpha", "duration")
+        orbit = find(stepping(*numbers, law), start=dict(zip(names, start, strict=True)))
+        (violation,) = [each for each in orbit.violations if each.startswith(telling)]
+        when, names = float(violation.split("t = ")[1].split(" ")[0]), orbit.machine["parameters"]
+        t = np.linspace(0, 0.5 * (orbit.contact_time if "have" in telling else orbit.flight_time), 20001)
+        if "touches" in telling:
+            assert t[orbit(t)[:, 2].argmin()] == pytest.approx(when, abs=1e-3)
+            assert orbit(t)[:, 2].min() == pytest.approx(orbit.certificate.clearance, abs=1e-6)
+            return
+        lift = names["kappa"] * (np.sin if numbers[0] == "wheel" else np.tan)(names["angle"])
+        r = orbit(orbit.flight_time + t[1:])[:, 0]
+        force = lift - (r + float(law[4:8]) * -np.sin(float(law[13]) * r))
+        assert force == pytest.approx(orbit.contact_force(orbit.flight_time + t[1:]), abs=1e-9)
+        assert t[1:][force < 0][0] == pytest.approx(when, abs=1e-3)
+
+    def test_masses_meet_in_the_second_halves_too(self):
+        """The extension has its largest value in one half of the flight, and its least in the other."""
+        usual = stepping("wheel", 1.0, 0.5, 0.3)
+        orbit = find(usual)
+        states = orbit(np.linspace(0, orbit.flight_time, 20001))
+        extension = states[:, 0] - states[:, 2]
+        largest = np.abs(extension).max()
+        assert extension.max() == pytest.approx(-extension.min(), rel=1e-6)
+        for sign in "+", "-":
+            near = find(replace(usual, separation=f"0.5 {sign} (phi - theta)"))
+            assert near.certificate.smallest_separation == pytest.approx(0.5 - largest, abs=1e-7)
+        meeting = find(replace(usual, separation=f"{0.99 * largest} + phi - theta"))
+        (violation,) = meeting.violations
+        when = float(violation.split("t = ")[1].split(" ")[0])
+        assert orbit(when)[0] - orbit(when)[2] == pytest.approx(extension.min(), rel=1e-6)
+        assert when > 0.5 * orbit.flight_time

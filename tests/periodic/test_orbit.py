@@ -6,8 +6,9 @@ import json
 import numpy as np
 import pytest
 from conftest import REFERENCES, machine_of
+from steps import stepping
 
-from orbits import InputError, Orbit, OrbitsError, find, orbit_at
+from orbits import InputError, Orbit, OrbitsError, find, orbit_at, sweep
 from orbits.io import to_json
 from orbits.show.plot import new_axes, save_figure
 from problems import Hopper, Juggler, hopper_in_si, juggler_in_si
@@ -230,3 +231,67 @@ def test_an_orbit_whose_contact_does_not_end_has_no_force(softening_family):
     assert set(table["phase"]) == {"flight"}
     with pytest.raises(InputError, match="the contact never ends: times lie between 0 and"):
         orbit.contact_force(1.1 * orbit.flight_time)
+
+
+class TestSteps:
+    """Machines whose points of contact take turns, against motions integrated by DOP853."""
+
+    @staticmethod
+    def integrated(phase, start, time, p):
+        from scipy.integrate import solve_ivp
+
+        rates = lambda t, x: [float(each) for each in phase.field(list(x), p, [])]  # noqa: E731
+        return solve_ivp(rates, (0.0, time), start, "DOP853", rtol=1e-13, atol=1e-14, dense_output=True).sol
+
+    @pytest.mark.parametrize("kind", ["wheel", "rocker", "shuttle"])
+    def test_a_whole_step_is_the_motion_and_its_relabelled_image(self, kind, tmp_path):
+        machine = stepping(kind, 1.0, 0.5, 0.3, "r + r**3")
+        orbit, p, model = find(machine), machine.values, machine.model
+        flown, t = self.integrated(model.flight, orbit(0.0), orbit.flight_time, p), np.linspace(0, 1, 41)
+        assert orbit(t * orbit.flight_time) == pytest.approx(flown(t * orbit.flight_time).T, abs=1e-11)
+        landed = model.relabelling(flown(orbit.flight_time), p)
+        stood = self.integrated(model.contact, landed[:2], orbit.contact_time, p)
+        assert landed[2:] == pytest.approx([0.0, 0.0], abs=1e-11)
+        s = np.linspace(1e-9, 1 - 1e-9, 41) * orbit.contact_time
+        assert orbit(orbit.flight_time + s) == pytest.approx(stood(s).T @ model.embed.T, abs=1e-11)
+        assert stood(orbit.contact_time) == pytest.approx(orbit(0.0)[:2], abs=1e-11)
+        for name, landing in (("contact force", False), ("contact force of the landed point", True)):
+            if name in model.contact.watch:
+                force = [float(model.contact.watch[name](list(x), p, [])) for x in stood(s).T]
+                assert orbit.contact_force(orbit.flight_time + s, landed=landing) == pytest.approx(force, abs=1e-11)
+        path = orbit.save(tmp_path / "step.json")
+        again = Orbit.load(path)
+        assert again == orbit
+        times = np.linspace(0.0, 3.3 * orbit.period, 300)
+        assert (again.unrolled(times) == orbit.unrolled(times)).all()
+        assert json.loads(path.read_text())["friction_needed"] is None
+
+    @pytest.mark.parametrize("kind", ["wheel", "rocker", "shuttle"])
+    def test_unrolled_states_go_on_from_step_to_step(self, kind):
+        orbit = find(stepping(kind, 1.0, 0.5, 0.3))
+        landings = (np.arange(4)[:, None] * orbit.period + [orbit.flight_time, orbit.period]).ravel()
+        before, after = orbit.unrolled(landings - 1e-9), orbit.unrolled(landings + 1e-9)
+        assert after == pytest.approx(before, abs=1e-8)
+        theta = orbit.unrolled(np.arange(1, 5) * orbit.period)[:, 2]
+        assert theta == pytest.approx(
+            {"wheel": [0.6, 1.2, 1.8, 2.4], "rocker": [0.0] * 4, "shuttle": [0.6, 0.0] * 2}[kind]
+        )
+        assert orbit.rises["theta"] >= 0.3
+        plain = find(Hopper())
+        assert (plain.unrolled([0.3, 20.0]) == plain([0.3, 20.0])).all()
+
+    def test_rises_and_stroke_are_those_of_both_halves(self):
+        machine = stepping("wheel", 1.0, 0.5, 0.3, "r + r**3")
+        orbit = find(machine)
+        flying, standing = orbit(np.linspace(0, orbit.flight_time, 20001)), orbit(orbit.flight_time + 1e-12)
+        assert orbit.rises["phi"] == pytest.approx(np.ptp(flying[:, 0]), rel=1e-12)
+        run = sweep(machine, {"mu": [1.0, 0.2]}, quantities=["stroke", "phi_rise"])
+        extension = [*(flying[:, 0] - flying[:, 2]), standing[0] - standing[2]]
+        assert run.columns["stroke"][0] == pytest.approx(np.ptp(extension), rel=1e-7)
+        assert run.columns["phi_rise"][0] == pytest.approx(orbit.rises["phi"], rel=1e-12)
+
+    def test_a_file_with_another_number_of_shifts_is_refused(self, tmp_path):
+        document = find(stepping("rocker", 1.0, 0.5)).saved()
+        document["motion"]["shape"]["step"] = ((1, 1), (0.0, 0.0))
+        with pytest.raises(ValueError, match="its shape does not fit its motion"):
+            Orbit.of_saved(json.loads(to_json(document)))

@@ -1,0 +1,82 @@
+"""Guesses of orbits of machines of two coordinates that step, with forces along the tangents to their own.
+
+With such forces the half flight of a time S from a launch with the speed alpha ends in a state of which the places that
+the reversor turns over are c0(S) + alpha c1(S) away from their centres, or the speeds are that: two equations, so that
+the determinant of c0 and c1 vanishes. The mode of the highest frequency q swings once between two families: in family n
+of a machine whose extension keeps its sign under the reversor, n pi < q S < (n + 1/2) pi, and half an oscillation less
+where the extension changes it.
+"""
+
+from collections.abc import Mapping
+from contextlib import suppress
+
+import casadi as ca
+import numpy as np
+
+from ..errors import NoOrbit
+from .model import Model
+from .modes import SLOWEST_SQUARE, Modes
+from .relative import FASTEST_IN_DETAIL, Search
+
+# The time is enclosed by this number of refinements of a grid of this number of points.
+FINER_GRIDS, POINTS = 12, 17
+# Without gravity the determinant vanishes at an end of the range of times, which is a little longer.
+BEYOND_RANGE = 1e-3
+# The fastest launch of a search, per family and in multiples of that of the first family with straight lines: springs
+# whose force is bounded oscillate often in faster flights, which take long and do not come back.
+FASTEST_STEP = 5.0
+
+
+def linear_guess(model: Model, family: int, p: Mapping[str, float]) -> dict[str, float]:
+    """The launch and the "duration" of the half flight with straight lines in place of the forces; raises `NoOrbit`
+    where these have no orbit of the family."""
+    modes, back, liftoff = _tangent_modes(model, p), model.reversal, float(model.release(np.ones(1), p)[0])
+    first, other = (np.array(model.launch({"liftoff": liftoff, "alpha": alpha}, p), float) for alpha in (0.0, 1.0))
+
+    def apart(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        rest, moved = (np.array(back.fixed(list(modes.state(start, times)), p)) for start in (first, other))
+        return rest, moved - rest
+
+    begin = family if model.turns_midway else family - 0.5
+    low, high = np.array([begin - BEYOND_RANGE, begin + 0.5 + BEYOND_RANGE]) * np.pi / np.sqrt(modes.squares[-1])
+    for _ in range(FINER_GRIDS):
+        times = np.linspace(low, high, POINTS)
+        (a, b), (c, d) = apart(times)
+        changes = np.flatnonzero(np.diff(a * d - b * c > 0))
+        if not len(changes):
+            raise NoOrbit(f"a {model.name} with straight lines in place of its forces has no orbit of family {family}")
+        low, high = times[changes[0] : changes[0] + 2]
+    rest, change = (each[:, 0] for each in apart(np.array([0.5 * (low + high)])))
+    alpha = -float(rest @ change / (change @ change))
+    if not alpha > 0:
+        raise NoOrbit(f"a {model.name} with straight lines in place of its forces is launched backwards")
+    return {"liftoff": liftoff, "alpha": alpha, "duration": 0.5 * float(low + high)}
+
+
+def search_of_steps(model: Model, search: Search, p: Mapping[str, float]) -> Search:
+    """A search with a range for machines that step, which nothing throws up."""
+    with suppress(NoOrbit):
+        return search._replace(fastest=FASTEST_STEP * linear_guess(model, 1, p)["alpha"] / search.scale)
+    return search._replace(fastest=FASTEST_IN_DETAIL)
+
+
+def _tangent_modes(model: Model, p: Mapping[str, float]) -> Modes:
+    """The modes of the flight with the forces tangent to its own at the centre of the reversor, or where the machine is
+    unloaded along what the reversor leaves as it is."""
+    if model.flight.closed_form:
+        return model.flight.closed_form(p)
+    centre = 0.5 * np.array(model.reversal.shifts(p), dtype=float)
+    x = ca.SX.sym("x", len(centre))
+    states = ca.vertsplit(x)
+    rates = ca.vertcat(*model.flight.field(states, p, model.flight.data(states, p)))
+    at = ca.Function("tangent", [x], [rates, ca.jacobian(rates, x)])
+    field, slopes = (np.array(each, dtype=float) for each in at(centre))
+    springs = -slopes[1::2, ::2]
+    squares, shapes = (np.real(each) for each in np.linalg.eig(springs))
+    squares = np.where(np.abs(squares) > SLOWEST_SQUARE * np.abs(squares).max(), squares, 0.0)
+    order = np.lexsort([squares, squares != 0.0])
+    squares, shapes = squares[order], shapes[:, order]
+    apart = np.linalg.inv(shapes)
+    if not squares[-1] > 0:
+        raise NoOrbit(f"no mode of a {model.name} swings in flight")
+    return Modes(squares, shapes, apart, apart @ (field[1::2, 0] + springs @ centre[::2]))

@@ -1,0 +1,50 @@
+"""Guesses from straight lines: exact where the forces are straight lines, and near to the orbit elsewhere."""
+
+import math
+
+import numpy as np
+import pytest
+from steps import SINES, TABLE, closed_form, rates, stepping
+
+from orbits import NoOrbit, find
+from orbits.model.linear_guess import linear_guess
+
+
+@pytest.mark.parametrize("kind", TABLE)
+def test_straight_lines_are_their_own_guess(kind):
+    rng = np.random.default_rng(3)
+    for _ in range(6):
+        mu, kappa = np.exp(rng.uniform(np.log([0.05, 0.05]), np.log([20.0, 5.0]))).tolist()
+        machine, (_, q) = stepping(kind, mu, kappa), rates(mu, kappa)
+        for family in (1, 2, 3):
+            half, speed, _ = closed_form(kind, mu, kappa, family)
+            found = linear_guess(machine.model, family, machine.values)
+            assert (found["alpha"], found["duration"]) == pytest.approx((speed, half), rel=1e-9)
+            turns = q * half / math.pi
+            assert family - 0.5 < turns < family + 0.5
+            assert (turns > family) == (kind == "rocker")
+
+
+@pytest.mark.parametrize(("kind", "law", "family"), SINES)
+def test_other_forces_have_an_orbit_nearby(kind, law, family):
+    machine = stepping(kind, 1.0, 0.5, 0.3, law)
+    guessed, (speed, half, _) = linear_guess(machine.model, family, machine.values), SINES[kind, law, family]
+    assert guessed["alpha"] == pytest.approx(speed, rel=0.02)
+    assert half is None or guessed["duration"] == pytest.approx(half, rel=0.1)
+    assert find(machine, family=family).alpha == pytest.approx(speed, rel=0, abs=1e-12)
+
+
+def test_without_gravity_the_body_is_free_between_walls():
+    """kappa -> 0: q S = n pi, v = (1 + mu) a/(mu S), with a mode that is thrown."""
+    machine = stepping("shuttle", 0.8, 0.0)
+    for family in (1, 2):
+        found = linear_guess(machine.model, family, machine.values)
+        half = family * math.pi / math.sqrt(1.8)
+        assert (found["duration"], found["alpha"]) == pytest.approx((half, 1.8 / (0.8 * half)), rel=1e-9)
+        assert find(machine, family=family).flight_time == pytest.approx(2 * half, rel=1e-13)
+
+
+def test_no_mode_swings():
+    machine = stepping("wheel", 1.0, 0.5, 0.3, "r**3 - 3*r")
+    with pytest.raises(NoOrbit, match="no mode of a wheel swings in flight"):
+        linear_guess(machine.model, 1, machine.values)
