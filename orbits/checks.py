@@ -207,7 +207,7 @@ def _orbit_relations(machine: Machine, orbit: Orbit, graphs: Graphs) -> Iterator
 def _search_relations(machine: Machine, orbit: Orbit, guessed: Mapping[str, float] | None) -> Iterator[Relation]:
     """How near the guess was to the orbit, where both are of one scene, and the range in which a family is searched."""
     model = machine.model
-    if guessed and not model.homotopy:
+    if guessed and model.guess and not model.homotopy:
         near = model.launch_at(orbit(0.0)) | {"duration": orbit.flight_time / 2}
         off = max(abs(near[name] - guessed[name]) / orbit.alpha for name in near)
         yield Relation("the guess is near the orbit that it leads to", ("guess",), off, LARGEST_MISS)

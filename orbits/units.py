@@ -47,6 +47,11 @@ DIMENSIONS: dict[str, Dimension] = {
     "landing_sensitivity": (1, 1, 0, 0, -1),
     **dict.fromkeys(("loss_coefficient", "loss_error"), (0, 1 / 3, 0, 0, -1 / 3)),
 }
+# Those of a machine whose gap is an angle.
+OF_ANGULAR_GAPS: dict[str, Dimension] = {
+    **dict.fromkeys(("smallest_contact_force", "largest_contact_force"), TORQUE),
+    **{"clearance": ANGLE, "landing_jerk": (0, -3, 0, 0, 0, 1), "landing_sensitivity": (0, 1, 0, 0, -1, 1)},
+}
 # Dimensions of the quantities of a return map's hops.
 DIMENSIONS_OF_HOPS: dict[str, Dimension] = {
     **{"alpha": LIFTOFF_SPEED, "next": LIFTOFF_SPEED, "loss": LIFTOFF_SPEED_SQUARED}
@@ -71,7 +76,8 @@ class Units:
     length, time, force, energy : in m, s, N and J. The unit of energy need not be that of force times that of length;
         None where it is not known
     angles : names of the coordinates that are angles (rad) instead of lengths, with "liftoff" among them where the
-        extension at lift-off is an angle: the launch speed is then in rad/s
+        extension at lift-off is an angle: the launch speed is then in rad/s; and "gap" where the gap is one, whose
+        contact force is a torque
     own : the dimensions of states that are neither lengths nor angles nor speeds of these, by name
 
     In `Model.units` the units are expressions of the machine's parameters.
@@ -111,7 +117,8 @@ class Units:
 
     def texts(self, dimensions: Mapping[str, Dimension] = DIMENSIONS) -> dict[str, str]:
         """The SI units of results by name, as text."""
-        return {name: self.text(dimension) for name, dimension in dimensions.items()}
+        own = OF_ANGULAR_GAPS if "gap" in self.angles else {}
+        return {name: self.text(own.get(name, dimension)) for name, dimension in dimensions.items()}
 
     def unusual_texts(self) -> dict[str, str]:
         """The entries of `texts`, hops included, that differ from those of a machine whose launch speed is in m/s."""

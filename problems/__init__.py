@@ -19,6 +19,9 @@ _HOMES = {
     "juggler_in_si": ".machines.in_si",
     "knee_hopper": ".machines.knee",
     "plate_hopper": ".machines.plate",
+    "rimless_wheel": ".machines.steps",
+    "rocking_block": ".machines.steps",
+    "shuttle": ".machines.steps",
 }
 _MODULES = {"gravity": ".laws.gravity", "springs": ".laws.springs", "steering": ".steering"}
 

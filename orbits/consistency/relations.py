@@ -192,7 +192,8 @@ def distances(model: Model, draw: Draw) -> Iterator[Relation]:
     pairs = [*masses, *(upper - lower for upper, lower in combinations(masses, 2))]
     words, gap = "the gap is between two of the heights, or one and the ground", _values_and_slopes(model.gap(p), draw)
     off = min(_apart(gap, each) for each in pairs)
-    if model.derived and not {*model.gap(p).weights} <= {0.0, 1.0, -1.0}:  # along a lever, as "2*foot - plate"
+    levered = not {*model.gap(p).weights} <= {0.0, 1.0, -1.0}  # as "2*foot - plate"
+    if model.derived and (levered or not model.plain):  # an angle that has opened is no height
         words, slopes = "the gap is a sum of multiples of the heights", gap[:, 1:]
         known = (each[:, 1:] for each in np.stack(masses, axis=1))
         off = max(share(own - own @ np.linalg.pinv(of) @ of, own) for own, of in zip(slopes, known, strict=True))

@@ -68,7 +68,7 @@ def derived_model(structure: Structure) -> Model:
     )
     if steps and launch and model.search:
         # Families are counted by turns or, where mid-flight turns all places over, by zeros of the extension.
-        usual, one_way = launch.relative.search, len({*steps.reversor.signs}) == 1
+        usual, one_way = launch.relative.search, len({*steps.reversor.signs}) == 1 and steps.reversible
         model = replace(model, search=(lambda p: search_of_steps(model, usual(p), p)) if one_way else None)
     return as_derived(model)
 

@@ -13,7 +13,7 @@ from ..model.relative import straight_line
 from .coordinates import Coordinates
 from .elements import Potential, Spring
 from .lagrange import Mechanics
-from .steps import Stepping
+from .stepping import Stepping
 from .terms import Term
 
 

@@ -278,7 +278,8 @@ class Mechanism(Stated):
     def _si(self) -> Units:
         """The units of a machine whose numbers are in SI."""
         launched = self.launch or derived_launch(self.structure)
-        return Units(1.0, 1.0, 1.0, 1.0, (*self.angles, *(["liftoff"] if launched in self.angles else [])))
+        turned = {"liftoff": launched in self.angles, "gap": names_in(self.gap) & {*self.coordinates} <= {*self.angles}}
+        return Units(1.0, 1.0, 1.0, 1.0, (*self.angles, *(name for name, angle in turned.items() if angle)))
 
     @property
     def gap_weights(self) -> np.ndarray:

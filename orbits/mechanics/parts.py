@@ -20,7 +20,7 @@ from .coordinates import Coordinates
 from .elements import Scalar, Spring, names_in, value_of
 from .lagrange import Mechanics, forces_of
 from .lone_extension import Alone
-from .steps import Stepping, steps_of
+from .stepping import Stepping, steps_of
 from .structure import USUAL_WORDS, Structure, words_of_gaps
 
 

@@ -323,6 +323,13 @@ def refuse_hysteresis(model: Model) -> None:
         )
 
 
+def refuse_one_way(model: Model) -> None:
+    """Raise `NoOrbit` for a model whose points of contact take turns and whose motions are not turned back."""
+    if model.symmetry and model.reversor is None:
+        why = model.violations.get("none") or "its motion is not turned back in time"
+        raise NoOrbit(f"no lossless step of a {model.name} is found: {why}; `simulate` takes it")
+
+
 def refuse_steps(model: Model, what: str) -> None:
     """Raise `InputError` for a model whose points of contact take turns, which `what` does not follow."""
     if not model.plain:

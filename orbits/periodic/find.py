@@ -11,7 +11,7 @@ import numpy as np
 from ..consistency.accepted import check_machine
 from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..model.machine import Machine
-from ..model.model import Model, refuse_hysteresis
+from ..model.model import Model, refuse_hysteresis, refuse_one_way
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..running.time_limit import time_limit
@@ -300,6 +300,7 @@ def check_start(machine: Machine, start: object) -> None:
     `NoOrbit` for a spring with hysteresis."""
     model = machine.model
     refuse_hysteresis(model)
+    refuse_one_way(model)
     if start is None and model.conservative and not (model.is_guessed or model.search):
         raise InputError(
             f"the families of a {model.name} are not guessed: give start= an orbit of it"

@@ -13,7 +13,7 @@ from ..flow.flow import flow_of
 from ..flow.trajectory import Trajectories
 from ..flow.zero_crossing import first_zero, first_zeros, until_zero
 from ..laws.law import Algebraic
-from ..model.model import CONTACT_FORCE, Model, refuse_hysteresis
+from ..model.model import CONTACT_FORCE, Model, refuse_hysteresis, refuse_one_way
 from ..model.phase import Affine, Arc, Phase, Statement
 from ..model.relative import Reduction
 from ..model.symmetry import SignedShift
@@ -106,11 +106,7 @@ def whole_flight(model: Model) -> Statement:
     a further unknown, is added to the field. It vanishes on an orbit. Raises `NoOrbit` for a model whose launch is more
     than a speed: the landing leaves its other unknowns free.
     """
-    if model.symmetry:
-        raise NoOrbit(
-            f"a {model.name} whose steps differ from one another, without a reversor, has no lossless orbit that is "
-            "found: `simulate` follows its steps"
-        )
+    refuse_one_way(model)
     if not model.one_speed:
         raise NoOrbit(
             f"a {model.name} has no reversor, as no machine with a damper has: where a launch is more than a speed, "

@@ -17,6 +17,7 @@ import click
 if TYPE_CHECKING:
     import numpy as np
 
+    from orbits import Mechanism
     from orbits.proof.theorem import Proof
     from orbits.return_map.diagram import BifurcationDiagram
 
@@ -34,7 +35,14 @@ MOST_LAUNCHES = 1_000_000  # of one map, some hundred bytes each
 IN_UNITS = ", in the machine's units."
 POSITIVE = click.FloatRange(0, min_open=True)
 machine_options = combined(
-    click.option("--machine", metavar="hopper|juggler|FILE.toml", help="Kind of machine, or a file that states it."),
+    click.option(
+        "--machine",
+        metavar="hopper|juggler|wheel|rocker|shuttle|FILE.toml",
+        help="Kind of machine, or a file that "
+        "states it. A wheel, a rocker and a shuttle step: they take --set inertia_ratio=J/A, "
+        "gravity_ratio=M*g*l/k (of a rocker M*g*h/k) and, for other than small angles, angle=A in rad, "
+        "half of that between spokes or walls (of a rocker tan A = b/h).",
+    ),
     click.option("--mass-ratio", type=POSITIVE, metavar="M", help="Foot (hand) over body (ball) mass; default 1."),
     click.option("--masses", metavar="KG,KG", help="Of body and foot (ball and hand): then all numbers are in SI."),
     click.option("--rest-length", type=POSITIVE, metavar="L", help="Of the spring; default: separation not checked."),
@@ -364,7 +372,7 @@ def proved_curve(
     return followed.prove(machine, continuous=True, **requested)
 
 
-def machine_of(machine: str | None, *arguments: Any, **stated: Any) -> "AnyMachine":
+def machine_of(machine: str | None, *arguments: Any, **stated: Any) -> "AnyMachine | Mechanism":
     """The machine that the options describe, as in `statement_of`."""
     from ..machines.files import build
 
@@ -383,15 +391,17 @@ def statement_of(
     """
     from orbits.errors import InputError
 
-    from ..machines.files import GROUND_PARAMETERS, KINDS, MASSES, SI_PARAMETERS, read
+    from ..machines.files import GROUND_PARAMETERS, KINDS, MASSES, SI_PARAMETERS, STEPPING, read
 
     statement: dict[str, Any] = {"machine": machine or "hopper"}
     where = "the options"
-    if machine is not None and machine not in KINDS:
+    if machine is not None and machine not in (*KINDS, *STEPPING):
         if not machine.endswith(".toml"):
-            raise InputError(f"--machine {machine!r} is neither {' nor '.join(KINDS)} nor a .toml file")
+            raise InputError(f"--machine {machine!r} is neither {' nor '.join((*KINDS, *STEPPING))} nor a .toml file")
         statement, where = read(machine), machine
     if masses is not None:
+        if statement.get("machine") in STEPPING:
+            raise InputError(f"--masses {masses!r} are of machines that hop: a {statement['machine']} is in SI by [si]")
         if machine == where and "si" not in statement:
             raise InputError(f"--masses {masses!r}: {where} states a machine without units; give it a table [si]")
         if len(each := numbers("--masses", masses, float)) != 2:
@@ -419,13 +429,19 @@ def statement_of(
 def first_scene(family: int = 1, **stated: Any) -> "Scene":
     """The scene of the command line's options, of a hopper with a cubic spring where they say nothing; raises
     `InputError` for a machine that cannot be."""
+    from orbits.errors import InputError
+
     from ..explorer.forms import scene_of_statement
     from ..explorer.scene import beginning
-    from ..machines.files import build
+    from ..machines.files import STEPPING, build
 
     if not any(value for value in stated.values()):
         return replace(beginning("hopper"), family=family)
     statement, where = statement_of(**stated)
+    if statement["machine"] in STEPPING:
+        raise InputError(
+            f"the live page shows machines that hop: a {statement['machine']} is found, followed and swept"
+        )
     build(statement, where)
     return scene_of_statement(statement, family)
 

@@ -14,6 +14,18 @@ on ground that yields, by its mass (over the foot's, or in kg) and its stiffness
 mass = 2.0
 stiffness = 50.0
 
+a machine that steps, "wheel", "rocker" or "shuttle", by its ratios or, in [si], by the arguments of its function in
+`problems.machines.steps`,
+
+machine = "wheel"               machine = "wheel"
+spring = "r + beta*r**3"        [si]
+[parameters]                    mass = 2.0
+inertia_ratio = 1.0             length = 0.4
+gravity_ratio = 0.5             spokes = 8
+angle = 0.3                     inertia = 0.5
+beta = 1.0                      body_inertia = 0.5
+                                stiffness = 20.0
+
 and what to design of it, in the machine's units or in SI:
 
 [design]
@@ -28,9 +40,11 @@ k = [1e3, 1e5]
 import re
 import tomllib
 from collections.abc import Callable, Collection
+from inspect import signature
 from pathlib import Path
 from typing import Any, TypedDict
 
+from orbits import Mechanism
 from orbits.errors import InputError
 from orbits.io import conform, read_file
 from orbits.mechanics import Ground
@@ -39,20 +53,27 @@ from orbits.symbolic.formula import suggest
 from .hopper import Hopper
 from .in_si import AnyMachine, MachineInSI, hopper_in_si, juggler_in_si
 from .juggler import Juggler
+from .steps import RATIOS, rimless_wheel, rocking_block, shuttle
 from .two_masses import DAMPERS, GROUND_MASS, TwoMassMachine
 
 KINDS: dict[str, type[TwoMassMachine]] = {"hopper": Hopper, "juggler": Juggler}
 IN_SI: dict[str, Callable[..., MachineInSI]] = {"hopper": hopper_in_si, "juggler": juggler_in_si}
 MASSES = {"hopper": ("body_mass", "foot_mass"), "juggler": ("ball_mass", "hand_mass")}
+STEPPING: dict[str, Callable[..., Mechanism]] = {"wheel": rimless_wheel, "rocker": rocking_block, "shuttle": shuttle}
+SI_KEYS_OF_STEPS = {
+    kind: [name for name in signature(build).parameters if name not in ("spring", "parameters", *RATIOS[:2])]
+    for kind, build in STEPPING.items()
+}
 OWN_KEYS = ("spring", "mass_ratio", "rest_length")
 COMMON_KEYS = ("gravity", "restitution", "damping", "drag", "parameters", "ground")
 GROUND_KEYS = ("mass", "stiffness", "spring")
 # The parameters of ground that yields, by the keys of [ground] that state them.
 GROUND_PARAMETERS = {GROUND_MASS: "mass", "ground_stiffness": "stiffness"}
 KEYS = ("machine", *OWN_KEYS, *COMMON_KEYS, "si", "design")
+KEYS_OF_STEPS = ("machine", "spring", "parameters", "si", "design")
 SI_KEYS = ("surface_gravity", "stiffness", "rest_length", "body_radius")
 # The parameters of a machine in SI that its file states in [si].
-SI_PARAMETERS = {*SI_KEYS, *(name for names in MASSES.values() for name in names)}
+SI_PARAMETERS = {*SI_KEYS, *(name for names in (*MASSES.values(), *SI_KEYS_OF_STEPS.values()) for name in names)}
 # A spring of a file, which may be the mean or a branch of one with hysteresis.
 OF_A_FILE = re.compile(r"((?:^|[:;]\s*)(?:table|loop):)([^;]+)")
 LARGEST_MACHINE_FILE = 1 << 14  # of a machine file: reading a longer one may take its length squared
@@ -103,7 +124,7 @@ def design(statement: dict[str, Any], where: str) -> dict[str, Any]:
     return problem | {"minimise": tuple(problem["minimise"])}
 
 
-def build(statement: dict[str, object], where: str = "the options") -> AnyMachine:
+def build(statement: dict[str, object], where: str = "the options") -> AnyMachine | Mechanism:
     """The machine of a statement, as `read` returns it; raises `InputError`, whose message begins with `where`."""
     try:
         return _build(statement)
@@ -111,10 +132,12 @@ def build(statement: dict[str, object], where: str = "the options") -> AnyMachin
         raise InputError(f"{where}: {error}") from None
 
 
-def _build(statement: dict[str, Any]) -> AnyMachine:
+def _build(statement: dict[str, Any]) -> AnyMachine | Mechanism:
     kind = statement.get("machine", "hopper")
-    if not isinstance(kind, str) or kind not in KINDS:
-        raise InputError(f"unknown machine {kind!r}{suggest(str(kind), KINDS)}")
+    if not isinstance(kind, str) or kind not in (*KINDS, *STEPPING):
+        raise InputError(f"unknown machine {kind!r}{suggest(str(kind), (*KINDS, *STEPPING))}")
+    if kind in STEPPING:
+        return _stepping_machine(kind, statement)
     common = {name: statement[name] for name in COMMON_KEYS if name in statement}
     if "ground" in common:
         common["ground"] = _ground(common["ground"])
@@ -129,6 +152,18 @@ def _build(statement: dict[str, Any]) -> AnyMachine:
         if name not in si:
             raise InputError(f"[si] needs {name} (kg)")
     return IN_SI[kind](**si, force=statement.get("spring"), **common)
+
+
+def _stepping_machine(kind: str, statement: dict[str, Any]) -> Mechanism:
+    """A machine whose points of contact take turns."""
+    if other := [name for name in statement if name in KEYS and name not in KEYS_OF_STEPS]:
+        raise InputError(f"'{other[0]}' is of machines that hop: a {kind} has {', '.join(RATIOS)} and a spring")
+    values, own = dict(statement.get("parameters", {})), statement.get("si")
+    if own is None:
+        own = {name: values.pop(name) for name in RATIOS if name in values}
+    else:
+        _check_keys("[si]", own, SI_KEYS_OF_STEPS[kind])
+    return STEPPING[kind](**own, spring=statement.get("spring"), parameters=values)
 
 
 def _ground(statement: dict[str, Any]) -> Ground:
@@ -162,7 +197,7 @@ def statement_for_file(machine: AnyMachine) -> dict[str, Any] | None:
         return None
 
 
-def machine_stated(statement: dict[str, object]) -> AnyMachine:
+def machine_stated(statement: dict[str, object]) -> AnyMachine | Mechanism:
     """The machine of a statement by `statement_for_file`; raises `InputError`, also where it refers to another file."""
     _check_keys("the machine", statement, KEYS)
     below: Any = statement.get("ground", {})

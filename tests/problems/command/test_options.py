@@ -1,10 +1,12 @@
 """Options that the commands share: machines in many words, and the display of progress."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.stats import norm
+from steps import TABLE
 
 from orbits import existence, find, follow, multipliers, optimize, simulate, sweep, uncertainty
 from orbits.mechanics import Ground
@@ -271,3 +273,65 @@ def test_one_number_starts_from_a_file_too(tmp_path, orbits):
         assert done.code == 0
     assert done.document["launches"] == pytest.approx([orbit.alpha] * 2, rel=1e-12)
     assert "--alpha A, or that of a saved orbit" in orbits("map").err
+
+
+class TestSteps:
+    """Machines whose points of contact take turns, by their ratios."""
+
+    @pytest.mark.parametrize(("kind", "numbers"), [(kind, numbers) for kind in TABLE for numbers in TABLE[kind]])
+    def test_they_have_their_closed_forms(self, orbits, kind, numbers):
+        ratios = f"--set inertia_ratio={numbers[0]} --set gravity_ratio={numbers[1]}"
+        done = orbits(f"find --machine {kind} {ratios} --family {numbers[2]} --json")
+        half, speed, contact = TABLE[kind][numbers]
+        assert done.code == 0
+        found = done.document
+        assert (found["alpha"], found["flight_time"]) == pytest.approx((speed, 2 * half), rel=0, abs=1e-12)
+        assert found["contact_time"] == pytest.approx(contact, rel=0, abs=1e-12)
+        assert (found["admissible"], found["violations"], found["friction_needed"]) == (True, [], None)
+
+    def test_angles_springs_and_files(self, orbits, tmp_path):
+        cubic = "--spring 'r + beta*r**3' --set beta=1 --set inertia_ratio=1 --set gravity_ratio=0.5 --set angle=0.3"
+        done = orbits(f"find --machine wheel {cubic} --json")
+        assert done.document["alpha"] == pytest.approx(0.354514451501611334, rel=0, abs=1e-12)
+        path = tmp_path / "wheel.toml"
+        path.write_text(
+            'machine = "wheel"\nspring = "r + beta*r**3"\n[parameters]\nbeta = 1\ninertia_ratio = 1\n'
+            "gravity_ratio = 0.5\nangle = 0.3\n"
+        )
+        assert orbits("find --json --machine", path).document["alpha"] == done.document["alpha"]
+        changed = orbits("find --set angle=0.2 --json --machine", path).document
+        assert changed["parameters"]["angle"] == 0.2
+        si = tmp_path / "si.toml"
+        si.write_text(
+            'machine = "wheel"\n[si]\nmass = 2.0\nlength = 0.4\nspokes = 8\ninertia = 0.5\nbody_inertia = 0.5\n'
+            "stiffness = 20.0\n"
+        )
+        found = orbits("find --json --set spokes=9 --machine", si).document
+        assert found["parameters"]["angle"] == pytest.approx(math.pi / 9)
+        assert found["units"]["alpha"] == "rad/s"
+
+    @pytest.mark.parametrize(
+        ("options", "telling"),
+        [
+            ("--machine wheel --set inertia_ratio=0", "inertia_ratio = 0; it lies above 0"),
+            ("--machine wheel --set angle=2", "angle = 2; it lies above 0 and below 1.5708"),
+            ("--machine rocker --set gravity_ratio=0", "gravity_ratio = 0; it lies above 0"),
+            ("--machine wheel --mass-ratio 2", "'mass_ratio' is of machines that hop: a wheel has inertia_ratio"),
+            ("--machine wheel --masses 1,2", "are of machines that hop: a wheel is in SI by [si]"),
+            ("--machine shuttle --spring 'r + r**2'", "is no odd function of its extension"),
+            ("--machine wagon", "neither hopper nor juggler nor wheel nor rocker nor shuttle nor a .toml file"),
+        ],
+    )
+    def test_what_is_no_such_machine(self, orbits, options, telling):
+        done = orbits(f"find {options}")
+        assert done.code == 2
+        assert telling in done.err
+
+    def test_other_commands_take_them(self, orbits):
+        ratio = "--set gravity_ratio=0.5"
+        done = orbits(f"follow --machine wheel --along inertia_ratio --from 1 --to 1.1 {ratio} --json")
+        assert done.code == 0
+        done = orbits(f"sweep --machine rocker --over inertia_ratio=0.5:2 {ratio} --samples 4 --json")
+        assert done.code == 0
+        assert "take turns" in orbits("map --machine wheel --alpha 1").err
+        assert "the live page shows machines that hop" in orbits("explore --machine wheel").err

@@ -1,0 +1,161 @@
+"""The wheel, the rocker and the shuttle: reference values, SI against the ratios, and what is no such machine."""
+
+import math
+
+import numpy as np
+import pytest
+from steps import SINES, TABLE, closed_form
+
+from orbits import InputError, NoOrbit, check, find, follow
+from problems import rimless_wheel, rocking_block, shuttle
+
+KINDS = {"wheel": rimless_wheel, "rocker": rocking_block, "shuttle": shuttle}
+
+
+@pytest.mark.parametrize(("kind", "values"), [(kind, values) for kind in TABLE for values in TABLE[kind]])
+def test_small_angles_have_their_closed_form(kind, values):
+    mu, kappa, family = values
+    orbit = find(KINDS[kind](inertia_ratio=mu, gravity_ratio=kappa), family)
+    half, speed, contact = TABLE[kind][values]
+    assert (orbit.flight_time / 2, orbit.alpha) == pytest.approx((half, speed), rel=0, abs=1e-12)
+    assert orbit.contact_time == pytest.approx(contact, rel=0, abs=1e-12)
+    assert orbit.liftoff_extension == kappa
+    assert orbit.admissible
+
+
+@pytest.mark.parametrize(("kind", "law", "family"), SINES)
+def test_other_angles_have_the_values_of_other_integrators(kind, law, family):
+    orbit = find(KINDS[kind](inertia_ratio=1.0, gravity_ratio=0.5, angle=0.3, spring=law), family)
+    speed, half, contact = SINES[kind, law, family]
+    assert (orbit.alpha, orbit.contact_time) == pytest.approx((speed, contact), rel=0, abs=1e-12)
+    assert half is None or orbit.flight_time / 2 == pytest.approx(half, rel=0, abs=1e-12)
+    assert orbit.admissible
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_random_machines_have_their_closed_form(kind):
+    """mu from 0.05 to 20 and kappa from 0.05 to 5."""
+    rng = np.random.default_rng(7)
+    for _ in range(5):
+        mu, kappa = np.exp(rng.uniform(np.log([0.05, 0.05]), np.log([20.0, 5.0]))).tolist()
+        for family in (1, 2, 3):
+            orbit = find(KINDS[kind](inertia_ratio=mu, gravity_ratio=kappa), family)
+            half, speed, contact = closed_form(kind, mu, kappa, family)
+            assert (orbit.flight_time / 2, orbit.alpha, orbit.contact_time) == pytest.approx(
+                (half, speed, contact), rel=1e-12
+            )
+            assert orbit.admissible
+
+
+def test_small_angles_are_the_limit_of_others():
+    for kind, build in KINDS.items():
+        small, none = (build(inertia_ratio=0.7, gravity_ratio=0.4, angle=angle) for angle in (1e-4, None))
+        assert find(small).alpha / 1e-4 == pytest.approx(find(none).alpha, rel=1e-7), kind
+        assert find(small).flight_time == pytest.approx(find(none).flight_time, rel=1e-7)
+
+
+def test_without_gravity_a_shuttle_is_a_free_pair_of_bodies():
+    """It swings n half times between the walls: q S = n pi with q^2 = 1 + mu, and v S = (1 + mu)/mu."""
+    for family in (1, 2):
+        orbit = find(shuttle(inertia_ratio=0.6, gravity_ratio=0.0), family)
+        half = family * math.pi / math.sqrt(1.6)
+        assert (orbit.flight_time / 2, orbit.alpha) == pytest.approx((half, 1.6 / (0.6 * half)), rel=1e-12)
+        assert orbit.contact_time == pytest.approx(math.pi, rel=1e-12)
+
+
+class TestSI:
+    MASS, LENGTH, INERTIA, BODY, STIFFNESS, GRAVITY = 2.0, 0.4, 0.5, 0.6, 20.0, 1.62
+    TIME = math.sqrt(BODY / STIFFNESS)
+
+    def same(self, machine, ratios):
+        """Whether both have one motion."""
+        si, other = find(machine), find(ratios)
+        assert si.alpha * self.TIME == pytest.approx(other.alpha, rel=1e-12)
+        assert si.flight_time == pytest.approx(other.flight_time * self.TIME, rel=1e-12)
+        assert si.contact_time == pytest.approx(other.contact_time * self.TIME, rel=1e-12)
+        assert si.units["alpha"] == "rad/s"
+        assert si.units["largest_contact_force"] == "N m"
+        assert si.units["landing_jerk"] == "rad/s^3"
+        return si
+
+    @property
+    def numbers(self):
+        return {
+            "inertia": self.INERTIA, "body_inertia": self.BODY, "stiffness": self.STIFFNESS,
+            "surface_gravity": self.GRAVITY,
+        }  # fmt: skip
+
+    def ratios(self, height, angle):
+        kappa = self.MASS * self.GRAVITY * height / self.STIFFNESS
+        return {"inertia_ratio": self.BODY / self.INERTIA, "gravity_ratio": kappa, "angle": angle}
+
+    def test_a_wheel(self):
+        wheel = rimless_wheel(self.MASS, self.LENGTH, 8, **self.numbers)
+        orbit = self.same(wheel, rimless_wheel(**self.ratios(self.LENGTH, math.pi / 8)))
+        assert orbit.rises["hub"] == pytest.approx(self.LENGTH * (1 - math.cos(math.pi / 8)), rel=1e-9)
+        assert "stiffness = 20 N m/rad" in str(orbit)
+
+    def test_a_block(self):
+        block = rocking_block(self.MASS, 0.1, 0.3, **self.numbers)
+        self.same(block, rocking_block(**self.ratios(0.3, math.atan(1 / 3))))
+
+    def test_a_shuttle(self):
+        self.same(
+            shuttle(**self.numbers, angle=0.4, mass=self.MASS, length=self.LENGTH),
+            shuttle(**self.ratios(self.LENGTH, 0.4)),
+        )
+
+    def test_on_a_slope_no_step_is_lossless(self):
+        tilted = rimless_wheel(self.MASS, self.LENGTH, 8, **self.numbers, slope=0.05)
+        for options in ({}, {"start": {"liftoff": 0.1, "alpha": 1.0, "duration": 0.3}}):
+            with pytest.raises(NoOrbit, match=r"gravity gains .*sin\(angle\)\*sin\(slope\) with each step on a slope"):
+                find(tilted, **options)
+        assert tilted.model.symmetry == (1, 1, 1, 1)
+
+
+def test_they_hold_against_mechanics():
+    for build in KINDS.values():
+        assert check(build(angle=0.3, spring="r + r**3")).largest < 1
+    assert check(rimless_wheel(2.0, 0.4, 8, 0.5, 0.6, 20.0)).largest < 1
+
+
+def test_families_are_followed():
+    """Along the inertia ratio to a closed form again, and along the angle to that of small ones."""
+    family = follow(rimless_wheel(inertia_ratio=1.0, gravity_ratio=0.5), "inertia_ratio", 5.0)
+    half, speed, contact = closed_form("wheel", 5.0, 0.5, 1)
+    assert family[-1].alpha == pytest.approx(speed, rel=1e-12)
+    assert (family[-1].flight_time / 2, family[-1].contact_time) == pytest.approx((half, contact), rel=1e-12)
+    assert all(point.admissible for point in family)
+    angles = follow(rocking_block(angle=0.3), "angle", 1e-3)
+    assert angles[-1].alpha / math.tan(1e-3) == pytest.approx(TABLE["rocker"][1.0, 0.5, 1][1], rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("build", "arguments", "telling"),
+    [
+        (rimless_wheel, {"inertia_ratio": -1.0}, "inertia_ratio = -1; it lies above 0"),
+        (rocking_block, {"gravity_ratio": 0.0}, "gravity_ratio = 0; it lies above 0"),
+        (shuttle, {"gravity_ratio": -0.1}, "gravity_ratio = -0.1; it lies above 0"),
+        (rimless_wheel, {"angle": 1.6}, "angle = 1.6; it lies above 0 and below 1.5708"),
+        (rimless_wheel, {"mass": 1.0}, "is in SI: state length, inertia, body_inertia, stiffness, spokes too"),
+        (rimless_wheel, {"spokes": 2}, "a wheel has a whole number of them, from 3"),
+        (rimless_wheel, {"spokes": 6.5}, "a wheel has a whole number of them, from 3"),
+        (rimless_wheel, {"slope": 0.1}, "belongs to a wheel in SI"),
+        (shuttle, {"inertia": 1.0, "body_inertia": 1.0, "stiffness": 1.0, "angle": 2.0}, "angle = 2; it lies above 0"),
+        (rimless_wheel, {"spring": "r + b*r**3"}, "uses 'b' without a value"),
+        (rimless_wheel, {"parameters": {"angle": 0.3}, "angle": 0.2}, "'angle' is an argument of its own"),
+    ],
+)
+def test_what_is_no_such_machine(build, arguments, telling):
+    with pytest.raises(InputError, match=telling):
+        build(**arguments)
+
+
+def test_no_wheel_is_lighter_than_its_mass():
+    numbers = {"mass": 2.0, "length": 0.4, "spokes": 8, "body_inertia": 1.0, "stiffness": 1.0}
+    with pytest.raises(InputError, match=r"inertia = 0.31 about the foot is below 0.32 = mass \* length\*\*2"):
+        rimless_wheel(inertia=0.31, **numbers)
+    with pytest.raises(InputError, match="leave inertia_ratio, gravity_ratio, angle out"):
+        rimless_wheel(inertia=0.5, gravity_ratio=1.0, **numbers)
+    with pytest.raises(InputError, match=r"inertia = 0\.1 about an edge is below 0\.2"):
+        rocking_block(2.0, 0.1, 0.3, 0.1, 1.0, 1.0)
