@@ -15,6 +15,7 @@ from .lagrange import mechanics_of
 from .linear import Linear, LinearEquations
 from .lone_extension import launch_of
 from .parts import Parts
+from .stepping import refuse_uneven
 from .structure import Structure
 from .terms import GRAVITY_SHARE, Gravity
 
@@ -25,8 +26,8 @@ def derived_model(structure: Structure) -> Model:
     """The model of a mechanism; raises `InputError` where it is no mechanism."""
     s, parts = structure, _parts_of(structure)
     mechanics, gap, steps = parts.mechanics, parts.gap, parts.steps
-    if steps and steps.reversible:
-        steps.refuse_laws(mechanics.laws)
+    if steps and steps.reversible and mechanics.conservative:
+        steps.refuse_forces(mechanics)
     launch = launch_of(mechanics, parts.alone, parts.words["liftoff"], dict(s.rest).get(parts.launched, 0.0))
     linear = Linear.of(mechanics, steps)
     # The motion of one extension alone leads to orbits where nothing damps or drives it. Under gravity that varies it
@@ -94,8 +95,8 @@ def linear_equations(structure: Structure, p: Parameters) -> LinearEquations:
 def refuse_uneven_tables(structure: Structure, p: Parameters) -> None:
     """Raise `InputError` for a law in pieces that a step turns into another one."""
     parts = _parts_of(structure)
-    if parts.steps and parts.steps.reversible:
-        parts.steps.refuse_tables(parts.mechanics.laws, p)
+    if parts.steps and parts.steps.reversible and parts.steps.refuse_forces(parts.mechanics):
+        refuse_uneven(parts.mechanics, p)
 
 
 def _parts_of(structure: Structure) -> "Parts":

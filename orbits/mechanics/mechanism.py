@@ -39,7 +39,6 @@ from .ground import on_ground
 from .linear import LinearEquations
 from .parts import names_of_springs
 from .refusals import (
-    first_of_gaps,
     hint_of_coordinate,
     joined_values,
     listed,
@@ -137,8 +136,12 @@ class Mechanism(Stated):
             knees=tuple(listed("knees", knee) for knee in listed("knees", self.knees)),
             angles=listed("angles", self.angles),
         )  # fmt: skip
-        if self.gaps or self.gap == "":
-            self._store(gap=first_of_gaps(self))
+        first = next(iter(self.gaps.values()), "") if isinstance(self.gaps, Mapping) else ""
+        if (first != self.gap and "" not in (first, self.gap)) or first == self.gap == "":
+            raise InputError(
+                f"gap = {self.gap!r}, gaps = {self.gaps!r}: state gap=, or gaps= with names, the first opening"
+            )
+        self._store(gap=first if self.gap == "" else self.gap)
         if self.ground is not None:
             stated = self.coordinates, self.elements, self.gap, self.launch, self.heights
             self._store(**on_ground(self.ground, *stated))

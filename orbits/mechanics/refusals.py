@@ -53,18 +53,6 @@ def refuse_misstated(mechanism: Any) -> None:
     _refuse_coordinates_in(m)
 
 
-def first_of_gaps(mechanism: Any) -> Scalar:
-    """The gap that opens, where a mechanism states `gaps`; raises `InputError` where it states none, or two different
-    ones."""
-    gap, gaps = mechanism.gap, mechanism.gaps
-    first = next(iter(gaps.values()), None) if isinstance(gaps, Mapping) else None
-    if first is None:
-        raise InputError(f"gaps = {gaps!r}: state gap=, the distance that opens, or gaps= with names of two of them")
-    if gap not in ("", first):
-        raise InputError(f"gap '{gap}' is not the first of the gaps, '{first}': leave gap= out")
-    return first
-
-
 def listed(what: str, value: object) -> tuple:
     """Several things as a tuple; raises `InputError` for one alone."""
     if isinstance(value, str) or not isinstance(value, Iterable):

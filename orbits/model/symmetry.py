@@ -18,12 +18,9 @@ from .phase import Affine, is_used
 Shift: TypeAlias = Callable[[Parameters], Scalars]
 
 
-def _with_sign(value: Algebraic, sign: int) -> Algebraic:
-    return -value if sign < 0 else value
-
-
-def _shifted_by(value: Algebraic, shift: Algebraic) -> Algebraic:
-    return value + shift if is_used(shift) else value
+def _moved_by(value: Algebraic, sign: int, shift: Algebraic) -> Algebraic:
+    turned = -value if sign < 0 else value
+    return turned + shift if is_used(shift) else turned
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,26 +44,25 @@ class SignedShift:
 
     def image(self, x: Scalars, p: Parameters) -> list[Algebraic]:
         """The image (n,) of a state."""
-        flipped = map(_with_sign, x, self.signs)
-        return list(flipped) if self.shift is None else list(map(_shifted_by, flipped, self.shifts(p)))
+        return list(map(_moved_by, x, self.signs, self.shifts(p)))
 
     def fixed(self, x: Scalars, p: Parameters) -> list[Algebraic]:
         """The expressions that vanish on the states that the map, its own inverse, leaves as they are."""
         each = zip(x, self.shifts(p), self.signs, strict=True)
-        return [_shifted_by(value, -0.5 * shift) for value, shift, sign in each if sign < 0]
+        return [_moved_by(value, 1, -0.5 * shift) for value, shift, sign in each if sign < 0]
 
     def after(self, first: "SignedShift") -> "SignedShift":
         """The map that does `first` and then this one."""
         signs = tuple(a * b for a, b in zip(self.signs, first.signs, strict=True))
-        if self.shift is None and first.shift is None:
-            return SignedShift(signs)
-        return SignedShift(signs, lambda p: self.image(first.shifts(p), p))
+        moves = self.shift is not None or first.shift is not None
+        return SignedShift(signs, (lambda p: self.image(first.shifts(p), p)) if moves else None)
 
     @property
     def inverse(self) -> "SignedShift":
         """The map back."""
-        back = lambda p: [-_with_sign(d, s) for d, s in zip(self.shifts(p), self.signs, strict=True)]  # noqa: E731
-        return self if self.shift is None else SignedShift(self.signs, back)
+        if self.shift is None:
+            return self
+        return SignedShift(self.signs, lambda p: [-s * d for s, d in zip(self.signs, self.shifts(p), strict=True)])
 
     def of(self, function: Affine, p: Parameters) -> Affine:
         """An affine function of the image of a state, as a function of the state."""

@@ -157,13 +157,15 @@ def orbits_of(
         machine = machines[which]
         p, knees = machine.values, tuple(model.knees(machine.values)) if model.knees else ()
         mirror = model.mirror if model.reversor else None
-        steps = () if model.plain else _steps_of_shape(model, p)
+        maps = () if model.plain else (model.reversal, model.contact_reversal, model.relabelling)
+        shifts = [tuple(map(float, each.shifts(p))) for each in maps]
+        steps = (*shifts[:2], tuple(map(float, model.relabelling.signs)), shifts[2]) if shifts else None
         orbits[which] = Orbit(
             machine=machine.describe(),
             **numbers[place],
             flight=cycles.flight[place],
             contact=contacts.get(place),
-            shape=Shape(model.reversor, mirror, model.embed, model.heights(p), model.springs, knees, *steps),
+            shape=Shape(model.reversor, mirror, model.embed, model.heights(p), model.springs, knees, steps),
             certificate=found.certificates[place],
             method=method,
             skipped=_skipped(model, p, method, any(flow.compiled for flow in equations.flows)),
@@ -171,13 +173,6 @@ def orbits_of(
             source=machine,
         )
     return orbits
-
-
-def _steps_of_shape(model: Model, p: Mapping) -> tuple[Any, ...]:
-    """The shifts of both reversors, and the signs and shifts of the relabelling, as in `Shape`."""
-    maps = (model.reversal, model.contact_reversal, model.relabelling)
-    *shifts, step = (tuple(map(float, each.shifts(p))) for each in maps)
-    return *shifts, (model.relabelling.signs, step)
 
 
 @exclusive

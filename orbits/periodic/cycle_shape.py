@@ -21,9 +21,8 @@ class Shape:
     heights : names and functions of the flight state, the masses first
     springs : names of the heights, lower and upper, that springs join, None for the ground
     knees : such names with the length of each of the two links that join them
-    shift, contact_shift : what time reversal adds to the states after it changed their signs; None for nothing
-    step : signs, and what is added, of the flight states (n,) in the relabelling after a landing; None where there is
-        none
+    steps : of a machine whose points of contact take turns, what time reversal adds to flight states (n,) and to
+        contact states (m,) after it changed their signs, and signs and shifts (n,) of the relabelling after a landing
     """
 
     reversor: tuple[int, ...] | None
@@ -32,36 +31,30 @@ class Shape:
     heights: Mapping[str, Affine | StateFormula]
     springs: tuple[tuple[str | None, str], ...]
     knees: tuple[Knee, ...] = ()
-    shift: tuple[float, ...] | None = None
-    contact_shift: tuple[float, ...] | None = None
-    step: tuple[tuple[int, ...], tuple[float, ...]] | None = None
+    steps: tuple[tuple[float, ...], ...] | None = None
+
+    @property
+    def shifts(self) -> tuple[tuple[float, ...] | None, ...]:
+        """What time reversal adds to flight states and to contact states; None for nothing."""
+        return self.steps[:2] if self.steps else (None, None)
 
     def saved(self) -> dict[str, object]:
-        """The fields for a file, without those of machines that step where there is no step."""
-        heights = {name: height.saved() for name, height in self.heights.items()}
-        return {name: value for name, value in vars(self).items() if value is not None or name not in OF_STEPS} | {
-            "heights": heights
-        }
+        """The fields for a file; `steps` only where the machine steps."""
+        stated = {name: value for name, value in vars(self).items() if name != "steps" or value is not None}
+        return stated | {"heights": {name: height.saved() for name, height in self.heights.items()}}
 
     def in_units(self, sizes: np.ndarray) -> "Shape":
         """The same shape, but for its heights, in units in which one old unit of the flight states is `sizes` (n,)."""
-        if self.step is None or self.shift is None or self.contact_shift is None:
-            return self
-        own = (self.embed != 0).argmax(0)  # a flight state in the unit of each contact state
-        shifts = sizes * self.shift, sizes[own] * self.contact_shift, sizes * self.step[1]
-        first, second, step = (tuple(each.tolist()) for each in shifts)
-        return replace(self, shift=first, contact_shift=second, step=(self.step[0], step))
+        own = sizes, sizes[(self.embed != 0).argmax(0)], np.ones(len(sizes)), sizes
+        turned = (tuple((unit * each).tolist()) for unit, each in zip(own, self.steps or (), strict=False))
+        return replace(self, steps=tuple(turned)) if self.steps else self
 
     def unrolled(self, states: np.ndarray, landings: np.ndarray) -> np.ndarray:
         """Flight states (..., n) in the labels of before so many landings (...)."""
-        if self.step is None:
+        if self.steps is None:
             return states
-        signs, shifts = map(np.array, self.step)
-        turned = np.where(landings[..., None] % 2 == 1, shifts - states, states)
-        return np.where(signs > 0, states - landings[..., None] * shifts, turned)
-
-
-OF_STEPS = ("shift", "contact_shift", "step")
+        (_, _, signs, shifts), count = map(np.array, self.steps), landings[..., None]
+        return np.where(signs > 0, states - count * shifts, np.where(count % 2 == 1, shifts - states, states))
 
 
 def mirrored(
@@ -90,9 +83,7 @@ class SavedShape(TypedDict):
     heights: Mapping[str, SavedHeight]
     springs: tuple[tuple[str | None, str], ...]
     knees: NotRequired[tuple[Knee, ...]]
-    shift: NotRequired[tuple[float, ...]]
-    contact_shift: NotRequired[tuple[float, ...]]
-    step: NotRequired[tuple[tuple[int, ...], tuple[float, ...]]]
+    steps: NotRequired[tuple[tuple[float, ...], ...]]
 
 
 def shape_of(data: SavedShape, flight: Trajectory, contact: Trajectory | None) -> Shape:
@@ -104,11 +95,10 @@ def shape_of(data: SavedShape, flight: Trajectory, contact: Trajectory | None) -
     fits = 0 < sizes[0] <= len(flight.names) and 0 < sizes[1] <= (sizes[1] if contact is None else len(contact.names))
     fits &= all(each is None or len(each) == size for each, size in zip(signs, sizes, strict=True))
     weights = (height.weights for height in heights.values() if isinstance(height, Affine))
-    first, second, step = (data.get("shift"), data.get("contact_shift"), data.get("step"))
-    parts = zip((first, second, *(step or ())), (*sizes, sizes[0], sizes[0]), strict=False)
-    fits &= all(each is None or len(each) == size for each, size in parts)
+    steps, own = data.get("steps"), [sizes[0], sizes[1], sizes[0], sizes[0]]
+    fits &= steps is None or [len(each) for each in steps] == own
     fits &= bool(heights) and all(len(each) == sizes[0] for each in weights)
     knees = data.get("knees", ())
     if not fits or not {*sum(data["springs"], ()), *(name for *pair, _ in knees for name in pair)} <= known:
         raise ValueError("its shape does not fit its motion")
-    return Shape(*signs, embed, heights, data["springs"], knees, first, second, step)
+    return Shape(*signs, embed, heights, data["springs"], knees, steps)

@@ -141,13 +141,13 @@ class Orbit(Result, what="orbit", printed_digits=15):
     @property
     def rises(self) -> dict[str, float]:
         """The largest rise of each of the shape's heights above its value at lift-off in flight, by name."""
-        found, path, shape = dict[str, float](), self.flight, self.shape
-        for name, height in shape.heights.items():
-            each = [height.series(path.coefficients)]
-            if shape.shift is not None and shape.reversor is not None:
-                back = SignedShift(shape.reversor, lambda p: shape.shift or ())
-                each.append(height.series(back.rows(path.coefficients, {})))
-            found[name] = float(max(-lowest(-c, path.steps)[0] for c in each) - each[0][0, 0])
+        halves, found = [self.flight.coefficients], dict[str, float]()
+        if self.shape.steps and self.shape.reversor:
+            back = SignedShift(self.shape.reversor, lambda p: self.shape.shifts[0] or ())
+            halves.append(back.rows(halves[0], {}))
+        for name, height in self.shape.heights.items():
+            each = [height.series(c) for c in halves]
+            found[name] = float(max(-lowest(-c, self.flight.steps)[0] for c in each) - each[0][0, 0])
         return found
 
     @property
@@ -173,11 +173,11 @@ class Orbit(Result, what="orbit", printed_digits=15):
             if times.size and not (times.min() >= 0 and times.max() <= self.flight_time * (1 + 1e-12)):
                 unit = " s" if self.scales else ""
                 raise InputError(f"the contact never ends: times lie between 0 and {self.flight_time:g}{unit}")
-            return mirrored(self.flight, times, self.flight_time, shape.reversor, shape.shift)
+            return mirrored(self.flight, times, self.flight_time, shape.reversor, shape.shifts[0])
         times = np.mod(times, self.period)
-        flying = mirrored(self.flight, times, self.flight_time, shape.reversor, shape.shift)
-        since, signs, shift = times - self.flight_time, shape.contact_reversor, shape.contact_shift
-        standing = mirrored(self.contact, since, self.contact_time, signs, shift)
+        flying = mirrored(self.flight, times, self.flight_time, shape.reversor, shape.shifts[0])
+        signs, shift = shape.contact_reversor, shape.shifts[1]
+        standing = mirrored(self.contact, times - self.flight_time, self.contact_time, signs, shift)
         standing = standing[..., : shape.embed.shape[1]] @ shape.embed.T
         return np.where((times <= self.flight_time)[..., None], flying, standing)
 
@@ -187,8 +187,8 @@ class Orbit(Result, what="orbit", printed_digits=15):
         states, times = self(t), np.asarray(t, dtype=float)
         if self.contact_time is None:
             return states
-        landed = np.mod(times, self.period) > self.flight_time
-        return self.shape.unrolled(states, np.floor(times / self.period) + landed)
+        cycles, since = np.divmod(times, self.period)
+        return self.shape.unrolled(states, cycles + (since > self.flight_time))
 
     def contact_force(self, t: ArrayLike, *, landed: bool = False) -> np.ndarray:
         """The contact force (...) at times `t` (...), positive where it presses; 0 in flight.
@@ -202,9 +202,8 @@ class Orbit(Result, what="orbit", printed_digits=15):
         self(t)  # refuses times
         if self.contact is None or self.contact_time is None:
             return np.zeros(np.shape(t))
-        images = {CONTACT_FORCE: LANDED_FORCE, LANDED_FORCE: CONTACT_FORCE}
-        row = LANDED_FORCE if landed else CONTACT_FORCE
-        image = images[row] if LANDED_FORCE in self.contact.names else row
+        row, image = (LANDED_FORCE, CONTACT_FORCE) if landed else (CONTACT_FORCE, LANDED_FORCE)
+        image = image if LANDED_FORCE in self.contact.names else row
         if row not in self.contact.names:
             raise InputError(f"this orbit does not tell its contact force, but {', '.join(self.contact.names)}")
         since = np.mod(np.asarray(t, dtype=float), self.period) - self.flight_time
@@ -232,11 +231,12 @@ class Orbit(Result, what="orbit", printed_digits=15):
         figures |= {"violations": list(self.violations), "skipped": list(self.skipped)}
         figures["state_mid_flight"] = mid.tolist()
         document = {**self.machine, **{name: figures[name] for name in DOCUMENT_FIELDS}}
-        document |= {name: figures[name] for name in FIELDS_OF_STEPS} if self.shape.step else {}
+        document |= {name: figures[name] for name in FIELDS_OF_STEPS} if self.shape.steps else {}
         if not self.scales:
             return document
         units = {name: unit for name, unit in self.scales.texts().items() if name in document}
-        own = dict.fromkeys(self.scales.text(name) for name in self._in_middle)
+        signs = self.shape.reversor or [-1 if name.endswith("'") else 1 for name in self._states]
+        own = dict.fromkeys(self.scales.text(name) for name, sign in zip(self._states, signs, strict=True) if sign > 0)
         units |= {"rises": "m", "state_mid_flight": ", ".join(own)}
         return document | {"units": {**self.machine.get("units", {}), **units}, "si": self.si()}
 
@@ -263,13 +263,6 @@ class Orbit(Result, what="orbit", printed_digits=15):
         known = {name: self.scales.text(name) for name in self._states} | {"time": "s", "contact force": "N"}
         known |= units_of_springs(self.source) if self.source else {}
         return {**self.scales.texts(), **known, "rises": "m", **self.machine.get("units", {})}
-
-    @property
-    def _in_middle(self) -> list[str]:
-        """The names of the states that are free in mid-flight."""
-        signs = self.shape.reversor
-        names = [name for name in self._states if not name.endswith("'")]
-        return [name for name, sign in zip(self._states, signs, strict=True) if sign > 0] if signs else names
 
     @property
     def _states(self) -> tuple[str, ...]:

@@ -292,6 +292,6 @@ class TestSteps:
 
     def test_a_file_with_another_number_of_shifts_is_refused(self, tmp_path):
         document = find(stepping("rocker", 1.0, 0.5)).saved()
-        document["motion"]["shape"]["step"] = ((1, 1), (0.0, 0.0))
+        document["motion"]["shape"]["steps"] = ((1.0, 1.0), (0.0, 0.0))
         with pytest.raises(ValueError, match="its shape does not fit its motion"):
             Orbit.of_saved(json.loads(to_json(document)))
