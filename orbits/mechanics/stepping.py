@@ -30,7 +30,7 @@ from .terms import Term
 # compared at these shares of each piece, of which a polynomial has fewer coefficients.
 ODD_TO, COMPARED = 1e-12, np.linspace(0.05, 0.95, 12)
 REMEDY = "springs whose extensions change their signs have odd laws; or state reversor=None for simulations alone"
-Sum = tuple[list[Fraction], ca.SX]  # weights of the coordinates, and the offset, of a sum of them
+StatedGap = tuple[list[Fraction], ca.SX]  # weights of the coordinates, and the offset, of a sum of them
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ class Stepping:
     reversor: SignedShift
     relabelling: SignedShift
     reversible: bool
-    landing: Sum
+    landing: StatedGap
     row: Coefficients | None
 
     def states(self, stated: SignedShift) -> SignedShift:
@@ -159,13 +159,13 @@ def _stated(c: Coordinates, stated: Mapping[str, Scalar], what: str) -> SignedSh
     return SignedShift(tuple(signs), None if still else lambda p: shifts)
 
 
-def _image_of_gap(c: Coordinates, gap: Sum, by: SignedShift) -> Sum:
+def _image_of_gap(c: Coordinates, gap: StatedGap, by: SignedShift) -> StatedGap:
     """A sum of coordinates of the image of a place."""
     numbers, shifts = ca.vertcat(*map(c.numerals.number, gap[0])), ca.vertcat(*map(ca.SX, by.shifts({})))
     return [weight * sign for weight, sign in zip(gap[0], by.signs, strict=True)], gap[1] + ca.dot(numbers, shifts)
 
 
-def _side(c: Coordinates, gap: Sequence[Fraction], image: Sum) -> int:
+def _side(c: Coordinates, gap: Sequence[Fraction], image: StatedGap) -> int:
     """1 where a sum of coordinates is the gap, -1 where it is its negative, 0 for another."""
     weights, offset = image
     signs = {1: list(gap), -1: [-weight for weight in gap]}

@@ -17,12 +17,11 @@ import click
 if TYPE_CHECKING:
     import numpy as np
 
-    from orbits import Mechanism
     from orbits.proof.theorem import Proof
     from orbits.return_map.diagram import BifurcationDiagram
 
     from ..explorer.scene import Scene
-    from ..machines.in_si import AnyMachine
+    from ..machines.files import MachineOfFile
 
 
 def combined(*options: Callable) -> Callable:
@@ -225,7 +224,7 @@ def with_first_values(stated: dict[str, Any], axes: dict[str, object], table: An
     return {**stated, "settings": tuple(settings)}
 
 
-def started(machine: "AnyMachine", hop: str | None) -> str | None:
+def started(machine: "MachineOfFile", hop: str | None) -> str | None:
     """The orbit's file of --start, for functions that take `start=`; raises `InputError` where it is missing for a
     machine whose launch has several numbers."""
     from orbits.errors import InputError
@@ -239,7 +238,7 @@ def started(machine: "AnyMachine", hop: str | None) -> str | None:
     return hop
 
 
-def launches_of(machine: "AnyMachine", hop: str | None, alpha: Any) -> Any:
+def launches_of(machine: "MachineOfFile", hop: str | None, alpha: Any) -> Any:
     """The launches of --alpha and --start, for `simulate` and the map: speeds, or the launch of an orbit with its own
     speed or with those; raises `InputError` for neither, and where --start is missing."""
     from orbits.errors import InputError
@@ -372,7 +371,7 @@ def proved_curve(
     return followed.prove(machine, continuous=True, **requested)
 
 
-def machine_of(machine: str | None, *arguments: Any, **stated: Any) -> "AnyMachine | Mechanism":
+def machine_of(machine: str | None, *arguments: Any, **stated: Any) -> "MachineOfFile":
     """The machine that the options describe, as in `statement_of`."""
     from ..machines.files import build
 

@@ -42,7 +42,7 @@ import tomllib
 from collections.abc import Callable, Collection
 from inspect import signature
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import Any, TypeAlias, TypedDict
 
 from orbits import Mechanism
 from orbits.errors import InputError
@@ -56,6 +56,7 @@ from .juggler import Juggler
 from .steps import RATIOS, rimless_wheel, rocking_block, shuttle
 from .two_masses import DAMPERS, GROUND_MASS, TwoMassMachine
 
+MachineOfFile: TypeAlias = AnyMachine | Mechanism
 KINDS: dict[str, type[TwoMassMachine]] = {"hopper": Hopper, "juggler": Juggler}
 IN_SI: dict[str, Callable[..., MachineInSI]] = {"hopper": hopper_in_si, "juggler": juggler_in_si}
 MASSES = {"hopper": ("body_mass", "foot_mass"), "juggler": ("ball_mass", "hand_mass")}
@@ -124,7 +125,7 @@ def design(statement: dict[str, Any], where: str) -> dict[str, Any]:
     return problem | {"minimise": tuple(problem["minimise"])}
 
 
-def build(statement: dict[str, object], where: str = "the options") -> AnyMachine | Mechanism:
+def build(statement: dict[str, object], where: str = "the options") -> MachineOfFile:
     """The machine of a statement, as `read` returns it; raises `InputError`, whose message begins with `where`."""
     try:
         return _build(statement)
@@ -132,7 +133,7 @@ def build(statement: dict[str, object], where: str = "the options") -> AnyMachin
         raise InputError(f"{where}: {error}") from None
 
 
-def _build(statement: dict[str, Any]) -> AnyMachine | Mechanism:
+def _build(statement: dict[str, Any]) -> MachineOfFile:
     kind = statement.get("machine", "hopper")
     if not isinstance(kind, str) or kind not in (*KINDS, *STEPPING):
         raise InputError(f"unknown machine {kind!r}{suggest(str(kind), (*KINDS, *STEPPING))}")
@@ -197,7 +198,7 @@ def statement_for_file(machine: AnyMachine) -> dict[str, Any] | None:
         return None
 
 
-def machine_stated(statement: dict[str, object]) -> AnyMachine | Mechanism:
+def machine_stated(statement: dict[str, object]) -> MachineOfFile:
     """The machine of a statement by `statement_for_file`; raises `InputError`, also where it refers to another file."""
     _check_keys("the machine", statement, KEYS)
     below: Any = statement.get("ground", {})
