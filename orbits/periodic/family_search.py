@@ -64,6 +64,8 @@ class Lateness:
     liftoffs : the extensions (m,) at lift-off, where they are known; without damping they do not depend on the speed
     """
 
+    most = MOST_SEARCHED
+
     def __init__(
         self, model: Model, method: str, names: tuple[str, ...], ps: np.ndarray, family: int,
         searches: Sequence[Search], liftoffs: np.ndarray | None = None,
@@ -76,6 +78,7 @@ class Lateness:
         self.statement = equations_of(model, method, names).statement
         self.arc = self.statement.arcs[0]
         self.flow = flow_of(self.arc.phase, names)
+        self.most = MOST_SEARCHED if model.plain else MOST_STEPS_SEARCHED
         self.turns_midway = self.reduction is not None or model.turns_midway
         self.liftoffs = self._liftoffs() if liftoffs is None else liftoffs
 
@@ -134,9 +137,8 @@ class Lateness:
             first = [speeds[: np.searchsorted(speeds, end) + 2] for speeds, end in zip(first, below, strict=True)]
         owners, speeds, late = self._first_values(first)
         launches, stopped = np.bincount(owners, minlength=count), np.zeros(count, bool)
-        most = MOST_SEARCHED if self.model.plain else MOST_STEPS_SEARCHED
         while len(cells := _open_cells(owners, speeds, late)):
-            stopped[owners[cells]] |= launches[owners[cells]] > most
+            stopped[owners[cells]] |= launches[owners[cells]] > self.most
             cells = cells[~stopped[owners[cells]]]
             if not len(cells):
                 break
