@@ -232,13 +232,13 @@ class Model:
         """The sign of each contact state under the contact's reversor."""
         return self.contact_reversal.signs
 
-    @property
+    @cached_property
     def turns_midway(self) -> bool:
         """Whether the extension is stationary in mid-flight, since the reversor leaves it as it is."""
         weights = self.extension.weights
         return self.reversor is None or weights == tuple(w * s for w, s in zip(weights, self.reversor, strict=True))
 
-    @property
+    @cached_property
     def changes_contact(self) -> bool:
         """Whether another point lands than opens, so that two stand in contact."""
         return LANDED_FORCE in self.contact.watch

@@ -44,6 +44,8 @@ class SignedShift:
 
     def image(self, x: Scalars, p: Parameters) -> list[Algebraic]:
         """The image (n,) of a state."""
+        if self.shift is None:
+            return [-value if sign < 0 else value for value, sign in zip(x, self.signs, strict=True)]
         return list(map(_moved_by, x, self.signs, self.shifts(p)))
 
     def fixed(self, x: Scalars, p: Parameters) -> list[Algebraic]:

@@ -412,7 +412,7 @@ def _contact_forces(
         violations += [(i, Message(text, pulls=pulls, time=Quantity(time, TIME))) for i, time in places]
         text = "{pulls} as soon as the contact begins"
         violations += [(i, Message(text, pulls=pulls)) for i in these[at_once].tolist()]
-    peaks[these] = np.max(highest, axis=0)
+    peaks[these] = highest[0] if len(highest) == 1 else np.maximum(*highest)
     return least, peaks, violations
 
 
