@@ -222,6 +222,8 @@ def _of_mechanism(mechanism: Mechanism, values: Mapping[str, Bounds]) -> StatedM
         match element:
             case Mass(place, size) | Weight(place, size) | Inerter(place, size):
                 kinds[type(element)].append((text(place), text(size)))
+                if isinstance(element, Mass) and element.across is not None:  # inertia without weight
+                    kinds[Inerter].append((text(element.across), text(size)))
             case Spring(extension, law):
                 springs.append(_stated_spring(text(extension), law))
             case Potential(energy):

@@ -257,7 +257,7 @@ class Flow:
         x, p = ca.SX.sym("x", self.size), ca.SX.sym("p", len(self.parameters) + count)
         arguments = self.symbols(x, p)
         rates = ca.vertcat(*self.phase.field(*arguments))
-        watched = ca.vertcat(*[quantity(*arguments) for quantity in self.phase.watch.values()])
+        watched = ca.SX(ca.vertcat(*[quantity(*arguments) for quantity in self.phase.watch.values()]))
         field, pieces = ca.Function("field", [x, p], ca.cse([rates, watched])), self.phase.pieces
         if pieces is None:
             return VectorField(field, x, p, self.phase.reaches)

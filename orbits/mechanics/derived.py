@@ -29,7 +29,7 @@ def derived_model(structure: Structure) -> Model:
     if steps and steps.reversible and mechanics.conservative:
         steps.refuse_forces(mechanics)
     launch = launch_of(mechanics, parts.alone, parts.words["liftoff"], dict(s.rest).get(parts.launched, 0.0))
-    linear = Linear.of(mechanics, steps)
+    linear = Linear.of(mechanics, steps, parts.reactions)
     # The motion of one extension alone leads to orbits where nothing damps or drives it. Under gravity that varies it
     # is the motion in the scene of the guess only, so that there is a guess and no reduction.
     moves_alone = launch is not None and launch.reduction and mechanics.conservative and not s.actuators and not steps
@@ -66,6 +66,7 @@ def derived_model(structure: Structure) -> Model:
         search=launch.relative.search if launch and mechanics.conservative else None,
         rest=parts.rest if s.rest else None,
         knees=parts.knees if s.knees else None,
+        planar=parts.reactions.planar if parts.reactions else None,
     )
     if steps and launch and model.search:
         # Families are counted by turns or, where mid-flight turns all places over, by zeros of the extension.
@@ -84,7 +85,7 @@ def derived_launch(structure: Structure) -> str:
 @exclusive
 def linear_equations(structure: Structure, p: Parameters) -> LinearEquations:
     """The matrices of a mechanism whose springs are straight lines; raises `InputError` for another."""
-    linear = Linear.of(_parts_of(structure).mechanics, None)
+    linear = Linear.of(_parts_of(structure).mechanics)
     if linear is None:
         needed = "straight springs along sums of coordinates, quadratic potentials, constant gravity and inertia"
         raise InputError(f"the {structure.name} is not linear: that takes {needed}")

@@ -11,7 +11,7 @@ import casadi as ca
 from ..laws.law import Key
 from ..running.exclusive import exclusive
 from ..units import ACCELERATION, ANGLE, FORCE, LENGTH, MASS, Dimension, unit_text
-from .elements import Damper, Inerter, Mass, Spring, Weight, names_in, value_of
+from .elements import Damper, Inerter, Mass, Spring, Weight, names_in, paths_of, value_of
 
 
 def dimensions_of_parameters(mechanism: Any) -> dict[str, Dimension]:
@@ -34,9 +34,10 @@ def _stated_dimensions(mechanism: Any) -> Iterator[tuple[object, Dimension]]:
             if kind is LENGTH:
                 yield from _lengths(element.extension, coordinates).items()
         match element:
-            case Mass(height, mass) | Weight(height, mass):
-                yield mass, MASS
-                yield from _lengths(height, coordinates).items()
+            case Mass() | Weight():
+                yield element.mass, MASS
+                for place in paths_of(element) if isinstance(element, Mass) else [element.height]:
+                    yield from _lengths(place, coordinates).items()
             case Inerter(_, inertance) if kind is LENGTH:
                 yield inertance, MASS
             case Damper(_, coefficient) if kind is LENGTH:

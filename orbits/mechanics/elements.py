@@ -19,14 +19,17 @@ Scalar: TypeAlias = str | float | Callable[[Parameters, Parameters], Algebraic]
 
 @dataclass(frozen=True)
 class Mass:
-    """A point mass that moves vertically at a height: it has inertia and weight.
+    """A point mass at a height: it has inertia and weight.
 
     height : its height, a formula of the coordinates and parameters, a number, or a Python function (y, p)
     mass : its mass, the same of the parameters alone; in kg for a mechanism in SI
+    across : its horizontal place, stated as the height is, along which it has inertia and no weight; None for a mass
+        that moves vertically
     """
 
     height: Scalar
     mass: Scalar
+    across: Scalar | None = None
 
 
 @dataclass(frozen=True)
@@ -129,9 +132,15 @@ def value_of(expression: Scalar, y: Parameters, p: Parameters) -> Algebraic:
     return expression(y, p) if callable(expression) else float(expression)
 
 
+def paths_of(mass: Mass) -> list[Scalar]:
+    """The functions of the coordinates along which a mass moves."""
+    return [mass.height] if mass.across is None else [mass.height, mass.across]
+
+
 def fields_of(element: Element) -> list[Any]:
     """The expressions that define an element, without its law."""
-    return [getattr(element, name) for name in element.__match_args__ if name != "force"]
+    found = [getattr(element, name) for name in element.__match_args__ if name != "force"]
+    return [each for each in found if each is not None]
 
 
 def expressions_of(stated: Any) -> list[Any]:
@@ -139,7 +148,7 @@ def expressions_of(stated: Any) -> list[Any]:
     elements = [value for element in stated.elements for value in fields_of(element)]
     forces = [element.force for element in stated.elements if isinstance(element, Force)]
     whole = [stated.gap, stated.surface_gravity, stated.energy_unit]
-    optional = [each for each in (stated.counts, stated.separation) if each is not None]
+    optional = [each for each in (stated.counts, stated.separation, stated.friction) if each is not None]
     by_name = [*dict(stated.heights or {}).values(), *dict(stated.rest).values()]
     rows = [value for row in stated.inertia for value in row]
     lengths = [length for *_, length in stated.knees]

@@ -254,7 +254,7 @@ def mechanics_of(
 
     Raises `InputError` for an inertia that is singular, and for a gap that no coordinate closes.
     """
-    stated = _stated_inertia(c, inertia)
+    stated = stated_inertia(c, inertia)
     whole = _inertia(c, elements, stated)
     terms = terms_of(c, elements, gravity, stated)
     closed = ClosedGap.of(c, gap)
@@ -271,7 +271,7 @@ def forces_of(
     return [term.force(*place, p, q) if use else 0.0 for term, use in zip(terms, used, strict=True)]
 
 
-def _stated_inertia(c: Coordinates, stated: Sequence[Sequence[Scalar]]) -> ca.SX:
+def stated_inertia(c: Coordinates, stated: Sequence[Sequence[Scalar]]) -> ca.SX:
     """The matrix (n, n) that is stated beside the elements."""
     matrix = ca.SX(c.size, c.size)
     for i, row in enumerate(stated):

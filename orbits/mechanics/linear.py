@@ -9,10 +9,12 @@ import numpy as np
 from ..laws.law import Parameters, Scalars
 from ..model.model import CONTACT_FORCE, LANDED_FORCE
 from ..model.modes import Modes, linear_modes
+from ..model.planar import NORMAL_FORCE, TANGENTIAL_FORCE
 from ..model.relative import straight_line
 from .coordinates import Coordinates
 from .elements import Potential, Spring
 from .lagrange import Mechanics
+from .reactions import Reactions
 from .stepping import Stepping
 from .terms import Term
 
@@ -36,8 +38,9 @@ class Linear:
         springs have k and zero by their laws, and potentials 1 and 0
     """
 
-    def __init__(self, mechanics: Mechanics, steps: Stepping | None):
+    def __init__(self, mechanics: Mechanics, steps: Stepping | None, reactions: Reactions | None):
         self.mechanics, c, flight, self.steps = mechanics, mechanics.coordinates, mechanics.in_flight, steps
+        self.reactions = reactions
         self.straight = [term for term in flight.terms if not term.is_weight]
         weight = sum((term.gradient for term in flight.terms if term.is_weight), ca.SX(c.size, 1))
         self._weight, self._inertia = c.coefficients(ca.densify(weight)), c.coefficients(flight.inertia)
@@ -48,12 +51,15 @@ class Linear:
         self.embed = mechanics.gap.embed[:, : c.size - 1]
 
     @classmethod
-    def of(cls, mechanics: Mechanics, steps: Stepping | None) -> "Linear | None":
+    def of(
+        cls, mechanics: Mechanics, steps: Stepping | None = None, reactions: Reactions | None = None
+    ) -> "Linear | None":
         """The linear form of a mechanism; None where it is not linear."""
         c, flight = mechanics.coordinates, mechanics.in_flight
         linear = mechanics.conservative and not mechanics.gravity.varies and not c.actuators
         linear = linear and not c.varies(flight.inertia)
-        return cls(mechanics, steps) if linear and all(map(_is_straight(mechanics), flight.terms)) else None
+        linear = linear and not (reactions and reactions.by_rates)
+        return cls(mechanics, steps, reactions) if linear and all(map(_is_straight(mechanics), flight.terms)) else None
 
     def equations(self, p: Parameters) -> LinearEquations:
         """The matrices at parameters."""
@@ -70,7 +76,16 @@ class Linear:
 
     def flight(self, p: Parameters) -> Modes:
         """The exact flow of the flight."""
-        return linear_modes(*self.equations(p))
+        watch, reactions = dict[str, tuple[np.ndarray, float]](), self.reactions
+        if reactions and reactions.planar.stands:
+            watch = self._forces(reactions.flight.rows(p), np.eye(self.mechanics.size), p)
+        return linear_modes(*self.equations(p), watch)
+
+    def _forces(self, rows: Sequence[Scalars], embed: np.ndarray, p: Parameters) -> dict[str, tuple[np.ndarray, float]]:
+        """The forces of the ground."""
+        terms, offsets = self.mechanics.in_flight.terms, self._offsets(p)[0]
+        each = (self._watched(row, terms, embed, offsets, p) for row in rows)
+        return dict(zip((NORMAL_FORCE, TANGENTIAL_FORCE), each, strict=True))
 
     def contact(self, p: Parameters) -> Modes:
         """The exact flow of the contact, with the contact force."""
@@ -84,6 +99,8 @@ class Linear:
             before = np.array(offsets) + shifts @ np.array(self._along(p), dtype=float)
             terms, row = m.in_flight.terms, self.steps.row(p)[0]
             watch[LANDED_FORCE] = self._watched(row, terms, signs[:, None] * embed, before, p)
+        if self.reactions:
+            watch |= self._forces(self.reactions.contact.rows(p), embed, p)
         return linear_modes(embed.T @ inertia @ embed, embed.T @ stiffness @ embed, load @ embed, watch)
 
     def _watched(

@@ -88,6 +88,8 @@ class Mechanism(Stated):
     symmetry : such formulas for the relabelling after a landing, which makes that point the first that opens next
     gaps : by name, instead of `gap`, the gap that opens and that which closes at landing, the image of the first under
         the reversor
+    friction : the largest share of the force across the ground that the force along it may have, for masses that state
+        where they are across; an orbit that needs more violates it. A number, or a formula of parameters
     words : the name of the "liftoff" force in messages, the texts of a violated "gap", "pull", "separation" and "end",
         where points take turns also those of a violated "landing gap" and "landed pull", and the text to look after
         where a search finds "none"
@@ -128,6 +130,7 @@ class Mechanism(Stated):
     reversor: Mapping[str, Scalar] | None = field(default_factory=dict)
     symmetry: Mapping[str, Scalar] = field(default_factory=dict)
     gaps: Mapping[str, Scalar] = field(default_factory=dict)
+    friction: Scalar | None = None
 
     @exclusive
     def __post_init__(self) -> None:
@@ -251,7 +254,7 @@ class Mechanism(Stated):
             counts, self.launch, tuple((self.heights or {}).items()), self.separation, self.energy_unit,
             tuple(self.rest.items()), tuple(self.knees), tuple(self.actuators.items()), tuple(self.words.items()),
             names, self.reversor if self.reversor is None else tuple(self.reversor.items()),
-            tuple(self.symmetry.items()), tuple(self.gaps.items()),
+            tuple(self.symmetry.items()), tuple(self.gaps.items()), self.friction,
         )  # fmt: skip
 
     @exclusive_property

@@ -20,6 +20,7 @@ from .coordinates import Coordinates
 from .elements import Scalar, Spring, names_in, value_of
 from .lagrange import Mechanics, forces_of
 from .lone_extension import Alone
+from .reactions import Reactions, reactions_of
 from .stepping import Stepping, steps_of
 from .structure import USUAL_WORDS, Structure, words_of_gaps
 
@@ -37,6 +38,7 @@ class Parts:
     drawn : as `Model.springs`
     alone : the extension that moves alone, None where none does
     steps : the maps by which points of contact take turns, None where one point lands and opens again
+    reactions : the forces of the ground, None where no mass states where it is across
     """
 
     structure: Structure
@@ -53,6 +55,7 @@ class Parts:
     drawn: tuple[tuple[str | None, str], ...]
     alone: Alone | None
     steps: Stepping | None
+    reactions: Reactions | None
 
     @classmethod
     def of(cls, s: Structure, mechanics: Mechanics) -> "Parts":
@@ -64,13 +67,14 @@ class Parts:
             raise InputError(f"launch '{launched}' is no coordinate of the contact; those are {', '.join(known)}")
         unit = c.scalar(s.energy_unit)
         of_forces = flight.gradients @ ca.SX(np.diag([float(term.conservative) for term in flight.terms])) / unit
+        steps = steps_of(c, s, mechanics)
         return cls(
             s, mechanics, launched, _sum_of_coordinates(c, s.counts, "counts"), _counted(c, s),
             {name: _height(c, height) for name, height in s.heights},
             None if s.separation is None else _height(c, s.separation),
             c.coefficients(flight.impact_mass / unit), c.coefficients(of_forces),
             c.coefficients(flight.inertia / unit), mechanics.turning(unit), _drawn(c, s), Alone.of(mechanics),
-            steps_of(c, s, mechanics),
+            steps, reactions_of(mechanics, s.inertia, s.friction, steps),
         )  # fmt: skip
 
     def with_laws(self, laws: Sequence[Key]) -> "Parts":
@@ -128,16 +132,17 @@ class Parts:
 
     def flight(self, closed_form: Callable | None) -> Phase:
         """The flight."""
-        pieces, reaches = self._along(contact=False)
-        return Phase(
-            "flight", _states(self.mechanics.coordinates), self.mechanics.flight, {}, pieces, closed_form, reaches
-        )
+        m, (pieces, reaches) = self.mechanics, self._along(contact=False)
+        watch = self.reactions.watch(m, contact=False) if self.reactions and self.reactions.planar.stands else {}
+        return Phase("flight", _states(m.coordinates), m.flight, watch, pieces, closed_form, reaches)
 
     def contact(self, closed_form: Callable | None) -> Phase:
         """The contact."""
         watch, (pieces, reaches) = {CONTACT_FORCE: self.mechanics.contact_force}, self._along(contact=True)
         if self.steps and self.steps.row:
             watch[LANDED_FORCE] = self.steps.landed_force(self.mechanics)
+        if self.reactions:
+            watch |= self.reactions.watch(self.mechanics, contact=True)
         states = (*self._states_in_contact, *(name for name, _ in self.structure.actuators))
         return Phase("contact", states, self.mechanics.contact, watch, pieces, closed_form, reaches)
 

@@ -8,7 +8,7 @@ from typing import Any, get_args
 
 from ..errors import InputError
 from ..symbolic.formula import CONSTANTS, FUNCTIONS, suggest
-from .elements import Damper, Element, Force, Inerter, Mass, Scalar, Weight, fields_of, names_in, value_of
+from .elements import Damper, Element, Force, Inerter, Mass, Scalar, Weight, fields_of, names_in, paths_of, value_of
 from .structure import USUAL_WORDS
 from .terms import GRAVITY_SHARE
 
@@ -51,6 +51,11 @@ def refuse_misstated(mechanism: Any) -> None:
     _refuse_rows(m.inertia, len(m.coordinates))
     _refuse_keys(m)
     _refuse_coordinates_in(m)
+    if m.friction is not None and all(getattr(each, "across", None) is None for each in m.elements):
+        raise InputError(
+            f"friction = {m.friction!r}: the force along the ground follows from the horizontal places of the masses; "
+            "state Mass(height, mass, across=...)"
+        )
 
 
 def listed(what: str, value: object) -> tuple:
@@ -117,6 +122,7 @@ def _refuse_coordinates_in(m: Any) -> None:
         *(("the length of a knee", length, "links are rigid") for *_, length in m.knees),
         ("surface_gravity", m.surface_gravity, "a law of gravity says how it varies with the height z"),
         ("energy_unit", m.energy_unit, "it is one for all configurations"),
+        ("friction", m.friction, "it is one for all configurations"),
     ]
     for element in m.elements:
         if isinstance(element, Mass | Weight):
@@ -174,14 +180,16 @@ def refuse_values(mechanism: Any) -> None:
         elif isinstance(element, Damper):
             _refuse_sign(element.coefficient, m, "the coefficient in", element)
         if isinstance(element, Mass | Inerter) and (value is None or value > 0):
-            place = element.height if isinstance(element, Mass) else element.extension
-            moving |= names_in(place)
-            anything_moves |= callable(place)
+            for place in paths_of(element) if isinstance(element, Mass) else [element.extension]:
+                moving |= names_in(place)
+                anything_moves |= callable(place)
     for i, name in enumerate(m.coordinates if m.inertia else ()):
         value = _refuse_sign(m.inertia[i][i], m, "the inertia of coordinate", name)
         moving |= {name} if value is None or value > 0 else set()
     if not anything_moves and (still := [name for name in m.coordinates if name not in moving]):
         raise InputError(f"coordinate '{still[0]}' has no inertia: give it a Mass, or state its inertia, above 0")
+    if m.friction is not None:
+        _refuse_sign(m.friction, m, "the friction of", m.name)
     surface = _value(m.surface_gravity, m.places, p)
     if surface is not None and m.gravity.pieces is None:
         ground = surface * float(m.gravity.expression(0.0, p, []))

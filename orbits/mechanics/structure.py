@@ -50,3 +50,4 @@ class Structure(NamedTuple):
     reversor: tuple[tuple[str, Scalar], ...] | None = ()
     symmetry: tuple[tuple[str, Scalar], ...] = ()
     gaps: tuple[tuple[str, Scalar], ...] = ()
+    friction: Scalar | None = None

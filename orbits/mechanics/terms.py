@@ -12,7 +12,7 @@ from ..laws.law import Algebraic, Key, Parameters, Scalars
 from ..model.phase import weighted_sum
 from ..symbolic.formula import symbolic_numerals
 from .coordinates import Coordinates
-from .elements import Damper, Element, Force, Inerter, Mass, Potential, Scalar, Spring, Weight, value_of
+from .elements import Damper, Element, Force, Inerter, Mass, Potential, Scalar, Spring, Weight, paths_of, value_of
 
 # Share of the variation of gravity, led from 0 to 1 to come from constant gravity to the one that is stated.
 GRAVITY_SHARE = "gravity_share"
@@ -74,8 +74,13 @@ class Gravity:
 
 def moving_masses(elements: Sequence[Element]) -> list[tuple[Scalar, Scalar]]:
     """The functions of the coordinates along which something with a mass moves, and the masses."""
-    masses = [(element.height, element.mass) for element in elements if isinstance(element, Mass)]
+    masses = [(place, each.mass) for each in elements if isinstance(each, Mass) for place in paths_of(each)]
     return masses + [(each.extension, each.inertance) for each in elements if isinstance(each, Inerter)]
+
+
+def bend_of(c: Coordinates, place: Scalar) -> ca.SX:
+    """The second derivative of a function of the coordinates in a motion without accelerations of these."""
+    return ca.bilin(ca.jacobian(c.gradient(place), c.y), c.v, c.v)
 
 
 def mass_of(c: Coordinates, expression: Scalar) -> ca.SX:
@@ -142,9 +147,14 @@ def _terms_of(c: Coordinates, element: Element, gravity: Gravity, ground: ca.SX)
 def _inertial_terms(c: Coordinates, elements: Sequence[Element], stated: ca.SX) -> Iterator[Term]:
     """Forces quadratic in the speeds: a mass that moves along a function h of the coordinates has the acceleration
     J^T y'' + v^T (Hessian of h) v; and the terms of a stated inertia that depends on the configuration."""
-    for place, mass in moving_masses(elements):
-        bend = ca.bilin(ca.jacobian(c.gradient(place), c.y), c.v, c.v)
-        if not c.vanishes(bend, c.symbols(c.y, c.v)):
+    symbols = c.symbols(c.y, c.v)
+    turning = [each for each in elements if isinstance(each, Mass) and each.across is not None]
+    # Those of a mass on a circle vanish together.
+    whole = [sum(c.gradient(place) * bend_of(c, place) for place in paths_of(each)) for each in turning]
+    round_ = [each for each, force in zip(turning, whole, strict=True) if c.vanishes(ca.densify(force), symbols)]
+    for place, mass in moving_masses([each for each in elements if not any(each is one for one in round_)]):
+        bend = bend_of(c, place)
+        if not c.vanishes(bend, symbols):
             along = c.scalar(mass) * c.gradient(place)
             yield Term(None, _of_state(c, bend), along, False, by_rates=bend)
     v = c.v[: c.size]

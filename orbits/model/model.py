@@ -13,6 +13,7 @@ from ..io import fields_in_line
 from ..laws.law import Algebraic, Parameters, Scalars
 from ..units import Dimension
 from .phase import Affine, Phase, weighted_sum
+from .planar import Planar
 from .relative import Reduction, Relative
 from .state_formula import StateFormula
 from .symmetry import Shift, SignedShift
@@ -100,6 +101,8 @@ class Model:
     symmetry : sign of each flight state in the relabelling after a landing, which names the contact that opens next as
         the first one. None where the same contact opens again
     symmetry_shift : p -> what the relabelling adds to each flight state after that; None for nothing
+    planar : the ground under a machine whose masses move along it too, whose flight and contact watch the forces of the
+        ground; None for other machines
     landing_gap : p -> height of the point that lands, the image of `gap` under the reversor; None where that is `gap`
     derived : whether the model was derived, so that its parts cannot contradict each other, see `as_derived`; other
         models are checked once before they are used (`orbits.check` checks more)
@@ -141,6 +144,7 @@ class Model:
     symmetry: tuple[int, ...] | None = None
     symmetry_shift: Shift | None = None
     landing_gap: Callable[[Parameters], Affine] | None = None
+    planar: Planar | None = None
     # A model that `dataclasses.replace` makes has to be checked again.
     derived: bool = field(default=False, init=False)
 
@@ -380,6 +384,8 @@ def reparametrised(model: Model, own: Callable[[Parameters], Parameters], **chan
         changes["reduction"] = replace(reduction, statement=statement, **functions(reduction))
     if relative:
         changes["guess"] = replace(relative, own=own)
+    if model.planar:
+        changes["planar"] = replace(model.planar, **functions(model.planar))
     phases = {"flight": moved(model.flight), "contact": moved(model.contact)}
     changes["spring_forces"] = {name: of_own(force, 1) for name, force in model.spring_forces.items()}
     found = replace(model, **{**functions(model), **phases, **changes})

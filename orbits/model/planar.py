@@ -1,0 +1,26 @@
+"""What a model says of the ground under machines whose masses move along it too."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+# The quantities that flight and contact of such a model watch: the forces of the ground on all that stands on it.
+NORMAL_FORCE = "contact force across the ground"
+TANGENTIAL_FORCE = "contact force along the ground"
+
+
+@dataclass(frozen=True, eq=False)
+class Planar:
+    """The ground under a machine whose masses move along it too.
+
+    stands : whether something stands on the ground in flight, when a gap is open; there is no force otherwise
+    friction : p -> the largest share of the force across the ground that the force along it may have; None where no
+        such number is stated
+    handed_over : (x, p) -> the flight state in the labels after a landing in the flight state x with a speed, where
+        the point that lands takes over, that is, only on it there is an impulse; None where nothing takes over
+    handed_back : the same of a landing of the point that opened last, which leads a step back
+    """
+
+    stands: bool
+    friction: Callable | None = None
+    handed_over: Callable | None = None
+    handed_back: Callable | None = None
