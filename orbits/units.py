@@ -43,6 +43,7 @@ DIMENSIONS: dict[str, Dimension] = {
     **dict.fromkeys(("liftoff_extension", "stroke"), EXTENSION),
     **dict.fromkeys(("clearance", "smallest_separation"), LENGTH),
     **dict.fromkeys(("smallest_contact_force", "largest_contact_force", "largest_spring_force"), FORCE),
+    **{"friction_time": TIME, "smallest_stance_force": FORCE},
     "landing_jerk": JERK,
     "landing_sensitivity": (1, 1, 0, 0, -1),
     **dict.fromkeys(("loss_coefficient", "loss_error"), (0, 1 / 3, 0, 0, -1 / 3)),

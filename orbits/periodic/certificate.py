@@ -70,8 +70,10 @@ class Certificate:
         deviation of a row's force; else None
     bounce_side : "above" or "below", the side of alpha on which hops land with a bounce; None where the loss is not
         known to differ from 0
-    friction_needed : of a machine that steps, the largest share of the force across the ground in that along it; None
-        where the machine does not state its masses across
+    friction_needed : the largest share of the force across the ground in that along it, over the phases in which
+        something stands; None where the machine does not state where its masses are across, and where a foot lifts
+    friction_error, friction_time : an estimate of its error, and the time in the cycle at which it is needed first
+    smallest_stance_force : the least force across the ground on what stands in flight, None where nothing does
     """
 
     family: int
@@ -92,6 +94,9 @@ class Certificate:
     alpha_per_noise: float | None = None
     bounce_side: str | None = None
     friction_needed: float | None = None
+    friction_error: float | None = None
+    friction_time: float | None = None
+    smallest_stance_force: float | None = None
 
     def __post_init__(self) -> None:
         if self.stable_side and self.bounce_side is None:
@@ -269,14 +274,14 @@ class _Curve(NamedTuple):
         return evaluate(c, self.motions.steps[last])
 
 
-def _searched(sought: Mapping[str, tuple[Trajectories, np.ndarray, bool, int]]) -> dict[str, _Curve]:
+def turns_and_zeros(sought: Mapping[Any, tuple[Trajectories, np.ndarray, bool, int]]) -> dict[Any, _Curve]:
     """Functions on motions with their zeros or stationary points, which are all found in one search.
 
     sought : by name the motions, the function (N, K + 1) on them, whether the zeros of its rate are sought or its own,
         and the order of the zero of the searched function at the start of each motion, which is divided out exactly
     """
     if len(sought) > 1 and sum(len(series) for _, series, *_ in sought.values()) > MOST_TOGETHER:
-        return {name: _searched({name: one})[name] for name, one in sought.items()}
+        return {name: turns_and_zeros({name: one})[name] for name, one in sought.items()}
     motions, series, by_rate, orders = zip(*sought.values(), strict=True)
     firsts = np.cumsum([0, *map(len, motions)])
     parts = zip(*((each.starts, each.steps, each.counts) for each in motions), strict=True)
@@ -298,7 +303,7 @@ def _searched(sought: Mapping[str, tuple[Trajectories, np.ndarray, bool, int]]) 
 
 def extremes(motions: Trajectories, series: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The lowest and the highest values (m,) on motions of a function with coefficients (N, K + 1)."""
-    curve = _searched({"all": (motions, series, True, 0)})["all"]
+    curve = turns_and_zeros({"all": (motions, series, True, 0)})["all"]
     return curve.lowest()[0], -curve.lowest(sign=-1.0)[0]
 
 
@@ -323,7 +328,7 @@ def _curves(model: Model, cycles: Cycles) -> dict[str, _Curve]:
             apart = model.separation(cycles.p_of_contacts)
             for i, motions in enumerate(cycles.stood(model)):
                 sought[f"separation in contact {i}"] = (motions, motions.series(apart, model.embed), True, 0)
-    return _searched(sought)
+    return turns_and_zeros(sought)
 
 
 def _forces_of(model: Model) -> dict[str, int]:
@@ -335,7 +340,7 @@ def _forces_of(model: Model) -> dict[str, int]:
 def count_families(model: Model, halves: Trajectories, per_flight: int) -> np.ndarray:
     """The families of flights: the stationary points of the extension between lift-off and mid-flight; `per_flight` of
     the halves belong to each flight."""
-    found = _searched({"extension": (halves, halves.series(model.extension), True, 0)})
+    found = turns_and_zeros({"extension": (halves, halves.series(model.extension), True, 0)})
     return _families(model, found["extension"], per_flight)
 
 

@@ -19,6 +19,7 @@ from ..shooting.formulations import Cycles, equations_of, interpret, refused_by_
 from ..shooting.single_shooting import Evaluation, Shooting
 from .certificate import Certificate, certify
 from .cycle_shape import Shape
+from .friction import with_friction
 from .orbit import Orbit, orbit_of
 from .quantities import motion_numbers
 
@@ -122,6 +123,7 @@ def certified(
         solved = solved.only(left)
     cycles = solved.cycles
     certificates, wrong = certify(solved.model, cycles)
+    certificates = with_friction(solved.model, cycles, certificates)
     why |= {int(left[i]): error for i, error in wrong.items()}
     places = np.delete(np.arange(len(left)), list(wrong))
     return (Certified(left[places], places, cycles, certificates) if len(places) else None), why

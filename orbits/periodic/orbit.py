@@ -318,6 +318,9 @@ class Orbit(Result, what="orbit", printed_digits=15):
             elif quantity.words and name != "alpha":
                 row = Row.of(name, figures[name], self.unit_of(name), after.get(name, ""))
                 yield row._replace(heading=quantity.words)
+        if c.friction_needed is not None:
+            numbers, text = {"friction_needed": c.friction_needed, "friction_error": c.friction_error}, "{}   +- {:.1e}"
+            yield Row("friction needed", numbers, (text,))
         if self.known_in_family is not None:
             yield Row("known in its family", {"known_in_family": self.known_in_family})
         yield Row("residual", {"residual": c.residual}, ("{:.1e}",))

@@ -249,6 +249,7 @@ def _flights(model: Model, method: str, u: Mapping, p: Mapping, evaluation: Eval
         return flight, flight, reduction.gap_slope(2 * flight.ends, landing.T, p), np.abs(landing).max(1)
     flight = motions.only(model.flight.states)
     if model.reversor:
+        flight = motions.only((*flight.names, *model.flight.watch))
         slope = model.liftoff_slope(u, p) if model.liftoff_slope else None
         landing = _landing_by(alpha, evaluation, model.reversor, list(u).index("liftoff"), slope)
         return flight, flight, landing_gap_slope(model, landing.T, p), np.abs(landing).max(1)

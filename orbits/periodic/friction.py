@@ -1,0 +1,156 @@
+"""The friction that an orbit in the plane needs: the largest share of the force across the ground in that along it.
+
+The largest |T|/N is the number for which the least of share N - |T| over the motion is 0. From a share below it, the
+place of that least value gives the next (Dinkelbach 1967), and the last place is that of the largest |T|/N.
+"""
+
+from functools import partial
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from ..flow.flow import flow_of
+from ..flow.trajectory import Trajectories
+from ..model.model import Model
+from ..model.phase import Phase
+from ..model.planar import NORMAL_FORCE, TANGENTIAL_FORCE
+from ..numerics.polynomial_roots import evaluate
+from ..records import NONE, Records
+from ..shooting.error_bound import EPS
+from ..shooting.formulations import Cycles, columns, vectors
+from ..symbolic.caches import cached
+from ..symbolic.kernels import ElementwiseFunction
+from ..units import FORCE, TIME, Message, Quantity
+from .certificate import Certificate, turns_and_zeros
+from .loss_coefficient import by_launch_speed
+
+# Shares double their digits from round to round.
+MOST_SHARES = 40
+SAME_SHARE = 4 * EPS
+# Rounding of the share, in units of the last place of the largest states.
+SHARE_ROUNDING = 16
+
+
+class _OfGround(NamedTuple):
+    """The forces of the ground on the motions (k,) of one phase.
+
+    which : (k,), the cycles of the motions
+    normal, along : (N, K + 1), the forces
+    """
+
+    phase: Phase
+    motions: Trajectories
+    which: np.ndarray
+    normal: np.ndarray
+    along: np.ndarray
+
+    def steps_at(self, times: np.ndarray) -> np.ndarray:
+        """The steps (k,) of the motions in which times (k,) lie."""
+        begun = (self.motions.starts <= times[self.motions.owner]).astype(int)
+        return self.motions.first + np.maximum(np.add.reduceat(begun, self.motions.first), 1) - 1
+
+    def share(self, times: np.ndarray) -> np.ndarray:
+        """|T|/N (k,) at times (k,), 0 where both are 0."""
+        step = self.steps_at(times)
+        normal, along = (evaluate(each[step], times - self.motions.starts[step]) for each in (self.normal, self.along))
+        return np.divide(np.abs(along), normal, out=np.zeros(len(step)), where=along != 0)
+
+    def least(self, shares: np.ndarray) -> np.ndarray:
+        """The times (k,) at which shares (k,) of N less |T| are least."""
+        own = shares[self.motions.owner, None] * self.normal
+        sought = {sign: (self.motions, own - sign * self.along, True, 0) for sign in (1.0, -1.0)}
+        (low, when), (other, then) = (curve.lowest() for curve in turns_and_zeros(sought).values())
+        return np.where(low < other, when, then)
+
+
+def with_friction(model: Model, cycles: Cycles, certificates: Records[Certificate]) -> Records[Certificate]:
+    """The certificates (m,) with the friction that the orbits need, and violations by feet that lift or slide."""
+    # Of whole motions, which nothing turns back, the forces are not stored.
+    if model.planar is None or model.reversor is None:
+        return certificates
+    planar, violations = model.planar, list(certificates.column("violations"))
+    parts, (stance, ends) = list[_OfGround](), np.full((2, len(cycles)), NONE)
+    if planar.stands:
+        flight = _forces_of_ground(model.flight, cycles.halves, np.arange(len(cycles)))
+        stance, ends = turns_and_zeros({"normal": (flight.motions, flight.normal, True, 0)})["normal"].lowest()
+        parts.append(flight)
+    if cycles.contacts:
+        parts.append(_forces_of_ground(model.contact, cycles.contacts, cycles.with_contact))
+    lifts = stance <= 0
+    for i in lifts.nonzero()[0].tolist():
+        text, force = "the standing foot lifts at t = {time:.6g} of the flight (force {force:.3g})", stance[i]
+        violations[i] += (Message(text, time=Quantity(ends[i], TIME), force=Quantity(force, FORCE)),)
+    needed, where, place = _largest(parts, len(cycles))
+    known = ~lifts & np.isfinite(needed)
+    known[[*cycles.without_contact]] = False
+    error = _share_errors(model, cycles, parts, needed, where, place)
+    limits = np.broadcast_to(planar.friction(cycles.p) if planar.friction else np.inf, len(cycles))
+    when = place + np.where(where == planar.stands, cycles.flight_times, 0.0)
+    for i in (known & (needed > limits)).nonzero()[0].tolist():
+        text = "it needs the friction {needed:.6g} at t = {time:.6g}, above the stated {limit:.6g}: a foot slides"
+        numbers = {"needed": float(needed[i]), "limit": float(limits[i]), "time": Quantity(when[i], TIME)}
+        violations[i] += (Message(text, **numbers),)
+    found = {"friction_needed": needed, "friction_error": error, "friction_time": when}
+    found = {name: np.where(known, values, NONE) for name, values in found.items()}
+    return certificates.replaced(**found, smallest_stance_force=stance, violations=violations)
+
+
+def _forces_of_ground(phase: Phase, motions: Trajectories, which: np.ndarray) -> _OfGround:
+    rows = (motions.coefficients[:, motions.names.index(name)] for name in (NORMAL_FORCE, TANGENTIAL_FORCE))
+    return _OfGround(phase, motions, which, *rows)
+
+
+def _largest(parts: list[_OfGround], count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The largest shares (m,) over all parts, the part of each, and the time in it."""
+    needed, where, place = np.zeros((3, count))
+    for j, part in enumerate(parts):
+        if not part.along.any():
+            continue
+        shares = needed[part.which]
+        for _ in range(MOST_SHARES):
+            with np.errstate(all="ignore"):
+                times = part.least(shares)
+                at = part.share(times)
+            rises = at > shares * (1 + SAME_SHARE)
+            shares, which = np.where(rises, at, shares), part.which[rises]
+            needed[which], where[which], place[which] = at[rises], j, times[rises]
+            if not rises.any():
+                break
+    return needed, where, place
+
+
+def _share_errors(
+    model: Model, cycles: Cycles, parts: list[_OfGround], needed: np.ndarray, where: np.ndarray, place: np.ndarray
+) -> np.ndarray:
+    """Estimates (m,) of the errors of the shares: by that of the launch speed at the places where they are largest,
+    and by rounding."""
+    slope = model.liftoff_slope(cycles.u, cycles.p) if model.liftoff_slope else None
+    names, ps, errors = tuple(cycles.p), vectors(cycles.p, len(cycles)), np.zeros(len(cycles))
+    for j, part in enumerate(parts):
+        mine = (where == j)[part.which].nonzero()[0]
+        if not len(mine):
+            continue
+        begin = model.launch if part.phase is model.flight else model.touchdown
+        moved = by_launch_speed(partial(begin, p=cycles.p), cycles.u, slope)
+        seeds = columns([*moved, cycles.u["alpha"]])[:, :-1, None]
+        which, step, flow = part.which[mine], part.steps_at(place[part.which])[mine], flow_of(part.phase, names)
+        rows, times = part.motions.coefficients[:, : flow.size], place[which]
+        ends = np.maximum(times, EPS * part.motions.ends[mine])
+        still = np.zeros((len(which), len(names), 1))
+        _, changes = flow.run_all(rows[part.motions.first[mine], :, 0], ps[which], ends, seeds[which], still)
+        states = evaluate(rows[step], (times - part.motions.starts[step])[:, None])
+        (slopes,) = _share_slopes(part.phase, names)(states, flow.mesh_data(part.motions, ps[part.which])[step])
+        by_speed = np.abs((slopes * changes[:, :, 0]).sum(1)) * cycles.error[which]
+        errors[which] = by_speed + SHARE_ROUNDING * EPS * (needed[which] + np.abs(slopes * states).sum(1))
+    return errors
+
+
+@cached
+def _share_slopes(phase: Phase, parameters: tuple[str, ...]) -> ElementwiseFunction:
+    """The derivatives of T/N by the state, (x, parameters with the data of a piece)."""
+    flow = flow_of(phase, parameters)
+    x = ca.SX.sym("x", flow.size)
+    p = ca.SX.sym("p", len(parameters) + (phase.pieces.size if phase.pieces else 0))
+    normal, along = (phase.watch[name](*flow.symbols(x, p)) for name in (NORMAL_FORCE, TANGENTIAL_FORCE))
+    return ElementwiseFunction(ca.Function("slopes", [x, p], [ca.gradient(along / normal, x)]))
