@@ -319,7 +319,10 @@ class Orbit(Result, what="orbit", printed_digits=15):
                 row = Row.of(name, figures[name], self.unit_of(name), after.get(name, ""))
                 yield row._replace(heading=quantity.words)
         if c.friction_needed is not None:
-            numbers, text = {"friction_needed": c.friction_needed, "friction_error": c.friction_error}, "{}   +- {:.1e}"
+            numbers, text = (
+                {"friction_needed": c.friction_needed, "friction_error": c.friction_error or 0.0},
+                "{}   +- {:.1e}",
+            )
             yield Row("friction needed", numbers, (text,))
         if self.known_in_family is not None:
             yield Row("known in its family", {"known_in_family": self.known_in_family})
