@@ -34,6 +34,7 @@ from ..symbolic.formula import suggest
 from ..units import FORCE, LENGTH, TORQUE, Dimension, Units, unit_text
 from .derived import derived_launch, derived_model, linear_equations, refuse_uneven_tables
 from .dimensions import dimensions_of_parameters, length_or_angle
+from .drawing import Drawing, refuse_misdrawn
 from .elements import Element, Scalar, Spring, expressions_of, names_in
 from .ground import on_ground
 from .linear import LinearEquations
@@ -90,6 +91,7 @@ class Mechanism(Stated):
         the reversor
     friction : the largest share of the force across the ground that the force along it may have, for masses that state
         where they are across; an orbit that needs more violates it. A number, or a formula of parameters
+    drawing : a `Drawing` of the machine in the plane, for figures; None for masses on one vertical line
     words : the name of the "liftoff" force in messages, the texts of a violated "gap", "pull", "separation" and "end",
         where points take turns also those of a violated "landing gap" and "landed pull", and the text to look after
         where a search finds "none"
@@ -131,6 +133,7 @@ class Mechanism(Stated):
     symmetry: Mapping[str, Scalar] = field(default_factory=dict)
     gaps: Mapping[str, Scalar] = field(default_factory=dict)
     friction: Scalar | None = None
+    drawing: Drawing | None = None
 
     @exclusive
     def __post_init__(self) -> None:
@@ -168,6 +171,8 @@ class Mechanism(Stated):
         refuse_names_of_parameters(self, [*self.parameters, *(name for key, _ in laws for name in key.names)], used)
         if used <= self.parameters.keys():
             refuse_values(self)
+        if self.drawing is not None:
+            refuse_misdrawn(self.drawing, {*self.coordinates, *self.names})
 
     def _lengths(self) -> dict[str, str]:
         """The coordinates that are lengths, each by its name; all of them where none is."""

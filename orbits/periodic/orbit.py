@@ -334,7 +334,10 @@ class Orbit(Result, what="orbit", printed_digits=15):
         yield from (Row(VIOLATED, {VIOLATED: violation}) for violation in c.violations)
 
     def plot(self, axes: Axes | None = None) -> Axes:
-        """Plot heights against time as in Fig. 3 of the paper; returns the axes."""
+        """Plot heights against time as in Fig. 3 of the paper, or instants of a machine that states its drawing in the
+        plane; returns the axes."""
+        if getattr(self.source, "drawing", None) is not None:
+            return shown("plane").plot_in_plane(self, axes)
         return shown("plot").plot_orbit(self, axes)
 
     def plot_phase_portrait(self, axes: Axes | None = None) -> Axes:

@@ -11,6 +11,7 @@ from ..errors import InputError
 from ..io import check_path, writing
 from ..result import Axes, Report
 from ..units import Units
+from .plane import CYCLES_ONWARD, animate_in_plane, comes_back, drawing_of, landings_of
 from .plot import COLOURS, SHADE, new_axes, off_screen, unit_labels
 
 if TYPE_CHECKING:
@@ -23,9 +24,15 @@ SPRING_END = "spring's end"  # the height of an end that an actuator moves; it i
 
 def animate_orbit(orbit: "Orbit", path: str | Path, frames: int = 80, progress: Report = None) -> Path:
     """Write one cycle as an animation of masses, spring and ground, .gif or, by ffmpeg, .mp4; returns the path."""
-    closed = orbit.contact_time is not None
-    t = np.linspace(0, orbit.period if closed else orbit.flight_time, _frames(frames), endpoint=not closed)
-    words = np.where(t <= orbit.flight_time, "flight", "contact")
+    closed, drawing = orbit.contact_time is not None, drawing_of(orbit.source)
+    end = orbit.period if closed else orbit.flight_time
+    if drawing and drawing.onward:  # so far that it is seen to go on, or that it is back
+        end *= 2 if comes_back(drawing, orbit.source.values) else CYCLES_ONWARD
+    t = np.linspace(0, end, _frames(frames), endpoint=not closed)
+    words = np.where(np.mod(t, end if not closed else orbit.period) <= orbit.flight_time, "flight", "contact")
+    if drawing:
+        landings = landings_of(orbit, t)
+        return animate_in_plane(check_animation(path), words, orbit.source, orbit(t), landings, orbit.scales, progress)
     shape, floating = orbit.shape, orbit.certificate.smallest_separation is None
     joints = shape.springs, shape.knees, shape.embed
     return _animate(path, words, orbit(t), shape.heights, joints, floating, orbit.scales, progress)

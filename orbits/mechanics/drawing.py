@@ -1,0 +1,70 @@
+"""How a machine looks in the plane: outlines as formulas of its coordinates, and where its steps lead it."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from ..errors import InputError
+from ..symbolic.formula import suggest
+from .elements import Scalar, names_in
+
+# What formulas of outlines may name besides coordinates and parameters: the landings so far, and the number from 0 of
+# one of repeated outlines.
+LANDINGS, NUMBER = "steps", "i"
+
+
+@dataclass(frozen=True)
+class Outline:
+    """A line, or where it is closed a polygon, that moves with a machine.
+
+    name : of the part that it belongs to, for a legend; parts of one name have one colour
+    points : pairs (across, height), each a formula of the coordinates and parameters, of the number `steps` of landings
+        so far and of the number `i` of a repeated outline; in the labels of the present stance
+    closed : whether it is a filled polygon
+    ends : whether its ends are drawn as dots
+    repeat : how many there are, a formula of the parameters, which is rounded
+    fixed : whether it stays where it is, as a wall
+    """
+
+    name: str
+    points: Sequence[tuple[Scalar, Scalar]]
+    closed: bool = False
+    ends: bool = False
+    repeat: Scalar = 1.0
+    fixed: bool = False
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A machine in the plane, as `Mechanism(drawing=...)` states it for figures; no motion depends on it.
+
+    outlines : in the order in which they are drawn
+    onward : after a landing, the place in the labels of before of a point "x", "y" in the new labels, by "x" and "y":
+        each itself or its negative plus an amount of the parameters, as "x + 2*length*sin(angle)"; what is left out
+        stays
+    ground : whether there is ground below the height 0
+    tilt : the angle by which the ground falls, a formula of the parameters
+    """
+
+    outlines: Sequence[Outline]
+    onward: Mapping[str, Scalar] = field(default_factory=dict)
+    ground: bool = True
+    tilt: Scalar = 0.0
+
+    def expressions(self) -> Iterator[tuple[Scalar, set[str]]]:
+        """Each formula, with the names that it may have besides parameters and, of outlines, coordinates."""
+        for outline in self.outlines:
+            yield from ((value, {LANDINGS, NUMBER}) for point in outline.points for value in point)
+            yield outline.repeat, set()
+        yield from ((value, {name}) for name, value in self.onward.items())
+        yield self.tilt, set()
+
+
+def refuse_misdrawn(drawing: object, known: set[str]) -> None:
+    """Raise `InputError` for what is no drawing of a machine with these names."""
+    if not isinstance(drawing, Drawing) or not all(isinstance(each, Outline) for each in drawing.outlines):
+        raise InputError(f"drawing = {drawing!r}; it is a Drawing of a list of Outlines")
+    if other := sorted({*drawing.onward} - {"x", "y"}):
+        raise InputError(f"drawing: onward of '{other[0]}'; it has 'x' and 'y'")
+    for expression, own in drawing.expressions():
+        if unknown := sorted(names_in(expression) - known - own):
+            raise InputError(f"drawing: '{expression}' has '{unknown[0]}'{suggest(unknown[0], sorted(known | own))}")

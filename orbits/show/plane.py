@@ -1,0 +1,213 @@
+"""Machines in the plane, drawn by the outlines that they state and moved on by their steps."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..io import writing
+from ..mechanics.drawing import LANDINGS, NUMBER, Drawing, Outline
+from ..mechanics.elements import value_of
+from ..result import Axes, Report
+from ..units import Units
+from .plot import COLOURS, SHADE, new_axes, off_screen, plain, title, unit_labels
+
+if TYPE_CHECKING:
+    from ..periodic.orbit import Orbit
+
+# An animation shows so many cycles of a machine that goes on, and two of one that comes back.
+CYCLES_ONWARD = 4
+STILL, WALL = "0.3", "0.55"  # colours of the ground's edge and of what is fixed
+GAP = 1.2  # between instants side by side, in widths of the machine
+
+
+@dataclass(frozen=True, eq=False)
+class PlanePath:
+    """An outline at several times.
+
+    outline : whose path it is
+    colour : of its part
+    points : (k, m, 2), across and height
+    """
+
+    outline: Outline
+    colour: str
+    points: np.ndarray
+
+
+def drawing_of(machine: Any) -> Drawing | None:
+    """The drawing that a machine states, None where it states none."""
+    return getattr(machine, "drawing", None)
+
+
+def landings_of(orbit: "Orbit", t: np.ndarray) -> np.ndarray:
+    """The number (k,) of landings of an orbit before times (k,)."""
+    if orbit.contact_time is None:
+        return np.zeros(len(t), int)
+    return (np.floor(t / orbit.period) + (np.mod(t, orbit.period) > orbit.flight_time)).astype(int)
+
+
+def plane_paths(machine: Any, states: np.ndarray, landings: np.ndarray) -> list[PlanePath]:
+    """The outlines of a machine in flight states (k, n) in the labels after so many landings (k,)."""
+    drawing, p, found = machine.drawing, machine.values, list[PlanePath]()
+    place: dict[str, Any] = dict(zip(machine.coordinates, states[:, : 2 * len(machine.coordinates) : 2].T, strict=True))
+    place[LANDINGS] = landings.astype(float)
+    names = dict.fromkeys(outline.name for outline in drawing.outlines if not outline.fixed)
+    colours = {name: COLOURS[i % len(COLOURS)] for i, name in enumerate(names)}
+    for outline in drawing.outlines:
+        for i in range(max(round(float(value_of(outline.repeat, {}, p))), 0)):
+            own = place | {NUMBER: float(i)}
+            each = [value_of(value, own, p) for point in outline.points for value in point]
+            points = np.stack(np.broadcast_arrays(*each, landings)[:-1], axis=1).reshape(len(landings), -1, 2)
+            if not outline.fixed:
+                points = _led_on(drawing, points.astype(float), landings, p)
+            colour = WALL if outline.fixed else colours[outline.name]
+            found.append(PlanePath(outline, colour, _tilted(points, drawing, p)))
+    return found
+
+
+def _led_on(drawing: Drawing, points: np.ndarray, landings: np.ndarray, p: Mapping) -> np.ndarray:
+    """Points (k, m, 2) after so many landings (k,), in the labels of the first flight; below 0 for steps back."""
+    (signs, shifts), k = _onward(drawing, p), landings[:, None, None]
+    turned = np.where(k % 2 == 1, shifts - points, points)
+    return np.where(signs > 0, points + k * shifts, turned)
+
+
+def _onward(drawing: Drawing, p: Mapping) -> tuple[np.ndarray, np.ndarray]:
+    """The signs (2,) and the shifts (2,) of the places after a landing."""
+    zero, one = (
+        np.array([float(value_of(drawing.onward.get(name, name), {"x": x, "y": x}, p)) for name in "xy"])
+        for x in (0.0, 1.0)
+    )
+    return np.sign(one - zero), zero
+
+
+def _tilted(points: np.ndarray, drawing: Drawing, p: Mapping) -> np.ndarray:
+    angle = float(value_of(drawing.tilt, {}, p))
+    c, s = np.cos(angle), np.sin(angle)
+    return points @ np.array([[c, -s], [s, c]])
+
+
+def comes_back(drawing: Drawing, p: Mapping) -> bool:
+    """Whether two landings lead a machine back to where it was."""
+    signs, shifts = _onward(drawing, p)
+    return bool(((signs < 0) | (shifts == 0)).all())
+
+
+def plot_in_plane(orbit: "Orbit", axes: Axes | None = None) -> Axes:
+    """Plot a machine in the plane at instants of a cycle side by side, from lift-off to the middle of the contact;
+    return the axes."""
+    flight, machine = orbit.flight_time, orbit.source
+    instants = {0.0: "lift-off", flight / 4: "", flight / 2: "mid-flight", 0.75 * flight: "", flight: "landing"}
+    if orbit.contact_time is not None:
+        instants[flight + orbit.contact_time / 2] = "mid-contact"
+    t = np.array([*instants])
+    paths, (metres, seconds, _) = plane_paths(machine, orbit(t), landings_of(orbit, t)), unit_labels(orbit.scales)
+    ranges = np.array([[each.points[..., 0].min(1), each.points[..., 0].max(1)] for each in paths])
+    width = (ranges[:, 1].max(0) - ranges[:, 0].min(0)).max()
+    aside = GAP * width * np.arange(len(t))
+    moved = [PlanePath(each.outline, each.colour, each.points + aside[:, None, None] * [1.0, 0.0]) for each in paths]
+    (left, right), (low, high) = _bounds(moved)
+    if axes is None:
+        axes = new_axes(9.0, np.clip(9.0 * (high - low) / (right - left) + 1.1, 2.2, 6.0))
+    _set(axes, (left, right), (low, high), metres)
+    _draw_ground(axes, machine, (left, right), low - (high - low))
+    named = set[str]()
+    for i in range(len(t)):
+        for each in moved:
+            label = None if each.outline.name in named or each.outline.fixed else plain(each.outline.name)
+            named.add(each.outline.name)
+            _artist(axes, each, each.points[i], label)
+    middles = 0.5 * (ranges[:, 1].max(0) + ranges[:, 0].min(0)) + aside
+    for x, (time, words) in zip(middles, instants.items(), strict=True):
+        text = f"{words}\nt = {time:.3g}{seconds.replace('(', '').replace(')', '')}"
+        axes.annotate(
+            text, (x, 0), (0, -4), ("data", "axes fraction"), "offset points", ha="center", va="top", fontsize="small"
+        )
+    axes.set_title(plain(title(orbit)), fontsize="medium", wrap=True)
+    axes.legend(frameon=False, fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return axes
+
+
+def animate_in_plane(
+    path: Path, words: np.ndarray, machine: Any, states: np.ndarray, landings: np.ndarray, units: Units | None,
+    progress: Report,
+) -> Path:  # fmt: skip
+    """Write an animation of a machine in flight states (frames, n) after so many landings (frames,)."""
+    from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
+
+    paths, (metres, *_) = plane_paths(machine, states, landings), unit_labels(units)
+    (left, right), (low, high) = _bounds(paths)
+    with off_screen():
+        wide = np.clip(3.2 * (right - left) / (high - low), 3.2, 8.0)
+        axes = new_axes(wide + 1.0, np.clip(wide * (high - low) / (right - left), 1.5, 5.0) + 0.9)
+    _set(axes, (left, right), (low, high), metres)
+    _draw_ground(axes, machine, (left, right), low - (high - low))
+    named, artists = set[str](), []
+    for each in paths:
+        label = None if each.outline.name in named or each.outline.fixed else plain(each.outline.name)
+        named.add(each.outline.name)
+        artists.append(_artist(axes, each, each.points[0], label))
+    label = axes.set_title("contact", fontsize="small")
+    axes.legend(frameon=False, fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.02), ncols=3)
+    axes.figure.canvas.draw()
+    axes.figure.set_layout_engine("none")  # the layout is made once, not again for every frame
+
+    def draw(i: int) -> tuple:
+        for each, artist in zip(paths, artists, strict=True):
+            _move(artist, each, each.points[i])
+        label.set_text(words[i])
+        return *artists, label
+
+    writer = (FFMpegWriter if path.suffix.lower() == ".mp4" else PillowWriter)(fps=30)
+    report = (lambda i, count: progress((i + 1) / count)) if progress else None
+    with writing("animation", path) as target:
+        animation = FuncAnimation(axes.figure, draw, frames=len(words), blit=False)
+        animation.save(target, writer, dpi=80, progress_callback=report)
+    return path
+
+
+def _bounds(paths: Iterable[PlanePath]) -> tuple[tuple[float, float], tuple[float, float]]:
+    """The range across and the range of heights of paths, with a margin."""
+    points = np.concatenate([each.points.reshape(-1, 2) for each in paths])
+    (left, low), (right, high) = points.min(0), points.max(0)
+    margin = 0.08 * (high - low)
+    return (float(left - margin), float(right + margin)), (float(low - margin), float(high + margin))
+
+
+def _set(axes: Axes, across: tuple[float, float], up: tuple[float, float], metres: str) -> None:
+    axes.set(xlim=across, ylim=up, xticks=[], ylabel="height" + metres, aspect="equal")
+    axes.spines[["top", "right", "bottom"]].set_visible(False)
+
+
+def _draw_ground(axes: Axes, machine: Any, across: tuple[float, float], low: float) -> None:
+    """The ground, as far as the axes go."""
+    if machine.drawing.ground:
+        line = _tilted(
+            np.array([[2 * across[0] - across[1], 0.0], [2 * across[1] - across[0], 0.0]]),
+            machine.drawing,
+            machine.values,
+        )
+        axes.fill_between(*line.T, low - abs(line[:, 1]).max(), color=SHADE, lw=0, zorder=0)
+        axes.plot(*line.T, color=STILL, lw=1.5, zorder=1)
+
+
+def _artist(axes: Axes, path: PlanePath, points: np.ndarray, label: str | None) -> Any:
+    """What draws an outline."""
+    outline = path.outline
+    if outline.closed:
+        (polygon,) = axes.fill(*points.T, fc=path.colour + "55", ec=path.colour, lw=1.8, label=label, zorder=2)
+        return polygon
+    style = {"marker": "o", "ms": 7} if outline.ends else {}
+    width = 4.0 if outline.fixed else 3.0 if outline.ends else 2.2
+    (line,) = axes.plot(*points.T, color=path.colour, lw=width, label=label, solid_capstyle="round", zorder=3, **style)
+    return line
+
+
+def _move(artist: Any, path: PlanePath, points: np.ndarray) -> None:
+    if path.outline.closed:
+        artist.set_xy(points)
+    else:
+        artist.set_data(*points.T)
