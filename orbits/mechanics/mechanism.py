@@ -93,8 +93,8 @@ class Mechanism(Stated):
         where they are across; an orbit that needs more violates it. A number, or a formula of parameters
     drawing : a `Drawing` of the machine in the plane, for figures; None for masses on one vertical line
     words : the name of the "liftoff" force in messages, the texts of a violated "gap", "pull", "separation" and "end",
-        where points take turns also those of a violated "landing gap" and "landed pull", and the text to look after
-        where a search finds "none"
+        where points take turns also those of a violated "landing gap", "landed pull" and "stance", "" for a "stance"
+        that is not judged, and the text to look after where a search finds "none"
 
     Raises `InputError` for an unknown name, for statements that do not describe a mechanism, and for masses, inertias,
     dampers and gravity of a wrong sign as soon as all parameters have values.

@@ -35,12 +35,13 @@ class _Reaction(NamedTuple):
     """The two forces in a phase.
 
     rows : (2, terms of the flight), per force
-    by_rates : (place, rates, p) -> what is quadratic in the rates, one after the other
+    by_rates : (place, rates, parameters of these names) -> what is quadratic in the rates, one after the other
     vanish : whether each of the two is 0 on all motions
     """
 
     rows: Coefficients
     by_rates: ca.Function
+    names: tuple[str, ...]
     vanish: tuple[bool, bool]
 
 
@@ -59,7 +60,7 @@ class Reactions(NamedTuple):
 
     def watch(self, mechanics: Mechanics, contact: bool) -> dict[str, Callable]:
         """The forces in flight, or in contact, as `Phase.watch` has them."""
-        reaction, terms, c = self.contact if contact else self.flight, mechanics.in_flight.terms, mechanics.coordinates
+        reaction, terms = self.contact if contact else self.flight, mechanics.in_flight.terms
 
         def force_of(i: int) -> Callable:
             def force(x: Scalars, p: Parameters, q: Scalars) -> Algebraic:
@@ -69,7 +70,7 @@ class Reactions(NamedTuple):
                 total = weighted_sum(row, forces_of(terms, [row], place, p, q))
                 if not reaction.by_rates.sparsity_out(0).has_nz(i, 0):
                     return total
-                arguments = ca.vertcat(*s), ca.vertcat(*rates), ca.vertcat(*(p[name] for name in c.p))
+                arguments = ca.vertcat(*s), ca.vertcat(*rates), ca.vertcat(*(p[name] for name in reaction.names))
                 return total + reaction.by_rates(*arguments)[i]
 
             return force
@@ -153,7 +154,7 @@ def _reaction(m: Mechanics, rows: ca.SX, bent: ca.SX, inside: Callable, place: c
     function = ca.Function(
         "by_rates", [place, rates, ca.vertcat(*c.p.values())], [c.numerals.rounded(ca.sparsify(quadratic))]
     )
-    return _Reaction(coefficients, function, (vanish[0], vanish[1]))
+    return _Reaction(coefficients, function, tuple(c.p), (vanish[0], vanish[1]))
 
 
 def _refuse_unturned(m: Mechanics, steps: Stepping, sums: Sequence[ca.SX]) -> None:

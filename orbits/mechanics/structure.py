@@ -15,6 +15,7 @@ USUAL_WORDS = {
     "end": "contact: it never opens again",
     "landing gap": "",
     "landed pull": "",
+    "stance": "",
     "none": "",
 }
 
@@ -24,7 +25,8 @@ def words_of_gaps(names: Sequence[str]) -> dict[str, str]:
     names."""
     opens, lands = (f"the {name}" for name in (*names, *("point that opens", "point that lands")[len(names) :]))
     own = {"gap": f"{opens} touches in flight", "pull": f"{opens} would have to pull"} if names else {}
-    return {**own, "landing gap": f"{lands} touches in flight", "landed pull": f"{lands} would have to pull"}
+    landing = {"landing gap": f"{lands} touches in flight", "landed pull": f"{lands} would have to pull"}
+    return {**own, **landing, "stance": "the standing foot lifts"}
 
 
 class Structure(NamedTuple):

@@ -70,7 +70,8 @@ class Model:
         of solid parts for the separation
     violations : messages for the four conditions of a motion: the "gap" closes in flight, the contact would have to
         "pull", the "separation" vanishes, the contact does not "end"; where another point lands than opens, also for
-        the "landing gap" that closes early and the landed point that would have to pull, the "landed pull"
+        the "landing gap" that closes early, the landed point that would have to pull, the "landed pull", and, where
+        that is judged, a standing one that lifts, the "stance"
     springs : pairs of names of the heights, lower and upper, between which springs are drawn; None is the ground
     knees : p -> (lower, upper, length) of pairs of such names between which a knee joins two links of this length, in
         the unit of the heights; None where there is none

@@ -78,9 +78,9 @@ def with_friction(model: Model, cycles: Cycles, certificates: Records[Certificat
     if cycles.contacts:
         parts.append(_forces_of_ground(model.contact, cycles.contacts, cycles.with_contact))
     lifts = stance <= 0
-    for i in lifts.nonzero()[0].tolist():
-        text, force = "the standing foot lifts at t = {time:.6g} of the flight (force {force:.3g})", stance[i]
-        violations[i] += (Message(text, time=Quantity(ends[i], TIME), force=Quantity(force, FORCE)),)
+    for i in lifts.nonzero()[0].tolist() if (words := model.violations.get("stance")) else ():
+        text, force = "{lifts} at t = {time:.6g} of the flight (force {force:.3g})", Quantity(stance[i], FORCE)
+        violations[i] += (Message(text, lifts=words, time=Quantity(ends[i], TIME), force=force),)
     needed, where, place = _largest(parts, len(cycles))
     known = ~lifts & np.isfinite(needed)
     known[[*cycles.without_contact]] = False

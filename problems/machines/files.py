@@ -62,7 +62,11 @@ IN_SI: dict[str, Callable[..., MachineInSI]] = {"hopper": hopper_in_si, "juggler
 MASSES = {"hopper": ("body_mass", "foot_mass"), "juggler": ("ball_mass", "hand_mass")}
 STEPPING: dict[str, Callable[..., Mechanism]] = {"wheel": rimless_wheel, "rocker": rocking_block, "shuttle": shuttle}
 SI_KEYS_OF_STEPS = {
-    kind: [name for name in signature(build).parameters if name not in ("spring", "parameters", *RATIOS[:2])]
+    kind: [
+        name
+        for name in signature(build).parameters
+        if name not in ("spring", "parameters", *RATIOS) or (kind, name) == ("shuttle", "angle")
+    ]
     for kind, build in STEPPING.items()
 }
 OWN_KEYS = ("spring", "mass_ratio", "rest_length")
@@ -161,7 +165,8 @@ def _stepping_machine(kind: str, statement: dict[str, Any]) -> Mechanism:
         raise InputError(f"'{other[0]}' is of machines that hop: a {kind} has {', '.join(RATIOS)} and a spring")
     values, own = dict(statement.get("parameters", {})), statement.get("si")
     if own is None:
-        own = {name: values.pop(name) for name in RATIOS if name in values}
+        known = [name for name in (*RATIOS, "friction") if name in signature(STEPPING[kind]).parameters]
+        own = {name: values.pop(name) for name in known if name in values}
     else:
         _check_keys("[si]", own, SI_KEYS_OF_STEPS[kind])
     return STEPPING[kind](**own, spring=statement.get("spring"), parameters=values)

@@ -21,7 +21,7 @@ U = -kappa (theta - 1)^2/2 in units of k. See Gomes and Ruina, Phys. Rev. E 83 (
 built, and Pankov, arXiv 2402.16010.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import hypot, inf, pi
 from typing import Any
 
@@ -29,14 +29,14 @@ from orbits import Mechanism
 from orbits.errors import InputError
 from orbits.laws.law import number
 from orbits.laws.law_statement import LawLike
-from orbits.mechanics import Potential, Spring, Weight
+from orbits.mechanics import Drawing, Mass, Outline, Potential, Spring, Weight
 from orbits.mechanics.elements import Element
 
 from ..laws.springs import as_spring
 from .parameters import checked_numbers, with_parameters
 
 # The parameters of a machine without units.
-RATIOS = ("inertia_ratio", "gravity_ratio", "angle")
+RATIOS = ("inertia_ratio", "gravity_ratio", "angle", "share")
 WALL_WORDS = {
     "gap": "it touches the wall that it left",
     "landing gap": "it touches the next wall too early",
@@ -48,9 +48,20 @@ BLOCK_WORDS = {
     "landed pull": "the edge that has landed would have to pull",
 }
 END = {"liftoff": "the torque of gravity", "end": "contact: it never lifts off again"}
-# The height of a hub or an end above its support, and potential energies of balanced machines without units.
-HUB = "length*cos(theta - angle)"
+# The height of a hub or an end above its support and its place across; that of a block's centre; potential energies of
+# balanced machines without units.
+HUB, HUB_ACROSS = "length*cos(theta - angle)", "length*sin(theta - angle)"
+CENTRE = "half_height*cos(theta) + half_width*sin(theta)"
+CENTRE_ACROSS = "half_height*sin(theta) - half_width*cos(theta)"
 BALANCED, BALANCED_NEARLY = "gravity_ratio*cos(theta - angle)", "-gravity_ratio*(theta - 1)**2/2"
+TIPPED_NEARLY = "gravity_ratio*(theta - theta**2/2)"
+# Without units the centre of mass is at the distance 1 from the foot, and its mass has a share of the inertia about
+# that, and the weight that the gravity ratio says.
+SHARED_MASS, SHARED_GRAVITY, SHARED_INERTIA = (
+    "share/inertia_ratio",
+    "inertia_ratio*gravity_ratio/share",
+    "(1 - share)/inertia_ratio",
+)
 UPRIGHT = {"theta": "2*angle - theta", "phi": "2*angle - phi"}
 ONWARD = {"theta": "theta - 2*angle", "phi": "phi - 2*angle"}
 MIRRORED = {"theta": "-theta", "phi": "-phi"}
@@ -60,7 +71,8 @@ def rimless_wheel(
     mass: float | None = None, length: float | None = None, spokes: int | None = None, inertia: float | None = None,
     body_inertia: float | None = None, stiffness: float | None = None, slope: float = 0.0, *,
     spring: LawLike | None = None, inertia_ratio: float | None = None, gravity_ratio: float | None = None,
-    angle: float | None = None, surface_gravity: float = 9.81, parameters: Mapping[str, float] | None = None,
+    angle: float | None = None, share: float | None = None, friction: float | None = None,
+    surface_gravity: float = 9.81, parameters: Mapping[str, float] | None = None,
 ) -> Mechanism:  # fmt: skip
     """A rimless wheel with a body on a torsion spring inside, which walks over level ground without loss.
 
@@ -75,6 +87,11 @@ def rimless_wheel(
     inertia_ratio, gravity_ratio : J/A and mass * surface_gravity * length/stiffness, of a wheel without units; by
         default 1 and 0.5
     angle : a, half the angle between two spokes, in rad, of a wheel without units; None for small angles, in units of a
+    share : mass * length**2/A, above 0 and at most 1, of a wheel without units, on which its lossless steps do not
+        depend, but friction and landings with a speed. By default 1, all mass at the hub, where a standing foot that
+        lifts is no violation, since it does not in a wheel of a small share
+    friction : the coefficient of friction, where one that is needed above it violates an orbit; None for any. Of a
+        wheel without units and small angles that which is needed is in units of a
     surface_gravity : in m/s^2
     parameters : values of the spring's names
 
@@ -89,22 +106,26 @@ def rimless_wheel(
     stated = {"mass": mass, "length": length, "inertia": inertia, "body_inertia": body_inertia, "stiffness": stiffness}
     if spokes is not None and not (number("spokes", spokes) >= 3 and spokes == int(spokes)):
         raise InputError(f"spokes = {spokes!r}; a wheel has a whole number of them, from 3")
-    if own := _in_si("rimless wheel", {**stated, "spokes": spokes}, (inertia_ratio, gravity_ratio, angle)):
+    if own := _in_si("rimless wheel", {**stated, "spokes": spokes}, (inertia_ratio, gravity_ratio, angle, share)):
         _refuse_below(own["inertia"], "the foot", own["mass"] * own["length"] ** 2, "mass * length**2")
-        own |= {"angle": pi / own.pop("spokes"), "surface_gravity": surface_gravity}
+        own, gravity = own | {"angle": pi / own.pop("spokes"), "surface_gravity": surface_gravity}, "surface_gravity"
         tilted = {} if slope == 0 else {"slope": number("slope", slope, -pi / 2, pi / 2)}
-        force: Element = Weight("length*cos(theta - angle + slope)" if tilted else HUB, "mass")
+        fall = " + slope" if tilted else ""  # heights and places across are those of gravity
+        forces = [Mass(f"length*cos(theta - angle{fall})", "mass", across=f"length*sin(theta - angle{fall})")]
         heights: dict[str, str] | None = {"hub": HUB}
+        inertia = "inertia - mass*length**2"
     else:
         if slope != 0:
             raise InputError(f"slope = {slope:g} belongs to a wheel in SI, with a mass and a length")
-        own, heights, tilted = _ratios(inertia_ratio, gravity_ratio, angle), None, {}
-        force = Potential(BALANCED if angle is not None else BALANCED_NEARLY)
+        own, heights, tilted = _ratios(inertia_ratio, gravity_ratio, angle, share=share), None, {}
+        forces, inertia, gravity = _shared(own, BALANCED_NEARLY), SHARED_INERTIA, SHARED_GRAVITY
     why = "gravity gains 2*mass*surface_gravity*length*sin(angle)*sin(slope) with each step on a slope"
     return _stepping(
-        "rimless wheel", [force], own | tilted, spring, parameters, reversor=None if tilted else UPRIGHT,
-        symmetry=ONWARD, gaps={"rear foot": "theta", "front foot": "2*angle - theta"}, heights=heights,
-        words=END | ({"none": why} if tilted else {}),
+        "rimless wheel", forces, inertia, gravity, own | tilted, spring, parameters, friction,
+        reversor=None if tilted else UPRIGHT, symmetry=ONWARD, heights=heights,
+        gaps={"rear foot": "theta", "front foot": "2*angle - theta"},
+        words=END | _unjudged(own, share) | ({"none": why} if tilted else {}),
+        drawing=_wheel_drawn(own, "slope" if tilted else 0.0),
     )  # fmt: skip
 
 
@@ -112,7 +133,8 @@ def rocking_block(
     mass: float | None = None, half_width: float | None = None, half_height: float | None = None,
     inertia: float | None = None, body_inertia: float | None = None, stiffness: float | None = None, *,
     spring: LawLike | None = None, inertia_ratio: float | None = None, gravity_ratio: float | None = None,
-    angle: float | None = None, surface_gravity: float = 9.81, parameters: Mapping[str, float] | None = None,
+    angle: float | None = None, share: float | None = None, friction: float | None = None,
+    surface_gravity: float = 9.81, parameters: Mapping[str, float] | None = None,
 ) -> Mechanism:  # fmt: skip
     """A block with a body on a torsion spring inside, which rocks from one edge to the other without loss.
 
@@ -121,7 +143,8 @@ def rocking_block(
     inertia : A about an edge, without the inner body's own, at least mass * (b**2 + h**2), in kg m^2
     gravity_ratio : mass * surface_gravity * h/stiffness, of a block without units
     angle : a with tan(a) = b/h, in rad, of a block without units; None for small angles, in units of b/h
-    body_inertia, stiffness, spring, inertia_ratio, surface_gravity, parameters : as in `rimless_wheel`
+    share : mass * (b**2 + h**2)/A of a block without units, else as in `rimless_wheel`
+    body_inertia, stiffness, spring, inertia_ratio, friction, surface_gravity, parameters : as in `rimless_wheel`
 
     >>> from orbits import find
     >>> from problems import rocking_block
@@ -132,20 +155,20 @@ def rocking_block(
         "mass": mass, "half_width": half_width, "half_height": half_height, "inertia": inertia,
         "body_inertia": body_inertia, "stiffness": stiffness,
     }  # fmt: skip
-    if own := _in_si("rocking block", stated, (inertia_ratio, gravity_ratio, angle)):
+    if own := _in_si("rocking block", stated, (inertia_ratio, gravity_ratio, angle, share)):
         least = own["mass"] * hypot(own["half_width"], own["half_height"]) ** 2
         _refuse_below(own["inertia"], "an edge", least, "mass * (half_width**2 + half_height**2)")
-        own["surface_gravity"] = surface_gravity
-        height = "half_height*cos(theta) + half_width*sin(theta)"
-        force: Element = Weight(height, "mass")
-        heights: dict[str, str] | None = {"centre": height, "lifted edge": "2*half_width*sin(theta)"}
+        own["surface_gravity"], gravity = surface_gravity, "surface_gravity"
+        forces = [Mass(CENTRE, "mass", across=CENTRE_ACROSS)]
+        heights: dict[str, str] | None = {"centre": CENTRE, "lifted edge": "2*half_width*sin(theta)"}
+        inertia = "inertia - mass*(half_width**2 + half_height**2)"
     else:
-        own, heights = _ratios(inertia_ratio, gravity_ratio, angle), None
-        tipped = "gravity_ratio*(cos(theta) + tan(angle)*sin(theta))"
-        force = Potential(tipped if "angle" in own else "gravity_ratio*(theta - theta**2/2)")
+        own, heights = _ratios(inertia_ratio, gravity_ratio, angle, share=share), None
+        forces, inertia = _shared(own, TIPPED_NEARLY), SHARED_INERTIA
+        gravity = SHARED_GRAVITY + ("/cos(angle)" if "angle" in own else "")  # the gravity ratio is by h = cos(angle)
     return _stepping(
-        "rocking block", [force], own, spring, parameters, symmetry=MIRRORED, gap="theta", heights=heights,
-        words=END | BLOCK_WORDS,
+        "rocking block", forces, inertia, gravity, own, spring, parameters, friction, symmetry=MIRRORED, gap="theta",
+        heights=heights, words=END | BLOCK_WORDS | _unjudged(own, share), drawing=_block_drawn(own),
     )  # fmt: skip
 
 
@@ -180,12 +203,15 @@ def shuttle(
         }
         force: Element = Weight(HUB, "mass")
         heights: dict[str, str] | None = {"end": HUB}
+        inertia, gravity = "inertia", "surface_gravity"
     else:
         own, heights = _ratios(inertia_ratio, gravity_ratio, angle, least=0.0), None
+        inertia, gravity = "1/inertia_ratio", "1"
         force = Potential(BALANCED if angle is not None else BALANCED_NEARLY)
     return _stepping(
-        "shuttle", [force], own, spring, parameters, reversor=UPRIGHT, symmetry=UPRIGHT, heights=heights,
-        gaps={"wall": "theta", "other wall": "2*angle - theta"}, words=END | WALL_WORDS,
+        "shuttle", [force], inertia, gravity, own, spring, parameters, reversor=UPRIGHT, symmetry=UPRIGHT,
+        heights=heights, gaps={"wall": "theta", "other wall": "2*angle - theta"}, words=END | WALL_WORDS,
+        drawing=_shuttle_drawn(own),
     )  # fmt: skip
 
 
@@ -214,22 +240,98 @@ def _refuse_below(inertia: float, point: str, least: float, words: str) -> None:
         raise InputError(f"inertia = {inertia:g} about {point} is below {least:.6g} = {words}: no body has that")
 
 
+def _shared(own: Mapping[str, float], nearly: str) -> list[Element]:
+    """The mass in the plane of a machine without units; for small angles beside its potential energy."""
+    if "angle" in own:
+        return [Mass("cos(theta - angle)", SHARED_MASS, across="sin(theta - angle)")]
+    return [Potential(nearly), Mass("0", SHARED_MASS, across="theta")]
+
+
+def _unjudged(own: Mapping[str, float], share: float | None) -> dict[str, str]:
+    """The words of a machine without units of whose mass nothing is stated."""
+    return {"stance": ""} if "share" in own and share is None else {}
+
+
+def _turned(place: tuple[str, str], angle: str, length: str) -> tuple[str, str]:
+    """What is at a length from a place, at an angle clockwise from upright."""
+    return f"{place[0]} + {length}*sin({angle})", f"{place[1]} + {length}*cos({angle})"
+
+
+def _bar(place: tuple[str, str], angle: str, length: str) -> Outline:
+    """The inner body, around a place."""
+    return Outline("inner body", [_turned(place, angle, f"(-{length})"), _turned(place, angle, length)], ends=True)
+
+
+def _wheel_drawn(own: Mapping[str, float], tilt: str | float) -> Drawing | None:
+    """A wheel with all of its spokes; None for small angles."""
+    if "angle" not in own:
+        return None
+    length = "length" if "length" in own else "1"
+    hub = _turned(("0", "0"), "theta - angle", length)
+    spoke = [hub, _turned(hub, "theta - angle + 2*angle*(steps + i)", f"(-{length})")]
+    return Drawing(
+        [
+            Outline("wheel", spoke, repeat="pi/angle"),
+            _bar(hub, "phi - angle + 2*angle*steps", f"{length}/2"),
+        ],
+        onward={"x": f"x + 2*{length}*sin(angle)"},
+        tilt=tilt,
+    )
+
+
+def _block_drawn(own: Mapping[str, float]) -> Drawing | None:
+    """A block, whose edge on the right is at 0 in each stance; None for small angles."""
+    wide, high = ("half_width", "half_height") if "half_width" in own else ("sin(angle)", "cos(angle)")
+    if not {"half_width", "angle"} & own.keys():
+        return None
+    left = [_turned(("0", "0"), "theta - pi/2", f"2*{wide}"), ("0", "0")]
+    edges = [*left, *(_turned(place, "theta", f"2*{high}") for place in reversed(left))]
+    centre = _turned(_turned(("0", "0"), "theta - pi/2", wide), "theta", high)
+    return Drawing(
+        [Outline("block", edges, closed=True), _bar(centre, "phi", f"{high}/2")], onward={"x": f"-x - 2*{wide}"}
+    )
+
+
+def _shuttle_drawn(own: Mapping[str, float]) -> Drawing | None:
+    """A pendulum between walls that its end touches; None for small angles."""
+    if "angle" not in own:
+        return None
+    length = "length" if own.get("length", 0.0) > 0 else "1"
+    end, hinge = _turned(("0", "0"), "theta - angle", length), ("0", "0")
+    walls = [
+        Outline("walls", [_turned(hinge, f"{sign}angle", f"{share}*{length}") for share in (0.85, 1.15)], fixed=True)
+        for sign in ("", "-")
+    ]
+    return Drawing(
+        [*walls, Outline("pendulum", [hinge, end]), _bar(end, "phi - angle", f"{length}/4")], {"x": "-x"}, ground=False
+    )
+
+
 def _ratios(
-    inertia_ratio: float | None, gravity_ratio: float | None, angle: float | None, least: float | None = None
-) -> dict[str, float]:
-    """The parameters of a machine without units; the gravity ratio may be 0 where that is the `least`."""
+    inertia_ratio: float | None, gravity_ratio: float | None, angle: float | None, least: float | None = None,
+    share: float | None = None,
+) -> dict[str, float]:  # fmt: skip
+    """The parameters of a machine without units; the gravity ratio may be 0 where that is the `least`, and there is no
+    share."""
     own = {"inertia_ratio": _positive("inertia_ratio", 1.0 if inertia_ratio is None else inertia_ratio)}
     gravity = 0.5 if gravity_ratio is None else gravity_ratio
     own["gravity_ratio"] = gravity if gravity == least else _positive("gravity_ratio", gravity)
+    if least is None:
+        own["share"] = 1.0 if share is None else _positive("share", share)
+        if own["share"] > 1:
+            raise InputError(
+                f"share = {own['share']:g} is above 1: no body has less inertia about a point than its mass"
+            )
     return own if angle is None else own | {"angle": _positive("angle", angle, pi / 2)}
 
 
 def _stepping(
-    name: str, forces: list[Element], own: Mapping[str, float], spring: LawLike | None,
-    parameters: Mapping[str, float] | None, **stated: Any,
+    name: str, forces: Sequence[Element], inertia: str, gravity: str, own: Mapping[str, float],
+    spring: LawLike | None, parameters: Mapping[str, float] | None, friction: float | None = None, **stated: Any,
 ) -> Mechanism:  # fmt: skip
     """The mechanism of an inner and an outer body; formulas with the angle take 1 for it where it has no value."""
     in_si, values = "inertia" in own, checked_numbers(parameters or {})
+    own = own if friction is None else {**own, "friction": _positive("friction", friction)}
     for key in () if "angle" in own or "gaps" not in stated else ("reversor", "symmetry", "gaps"):
         stated[key] = {each: text.replace("angle", "1") for each, text in stated[key].items()}
     law = ("stiffness*r" if in_si else "r") if spring is None else spring
@@ -237,9 +339,10 @@ def _stepping(
     return Mechanism(
         ("phi", "theta"),
         [Spring("phi - theta", as_spring(law, known, shared=True)), *forces],
-        inertia={"phi": "body_inertia", "theta": "inertia"} if in_si else {"phi": 1.0, "theta": "1/inertia_ratio"},
+        inertia={"phi": "body_inertia" if in_si else 1.0, "theta": inertia},
         parameters=with_parameters(own, values),
-        surface_gravity="surface_gravity" if in_si else 1.0,
+        surface_gravity=gravity,
+        friction=None if friction is None else "friction",
         in_si=in_si,
         angles=("phi", "theta"),
         name=name,

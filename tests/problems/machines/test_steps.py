@@ -155,7 +155,7 @@ def test_no_wheel_is_lighter_than_its_mass():
     numbers = {"mass": 2.0, "length": 0.4, "spokes": 8, "body_inertia": 1.0, "stiffness": 1.0}
     with pytest.raises(InputError, match=r"inertia = 0.31 about the foot is below 0.32 = mass \* length\*\*2"):
         rimless_wheel(inertia=0.31, **numbers)
-    with pytest.raises(InputError, match="leave inertia_ratio, gravity_ratio, angle out"):
+    with pytest.raises(InputError, match="leave inertia_ratio, gravity_ratio, angle, share out"):
         rimless_wheel(inertia=0.5, gravity_ratio=1.0, **numbers)
     with pytest.raises(InputError, match=r"inertia = 0\.1 about an edge is below 0\.2"):
         rocking_block(2.0, 0.1, 0.3, 0.1, 1.0, 1.0)
