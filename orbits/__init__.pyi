@@ -26,10 +26,12 @@ from .errors import (
 from .exact.bounds import Enclosure as Enclosure
 from .mechanics import (
     Damper as Damper,
+    Drawing as Drawing,
     Force as Force,
     Ground as Ground,
     Inerter as Inerter,
     Mass as Mass,
+    Outline as Outline,
     Potential as Potential,
     Spring as Spring,
     Weight as Weight,

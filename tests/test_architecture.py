@@ -57,6 +57,7 @@ TESTED_WITH = {
     "mechanics/coordinates": "mechanics/test_coefficients",
     "model/model": "test_checks",
     "numerics/quadrature": "shooting/test_error_bound",
+    "mechanics/drawing": "show/test_plane",
     "periodic/cycle_shape": "periodic/test_orbit",
     "periodic/quantities": "continuation/test_table",
     "proof/branch_claim": "continuation/test_proved_curve",

@@ -9,7 +9,7 @@ from .elements import Scalar, names_in
 
 # What formulas of outlines may name besides coordinates and parameters: the landings so far, and the number from 0 of
 # one of repeated outlines.
-LANDINGS, NUMBER = "steps", "i"
+LANDINGS, REPEATED = "steps", "i"
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Drawing:
     def expressions(self) -> Iterator[tuple[Scalar, set[str]]]:
         """Each formula, with the names that it may have besides parameters and, of outlines, coordinates."""
         for outline in self.outlines:
-            yield from ((value, {LANDINGS, NUMBER}) for point in outline.points for value in point)
+            yield from ((value, {LANDINGS, REPEATED}) for point in outline.points for value in point)
             yield outline.repeat, set()
         yield from ((value, {name}) for name, value in self.onward.items())
         yield self.tilt, set()

@@ -11,7 +11,7 @@ from ..errors import InputError
 from ..io import check_path, writing
 from ..result import Axes, Report
 from ..units import Units
-from .plane import CYCLES_ONWARD, animate_in_plane, comes_back, drawing_of, landings_of
+from .plane import CYCLES_ONWARD, animate_in_plane, comes_back, drawing_of, landings_of, steps_of_run
 from .plot import COLOURS, SHADE, new_axes, off_screen, unit_labels
 
 if TYPE_CHECKING:
@@ -42,6 +42,10 @@ def animate_simulation(run: "Simulation", path: str | Path, frames: int = 200, p
     """Write a simulated motion as an animation, as `animate_orbit` does; returns the path."""
     t, machine = np.linspace(0, run.end, _frames(frames)), run.source
     words = np.where(run.in_contact(t), "contact", "flight")
+    if drawing_of(machine):
+        return animate_in_plane(
+            check_animation(path), words, machine, run(t), steps_of_run(run, t), machine.units, progress
+        )
     floating, joints = run.smallest_separation is None, (run.springs, run.knees, machine.model.embed)
     return _animate(path, words, run(t), run.heights, joints, floating, machine.units, progress)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..io import writing
-from ..mechanics.drawing import LANDINGS, NUMBER, Drawing, Outline
+from ..mechanics.drawing import LANDINGS, REPEATED, Drawing, Outline
 from ..mechanics.elements import value_of
 from ..result import Axes, Report
 from ..units import Units
@@ -16,10 +16,13 @@ from .plot import COLOURS, SHADE, new_axes, off_screen, plain, title, unit_label
 
 if TYPE_CHECKING:
     from ..periodic.orbit import Orbit
+    from ..simulation.simulated import Simulation
 
 # An animation shows so many cycles of a machine that goes on, and two of one that comes back.
 CYCLES_ONWARD = 4
-STILL, WALL = "0.3", "0.55"  # colours of the ground's edge and of what is fixed
+# A page samples a cycle at so many times, and shows up to so many of them before it begins again.
+TIMES_IN_PLANE, MOST_CYCLES = 90, 12
+EDGE, WALL = "#4c4c4c", "#8c8c8c"  # colours of the ground's edge and of what is fixed
 GAP = 1.2  # between instants side by side, in widths of the machine
 
 
@@ -49,6 +52,12 @@ def landings_of(orbit: "Orbit", t: np.ndarray) -> np.ndarray:
     return (np.floor(t / orbit.period) + (np.mod(t, orbit.period) > orbit.flight_time)).astype(int)
 
 
+def steps_of_run(run: "Simulation", t: np.ndarray) -> np.ndarray:
+    """The number (k,) of steps of a simulated motion before times (k,)."""
+    legs = np.searchsorted([leg.start for leg in run.legs], t, "right") - 1
+    return np.array([getattr(leg, "stance", 0) for leg in run.legs])[np.maximum(legs, 0)]
+
+
 def plane_paths(machine: Any, states: np.ndarray, landings: np.ndarray) -> list[PlanePath]:
     """The outlines of a machine in flight states (k, n) in the labels after so many landings (k,)."""
     drawing, p, found = machine.drawing, machine.values, list[PlanePath]()
@@ -58,7 +67,7 @@ def plane_paths(machine: Any, states: np.ndarray, landings: np.ndarray) -> list[
     colours = {name: COLOURS[i % len(COLOURS)] for i, name in enumerate(names)}
     for outline in drawing.outlines:
         for i in range(max(round(float(value_of(outline.repeat, {}, p))), 0)):
-            own = place | {NUMBER: float(i)}
+            own = place | {REPEATED: float(i)}
             each = [value_of(value, own, p) for point in outline.points for value in point]
             points = np.stack(np.broadcast_arrays(*each, landings)[:-1], axis=1).reshape(len(landings), -1, 2)
             if not outline.fixed:
@@ -70,12 +79,12 @@ def plane_paths(machine: Any, states: np.ndarray, landings: np.ndarray) -> list[
 
 def _led_on(drawing: Drawing, points: np.ndarray, landings: np.ndarray, p: Mapping) -> np.ndarray:
     """Points (k, m, 2) after so many landings (k,), in the labels of the first flight; below 0 for steps back."""
-    (signs, shifts), k = _onward(drawing, p), landings[:, None, None]
+    (signs, shifts), k = _after_landing(drawing, p), landings[:, None, None]
     turned = np.where(k % 2 == 1, shifts - points, points)
     return np.where(signs > 0, points + k * shifts, turned)
 
 
-def _onward(drawing: Drawing, p: Mapping) -> tuple[np.ndarray, np.ndarray]:
+def _after_landing(drawing: Drawing, p: Mapping) -> tuple[np.ndarray, np.ndarray]:
     """The signs (2,) and the shifts (2,) of the places after a landing."""
     zero, one = (
         np.array([float(value_of(drawing.onward.get(name, name), {"x": x, "y": x}, p)) for name in "xy"])
@@ -92,8 +101,75 @@ def _tilted(points: np.ndarray, drawing: Drawing, p: Mapping) -> np.ndarray:
 
 def comes_back(drawing: Drawing, p: Mapping) -> bool:
     """Whether two landings lead a machine back to where it was."""
-    signs, shifts = _onward(drawing, p)
+    signs, shifts = _after_landing(drawing, p)
     return bool(((signs < 0) | (shifts == 0)).all())
+
+
+@dataclass(frozen=True, eq=False)
+class PlaneMotion:
+    """A machine in the plane over several cycles, for a page, as seen by one who goes on with it.
+
+    cycles : after which it looks as at first
+    points : flat, of each outline its points one time after the other, (cycles * times, its size, 2)
+    sizes, names, colours, closed, ends : of the outlines, see `Outline`
+    advance : how far it goes on across in a cycle, which the picture leaves out
+    ground : whether there is ground
+    span : the lowest and the highest height that is drawn
+    middle, width : of the picture, across
+    """
+
+    cycles: int
+    points: np.ndarray
+    sizes: tuple[int, ...]
+    names: tuple[str, ...]
+    colours: tuple[str, ...]
+    closed: tuple[bool, ...]
+    ends: tuple[bool, ...]
+    advance: float
+    ground: bool
+    span: tuple[float, float]
+    middle: float
+    width: float
+
+
+def motion_in_plane(orbit: "Orbit") -> PlaneMotion | None:
+    """The motion of an orbit whose machine states its drawing; None for another, and where the contact never ends."""
+    drawing = drawing_of(orbit.source)
+    if drawing is None or orbit.contact_time is None:
+        return None
+    machine, cycles = orbit.source, 2
+    advance = 0.0
+    if not comes_back(drawing, machine.values):
+        advance, cycles = float(_after_landing(drawing, machine.values)[1][0]), _until_alike(orbit)
+    t = np.linspace(0, cycles * orbit.period, cycles * TIMES_IN_PLANE)
+    paths = plane_paths(machine, orbit(t), landings_of(orbit, t))
+    along = (advance * t / orbit.period)[:, None, None] * [1.0, 0.0]
+    paths = [PlanePath(each.outline, each.colour, each.points - along) for each in paths]
+    (left, right), span = _extent_of(paths)
+    fields_of_outlines = ([getattr(each.outline, name) for each in paths] for name in ("name", "closed", "ends"))
+    names, closed, ends = map(tuple, fields_of_outlines)
+    return PlaneMotion(
+        cycles, np.concatenate([each.points.ravel() for each in paths]), tuple(each.points.shape[1] for each in paths),
+        names, tuple(each.colour for each in paths), closed, ends, advance, drawing.ground, span,
+        0.5 * (left + right), right - left,
+    )  # fmt: skip
+
+
+def _until_alike(orbit: "Orbit") -> int:
+    """The number of cycles of a machine that goes on after which what is no repeated outline looks as at first."""
+    machine, state = orbit.source, orbit(np.zeros(1))
+    advance = _after_landing(machine.drawing, machine.values)[1]
+
+    def looks(landings: int) -> list[np.ndarray]:
+        paths = plane_paths(machine, state, np.array([landings]))
+        return [each.points[0] - landings * advance for each in paths if each.outline.repeat == 1.0]
+
+    first = looks(0)
+    for count in range(1, MOST_CYCLES + 1):
+        pairs = zip(first, looks(count), strict=True)
+        if all(np.allclose(a, b) or np.allclose(a, b[::-1]) for a, b in pairs):
+            return count
+    return CYCLES_ONWARD
 
 
 def plot_in_plane(orbit: "Orbit", axes: Axes | None = None) -> Axes:
@@ -109,7 +185,7 @@ def plot_in_plane(orbit: "Orbit", axes: Axes | None = None) -> Axes:
     width = (ranges[:, 1].max(0) - ranges[:, 0].min(0)).max()
     aside = GAP * width * np.arange(len(t))
     moved = [PlanePath(each.outline, each.colour, each.points + aside[:, None, None] * [1.0, 0.0]) for each in paths]
-    (left, right), (low, high) = _bounds(moved)
+    (left, right), (low, high) = _extent_of(moved)
     if axes is None:
         axes = new_axes(9.0, np.clip(9.0 * (high - low) / (right - left) + 1.1, 2.2, 6.0))
     _set(axes, (left, right), (low, high), metres)
@@ -139,7 +215,7 @@ def animate_in_plane(
     from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
 
     paths, (metres, *_) = plane_paths(machine, states, landings), unit_labels(units)
-    (left, right), (low, high) = _bounds(paths)
+    (left, right), (low, high) = _extent_of(paths)
     with off_screen():
         wide = np.clip(3.2 * (right - left) / (high - low), 3.2, 8.0)
         axes = new_axes(wide + 1.0, np.clip(wide * (high - low) / (right - left), 1.5, 5.0) + 0.9)
@@ -169,7 +245,7 @@ def animate_in_plane(
     return path
 
 
-def _bounds(paths: Iterable[PlanePath]) -> tuple[tuple[float, float], tuple[float, float]]:
+def _extent_of(paths: Iterable[PlanePath]) -> tuple[tuple[float, float], tuple[float, float]]:
     """The range across and the range of heights of paths, with a margin."""
     points = np.concatenate([each.points.reshape(-1, 2) for each in paths])
     (left, low), (right, high) = points.min(0), points.max(0)
@@ -191,7 +267,7 @@ def _draw_ground(axes: Axes, machine: Any, across: tuple[float, float], low: flo
             machine.values,
         )
         axes.fill_between(*line.T, low - abs(line[:, 1]).max(), color=SHADE, lw=0, zorder=0)
-        axes.plot(*line.T, color=STILL, lw=1.5, zorder=1)
+        axes.plot(*line.T, color=EDGE, lw=1.5, zorder=1)
 
 
 def _artist(axes: Axes, path: PlanePath, points: np.ndarray, label: str | None) -> Any:

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..io import check_path, writing
+from ..model.phase import Affine
 from ..result import Axes
 from ..units import LIFTOFF_SPEED, Units
 
@@ -133,7 +134,13 @@ def _style(name: str) -> dict[str, object]:
 def _cycle(orbit, count: int):
     """Times over a cycle, or over the flight where the contact does not end, and the states then."""
     t = np.linspace(0, orbit.flight_time if orbit.contact_time is None else orbit.period, count)
-    return t, orbit(t)
+    return t, states_to_show(orbit, t)
+
+
+def states_to_show(orbit: "Orbit", t: np.ndarray) -> np.ndarray:
+    """Flight states (k, n) of an orbit at times (k,): of a machine that steps in the labels of the first flight, where
+    all heights are sums of coordinates, so that they do not jump at a landing."""
+    return orbit.unrolled(t) if all(isinstance(each, Affine) for each in orbit.shape.heights.values()) else orbit(t)
 
 
 def finished(axes: Axes, legend: Mapping | None = None, **labels: object) -> Axes:

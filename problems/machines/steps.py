@@ -51,7 +51,7 @@ END = {"liftoff": "the torque of gravity", "end": "contact: it never lifts off a
 # The height of a hub or an end above its support and its place across; that of a block's centre; potential energies of
 # balanced machines without units.
 HUB, HUB_ACROSS = "length*cos(theta - angle)", "length*sin(theta - angle)"
-CENTRE = "half_height*cos(theta) + half_width*sin(theta)"
+CENTRE_HEIGHT = "half_height*cos(theta) + half_width*sin(theta)"
 CENTRE_ACROSS = "half_height*sin(theta) - half_width*cos(theta)"
 BALANCED, BALANCED_NEARLY = "gravity_ratio*cos(theta - angle)", "-gravity_ratio*(theta - 1)**2/2"
 TIPPED_NEARLY = "gravity_ratio*(theta - theta**2/2)"
@@ -159,8 +159,8 @@ def rocking_block(
         least = own["mass"] * hypot(own["half_width"], own["half_height"]) ** 2
         _refuse_below(own["inertia"], "an edge", least, "mass * (half_width**2 + half_height**2)")
         own["surface_gravity"], gravity = surface_gravity, "surface_gravity"
-        forces = [Mass(CENTRE, "mass", across=CENTRE_ACROSS)]
-        heights: dict[str, str] | None = {"centre": CENTRE, "lifted edge": "2*half_width*sin(theta)"}
+        forces = [Mass(CENTRE_HEIGHT, "mass", across=CENTRE_ACROSS)]
+        heights: dict[str, str] | None = {"centre": CENTRE_HEIGHT, "lifted edge": "2*half_width*sin(theta)"}
         inertia = "inertia - mass*(half_width**2 + half_height**2)"
     else:
         own, heights = _ratios(inertia_ratio, gravity_ratio, angle, share=share), None
@@ -252,14 +252,14 @@ def _unjudged(own: Mapping[str, float], share: float | None) -> dict[str, str]:
     return {"stance": ""} if "share" in own and share is None else {}
 
 
-def _turned(place: tuple[str, str], angle: str, length: str) -> tuple[str, str]:
+def _aslant(place: tuple[str, str], angle: str, length: str) -> tuple[str, str]:
     """What is at a length from a place, at an angle clockwise from upright."""
     return f"{place[0]} + {length}*sin({angle})", f"{place[1]} + {length}*cos({angle})"
 
 
 def _bar(place: tuple[str, str], angle: str, length: str) -> Outline:
     """The inner body, around a place."""
-    return Outline("inner body", [_turned(place, angle, f"(-{length})"), _turned(place, angle, length)], ends=True)
+    return Outline("inner body", [_aslant(place, angle, f"(-{length})"), _aslant(place, angle, length)], ends=True)
 
 
 def _wheel_drawn(own: Mapping[str, float], tilt: str | float) -> Drawing | None:
@@ -267,8 +267,8 @@ def _wheel_drawn(own: Mapping[str, float], tilt: str | float) -> Drawing | None:
     if "angle" not in own:
         return None
     length = "length" if "length" in own else "1"
-    hub = _turned(("0", "0"), "theta - angle", length)
-    spoke = [hub, _turned(hub, "theta - angle + 2*angle*(steps + i)", f"(-{length})")]
+    hub = _aslant(("0", "0"), "theta - angle", length)
+    spoke = [hub, _aslant(hub, "theta - angle + 2*angle*(steps + i)", f"(-{length})")]
     return Drawing(
         [
             Outline("wheel", spoke, repeat="pi/angle"),
@@ -284,9 +284,9 @@ def _block_drawn(own: Mapping[str, float]) -> Drawing | None:
     wide, high = ("half_width", "half_height") if "half_width" in own else ("sin(angle)", "cos(angle)")
     if not {"half_width", "angle"} & own.keys():
         return None
-    left = [_turned(("0", "0"), "theta - pi/2", f"2*{wide}"), ("0", "0")]
-    edges = [*left, *(_turned(place, "theta", f"2*{high}") for place in reversed(left))]
-    centre = _turned(_turned(("0", "0"), "theta - pi/2", wide), "theta", high)
+    left = [_aslant(("0", "0"), "theta - pi/2", f"2*{wide}"), ("0", "0")]
+    edges = [*left, *(_aslant(place, "theta", f"2*{high}") for place in reversed(left))]
+    centre = _aslant(_aslant(("0", "0"), "theta - pi/2", wide), "theta", high)
     return Drawing(
         [Outline("block", edges, closed=True), _bar(centre, "phi", f"{high}/2")], onward={"x": f"-x - 2*{wide}"}
     )
@@ -297,9 +297,9 @@ def _shuttle_drawn(own: Mapping[str, float]) -> Drawing | None:
     if "angle" not in own:
         return None
     length = "length" if own.get("length", 0.0) > 0 else "1"
-    end, hinge = _turned(("0", "0"), "theta - angle", length), ("0", "0")
+    end, hinge = _aslant(("0", "0"), "theta - angle", length), ("0", "0")
     walls = [
-        Outline("walls", [_turned(hinge, f"{sign}angle", f"{share}*{length}") for share in (0.85, 1.15)], fixed=True)
+        Outline("walls", [_aslant(hinge, f"{sign}angle", f"{share}*{length}") for share in (0.85, 1.15)], fixed=True)
         for sign in ("", "-")
     ]
     return Drawing(

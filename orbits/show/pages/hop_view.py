@@ -9,7 +9,8 @@ import numpy as np
 from ...errors import InputError
 from ...units import FORCE
 from ..animation import drawn_heights, drawn_range
-from ..plot import COLOURS, SHADE, masses_at, title, unit_labels, vertical
+from ..plane import PlaneMotion, motion_in_plane
+from ..plot import COLOURS, SHADE, masses_at, states_to_show, title, unit_labels, vertical
 from .bokeh_figures import (
     GREY,
     INK,
@@ -50,7 +51,8 @@ class HopData:
     springs : numbers of the masses, lower and upper, that springs join; -1 is the ground
     knees : such numbers with the length of each of the two links
     span : the lowest and the highest height that is drawn
-    labels : of the axes, by "time", "height", "speed" and "force", with units
+    labels : of the axes, by "time", "height", "drawn" (the animation's), "speed" and "force", with units
+    plane : the motion of a machine that states its drawing in the plane; None for masses on one vertical line
     """
 
     title: str
@@ -68,6 +70,7 @@ class HopData:
     knees: tuple[tuple[int, int, float], ...]
     span: tuple[float, float]
     labels: dict[str, str]
+    plane: PlaneMotion | None = None
 
     @property
     def end(self) -> float:
@@ -85,12 +88,12 @@ def hop_data(orbit: "Orbit") -> HopData:
             force, why = orbit.contact_force(time), ""
         except InputError as error:
             why = str(error)
-    states, shape, floating = orbit(time), orbit.shape, orbit.certificate.smallest_separation is None
+    states, shape, floating = states_to_show(orbit, time), orbit.shape, orbit.certificate.smallest_separation is None
     masses = masses_at(orbit, states)
     heights, floating = drawn_heights(states, shape.heights, (shape.springs, shape.knees, shape.embed), floating)
     places = {None: -1} | {name: i for i, name in enumerate(masses)}
     metres, seconds, speeds_in = unit_labels(orbit.scales)
-    centre = shape.heights.get(CENTRE_OF_MASS)
+    centre, plane = shape.heights.get(CENTRE_OF_MASS), motion_in_plane(orbit)
     return HopData(
         title=title(orbit),
         names=tuple(masses),
@@ -102,16 +105,18 @@ def hop_data(orbit: "Orbit") -> HopData:
         force=force,
         why=why,
         flight_time=orbit.flight_time,
-        floating=floating,
+        floating=floating and plane is None,
         springs=tuple((places[lower], places[upper]) for lower, upper in shape.springs),
         knees=tuple((places[lower], places[upper], link) for lower, upper, link in shape.knees),
-        span=drawn_range(heights, shape.knees),
+        span=plane.span if plane else drawn_range(heights, shape.knees),
         labels={
             "time": "time" + seconds,
             "height": vertical(orbit.certificate.smallest_separation) + metres,
+            "drawn": ("height" if plane else vertical(orbit.certificate.smallest_separation)) + metres,
             "speed": "speed" + speeds_in,
             "force": "contact force" + (f" ({orbit.scales.text(FORCE)})" if orbit.scales else ""),
         },
+        plane=plane,
     )
 
 
@@ -133,11 +138,22 @@ class HopFigures:
         self._motion = new(empty_columns("drawn"))
         self._springs, self._knees = new(empty_columns(*joints, *paths)), new(empty_columns(*joints, "link", *paths))
         self._bodies = new(empty_columns(*masses, "x", "y", "marker", "size", "aside", "align", "force"))
+        self._plane = new({"data": [], "cycles": [], "advance": [], "middle": [], "width": []})
+        self._outlines = new(empty_columns("size", "colour", "closed", "ends", "name", "line", "fill", *paths))
+        self._dots, self._parts = new(empty_columns("x", "y", "colour")), new(empty_columns("x", "y", "colour", "name"))
         self.machine = self._new_machine()
         self.heights, self._centre_item, self._contact_item = self._new_heights()
         self.portrait, self.force = self._new_portrait(), self._new_force()
         shown = {"masses": self._masses, "motion": self._motion, "force": self._force, "bodies": self._bodies}
-        self.player = new_player(self.machine, **shown, springs=self._springs, knees=self._knees)
+        self.player = new_player(
+            self.machine,
+            **shown,
+            springs=self._springs,
+            knees=self._knees,
+            plane=self._plane,
+            outlines=self._outlines,
+            dots=self._dots,
+        )
 
     def show(self, data: HopData, steady: bool = True) -> None:
         """Show another hop in place of the current one.
@@ -150,9 +166,11 @@ class HopFigures:
         """The changes that `show` makes, in this order."""
         stands, nothing = data.end > data.flight_time, np.zeros(0)
         force, centre = (nothing if row is None else row for row in (data.force, data.centre))
+        column = data.plane is None  # of masses on one vertical line
         changes: list[Change] = [
-            (self._springs, "data", _joints(data.springs, "lower", "upper")),
-            (self._knees, "data", _joints(data.knees, "lower", "upper", "link")),
+            (self._springs, "data", _joints(data.springs if column else (), "lower", "upper")),
+            (self._knees, "data", _joints(data.knees if column else (), "lower", "upper", "link")),
+            *self._changes_in_plane(data.plane),
             (self._force, "data", {"time": data.time[: len(force)], "force": force}),
             (self._centre, "data", {"time": data.time[: len(centre)], "height": centre}),
             (self._contact, "data", {"start": [data.flight_time][:stands], "end": [data.end][:stands]}),
@@ -162,7 +180,8 @@ class HopFigures:
             (self._contact_item, "visible", stands),
         ]
         axes = {"time": [self.heights.xaxis, self.force.xaxis], "speed": [self.portrait.yaxis]}
-        axes |= {"height": [self.heights.yaxis, self.portrait.xaxis, self.machine.yaxis], "force": [self.force.yaxis]}
+        axes |= {"height": [self.heights.yaxis, self.portrait.xaxis], "drawn": [self.machine.yaxis]}
+        axes |= {"force": [self.force.yaxis]}
         changes += [(axis[0], "axis_label", data.labels[name]) for name, some in axes.items() for axis in some]
         changes += self._range_changes(data, steady)
         *colours, of_centre = islice(cycle(COLOURS), len(data.names) + 1)
@@ -170,6 +189,31 @@ class HopFigures:
         rows = {"time": [data.time] * len(colours), "colour": colours, "name": list(data.names)}
         rows |= {"height": list(data.height), "speed": list(data.speed)}
         return [*changes, (self._masses, "data", rows), (self._motion, "data", {"drawn": list(data.drawn)})]
+
+    def _changes_in_plane(self, plane: PlaneMotion | None) -> list[Change]:
+        """The changes that show a machine in the plane, or none."""
+        numbers: dict[str, list] = {name: [] for name in ("data", "cycles", "advance", "middle", "width")}
+        of_outlines: dict[str, list] = {name: [] for name in self._outlines.data}
+        parts: dict[str, list] = {name: [] for name in ("x", "y", "colour", "name")}
+        if plane:
+            numbers = {
+                "data": [plane.points], "cycles": [plane.cycles], "advance": [plane.advance],
+                "middle": [plane.middle], "width": [plane.width],
+            }  # fmt: skip
+            unseen: list[list[float]] = [[] for _ in plane.sizes]
+            of_outlines = {
+                "size": list(plane.sizes), "colour": list(plane.colours), "closed": list(plane.closed),
+                "ends": list(plane.ends), "name": list(plane.names), "xs": unseen, "ys": unseen,
+                "line": [4.0 if ends else 2.5 for ends in plane.ends],
+                "fill": [0.3 if closed else 0.0 for closed in plane.closed],
+            }  # fmt: skip
+            named = dict(zip(plane.names, plane.colours, strict=True))
+            parts = {"x": [np.nan] * len(named), "y": [np.nan] * len(named)}
+            parts |= {"colour": [*named.values()], "name": [*named]}
+        ground = plane is None or plane.ground
+        changes: list[Change] = [(each, "visible", ground) for each in self._ground]
+        changes += [(self._parts_item, "visible", plane is not None), (self._parts, "data", parts)]
+        return [*changes, (self._outlines, "data", of_outlines), (self._plane, "data", numbers)]
 
     def _range_changes(self, data: HopData, steady: bool) -> list[Change]:
         high, low = data.height.max(), min(data.height.min(), 0.0)
@@ -188,10 +232,21 @@ class HopFigures:
     def _new_machine(self) -> Any:
         models, figure = bokeh("models"), new_figure("", 320, x_range=bokeh("models").Range1d(-1, 1), tools="save")
         figure.grid.visible = figure.xaxis.visible = False
-        figure.add_layout(
-            models.BoxAnnotation(top=0, fill_color=SHADE, fill_alpha=1, line_color=None, level="underlay")
+        self._ground = (
+            models.BoxAnnotation(top=0, fill_color=SHADE, fill_alpha=1, line_color=None, level="underlay"),
+            models.Span(location=0, dimension="width", line_color=INK, line_width=1.5),
         )
-        figure.add_layout(models.Span(location=0, dimension="width", line_color=INK, line_width=1.5))
+        for each in self._ground:
+            figure.add_layout(each)
+        paths = {"source": self._outlines, "line_join": "round", "line_cap": "round", **MOVING}
+        figure.patches(
+            "xs", "ys", source=self._outlines, fill_color="colour", fill_alpha="fill", line_color=None, **MOVING
+        )
+        figure.multi_line("xs", "ys", line_color="colour", line_width="line", **paths)
+        figure.scatter("x", "y", source=self._dots, size=12, color="colour", **MOVING)
+        parts = figure.scatter("x", "y", source=self._parts, size=12, color="colour")
+        self._parts_item = models.LegendItem(label={"field": "name"}, renderers=[parts])
+        legend_above(figure, self._parts_item)
         figure.multi_line("xs", "ys", source=self._springs, line_color=GREY, line_width=2, line_join="round", **MOVING)
         figure.multi_line("xs", "ys", source=self._knees, line_color=GREY, line_width=5, line_join="round", **MOVING)
         columns = {"color": "colour", "marker": "marker", "size": "size"}

@@ -9,7 +9,7 @@ CYCLES_PER_SECOND = 0.4  # at first
 # source of the motion. Glyphs that are redrawn in each frame are changed in place and not reported
 # to a server (`change.emit` and `sync: false`), or there would be a message for each frame.
 PLAY = """
-const player = motion.player ??= {share: 0, last: null, drawn: 0, reported: 0, looping: false, place: 0};
+const player = motion.player ??= {share: 0, lap: 0, last: null, drawn: 0, reported: 0, looping: false, place: 0};
 const ZIGZAG = [0, 0, ...Array(7).fill([9, -9]).flat(), 0, 0];
 
 function draw() {
@@ -39,15 +39,44 @@ function draw() {
     const aside = Math.sqrt(Math.max(knees.data.link[i] ** 2 - ((to - from) / 2) ** 2, 0));
     return [0, aside / up * pixel, 0];
   });
+  const flat = plane.data.data.length > 0;
+  if (flat) drawInPlane(up, pixel);
   const last = y.length - 1, right = y.map((_, i) => (i + y.length) % 2 == 0);
   Object.assign(bodies.data, {
-    x: y.map(() => 0), y, colour, name,
+    x: y.map(() => flat ? NaN : 0), y, colour, name,
     height: Array.from(height, at), speed: Array.from(speed, at),
     marker: y.map((_, i) => i < last || !last ? "circle" : "dash"), size: y.map((_, i) => i < last ? 20 : 40),
     aside: right.map(is => is ? 24 : -24), align: right.map(is => is ? "left" : "right"),
     time: y.map(() => now), force: y.map(() => force.data.force.length ? at(force.data.force) : NaN),
   });
-  for (const source of [springs, knees, bodies]) source.change.emit();
+  for (const source of [springs, knees, bodies, ...(flat ? [outlines, dots] : [])]) source.change.emit();
+}
+
+function drawInPlane(up, pixel) {
+  const [points] = plane.data.data, [cycles] = plane.data.cycles, [advance] = plane.data.advance;
+  const [middle] = plane.data.middle, sizes = Array.from(outlines.data.size);
+  const times = points.length / 2 / sizes.reduce((sum, size) => sum + size, 0);
+  const place = ((player.lap % cycles) + player.share) / cycles * (times - 1);
+  const low = Math.min(Math.floor(place), times - 2), weight = place - low;
+  let begin = 0;
+  const paths = sizes.map((size, i) => {
+    const from = begin + 2 * size * low, xs = [], ys = [];
+    for (let k = 0; k < size; k++) {
+      const [x, y] = [0, 1].map(j => {
+        const now = from + 2 * k + j;
+        return points[now] + weight * (points[now + 2 * size] - points[now]);
+      });
+      xs.push((x - middle) / up * pixel);
+      ys.push(y);
+    }
+    begin += 2 * size * times;
+    return outlines.data.closed[i] ? [[...xs, xs[0]], [...ys, ys[0]]] : [xs, ys];
+  });
+  outlines.data.xs = paths.map(([xs]) => xs);
+  outlines.data.ys = paths.map(([, ys]) => ys);
+  const ended = paths.flatMap(([xs, ys], i) => !outlines.data.ends[i] ? [] :
+    [0, xs.length - 1].map(k => [xs[k], ys[k], outlines.data.colour[i]]));
+  [dots.data.x, dots.data.y, dots.data.colour] = [0, 1, 2].map(k => ended.map(end => end[k]));
 }
 
 function report(now) {
@@ -63,7 +92,9 @@ function step(now) {
   }
   const passed = player.last == null ? 0 : Math.min(now - player.last, 100);
   player.last = now;
-  player.share = (player.share + passed / 1000 * speed.value) % 1;
+  player.share += passed / 1000 * speed.value;
+  player.lap += Math.floor(player.share);
+  player.share %= 1;
   if (now - player.drawn > 30) {
     player.drawn = now;
     draw();
@@ -94,8 +125,9 @@ def new_player(machine: Any, **sources: Any) -> Any:
 
     machine : the figure
     sources : "masses", with rows of time, height and speed of each; "motion", with their drawn heights, which is set
-        last; "force"; "springs" and "knees", with the numbers of the masses that they join, -1 for the ground; and
-        "bodies", the drawn marks of the masses
+        last; "force"; "springs" and "knees", with the numbers of the masses that they join, -1 for the ground;
+        "bodies", the drawn marks of the masses; and, of a machine in the plane, "plane", its motion as one row of
+        numbers, "outlines" and their "dots"
 
     Bokeh rebuilds a legend whenever a model that its renderers refer to changes, and a callback refers to all of its
     arguments; so the source of a figure with a legend has no callback.
