@@ -26,7 +26,7 @@ def animate_orbit(orbit: "Orbit", path: str | Path, frames: int = 80, progress: 
     """Write one cycle as an animation of masses, spring and ground, .gif or, by ffmpeg, .mp4; returns the path."""
     closed, drawing = orbit.contact_time is not None, drawing_of(orbit.source)
     end = orbit.period if closed else orbit.flight_time
-    if drawing and drawing.onward:  # so far that it is seen to go on, or that it is back
+    if orbit.source and drawing and drawing.onward:  # so far that it is seen to go on, or that it is back
         end *= 2 if comes_back(drawing, orbit.source.values) else CYCLES_ONWARD
     t = np.linspace(0, end, _frames(frames), endpoint=not closed)
     words = np.where(np.mod(t, end if not closed else orbit.period) <= orbit.flight_time, "flight", "contact")

@@ -137,8 +137,8 @@ def motion_in_plane(orbit: "Orbit") -> PlaneMotion | None:
     drawing = drawing_of(orbit.source)
     if drawing is None or orbit.contact_time is None:
         return None
-    machine, cycles = orbit.source, 2
-    advance = 0.0
+    machine: Any = orbit.source
+    cycles, advance = 2, 0.0
     if not comes_back(drawing, machine.values):
         advance, cycles = float(_after_landing(drawing, machine.values)[1][0]), _until_alike(orbit)
     t = np.linspace(0, cycles * orbit.period, cycles * TIMES_IN_PLANE)
@@ -157,7 +157,8 @@ def motion_in_plane(orbit: "Orbit") -> PlaneMotion | None:
 
 def _until_alike(orbit: "Orbit") -> int:
     """The number of cycles of a machine that goes on after which what is no repeated outline looks as at first."""
-    machine, state = orbit.source, orbit(np.zeros(1))
+    machine: Any = orbit.source
+    state = orbit(np.zeros(1))
     advance = _after_landing(machine.drawing, machine.values)[1]
 
     def looks(landings: int) -> list[np.ndarray]:
@@ -175,7 +176,8 @@ def _until_alike(orbit: "Orbit") -> int:
 def plot_in_plane(orbit: "Orbit", axes: Axes | None = None) -> Axes:
     """Plot a machine in the plane at instants of a cycle side by side, from lift-off to the middle of the contact;
     return the axes."""
-    flight, machine = orbit.flight_time, orbit.source
+    machine: Any = orbit.source
+    flight = orbit.flight_time
     instants = {0.0: "lift-off", flight / 4: "", flight / 2: "mid-flight", 0.75 * flight: "", flight: "landing"}
     if orbit.contact_time is not None:
         instants[flight + orbit.contact_time / 2] = "mid-contact"

@@ -111,17 +111,19 @@ def rimless_wheel(
         own, gravity = own | {"angle": pi / own.pop("spokes"), "surface_gravity": surface_gravity}, "surface_gravity"
         tilted = {} if slope == 0 else {"slope": number("slope", slope, -pi / 2, pi / 2)}
         fall = " + slope" if tilted else ""  # heights and places across are those of gravity
-        forces = [Mass(f"length*cos(theta - angle{fall})", "mass", across=f"length*sin(theta - angle{fall})")]
+        forces: list[Element] = [
+            Mass(f"length*cos(theta - angle{fall})", "mass", across=f"length*sin(theta - angle{fall})")
+        ]
         heights: dict[str, str] | None = {"hub": HUB}
-        inertia = "inertia - mass*length**2"
+        turned = "inertia - mass*length**2"
     else:
         if slope != 0:
             raise InputError(f"slope = {slope:g} belongs to a wheel in SI, with a mass and a length")
         own, heights, tilted = _ratios(inertia_ratio, gravity_ratio, angle, share=share), None, {}
-        forces, inertia, gravity = _shared(own, BALANCED_NEARLY), SHARED_INERTIA, SHARED_GRAVITY
+        forces, turned, gravity = _shared(own, BALANCED_NEARLY), SHARED_INERTIA, SHARED_GRAVITY
     why = "gravity gains 2*mass*surface_gravity*length*sin(angle)*sin(slope) with each step on a slope"
     return _stepping(
-        "rimless wheel", forces, inertia, gravity, own | tilted, spring, parameters, friction,
+        "rimless wheel", forces, turned, gravity, own | tilted, spring, parameters, friction,
         reversor=None if tilted else UPRIGHT, symmetry=ONWARD, heights=heights,
         gaps={"rear foot": "theta", "front foot": "2*angle - theta"},
         words=END | _unjudged(own, share) | ({"none": why} if tilted else {}),
@@ -159,15 +161,15 @@ def rocking_block(
         least = own["mass"] * hypot(own["half_width"], own["half_height"]) ** 2
         _refuse_below(own["inertia"], "an edge", least, "mass * (half_width**2 + half_height**2)")
         own["surface_gravity"], gravity = surface_gravity, "surface_gravity"
-        forces = [Mass(CENTRE_HEIGHT, "mass", across=CENTRE_ACROSS)]
+        forces: list[Element] = [Mass(CENTRE_HEIGHT, "mass", across=CENTRE_ACROSS)]
         heights: dict[str, str] | None = {"centre": CENTRE_HEIGHT, "lifted edge": "2*half_width*sin(theta)"}
-        inertia = "inertia - mass*(half_width**2 + half_height**2)"
+        turned = "inertia - mass*(half_width**2 + half_height**2)"
     else:
         own, heights = _ratios(inertia_ratio, gravity_ratio, angle, share=share), None
-        forces, inertia = _shared(own, TIPPED_NEARLY), SHARED_INERTIA
+        forces, turned = _shared(own, TIPPED_NEARLY), SHARED_INERTIA
         gravity = SHARED_GRAVITY + ("/cos(angle)" if "angle" in own else "")  # the gravity ratio is by h = cos(angle)
     return _stepping(
-        "rocking block", forces, inertia, gravity, own, spring, parameters, friction, symmetry=MIRRORED, gap="theta",
+        "rocking block", forces, turned, gravity, own, spring, parameters, friction, symmetry=MIRRORED, gap="theta",
         heights=heights, words=END | BLOCK_WORDS | _unjudged(own, share), drawing=_block_drawn(own),
     )  # fmt: skip
 
@@ -203,13 +205,13 @@ def shuttle(
         }
         force: Element = Weight(HUB, "mass")
         heights: dict[str, str] | None = {"end": HUB}
-        inertia, gravity = "inertia", "surface_gravity"
+        turned, gravity = "inertia", "surface_gravity"
     else:
         own, heights = _ratios(inertia_ratio, gravity_ratio, angle, least=0.0), None
-        inertia, gravity = "1/inertia_ratio", "1"
+        turned, gravity = "1/inertia_ratio", "1"
         force = Potential(BALANCED if angle is not None else BALANCED_NEARLY)
     return _stepping(
-        "shuttle", [force], inertia, gravity, own, spring, parameters, reversor=UPRIGHT, symmetry=UPRIGHT,
+        "shuttle", [force], turned, gravity, own, spring, parameters, reversor=UPRIGHT, symmetry=UPRIGHT,
         heights=heights, gaps={"wall": "theta", "other wall": "2*angle - theta"}, words=END | WALL_WORDS,
         drawing=_shuttle_drawn(own),
     )  # fmt: skip
