@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import InputError
-from ..io import check_path, writing
+from ..io import check_path
 from ..result import Axes, Report
 from ..units import Units
-from .plane import CYCLES_ONWARD, animate_in_plane, comes_back, drawing_of, landings_of, steps_of_run
+from .plane import CYCLES_ONWARD, animate_in_plane, comes_back, drawing_of, landings_of, steps_of_run, write_frames
 from .plot import COLOURS, SHADE, new_axes, off_screen, unit_labels
 
 if TYPE_CHECKING:
@@ -125,8 +125,6 @@ def _animate(
 
     With `floating` no rest length says how far the masses are apart, and they are drawn with room between them.
     """
-    from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
-
     path, (metres, *_), (springs, knees, _) = check_animation(path), unit_labels(units), joints
     names = [name for name in functions if name != "centre of mass"]
     heights, floating = drawn_heights(states, functions, joints, floating)
@@ -164,9 +162,4 @@ def _animate(
         label.set_text(words[i])
         return *coils, *legs, *masses, label
 
-    writer = (FFMpegWriter if path.suffix.lower() == ".mp4" else PillowWriter)(fps=30)
-    report = (lambda i, count: progress((i + 1) / count)) if progress else None
-    with writing("animation", path) as target:
-        animation = FuncAnimation(axes.figure, draw, frames=len(words), blit=False)
-        animation.save(target, writer, dpi=80, progress_callback=report)
-    return path
+    return write_frames(path, axes, draw, len(words), progress)

@@ -1,6 +1,6 @@
 """Machines in the plane, drawn by the outlines that they state and moved on by their steps."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,8 +20,7 @@ if TYPE_CHECKING:
 
 # An animation shows so many cycles of a machine that goes on, and two of one that comes back.
 CYCLES_ONWARD = 4
-# A page samples a cycle at so many times, and shows up to so many of them before it begins again.
-TIMES_IN_PLANE, MOST_CYCLES = 90, 12
+TIMES_IN_PLANE = 60  # of a cycle, for a page
 EDGE, WALL = "#4c4c4c", "#8c8c8c"  # colours of the ground's edge and of what is fixed
 GAP = 1.2  # between instants side by side, in widths of the machine
 
@@ -109,68 +108,41 @@ def comes_back(drawing: Drawing, p: Mapping) -> bool:
 class PlaneMotion:
     """A machine in the plane over several cycles, for a page, as seen by one who goes on with it.
 
-    cycles : after which it looks as at first
-    points : flat, of each outline its points one time after the other, (cycles * times, its size, 2)
-    sizes, names, colours, closed, ends : of the outlines, see `Outline`
-    advance : how far it goes on across in a cycle, which the picture leaves out
+    points : flat, of each outline its points one time after the other, (cycles * times, size, 2)
+    outlines : columns by name, one entry for each outline: "size", "name", "colour", "closed" and "ends"
+    cycles : after which it begins again
+    middle : of the picture, across
     ground : whether there is ground
     span : the lowest and the highest height that is drawn
-    middle, width : of the picture, across
     """
 
-    cycles: int
     points: np.ndarray
-    sizes: tuple[int, ...]
-    names: tuple[str, ...]
-    colours: tuple[str, ...]
-    closed: tuple[bool, ...]
-    ends: tuple[bool, ...]
-    advance: float
+    outlines: dict[str, list]
+    cycles: int
+    middle: float
     ground: bool
     span: tuple[float, float]
-    middle: float
-    width: float
 
 
 def motion_in_plane(orbit: "Orbit") -> PlaneMotion | None:
     """The motion of an orbit whose machine states its drawing; None for another, and where the contact never ends."""
-    drawing = drawing_of(orbit.source)
-    if drawing is None or orbit.contact_time is None:
+    machine: Any = orbit.source
+    if (drawing := drawing_of(machine)) is None or orbit.contact_time is None:
         return None
-    machine: Any = orbit.source
-    cycles, advance = 2, 0.0
-    if not comes_back(drawing, machine.values):
-        advance, cycles = float(_after_landing(drawing, machine.values)[1][0]), _until_alike(orbit)
+    cycles = 2 if comes_back(drawing, machine.values) else CYCLES_ONWARD
     t = np.linspace(0, cycles * orbit.period, cycles * TIMES_IN_PLANE)
+    advance = _after_landing(drawing, machine.values)[1] * (cycles == CYCLES_ONWARD)
+    along = (t / orbit.period)[:, None, None] * advance
     paths = plane_paths(machine, orbit(t), landings_of(orbit, t))
-    along = (advance * t / orbit.period)[:, None, None] * [1.0, 0.0]
     paths = [PlanePath(each.outline, each.colour, each.points - along) for each in paths]
-    (left, right), span = _extent_of(paths)
-    fields_of_outlines = ([getattr(each.outline, name) for each in paths] for name in ("name", "closed", "ends"))
-    names, closed, ends = map(tuple, fields_of_outlines)
-    return PlaneMotion(
-        cycles, np.concatenate([each.points.ravel() for each in paths]), tuple(each.points.shape[1] for each in paths),
-        names, tuple(each.colour for each in paths), closed, ends, advance, drawing.ground, span,
-        0.5 * (left + right), right - left,
-    )  # fmt: skip
-
-
-def _until_alike(orbit: "Orbit") -> int:
-    """The number of cycles of a machine that goes on after which what is no repeated outline looks as at first."""
-    machine: Any = orbit.source
-    state = orbit(np.zeros(1))
-    advance = _after_landing(machine.drawing, machine.values)[1]
-
-    def looks(landings: int) -> list[np.ndarray]:
-        paths = plane_paths(machine, state, np.array([landings]))
-        return [each.points[0] - landings * advance for each in paths if each.outline.repeat == 1.0]
-
-    first = looks(0)
-    for count in range(1, MOST_CYCLES + 1):
-        pairs = zip(first, looks(count), strict=True)
-        if all(np.allclose(a, b) or np.allclose(a, b[::-1]) for a, b in pairs):
-            return count
-    return CYCLES_ONWARD
+    columns: dict[str, list] = {
+        "size": [each.points.shape[1] for each in paths],
+        "colour": [each.colour for each in paths],
+        **{name: [getattr(each.outline, name) for each in paths] for name in ("name", "closed", "ends")},
+    }
+    points = np.concatenate([each.points.ravel() for each in paths]).astype(np.float32)
+    across, span = _extent_of(paths)
+    return PlaneMotion(points, columns, cycles, sum(across) / 2, drawing.ground, span)
 
 
 def plot_in_plane(orbit: "Orbit", axes: Axes | None = None) -> Axes:
@@ -214,8 +186,6 @@ def animate_in_plane(
     progress: Report,
 ) -> Path:  # fmt: skip
     """Write an animation of a machine in flight states (frames, n) after so many landings (frames,)."""
-    from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
-
     paths, (metres, *_) = plane_paths(machine, states, landings), unit_labels(units)
     (left, right), (low, high) = _extent_of(paths)
     with off_screen():
@@ -239,10 +209,17 @@ def animate_in_plane(
         label.set_text(words[i])
         return *artists, label
 
+    return write_frames(path, axes, draw, len(words), progress)
+
+
+def write_frames(path: Path, axes: Axes, draw: Callable, count: int, progress: Report) -> Path:
+    """Write an animation of so many frames, each of which `draw` draws on axes by its number."""
+    from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
+
     writer = (FFMpegWriter if path.suffix.lower() == ".mp4" else PillowWriter)(fps=30)
     report = (lambda i, count: progress((i + 1) / count)) if progress else None
     with writing("animation", path) as target:
-        animation = FuncAnimation(axes.figure, draw, frames=len(words), blit=False)
+        animation = FuncAnimation(axes.figure, draw, frames=count, blit=False)
         animation.save(target, writer, dpi=80, progress_callback=report)
     return path
 

@@ -138,7 +138,7 @@ class HopFigures:
         self._motion = new(empty_columns("drawn"))
         self._springs, self._knees = new(empty_columns(*joints, *paths)), new(empty_columns(*joints, "link", *paths))
         self._bodies = new(empty_columns(*masses, "x", "y", "marker", "size", "aside", "align", "force"))
-        self._plane = new({"data": [], "cycles": [], "advance": [], "middle": [], "width": []})
+        self._plane = new(empty_columns("points", "cycles", "middle"))
         self._outlines = new(empty_columns("size", "colour", "closed", "ends", "name", "line", "fill", *paths))
         self._dots, self._parts = new(empty_columns("x", "y", "colour")), new(empty_columns("x", "y", "colour", "name"))
         self.machine = self._new_machine()
@@ -192,28 +192,22 @@ class HopFigures:
 
     def _changes_in_plane(self, plane: PlaneMotion | None) -> list[Change]:
         """The changes that show a machine in the plane, or none."""
-        numbers: dict[str, list] = {name: [] for name in ("data", "cycles", "advance", "middle", "width")}
-        of_outlines: dict[str, list] = {name: [] for name in self._outlines.data}
-        parts: dict[str, list] = {name: [] for name in ("x", "y", "colour", "name")}
+        outlines, numbers = (
+            {name: list[Any]() for name in self._outlines.data},
+            empty_columns("points", "cycles", "middle"),
+        )
+        parts, ground = empty_columns("x", "y", "colour", "name"), plane is None or plane.ground
         if plane:
-            numbers = {
-                "data": [plane.points], "cycles": [plane.cycles], "advance": [plane.advance],
-                "middle": [plane.middle], "width": [plane.width],
-            }  # fmt: skip
-            unseen: list[list[float]] = [[] for _ in plane.sizes]
-            of_outlines = {
-                "size": list(plane.sizes), "colour": list(plane.colours), "closed": list(plane.closed),
-                "ends": list(plane.ends), "name": list(plane.names), "xs": unseen, "ys": unseen,
-                "line": [4.0 if ends else 2.5 for ends in plane.ends],
-                "fill": [0.3 if closed else 0.0 for closed in plane.closed],
-            }  # fmt: skip
-            named = dict(zip(plane.names, plane.colours, strict=True))
-            parts = {"x": [np.nan] * len(named), "y": [np.nan] * len(named)}
-            parts |= {"colour": [*named.values()], "name": [*named]}
-        ground = plane is None or plane.ground
+            numbers = {name: [getattr(plane, name)] for name in numbers}
+            named = dict(zip(plane.outlines["name"], plane.outlines["colour"], strict=True))
+            unseen: list[Any] = [[] for _ in plane.outlines["name"]]
+            outlines = plane.outlines | {"xs": unseen, "ys": unseen}
+            outlines["line"] = [4.0 if ends else 2.5 for ends in plane.outlines["ends"]]
+            outlines["fill"] = [0.3 if closed else 0.0 for closed in plane.outlines["closed"]]
+            parts = dict.fromkeys("xy", [np.nan] * len(named)) | {"colour": [*named.values()], "name": [*named]}
         changes: list[Change] = [(each, "visible", ground) for each in self._ground]
         changes += [(self._parts_item, "visible", plane is not None), (self._parts, "data", parts)]
-        return [*changes, (self._outlines, "data", of_outlines), (self._plane, "data", numbers)]
+        return [*changes, (self._outlines, "data", outlines), (self._plane, "data", numbers)]
 
     def _range_changes(self, data: HopData, steady: bool) -> list[Change]:
         high, low = data.height.max(), min(data.height.min(), 0.0)

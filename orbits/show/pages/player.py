@@ -39,7 +39,7 @@ function draw() {
     const aside = Math.sqrt(Math.max(knees.data.link[i] ** 2 - ((to - from) / 2) ** 2, 0));
     return [0, aside / up * pixel, 0];
   });
-  const flat = plane.data.data.length > 0;
+  const flat = plane.data.points.length > 0;
   if (flat) drawInPlane(up, pixel);
   const last = y.length - 1, right = y.map((_, i) => (i + y.length) % 2 == 0);
   Object.assign(bodies.data, {
@@ -53,8 +53,8 @@ function draw() {
 }
 
 function drawInPlane(up, pixel) {
-  const [points] = plane.data.data, [cycles] = plane.data.cycles, [advance] = plane.data.advance;
-  const [middle] = plane.data.middle, sizes = Array.from(outlines.data.size);
+  const [points] = plane.data.points, [cycles] = plane.data.cycles, [middle] = plane.data.middle;
+  const sizes = Array.from(outlines.data.size);
   const times = points.length / 2 / sizes.reduce((sum, size) => sum + size, 0);
   const place = ((player.lap % cycles) + player.share) / cycles * (times - 1);
   const low = Math.min(Math.floor(place), times - 2), weight = place - low;
