@@ -16,12 +16,12 @@ import ast
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
-from functools import lru_cache
-from itertools import groupby, pairwise, product
+from functools import cache, lru_cache, partial
+from itertools import chain, groupby, pairwise, product
 from operator import add, mul, sub, truediv
 from typing import Any
 
-from flint import arb, arb_mat, arb_poly, arb_series, ctx, fmpq
+from flint import Ordering, arb, arb_mat, arb_poly, arb_series, ctx, fmpq, fmpq_mpoly_ctx
 
 # The orders of Taylor polynomials per bit and of those for derivatives, and halvings of parameters.
 ORDER_PER_BIT, DERIVED_ORDER, MOST_SPLITS = 0.3, 14, 3
@@ -47,6 +47,8 @@ FIELDS = [{*names.split()} for names in (
     "parameters unknowns uniqueness_radius",
     "format kind proved statement machine about motion parts enclosures family conditions radius digits seconds",
 )]  # fmt: skip
+# What the file says besides of a machine that steps, and the most names and terms of polynomials that are compared.
+MAPS, MOST_NAMES, MOST_TERMS = ("reversor", "symmetry", "gaps"), 60, 3000
 
 
 class Unverified(Exception):
@@ -158,6 +160,56 @@ def slope(of: Tree, by: str) -> Tree:
     return da + db if of.kind == "+" else da * b + a * db if of.kind == "*" else (da - of * db) / b
 
 
+def replaced(of: Tree, places: Names, flips: bool = False) -> Tree:
+    """A tree with others in the places of names and, if `flips`, with the pieces of a law in the opposite order."""
+
+    @cache
+    def new(of: Tree) -> Tree:
+        parts = [new(part) for part in of.parts]
+        if of.kind == "pieces":
+            return in_pieces(parts[::-1] if flips else parts)
+        return OPERATIONS.get(of.kind, partial(tree, of.kind))(*parts) if parts else places.get(of.value, of)
+
+    return new(of)
+
+
+def is_zero(of: Tree, piece: int = 0) -> bool:
+    """Whether a tree is 0 on a piece of a law: as a quotient of polynomials in names and values of functions. These are
+    equal at equal arguments, at opposite ones as f(-x) follows from f(x), and log(1/x) is -log(x)."""
+    ring = fmpq_mpoly_ctx.get([f"x{i}" for i in range(MOST_NAMES)], Ordering.lex)
+    one, new, seen = ring.constant(1), iter(ring.gens()), list[tuple]()
+
+    def value(kind: str, a: Any, b: Any) -> tuple:
+        for c, d, p, q in [each for known, *each in seen if known == kind]:
+            if a * d == c * b:
+                return p, q
+            if a * d == -c * b and kind in ("sin", "cos", "atan", "exp"):
+                return (q, p) if kind == "exp" else (p if kind == "cos" else -p, q)
+            if a * c == b * d and kind == "log":
+                return -p, q
+        seen.append((kind, a, b, next(new), one))
+        return seen[-1][3:]
+
+    @cache
+    def form(of: Tree) -> tuple:
+        parts = [form(part) for part in ([of.parts[piece]] if of.kind == "pieces" else of.parts)]
+        (a, b), (c, d) = [*parts, (one, one), (one, one)][:2]
+        if of.kind in OPERATIONS:
+            found = (a * d + c * b, b * d) if of.kind == "+" else (a * c, b * d) if of.kind == "*" else (a * d, b * c)
+        elif of.kind == "number":
+            found = ring.constant(fmpq(of.value.numerator, of.value.denominator)), one
+        else:
+            found = (next(new), one) if of.kind == "name" else (a, b) if of.kind == "pieces" else value(of.kind, a, b)
+        if found[1] == 0 or max(map(len, found)) > MOST_TERMS:
+            raise Unverified("formulas are too long to be compared, or have no value anywhere")
+        return found
+
+    try:
+        return bool(form(of)[0] == 0)
+    except StopIteration:
+        raise Unverified("formulas have too many names to be compared") from None
+
+
 def dot(a: Sequence[Any], b: Sequence[Any], start: Any = ZERO) -> Any:
     """The sum of products."""
     return sum((x * y for x, y in zip(a, b, strict=True)), start)
@@ -244,6 +296,46 @@ def law_of(spring: Mapping[str, Any], known: Names, r: Tree, needed: list[Tree])
     return in_pieces(laws), [ONE, *(r - end for end in ends), LESS]
 
 
+class Turn:
+    """The map of coordinates y to signs y + shifts, and of their rates v to -signs v, which reverses time.
+
+    places : the images of both by name
+    flips : whether it takes the pieces of a law to those in the opposite order
+    """
+
+    def __init__(self, names: Sequence[str], states: Sequence[Tree], images: Sequence[Tree]):
+        slopes = [[slope(image, name) for name in names] for image in images]
+        self.signs, self.flips, n = [1 if row[i] is ONE else -1 for i, row in enumerate(slopes)], False, len(names)
+        if slopes != [[number(sign * (i == j)) for j in range(n)] for i, sign in enumerate(self.signs)]:
+            raise Unverified("a coordinate is taken to neither itself nor its negative, up to an amount")
+        self.shifts = [replaced(each, dict.fromkeys(names, ZERO)) for each in images]
+        each = list(zip(self.signs, self.shifts, states[:n], states[n : 2 * n], strict=True))
+        self.places = dict(
+            zip((x.value for x in states), [*images, *(number(-sign) * v for sign, *_, v in each)], strict=False)
+        )
+        self.fixed = [v if sign > 0 else y - shift / number(2) for sign, shift, y, v in each]
+
+    def of(self, tree: Tree) -> Tree:
+        """A function of the image of a state, as one of the state."""
+        return replaced(tree, self.places, self.flips)
+
+    def check(self, m: "Machine", along: list[list[Tree]], free: Sequence[int], closed: Names) -> None:
+        """See that the map is its own inverse for the free coordinates, and turns the equations of motion along some
+        directions, where the gap is `closed` or not."""
+        ends = m.edges, [LESS * each for each in m.edges[::-1]]
+        same = [all(is_zero(replaced(self.of(a) - b, closed)) for a, b in zip(m.edges, e, strict=True)) for e in ends]
+        self.flips, signs = not same[0], [self.signs[i] for i in free]
+        inertia = [[dot(a, [dot(row, b) for row in m.inertia]) for b in along] for a in along]
+        pairs = [
+            (s * r, each) for s, row in zip(signs, inertia, strict=True) for r, each in zip(signs, row, strict=True)
+        ]
+        pairs += [(s, dot(a, m.forces)) for s, a in zip(signs, along, strict=True)]
+        zeros = [replaced(self.of(each) - number(sign) * each, closed) for sign, each in pairs]
+        zeros += [self.shifts[i] for i in free if self.signs[i] > 0]
+        if not any(same) or not all(is_zero(each, k) for each in zeros for k in range(len(m.edges) - 1)):
+            raise Unverified("the stated maps do not turn the equations of motion back")
+
+
 class Machine:
     """Lagrange's equations of a stated machine, with exact bounds of its parameters.
 
@@ -254,6 +346,8 @@ class Machine:
     out, embedded : the coordinate that the closed gap determines, and the matrix (n, n - 1) from the others to all
     launch : of all coordinates and of their rates at the launch, the weights of the unknowns
     edges : functions that end the pieces of a spring's law, see `law_of`
+    steps, back, again : whether maps are stated, and the reversors of the flight and of the contact
+    landing : the gap that closes at landing
     """
 
     def __init__(self, stated: Mapping[str, Any], bounds: Bounds):
@@ -314,6 +408,30 @@ class Machine:
         ends = list(zip(*self.unknowns.values(), strict=True))
         self.launch = [[dict(zip(end, row, strict=True)) for row in embedded] for end in ends]
         self.out, self.embedded = out, [[number(each) for each in row] for row in embedded]
+        maps = [dict(stated.get(kind, ())) for kind in MAPS[:2]]
+        if not {*maps[0], *maps[1]} <= {*names}:
+            raise Unverified("a map is stated of what is no coordinate")
+        first, then = ([parse(each.get(name, name), both, needed) for name in names] for each in maps)
+        self.back, self.steps = Turn(names, self.states, first), any(kind in stated for kind in MAPS)
+        self.again = Turn(names, self.states, [replaced(each, self.back.places) for each in then])
+        self.landing = self.back.of(self.gap)
+        if self.steps:
+            self._check_steps([parse(gap, both, needed) for _, gap in stated.get("gaps", ())])
+
+    def is_zero(self, of: Tree) -> bool:
+        """Whether a tree is 0 in contact, on each piece of the law."""
+        return all(is_zero(replaced(of, self.closed), k) for k in range(len(self.edges) - 1))
+
+    def _check_steps(self, gaps: Sequence[Tree]) -> None:
+        """See that the stated maps turn the motions back, and that the stated gaps are images of one another."""
+        n, columns, again = len(self.names), list(map(list, zip(*self.embedded, strict=True))), self.again.of(self.gap)
+        self.closed = {each[self.out].value: dot(self.embedded[self.out], [each[j] for j in self.unknowns])
+                       for each in (self.states, self.rates)}  # fmt: skip
+        self.back.check(self, [[number(int(i == j)) for j in range(n)] for i in range(n)], range(n), {})
+        self.again.check(self, columns, [*self.unknowns], self.closed)
+        zeros = [each - own for each, own in zip(gaps, (self.gap, self.landing), strict=False)]
+        if len(gaps) > 2 or not all(map(is_zero, zeros)) or not any(map(is_zero, (again - self.gap, again + self.gap))):
+            raise Unverified("the gaps are not taken to one another")
 
 
 class Field:
@@ -324,6 +442,8 @@ class Field:
     def __init__(self, machine: Machine, contact: bool):
         m, time, out = machine, machine.states[2 * len(machine.names)], machine.out
         self.states, self.needed, self.edges = m.states, m.needed, m.edges
+        if m.steps:  # the other half of the phase is the image of this one
+            self.needed = [*m.needed, *map((m.again if contact else m.back).of, m.needed)]
         along = list(zip(*m.embedded, strict=True))
         self.pivots, (free,) = solved(m.inertia, m.forces)
         reduced = [[dot(a, [dot(row, b) for row in m.inertia]) for b in along] for a in along]
@@ -529,13 +649,16 @@ def check_positive(what: str, parts: Sequence[Part], of: Tree | None, at_start: 
         raise Unverified(f"{what} is not so")
 
 
-def turns(parts: Sequence[Part], of: Tree) -> int:
-    """How often a function turns inside the motion, at whose end it is known to turn. On each stretch its rate has a
-    sign, or the rate's rate has: then the rate has one zero there or none, as the signs before and after tell."""
+def turns(parts: Sequence[Part], of: Tree, at_end: bool) -> int:
+    """How often a function turns inside the motion, at whose end it is known to turn if `at_end`. On each stretch its
+    rate has a sign, or the rate's rate has: then the rate has one zero there or none, as the signs before and after
+    tell."""
     found, field = signs(parts, of, lambda *_: (1, 2)), parts[0].field
-    start = parts[0].values(arb(0))[field.along(of, 1)]
+    start, end = (part.values(t)[field.along(of, 1)] for part, t in ((parts[0], arb(0)), (parts[-1], parts[-1].h)))
     turned = (order == 2 and len({sign for _, sign in group}) > 1 for order, group in groupby(found, lambda x: x[0]))
-    if not (start > 0 or start < 0) or found[-1][0] == 1 or any(turned):
+    if not at_end and found[-1][0] == 2 and (end > 0 or end < 0):
+        found.append([1, 1 if end > 0 else -1])
+    if not (start > 0 or start < 0) or (found[-1][0] == 1) == at_end or any(turned):
         raise Unverified("turns of the extension are not told apart, or it hangs where the motion begins or ends")
     rates = [1 if start > 0 else -1, *(sign for order, sign in found if order == 1)]
     return sum(a != b for a, b in pairwise(rates))
@@ -547,7 +670,7 @@ class Solution:
 
     common : what box and image have in common: the launch, the times of the phases, and the parameters' places
     moved, inside : how far the image is from the middle of the box, and whether it is in the interior of it
-    passages : half a phase each, from the launch, in contact with the rates turned
+    passages : half a phase each, from the launch, in contact from its image
     """
 
     def __init__(self, machine: Machine, box: Mapping[str, arb]):
@@ -555,15 +678,24 @@ class Solution:
         centre = [each.mid() for each in box.values()]
         reach = [each - c for each, c in zip(box.values(), centre, strict=True)]
         self.passages, phases = list[Passage](), [name for name in PHASES if name in names]
-        for phase, sign in zip(phases, (1, -1), strict=False):
-            rows = [*machine.launch[0], *({name: sign * w for name, w in row.items()} for row in machine.launch[1])]
+        at_centre, at_all = (Values((each, at[names.index(each.value)]) for each in machine.places)
+                             for at in (centre, [*box.values()]))  # fmt: skip
+        for phase, turn in zip(phases, (None, machine.again), strict=False):
+            signs = [*turn.signs, *(-sign for sign in turn.signs)] if turn else [1] * (2 * len(machine.names))
+            rows = [
+                {n: sign * w for n, w in row.items()} for sign, row in zip(signs, chain(*machine.launch), strict=True)
+            ]
             rows += [{phase: Fraction(1, 2)}, *({place.value: Fraction(1)} for place in machine.places)]
-            seeds = arb_mat([[ball(row.get(name, Fraction(0))) for name in names] for row in rows])
-            start = moved([arb(0)] * len(rows), seeds, centre)
-            self.passages.append(Passage(Field(machine, sign < 0), start, seeds, reach))
+            seeds = [[ball(row.get(name, Fraction(0))) for name in names] for row in rows]
+            start = moved([arb(0)] * len(rows), arb_mat(seeds), centre)
+            for i, shift in enumerate(turn.shifts if turn else ()):
+                start[i] += at_centre[shift]
+                seeds[i] = [each + at_all[slope(shift, name)] for each, name in zip(seeds[i], names, strict=True)]
+            self.passages.append(Passage(Field(machine, turn is not None), start, arb_mat(seeds), reach))
         equations = [self.passages[0].field.linear(self.passages[0].start, self.passages[0].field.force)]
-        for passage, those in zip(self.passages, (range(len(machine.names)), machine.unknowns), strict=False):
-            equations += [passage.field.linear(passage.end, machine.rates[i]) for i in those]
+        ends = machine.back.fixed, [machine.again.fixed[i] for i in machine.unknowns]
+        for passage, those in zip(self.passages, ends, strict=False):
+            equations += [passage.field.linear(passage.end, each) for each in those]
         by_all, count = arb_mat([row for _, row in equations]), len(equations)
         try:
             inverse = arb_mat([row[:count] for row in by_all.tolist()]).mid().inv().mid()
@@ -615,7 +747,8 @@ def _check_said(document: Mapping[str, Any]) -> None:
     if false := [name for name, value in again.items() if document.get(name) != value]:
         raise Unverified(f"'{false[0]}' is not what the file says elsewhere, or this program does not verify it")
     springs = [{"rows": [], **spring} for spring in machine["springs"]]
-    groups = [machine], springs, parts, [document.keys() - again.keys() - {"attraction_radius", "digest"}]
+    own = machine.keys() - {*MAPS}
+    groups = [own], springs, parts, [document.keys() - again.keys() - {"attraction_radius", "digest"}]
     if any({*each} != names for group, names in zip(groups, FIELDS, strict=True) for each in group):
         raise Unverified("the file says more than this program verifies, or less")
 
@@ -693,14 +826,27 @@ def _check_motion(document: Mapping[str, Any], solution: Solution) -> None:
     """See that what is said of the motion holds."""
     machine, passages, said = solution.machine, solution.passages, bounds_of(document["enclosures"])
     flight, contact = (each.parts for each in passages)
-    if str(document["family"]) != str(turns(flight, machine.counts)):
+    back, again, middle = machine.back, machine.again, machine.again.fixed[1 - machine.out]
+    if str(document["family"]) != str(turns(flight, machine.counts, is_zero(back.of(machine.counts) - machine.counts))):
         raise Unverified("the family is another one")
     check_positive("that the gap stays open in flight", flight, machine.gap, at_start=3)
-    check_positive("that the contact pushes", contact, None, at_start=1)
-    check_positive("that the separation is positive in flight", flight, machine.separation)
-    check_positive("that the separation is positive in contact", contact, machine.separation)
+    landed = again.of(passages[1].field.force)
+    if not machine.steps or machine.is_zero(landed - passages[1].field.force):
+        check_positive("that the contact pushes", contact, None, at_start=1)
+    else:
+        check_positive("that the point that has landed pushes", contact, landed, at_start=1)
+        check_positive("that the point that opens pushes", contact, None)
+    for each in {machine.separation, back.of(machine.separation)}:
+        check_positive("that the separation is positive in flight", flight, each)
+    for each in {machine.separation, again.of(machine.separation)}:
+        check_positive("that the separation is positive in contact", contact, each)
+    if not is_zero(machine.landing - machine.gap):
+        check_positive("that the gap that lands stays open in flight", flight, machine.landing)
+        for each in {machine.landing, again.of(machine.landing)}:
+            check_positive("that the gap that lands next stays open in contact", contact, each)
     if len(machine.names) == 2:
-        check_positive("that the contact first rests midway", contact, LESS * machine.rates[1 - machine.out], at_end=1)
+        sign = 1 if contact[0].values(arb(0))[middle] > 0 else -1
+        check_positive("that the contact first rests midway", contact, number(sign) * middle, at_end=1)
     for name, end in zip(ENDS, (passages[0].start, passages[0].end), strict=True):
         value, row = passages[0].field.linear(end, machine.counts)
         value += dot(row, solution.moved, arb(0))

@@ -142,8 +142,9 @@ class Motion:
         self._check_between(each, piece, low, middle, left - 1)
         self._check_between(each, piece, middle, high, left - 1)
 
-    def count_turns(self, each: Derivatives) -> int:
-        """The number of stationary points of a function inside the motion, at whose end it is known to have one.
+    def count_turns(self, each: Derivatives, turns_at_end: bool = True) -> int:
+        """The number of stationary points of a function inside the motion, at whose end it is known to have one, or to
+        have none.
 
         The times are divided into those where its rate has a sign and those where the rate is monotone. Among the
         latter, one after the other, the rate has one zero where its signs before and after differ, and none where they
@@ -154,7 +155,9 @@ class Motion:
             self._mark(each, piece, arb(0), piece.step.h, MOST_BISECTIONS, marks)
         if marks[0][0] == 0:
             marks.insert(0, (_sign(self.first(each, 1)), 0))
-        if marks[0][0] == 0 or marks[-1][0] != 0:
+        if not turns_at_end and marks[-1][0] == 0:
+            marks.append((_sign(self.last(each, 1)), 0))
+        if marks[0][0] == 0 or (marks[-1][0] != 0) == turns_at_end:
             raise Unproved("the extension hangs where the motion begins or ends")
         turns, before, slope = 0, marks[0][0], 0
         for sign, slope_here in marks:

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
+from .exact_symmetry import Column, ExactReversor
 from .expressions import (
     ONE,
     ZERO,
@@ -33,7 +34,6 @@ from .formulas import Domains, exact_fraction, expression_of
 from .refusal import Unproved
 from .stated import StatedMachine, StatedSpring
 
-Column = list[ExactExpression]
 ExactRows = list[Column]
 
 
@@ -104,6 +104,9 @@ class ExactMechanics:
     accelerations : (laws, n) in flight
     s, w : symbols (n - 1,) of the coordinates of the contact and their rates
     contact_accelerations, contact_force : (laws, n - 1) and (laws,) in contact, as functions of s and w
+    reversor, contact_reversor : of y and v in flight, and of s and w in contact; without stated maps both reverse time
+        alone
+    order, contact_order : 1 where these leave the pieces of a law in order, -1 where they are in the opposite order
     domains : the conditions of each formula that is no spring's law along the motion
     law_domains : the conditions of each law of a machine in pieces; one entry where there are no pieces
     """
@@ -135,6 +138,10 @@ class ExactMechanics:
         self.accelerations = [solved(self.inertia, force) for force in self.forces]
         self.s, self.w = [self.y[i] for i in self.independent], [self.v[i] for i in self.independent]
         self.contact_accelerations, self.contact_force = self._contact()
+        self.reversor, whole = self._reversors()
+        self.contact_reversor, self.order, self.contact_order = whole.on(self.independent), 1, 1
+        if stated.steps:
+            self._check_reversors(whole)
 
     def formula(self, text: str, **names: ExactExpression) -> ExactExpression:
         """The expression of a formula; its domains are stored."""
@@ -254,6 +261,7 @@ class ExactMechanics:
         count = range(len(self.independent))
         projected = [[total(row[i] * self.embed[i][j] for i in range(self.size)) for j in count] for row in inertia]
         reduced = [[total(self.embed[i][k] * projected[i][j] for i in range(self.size)) for j in count] for k in count]
+        self._reduced = reduced, [self.along(substitute(force, places)) for force in self.forces]
         accelerations, contact_force = list[Column](), list[ExactExpression]()
         for force in self.forces:
             inside = substitute(force, places)
@@ -263,6 +271,41 @@ class ExactMechanics:
             accelerations.append(rates)
             contact_force.append(carried - inside[self.eliminated])
         return accelerations, contact_force
+
+    def _reversors(self) -> tuple[ExactReversor, ExactReversor]:
+        """The reversor of the flight, and that of the contact for all coordinates."""
+        names, maps = self.stated.coordinates, (dict(self.stated.reversor), dict(self.stated.symmetry))
+        images = ([self.formula(each.get(name, name)) / self.scale.length for name in names] for each in maps)
+        back, anew = (ExactReversor.of(each, self.y, names) for each in images)
+        return back, anew.after(back)
+
+    def _check_reversors(self, whole: ExactReversor) -> None:
+        """Raise `Unproved` unless the stated maps turn the equations back, and the gaps are images of one another."""
+        gap, back, own = self.formula(self.stated.gap), self.reversor, self.contact_reversor
+        (closes,), (again,) = back.turned([gap], self.y, self.v), whole.turned([gap], self.y, self.v)
+        for (name, formula), expected in zip(self.stated.gaps, (gap, closes), strict=False):
+            if not vanishes(self.formula(formula) - expected):
+                raise Unproved(f"the gap of the {name}, {formula}, is not the one that opens or its image")
+        if len(self.stated.gaps) > 2 or not (vanishes(again - gap) or vanishes(again + gap)):
+            raise Unproved("the reversor and the symmetry do not take the closed gap to itself")
+        weights, breaks = (self.pieces.weights, self.pieces.breaks) if self.pieces else ([Fraction(0)] * self.size, ())
+        self.order = back.check_turns("the reversor", self.y, self.v, self.inertia, self.forces, weights, breaks)
+        self.contact_order = own.check_turns(
+            "the symmetry after the reversor", self.s, self.w, *self._reduced, self.in_contact(weights), breaks
+        )
+
+    @property
+    def landed_force(self) -> Column:
+        """The contact force on the point that has landed, for each law: that on the one that opens, at the image of the
+        state."""
+        if not self.stated.steps:
+            return self.contact_force
+        return self.contact_reversor.turned(self.contact_force[:: self.contact_order], self.s, self.w)
+
+    def in_contact(self, weights: Sequence[Fraction]) -> list[Fraction]:
+        """The weights of the contact's coordinates in a sum of all of them."""
+        count = range(len(self.independent))
+        return [sum((weights[i] * self.embed[i][j] for i in range(self.size)), Fraction(0)) for j in count]
 
     def embedded(self, s: Sequence[ExactExpression]) -> Column:
         """All coordinates, or rates, from those of the contact."""

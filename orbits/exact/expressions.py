@@ -179,6 +179,11 @@ def power(base: ExactExpression, exponent: ExactExpression) -> ExactExpression:
 _ZERO_AT_ZERO = (
     "sin", "tan", "sinh", "tanh", "asin", "atan", "asinh", "atanh", "expm1", "log1p",
 )  # fmt: skip
+# The functions that are odd (-1) and even (1).
+PARITIES = {
+    **dict.fromkeys(("sin", "tan", "sinh", "tanh", "asin", "atan", "asinh", "atanh"), -1),
+    **dict.fromkeys(("cos", "cosh"), 1),
+}
 # The derivative of each function f by its argument x.
 _SLOPES = {
     "exp": lambda f, x: f,
@@ -291,8 +296,9 @@ def rebuilt(each: ExactExpression, parts: Sequence[ExactExpression]) -> ExactExp
 
 
 def vanishes(each: ExactExpression) -> bool:
-    """Whether an expression is 0 as a quotient of polynomials in its symbols and its function values; one
-    that is 0 by an identity of other functions is not recognised."""
+    """Whether an expression is 0 as a quotient of polynomials in its symbols and its function values, of which those at
+    equal arguments are equal, and those at opposite ones if the function is even or odd; one that is 0 by another
+    identity of functions is not recognised."""
     order = in_order([each])
     polynomials = ("number", "+", "*", "/", "**")
     atoms = [node for node in order if node.kind not in polynomials]
@@ -303,7 +309,9 @@ def vanishes(each: ExactExpression) -> bool:
     for node in order:
         parts = [found[part] for part in node.parts]
         if node in known:
-            found[node] = known[node], one
+            same = ((_same_value(node, parts, other, found), other) for other in atoms if other in found and parts)
+            sign, other = next((pair for pair in same if pair[0]), (1, node))
+            found[node] = sign * (known[node] if other is node else found[other][0]), one
         elif node.kind == "number":
             found[node] = context.constant(fmpq(node.value.numerator, node.value.denominator)), one
         elif node.kind == "**":
@@ -319,6 +327,17 @@ def vanishes(each: ExactExpression) -> bool:
         if found[node][1] == 0 or max(map(len, found[node])) > MOST_EXPANDED_TERMS:
             return False
     return bool(found[each][0] == 0)
+
+
+def _same_value(each: ExactExpression, parts: list, other: ExactExpression, found: Mapping) -> int:
+    """1 where a function's value is that of another expression, -1 where it is the negative of that, else 0; `parts`
+    and `found` have the quotients of polynomials that the arguments are."""
+    if each.kind != other.kind:
+        return 0
+    pairs = list(zip(parts, (found[part] for part in other.parts), strict=True))
+    if all(a * d == c * b for (a, b), (c, d) in pairs):
+        return 1
+    return PARITIES.get(each.kind, 0) if all(a * d == -c * b for (a, b), (c, d) in pairs) else 0
 
 
 def depends_on(of: Iterable[ExactExpression], on: Iterable[ExactExpression]) -> bool:

@@ -93,6 +93,8 @@ class StatedMachine:
     surface_gravity, gravity : the acceleration is their product, the second a formula of the height z
     launch : the coordinate whose place and rate at lift-off are "liftoff" and "alpha"
     counts : the extension whose stationary points count the family
+    reversor, symmetry : the coordinates that are not left as they are, and what they are taken to, see `Mechanism`
+    gaps : names and formulas of the gap that opens and that which closes; empty where they have no names
     """
 
     name: str
@@ -111,6 +113,26 @@ class StatedMachine:
     launch: str
     counts: str
     separation: str | None
+    reversor: tuple[Sized, ...] = ()
+    symmetry: tuple[Sized, ...] = ()
+    gaps: tuple[Sized, ...] = ()
+
+    @property
+    def steps(self) -> bool:
+        """Whether maps are stated, so that the machine may land with another point than opens."""
+        return bool(self.reversor or self.symmetry or self.gaps)
+
+    def refuse_steps(self, what: str) -> None:
+        """Raise `Unproved` where maps are stated."""
+        if self.steps:
+            raise Unproved(f"{what} is proved only of machines that state no reversor, symmetry or further gap")
+
+    @property
+    def points(self) -> tuple[str, str]:
+        """Names of the points that open and land, where they may be two."""
+        usual = ("point that opens", "point that lands") if self.steps else ("", "")
+        opens, lands, *_ = (*(name for name, _ in self.gaps), *usual[len(self.gaps) :])
+        return opens, lands
 
     @property
     def wide(self) -> list[str]:
@@ -130,7 +152,13 @@ class StatedMachine:
             "potentials": list(self.potentials),
             **{name: getattr(self, name) for name in ("surface_gravity", "gravity", "gap", "launch", "counts")},
             "separation": self.separation,
+            **{name: [list(each) for each in pairs] for name, pairs in self._maps.items() if pairs},
         }
+
+    @property
+    def _maps(self) -> dict[str, tuple[Sized, ...]]:
+        """What is stated only of machines that step."""
+        return {"reversor": self.reversor, "symmetry": self.symmetry, "gaps": self.gaps}
 
     def words(self, free: str | None = None) -> str:
         """The machine as a sentence, without the value of a parameter that is free."""
@@ -144,7 +172,7 @@ class StatedMachine:
         parts += [each.words() for each in self.springs]
         parts += [f"the potential energy {each}" for each in self.potentials]
         parts.append(f"the acceleration of gravity ({self.surface_gravity})*({self.gravity}) at the height z")
-        parts.append(f"the gap {self.gap}, which lands plastically")
+        parts += self._gaps_in_words()
         if self.separation is not None:
             parts.append(f"the separation {self.separation}")
         named = ", ".join(f"{name} {range_text(bounds)}" for name, bounds in self.parameters.items() if name != free)
@@ -152,7 +180,21 @@ class StatedMachine:
         numbers = f", with {named}" if named else ""
         launch = f"{self.launch} and its rate at lift-off are called liftoff and alpha"
         turns = f"{self.counts} is stationary between lift-off and mid-flight as often as the number of its family says"
-        return f"Let the {self.name} have {'; '.join(parts)}{numbers}; all is {units}. {launch}; {turns}."
+        maps = self._maps_in_words() if self.steps else ""
+        return f"Let the {self.name} have {'; '.join(parts)}{numbers}; all is {units}. {maps}{launch}; {turns}."
+
+    def _gaps_in_words(self) -> list[str]:
+        if not self.steps:
+            return [f"the gap {self.gap}, which lands plastically"]
+        lands = [f"the gap {gap} of the {name}" for name, gap in self.gaps[1:]] or ["its image under R"]
+        return [f"the gap {self.gap} of the {self.points[0]}, which opens", f"{lands[0]}, which lands plastically"]
+
+    def _maps_in_words(self) -> str:
+        back, anew = (", ".join(f"{name} to {image}" for name, image in pairs) or "each coordinate to itself"
+                      for pairs in (self.reversor, self.symmetry))  # fmt: skip
+        maps = f"Let R reverse time and take {back}, and let S take {anew}; coordinates without a formula stay"
+        orbit = "A lossless orbit is launched in a state x and lands in R x; its contact, whose coordinates are counted"
+        return f"{maps}. {orbit} anew by S, leads from S R x to x. "
 
 
 def range_text(bounds: Bounds) -> str:
@@ -231,8 +273,6 @@ def _of_mechanism(mechanism: Mechanism, values: Mapping[str, Bounds]) -> StatedM
             case _:
                 raise InputError(f"{type(element).__name__} does not conserve energy: it has no lossless orbit")
     gravity, structure = mechanism.gravity, mechanism.structure
-    if not mechanism.model.plain:
-        raise Unproved("its points of contact take turns, which no theorem states")
     if gravity.written is None or gravity.written.potential:
         raise Unproved(f"gravity '{gravity.text}' is no formula that a theorem could state")
     separation = mechanism.separation
@@ -253,7 +293,9 @@ def _of_mechanism(mechanism: Mechanism, values: Mapping[str, Bounds]) -> StatedM
         launch=derived_launch(structure),
         counts=text(structure.counts),
         separation=None if separation is None else text(separation),
-    )
+        **{name: tuple((key, text(value)) for key, value in dict(getattr(mechanism, name) or {}).items())
+           for name in ("reversor", "symmetry", "gaps")},
+    )  # fmt: skip
 
 
 def _text_of(expression: Scalar, coordinates: tuple[str, ...], names: tuple[str, ...]) -> str:

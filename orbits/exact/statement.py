@@ -2,7 +2,8 @@
 
 Half an orbit is enough, as the motions are their own mirror images in time. A flight from a launch to where all speeds
 vanish is half of one that lands as it was launched, with all speeds turned; a contact that starts from there and comes
-to where all its speeds vanish is half of one that ends in the launch.
+to where all its speeds vanish is half of one that ends in the launch. Where maps are stated, these are states that the
+reversors of the two leave as they are, see `exact_symmetry`.
 """
 
 from collections.abc import Sequence
@@ -11,7 +12,19 @@ from fractions import Fraction
 
 from .claim import CONTACT_DURATION, FLIGHT_DURATION
 from .exact_mechanics import Column, ExactMechanics, LoneExtension, inner_product
-from .expressions import ONE, ZERO, ExactExpression, along, depends_on, expression, substitute, symbol, symbols
+from .exact_symmetry import ExactReversor
+from .expressions import (
+    ONE,
+    ZERO,
+    ExactExpression,
+    along,
+    depends_on,
+    expression,
+    substitute,
+    symbol,
+    symbols,
+    vanishes,
+)
 from .formulas import Domain, Domains
 
 
@@ -78,6 +91,8 @@ class HalfOrbit:
         self.lone = mechanics.lone_extension()
         if any(depends_on([each.place], mechanics.y) for each in mechanics.domains):
             self.lone = None  # whether formulas have values is checked along the motion of all coordinates
+        if mechanics.stated.steps:
+            self.lone = None  # what moves with the extension alone decides neither where a step lands nor what it meets
 
     def unit_of(self, name: str) -> Fraction:
         """The unit in which an unknown of this name is solved for."""
@@ -90,6 +105,13 @@ class HalfOrbit:
     def gap(self) -> ExactExpression:
         """The gap, a function of the flight state."""
         return inner_product([expression(weight) for weight in self.mechanics.gap], self.mechanics.y)
+
+    @property
+    def landing_gap(self) -> ExactExpression | None:
+        """The gap that closes at landing, a function of the flight state; None where it is the one that opens."""
+        m = self.mechanics
+        (image,) = m.reversor.turned([self.gap], m.y, m.v)
+        return None if vanishes(image - self.gap) else image
 
     @property
     def launch(self) -> Column:
@@ -142,11 +164,10 @@ class HalfOrbit:
         weights, breaks = (
             (_by_turns(m.pieces.weights, [Fraction(0)] * m.size), m.pieces.breaks) if m.pieces else ((), ())
         )
-        domains = [[*m.domains, *own] for own in m.law_domains]
+        domains = self._mirrored([[*m.domains, *own] for own in m.law_domains], m.reversor, m.order, (m.y, m.v))
         guards = [[each] for each in self.lifted]
-        return ExactArc(
-            states, rates, self.launch, self.half_flight, guards, list(m.v), domains, (), tuple(weights), breaks
-        )
+        ends = m.reversor.fixed(m.y, m.v)
+        return ExactArc(states, rates, self.launch, self.half_flight, guards, ends, domains, (), tuple(weights), breaks)
 
     def _lone_flight(self, lone: LoneExtension) -> ExactArc:
         m, r, rate = self.mechanics, lone.place, symbol("rate of the lone extension")
@@ -171,19 +192,32 @@ class HalfOrbit:
         m = self.mechanics
         states = _by_turns(m.s, m.w)
         rates = [_by_turns(m.w, accelerations) for accelerations in m.contact_accelerations]
-        start = _by_turns(self.places, [-rate for rate in self.rates])
+        back = m.contact_reversor
+        start = _by_turns(back.places(self.places), back.rates(self.rates))
         weights: tuple[Fraction, ...] = ()
         breaks: tuple[ExactExpression, ...] = ()
         if m.pieces:
-            along_contact = [
-                sum((m.pieces.weights[i] * m.embed[i][j] for i in range(m.size)), Fraction(0)) for j in range(len(m.s))
-            ]
+            along_contact = m.in_contact(m.pieces.weights)
             weights, breaks = tuple(_by_turns(along_contact, [Fraction(0)] * len(m.s))), m.pieces.breaks
-        domains = [self._in_contact([*m.domains, *own]) for own in m.law_domains]
+        each_law = [self._in_contact([*m.domains, *own]) for own in m.law_domains]
+        domains = self._mirrored(each_law, back, m.contact_order, (m.s, m.w))
         return ExactArc(
-            states, rates, start, unknown(CONTACT_DURATION), [[] for _ in rates], list(m.w), domains,
+            states, rates, start, unknown(CONTACT_DURATION), [[] for _ in rates], back.fixed(m.s, m.w), domains,
             tuple(symbols("before", before)), weights, breaks,
         )  # fmt: skip
+
+    def _mirrored(
+        self, domains: list[list[Domain]], back: ExactReversor, order: int, states: tuple[Column, Column]
+    ) -> list[list[Domain]]:
+        """The conditions of formulas for each law, also in the other half of the motion, where these are other ones."""
+        if not self.mechanics.stated.steps:
+            return domains
+        found = [Domains(own) for own in domains]
+        for own, images in zip(found, domains[::order], strict=True):
+            for each in images:
+                (place,) = back.turned([each.place], *states)
+                own.need(each.what, place, each.positive)
+        return [list(own) for own in found]
 
     def _in_contact(self, domains: Sequence[Domain]) -> list[Domain]:
         """The conditions of formulas, in the contact's states."""

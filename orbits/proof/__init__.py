@@ -60,6 +60,17 @@ launched; likewise for the contact. Where under constant gravity one extension m
 combination of the coordinates moves on a parabola; F then requires that the rate of the extension vanishes when that
 combination is at the top of its parabola, which determines the half time.
 
+A machine may state a reversor R of the flight, with places that change sign about a centre, a relabelling S after the
+landing, and the gap that closes at landing (`exact_symmetry`). It is then decided exactly, by identities of quotients
+of polynomials in the states, the parameters and function values that are odd or even, that R turns the inertia and the
+forces in flight, and Rc = S R those in contact; that both are their own inverses; that Rc takes the closed gap to
+itself; and that the second gap is the image of the first under R. A flight from a launch x to a state that R leaves as
+it is therefore lands in R x, where the second gap and its rate are 0, as the first and its rate are at x, and a contact
+from Rc x to a state that Rc leaves as it is ends in x. What is to be positive throughout is proved in one half of each
+phase for the function and for its image: both gaps in flight, the second one in contact, and the forces on the point
+that opens and on the one that has landed, of which the second is 0 at landing to first order. That S is how the machine
+stands after a landing, and that its hinges in flight hold, is part of the statement.
+
 Lemma 5, signs (`motion`). A function g of the states is positive where its enclosure is, also by g(m) + g'(T)(T - m).
 At lift-off the gap, its speed and its acceleration are 0: the first two as the launch is a state of the contact, the
 third by the equation of lift-off. If its third derivative is positive on [0, a], then by Taylor's formula the gap is
@@ -69,7 +80,7 @@ first derivative; and the contact speed, which is 0 in mid-contact, read backwar
 Lemma 6, the family. Intervals of time on which the rate of the extension has a sign alternate with intervals on which
 its derivative has one. On the latter the rate is monotone: it has one zero where the signs before and after differ, and
 none where they agree. The last of these intervals contains mid-flight, where the rate is 0, and no other zero. The
-zeros before it are counted.
+zeros before it are counted. Where the reversor does not take the extension to itself, the rate has a sign there.
 
 A family as one continuous curve (`branch`) is proved piece by piece: on each a coordinate runs through an interval, and
 Krawczyk's operator is evaluated for all of its values together, along motions that are polynomials in time and in the

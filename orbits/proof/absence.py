@@ -60,6 +60,7 @@ def proof_of_absence(machine: Machine, family: int | None, parameters: Mapping[s
     except Unproved as error:
         return not_stated(machine, error)
     try:
+        stated.refuse_steps("absence")
         with ctx.workprec(BITS):
             mechanics = ExactMechanics(stated, Scale())
             lone = mechanics.lone_extension()

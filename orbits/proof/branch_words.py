@@ -17,7 +17,7 @@ from .branch_piece import CurvePiece, parts_between
 from .branch_way import Link
 from .case import PROVED, REFUTED, UNDECIDED, ProvedExistence
 from .theorem import CurvePart, Proof
-from .wording import CONDITIONS_IN_WORDS, enclosed_words
+from .wording import enclosed_words, words_of_conditions
 
 # The name of each condition where it is violated or not decided.
 LOST_CONDITIONS = {
@@ -179,7 +179,8 @@ def _motion_sentence(stretches: Sequence[MotionStretch], along: str) -> str:
 
 def _run_in_words(run: Sequence[MotionStretch], where: str) -> str:
     family, conditions = run[0].family, run[0].conditions
-    proved = [CONDITIONS_IN_WORDS[name] for name, verdict in conditions.items() if verdict == PROVED]
+    words = words_of_conditions(run[0].piece.equations.stated.steps)
+    proved = [words[name] for name, verdict in conditions.items() if verdict == PROVED]
     counted = [] if family is None else [f"the orbits are of family {family}"]
     if run[0].admissible:
         return f"They are motions {where}: {'; '.join([*counted, *proved])}."

@@ -1,7 +1,8 @@
 """The proof of the claims of an orbit: that it exists, is unique nearby, is of its family and is a motion."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from math import isfinite
 from typing import Any
@@ -16,7 +17,7 @@ from ..errors import InputError
 from ..exact.bounds import Enclosure
 from ..exact.claim import CONTACT_DURATION, FLIGHT_DURATION, Claim
 from ..exact.exact_mechanics import ExactMechanics, Scale
-from ..exact.expressions import ExactExpression, substitute
+from ..exact.expressions import ExactExpression, substitute, vanishes
 from ..exact.outward_decimals import bounds_of_fractions, decimal_text, enclosure_of, lower_decimal, radius_of
 from ..exact.refusal import Unproved
 from ..exact.stated import StatedMachine
@@ -36,6 +37,9 @@ ERRORS_OF_ALPHA, CLAIM_ROUNDINGS = 2.0, 8 * 2.0**-52
 # Its other numbers are correct to this share of them plus this multiple of its error: the orbit bounds no errors of
 # theirs, and they are correct to some roundings.
 SHARE_OF_OTHERS, ERRORS_OF_OTHERS = 1e-11, 1e3
+# Flights beside an upright position spread fast: the box about a numerical solution that is tried first, as a share of
+# the unknowns, is one that the second program can follow too.
+SHARE_OF_STEPS = 2.0**-34
 NO_CONTACT = "the orbit has no contact that ends, of which anything could be proved"
 PROVED, REFUTED, UNDECIDED = "proved", "refuted", "undecided"
 MAIN_UNKNOWNS = ("alpha", "flight_time", "contact_time")
@@ -145,7 +149,7 @@ def whole_proof(
     sentences = [
         stated.words(),
         root_sentence(found.unknowns, radius, bool(stated.wide)),
-        motion_sentence(verdicts.family, verdicts.conditions, verdicts.enclosures),
+        motion_sentence(verdicts.family, verdicts.conditions, verdicts.enclosures, stated.steps),
     ]
     # There are hops beside the orbit only if it is a motion.
     if verdicts.loss and motion and not reasons:
@@ -182,7 +186,8 @@ def existence_of(claim: Claim, stated: StatedMachine, with_contact: bool, digits
         raise Unproved(f"the orbit has no {missing[0]}")
     equations = Equations(statement, IntervalParameters(stated.parameters))
     guess = [claim.unknowns[name] / float(half.unit_of(name)) for name in statement.unknowns]
-    root = prove_root(equations, guess, bits_of_digits(digits))
+    boxes = [[arb(SHARE_OF_STEPS) * (1 + abs(each)) for each in guess]] if stated.steps else []
+    root = prove_root(equations, guess, bits_of_digits(digits), boxes)
     equations.check_domains(root.evaluated.passages)
     with ctx.workprec(bits_of_digits(digits) + FIRST_BITS):
         units = [ball_of_fraction(half.unit_of(name)) for name in statement.unknowns]
@@ -244,6 +249,7 @@ def _loss_verdict(found: ProvedExistence, flight: Motion, claim: Claim) -> Verdi
     """The verdict on the loss coefficient."""
     try:
         _check_landings(claim.machine)
+        found.half.mechanics.stated.refuse_steps("a loss coefficient")
         unknowns = flight_statement(found).unknowns
         lost = enclosed_loss(found.half, flight, {name: found.ball(each) for name, each in unknowns.items()}, ctx.prec)
         return Verdicts(enclosures={"loss_coefficient": enclosure_of(lost.coefficient)}, loss=lost)
@@ -255,6 +261,7 @@ def _with_attraction(found: ProvedExistence, claim: Claim, verdicts: Verdicts) -
     """The verdicts with that on the attraction of launches above alpha."""
     try:
         _check_landings(claim.machine)
+        found.half.mechanics.stated.refuse_steps("attraction")
         if verdicts.loss is None or {*verdicts.conditions.values()} != {PROVED}:
             raise Unproved("it needs the conditions of a motion and the loss coefficient, which are not all proved")
         half, half_contact = found.half, found.ball(found.statement.unknowns[CONTACT_DURATION])
@@ -332,9 +339,11 @@ def _flight(found: ProvedExistence) -> Motion:
 
 def counted_family(half: HalfOrbit, flight: Motion, digits: int | None) -> Verdicts:
     """The family, and the extension at lift-off and in mid-flight; the reason where it cannot be counted."""
-    counted = flight.chain([half.mechanics.counts] * len(flight.leg.rates), 2)
+    m = half.mechanics
+    counted = flight.chain([m.counts] * len(flight.leg.rates), 2)
+    (image,) = m.reversor.turned([m.counts], m.y, m.v)
     try:
-        family = flight.count_turns(counted)
+        family = flight.count_turns(counted, turns_at_end=vanishes(image - m.counts))
     except Unproved as error:
         return Verdicts(reasons=(f"family: {error}",))
     places = {"liftoff_extension": flight.first(counted, 0), "mid_flight_extension": flight.last(counted, 0)}
@@ -346,7 +355,7 @@ def motion_conditions(
 ) -> tuple[dict[str, str], list[str]]:
     """The verdict of each condition of a motion, and the reasons for those that are not proved."""
     checks = {
-        "clearance": lambda: _check_gap(half, flight),
+        "clearance": lambda: _check_gaps(half, flight, contact),
         "separation": lambda: _check_separation(half, flight, contact),
         "contact_force": lambda: _check_force(half, _contact_that_ends(contact)),
         "contact_end": lambda: _check_end(half, _contact_that_ends(contact)),
@@ -372,33 +381,68 @@ def _contact_that_ends(contact: Motion | None) -> Motion:
     return contact
 
 
-def _check_gap(half: HalfOrbit, flight: Motion) -> None:
+@contextmanager
+def _about(point: str) -> Iterator[None]:
+    """Begin the messages of errors with the point of contact that they are about, if it has a name."""
+    try:
+        yield
+    except (Unproved, Refuted) as error:
+        raise type(error)(f"the {point}: {error}" if point else str(error)) from None
+
+
+def _check_gaps(half: HalfOrbit, flight: Motion, contact: Motion | None) -> None:
     """The gap and its speed are 0 at lift-off, as the launch is a contact state; its acceleration is 0, as the
-    contact force vanishes there."""
-    gap = flight.chain([half.gap] * len(flight.leg.rates), 3)
+    contact force vanishes there. In the other half of the flight the gap is as that which closes at landing is in this
+    half; where that is another one, it is also positive in contact."""
+    laws, (opens, lands), landing = len(flight.leg.rates), half.mechanics.stated.points, half.landing_gap
+    gap = flight.chain([half.gap] * laws, 3)
     if not flight.first(gap, 2).contains(0):
         raise Unproved("the gap's acceleration does not vanish with the contact force")
-    flight.check_positive(gap, zero_at_start=3)
+    with _about(opens):
+        flight.check_positive(gap, zero_at_start=3)
+    if landing is not None:
+        with _about(lands):
+            flight.check_positive(flight.chain([landing] * laws, 1))
+            _check_in_contact(half, _contact_that_ends(contact), landing)
+
+
+def _check_in_contact(half: HalfOrbit, contact: Motion, function: ExactExpression) -> None:
+    """Prove that a function of the flight state is positive in both halves of the contact."""
+    m = half.mechanics
+    (inside,) = substitute([function], dict(zip(m.y, m.embedded(m.s), strict=True)))
+    for each in dict.fromkeys([inside, *m.contact_reversor.turned([inside], m.s, m.w)]):
+        contact.check_positive(contact.chain([each] * len(contact.leg.rates), 1))
 
 
 def _check_separation(half: HalfOrbit, flight: Motion, contact: Motion | None) -> None:
-    mechanics = half.mechanics
-    assert mechanics.separation is not None
-    flight.check_positive(flight.chain([mechanics.separation] * len(flight.leg.rates), 1))
-    checked = _contact_that_ends(contact)
-    (inside,) = substitute([mechanics.separation], dict(zip(mechanics.y, mechanics.embedded(mechanics.s), strict=True)))
-    checked.check_positive(checked.chain([inside] * len(checked.leg.rates), 1))
+    m = half.mechanics
+    assert m.separation is not None
+    for each in dict.fromkeys([m.separation, *m.reversor.turned([m.separation], m.y, m.v)]):
+        flight.check_positive(flight.chain([each] * len(flight.leg.rates), 1))
+    _check_in_contact(half, _contact_that_ends(contact), m.separation)
 
 
 def _check_force(half: HalfOrbit, contact: Motion) -> None:
-    force = contact.chain(half.mechanics.contact_force, 1)
+    """The force on the point that has landed vanishes at landing. In the other half of the contact the force on the
+    point that opens is as that force is in this half; where these are two forces, both are positive in this half."""
+    m, (opens, lands) = half.mechanics, half.mechanics.stated.points
+    force = contact.chain(m.landed_force, 1)
     if not contact.first(force, 0).contains(0):
         raise Unproved("the contact force does not vanish at landing")
-    contact.check_positive(force, zero_at_start=1)
+    with _about(lands):
+        contact.check_positive(force, zero_at_start=1)
+    if not all(vanishes(a - b) for a, b in zip(m.landed_force, m.contact_force, strict=True)):
+        with _about(opens):
+            contact.check_positive(contact.chain(m.contact_force, 1))
 
 
 def _check_end(half: HalfOrbit, contact: Motion) -> None:
-    """A single coordinate's rate first vanishes in mid-contact; of several, the equations require that all rates do."""
-    mechanics = half.mechanics
-    if mechanics.size == 2:
-        contact.check_positive(contact.chain([-mechanics.w[0]] * len(contact.leg.rates), 1), zero_at_end=True)
+    """Of a contact of one coordinate, what vanishes in mid-contact does so there first: its rate, or its place beside
+    the centre where the reversor of the contact takes it to the other side; of several, the equations require all."""
+    m, laws = half.mechanics, len(contact.leg.rates)
+    if m.size == 2:
+        (middle,) = m.contact_reversor.fixed(m.s, m.w)
+        value = contact.first(contact.chain([middle] * laws, 0), 0)
+        if value.contains(0):
+            raise Unproved("the contact may begin in its middle")
+        contact.check_positive(contact.chain([middle if value > 0 else -middle] * laws, 1), zero_at_end=True)

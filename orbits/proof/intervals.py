@@ -102,7 +102,7 @@ def _joined(parts: Sequence[Proof], stated: StatedMachine) -> Proof:
     same = {part.family for part in parts}
     family = first.family if len(same) == 1 else None
     conditions = first.conditions if family is not None else {}
-    motion = motion_sentence(family, conditions, enclosures)
+    motion = motion_sentence(family, conditions, enclosures, stated.steps)
     statement = " ".join(filter(None, (stated.words(), f"{solved}. {unique}.", motion)))
     reasons = () if family is not None or not first.conditions else ("family: the parts are of several families",)
     side = first.bounce_side if len({part.bounce_side for part in parts}) == 1 else None

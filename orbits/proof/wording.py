@@ -12,6 +12,18 @@ CONDITIONS_IN_WORDS = {
     "contact_force": "the contact pushes throughout the open contact",
     "contact_end": "the contact comes to rest, and ends in a lift-off that is the mirror image of the landing",
 }
+# The same of machines that may land on another point than opens.
+CONDITIONS_OF_STEPS = {
+    "clearance": "both gaps are open throughout the open flight, and the one that lands, if it is not the one that "
+    "opens, throughout the contact",
+    "contact_force": "each point that stands in contact pushes throughout the open contact",
+    "contact_end": "the contact comes to its middle, and ends in a lift-off that is the image of the landing",
+}
+
+
+def words_of_conditions(steps: bool) -> dict[str, str]:
+    """The statements of conditions, of machines that may land on another point than opens or others."""
+    return CONDITIONS_IN_WORDS | (CONDITIONS_OF_STEPS if steps else {})
 
 
 def enclosed_words(enclosures: Mapping[str, Enclosure]) -> str:
@@ -32,9 +44,12 @@ def equations_words(unknowns: Mapping[str, Enclosure]) -> str:
     return f"equations of {'' if 'contact_time' in unknowns else 'the flight of '}a lossless orbit"
 
 
-def motion_sentence(family: int | None, conditions: Mapping[str, str], enclosures: Mapping[str, Enclosure]) -> str:
+def motion_sentence(
+    family: int | None, conditions: Mapping[str, str], enclosures: Mapping[str, Enclosure], steps: bool = False
+) -> str:
     """The sentence on the motion."""
-    proved = [CONDITIONS_IN_WORDS[name] for name, verdict in conditions.items() if verdict == "proved"]
+    words = words_of_conditions(steps)
+    proved = [words[name] for name, verdict in conditions.items() if verdict == "proved"]
     counted = [] if family is None else [f"it is of family {family}"]
     extensions = enclosed_words({name: each for name, each in enclosures.items() if name.endswith("_extension")})
     if not (counted or proved):

@@ -144,6 +144,7 @@ class _Case:
 
     def hop(self, guess: HopGuess, inject: Bounds | None) -> HopStatement:
         """The statement of a periodic hop with an injection; None for an unknown."""
+        self.stated.refuse_steps("a hop of the map")
         scale = Scale.of(guess.alpha, guess.flights[0] / 2)
         mechanics = ExactMechanics(self.stated, scale)
         if mechanics.size != 2:

@@ -7,6 +7,7 @@ from fractions import Fraction
 from pathlib import Path
 
 import pytest
+from steps import stepping
 
 from orbits import find, follow
 from problems import Hopper
@@ -62,6 +63,14 @@ def test_both_sheets_in_the_document(folded_curve):
     speeds = [piece["unknowns"]["alpha"] for piece in document["parts"]]
     for point in family:
         assert any(Decimal(low) <= Decimal(point.alpha) <= Decimal(high) for low, high in speeds)
+
+
+@pytest.mark.slow
+def test_a_curve_of_wheels():
+    wheel = stepping("wheel", 1.0, 0.5, 0.3)
+    proof = follow(wheel, "kappa", 0.55).prove(wheel, continuous=True)
+    assert proof.proved, proof.reasons
+    assert "each point that stands in contact pushes throughout the open contact" in proof.statement
 
 
 def test_another_machine(machine):

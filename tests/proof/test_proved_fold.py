@@ -3,6 +3,7 @@
 from decimal import Decimal
 
 import pytest
+from steps import stepping
 
 from orbits import InputError, follow, prove_fold
 from problems import Hopper
@@ -30,6 +31,17 @@ def test_the_fold_of_the_cubic_family(machine, fold):
     assert fold.alpha - 1e-6 < float(proof.alpha.low) <= float(proof.alpha.high) < fold.alpha + 1e-6
     assert "nondegenerate" in proof.statement
     assert "beta = " not in proof.statement  # it is what is enclosed
+
+
+@pytest.mark.slow
+def test_a_fold_of_a_wheel():
+    """Continuation comes to it from either side."""
+    wheel = stepping("wheel", 1.0, 0.5, 0.3, "r - c*r**3", c=3.0)
+    family = follow(wheel, "c", 3.56, start=3.0)
+    proof = prove_fold(wheel, next(event.point for event in family.events if event.kind == "fold"), "c", limit=300)
+    assert proof.proved, proof.reasons
+    place = proof.enclosures["c"]
+    assert round(Decimal(place.low), 14) == round(Decimal(place.high), 14) == Decimal("3.55428452087394")
 
 
 @pytest.mark.slow

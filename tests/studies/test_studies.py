@@ -45,6 +45,7 @@ from studies import (
     mutations,
     paper,
     plate,
+    proved_steps,
     robot_leg,
     series,
     spring_families,
@@ -148,6 +149,16 @@ def test_damaged_files(capsys):
 def test_checked_proofs():
     """Each proof is verified by the second program; falsified in one place it is refused by both."""
     assert set(checked_proofs.main(quick=True).values()) == {2}
+
+
+@pytest.mark.slow
+def test_proved_steps():
+    """Motions of random wheels and rockers are proved, and no false claims."""
+    found = proved_steps.main(count=6, second=3)
+    assert found["motions proved"] == found["motions"] > 3
+    assert found["false"] == found["false claims proved"] == 0
+    assert found["false claims"] == found["motions"]
+    assert found["verified"] == found["second program"] > 0
 
 
 @pytest.mark.slow
