@@ -232,6 +232,7 @@ def _refined(current: WarmStart, motion: MotionRollout, tolerance: float, stalle
     problem = current.problem
     inaccurate = [stage.distance > tolerance for stage in motion.stages]
     dips = [(i, *dip) for i, stage in enumerate(motion.stages) for dip in stage.dips(tolerance)]
+    dips = [(i, interval, share) for i, interval, dip in dips for share in _points_at(current, i, interval, dip)]
     if stalled or not (any(inaccurate) or dips):  # else the cost or a condition at an end is off
         inaccurate = [True] * len(inaccurate)
     substeps = tuple(2 * n if bad else n for n, bad in zip(problem.substeps, inaccurate, strict=True))
@@ -242,6 +243,15 @@ def _refined(current: WarmStart, motion: MotionRollout, tolerance: float, stalle
     bound, held = current.multipliers
     held = np.append(held, np.zeros(len(finer.labels) - len(held)))  # 0 at the new exchange points
     return replace(current, problem=finer, multipliers=(bound, held), shares=shares)
+
+
+def _points_at(current: WarmStart, stage: int, interval: int, dip: float) -> list[float]:
+    """The shares of an interval at which a dip is constrained: itself and, where it lies between exchange points, the
+    middles between it and its neighbours, so that these close in on a touch by quarters and not by halves."""
+    pairs = zip(current.problem.exchange_points, current.shares, strict=True)
+    known = [share for point, share in pairs if point == (stage, interval)]
+    below, above = max((s for s in known if s < dip), default=0.0), min((s for s in known if s > dip), default=1.0)
+    return [dip, (below + dip) / 2, (dip + above) / 2] if known and below < dip < above else [dip]
 
 
 def _unknowns_of_guess(problem: Transcription, guess, free: Mapping, bounds) -> np.ndarray:
