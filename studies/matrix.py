@@ -3,12 +3,15 @@
 Each cell that works is held against an independent figure: another integrator and another root finder, neighbouring
 orbits, the same question asked in another way. Each refusal gives a reason of mathematics in words that the page of
 limits has too. The table of the documentation is made of what this study finds.
-Run: python studies/matrix.py [--machine NAME] [--spring NAME] [--verb NAME] [--write]
+Run: python studies/matrix.py [--machine NAME] [--spring NAME] [--verb NAME] [--rows FILE] [--write]
 """
 
 import argparse
+import json
+import signal
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
@@ -39,6 +42,8 @@ from problems import (
     steering,
 )
 
+# The most processor time of a cell, in seconds.
+LONGEST_CELL = 60.0
 LIMITS = Path(__file__).parent / "docs" / "limits.md"
 TABLE = Path(__file__).parent / "docs" / "machines_and_verbs.md"
 # The reasons for which something is refused, in the words of errors and of the page of limits.
@@ -306,6 +311,15 @@ def _has_a_front(case: Case) -> Iterator[Held]:
     yield Held("least launch speed of a grid", min(front.table()["alpha"]), grid, 1e-6)
 
 
+def derivative(of: Callable[[float], Any], size: float = 1e-3) -> Any:
+    """The derivative at 0 of a function, an array, by differences of fourth order with a step of `size` that is
+    divided by 10 again and again: the one of each entry that changes least with the step."""
+    at = [[of(k * size * 10.0**-n) for k in (-2, -1, 1, 2)] for n in range(5)]
+    found = np.array([(x[0] - 8 * x[1] + 8 * x[2] - x[3]) / (12 * size * 10.0**-n) for n, x in enumerate(at)])
+    best = np.abs(np.diff(found, axis=0)).argmin(0)
+    return np.take_along_axis(found, np.expand_dims(best + 1, 0), 0)[0]
+
+
 def _maps(case: Case) -> Iterator[Held]:
     if case.start:
         step = ReturnMap(case.machine)
@@ -323,17 +337,15 @@ def _has_multipliers(case: Case) -> Iterator[Held]:
         one = ReturnMap(case.machine)
         launch = 1.02 * np.array(one(case.orbit).launches)
         matrix = orbits.multipliers(case.machine, launch).matrix
-        sizes = np.maximum(1e-4 * np.abs(launch), 1e-6 * np.abs(launch).max())
-        at = lambda k: one(launch + k * np.diag(sizes)).next  # noqa: E731
-        columns = (8 * (at(1) - at(-1)) - (at(2) - at(-2))) / (12 * sizes[:, None])
+        sizes = np.maximum(np.abs(launch), 1e-2 * np.abs(launch).max())
+        columns = derivative(lambda k: one(launch + k * np.diag(sizes)).next) / sizes[:, None]
         for value, other in zip(matrix.T.ravel(), columns.ravel(), strict=True):
             yield Held("an entry of the derivative", float(value), float(other), 1e-6)
         return
     speed = 1.02 * case.orbit.alpha
-    step, one = 1e-4 * speed, ReturnMap(case.machine)
-    at = lambda k: float(one(speed + k * step).next)  # noqa: E731
-    slope = (8 * (at(1) - at(-1)) - (at(2) - at(-2))) / (12 * step)
-    yield Held("slope of the map", orbits.multiplier(case.machine, speed), slope, 1e-6)
+    one = ReturnMap(case.machine)
+    slope = derivative(lambda k: np.array(float(one(speed * (1 + k)).next))) / speed
+    yield Held("slope of the map", orbits.multiplier(case.machine, speed), float(slope), 1e-6)
 
 
 def _bifurcates(case: Case) -> Iterator[Held]:
@@ -432,19 +444,59 @@ VERBS: dict[str, Callable[[Case], Iterator[Held]]] = {
 }
 
 
+class CellIsLong(Exception):
+    """A cell takes more processor time than it may."""
+
+
+@contextmanager
+def processor_time(seconds: float) -> Iterator[None]:
+    """Raise `CellIsLong` where the block takes more processor time, in seconds, on systems that can measure it."""
+    if not hasattr(signal, "setitimer"):
+        yield
+        return
+    over = list[bool]()
+
+    def interrupt(*_: object) -> None:
+        # What computes without Python notes a keyboard interrupt, and ends.
+        over.append(True)
+        signal.raise_signal(signal.SIGINT)
+
+    before = [signal.signal(signal.SIGINT, signal.default_int_handler), signal.signal(signal.SIGPROF, interrupt)]
+    signal.setitimer(signal.ITIMER_PROF, seconds)
+    try:
+        yield
+    except KeyboardInterrupt:
+        if over:
+            raise CellIsLong(f"it takes more than {seconds:g} s of processor time") from None
+        raise
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        for number, handler in zip((signal.SIGINT, signal.SIGPROF), before, strict=True):
+            signal.signal(number, handler)
+
+
 def cell_of(case: Case, verb: str) -> Cell:
     """The cell of a case and a verb."""
     try:
-        return Cell(case.name, case.spring, verb, tuple(VERBS[verb](case)))
-    except OrbitsError as refusal:
+        with processor_time(LONGEST_CELL):
+            return Cell(case.name, case.spring, verb, tuple(VERBS[verb](case)))
+    except (OrbitsError, CellIsLong) as refusal:
         return Cell(case.name, case.spring, verb, (), str(refusal))
 
 
-def cells(machines: Iterable[str], laws: Iterable[str], verbs: Iterable[str]) -> Iterator[Cell]:
-    """The cells of these machines, springs and verbs."""
-    for machine, law in product(machines, laws):
+def cells(machines: Iterable[str], laws: Iterable[str], verbs: Sequence[str], known: Sequence[Cell]) -> Iterator[Cell]:
+    """The cells of these machines, springs and verbs; those that are known are not tried again."""
+    done = {cell[:3]: cell for cell in known}
+    for law, machine in product(laws, machines):
         case = Case(machine, law)
-        yield from (cell_of(case, verb) for verb in verbs)
+        yield from (done.get((machine, law, verb)) or cell_of(case, verb) for verb in verbs)
+
+
+def read(path: Path | None) -> list[Cell]:
+    """The cells in a file of rows."""
+    lines = path.read_text(encoding="utf-8").splitlines() if path and path.exists() else []
+    rows = [Cell(*json.loads(line)) for line in lines]
+    return [cell._replace(held=tuple(Held(*each) for each in cell.held)) for cell in rows]
 
 
 def diagonal() -> Iterator[Cell]:
@@ -476,14 +528,19 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     for name, known in (("machine", MACHINES), ("spring", SPRINGS), ("verb", VERBS)):
         parser.add_argument(f"--{name}", choices=known, action="append", help="only these")
+    parser.add_argument("--rows", type=Path, help="file of rows, in which cells are noted and not tried again")
     parser.add_argument("--write", action="store_true", help="write the table of the documentation")
     options = parser.parse_args()
-    found = list[Cell]()
-    for cell in cells(options.machine or MACHINES, options.spring or SPRINGS, options.verb or VERBS):
+    known, found = read(options.rows), list[Cell]()
+    names = options.machine or MACHINES, options.spring or SPRINGS, options.verb or [*VERBS]
+    for cell in cells(*names, known):
         found.append(cell)
         off = [f"{each.name} {each.value:.12g}, not {each.other:.12g}" for each in cell.held if not each.agrees]
         text = cell.refused or "; ".join(off) or f"{len(cell.held)} figures agree"
         print(f"{cell.machine:16} {cell.spring:10} {cell.verb:14} {'' if cell.stands else 'WRONG: '}{text}", flush=True)
+        if options.rows and cell not in known:
+            with options.rows.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(cell) + "\n")
     print(f"{sum(cell.stands for cell in found)} of {len(found)} cells stand")
     if options.write:
         TABLE.write_text(page(found), encoding="utf-8")

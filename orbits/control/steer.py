@@ -14,7 +14,7 @@ from itertools import count
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import FlowError, InputError, NoOrbit, finite_number
+from ..errors import FlowError, InputError, NoOrbit, finite_number, whole_number
 from ..periodic.find import Progress
 from ..running import interrupts
 from ..running.exclusive import exclusive
@@ -27,7 +27,9 @@ from .transcription import StageUnknowns, Transcription, transcription
 
 INSET = 1e-9  # inputs of a guess are sampled this share of an interval away from its ends, since it may jump there
 AT_BOUND = 1e-4  # a value this close to a bound, relative to it or to one, is at it: a failed iteration ends no closer
-STALLED = 0.5  # a violation that falls by no more than this from round to round is one of the steps
+# A violation that falls by no more than this from round to round is one of the steps, unless their error is a smaller
+# share of it than the second number: then the search goes on exchanging points.
+STALLED, OF_THE_STEPS = 0.5, 1e-4
 RUNAWAY_DURATION = 1e3  # a duration without an upper bound that grows by this factor has no minimum
 
 
@@ -36,6 +38,7 @@ class SteerOptions:
     """The limits of the search for a controlled motion."""
 
     rounds: int = 30  # solves, each after an exchange, a halving of steps, or a new unit of the cost
+    work: int = 300_000  # steps in all intervals, summed over the iterations of all solves, after which none begins
     substeps: int = 64  # most steps in an interval
     halvings: int = 8  # halvings of all intervals after which the cost has to settle
     finest_tolerance: float = 1e-13  # below this rounding decides whether a tolerance is met
@@ -69,7 +72,7 @@ class Guess:
 def steer(
     stages: Sequence[Stage], parameters: Mapping[str, float] | None = None, *, guess: Sequence[Guess] | Control,
     free: Mapping[str, tuple[float, float]] | None = None, tolerance: float = 1e-9, refine: float | None = None,
-    progress: Progress = None,
+    rounds: int = STEER_OPTIONS.rounds, progress: Progress = None,
 ) -> Control:  # fmt: skip
     """Find a motion through `stages`, one after the other, of locally least cost: no motion near it costs less.
 
@@ -81,6 +84,7 @@ def steer(
     tolerance : the largest violation and error allowed
     refine : all intervals are halved until the relative change of the cost is at most this. With None they are not
         halved, and it is not known how much finer intervals would save
+    rounds : most solves of the nonlinear program, each after the conditions or the steps have been made finer
     progress : called after each solve of the nonlinear program, whose number is not known before, with the share done:
         1/2 after the first, 3/4 after the second, and 1 at the end
 
@@ -102,12 +106,12 @@ def steer(
     _check(stages, parameters, free, tolerance)
     if refine is not None and not finite_number("refine", refine) > tolerance:
         raise InputError(f"refine = {refine:g}; a share of the cost above the tolerance, {tolerance:g}")
-    solves, report = count(1), progress or (lambda share: None)
+    rounds, solves, report = whole_number("rounds", rounds, "solves"), count(1), progress or (lambda share: None)
     solved = lambda: report(1 - 0.5 ** next(solves))  # noqa: E731
     with interrupts.deferred():
-        found = _steer(stages, parameters, free, guess, tolerance, solved)
+        found = _steer(stages, parameters, free, guess, tolerance, rounds, solved)
         if refine is not None:
-            found = _halved(found, stages, parameters, free, tolerance, refine, solved)
+            found = _halved(found, stages, parameters, free, tolerance, refine, rounds, solved)
     report(1.0)
     return replace(found, seconds=time.perf_counter() - began)
 
@@ -129,14 +133,16 @@ def _check(stages, parameters: Mapping, free: Mapping, tolerance: float) -> None
         finite_number(f"parameter '{name}'", value)
 
 
-def _halved(found: Control, stages, parameters, free, tolerance: float, refine: float, solved: Callable) -> Control:
+def _halved(
+    found: Control, stages, parameters, free, tolerance: float, refine: float, rounds: int, solved: Callable
+) -> Control:
     """The motion on intervals that are halved until its cost converges."""
     for _ in range(STEER_OPTIONS.halvings):
         stages = tuple(replace(stage, intervals=2 * stage.intervals) for stage in stages)
-        finer = _steer(stages, parameters, free, found, tolerance, solved)
+        finer = _steer(stages, parameters, free, found, tolerance, rounds, solved)
         coarseness = abs(finer.cost - found.cost) / max(abs(finer.cost), STEER_OPTIONS.negligible_cost)
-        iterations, rounds = found.iterations + finer.iterations, found.rounds + finer.rounds
-        found = replace(finer, coarseness=coarseness, iterations=iterations, rounds=rounds)
+        iterations, solves = found.iterations + finer.iterations, found.rounds + finer.rounds
+        found = replace(finer, coarseness=coarseness, iterations=iterations, rounds=solves)
         if coarseness <= refine:
             return found
     raise NoOrbit(
@@ -145,7 +151,9 @@ def _halved(found: Control, stages, parameters, free, tolerance: float, refine: 
     )
 
 
-def _steer(stages, parameters: Mapping, free: Mapping, guess, tolerance: float, solved: Callable) -> Control:
+def _steer(
+    stages, parameters: Mapping, free: Mapping, guess, tolerance: float, most_rounds: int, solved: Callable
+) -> Control:
     """The motion on the stated intervals."""
     try:
         problem = transcription(stages, tuple(parameters), tuple(free), (1,) * len(stages), ())
@@ -153,12 +161,13 @@ def _steer(stages, parameters: Mapping, free: Mapping, guess, tolerance: float, 
         raise InputError(f"a stage asks for {error}, which is neither an input of it nor a parameter") from None
     bounds, fixed = problem.bounds(free), np.array(list(parameters.values()), dtype=float)
     current = _warm_or_cold_start(problem, guess, free, bounds, fixed)
-    first, iterations = current.problem.unpack(current.x), 0
+    first, iterations, work = current.problem.unpack(current.x), 0, 0
     motion: MotionRollout | None = None
-    for rounds in range(1, STEER_OPTIONS.rounds + 1):
+    for rounds in range(1, most_rounds + 1):
         interrupts.heed()
         found = _minimum(current, fixed, bounds)
         iterations += found.iterations
+        work += found.iterations * current.problem.steps
         solved()
         if found.kind != "minimum":
             raise NoOrbit(_reason_of_failure(current.problem, found))
@@ -182,8 +191,9 @@ def _steer(stages, parameters: Mapping, free: Mapping, guess, tolerance: float, 
             accuracy = motion.violation, motion.error
             return Control(motion.legs(), motion.cost, named, *accuracy, iterations, rounds, 0.0, warm_start=current)
         stalled = before is not None and motion.violation > STALLED * before.violation
+        stalled = stalled and motion.error > OF_THE_STEPS * motion.violation
         finer = _refined(current, motion, tolerance, stalled)
-        if max(finer.problem.substeps) > STEER_OPTIONS.substeps:
+        if max(finer.problem.substeps) > STEER_OPTIONS.substeps or work > STEER_OPTIONS.work:
             break
         current = finer
     if motion is None:
@@ -222,6 +232,7 @@ def _refined(current: WarmStart, motion: MotionRollout, tolerance: float, stalle
     problem = current.problem
     inaccurate = [stage.distance > tolerance for stage in motion.stages]
     dips = [(i, *dip) for i, stage in enumerate(motion.stages) for dip in stage.dips(tolerance)]
+    dips = [(i, interval, share) for i, interval, dip in dips for share in _points_at(current, i, interval, dip)]
     if stalled or not (any(inaccurate) or dips):  # else the cost or a condition at an end is off
         inaccurate = [True] * len(inaccurate)
     substeps = tuple(2 * n if bad else n for n, bad in zip(problem.substeps, inaccurate, strict=True))
@@ -232,6 +243,15 @@ def _refined(current: WarmStart, motion: MotionRollout, tolerance: float, stalle
     bound, held = current.multipliers
     held = np.append(held, np.zeros(len(finer.labels) - len(held)))  # 0 at the new exchange points
     return replace(current, problem=finer, multipliers=(bound, held), shares=shares)
+
+
+def _points_at(current: WarmStart, stage: int, interval: int, dip: float) -> list[float]:
+    """The shares of an interval at which a dip is constrained: itself and, where it lies between exchange points, the
+    middles between it and its neighbours, so that these close in on a touch by quarters and not by halves."""
+    pairs = zip(current.problem.exchange_points, current.shares, strict=True)
+    known = [share for point, share in pairs if point == (stage, interval)]
+    below, above = max((s for s in known if s < dip), default=0.0), min((s for s in known if s > dip), default=1.0)
+    return [dip, (below + dip) / 2, (dip + above) / 2] if known and below < dip < above else [dip]
 
 
 def _unknowns_of_guess(problem: Transcription, guess, free: Mapping, bounds) -> np.ndarray:

@@ -99,6 +99,7 @@ class Transcription:
 
     names : names of the parameters, first the fixed and then the free ones
     substeps : number of steps in an interval, of each stage
+    steps : their number in all intervals
     exchange_points : (stage, interval) of further points at which path expressions are constrained; the share of the
         interval at which each point lies is a parameter
     labels : the condition that each constraint belongs to, in words
@@ -112,6 +113,7 @@ class Transcription:
         self.stages, self.fixed, self.free, self.names = stages, fixed, free, (*fixed, *free)
         self.substeps, self.exchange_points = substeps, exchange_points
         self.shapes = [(len(s.phase.states), s.intervals, len(s.coefficient_names)) for s in stages]
+        self.steps = sum(stage.intervals * each for stage, each in zip(stages, substeps, strict=True))
         self._minimiser, constraints = self._build()
         rows = [constraint for constraint in constraints for _ in range(constraint.values.numel())]
         self.labels = [row.label for row in rows]

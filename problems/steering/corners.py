@@ -28,6 +28,8 @@ SAMPLES_OF_GUESS = 1000
 SHORTEST_PART = 1e-3
 # The most orders of the pieces that are tried.
 MOST_ORDERS = 6
+# The most solves of nonlinear programs, first without bounds at the corners, for all orders together, then with these.
+MOST_SOLVES = 12
 # The paths that keep a part on its side of the breakpoints.
 ROOMS_AT_CORNERS = ("room above the corner", "room below the corner")
 
@@ -48,7 +50,7 @@ def steer_across(
     A part goes by the formula of its piece, also beyond the corner, until the motion that is found passes the pieces in
     the order in which it is divided. Where no order leads to itself, parts are bounded by the corners.
     """
-    orders = list[list[list[int]]]()
+    orders, left = list[list[list[int]]](), MOST_SOLVES
     for _ in range(MOST_ORDERS):
         pairs = zip(stages, _guesses(stages, guess), strict=True)
         passages = [passages_of(stage.phase, parameters, each) for stage, each in pairs]
@@ -56,13 +58,17 @@ def steer_across(
             break
         orders.append(order)
         try:
-            found = _in_parts(stages, parameters, passages, guess, False, tolerance=tolerance, **options)
+            found = _in_parts(stages, parameters, passages, guess, False, tolerance=tolerance, rounds=left, **options)
         except NoOrbit:
             break
+        left -= found.rounds
         guess = _with_whole_legs(found, [len(own) for own in order])
         if _strayed(stages, parameters, order, found) <= tolerance:
             return guess
-    found = _in_parts(stages, parameters, passages, guess, True, tolerance=tolerance, **options)
+        if left <= 0:
+            break
+    bounded = {"tolerance": tolerance, "rounds": MOST_SOLVES, **options}
+    found = _in_parts(stages, parameters, passages, guess, True, **bounded)
     return _with_whole_legs(found, [len(own) for own in passages])
 
 

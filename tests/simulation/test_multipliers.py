@@ -7,7 +7,7 @@ from scipy.linalg import expm
 
 from orbits import HopMultipliers, InputError, NoOrbit, ReturnMap, find, find_all, multiplier, multipliers, starts
 from orbits.mechanics import Ground
-from problems import Hopper, chain_hand, hopper_in_si, plate_hopper
+from problems import Hopper, chain_hand, hopper_in_si, plate_hopper, springs
 
 STENCIL = np.array([-2.0, -1.0, 1.0, 2.0])
 
@@ -36,6 +36,17 @@ def test_multipliers_are_those_of_the_slopes_of_the_map(machine, launch, h):
     assert np.linalg.det(found.matrix) == pytest.approx(np.prod(found.values), rel=1e-9)
     assert found.following == pytest.approx(ReturnMap(machine)(launch).next, rel=1e-12)
     assert found.stability == "not periodic"
+
+
+def test_a_table_has_the_multipliers_of_the_formula_that_its_rows_are_of():
+    """The motion of a plate begins between two rows, and passes rows in flight and in contact."""
+    rows, launch = np.linspace(-12.0, 12.0, 25), (5.734, -0.0122125, 0.003)
+    table = springs.table((rows, rows + 0.02 * rows**3), noise=0)
+    measured, formula = (
+        multipliers(plate_hopper(spring=law, parameters={"plate_stiffness": 100.0}), launch).matrix
+        for law in (table, "r + 0.02*r**3")
+    )
+    assert np.abs(measured - formula).max() <= 1e-11 * np.abs(formula).max()
 
 
 @pytest.mark.parametrize("kind", ["column", "cubic column", "chain_hand"])
