@@ -119,11 +119,12 @@ class Parts:
 
     def maps(self, reversible: bool) -> dict[str, Any]:
         """The reversor, the relabelling and the landing gap of a model, whose motions may be turned back or not."""
-        n, steps = self.mechanics.size, self.steps
+        n, steps, feet = self.mechanics.size, self.steps, tuple(name for name, _ in self.structure.gaps)
         if steps is None:
             return {"reversor": (1, -1) * n if reversible else None}
         label, back = steps.states(steps.relabelling), steps.states(steps.reversor)
         found: dict[str, Any] = {"landing_gap": steps.landing_gap(self.mechanics.gap.weights), "reversor": None}
+        found["feet"] = 2 * feet if len(feet) == 1 else feet
         if steps.reversible and reversible:
             found |= {"reversor": back.signs, "reversor_shift": back.shift}
         if label.shift or label.signs != (1,) * len(label.signs):

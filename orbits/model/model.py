@@ -105,6 +105,7 @@ class Model:
     planar : the ground under a machine whose masses move along it too, whose flight and contact watch the forces of the
         ground; None for other machines
     landing_gap : p -> height of the point that lands, the image of `gap` under the reversor; None where that is `gap`
+    feet : names of the point that opens and of the one that lands; empty where they have none
     derived : whether the model was derived, so that its parts cannot contradict each other, see `as_derived`; other
         models are checked once before they are used (`orbits.check` checks more)
     """
@@ -146,6 +147,7 @@ class Model:
     symmetry_shift: Shift | None = None
     landing_gap: Callable[[Parameters], Affine] | None = None
     planar: Planar | None = None
+    feet: tuple[str, ...] = ()
     # A model that `dataclasses.replace` makes has to be checked again.
     derived: bool = field(default=False, init=False)
 

@@ -6,9 +6,10 @@ vanishes. For most springs that happens on the launch set. If the spring's force
 also end elsewhere, or at the extension of a launch while the machine moves down.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -16,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from ..consistency.accepted import check_machine
 from ..errors import BreaksDown, FlowError, InputError, OutOfRange, RunsAway, finite_number
-from ..flow.flow import Flow, flow_of
+from ..flow.flow import flow_of
 from ..flow.trajectory import Trajectory
 from ..flow.zero_crossing import MOST_CLOSED_STEPS, first_zeros
 from ..model.machine import Machine
@@ -25,9 +26,10 @@ from ..model.phase import Affine
 from ..numerics.polynomial_roots import Crossings
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
 from ..periodic.certificate import gradients
-from ..shooting.formulations import contact_force_row, vector
-from ..symbolic.kernels import ElementwiseFunction
+from ..shooting.formulations import vector
 from ..units import LIFTOFF_SPEED, Message, Quantity
+from .feet import LIFTS_OFF, STEPS_BACK, exits_of, feet_of, first_to_touch
+from .hand_over import landed
 
 # The endings of a hop other than "lifts_off" (of a map) and "done" (of a simulation).
 STATUSES = {
@@ -40,6 +42,8 @@ STATUSES = {
     "out_of_range": "a law is needed where it is not defined, as outside a measured table",
     "lost": "the motion could not be followed, as when it takes too many steps",
     "cap": "there are too many impacts in one hop",
+    "rattles": "a foot lands with a speed and takes over without a loss, so that no contact ever holds: state angle=",
+    "unstated": "a foot lands with a speed, and how it takes over takes masses in the plane: state their Mass(across=)",
     "undecided": "after many bounces rounding decides how the hop ends",
     "invalid": "the launch speed is not a number above 0, or no launch has these numbers",
 }
@@ -84,27 +88,31 @@ class ContactEnd:
 
     speed : the coordinate of the contact that is its speed; None where rest is not searched
     several : whether the contact has several coordinates
-    grazes : whether the contact begins with a force that vanishes and rises, as after a lossless landing
-    outcome : "lifts_off", "rests", "stays", or None while the contact lasts
+    grazes : for each of the model's exits, whether the contact begins with its force at 0 and rising, as after a
+        lossless landing
+    outcome : that of an exit, "rests", "stays", or None while the contact lasts
 
     Trajectories of one coordinate do not cross in the phase plane. Once the speed has changed its sign three times,
     the rest of the trajectory, with damping or without, stays inside the part passed so far, and it never ends. The
     contact of several coordinates may end after any time; it is given up after many turns.
     """
 
-    def __init__(self, contact: Flow, speed: Affine | None, several: bool = False, grazes: bool = False):
-        self.size, self.force, self.speed = contact.size, contact_force_row(contact.phase), speed
-        self.force_zeros, self.speed_zeros = Crossings(int(grazes)), Crossings()
+    def __init__(self, impacts: "Impacts", speed: Affine | None, grazes: Iterable[bool] = (False, False)):
+        self.size, self.exits, self.speed = impacts.contact.size, impacts.exits, speed
+        self.force_zeros, self.speed_zeros = [Crossings(int(each)) for each in grazes], Crossings()
+        several = not impacts.model.one_speed
         self.turns_left, self.over = (TURNS_OF_SEVERAL, "stays") if several else (TURNS, "rests")
         self.outcome: str | None = None
 
     def __call__(self, coefficients: np.ndarray, steps: np.ndarray) -> tuple[int, float] | None:
         """The step at which the contact ends, and the time in that step; None while it lasts."""
-        liftoff = self.force_zeros(self.force.series(coefficients), steps)[:1]
+        pairs = zip(self.exits, self.force_zeros, strict=False)
+        ends = [zeros(each.force.series(coefficients), steps)[:1] for each, zeros in pairs]
         last, still = self._rest(self.speed, coefficients, steps) if self.speed else ([], [])
-        first = min([*liftoff, *last, *still], default=None)
+        first = min([*(end for each in ends for end in each), *last, *still], default=None)
         if first is not None:
-            self.outcome = "lifts_off" if first in liftoff else "rests" if first in still else self.over
+            exits = [each.outcome for each, end in zip(self.exits, ends, strict=True) if first in end]
+            self.outcome = exits[0] if exits else "rests" if first in still else self.over
         return first
 
     def _rest(self, speed: Affine, coefficients, steps) -> tuple[list[tuple[int, float]], list[tuple[int, float]]]:
@@ -120,7 +128,8 @@ class Impacts:
 
     bounce_order : order of the gap's zero where the machine leaves immediately after an impact
     flight, contact : the flows of the two phases
-    gap : the gap as a function of the flight state
+    feet, exits : the points that may touch in flight, and the ways in which a contact ends
+    gap, gap_speed : the gap of the first foot as a function of the flight state, and the weights of its speed
     contact_force, force_index : the contact force as a function of the rows of the contact's motion, and its place
         among the quantities that the contact watches
     onto_contact : matrix (k, n) from flight states with closed gap to contact states
@@ -136,24 +145,40 @@ class Impacts:
         refuse_steps(machine.model, "a simulation or a return map")
         self.machine, self.options = machine, options or ImpactOptions()
         model, self.restitution = machine.model, float(machine.restitution)
+        if self.restitution > 0 and model.changes_contact:
+            raise InputError(
+                f"restitution = {self.restitution:g}: after a landing with a restitution both feet of a {model.name} "
+                "would be in the air, where one foot stands at all times: it is 0"
+            )
         self.model, self.values = model, dict(values or machine.values)
         self.p, names = vector(self.values), tuple(self.values)
         self.bounce_order = 1 if self.restitution > 0 else 2
         self.flight, self.contact = flow_of(model.flight, names), flow_of(model.contact, names)
-        self.gap, self.contact_force = model.gap(self.values), contact_force_row(model.contact)
-        self.force_index = len(self.contact_force.weights) - 1 - self.contact.size
+        self.feet, self.exits = feet_of(model, self.flight, self.values), exits_of(model)
+        self.gap, self.contact_force = self.feet[0].gap, self.exits[0].force
+        self.force_index = self.exits[0].row - self.contact.size
         self.onto_contact = np.linalg.pinv(model.embed)
 
-    def landings(self, x: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray, dict[int, FlowError]]:
-        """`first_zeros` of the gap on flights from states (m, n), where it has a zero of this order and opens."""
+    def landings(self, x: np.ndarray, order: Any) -> tuple[np.ndarray, np.ndarray, dict[int, FlowError]]:
+        """`first_zeros` of the gap on flights from states (m, n), where it has zeros of these orders and opens."""
         limit, ahead = self.longest_flight(x), np.zeros(len(x))
-        if self.flight.phase.closed_form:
+        if self.flight.phase.closed_form and np.ndim(order) == 0:
             # Nothing is searched until shortly before the gap may close.
             form = self.flight.closed_form(self.p)
             rate = np.sqrt(form.square)
-            ahead = form.positive_until(self.gap, x.T, order) - BEFORE_LANDING / rate
+            ahead = form.positive_until(self.gap, x.T, int(order)) - BEFORE_LANDING / rate
             ahead = np.where((ahead > 0) & (ahead < limit) & (ahead * rate < MOST_CLOSED_STEPS), ahead, 0.0)
         return first_zeros(self.flight, x, self.p, self.gap, limit, order, ahead=ahead)
+
+    def touchings(
+        self, x: np.ndarray, order: np.ndarray, foot: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, dict[int, FlowError], np.ndarray]:
+        """`landings` of the feet that touch first, whose numbers (m,) are returned too, on flights from states (m, n)
+        in which the gaps of feet (m,) have zeros of these orders (m,)."""
+        if len(self.feet) > 1:
+            return first_to_touch(self.feet, x, self.p, self.longest_flight(x), order, foot)
+        same = order[0] if len(order) and (order == order[0]).all() else order
+        return *self.landings(x, same), foot
 
     def landing(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """The effect of impacts at flight states (m, n) with closed gap: whether (m,) sustained contact follows,
@@ -211,8 +236,7 @@ class Impacts:
 
     def opens(self, x: np.ndarray) -> np.ndarray:
         """Whether the gap opens (m,) at launch states (m, n), where it and its first two derivatives vanish."""
-        jerk, snap = self.gap_rates(x)
-        return (jerk > 0) | ((jerk == 0) & (snap > 0))
+        return self.feet[0].opens(x, self.p)
 
     def longest_flight(self, x: np.ndarray) -> np.ndarray:
         """The time () or (m,) after which a flight from states (n,) or (m, n) counts as endless."""
@@ -231,9 +255,7 @@ class Impacts:
         """
         endless = left == np.inf
         limit = self.longest_contact(y) if endless else left
-        several = not self.model.one_speed
-        grazes = several and bool(self.grazes(y[None])[0])
-        end = ContactEnd(self.contact, self.model.contact_speed if endless else None, several, grazes)
+        end = ContactEnd(self, self.model.contact_speed if endless else None, self.grazes(y[None])[:, 0])
         try:
             path, _ = self.contact.run(y, self.p, limit, stop=end)
         except FlowError as error:
@@ -243,7 +265,7 @@ class Impacts:
         return path, "collapses" if np.abs(path.end).max() > limit else "rests", ""
 
     def sustained_contacts(self, ys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Follow contacts from states (m, k): their outcomes (m,), "lifts_off" or a status, and states (m, k) there."""
+        """Follow contacts from states (m, k): their outcomes (m,), of an exit or a status, and states (m, k) there."""
         contact, speed = self.contact, self.model.contact_speed
         outcome, ends = np.full(len(ys), "", dtype=STATUS), np.full(ys.shape, np.nan)
         turns, over = (TURNS, "rests") if self.model.one_speed else (TURNS_OF_SEVERAL, "stays")
@@ -251,14 +273,17 @@ class Impacts:
             limit = self.options.batch_contact * (1 + np.abs(ys).max(1))
             if contact.phase.closed_form:
                 limit = np.full(len(ys), turns * np.pi / contact.closed_form(self.p).rates.min())
-            grazes = np.zeros(len(ys)) if self.model.one_speed else self.grazes(ys)
-            times, rows, _ = first_zeros(contact, ys, self.p, self.contact_force, limit, grazes, over=(speed, turns))
-            lifts = np.isfinite(times)
-            outcome[lifts], ends[lifts] = "lifts_off", rows[lifts, : contact.size]
-            outcome[np.isinf(times) | (np.isnan(times) & bool(contact.phase.closed_form))] = over
+            grazes, never = self.grazes(ys), np.ones(len(ys), bool)
+            for exit_, order in zip(self.exits, grazes, strict=True):
+                times, rows, _ = first_zeros(contact, ys, self.p, exit_.force, limit, order, over=(speed, turns))
+                lifts = np.isfinite(times)
+                outcome[lifts], ends[lifts] = exit_.outcome, rows[lifts, : contact.size]
+                limit, never = np.where(lifts, times, limit), never & (outcome == "")
+                never &= np.isinf(times) | (np.isnan(times) & bool(contact.phase.closed_form))
+            outcome[never] = over
         for i in np.flatnonzero(outcome == ""):
             path, outcome[i], _ = self.sustained_contact(ys[i])
-            if path is not None and outcome[i] == "lifts_off":
+            if path is not None and outcome[i] in (LIFTS_OFF, STEPS_BACK):
                 ends[i] = path.end[: contact.size]
         return outcome, ends
 
@@ -274,10 +299,16 @@ class Impacts:
         return self.force_slope(y, self.contact.data(y[None], self.p)[0])[0].full().ravel()
 
     def grazes(self, ys: np.ndarray) -> np.ndarray:
-        """Whether (m,) the contact force vanishes at contact states (m, k), up to rounding, as it does at a lossless
-        landing."""
-        force = self.contact.field(ys, self.p)[1][:, self.force_index]
-        return np.abs(force) <= GRAZING * (1 + np.abs(ys).max(1))
+        """Whether (exits, m) the force of each exit vanishes at contact states (m, k), up to rounding, as that on the
+        landed point does at a lossless landing. Where one coordinate moves and one point stands this makes no
+        difference, and False is returned."""
+        found = np.zeros((len(self.exits), len(ys)), bool)
+        if not self.model.one_speed or self.model.changes_contact:
+            forces, tolerance = self.contact.field(ys, self.p)[1], GRAZING * (1 + np.abs(ys).max(1))
+            for i, each in enumerate(self.exits):
+                if i or not self.model.one_speed:
+                    found[i] = np.abs(forces[:, each.row - self.contact.size]) <= tolerance
+        return found
 
     def liftoff(self, ys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Speeds (m,) of contact states (m, k) whose force vanishes, and whether (m,) each is the launch with it."""
@@ -309,12 +340,10 @@ class Impacts:
         gradient = gradients(self.model.flight, self.model.flight_gradient, tuple(self.values))
         return np.array(gradient(x[None], self.flight.data(x[None], self.p))[0][0])
 
-    @cached_property
+    @property
     def gap_speed(self) -> np.ndarray:
         """Weights (n,) of the gap's speed as a function of the flight state, whose speeds are states themselves."""
-        graph = self.flight.vector_field
-        speed = ca.DM(self.gap.weights).T @ graph.field(graph.x, graph.p)[0]
-        return np.array(ca.evalf(ca.jacobian(speed, graph.x))).ravel()
+        return self.feet[0].speed
 
     def pressing(self, x: np.ndarray) -> np.ndarray:
         """The contact force (m,) at flight states (m, n) with closed gap and no gap speed."""
@@ -322,15 +351,7 @@ class Impacts:
 
     def gap_rates(self, x: np.ndarray) -> np.ndarray:
         """Third and fourth derivative (2, m) of the gap in time at flight states (m, n)."""
-        return self._gap_rates(x, self.flight.data(x, self.p))[0].T
-
-    @cached_property
-    def _gap_rates(self) -> ElementwiseFunction:
-        graph = self.flight.vector_field
-        field = graph.field(graph.x, graph.p)[0]
-        jerk = ca.jtimes(ca.DM(self.gap_speed).T @ field, graph.x, field)
-        rates = ca.vertcat(jerk, ca.jtimes(jerk, graph.x, field))
-        return ElementwiseFunction(ca.Function("gap_rates", [graph.x, graph.p], [rates]))
+        return self.feet[0].rates(x, self.p)
 
     @cached_property
     def never_lose(self) -> bool:
@@ -417,27 +438,30 @@ def _flights_and_impacts(
     m = len(state)
     loss, counts, status = np.zeros(m), np.zeros(m, int), np.full(m, "no_launch", dtype=STATUS)
     state, standing = state.copy(), np.zeros((m, impacts.contact.size))
-    flying, order = np.flatnonzero(impacts.opens(state) & ~too_fast), LIFTOFF_ORDER
+    flying = np.flatnonzero(impacts.opens(state) & ~too_fast)
+    order, foot = np.full(m, LIFTOFF_ORDER), np.zeros(m, int)
     status[flying], status[too_fast] = "cap", "lost"
     earlier, compared = np.full_like(state, np.nan), FIRST_REPETITION
     for impact in range(cap):
-        times, rows, errors = impacts.landings(state.take(flying, 0), order)
-        gone, order = np.isnan(times), impacts.bounce_order
+        times, rows, errors, touches = impacts.touchings(state.take(flying, 0), order[flying], foot[flying])
+        gone = np.isnan(times)
         status[flying[gone]] = "carried_off"
         for i, error in errors.items():
             status[flying[i]] = status_of_failure(error, "flight")
         flying = flying[~gone]
         if not len(flying):
             break
-        held, after, lost, _ = impacts.landing(rows.compress(~gone, 0)[:, : impacts.flight.size])
+        found = landed(impacts, rows.compress(~gone, 0)[:, : impacts.flight.size], touches[~gone])
         counts[flying] += 1
-        loss[flying] += lost / per
-        landed = flying[held]
-        standing[landed], status[landed] = after.compress(held, 0) @ impacts.onto_contact.T, "lifts_off"
-        state[flying] = after
+        loss[flying] += found.loss / per
+        down = flying[found.held]
+        standing[down], status[down] = found.state.compress(found.held, 0) @ impacts.onto_contact.T, "lifts_off"
+        state[flying], order[flying], foot[flying] = found.state, found.order, found.foot
         if watch:
             watch(state, loss)
-        flying = flying[~held]
+        over = found.ended != ""
+        status[flying[over]] = found.ended[over]
+        flying = flying[~found.held & ~over]
         if impact >= FIRST_REPETITION:
             # Motions that repeat themselves, as on a heavy hand, have impacts without end.
             here, there = state.take(flying, 0), earlier.take(flying, 0)

@@ -184,7 +184,7 @@ def _one_sided(impacts: Impacts, alpha: float, x, slope: float) -> Message:
 def _through_contact(impacts: Impacts, y, change, grazes: bool) -> tuple[np.ndarray, np.ndarray]:
     """The state and its change (k, c) at which the contact ends."""
     contact, model = impacts.contact, impacts.model
-    end = ContactEnd(contact, model.contact_speed, not model.one_speed, grazes)
+    end = ContactEnd(impacts, model.contact_speed, (grazes and not model.changes_contact, grazes))
     y, change, _ = _follow(contact, impacts.p, y, change, impacts.longest_contact(y), end)
     if end.outcome == "stays":
         raise NoOrbit(STATUSES["stays"])
@@ -214,7 +214,7 @@ def _slope_with_hysteresis(branches: Branches, alpha: float) -> float:
             raise NoOrbit(RESTS if contact else "the spring sticks in flight: no multiplier is computed there")
         impacts = branches.of[side]
         flow, rate = (impacts.contact, branches.rate_in_contact) if contact else (impacts.flight, branches.rate)
-        ends = ContactEnd(flow, None) if contact else first_zero(impacts.gap, order)
+        ends = ContactEnd(impacts, None) if contact else first_zero(impacts.gap, order)
         stop = FirstOf(ends, first_reversal(rate, turning))
         limit = impacts.longest_contact(x) if contact else float(impacts.longest_flight(x))
         x, change, _ = _follow(flow, impacts.p, x, change, limit, stop)

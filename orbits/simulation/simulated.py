@@ -41,7 +41,9 @@ class ContactEvent:
     before, after : flight states (n,)
     energy : energy before the event, relative to the machine at rest in contact with its spring unloaded; by the mean
         law of a spring with hysteresis
-    loss : energy lost in the event, below 0 where an injection adds energy
+    loss : energy lost in the event, below 0 where an injection adds energy, and less by what gravity adds where a
+        machine on a slope counts from the next foot
+    foot : the name of the foot that touches or opens, "" where it has none
     """
 
     kind: str
@@ -50,6 +52,7 @@ class ContactEvent:
     after: np.ndarray
     energy: float
     loss: float
+    foot: str = ""
 
     def __repr__(self) -> str:
         return fields_in_line(self, "kind", "time", "energy", "loss")
@@ -60,12 +63,14 @@ class Leg:
     """A flight or a contact: its phase's name, when it starts, and its motion from there.
 
     branch : of a spring with hysteresis, as `Branches.branch` has it; None without such a spring
+    stance : the number of steps so far, those back counted as -1, of a machine whose feet take turns
     """
 
     phase: str
     start: float
     path: Trajectory
     branch: int | None = field(default=None, kw_only=True)
+    stance: int = field(default=0, kw_only=True)
 
 
 @dataclass(frozen=True, repr=False)

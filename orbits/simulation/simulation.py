@@ -18,12 +18,15 @@ from ..errors import FlowError, InputError, finite_number, whole_number
 from ..flow.trajectory import Trajectory
 from ..flow.zero_crossing import first_zero
 from ..model.machine import Machine
+from ..model.model import refuse_steps
 from ..model.phase import Affine
 from ..periodic.find import StartLike, unknowns_of_start
 from ..periodic.orbit import Orbit, start_in_file
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..units import LENGTH, LIFTOFF_SPEED, TIME, Message, Quantity, described, in_own_units
+from .feet import LIFTS_OFF, STEPS_BACK, Exit
+from .hand_over import landed, standing
 from .hysteresis import Branches, FirstOf, first_reversal
 from .impacts import (
     CAP,
@@ -133,43 +136,55 @@ def _simulated(
     if branches and inputs is not None:
         remedy = "its spring has hysteresis, which no schedule takes; give it the law's `.mean`"
         raise InputError(f"a schedule for a {machine.model.name}: {remedy}")
+    if inputs is not None:
+        refuse_steps(machine.model, "a schedule")
     impacts = branches.first(state) if branches else Impacts(machine)
     if branches and inject != 0 and not impacts.model.one_speed:
         name = impacts.model.name
         raise InputError(f"inject = {inject:g}: a launch of a {name} is more than the speed that it adds to")
     known = Schedule(machine, inputs)
-    x, launch_speed, order = _initial_state(impacts, known(0.0)[0], alpha, state)
+    x, launch_speed, order, foot = _initial_state(impacts, known(0.0)[0], alpha, state)
     with interrupts.deferred():
         if branches:
             return _HystereticRun(branches, inject, hops, time, cap, known).simulate(x, order, launch_speed)
-        run = _Run(impacts, inject, hops, time, cap, known).simulate(x, order, launch_speed)
+        run = _Run(impacts, inject, hops, time, cap, known).simulate(x, order, launch_speed, foot)
     return replace(run, schedule=inputs)
 
 
-def _initial_state(impacts: Impacts, p, alpha, state) -> tuple[np.ndarray, float | None, int | None]:
-    """The first flight state, the launch speed if it is a launch, and the order of the gap's zero, None in contact."""
+def _initial_state(impacts: Impacts, p, alpha, state) -> tuple[np.ndarray, float | None, int | None, int]:
+    """The first flight state, the launch speed if it is a launch, the order of the gap's zero, None in contact, and the
+    number of the foot that opens."""
     if (alpha is None) == (state is None):
         raise InputError("a simulation starts from a launch speed alpha or from a state: give one of them")
     if alpha is not None:
         x, alpha = _launch_state(impacts, alpha)
         if not impacts.opens(x)[0]:
             raise InputError(no_launch(alpha))
-        return x[0], alpha, LIFTOFF_ORDER
+        return x[0], alpha, LIFTOFF_ORDER, 0
     x = np.array(state)
-    gap, speed, tolerance = impacts.gap(x), float(x @ impacts.gap_speed), TOUCHING * (1 + np.abs(x).max())
-    if abs(gap) <= tolerance and abs(speed) <= tolerance:
-        force, lifts_off = _force_at_start(impacts, impacts.onto_contact @ x, p, tolerance)
-        return x, None, LIFTOFF_ORDER if lifts_off else None if force >= 0 else 2
-    if not gap > 0:
-        text, names = "state = {place}: its gap is {gap:.6g} and must be open", impacts.flight.phase.states
-        raise InputError(Message(text, place=described(names, x), gap=Quantity(gap, LENGTH)))
-    return x, None, 0
+    tolerance = TOUCHING * (1 + np.abs(x).max())
+    for foot, each in enumerate(impacts.feet):
+        gap, speed = each.gap(x), float(x @ each.speed)
+        if abs(gap) <= tolerance and abs(speed) <= tolerance:
+            stands = standing(impacts, x[None], np.array([foot]))[0][0] if len(impacts.feet) > 1 else x
+            ends = [_force_at_start(impacts, e, impacts.onto_contact @ stands, p, tolerance) for e in impacts.exits]
+            opens = min(range(len(ends)), key=lambda i: (not ends[i][1], ends[i][0]))
+            force, lifts_off = ends[opens]
+            if not lifts_off and force >= 0:
+                return stands, None, None, 0
+            way = impacts.exits[opens]
+            leaves = way.labels(stands, impacts.values) if way.labels else stands
+            return leaves, None, LIFTOFF_ORDER if lifts_off else 2, way.foot
+        if not gap > 0:
+            text, names = "state = {place}: its gap is {gap:.6g} and must be open", impacts.flight.phase.states
+            raise InputError(Message(text, place=described(names, x), gap=Quantity(gap, LENGTH)))
+    return x, None, 0, 0
 
 
-def _force_at_start(impacts: Impacts, y: np.ndarray, p: np.ndarray, tolerance: float) -> tuple[float, bool]:
-    """The contact force in a contact state, and whether it is 0 up to a tolerance and falls, so that it ends there."""
+def _force_at_start(impacts: Impacts, way: Exit, y: np.ndarray, p: np.ndarray, tolerance: float) -> tuple[float, bool]:
+    """The force of an exit in a contact state, and whether it is 0 up to a tolerance and falls, so that it opens."""
     path, _ = impacts.contact.run(y, p, tolerance)
-    force, rise = impacts.contact_force.series(path.coefficients)[0, :2]
+    force, rise = way.force.series(path.coefficients)[0, :2]
     return float(force), bool(abs(force) <= tolerance and rise < 0)
 
 
@@ -208,6 +223,7 @@ class _Run:
         self.legs, self.events, self.launches = list[Leg](), list[ContactEvent](), list[float]()
         self.now, self.impact_count, self.liftoff_count, self.reason = 0.0, 0, 0, ""
         self.launch: np.ndarray | None = None  # the state in which the hop began, where it began with a lift-off
+        self.foot, self.stance = 0, 0  # the number of the foot that opens, and how many steps were taken
 
     branch: int | None = None  # that of the leg, of a spring with hysteresis
 
@@ -216,47 +232,61 @@ class _Run:
         """The machine that is simulated."""
         return self.impacts.machine
 
-    def simulate(self, x, order: int | None, alpha: float | None) -> Simulation:
-        """Alternate flights, from a zero of the gap of this order, and contacts, order None, up to the end's status."""
+    def simulate(self, x, order: int | None, alpha: float | None, foot: int = 0) -> Simulation:
+        """Alternate flights, from a zero of this order of the gap of a foot, and contacts, order None, up to the end's
+        status."""
         self.launches += [] if alpha is None else [alpha]
-        status: str | None = None
+        self.foot, status = foot, None
         while status is None:
             if order is None:
                 status, x = self.contact(x)
                 order = self.order_of_liftoff(x)
             else:
-                status, x, held = self.flight(x, order)
-                order = None if held else self.impacts.bounce_order
+                status, x, order = self.flight(x, order)
         launches = np.array(self.launches)
         return Simulation(tuple(self.legs), tuple(self.events), status, launches, self.now, self.machine, self.reason)
 
-    def flight(self, x, order: int) -> tuple[str | None, np.ndarray, bool]:
-        """Fly until the gap closes: the status at an end, the state after the impact, whether contact follows."""
+    def flight(self, x, order: int) -> tuple[str | None, np.ndarray, int | None]:
+        """Fly until a gap closes: the status at an end, the state after the impact, and the order of the zero of the
+        gap there that opens, None where contact follows."""
         until, closed = self.update_parameters(), False
         self.launch = x if order == LIFTOFF_ORDER else self.launch
         last = self.now + float(self.impacts.longest_flight(x))
-        if order == LIFTOFF_ORDER and not self.impacts.opens(x[None])[0]:
-            return "no_launch", x, False
+        if order == LIFTOFF_ORDER and not self.impacts.feet[self.foot].opens(x[None], self.impacts.p)[0]:
+            return "no_launch", x, order
         while not closed:
-            left = min(self.time, last, until) - self.now
+            left, feet = min(self.time, last, until) - self.now, self.impacts.feet
+            touches = FirstOf(*(first_zero(each.gap, order * (i == self.foot)) for i, each in enumerate(feet)))
             try:
-                path, _ = self.impacts.flight.run(x, self.impacts.p, left, stop=first_zero(self.impacts.gap, order))
+                path, _ = self.impacts.flight.run(x, self.impacts.p, left, stop=touches)
             except FlowError as error:
                 self.reason = error.args[0]
-                return status_of_failure(error, "flight"), x, False
+                return status_of_failure(error, "flight"), x, order
             closed = path.times[-1] < left
             cut = not closed and until < min(self.time, last)
             if status := self.add_leg("flight", path, None if closed or cut else "carried_off", until if cut else None):
-                return status, x, False
+                return status, x, order
             x = path.end[: len(x)]
-            closed |= bool(self.impacts.gap(x) <= 0)
+            self.foot = touches.which or 0
+            closed |= bool(feet[self.foot].gap(x) <= 0)
             until, order = self.update_parameters(), 0
-        (held,), (after,), (loss,), (wait,) = self.impacts.landing(x[None])
-        self.impact_count += 1
-        self.add_event("landing" if held else "impact", x, after, float(loss), float(wait))
+        return self.land(x)
+
+    def land(self, x) -> tuple[str | None, np.ndarray, int | None]:
+        """Land on the foot that touches, see `flight`."""
+        impacts, name = self.impacts, self.impacts.feet[self.foot].name
+        found = landed(impacts, x[None], np.array([self.foot]))
+        (held,), (after,), (loss,), (wait,) = found.held, found.state, found.loss, found.wait
+        (step,), ended, self.impact_count = found.step.tolist(), str(found.ended[0]), self.impact_count + 1
+        if step and not impacts.model.reversor:  # on a slope the next foot stands lower
+            label = impacts.model.relabelling
+            before = (label.inverse if step > 0 else label)(after, impacts.values)
+            loss += self.energy(before) - self.energy(after)
+        self.add_event("landing" if held else "impact", x, after, float(loss), float(wait), name)
+        self.stance, self.foot = self.stance + step, int(found.foot[0])
         if held:
-            return ("undecided" if self.undecided() else None), after, True
-        return ("cap" if self.impact_count >= self.cap else None), after, False
+            return ("undecided" if self.undecided() else None), after, None
+        return (ended or ("cap" if self.impact_count >= self.cap else None)), after, int(found.order[0])
 
     def undecided(self) -> bool:
         """Whether rounding decides how the hop ends that has just landed, by the test of the map for its launch."""
@@ -283,21 +313,27 @@ class _Run:
             if path is None:
                 return outcome, x
             cut = outcome is None and until < self.time
-            ended = None if cut or outcome == "lifts_off" else outcome
+            ended = None if cut or outcome in (LIFTS_OFF, STEPS_BACK) else outcome
             if status := self.add_leg("contact", path, ended, until if cut else None):
                 return status, x
             y = path.end[: self.impacts.contact.size]
             self.update_parameters()
             if cut:  # The force may vanish by rounding, or because the new inputs make it vanish.
-                force, lifts_off = _force_at_start(self.impacts, y, self.impacts.p, TOUCHING * (1 + np.abs(y).max()))
+                tolerance = TOUCHING * (1 + np.abs(y).max())
+                force, lifts_off = _force_at_start(self.impacts, self.impacts.exits[0], y, self.impacts.p, tolerance)
                 outcome = "lifts_off" if lifts_off or force <= 0 else None
-        return self.liftoff(y, x)
+        return self.liftoff(y, x, self.impacts.exits[int(outcome == STEPS_BACK)])
 
-    def liftoff(self, y, x) -> tuple[str | None, np.ndarray]:
+    def liftoff(self, y, x, way: Exit | None = None) -> tuple[str | None, np.ndarray]:
         """Lift off from a contact state: the status at an end, and the flight state, `x` if an injection stops it."""
         impacts, driven = self.impacts, len(self.inputs.times) > 0
-        (speed,), (is_launch,) = impacts.liftoff(y[None])
         before = after = impacts.model.embed @ y
+        self.foot, name = (way.foot, impacts.feet[way.foot].name) if way else (0, "")
+        if way and way.labels:
+            after, self.stance = way.labels(before, impacts.values), self.stance - 1
+            y = impacts.onto_contact @ after
+        (speed,), (is_launch,) = impacts.liftoff(y[None])
+        is_launch &= self.foot == 0
         if self.inject and not impacts.model.one_speed:
             (y,) = LaunchSection(impacts).injected(y[None], self.inject)
             if not np.isfinite(y).all():
@@ -309,7 +345,7 @@ class _Run:
             if speed <= 0:
                 return "rests", x
             after = impacts.launch(np.array([speed]))[0]
-        self.add_event("lift-off", before, after, self.energy(before) - self.energy(after))
+        self.add_event("lift-off", before, after, self.energy(before) - self.energy(after), foot=name)
         has_speed = is_launch or driven or not impacts.model.one_speed
         self.launches.append(float(speed) if has_speed else np.nan)
         self.impact_count, self.liftoff_count = 0, self.liftoff_count + 1
@@ -329,15 +365,15 @@ class _Run:
 
     def add_leg(self, phase: str, path: Trajectory, status: str | None, until: float | None = None) -> str | None:
         """Store a leg, which ends at `until` if not None; returns "done" at the end of the time, else `status`."""
-        self.legs.append(Leg(phase, self.now, path, branch=self.branch))
+        self.legs.append(Leg(phase, self.now, path, branch=self.branch, stance=self.stance))
         lasted = float(path.times[-1])
         over = until is None and (lasted >= self.time - self.now or self.now + lasted >= self.time)
         self.now = self.time if over else self.now + lasted if until is None else until
         return "done" if over else status
 
-    def add_event(self, kind: str, before, after, loss: float, wait: float = 0.0):
+    def add_event(self, kind: str, before, after, loss: float, wait: float = 0.0, foot: str = ""):
         """Store an event that happens `wait` after the end of the last leg."""
-        self.events.append(ContactEvent(kind, self.now + wait, before, after, self.energy(before), loss))
+        self.events.append(ContactEvent(kind, self.now + wait, before, after, self.energy(before), loss, foot))
 
     def energy(self, x) -> float:
         """The energy of a flight state."""
@@ -360,14 +396,14 @@ class _HystereticRun(_Run):
         """The energy of a flight state, by the mean law."""
         return self.branches.mean.energy(x)
 
-    def flight(self, x, order: int) -> tuple[str | None, np.ndarray, bool]:
+    def flight(self, x, order: int) -> tuple[str | None, np.ndarray, int | None]:
         """Fly until the gap closes, see `_Run.flight`."""
         self.launch = x if order == LIFTOFF_ORDER else self.launch
         last, held = self.now + float(self.impacts.longest_flight(x)), False
         (side, turning), turns = self.branches.branch(x), 0
         self.use(side, x)
         if order == LIFTOFF_ORDER and not self.impacts.opens(x[None])[0]:
-            return "no_launch", x, False
+            return "no_launch", x, order
         while not held:
             left = min(self.time, last) - self.now
             reverses = first_reversal(self.branches.rate, turning if side else None)
@@ -376,19 +412,19 @@ class _HystereticRun(_Run):
                 path, _ = self.impacts.flight.run(x, self.impacts.p, left, stop=stop)
             except FlowError as error:
                 self.reason = error.args[0]
-                return status_of_failure(error, "flight"), x, False
+                return status_of_failure(error, "flight"), x, order
             self.branches.check_width(path.coefficients[:, : len(x), 0])
             if not side and self.slips(path, len(x), self.branches.rate):
-                return "lost", x, False
+                return "lost", x, order
             closed = path.times[-1] < left and stop.which == 0
             if status := self.add_leg("flight", path, None if path.times[-1] < left else "carried_off"):
-                return status, x, False
+                return status, x, order
             x, order = path.end[: len(x)], 0
             if held := closed or bool(self.impacts.gap(x) <= 0):
                 continue
             if (turns := turns + 1) > self.cap:
                 self.reason = f"its spring turned {self.cap} times in one flight"
-                return "lost", x, False
+                return "lost", x, order
             self.add_event("reversal", x, x, 0.0)
             side, turning = self.branches.branch(x)
             self.use(side, x)
@@ -398,8 +434,8 @@ class _HystereticRun(_Run):
         self.add_event("landing" if held else "impact", x, after, float(loss), float(wait))
         if held:
             self.impacts = self.branches.first()  # whose launches are those of the machine
-            return ("undecided" if self.undecided() else None), after, True
-        return ("cap" if self.impact_count >= self.cap else None), after, False
+            return ("undecided" if self.undecided() else None), after, None
+        return ("cap" if self.impact_count >= self.cap else None), after, self.impacts.bounce_order
 
     def statuses(self, alpha: np.ndarray) -> np.ndarray:
         """The statuses (m,) of hops with launch speeds (m,)."""
@@ -418,7 +454,7 @@ class _HystereticRun(_Run):
             if turns and impacts.pressing((model.embed @ y)[None])[0] < 0:
                 return self.liftoff(y, x)  # the force jumps at a reversal
             limit = impacts.longest_contact(y) if endless else self.time - self.now
-            lifts = ContactEnd(impacts.contact, model.contact_speed if endless and model.one_speed else None)
+            lifts = ContactEnd(impacts, model.contact_speed if endless and model.one_speed else None)
             stop = FirstOf(lifts, first_reversal(self.branches.rate_in_contact, turning if side else None))
             try:
                 path, _ = impacts.contact.run(y, impacts.p, limit, stop=stop)

@@ -1,0 +1,136 @@
+"""The points by which a machine stands: which of them touches first in flight, and which opens at the end of a contact.
+
+A machine stands with its gap closed, after a landing in the labels that the model's relabelling S makes. A machine of
+one point has the gap alone. Where points take turns, that which lands is the gap itself, as of a block that rocks, or
+another function, as of a wheel, whose gap may close again too; that is a landing on the point that was left, without
+a relabelling. Where another point lands than opens, two of them stand. A contact ends where the force on the first of
+them vanishes, or that on the second: a step back, which takes the labels S^-1.
+"""
+
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from ..errors import FlowError
+from ..flow.flow import Flow
+from ..flow.zero_crossing import first_zeros
+from ..model.model import CONTACT_FORCE, LANDED_FORCE, Model
+from ..model.phase import Affine
+from ..model.symmetry import SignedShift
+from ..symbolic.kernels import ElementwiseFunction
+
+# Of two gaps that may close, both are searched up to a time that grows by the factor, from this share of the longest
+# flight, or this multiple of the time that the gap takes to close again under its present acceleration.
+FIRST_REACH, REACH_GROWS, AGAIN = 1e-4, 4.0, 4.0
+# A landing slower than this, relative to the state, loses nothing but rounding.
+SLOW = 1e-8
+LIFTS_OFF, STEPS_BACK = "lifts_off", "steps_back"  # how a contact ends, by the force that vanishes
+
+
+class Foot:
+    """A point that may touch in flight.
+
+    name : "" where it has none
+    gap : its height as a function of the flight state
+    labels : the relabelling of states in which it lands, None where the machine stands in the labels of its flight
+    step : the number of relabellings that is
+    """
+
+    def __init__(self, flight: Flow, name: str, gap: Affine, labels: SignedShift | None = None):
+        self.flight, self.name, self.gap, self.labels, self.step = flight, name, gap, labels, int(labels is not None)
+
+    @cached_property
+    def speed(self) -> np.ndarray:
+        """Weights (n,) of the gap's speed as a function of the flight state, whose speeds are states themselves."""
+        graph = self.flight.vector_field
+        speed = ca.DM(self.gap.weights).T @ graph.field(graph.x, graph.p)[0]
+        return np.array(ca.evalf(ca.jacobian(speed, graph.x))).ravel()
+
+    @cached_property
+    def _rates(self) -> ElementwiseFunction:
+        graph = self.flight.vector_field
+        field = graph.field(graph.x, graph.p)[0]
+        jerk = ca.jtimes(ca.DM(self.speed).T @ field, graph.x, field)
+        rates = ca.vertcat(jerk, ca.jtimes(jerk, graph.x, field))
+        return ElementwiseFunction(ca.Function("gap_rates", [graph.x, graph.p], [rates]))
+
+    def rates(self, x: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """Third and fourth derivative (2, m) of the gap in time at flight states (m, n)."""
+        return self._rates(x, self.flight.data(x, p))[0].T
+
+    def opens(self, x: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """Whether the gap opens (m,) at flight states (m, n), where it and its first two derivatives vanish."""
+        jerk, snap = self.rates(x, p)
+        return (jerk > 0) | ((jerk == 0) & (snap > 0))
+
+
+class Exit(NamedTuple):
+    """A way in which a contact ends.
+
+    outcome : its name
+    row : the row of the contact's motion that vanishes there, the force on the point that opens
+    foot : the number of that point
+    labels : the relabelling of the state in which it opens, None for none
+    """
+
+    outcome: str
+    row: int
+    foot: int
+    labels: SignedShift | None = None
+
+    @property
+    def force(self) -> Affine:
+        """The force as a function of the rows of the contact's motion."""
+        return Affine((0.0,) * self.row + (1.0,))
+
+
+def feet_of(model: Model, flight: Flow, p: Any) -> tuple[Foot, ...]:
+    """The points of a machine that may touch in flight; the first opens at a launch."""
+    labels = model.relabelling if model.symmetry else None
+    first, last = model.feet or ("", "")
+    if model.landing_gap is None:
+        return (Foot(flight, last, model.gap(p), labels),)
+    return Foot(flight, first, model.gap(p)), Foot(flight, last, model.landing_gap(p), labels)
+
+
+def exits_of(model: Model) -> tuple[Exit, ...]:
+    """The ways in which a contact of a machine ends; the first is the launch."""
+    rows = [*model.contact.states, *model.contact.watch]
+    first = Exit(LIFTS_OFF, rows.index(CONTACT_FORCE), 0)
+    if not model.changes_contact:
+        return (first,)
+    foot = int(model.landing_gap is not None)
+    return first, Exit(STEPS_BACK, rows.index(LANDED_FORCE), foot, model.relabelling.inverse)
+
+
+def first_to_touch(
+    feet: tuple[Foot, ...], x: np.ndarray, p: np.ndarray, limit: np.ndarray, order: np.ndarray, foot: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, dict[int, FlowError], np.ndarray]:
+    """`first_zeros` of the gaps of several feet on flights from states (m, n) within times (m,), where the gaps of the
+    feet (m,) have zeros of these orders (m,) and open; and the numbers (m,) of the feet that touch."""
+    flight = feet[0].flight
+    times, which, errors = np.full(len(x), np.nan), np.zeros(len(x), int), dict[int, FlowError]()
+    rows, left = np.full((len(x), len(flight.names)), np.nan), np.arange(len(x))
+    reach, rates = FIRST_REACH * limit, flight.field(x, p)[0]
+    for i, each in enumerate(feet):
+        again, closing = (foot == i) & (order == 1), -(rates @ each.speed)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            back = np.where(again & (closing > 0), AGAIN * (x @ each.speed) / closing, np.inf)
+        reach = np.minimum(reach, back)
+    while len(left):
+        reach[left] = np.minimum(reach[left], limit[left])
+        broken = dict[int, FlowError]()
+        for i, each in enumerate(feet):
+            until = np.where(np.isfinite(times[left]), times[left], reach[left])
+            skip = np.where(foot[left] == i, order[left], 0)
+            found, ends, failed = first_zeros(flight, x[left], p, each.gap, until, skip)
+            own = left[touches := np.isfinite(found)]
+            times[own], rows[own], which[own] = found[touches], ends[touches], i
+            broken |= {int(left[k]): error for k, error in failed.items()}
+        errors |= {k: error for k, error in broken.items() if np.isnan(times[k])}
+        on = np.isnan(times[left]) & (reach[left] < limit[left]) & ~np.isin(left, [*errors])
+        left = left[on]
+        reach[left] *= REACH_GROWS
+    return times, rows, errors, which

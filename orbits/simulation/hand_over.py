@@ -1,0 +1,114 @@
+"""Landings of a machine that stands on one foot in flight: the foot that lands takes over from the other one.
+
+A hand-over is a plastic impact in which the foot that lands is caught and the other one is let go. In the labels in
+which the machine stands, with g' the speed of the gap there, D the direction of impacts and m their mass, it leads from
+the rates y' to y' - (1 - rho) g' D, and m g'^2 (1 - rho^2)/2 is lost: rho is the share of the speed of the gap that is
+left, the same for steps forward and back. Where it is above 0 the foot that was let go opens; else both feet stay where
+both are pressed down. A landing so slow that its energy is rounding is caught by both feet, as a lossless one is.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .feet import SLOW
+
+# Hand-overs without a loss, up to rounding: then no contact ever holds.
+LOSSLESS_HAND_OVER = 1e-12
+# Hand-overs to and fro are summed once the accelerations that close the gaps change by less than this share while they
+# last. All of the energy of their speed is lost in any case, and they are shorter than what decides the landing by it.
+SUMMED_HAND_OVERS = 1e-5
+
+
+class Landed(NamedTuple):
+    """What landings lead to, for m states.
+
+    held : whether (m,) contact follows, immediately or after infinitely many bounces or hand-overs
+    state : states (m, n) after them; that which a contact begins with, or those that leave at once
+    loss, wait : energies (m,) lost and times (m,) of infinitely many bounces or hand-overs
+    order, foot : numbers (m,) of the feet that leave at once, with the orders (m,) of the zeros of their gaps
+    step : numbers (m,) of relabellings, those back below 0
+    ended : (m,) "", or the status with which the motion ends
+    """
+
+    held: np.ndarray
+    state: np.ndarray
+    loss: np.ndarray
+    wait: np.ndarray
+    order: np.ndarray
+    foot: np.ndarray
+    step: np.ndarray
+    ended: np.ndarray
+
+
+def landed(impacts: Any, x: np.ndarray, foot: np.ndarray) -> Landed:
+    """The effect of landings at flight states (m, n) in which the gaps of feet (m,) are closed."""
+    z, step = standing(impacts, x, foot)
+    if impacts.model.changes_contact:
+        return _taken_over(impacts, z, step)
+    held, after, loss, wait = impacts.landing(z)
+    order, none = np.full(len(x), impacts.bounce_order), np.zeros(len(x), int)
+    return Landed(held, after, loss, wait, order, none, step, np.full(len(x), ""))
+
+
+def standing(impacts: Any, x: np.ndarray, foot: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Flight states (m, n) in which the gaps of feet (m,) are closed, in the labels in which the machine stands on
+    them, and the numbers (m,) of relabellings that lead there."""
+    z, step = x, np.zeros(len(x), int)
+    for i, each in enumerate(impacts.feet):
+        if each.labels and (own := foot == i).any():
+            z, step = np.where(own[:, None], each.labels(x, impacts.values), z), np.where(own, each.step, step)
+    return z, step
+
+
+def share_left(impacts: Any, z: np.ndarray) -> np.ndarray:
+    """rho (m,) in hand-overs at states (m, n) in which the machine stands; NaN where it is not known."""
+    model, p = impacts.model, impacts.values
+    if getattr(model, "planar", None) is None:
+        return np.full(len(z), np.nan)
+    rates = np.array([name.endswith("'") for name in model.flight.states])
+    # A hand-over is linear in the rates: of those in the direction of impacts, whose gap has the speed 1.
+    moved = np.where(rates, impacts.direction(z), z)
+    rows = model.planar.handed_over(list(model.relabelling.inverse(moved, p).T), p)
+    after = np.stack(np.broadcast_arrays(*rows, z[:, 0])[:-1], axis=1)
+    return after @ impacts.gap_speed
+
+
+def _taken_over(impacts: Any, z: np.ndarray, step: np.ndarray) -> Landed:
+    """The hand-overs at states (m, n), in the labels in which the machine stands, after these numbers of steps."""
+    speed, direction = z @ impacts.gap_speed, impacts.direction(z)
+    stuck = z - speed[:, None] * direction
+    forces = impacts.contact.field(stuck @ impacts.onto_contact.T, impacts.p)[1]
+    forces = np.stack([forces[:, each.row - impacts.contact.size] for each in impacts.exits])
+    slow = np.abs(speed) <= SLOW * (1 + np.abs(z).max(1))
+    rho = np.where(slow, 0.0, share_left(impacts, z))
+    ended = np.where(np.isnan(rho), "unstated", np.where(rho**2 >= 1 - LOSSLESS_HAND_OVER, "rattles", ""))
+    rho = np.where((ended == "") & (rho > 0), rho, 0.0)
+    back = np.where(rho > 0, speed < 0, forces[1] < forces[0]).astype(int)  # the exit of the foot that leaves
+    wait = _rattling(impacts, stuck, speed, rho, back)
+    held = (forces >= 0).all(0) & ((rho == 0) | np.isfinite(wait)) & (ended == "")
+    left = np.where(held, 0.0, rho)
+    mass = impacts.model.impact_mass(list(z.T), impacts.values)
+    loss = 0.5 * mass * speed**2 * (1 - left**2)
+    state, foot = stuck + (left * speed)[:, None] * direction, np.zeros(len(z), int)
+    leaves_back = ~held & (back == 1)
+    if leaves_back.any():
+        way = impacts.exits[1]
+        state = np.where(leaves_back[:, None], way.labels(state, impacts.values), state)
+        foot, step = np.where(leaves_back, way.foot, foot), step - leaves_back
+    order = np.where(rho > 0, 1, 2)
+    return Landed(held, state, loss, np.where(held & (rho > 0), wait, 0.0), order, foot, step, ended)
+
+
+def _rattling(impacts: Any, stuck: np.ndarray, speed: np.ndarray, rho: np.ndarray, back: np.ndarray) -> np.ndarray:
+    """The times (m,) of infinitely many hand-overs, which are to be summed; infinite where they are not."""
+    total, changes = np.zeros(len(stuck)), list[tuple[np.ndarray, np.ndarray]]()
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        for i, way in enumerate(impacts.exits):
+            foot, x = impacts.feet[way.foot], way.labels(stuck, impacts.values) if way.labels else stuck
+            closing = -(impacts.flight.field(x, impacts.p)[0] @ foot.speed)
+            first = np.where(back == i, rho, rho**2)  # the foot that leaves first has more speed
+            total += np.where(closing > 0, 2 * np.abs(speed) * first / (1 - rho**2) / closing, np.inf)
+            changes.append((*(np.abs(foot.rates(x, impacts.p)) / closing),))
+        largest = np.max([total * (jerk + 0.5 * total * snap) for jerk, snap in changes], axis=0)
+        return np.where(largest <= SUMMED_HAND_OVERS, total, np.inf)
