@@ -64,7 +64,7 @@ def standing(impacts: Any, x: np.ndarray, foot: np.ndarray) -> tuple[np.ndarray,
 def share_left(impacts: Any, z: np.ndarray) -> np.ndarray:
     """rho (m,) in hand-overs at states (m, n) in which the machine stands; NaN where it is not known."""
     model, p = impacts.model, impacts.values
-    if getattr(model, "planar", None) is None:
+    if model.planar is None or model.planar.handed_over is None:
         return np.full(len(z), np.nan)
     rates = np.array([name.endswith("'") for name in model.flight.states])
     # A hand-over is linear in the rates: of those in the direction of impacts, whose gap has the speed 1.

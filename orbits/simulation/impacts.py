@@ -21,7 +21,6 @@ from ..flow.flow import flow_of
 from ..flow.trajectory import Trajectory
 from ..flow.zero_crossing import MOST_CLOSED_STEPS, first_zeros
 from ..model.machine import Machine
-from ..model.model import refuse_steps
 from ..model.phase import Affine
 from ..numerics.polynomial_roots import Crossings
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
@@ -142,7 +141,6 @@ class Impacts:
         if machine.model.hysteretic:
             several = "a machine whose spring has hysteresis is followed by simulations, and by maps of launch speeds"
             raise InputError(f"{several}: take the law's `.mean`")
-        refuse_steps(machine.model, "a simulation or a return map")
         self.machine, self.options = machine, options or ImpactOptions()
         model, self.restitution = machine.model, float(machine.restitution)
         if self.restitution > 0 and model.changes_contact:
