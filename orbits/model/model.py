@@ -250,6 +250,23 @@ class Model:
         """Whether another point lands than opens, so that two stand in contact."""
         return LANDED_FORCE in self.contact.watch
 
+    def share_left(self, x: Scalars, p: Parameters) -> Algebraic:
+        """The share rho of the gap's speed that is left where another point takes over at a landing in the flight state
+        x, in the labels after it: all rates y' become y' - (1 - rho) g' D, with D the direction of impacts. NaN where
+        it is not known."""
+        if self.planar is None or self.planar.handed_over is None:
+            return np.nan
+        # A hand-over is linear in the rates: of those in the direction of impacts, whose gap has the speed 1.
+        kicks = zip(self.flight.states, x, self.impact(x, p), strict=True)
+        kicked = [kick if name.endswith("'") else place for name, place, kick in kicks]
+        after = self.planar.handed_over(self.relabelling.inverse.image(kicked, p), p)
+        return weighted_sum(self._gap_speed(p), after)
+
+    def _gap_speed(self, p: Parameters) -> list[Algebraic]:
+        """The weights (n,) of the gap's speed."""
+        weights, states = self.gap(p).weights, self.flight.states
+        return [weights[states.index(name[:-1])] if name.endswith("'") else 0.0 for name in states]
+
     def mid_contact(self, p: Parameters) -> Affine:
         """The function of the contact state that first vanishes in mid-contact where a speed fixes the launch: the
         launched place less its centre where time reversal flips it, else its speed."""
@@ -282,8 +299,7 @@ class Model:
         Where the contact has one coordinate, the last follows from the launched coordinate, whose value is as at
         lift-off. This condition replaces it also where a law is in pieces, as the piece that holds is not known here.
         """
-        weights, states = self.gap(p).weights, self.flight.states
-        of_speed = [weights[states.index(name[:-1])] if name.endswith("'") else 0.0 for name in states]
+        weights, states, of_speed = self.gap(p).weights, self.flight.states, self._gap_speed(p)
         closed = [weighted_sum(weights, x), weighted_sum(of_speed, x)]
         if self.one_speed or self.flight.pieces:
             return [*closed, x[states.index(self.launched[0])] - u["liftoff"]]

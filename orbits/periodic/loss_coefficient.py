@@ -6,6 +6,7 @@ it is positive a launch with more speed still flies at the nominal time and land
 and bounces. Past a fold of a family it is negative, and the bounce is above.
 """
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import casadi as ca
@@ -13,6 +14,8 @@ import numpy as np
 
 from ..laws.law import Algebraic
 
+# The sum of the losses of bounces ends where the square of their speed is below this.
+LEAST_LOSS = 1e-20
 # The imaginary part of a complex step: so small that its square vanishes relative to any number.
 COMPLEX_STEP = 1e-30
 
@@ -25,6 +28,29 @@ def loss_coefficient(impact_mass: Algebraic, jerk: Algebraic, gap_slope: Algebra
     and `power` is the derivative of the launch energy by alpha.
     """
     return impact_mass * jerk**2 / 8 * (6 * gap_slope / jerk) ** (4 / 3) / power
+
+
+def hand_over_factors(rho: float) -> tuple[float, float]:
+    """What a landing without and with a bounce loses, as multiples of C, where the point that lands takes over and the
+    share rho of the gap's speed is left, below 1; 1 and 10 where none is.
+
+    The point that was left comes down again at once, since it is pressed down, and takes over: to the point that landed
+    this is a bounce with the restitution rho^2. Its height has the acceleration -tau in a scaled time, from impacts at
+    tau = 1 or -1 on, where a landing that is held loses 1/4.
+    """
+    e = rho * rho
+    return _lost_in_bounces(1.0, e), _lost_in_bounces(-1.0, e)
+
+
+def _lost_in_bounces(tau: float, e: float) -> float:
+    speed, total = 0.5 * tau * tau, 0.0
+    while speed * speed > LEAST_LOSS:
+        total += (1 - e * e) * speed * speed
+        # The height is 0 again where later^2 + later tau - 2 tau^2 = 6 e speed.
+        later = 0.5 * (math.sqrt(9 * tau * tau + 24 * e * speed) - tau)
+        speed = 0.5 * (later * later - tau * tau) - e * speed
+        tau = later
+    return 4 * total
 
 
 def launch_power(gradient: Iterable, direction: Iterable) -> Algebraic:

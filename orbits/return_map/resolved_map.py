@@ -113,7 +113,7 @@ def _sign_changes(function: Callable, grid: np.ndarray, values: np.ndarray) -> t
 
 def lossless_speeds(impacts: Impacts, low: float, high: float) -> list[float]:
     """Launch speeds from `low` to `high` of the lossless orbits that are motions, ascending."""
-    if not impacts.model.conservative:
+    if not impacts.model.conservative or impacts.descends:
         return []
     of_families = not impacts.model.reduction or impacts.model.reduction.exact
     orbits = _orbits_of_families(impacts, high) if of_families else _all_orbits(impacts, low, high)

@@ -38,7 +38,7 @@ BATCH_SIZE = 8192  # launch speeds in one batch: enough to pay for the calls, fe
 # The launches in the picture of a map, and the fastest of them where there is no lossless one, in units of the machine.
 SHOWN, HIGH_LAUNCH = 1000, 9.0
 DIMENSIONS_OF_UPKEEP = {**dict.fromkeys(("alpha", "inject"), LIFTOFF_SPEED), "energy": ENERGY}
-NO_BASIN = "with injection or damping no hop is lossless, and none comes to one"
+NO_BASIN = "with injection or damping, or on a slope, no hop is lossless, and none comes to one"
 
 
 class ReturnMap:
@@ -198,7 +198,7 @@ class ReturnMap:
         """The `fixed_points` between two launch speeds."""
         low, high, samples = _checked_grid(low, high, samples)
         lossless = lossless_speeds(self.impacts, low, high)
-        if self.inject == 0 and self.impacts.model.conservative:
+        if self.inject == 0 and self.impacts.model.conservative and not self.impacts.descends:
             return tuple(FixedPoint(alpha, "lossless", None, self._separation(alpha)) for alpha in lossless)
         if self.impacts.never_lose and self.impacts.one_liftoff:
             return ()  # every next launch is faster by the injection
@@ -314,7 +314,7 @@ class ReturnMap:
         self._check_one_speed("basins")
         low, high, samples = _checked_grid(low, high, samples)
         hops = whole_number("hops", hops, "hops", 0)
-        if self.inject != 0 or not self.impacts.model.conservative:
+        if self.inject != 0 or not self.impacts.model.conservative or self.impacts.descends:
             raise InputError(NO_BASIN)
         lossless = [star for star in lossless_speeds(self.impacts, SLOWEST_LOSSLESS, high) if star < high]
         words = machine_in_words(self.machine)
@@ -340,7 +340,7 @@ class ReturnMap:
         """
         self._check_one_speed("basin")
         low, high, samples = _checked_grid(low, high, samples)
-        if self.inject != 0 or not self.impacts.model.conservative:
+        if self.inject != 0 or not self.impacts.model.conservative or self.impacts.descends:
             raise InputError(NO_BASIN)
         hops = whole_number("hops", hops, "hops", 0)
         lossless = lossless_speeds(self.impacts, SLOWEST_LOSSLESS, high)
@@ -365,7 +365,7 @@ def _hops_from(impacts: Impacts, alpha, inject: float, cap: int) -> Hops:
     loss, counts, status, standing = decided_impacts(impacts, alpha, cap)
     alpha, requested = np.minimum(alpha, FASTEST_LAUNCH), alpha
     next_speed, remaining, lifting = np.full(len(alpha), np.nan), alpha**2 - loss, np.flatnonzero(status == "lifts_off")
-    if impacts.contact.phase.closed_form:  # The force is linear: the energy alone decides whether it vanishes.
+    if impacts.contact.phase.closed_form and impacts.ends_by_energy:  # of a linear force
         status[lifting[remaining[lifting] < 0]] = "rests"
     elif len(lifting):
         status[lifting], ends = impacts.sustained_contacts(standing[lifting])

@@ -80,6 +80,10 @@ class Exit(NamedTuple):
     foot: int
     labels: SignedShift | None = None
 
+    def opened(self, states: np.ndarray, p: Any) -> np.ndarray:
+        """Flight states (..., n) in which the machine stands, in the labels in which the point opens."""
+        return states if self.labels is None else self.labels(states, p)
+
     @property
     def force(self) -> Affine:
         """The force as a function of the rows of the contact's motion."""

@@ -29,6 +29,7 @@ class Landed(NamedTuple):
     order, foot : numbers (m,) of the feet that leave at once, with the orders (m,) of the zeros of their gaps
     step : numbers (m,) of relabellings, those back below 0
     ended : (m,) "", or the status with which the motion ends
+    left : shares (m,) of the speed of the gap, in the labels in which the machine stands, that are left
     """
 
     held: np.ndarray
@@ -39,6 +40,7 @@ class Landed(NamedTuple):
     foot: np.ndarray
     step: np.ndarray
     ended: np.ndarray
+    left: np.ndarray
 
 
 def landed(impacts: Any, x: np.ndarray, foot: np.ndarray) -> Landed:
@@ -48,7 +50,8 @@ def landed(impacts: Any, x: np.ndarray, foot: np.ndarray) -> Landed:
         return _taken_over(impacts, z, step)
     held, after, loss, wait = impacts.landing(z)
     order, none = np.full(len(x), impacts.bounce_order), np.zeros(len(x), int)
-    return Landed(held, after, loss, wait, order, none, step, np.full(len(x), ""))
+    left = np.where(held, 0.0, -impacts.restitution)
+    return Landed(held, after, loss, wait, order, none, step, np.full(len(x), ""), left)
 
 
 def standing(impacts: Any, x: np.ndarray, foot: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -63,15 +66,7 @@ def standing(impacts: Any, x: np.ndarray, foot: np.ndarray) -> tuple[np.ndarray,
 
 def share_left(impacts: Any, z: np.ndarray) -> np.ndarray:
     """rho (m,) in hand-overs at states (m, n) in which the machine stands; NaN where it is not known."""
-    model, p = impacts.model, impacts.values
-    if model.planar is None or model.planar.handed_over is None:
-        return np.full(len(z), np.nan)
-    rates = np.array([name.endswith("'") for name in model.flight.states])
-    # A hand-over is linear in the rates: of those in the direction of impacts, whose gap has the speed 1.
-    moved = np.where(rates, impacts.direction(z), z)
-    rows = model.planar.handed_over(list(model.relabelling.inverse(moved, p).T), p)
-    after = np.stack(np.broadcast_arrays(*rows, z[:, 0])[:-1], axis=1)
-    return after @ impacts.gap_speed
+    return np.broadcast_to(impacts.model.share_left(list(z.T), impacts.values), len(z))
 
 
 def _taken_over(impacts: Any, z: np.ndarray, step: np.ndarray) -> Landed:
@@ -94,10 +89,10 @@ def _taken_over(impacts: Any, z: np.ndarray, step: np.ndarray) -> Landed:
     leaves_back = ~held & (back == 1)
     if leaves_back.any():
         way = impacts.exits[1]
-        state = np.where(leaves_back[:, None], way.labels(state, impacts.values), state)
+        state = np.where(leaves_back[:, None], way.opened(state, impacts.values), state)
         foot, step = np.where(leaves_back, way.foot, foot), step - leaves_back
     order = np.where(rho > 0, 1, 2)
-    return Landed(held, state, loss, np.where(held & (rho > 0), wait, 0.0), order, foot, step, ended)
+    return Landed(held, state, loss, np.where(held & (rho > 0), wait, 0.0), order, foot, step, ended, left)
 
 
 def _rattling(impacts: Any, stuck: np.ndarray, speed: np.ndarray, rho: np.ndarray, back: np.ndarray) -> np.ndarray:
@@ -105,7 +100,7 @@ def _rattling(impacts: Any, stuck: np.ndarray, speed: np.ndarray, rho: np.ndarra
     total, changes = np.zeros(len(stuck)), list[tuple[np.ndarray, np.ndarray]]()
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         for i, way in enumerate(impacts.exits):
-            foot, x = impacts.feet[way.foot], way.labels(stuck, impacts.values) if way.labels else stuck
+            foot, x = impacts.feet[way.foot], way.opened(stuck, impacts.values)
             closing = -(impacts.flight.field(x, impacts.p)[0] @ foot.speed)
             first = np.where(back == i, rho, rho**2)  # the foot that leaves first has more speed
             total += np.where(closing > 0, 2 * np.abs(speed) * first / (1 - rho**2) / closing, np.inf)

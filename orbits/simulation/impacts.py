@@ -33,7 +33,7 @@ from .hand_over import landed
 # The endings of a hop other than "lifts_off" (of a map) and "done" (of a simulation).
 STATUSES = {
     "rests": "the contact never ends, or the launch speed with the injection is not above 0",
-    "leaves_elsewhere": "the contact ends where no launch does: a simulation flies on from there, a map has no next",
+    "leaves_elsewhere": "the contact ends where no launch does, or with a step back: a simulation flies on, a map ends",
     "no_launch": "the contact would not open, because a strong damper takes a slow launch back",
     "collapses": "the spring collapses, in contact or in flight",
     "stays": "the contact of a machine of several coordinates has not ended after many of its oscillations",
@@ -217,6 +217,13 @@ class Impacts:
         return ca.Function("change_after", [x, change, factor], [ca.densify(ca.jtimes(after, x, change))])
 
     @cached_property
+    def share_slope(self) -> ca.Function:
+        """(flight state in which the machine stands) -> the gradient (1, n) of the share that a hand-over leaves."""
+        x = self.flight.vector_field.x
+        share = ca.SX(self.model.share_left(ca.vertsplit(x), self.values))
+        return ca.Function("share_slope", [x], [ca.densify(ca.jacobian(share, x))])
+
+    @cached_property
     def directions_of_landing(self) -> ca.Function:
         """(flight state, data) -> the direction D (n,) in which impacts change the state, and its commutator (n,) with
         the rates f, which is f' D - D' f."""
@@ -263,7 +270,7 @@ class Impacts:
         return path, "collapses" if np.abs(path.end).max() > limit else "rests", ""
 
     def sustained_contacts(self, ys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Follow contacts from states (m, k): their outcomes (m,), of an exit or a status, and states (m, k) there."""
+        """Follow contacts from states (m, k): their outcomes (m,), "lifts_off" or a status, and states (m, k) there."""
         contact, speed = self.contact, self.model.contact_speed
         outcome, ends = np.full(len(ys), "", dtype=STATUS), np.full(ys.shape, np.nan)
         turns, over = (TURNS, "rests") if self.model.one_speed else (TURNS_OF_SEVERAL, "stays")
@@ -283,6 +290,10 @@ class Impacts:
             path, outcome[i], _ = self.sustained_contact(ys[i])
             if path is not None and outcome[i] in (LIFTS_OFF, STEPS_BACK):
                 ends[i] = path.end[: contact.size]
+        if (back := outcome == STEPS_BACK).any():  # a launch in other labels, where the same point opens
+            way = self.exits[1]
+            outcome[back] = "leaves_elsewhere" if way.foot else LIFTS_OFF
+            ends[back] = way.opened(ends[back] @ self.model.embed.T, self.values) @ self.onto_contact.T
         return outcome, ends
 
     @cached_property
@@ -357,11 +368,21 @@ class Impacts:
         x = self.flight.vector_field.x
         return ca.SX(self.model.impact_mass(ca.vertsplit(x), self.values)).is_zero()
 
+    @property
+    def descends(self) -> bool:
+        """Whether gravity may add energy at a step, as on a slope; damped machines count among these."""
+        return self.model.symmetry is not None and self.model.reversor is None
+
+    @property
+    def ends_by_energy(self) -> bool:
+        """Whether the energy alone decides if the contact ends with a launch, where the contact force is linear."""
+        return not self.model.changes_contact and not self.descends
+
     @cached_property
     def one_liftoff(self) -> bool:
         """Whether the energy at lift-off determines the launch speed: it is conserved, and all launches have the same
         configuration."""
-        if not self.model.conservative:
+        if not self.model.conservative or self.descends:
             return False
         slow, fast = self.model.release(np.array([1.0, 2.0]), self.values)
         return bool(abs(fast - slow) <= SAME_LIFTOFF * abs(slow))

@@ -14,9 +14,11 @@ from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..flow.flow import Flow
 from ..flow.zero_crossing import first_zero
 from ..model.machine import Machine
-from ..periodic.loss_coefficient import loss_coefficient
+from ..periodic.loss_coefficient import hand_over_factors, loss_coefficient
 from ..running.exclusive import exclusive
 from ..units import DIMENSIONS, LIFTOFF_SPEED, SPEED, Message, Quantity, in_own_units
+from .feet import LIFTS_OFF, STEPS_BACK, Foot
+from .hand_over import landed, share_left, standing
 from .hysteresis import Branches, FirstOf, first_reversal
 from .impacts import CAP, LIFTOFF_ORDER, STATUSES, ContactEnd, Impacts, no_launch
 
@@ -63,7 +65,7 @@ def _slope_of_hop(machine: Machine, alpha: float) -> float:
     hop = hop_derivative(impacts, x, (high - low)[:, None] / (2 * step))
     if hop.tangential:
         text = "the landing is tangential, at speed {speed:.1e}: no multiplier; {law}"
-        law = _one_sided(impacts, alpha, hop.landing, hop.gap_slopes[0])
+        law = _one_sided(impacts, alpha, hop)
         raise NoOrbit(Message(text, speed=Quantity(hop.speed, SPEED), law=law))
     if not impacts.liftoff(hop.liftoff[None])[1][0]:
         raise NoOrbit("the contact ends where no launch does: the map has no next launch speed")
@@ -79,6 +81,7 @@ class HopDerivative:
     tangential : whether the first landing is tangential, as that of a lossless hop
     landing, speed, gap_slopes : flight state (n,) at the first landing, the speed of the gap, and the derivative (c,)
         of the gap at the time of that landing
+    foot : that touches at that landing
     """
 
     liftoff: np.ndarray
@@ -87,6 +90,7 @@ class HopDerivative:
     landing: np.ndarray
     speed: float
     gap_slopes: np.ndarray
+    foot: Foot
 
 
 def hop_derivative(impacts: Impacts, x: np.ndarray, change: np.ndarray) -> HopDerivative:
@@ -95,20 +99,21 @@ def hop_derivative(impacts: Impacts, x: np.ndarray, change: np.ndarray) -> HopDe
     Raises `NoOrbit` where the machine does not lift off again.
     """
     launch_speed = float(np.abs(x[[name.endswith("'") for name in impacts.flight.phase.states]]).max())
-    weights, order = np.array(impacts.gap.weights), LIFTOFF_ORDER
-    first: tuple[np.ndarray, float, np.ndarray] | None = None
+    order, opens, feet = LIFTOFF_ORDER, 0, impacts.feet
+    first: tuple[np.ndarray, float, np.ndarray, Foot] | None = None
     for _ in range(CAP):
-        start = x, change
-        limit, closes = float(impacts.longest_flight(x)), first_zero(impacts.gap, order)
+        start, limit = (x, change), float(impacts.longest_flight(x))
+        closes = FirstOf(*(first_zero(each.gap, order * (i == opens)) for i, each in enumerate(feet)))
         x, change, lasted = _follow(impacts.flight, impacts.p, x, change, limit, closes)
-        speed = float(impacts.gap_speed @ x)
+        touches = closes.which or 0
+        speed = float(feet[touches].speed @ x)
         if first is None:
-            first = x, speed, weights @ change
+            first = x, speed, np.array(feet[touches].gap.weights) @ change, feet[touches]
             # Later bounces may be arbitrarily slow.
             if abs(speed) < TANGENTIAL * launch_speed:
-                return _tangential(impacts, start, lasted, first)
-        x, change, held = _through_impact(impacts, x, _at_landing(impacts, x, change))
-        order = impacts.bounce_order
+                return _tangential(impacts, start, lasted, first, touches)
+        change = _at_landing(impacts, feet[touches], x, change)
+        x, change, held, order, opens = _through_impact(impacts, x, change, touches)
         if held:
             contact = impacts.onto_contact @ x, impacts.onto_contact @ change
             liftoff, derivative = _through_contact(impacts, *contact, grazes=False)
@@ -116,21 +121,33 @@ def hop_derivative(impacts: Impacts, x: np.ndarray, change: np.ndarray) -> HopDe
     raise NoOrbit(f"after {CAP} impacts the machine has not come to rest on the ground")
 
 
-def _at_landing(impacts: Impacts, x: np.ndarray, change: np.ndarray) -> np.ndarray:
-    """The change (n, c) of the state in which the gap closes, from that at a fixed time."""
-    rates, weights = impacts.flight.rates(x, impacts.flight.data(x[None], impacts.p)[0]), np.array(impacts.gap.weights)
-    return change - np.outer(rates, weights @ change) / float(impacts.gap_speed @ x)
+def _at_landing(impacts: Impacts, foot: Foot, x: np.ndarray, change: np.ndarray) -> np.ndarray:
+    """The change (n, c) of the state in which the gap of a foot closes, from that at a fixed time."""
+    rates, weights = impacts.flight.rates(x, impacts.flight.data(x[None], impacts.p)[0]), np.array(foot.gap.weights)
+    return change - np.outer(rates, weights @ change) / float(foot.speed @ x)
 
 
-def _through_impact(impacts: Impacts, x: np.ndarray, change: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
-    """The state after an impact and its change (n, c), and whether contact follows."""
-    (held,), (after,), *_ = impacts.landing(x[None])
-    factor = 1.0 if held else 1.0 + impacts.restitution
-    change = np.stack([impacts.change_after(x, each, factor).full().ravel() for each in change.T], axis=1)
-    return after, change, bool(held)
+def _through_impact(
+    impacts: Impacts, x: np.ndarray, change: np.ndarray, touches: int = 0
+) -> tuple[np.ndarray, np.ndarray, bool, int, int]:
+    """The state after an impact of a foot and its change (n, c), whether contact follows, and else the order of the
+    zero of the gap of the foot that opens, and its number."""
+    found = landed(impacts, x[None], np.array([touches]))
+    if found.ended[0]:
+        raise NoOrbit(STATUSES[str(found.ended[0])])
+    held, foot, left, order = bool(found.held[0]), int(found.foot[0]), float(found.left[0]), int(found.order[0])
+    if labels := impacts.feet[touches].labels:
+        x, change = labels(x, impacts.values), np.array(labels.signs)[:, None] * change
+    moved = np.stack([impacts.change_after(x, each, 1.0 - left).full().ravel() for each in change.T], axis=1)
+    if left > 0:  # a hand-over, whose share may depend on where it happens
+        slope = impacts.share_slope(x).full().ravel() @ change
+        moved += float(impacts.gap_speed @ x) * np.outer(impacts.direction(x[None])[0], slope)
+    if foot and not held:  # a step back
+        moved = np.array(impacts.model.relabelling.signs)[:, None] * moved
+    return found.state[0], moved, held, order, foot
 
 
-def _tangential(impacts: Impacts, start: tuple, lasted: float, landing: tuple) -> HopDerivative:
+def _tangential(impacts: Impacts, start: tuple, lasted: float, landing: tuple, touches: int) -> HopDerivative:
     """The derivative of a hop whose landing is tangential after a flight of about the time `lasted`.
 
     The time of landing has no derivative there, and moves like the cube root s of the change of the gap. But flight
@@ -139,15 +156,18 @@ def _tangential(impacts: Impacts, start: tuple, lasted: float, landing: tuple) -
     s^4 the state is that of the flight, from which multiples of D and of its commutator W with the rates are taken that
     close the gap and stop it: the derivative is this projection onto the contact. It is continuous there.
     """
-    jerk = impacts.gap_rates(landing[0][None])[0, 0]
+    foot = impacts.feet[touches]
+    jerk = foot.rates(landing[0][None], impacts.p)[0, 0]
     data = impacts.flight.data(landing[0][None], impacts.p)[0]
     gap_speed = impacts.gap_speed
     if not jerk < 0:
         raise NoOrbit("the gap closes without a jerk: the landing is tangential to a higher order")
     # The landing that rounding lets happen early or late is led to where the acceleration of the gap vanishes.
-    exact = lasted - float(gap_speed @ impacts.flight.rates(landing[0], data)) / jerk
+    exact = lasted - float(foot.speed @ impacts.flight.rates(landing[0], data)) / jerk
     path, variations = impacts.flight.run(start[0], impacts.p, exact, seeds=start[1])
     x = path.end[: impacts.flight.size]
+    if foot.labels:
+        x, variations = foot.labels(x, impacts.values), np.array(foot.labels.signs)[:, None] * variations
     data = impacts.flight.data(x[None], impacts.p)[0]
     away, commutator = (each.full().ravel() for each in impacts.directions_of_landing(x, data))
     weights = np.array(impacts.gap.weights)
@@ -168,17 +188,33 @@ def _follow(flow: Flow, p, x, change, limit: float, stop) -> tuple[np.ndarray, n
     return path.end[: flow.size], variations, float(path.times[-1])
 
 
-def _one_sided(impacts: Impacts, alpha: float, x, slope: float) -> Message:
-    """The power law that replaces the multiplier where a hop lands tangentially at `x`."""
-    jerk = -impacts.gap_rates(x[None])[0, 0]
+def losses_beside(impacts: Impacts, hop: HopDerivative, slope: float, power: float) -> tuple[float, float] | None:
+    """The coefficients of d**(4/3) in the losses beside a hop that lands tangentially, without and with a bounce, by a
+    number of which the gap has this slope and the energy this one; None where there are none."""
+    x, jerk = hop.landing, -float(hop.foot.rates(hop.landing[None], impacts.p)[0, 0])
     if not jerk > 0 or slope == 0:
+        return None
+    c = loss_coefficient(impacts.model.impact_mass(x.tolist(), impacts.values), jerk, abs(slope), power)
+    if not impacts.model.changes_contact:
+        return float(c), float(10 * c)
+    z, _ = standing(impacts, x[None], np.array([impacts.feet.index(hop.foot)]))
+    rho = float(share_left(impacts, z)[0])
+    # Without a loss, and where it is not known, there is no such law.
+    if not rho < 1:
+        return None
+    late, early = hand_over_factors(max(rho, 0.0))
+    return float(c * late), float(c * early)
+
+
+def _one_sided(impacts: Impacts, alpha: float, hop: HopDerivative) -> Message:
+    """The power law that replaces the multiplier where a hop lands tangentially."""
+    slope = hop.gap_slopes[0]
+    if (found := losses_beside(impacts, hop, slope, impacts.launch_inertia * alpha)) is None:
         return Message("nor a power law")
-    mass = impacts.model.impact_mass(x.tolist(), impacts.values)
     text = "alpha {first} d loses {c:.4g} d**(4/3), alpha {other} d {more:.4g} d**(4/3)"
-    c = loss_coefficient(mass, jerk, abs(slope), impacts.launch_inertia * alpha)
     first, other = ("+", "-") if slope > 0 else ("-", "+")
-    losses = {name: Quantity(loss, DIMENSIONS["loss_coefficient"]) for name, loss in (("c", c), ("more", 10 * c))}
-    return Message(text, first=first, other=other, **losses)
+    c, more = (Quantity(loss, DIMENSIONS["loss_coefficient"]) for loss in found)
+    return Message(text, first=first, other=other, c=c, more=more)
 
 
 def _through_contact(impacts: Impacts, y, change, grazes: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -188,8 +224,13 @@ def _through_contact(impacts: Impacts, y, change, grazes: bool) -> tuple[np.ndar
     y, change, _ = _follow(contact, impacts.p, y, change, impacts.longest_contact(y), end)
     if end.outcome == "stays":
         raise NoOrbit(STATUSES["stays"])
-    if end.outcome != "lifts_off":
+    if end.outcome not in (LIFTS_OFF, STEPS_BACK):
         raise NoOrbit(RESTS)
+    if end.outcome == STEPS_BACK:
+        if (way := impacts.exits[1]).foot:
+            raise NoOrbit("the contact ends with a step back: the map has no next launch speed")
+        y = impacts.onto_contact @ way.opened(model.embed @ y, impacts.values)
+        change = impacts.onto_contact @ (np.array(model.relabelling.signs)[:, None] * (model.embed @ change))
     return y, _at_liftoff(impacts, y, change)
 
 
@@ -235,9 +276,9 @@ def _slope_with_hysteresis(branches: Branches, alpha: float) -> float:
             if abs(speed) < TANGENTIAL * alpha and not (landed and speed):
                 text = "the landing is tangential, at speed {speed:.1e}: no multiplier"
                 raise NoOrbit(Message(text, speed=Quantity(speed, SPEED)))
-            landed, change = True, _at_landing(impacts, x, change)
+            landed, change = True, _at_landing(impacts, impacts.feet[0], x, change)
             impacts = branches.of[int(branches.landed(x[None])[0])]
-            x, change, contact = _through_impact(impacts, x, change)
+            x, change, contact, *_ = _through_impact(impacts, x, change)
             order = impacts.bounce_order
             x, change = (impacts.onto_contact @ each for each in (x, change)) if contact else (x, change)
     raise NoOrbit(f"after {CAP} events the machine has not lifted off again")

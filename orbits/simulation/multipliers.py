@@ -10,13 +10,12 @@ import numpy as np
 from ..errors import NoOrbit, whole_number
 from ..io import Document
 from ..model.machine import Machine, dimensionless, machine_in_words
-from ..periodic.loss_coefficient import loss_coefficient
 from ..result import Axes, Result, Row, shown, stored
 from ..running.exclusive import exclusive
 from ..units import LIFTOFF_SPEED, Message, Quantity, Units, without_units
 from .impacts import FASTEST_LAUNCH, Impacts, injected
 from .launch_section import LaunchSection
-from .multiplier import HopDerivative, hop_derivative
+from .multiplier import HopDerivative, hop_derivative, losses_beside
 
 COMES_BACK = 1e-7  # a launch that comes back within this distance, as a share of it, is periodic
 ON_CIRCLE = 1e-6  # a multiplier whose modulus differs from 1 by less is on the unit circle, as far as is known
@@ -205,15 +204,12 @@ class HopsDerivative:
             return None
         direction = vectors[:, on].real.ravel()
         powers = impacts.energy_gradient(impacts.model.embed @ y) @ impacts.model.embed @ self.section.tangent(y)
-        jerk = -float(impacts.gap_rates(hop.landing[None])[0, 0])
         power = float(powers @ direction)
         slope = float(hop.gap_slopes @ direction) / power if power else 0.0
-        if not (jerk > 0 and slope):
+        if (losses := losses_beside(impacts, hop, slope, 1.0)) is None:
             return None
-        mass = float(impacts.model.impact_mass(hop.landing.tolist(), impacts.values))
-        c = float(loss_coefficient(mass, jerk, abs(slope), 1.0))
         # A landing that is early leads to a bounce, which loses nine times as much again.
-        return EnergyLoss(direction / power, powers, (c, 10 * c) if slope > 0 else (10 * c, c))
+        return EnergyLoss(direction / power, powers, losses if slope > 0 else losses[::-1])
 
 
 class EnergyLoss(NamedTuple):

@@ -173,8 +173,7 @@ def _initial_state(impacts: Impacts, p, alpha, state) -> tuple[np.ndarray, float
             if not lifts_off and force >= 0:
                 return stands, None, None, 0
             way = impacts.exits[opens]
-            leaves = way.labels(stands, impacts.values) if way.labels else stands
-            return leaves, None, LIFTOFF_ORDER if lifts_off else 2, way.foot
+            return way.opened(stands, impacts.values), None, LIFTOFF_ORDER if lifts_off else 2, way.foot
         if not gap > 0:
             text, names = "state = {place}: its gap is {gap:.6g} and must be open", impacts.flight.phase.states
             raise InputError(Message(text, place=described(names, x), gap=Quantity(gap, LENGTH)))
@@ -278,7 +277,7 @@ class _Run:
         found = landed(impacts, x[None], np.array([self.foot]))
         (held,), (after,), (loss,), (wait,) = found.held, found.state, found.loss, found.wait
         (step,), ended, self.impact_count = found.step.tolist(), str(found.ended[0]), self.impact_count + 1
-        if step and not impacts.model.reversor:  # on a slope the next foot stands lower
+        if step and impacts.descends:  # on a slope the next foot stands lower
             label = impacts.model.relabelling
             before = (label.inverse if step > 0 else label)(after, impacts.values)
             loss += self.energy(before) - self.energy(after)
@@ -330,7 +329,7 @@ class _Run:
         before = after = impacts.model.embed @ y
         self.foot, name = (way.foot, impacts.feet[way.foot].name) if way else (0, "")
         if way and way.labels:
-            after, self.stance = way.labels(before, impacts.values), self.stance - 1
+            after, self.stance = way.opened(before, impacts.values), self.stance - 1
             y = impacts.onto_contact @ after
         (speed,), (is_launch,) = impacts.liftoff(y[None])
         is_launch &= self.foot == 0
