@@ -21,7 +21,7 @@ from ..shooting.formulations import Cycles, vectors
 from ..symbolic.caches import cached
 from ..symbolic.kernels import ElementwiseFunction
 from ..units import JERK, LENGTH, TIME, Message, Quantity
-from .loss_coefficient import by_launch_speed, launch_power, loss_coefficient
+from .loss_coefficient import by_launch_speed, hand_over_factors, launch_power, loss_coefficient
 
 # An energy drift beyond this share, and far beyond what rounding explains, shows that the steps have leapt over a
 # feature of a law.
@@ -70,6 +70,8 @@ class Certificate:
         deviation of a row's force; else None
     bounce_side : "above" or "below", the side of alpha on which hops land with a bounce; None where the loss is not
         known to differ from 0
+    bounce_factor : what a hop loses on that side over what it loses on the other, where feet take over from each other
+        at a landing with a speed; None for 10, where none does
     friction_needed : the largest share of the force across the ground in that along it, over the phases in which
         something stands; None where the machine does not state where its masses are across, and where a foot lifts
     friction_error, friction_time : an estimate of its error, and the time in the cycle at which it is needed first
@@ -93,6 +95,7 @@ class Certificate:
     alpha_noise: float | None = None
     alpha_per_noise: float | None = None
     bounce_side: str | None = None
+    bounce_factor: float | None = None
     friction_needed: float | None = None
     friction_error: float | None = None
     friction_time: float | None = None
@@ -124,7 +127,7 @@ def certify(model: Model, cycles: Cycles) -> tuple[Records[Certificate], dict[in
         power = launch_power(gradients.T, direction)
         launch = 0.5 * cycles.u["alpha"] * power
         drift = changes.max(1) / launch
-        loss = _losses(model, cycles, jerk, power)
+        loss, bounce_factor = _losses(model, cycles, jerk, power)
     finite = np.all(np.isfinite([cycles.error, cycles.residual, drift, jerk]), axis=0)
     finite &= np.all([np.isfinite(each) | (each == NONE) for each in (loss, separation, smallest_force)], axis=0)
     leaps = (changes > np.maximum(WORST_DRIFT * launch[:, None], DOUBTFUL_RATIO * floors)).any(1)
@@ -155,20 +158,29 @@ def certify(model: Model, cycles: Cycles) -> tuple[Records[Certificate], dict[in
         "unfolding": cycles.u.get("unfolding", np.full(len(cycles), NONE)),
         "loss_error": losses_off,
         "bounce_side": _SIDES[np.where(known, np.where(cycles.gap_slope > 0, 2, 1), 0)],
+        "bounce_factor": bounce_factor,
     }
     return Records(Certificate, columns), refused
 
 
-def _losses(model: Model, cycles: Cycles, jerk: np.ndarray, power: np.ndarray) -> np.ndarray:
-    """Loss coefficients (m,), `NONE` where the gap opens the wrong way or does not change with the launch speed."""
-    # Where another point takes over at a landing with a speed, it loses another share of the energy.
-    found, defined = np.full(len(cycles), NONE), (jerk > 0) & (cycles.gap_slope != 0) & (not model.changes_contact)
+def _losses(model: Model, cycles: Cycles, jerk: np.ndarray, power: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Loss coefficients (m,), `NONE` where the gap opens the wrong way or does not change with the launch speed; and
+    the `bounce_factor` (m,) of each."""
+    found, factors = np.full((2, len(cycles)), NONE)
+    defined, shares = (jerk > 0) & (cycles.gap_slope != 0), np.zeros(len(cycles))
+    states = _landing_states(model, cycles)
+    if model.changes_contact:
+        # Where the share that is left is not known, or is all, no such law holds.
+        shares[:] = model.share_left(model.relabelling.image(list(states), cycles.p), cycles.p)
+        defined &= shares < 1
     if defined.any():
-        at_landing = [row[defined] for row in _landing_states(model, cycles)]
-        mass = model.impact_mass(at_landing, {name: values[defined] for name, values in cycles.p.items()})
+        mass = model.impact_mass(states[:, defined], {name: values[defined] for name, values in cycles.p.items()})
         loss = loss_coefficient(mass, jerk[defined], np.abs(cycles.gap_slope[defined]), power[defined])
+        if model.changes_contact:
+            late, early = np.transpose([hand_over_factors(max(rho, 0.0)) for rho in shares[defined].tolist()])
+            loss, factors[defined] = loss * late, early / late
         found[defined] = np.where(loss == np.inf, np.nan, loss)  # a number too large is not `NONE`
-    return found
+    return found, factors
 
 
 def _landing_states(model: Model, cycles: Cycles) -> np.ndarray:

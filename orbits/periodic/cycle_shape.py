@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from typing import NotRequired, TypedDict
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..flow.trajectory import Trajectory
 from ..model.model import Knee
@@ -51,10 +52,14 @@ class Shape:
 
     def unrolled(self, states: np.ndarray, landings: np.ndarray) -> np.ndarray:
         """Flight states (..., n) in the labels of before so many landings (...)."""
-        if self.steps is None:
-            return states
-        (_, _, signs, shifts), count = map(np.array, self.steps), landings[..., None]
-        return np.where(signs > 0, states - count * shifts, np.where(count % 2 == 1, shifts - states, states))
+        return states if self.steps is None else relabelled_back(states, landings, *self.steps[2:])
+
+
+def relabelled_back(states: np.ndarray, steps: np.ndarray, signs: ArrayLike, shifts: ArrayLike) -> np.ndarray:
+    """States (..., n) in the labels of before so many relabellings (...), x -> signs x + shifts."""
+    moved, count = np.asarray(shifts), steps[..., None]
+    turned = np.where(count % 2 == 1, moved - states, states)
+    return np.where(np.asarray(signs) > 0, states - count * moved, turned)
 
 
 def mirrored(

@@ -8,6 +8,7 @@ and bounces. Past a fold of a family it is negative, and the bounce is above.
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cache
 
 import casadi as ca
 import numpy as np
@@ -30,6 +31,7 @@ def loss_coefficient(impact_mass: Algebraic, jerk: Algebraic, gap_slope: Algebra
     return impact_mass * jerk**2 / 8 * (6 * gap_slope / jerk) ** (4 / 3) / power
 
 
+@cache
 def hand_over_factors(rho: float) -> tuple[float, float]:
     """What a landing without and with a bounce loses, as multiples of C, where the point that lands takes over and the
     share rho of the gap's speed is left, below 1; 1 and 10 where none is.

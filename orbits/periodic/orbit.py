@@ -34,8 +34,8 @@ from .saved_orbit import (
 )
 
 # The notes of a table on the side of a bounce.
-ATTRACTS = {"below": "   (attracts from above; 10 C below)", "above": "   (attracts from above, with 10 C; C below)"}
-BOUNCES = {"below": "   (10 C below)", "above": "   (10 C above)"}  # where it is not known what attracts
+ATTRACTS = {"below": "   (attracts from above; {} C below)", "above": "   (attracts from above, with {} C; C below)"}
+BOUNCES = {"below": "   ({} C below)", "above": "   ({} C above)"}  # where it is not known what attracts
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -310,7 +310,8 @@ class Orbit(Result, what="orbit", printed_digits=15):
             yield Row("  by the table's noise", {"alpha_per_noise": c.alpha_per_noise}, (text,))
         within = f"   +- {c.loss_error:.1e} (error of the numerics)" if c.loss_error else ""
         sides = ATTRACTS if c.stable_side else BOUNCES
-        after, figures = {"loss_coefficient": within + sides.get(c.bounce_side or "", "")}, vars(c) | vars(self)
+        beside = sides.get(c.bounce_side or "", "").format(f"{c.bounce_factor or 10:.4g}")
+        after, figures = {"loss_coefficient": within + beside}, vars(c) | vars(self)
         for name, quantity in QUANTITIES.items():
             if name == "rises":
                 unit = units.get(name, "")

@@ -15,10 +15,13 @@ import numpy as np
 
 from ..errors import FlowError
 from ..flow.flow import Flow
+from ..flow.trajectory import Trajectory
 from ..flow.zero_crossing import first_zeros
 from ..model.model import CONTACT_FORCE, LANDED_FORCE, Model
 from ..model.phase import Affine
+from ..model.planar import NORMAL_FORCE, TANGENTIAL_FORCE
 from ..model.symmetry import SignedShift
+from ..numerics.polynomial_roots import Crossings
 from ..symbolic.kernels import ElementwiseFunction
 
 # Of two gaps that may close, both are searched up to a time that grows by the factor, from this share of the longest
@@ -107,6 +110,24 @@ def exits_of(model: Model) -> tuple[Exit, ...]:
         return (first,)
     foot = int(model.landing_gap is not None)
     return first, Exit(STEPS_BACK, rows.index(LANDED_FORCE), foot, model.relabelling.inverse)
+
+
+def unheld(model: Model, flown: Trajectory, p: Any) -> list[tuple[float, str]]:
+    """When in a flight the foot that stands would first have to pull, and when it first needs more than the stated
+    friction, each with the kind of the event; [] where nothing stands, or no masses along the ground are stated."""
+    if model.planar is None or not model.planar.stands:
+        return []
+    normal, along = (flown.names.index(name) for name in (NORMAL_FORCE, TANGENTIAL_FORCE))
+    held = [("lifts", {normal: 1.0})]
+    if model.planar.friction:
+        held += [("slides", {normal: model.planar.friction(p), along: sign}) for sign in (1.0, -1.0)]
+    found = dict[str, float]()
+    for kind, weights in held:
+        margin = Affine(tuple(weights.get(i, 0.0) for i in range(len(flown.names)))).series(flown.coefficients)
+        places = [(0, 0.0)] if margin[0, 0] < 0 else Crossings()(margin, flown.steps)[:1]
+        for step, time in places:
+            found[kind] = min(found.get(kind, np.inf), float(flown.times[step] + time))
+    return sorted((time, kind) for kind, time in found.items())
 
 
 def first_to_touch(

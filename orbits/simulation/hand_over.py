@@ -84,7 +84,7 @@ def _taken_over(impacts: Any, z: np.ndarray, step: np.ndarray) -> Landed:
     held = (forces >= 0).all(0) & ((rho == 0) | np.isfinite(wait)) & (ended == "")
     left = np.where(held, 0.0, rho)
     mass = impacts.model.impact_mass(list(z.T), impacts.values)
-    loss = 0.5 * mass * speed**2 * (1 - left**2)
+    loss = np.select([ended == "unstated", ended == "rattles"], [np.nan, 0.0], 0.5 * mass * speed**2 * (1 - left**2))
     state, foot = stuck + (left * speed)[:, None] * direction, np.zeros(len(z), int)
     leaves_back = ~held & (back == 1)
     if leaves_back.any():

@@ -18,6 +18,7 @@ from ..model.model import CONTACT_FORCE, Knee
 from ..model.phase import Affine
 from ..model.state_formula import StateFormula
 from ..numerics.polynomial_roots import lowest
+from ..periodic.cycle_shape import relabelled_back
 from ..result import TABLE_ROWS, Axes, Report, Result, Row, known, shown
 from ..units import ENERGY, FORCE, LENGTH, LIFTOFF_SPEED, TIME, Units, in_units
 from .hysteresis import Branches
@@ -35,15 +36,17 @@ DIMENSIONS_OF_SIMULATIONS = {
 class ContactEvent:
     """The event at the end of a leg.
 
-    kind : "impact", after which the machine flies on; "landing", after which it stays in contact; "lift-off"; or
-        "reversal" of a spring with hysteresis, whose loss is that of the energies between the events
+    kind : "impact", after which the machine flies on; "landing", after which it stays in contact; "lift-off";
+        "reversal" of a spring with hysteresis, whose loss is that of the energies between the events; or "lifts" and
+        "slides", from which on the foot that stands in flight would have to pull, or needs more than the stated
+        friction, and the simulation is of a foot that is held
     time : time since the start; for a landing by infinitely many bounces, the time when they have ended
     before, after : flight states (n,)
     energy : energy before the event, relative to the machine at rest in contact with its spring unloaded; by the mean
         law of a spring with hysteresis
     loss : energy lost in the event, below 0 where an injection adds energy, and less by what gravity adds where a
         machine on a slope counts from the next foot
-    foot : the name of the foot that touches or opens, "" where it has none
+    foot : the name of the foot that touches or opens, "" where it has none; or "standing foot"
     """
 
     kind: str
@@ -270,6 +273,14 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
     def __call__(self, t: ArrayLike) -> np.ndarray:
         """Flight states (..., n) at times (...)."""
         return rows_of_legs(self.legs, self.end, t, self._flight_states, self._second)
+
+    def unrolled(self, t: ArrayLike) -> np.ndarray:
+        """Flight states (..., n) at times (...) in the labels of the first flight: where points of contact take turns,
+        places go on from step to step, while those of a call jump at a landing."""
+        states, units, label = self(t), self.source.units, self.source.model.relabelling
+        stances = np.array([leg.stance for leg in self.legs])[index_of_legs(self.legs, np.asarray(t, dtype=float))]
+        shifts = np.array(label.shifts(self.source.values)) * (units.of_states(self._states) if units else 1.0)
+        return relabelled_back(states, stances, label.signs, shifts)
 
     def _flight_states(self, leg: Leg, since: np.ndarray) -> np.ndarray:
         """Flight states (k, n) at times (k,) since the start of a leg."""

@@ -25,7 +25,7 @@ from ..periodic.orbit import Orbit, start_in_file
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..units import LENGTH, LIFTOFF_SPEED, TIME, Message, Quantity, described, in_own_units
-from .feet import LIFTS_OFF, STEPS_BACK, Exit
+from .feet import LIFTS_OFF, STEPS_BACK, Exit, unheld
 from .hand_over import landed, standing
 from .hysteresis import Branches, FirstOf, first_reversal
 from .impacts import (
@@ -33,6 +33,7 @@ from .impacts import (
     FASTEST_LAUNCH,
     LIFTOFF_ORDER,
     MANY_BOUNCES,
+    STATUSES,
     TURNS,
     ContactEnd,
     Impacts,
@@ -283,6 +284,7 @@ class _Run:
             loss += self.energy(before) - self.energy(after)
         self.add_event("landing" if held else "impact", x, after, float(loss), float(wait), name)
         self.stance, self.foot = self.stance + step, int(found.foot[0])
+        self.reason = STATUSES[ended] if ended else self.reason
         if held:
             return ("undecided" if self.undecided() else None), after, None
         return (ended or ("cap" if self.impact_count >= self.cap else None)), after, int(found.order[0])
@@ -365,6 +367,10 @@ class _Run:
     def add_leg(self, phase: str, path: Trajectory, status: str | None, until: float | None = None) -> str | None:
         """Store a leg, which ends at `until` if not None; returns "done" at the end of the time, else `status`."""
         self.legs.append(Leg(phase, self.now, path, branch=self.branch, stance=self.stance))
+        if phase == "flight":
+            for when, kind in unheld(self.impacts.model, path, self.impacts.values):
+                state = path(when)[: self.impacts.flight.size]
+                self.add_event(kind, state, state, 0.0, when, "standing foot")
         lasted = float(path.times[-1])
         over = until is None and (lasted >= self.time - self.now or self.now + lasted >= self.time)
         self.now = self.time if over else self.now + lasted if until is None else until
