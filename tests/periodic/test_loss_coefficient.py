@@ -4,12 +4,13 @@ import casadi as ca
 import mpmath
 import numpy as np
 import pytest
+from plane import linear, rocker, wheel
 from thirty_digits import exact_alpha, series
 
 from orbits import Mechanism, find, find_all, follow, multipliers, orbit_at, simulate, starts
 from orbits.flow.flow import flow_of
 from orbits.mechanics import Mass, Spring
-from orbits.periodic.loss_coefficient import by_launch_speed, launch_power
+from orbits.periodic.loss_coefficient import by_launch_speed, hand_over_factors, launch_power
 from orbits.shooting.formulations import landing_gap_slope
 from problems import Hopper, Juggler
 
@@ -146,3 +147,37 @@ def test_where_the_launched_mass_moves_down_at_lift_off():
         assert sum(event.kind in ("impact", "landing") for event in run.events) == impacts
         law = -factor * certificate.loss_coefficient * energy * 1e-7 ** (4 / 3)
         assert sum(event.loss for event in run.events) == pytest.approx(law, rel=0.03)
+
+
+class TestHandOverFactors:
+    def test_without_a_share_they_are_one_and_ten(self):
+        assert hand_over_factors(0.0) == pytest.approx((1.0, 10.0), rel=1e-15)
+
+    @pytest.mark.parametrize("rho", [0.3, 0.6, 0.825])
+    def test_series_of_bounces_in_thirty_digits(self, rho):
+        """Bounces of a height with the acceleration -t, with the restitution rho^2, from t = 1 or -1 on."""
+        e, x = mpmath.mpf(rho) ** 2, mpmath.mpf
+        for start, found in zip((1, -1), hand_over_factors(rho), strict=True):
+            t, height_speed, lost = x(start), -x(1) / 2, x(0)
+            for _ in range(200):
+                lost += (1 - e**2) * height_speed**2
+                up = -e * height_speed
+                # 0 = up s - t s^2/2 - s^3/6 for the time s until the next impact
+                s = (-t / 2 + mpmath.sqrt(t**2 / 4 + 2 * up / 3)) * 3
+                t, height_speed = t + s, up - t * s - s**2 / 2
+            assert found == pytest.approx(float(4 * lost), rel=1e-12)
+
+    def test_certificates_have_them(self):
+        rho = float(np.cos(0.6))
+        late, early = hand_over_factors(rho)
+        c = find(wheel(share=1.0, a=0.3)).certificate
+        assert (c.loss_coefficient, c.bounce_factor) == pytest.approx(
+            (14.158298218435913 * late, early / late), rel=1e-9
+        )
+        orbit = find(wheel())
+        assert f"with {early / late:.4g} C; C below" in str(orbit)
+        assert orbit.document()["bounce_factor"] == c.bounce_factor
+        assert find(rocker()).certificate.bounce_side == "below"
+        lossless = find(linear("wheel", 1.0, 0.5)).certificate
+        assert (lossless.loss_coefficient, lossless.bounce_factor, lossless.stable_side) == (None, None, None)
+        assert find(Hopper()).certificate.bounce_factor is None

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from plane import linear, rocker, wheel
 
 from orbits import NoOrbit, ReturnMap, find, multiplier
 from problems import Hopper, Juggler
@@ -40,3 +41,21 @@ def test_the_law_beside_a_tangential_landing_is_told(machine):
     sign = "+" if orbit.certificate.bounce_side == "below" else "-"
     assert f"alpha {sign} d loses {c:.4g} d**(4/3)" in str(error.value)
     assert f"{10 * c:.4g} d**(4/3)" in str(error.value)
+
+
+@pytest.mark.parametrize(("machine", "beside"), [(wheel(), 1e-5), (wheel(), -1e-5), (rocker(), 1e-5)])
+def test_hand_overs_have_their_share_of_the_multiplier(machine, beside):
+    alpha, h = find(machine).alpha + beside, 1e-9
+    x = ReturnMap(machine)(alpha + h * np.array([-2.0, -1.0, 1.0, 2.0])).next
+    assert multiplier(machine, alpha) == pytest.approx((x[0] - 8 * x[1] + 8 * x[2] - x[3]) / (12 * h), rel=2e-5)
+
+
+def test_the_law_beside_a_lossless_step_is_that_of_its_certificate():
+    c = find(wheel()).certificate
+    with pytest.raises(NoOrbit, match="tangential") as error:
+        multiplier(wheel(), find(wheel()).alpha)
+    more = c.loss_coefficient * c.bounce_factor
+    text = f"alpha - d loses {c.loss_coefficient:.4g} d**(4/3), alpha + d {more:.4g} d**(4/3)"
+    assert c.bounce_side == "above" and text in str(error.value)
+    with pytest.raises(NoOrbit, match="nor a power law"):  # hand-overs that lose nothing
+        multiplier(linear("wheel", 1.0, 0.5), find(linear("wheel", 1.0, 0.5)).alpha)
