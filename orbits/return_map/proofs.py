@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from ..consistency.accepted import check_machine
 from ..errors import InputError, NoOrbit, finite_number
 from ..model.machine import Machine
+from ..model.model import refuse_steps
 from ..proof.prove import Decimal, Exact, need_flint
 from ..proof.theorem import Proof
 from ..running.exclusive import exclusive
@@ -106,6 +107,7 @@ def _check_plastic(machine: Machine) -> None:
     """Raise `InputError` for a machine whose map has other impacts, or no map of speeds."""
     need_flint()
     check_machine(machine, "restitution")
+    refuse_steps(machine.model, "a theorem about a return map")
     if machine.restitution != 0:
         raise InputError(f"restitution = {machine.restitution:g}: a theorem is about landings that are plastic")
     if not machine.model.conservative:

@@ -23,6 +23,7 @@ from ..simulation.impacts import Impacts
 SLOWEST_LOSSLESS = 1e-3  # below this, in the units of the machine, no lossless launch is searched
 JUMP = 1e-6  # where the map changes by less than this share between neighbouring numbers, it is continuous there
 ROUNDED = 1e-13  # a smaller change of the launch speed by a hop, as a share of it, may be rounding
+MOST_FAMILIES = 12  # of machines whose points of contact take turns: their launch speeds converge
 FURTHER = 3  # the search for lossless orbits ends after this many families in a row without one in the range
 PER_TURN, MOST_SAMPLES = 8, 2000  # launches in the grid searched for lossless orbits: per half oscillation, and at most
 SETTLED = 1e-5  # a basin, maybe of infinitely many intervals, is complete when a hop adds a smaller share of the range
@@ -116,19 +117,23 @@ def lossless_speeds(impacts: Impacts, low: float, high: float) -> list[float]:
     if not impacts.model.conservative or impacts.descends:
         return []
     of_families = not impacts.model.reduction or impacts.model.reduction.exact
-    orbits = _orbits_of_families(impacts, high) if of_families else _all_orbits(impacts, low, high)
+    orbits = _orbits_of_families(impacts, low, high) if of_families else _all_orbits(impacts, low, high)
     return sorted({orbit.alpha for orbit in orbits if low <= orbit.alpha <= high and orbit.admissible})
 
 
-def _orbits_of_families(impacts: Impacts, high: float) -> Iterator[Orbit]:
-    """The orbit that `find` returns for each family, until several in a row lie beyond `high` or do not exist."""
-    beyond = 0
-    for family in count(1):
+def _orbits_of_families(impacts: Impacts, low: float, high: float) -> Iterator[Orbit]:
+    """The orbit that `find` returns for each family, until several in a row lie beyond `high` or do not exist. Where
+    points of contact take turns, the launch speeds may fall with the family, and they converge: there until several
+    lie beyond `low` or `high`, of so many families at most."""
+    beyond, steps, last = 0, not impacts.model.plain, low
+    for family in range(1, MOST_FAMILIES + 1) if steps else count(1):
         try:
             orbit = find(impacts.machine, family)
         except NoOrbit:
             orbit = None
-        beyond = 0 if orbit and orbit.alpha <= high else beyond + 1
+        falls = steps and orbit is not None and low > orbit.alpha < last
+        beyond = 0 if orbit and orbit.alpha <= high and not falls else beyond + 1
+        last = orbit.alpha if orbit else last
         if beyond > FURTHER:
             return
         if orbit and not beyond:

@@ -47,7 +47,7 @@ def landed(impacts: Any, x: np.ndarray, foot: np.ndarray) -> Landed:
     """The effect of landings at flight states (m, n) in which the gaps of feet (m,) are closed."""
     z, step = standing(impacts, x, foot)
     if impacts.model.changes_contact:
-        return _taken_over(impacts, z, step)
+        return _hand_overs(impacts, z, step)
     held, after, loss, wait = impacts.landing(z)
     order, none = np.full(len(x), impacts.bounce_order), np.zeros(len(x), int)
     left = np.where(held, 0.0, -impacts.restitution)
@@ -69,7 +69,7 @@ def share_left(impacts: Any, z: np.ndarray) -> np.ndarray:
     return np.broadcast_to(impacts.model.share_left(list(z.T), impacts.values), len(z))
 
 
-def _taken_over(impacts: Any, z: np.ndarray, step: np.ndarray) -> Landed:
+def _hand_overs(impacts: Any, z: np.ndarray, step: np.ndarray) -> Landed:
     """The hand-overs at states (m, n), in the labels in which the machine stands, after these numbers of steps."""
     speed, direction = z @ impacts.gap_speed, impacts.direction(z)
     stuck = z - speed[:, None] * direction
