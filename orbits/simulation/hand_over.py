@@ -16,8 +16,8 @@ from .feet import SLOW
 # Hand-overs without a loss, up to rounding: then no contact ever holds.
 LOSSLESS_HAND_OVER = 1e-12
 # Hand-overs to and fro are summed once the accelerations that close the gaps change by less than this share while they
-# last. All of the energy of their speed is lost in any case, and they are shorter than what decides the landing by it.
-SUMMED_HAND_OVERS = 1e-5
+# last. All of the energy of their speed is lost in any case, and the rest of the motion changes by the share's cube.
+SUMMED_HAND_OVERS = 1e-4
 
 
 class Landed(NamedTuple):

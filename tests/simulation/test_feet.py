@@ -54,7 +54,7 @@ def test_events_name_their_feet():
 def test_motions_start_on_either_foot():
     machine = wheel(MU, KAPPA, A)
     lifted = find(machine)(0.0)
-    on_front = lifted + [2 * A, 0.0, 2 * A, 0.0]  # in the labels of the flight before
+    on_front = lifted + np.array([2 * A, 0.0, 2 * A, 0.0])  # in the labels of the flight before
     runs = [simulate(machine, state=state, hops=1) for state in (lifted, on_front)]
     assert [run.legs[0].phase for run in runs] == ["flight", "flight"]
     assert runs[0].events[0].time == pytest.approx(runs[1].events[0].time, abs=1e-4)

@@ -128,7 +128,7 @@ def test_the_sum_of_hand_overs_is_their_limit(monkeypatch):
     summed = ReturnMap(machine)(launches)
     monkeypatch.setattr(hand_over, "SUMMED_HAND_OVERS", 1e-8)
     longer = ReturnMap(machine)(launches)
-    assert summed.loss == pytest.approx(longer.loss, rel=1e-8)
+    assert summed.loss == pytest.approx(longer.loss, rel=1e-11)
     assert (summed.impacts < longer.impacts).all()
 
 
@@ -148,8 +148,8 @@ def test_a_step_back_has_no_next_launch():
     machine = wheel(MU, KAPPA, A)
     hop = ReturnMap(machine)(0.05)
     run = simulate(machine, 0.05, hops=1)
-    assert hop.status == "leaves_elsewhere" and run.events[-1].foot == "front foot"
-    assert np.isnan(run.launches[-1]) and np.isnan(hop.next)
+    assert (hop.status, run.events[-1].foot) == ("leaves_elsewhere", "front foot")
+    assert np.isnan([run.launches[-1], hop.next]).all()
     assert run.legs[-1].stance == sum({"front foot": 1, "rear foot": -1}[event.foot] for event in run.events[:-1])
 
 
@@ -158,8 +158,10 @@ def test_landings_without_a_law_end_the_motion():
     alpha = find(nearly).alpha
     assert ReturnMap(nearly)([alpha, alpha + 1e-4]).status.tolist() == ["lifts_off", "rattles"]
     run = simulate(unstated, 0.35, hops=1)
-    assert run.status == "unstated" and "Mass(across=)" in run.reason and np.isnan(run.events[-1].loss)
-    with pytest.raises(InputError, match="restitution = 0.3: .* both feet of a wheel would be in the air"):
+    assert run.status == "unstated"
+    assert "Mass(across=)" in run.reason
+    assert np.isnan(run.events[-1].loss)
+    with pytest.raises(InputError, match="both feet of a wheel would be in the air"):
         simulate(wheel(MU, KAPPA, A, restitution=0.3), 0.35, hops=1)
     with pytest.raises(InputError, match="take turns, but a schedule"):
         simulate(wheel(MU, KAPPA, A), 0.35, hops=1, schedule=([0.0, 1.0], {"kappa": [0.5]}))
@@ -175,7 +177,8 @@ def test_a_slope_pays_for_the_losses_of_a_walk():
     # The extension at lift-off is that of the launch, so that the energies differ by those of the speeds.
     assert -sum(event.loss for event in run.events) == pytest.approx(gained, abs=1e-14)
     # The difference from what gravity adds in one step is lost.
-    assert run.legs[-1].stance == 1 and 0 < gained < 2 * KAPPA * math.sin(A) * math.sin(1e-6)
+    assert run.legs[-1].stance == 1
+    assert 0 < gained < 2 * KAPPA * math.sin(A) * math.sin(1e-6)
 
 
 @pytest.mark.slow
