@@ -26,7 +26,7 @@ from ..symbolic.kernels import ElementwiseFunction
 
 # Of two gaps that may close, both are searched up to a time that grows by the factor, from this share of the longest
 # flight, or this multiple of the time that the gap takes to close again under its present acceleration.
-FIRST_REACH, REACH_GROWS, AGAIN = 1e-4, 4.0, 4.0
+SOONEST_SHARE, REACH_GROWS, AGAIN = 1e-4, 4.0, 4.0
 # A landing slower than this, relative to the state, loses nothing but rounding.
 SLOW = 1e-8
 LIFTS_OFF, STEPS_BACK = "lifts_off", "steps_back"  # how a contact ends, by the force that vanishes
@@ -138,7 +138,7 @@ def first_to_touch(
     flight = feet[0].flight
     times, which, errors = np.full(len(x), np.nan), np.zeros(len(x), int), dict[int, FlowError]()
     rows, left = np.full((len(x), len(flight.names)), np.nan), np.arange(len(x))
-    reach, rates = FIRST_REACH * limit, flight.field(x, p)[0]
+    reach, rates = SOONEST_SHARE * limit, flight.field(x, p)[0]
     for i, each in enumerate(feet):
         again, closing = (foot == i) & (order == 1), -(rates @ each.speed)
         with np.errstate(divide="ignore", invalid="ignore"):
