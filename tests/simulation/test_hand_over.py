@@ -64,6 +64,14 @@ def test_a_block_rocks_with_housners_period_and_decay():
     assert rates == pytest.approx([math.sqrt(fallen) * left**n for n in range(8)], rel=1e-11)
 
 
+def test_a_flat_block_lands_on_both_edges():
+    run = simulate(block(1.0), state=[0.1, 0.0, 0.3, 0.0], time=6.0)  # its share would be below 0
+    assert [event.kind for event in run.events] == ["landing"]
+    after = run.events[0].after
+    assert after[[2, 3]] == pytest.approx(0.0, abs=1e-15)
+    assert after[:2] == pytest.approx(run.events[0].before[:2] * -1)  # in the other labels, and not touched
+
+
 @pytest.mark.parametrize("share", [1.0, 0.8])
 def test_a_rimless_wheel_downhill_comes_to_its_closed_form(share):
     slope, left = 0.05, 1 - 2 * share * math.sin(A) ** 2
