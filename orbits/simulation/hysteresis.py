@@ -19,6 +19,7 @@ from ..laws.law import from_key
 from ..laws.law_statement import from_formula
 from ..mechanics.elements import Spring
 from ..mechanics.mechanism import Mechanism
+from ..model.model import refuse_steps
 from ..model.phase import Affine
 from ..numerics.polynomial_roots import Crossings
 from .impacts import (
@@ -52,6 +53,7 @@ class Branches:
 
     def __init__(self, machine: Any):
         self.machine, self.model, self.restitution = machine, machine.model, float(machine.restitution)
+        refuse_steps(self.model, "a spring with hysteresis")
         if not hasattr(machine, "stated"):
             raise InputError(f"the {self.model.name} has a spring with hysteresis: state it as a Mechanism")
         stated: Mechanism = replace(machine.stated(), restitution=machine.restitution)

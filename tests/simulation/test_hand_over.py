@@ -15,6 +15,7 @@ from orbits.periodic.loss_coefficient import hand_over_factors
 from orbits.simulation import hand_over
 from orbits.simulation.hand_over import share_left
 from orbits.simulation.impacts import Impacts
+from problems import springs
 
 MU, KAPPA, A = 1.0, 0.5, 0.3
 
@@ -171,6 +172,8 @@ def test_landings_without_a_law_end_the_motion():
     assert np.isnan(run.events[-1].loss)
     with pytest.raises(InputError, match="both feet of a wheel would be in the air"):
         simulate(wheel(MU, KAPPA, A, restitution=0.3), 0.35, hops=1)
+    with pytest.raises(InputError, match="take turns, but a spring with hysteresis"):
+        simulate(wheel(MU, KAPPA, A, law=springs.lossy("r", loss_factor=0.01)), 0.35, hops=1)
     with pytest.raises(InputError, match="take turns, but a schedule"):
         simulate(wheel(MU, KAPPA, A), 0.35, hops=1, schedule=([0.0, 1.0], {"kappa": [0.5]}))
 
