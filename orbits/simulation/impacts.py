@@ -175,8 +175,8 @@ class Impacts:
         in which the gaps of feet (m,) have zeros of these orders (m,)."""
         if len(self.feet) > 1:
             return first_to_touch(self.feet, x, self.p, self.longest_flight(x), order, foot)
-        same = order[0] if len(order) and (order == order[0]).all() else order
-        return *self.landings(x, same), foot
+        # All that leave at once, where one point lands and opens again, do so with the same order.
+        return *self.landings(x, order[0] if self.model.plain and len(order) else order), foot
 
     def landing(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """The effect of impacts at flight states (m, n) with closed gap: whether (m,) sustained contact follows,

@@ -256,9 +256,10 @@ class _Run:
             return "no_launch", x, order
         while not closed:
             left, feet = min(self.time, last, until) - self.now, self.impacts.feet
-            touches = FirstOf(*(first_zero(each.gap, order * (i == self.foot)) for i, each in enumerate(feet)))
+            tests = [first_zero(each.gap, order * (i == self.foot)) for i, each in enumerate(feet)]
+            touches = FirstOf(*tests)
             try:
-                path, _ = self.impacts.flight.run(x, self.impacts.p, left, stop=touches)
+                path, _ = self.impacts.flight.run(x, self.impacts.p, left, stop=touches if tests[1:] else tests[0])
             except FlowError as error:
                 self.reason = error.args[0]
                 return status_of_failure(error, "flight"), x, order
