@@ -18,9 +18,10 @@ from ..errors import InputError
 from ..laws.law import Algebraic, Parameters, Scalars, from_key
 from ..model.phase import Affine, weighted_sum
 from ..model.symmetry import SignedShift
+from ..symbolic.formula import symbolic_numerals
 from .coefficients import Coefficients
 from .coordinates import Coordinates
-from .elements import Scalar, Spring
+from .elements import Potential, Scalar, Spring
 from .inertia import Inertia
 from .lagrange import Mechanics, forces_of
 from .structure import Structure
@@ -107,8 +108,8 @@ def refuse_uneven(m: Mechanics, p: Parameters) -> None:
             farthest = 1 + 2 * np.abs(ends[np.isfinite(ends)]).max(initial=0.0)
             ends = np.clip(ends, -farthest, farthest)
             r = ends[:-1, None] + np.diff(ends)[:, None] * COMPARED
-            off = np.abs(own(r) + own(-r)).max() / np.abs(own(r)).max() if np.allclose(ends, -ends[::-1]) else 1.0
-            if off > ODD_TO:
+            even = np.abs(ends + ends[::-1]).max() <= ODD_TO * farthest
+            if not (even and np.abs(own(r) + own(-r)).max() <= ODD_TO * np.abs(own(r)).max()):
                 raise InputError(
                     f"spring '{own.text}' is not odd, and its extension changes its sign on a step: {REMEDY}"
                 )
@@ -201,7 +202,10 @@ def _needs_odd(m: Mechanics, by: SignedShift, where: str) -> bool:
 
     def force(term: Term, like: Callable) -> ca.SX:
         """The force of a term at rest; a law in pieces is like another one."""
-        own = like(c.scalar(term.place)) if _in_pieces(m, term) else term.force(ca.vertsplit(c.y), still, c.p, [])
+        if isinstance(term.element, Potential):
+            return term.gradient * ca.dot(term.gradient, c.gradient(term.element.energy))
+        with symbolic_numerals(c.numerals.symbols, folded=True):  # decimals are not rounded, as in the maps
+            own = like(c.scalar(term.place)) if _in_pieces(m, term) else term.force(ca.vertsplit(c.y), still, c.p, [])
         return term.gradient * own
 
     still, symbols = [0.0] * c.size, c.symbols(place)

@@ -193,3 +193,21 @@ def test_springs_that_take_each_others_places_are_alike():
     assert all(each.holds for each in algebraic_relations(legs(pair).model, legs(pair).values))
     with pytest.raises(InputError, match=r"for the spring 'r \+ r\*\*3' along 'theta - angle \+ 0\.5'"):
         _ = legs(["r + r**3", "r"]).model
+
+
+@pytest.mark.parametrize("law", ["r", "r + r**3"])
+def test_decimals_in_maps_and_forces_are_exact(law):
+    """An inner angle that is counted from 0.1 beside its rest, and gravity about an angle that is a decimal."""
+    shifted = walker(
+        Spring("phi - theta - 0.1", law), Potential("weight*cos(theta - 0.3)"),
+        reversor={"theta": "0.6 - theta", "phi": "0.6 + 0.2 - phi"}, symmetry={"theta": "theta - 0.6", "phi": "phi - 0.6"},
+        gaps={"rear foot": "theta"}, parameters={"weight": 0.5},
+    )  # fmt: skip
+    usual = walker(Spring("phi - theta", law), Potential("weight*cos(theta - angle)"))
+    assert find(shifted).alpha == pytest.approx(find(usual).alpha, rel=1e-13)
+
+
+def test_breakpoints_of_a_law_in_pieces_are_odd_to_rounding():
+    rows = [-2.0, -1.0 - 1e-6, 0.0, 1.0, 2.0], [-3.0, -1.2, 0.0, 1.2, 3.0]
+    with pytest.raises(InputError, match="is not odd"):
+        _ = stepping("wheel", 0.8, 0.4, 0.3, springs.table(rows, noise=0)).model
