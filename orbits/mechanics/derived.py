@@ -69,9 +69,10 @@ def derived_model(structure: Structure) -> Model:
         planar=parts.reactions.planar if parts.reactions else None,
     )
     if steps and launch and model.search:
-        # Families are counted by turns or, where mid-flight turns all places over, by zeros of the extension.
-        usual, one_way = launch.relative.search, len({*steps.reversor.signs}) == 1 and steps.reversible
-        model = replace(model, search=(lambda p: search_of_steps(model, usual(p), p)) if one_way else None)
+        # Families are counted by turns where mid-flight turns no place over, and by zeros of the extension where it
+        # turns all of them.
+        usual, counted = launch.relative.search, len({*steps.reversor.signs}) == 1 and steps.reversible
+        model = replace(model, search=(lambda p: search_of_steps(model, usual(p), p)) if counted else None)
     return as_derived(model)
 
 

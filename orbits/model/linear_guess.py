@@ -9,6 +9,7 @@ where the extension changes it.
 
 from collections.abc import Mapping
 from contextlib import suppress
+from math import inf
 
 import casadi as ca
 import numpy as np
@@ -44,10 +45,12 @@ def linear_guess(model: Model, family: int, p: Mapping[str, float]) -> dict[str,
         (a, b), (c, d) = apart(times)
         changes = np.flatnonzero(np.diff(a * d - b * c > 0))
         if not len(changes):
-            raise NoOrbit(f"with straight lines in place of its forces a {model.name} has no orbit of family {family}")
+            raise NoOrbit(f"with straight lines in place of its forces no orbit of family {family} is found")
         low, high = times[changes[0] : changes[0] + 2]
     rest, change = (each[:, 0] for each in apart(np.array([0.5 * (low + high)])))
     alpha = -float(rest @ change / (change @ change))
+    if not 0 < alpha < inf:
+        raise NoOrbit(f"with straight lines in place of its forces family {family} has the launch speed {alpha:.3g}")
     return {"liftoff": liftoff, "alpha": alpha, "duration": 0.5 * float(low + high)}
 
 

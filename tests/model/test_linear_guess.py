@@ -48,3 +48,9 @@ def test_no_mode_swings():
     machine = stepping("wheel", 1.0, 0.5, 0.3, "r**3 - 3*r")
     with pytest.raises(NoOrbit, match="no mode of a wheel swings in flight"):
         linear_guess(machine.model, 1, machine.values)
+
+
+def test_a_launch_speed_below_0_is_no_guess():
+    """With opposite signs of all places the launch would press the contact."""
+    with pytest.raises(NoOrbit, match="family 1 has the launch speed -"):
+        find(stepping("wheel", 1.0, 0.5, -0.3))
