@@ -29,10 +29,11 @@ FASTEST_STEP = 5.0
 
 
 def linear_guess(model: Model, family: int, p: Mapping[str, float]) -> dict[str, float]:
-    """The launch and the "duration" of the half flight with straight lines in place of the forces; raises `NoOrbit`
-    where these have no orbit of the family."""
+    """The launch and the "duration" of the half flight with straight lines in place of the forces, with the lift-off
+    of the forces themselves; raises `NoOrbit` where no orbit of the family is found with these."""
     modes, back, liftoff = _tangent_modes(model, p), model.reversal, float(model.release(np.ones(1), p)[0])
-    first, other = (np.array(model.launch({"liftoff": liftoff, "alpha": alpha}, p), float) for alpha in (0.0, 1.0))
+    lifting = _tangent_liftoff(model, modes, p)
+    first, other = (np.array(model.launch({"liftoff": lifting, "alpha": alpha}, p), float) for alpha in (0.0, 1.0))
 
     def apart(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         rest, moved = (np.array(back.fixed(list(modes.state(start, times)), p)) for start in (first, other))
@@ -59,6 +60,17 @@ def search_of_steps(model: Model, search: Search, p: Mapping[str, float]) -> Sea
     with suppress(NoOrbit):
         return search._replace(fastest=FASTEST_STEP * linear_guess(model, 1, p)["alpha"] / search.scale)
     return search._replace(fastest=FASTEST_IN_DETAIL)
+
+
+def _tangent_liftoff(model: Model, modes: Modes, p: Mapping[str, float]) -> float:
+    """The extension at which the gap opens without an acceleration in the motion by the modes. At that of the machine
+    itself it would have one there, which modes that are pushed away let grow."""
+    weights = np.array(model.gap(p).weights, dtype=float)[::2]
+    places = (np.array(model.launch({"liftoff": at, "alpha": 0.0}, p), dtype=float)[::2] for at in (0.0, 1.0))
+    none, one = (float(weights @ modes.shapes @ (modes.loads - modes.squares * (modes.apart @ y))) for y in places)
+    if none == one:
+        raise NoOrbit(f"with straight lines in place of its forces a {model.name} never lifts off")
+    return none / (none - one)
 
 
 def _tangent_modes(model: Model, p: Mapping[str, float]) -> Modes:

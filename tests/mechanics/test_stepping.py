@@ -200,8 +200,8 @@ def test_decimals_in_maps_and_forces_are_exact(law):
     """An inner angle that is counted from 0.1 beside its rest, and gravity about an angle that is a decimal."""
     shifted = walker(
         Spring("phi - theta - 0.1", law), Potential("weight*cos(theta - 0.3)"),
-        reversor={"theta": "0.6 - theta", "phi": "0.6 + 0.2 - phi"}, symmetry={"theta": "theta - 0.6", "phi": "phi - 0.6"},
-        gaps={"rear foot": "theta"}, parameters={"weight": 0.5},
+        reversor={"theta": "0.6 - theta", "phi": "0.6 + 0.2 - phi"}, gaps={"rear foot": "theta"},
+        symmetry={"theta": "theta - 0.6", "phi": "phi - 0.6"}, parameters={"weight": 0.5},
     )  # fmt: skip
     usual = walker(Spring("phi - theta", law), Potential("weight*cos(theta - angle)"))
     assert find(shifted).alpha == pytest.approx(find(usual).alpha, rel=1e-13)

@@ -54,3 +54,13 @@ def test_a_launch_speed_below_0_is_no_guess():
     """With opposite signs of all places the launch would press the contact."""
     with pytest.raises(NoOrbit, match="family 1 has the launch speed -"):
         find(stepping("wheel", 1.0, 0.5, -0.3))
+
+
+def test_gravity_that_is_no_straight_line_has_the_guess_of_a_launch_without_an_acceleration():
+    """Of a light wheel with a heavy inner body, whose search misses the narrow families 3 and 4."""
+    machine = stepping("wheel", 120.0, 0.3924, math.pi / 8)
+    for family in (1, 2, 3, 4):
+        half, speed, _ = closed_form("wheel", 120.0, 0.3924, family)
+        guessed = linear_guess(machine.model, family, machine.values)
+        assert (guessed["alpha"], guessed["duration"]) == pytest.approx((speed * math.pi / 8, half), rel=1e-9)
+        assert find(machine, family=family).alpha == pytest.approx(speed * math.pi / 8, rel=0.03)
