@@ -46,6 +46,7 @@ BLOCK_WORDS = {
     "gap": "the lifted edge touches the ground",
     "pull": "the edge that lifts off next would have to pull",
     "landed pull": "the edge that has landed would have to pull",
+    "separation": "the block falls on its side",
 }
 END = {"liftoff": "the torque of gravity", "end": "contact: it never lifts off again"}
 # The height of a hub or an end above its support and its place across; that of a block's centre; potential energies of
@@ -162,15 +163,19 @@ def rocking_block(
         _refuse_below(own["inertia"], "an edge", least, "mass * (half_width**2 + half_height**2)")
         own["surface_gravity"], gravity = surface_gravity, "surface_gravity"
         forces: list[Element] = [Mass(CENTRE_HEIGHT, "mass", across=CENTRE_ACROSS)]
-        heights: dict[str, str] | None = {"centre": CENTRE_HEIGHT, "lifted edge": "2*half_width*sin(theta)"}
+        top: str | None = "2*half_height*cos(theta)"
+        heights: dict[str, str] = {"centre": CENTRE_HEIGHT, "lifted edge": "2*half_width*sin(theta)"}
         turned = "inertia - mass*(half_width**2 + half_height**2)"
     else:
-        own, heights = _ratios(inertia_ratio, gravity_ratio, angle, share=share), None
+        own, heights = _ratios(inertia_ratio, gravity_ratio, angle, share=share), {"phi": "phi", "theta": "theta"}
         forces, turned = _shared(own, TIPPED_NEARLY), SHARED_INERTIA
         gravity = SHARED_GRAVITY + ("/cos(angle)" if "angle" in own else "")  # the gravity ratio is by h = cos(angle)
+        top = "2*cos(angle)*cos(theta)" if "angle" in own else None
+    # Tilted by a right angle, the block lies on its side: then the corner above the edge on which it stands is down.
+    heights |= {} if top is None else {"upper corner": top}
     return _stepping(
         "rocking block", forces, turned, gravity, own, spring, parameters, friction, symmetry=MIRRORED, gap="theta",
-        heights=heights, words=END | BLOCK_WORDS | _unjudged(own, share), drawing=_block_drawn(own),
+        heights=heights, words=END | BLOCK_WORDS | _unjudged(own, share), drawing=_block_drawn(own), separation=top,
     )  # fmt: skip
 
 

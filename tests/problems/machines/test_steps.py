@@ -159,3 +159,15 @@ def test_no_wheel_is_lighter_than_its_mass():
         rimless_wheel(inertia=0.5, gravity_ratio=1.0, **numbers)
     with pytest.raises(InputError, match=r"inertia = 0\.1 about an edge is below 0\.2"):
         rocking_block(2.0, 0.1, 0.3, 0.1, 1.0, 1.0)
+
+
+def test_a_block_that_falls_on_its_side_is_no_motion():
+    """Family 1 of a block with tan(a) = b/h: at a = 1.1 it tilts by less than a right angle, at 1.2 by more."""
+    near, over = (find(rocking_block(angle=angle)) for angle in (1.1, 1.2))
+    assert near.rises["theta"] < math.pi / 2 < over.rises["theta"]
+    assert near.admissible
+    lowest = 2 * math.cos(1.2) * math.cos(over.rises["theta"])
+    assert over.certificate.smallest_separation == pytest.approx(lowest, rel=1e-9)
+    assert str(over.violations[0]).startswith("the block falls on its side at t = 3.3")
+    wide = rocking_block(2.0, 0.3 * math.tan(1.2), 0.3, 2.0, 2.0, 2.0 * 9.81 * 0.3 / 0.5)
+    assert find(wide).violations[0].startswith("the block falls on its side")
