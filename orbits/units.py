@@ -92,10 +92,12 @@ class Units:
     own: tuple[tuple[str, Dimension], ...] = ()
 
     def resolved(self, dimension: Dimension | str) -> Dimension:
-        """The powers of lengths, times, forces, energies and angles of a dimension, or of the state or unknown of this
-        name."""
+        """The powers of lengths, times, forces, energies and angles of a dimension, or of the state, unknown or result
+        of a gap of this name."""
         if isinstance(dimension, str) and dimension in (own := dict(self.own)):
             dimension = own[dimension]
+        if isinstance(dimension, str) and dimension in OF_ANGULAR_GAPS and dimension not in self.angles:
+            dimension = (OF_ANGULAR_GAPS if "gap" in self.angles else DIMENSIONS)[dimension]
         if isinstance(dimension, str):
             angle = ANGULAR_SPEED if dimension.endswith("'") else ANGLE
             known = dimension not in UNKNOWNS and dimension.removesuffix("'") in self.angles
@@ -219,8 +221,8 @@ def saved_units(data: Mapping[str, object]) -> Units:
 
 
 class Quantity(NamedTuple):
-    """A number in a message, with its dimension or the name of the state that it is; `unit` follows it once it is in
-    SI."""
+    """A number in a message, with its dimension or the name of the state or result of a gap that it is; `unit` follows
+    it once it is in SI."""
 
     value: float
     dimension: Dimension | str

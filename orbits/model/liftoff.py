@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError, NoOrbit
 from ..laws.law import WRONG_SIGN, Key, Law, values_and_slopes
-from ..units import EXTENSION, FORCE, Message, Quantity
+from ..units import EXTENSION, Message, Quantity
 
 # Below this slope, rounding cannot distinguish a force that passes the level of lift-off from one that only touches it.
 FLATTEST_LIFTOFF = 1e-14
@@ -59,7 +59,7 @@ class Liftoff:
         if not len(beyond):
             unit, zero, _ = self.scale(law.parameters)
             extreme = "largest tension" if rises == (unit > 0) else "least force"
-            force = Quantity(float(unit * ((forces.max() if rises else forces.min()) - zero)), FORCE)
+            force = Quantity(float(unit * ((forces.max() if rises else forces.min()) - zero)), "smallest_contact_force")
             bounds = {"low": Quantity(low, EXTENSION), "high": Quantity(high, EXTENSION)}
             within = Message(" within [{low:g}, {high:g}]", **bounds) if np.isfinite([low, high]).any() else ""
             text = self.named + " never reaches {level} ({extreme} {force:.4g}{within}): {why}"

@@ -20,7 +20,7 @@ from ..shooting.error_bound import DOUBTFUL_RATIO, EPS, NARROW
 from ..shooting.formulations import Cycles, vectors
 from ..symbolic.caches import cached
 from ..symbolic.kernels import ElementwiseFunction
-from ..units import JERK, LENGTH, TIME, Message, Quantity
+from ..units import LENGTH, TIME, Message, Quantity
 from .loss_coefficient import by_launch_speed, hand_over_factors, launch_power, loss_coefficient
 
 # An energy drift beyond this share, and far beyond what rounding explains, shows that the steps have leapt over a
@@ -379,15 +379,15 @@ def _gaps(model: Model, cycles: Cycles, curves: Mapping[str, _Curve]) -> tuple[n
     violations = list[Violation]()
     for i in (jerk <= 0).nonzero()[0].tolist():
         text = "the gap opens the wrong way at landing (landing jerk {jerk:.3g}, must be negative)"
-        violations.append((i, Message(text, jerk=Quantity(-jerk[i], JERK))))
+        violations.append((i, Message(text, jerk=Quantity(-jerk[i], "landing_jerk"))))
     text = "{meets} at t = {time:.6g} of the flight (height {height:.3g})"
     for i in (clearance <= 0).nonzero()[0].tolist():
-        time, height = Quantity(when[i], TIME), Quantity(clearance[i], LENGTH)
+        time, height = Quantity(when[i], TIME), Quantity(clearance[i], "clearance")
         violations.append((i, Message(text, meets=model.violations["gap"], time=time, height=height)))
     if landing := curves.get("landing gap"):  # which is open at the start, and is as wide as the gap in mid-flight
         lowest, when = landing.lowest()
         for i in (lowest <= 0).nonzero()[0].tolist():
-            time, height = Quantity(when[i], TIME), Quantity(lowest[i], LENGTH)
+            time, height = Quantity(when[i], TIME), Quantity(lowest[i], "clearance")
             violations.append((i, Message(text, meets=model.violations["landing gap"], time=time, height=height)))
         clearance = np.minimum(clearance, landing.lowest(np.zeros(0, int))[0])
     return jerk, clearance, violations

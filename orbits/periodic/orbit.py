@@ -260,7 +260,9 @@ class Orbit(Result, what="orbit", printed_digits=15):
         """The units of the quantities, states and parameters by name; empty for a dimensionless machine."""
         if self.scales is None:
             return {}
-        known = {name: self.scales.text(name) for name in self._states} | {"time": "s", "contact force": "N"}
+        known = {name: self.scales.text(name) for name in self._states} | {
+            "time": "s", "contact force": self.scales.text("largest_contact_force")
+        }  # fmt: skip
         known |= units_of_springs(self.source) if self.source else {}
         return {**self.scales.texts(), **known, "rises": "m", **self.machine.get("units", {})}
 

@@ -171,3 +171,12 @@ def test_a_block_that_falls_on_its_side_is_no_motion():
     assert str(over.violations[0]).startswith("the block falls on its side at t = 3.3")
     wide = rocking_block(2.0, 0.3 * math.tan(1.2), 0.3, 2.0, 2.0, 2.0 * 9.81 * 0.3 / 0.5)
     assert find(wide).violations[0].startswith("the block falls on its side")
+
+
+def test_messages_and_rows_in_si_are_of_angles_and_torques():
+    orbit = find(rimless_wheel(2.0, 0.4, 8, 0.5, 6.0, 1.0), 2)
+    assert "the front foot touches in flight at t = 3.64" in orbit.violations[0]
+    assert orbit.violations[0].endswith("of the flight (height -4.41 rad)")
+    assert orbit.units["contact force"] == "N m"
+    with pytest.raises(NoOrbit, match=r"never reaches 0 \(least force 1.016 N m\)"):
+        find(rimless_wheel(2.0, 0.4, 8, 0.5, 0.6, 20.0, spring="stiffness*r - 300*r**3"))
