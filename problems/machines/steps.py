@@ -212,6 +212,8 @@ def shuttle(
         heights: dict[str, str] | None = {"end": HUB}
         turned, gravity = "inertia", "surface_gravity"
     else:
+        if mass or length:
+            raise InputError("mass and length belong to a shuttle in SI, with its inertia; else state gravity_ratio")
         own, heights = _ratios(inertia_ratio, gravity_ratio, angle, least=0.0), None
         turned, gravity = "1/inertia_ratio", "1"
         force = Potential(BALANCED if angle is not None else BALANCED_NEARLY)

@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import minimize_scalar
 
 from orbits import Orbit, find, follow
+from problems import rimless_wheel
 
 
 def by_formula(orbit, kind, mu, kappa, a, share, law=lambda r: r):
@@ -103,3 +104,10 @@ def test_files_have_the_friction_and_files_without_it_are_read(tmp_path):
     for name in ("friction_needed", "friction_error", "friction_time", "smallest_stance_force"):
         document.pop(name)
     assert Orbit.of_saved(document).certificate.friction_needed is None
+
+
+def test_friction_that_is_largest_at_the_start_has_an_error():
+    """A wheel that stands with its feet far apart needs most friction at lift-off."""
+    wide = find(rimless_wheel(angle=1.5).with_values(angle=1.9))
+    assert wide.certificate.friction_time == 0.0
+    assert 0 < wide.certificate.friction_error < 1e-12

@@ -141,6 +141,7 @@ def test_families_are_followed():
         (rimless_wheel, {"spokes": 2}, "a wheel has a whole number of them, from 3"),
         (rimless_wheel, {"spokes": 6.5}, "a wheel has a whole number of them, from 3"),
         (rimless_wheel, {"slope": 0.1}, "belongs to a wheel in SI"),
+        (shuttle, {"mass": 3.0}, "mass and length belong to a shuttle in SI"),
         (shuttle, {"inertia": 1.0, "body_inertia": 1.0, "stiffness": 1.0, "angle": 2.0}, "angle = 2; it lies above 0"),
         (rimless_wheel, {"spring": "r + b*r**3"}, "uses 'b' without a value"),
         (rimless_wheel, {"parameters": {"angle": 0.3}, "angle": 0.2}, "'angle' is an argument of its own"),
