@@ -28,7 +28,7 @@ from .loss_coefficient import by_launch_speed
 # Shares double their digits from round to round.
 MOST_SHARES = 40
 SAME_SHARE = 4 * EPS
-# Of its motion: at a start the derivatives are those shortly after, since no integration takes no time.
+# At the start of a motion the derivatives are those after this share of it: an integration takes some time.
 SHORTEST_PART = 1e-6
 # Rounding of the share, in units of the last place of the largest states.
 SHARE_ROUNDING = 16
