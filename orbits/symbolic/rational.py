@@ -8,8 +8,8 @@ which are divided out of the numerator wherever that leaves no remainder.
 Every step is an identity between functions: what is found equal is equal, wherever both are defined. The converse holds
 for rational functions, and for those with roots and sines by the two rules that are used, sqrt(a)^2 = a and
 cos(a)^2 = 1 - sin(a)^2; any other function is related to nothing but itself, and if it is odd or even to its value at
-the negative argument. An operation whose result would have more
-than `MOST_TERMS` terms is a generator too: what depends on it is never found to be constant unless it drops out.
+the negative argument. An operation whose result would have more than `MOST_TERMS` terms is a generator too: what
+depends on it is never found to be constant unless it drops out.
 """
 
 from collections.abc import Callable, Collection, Iterable, Mapping
