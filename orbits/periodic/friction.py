@@ -29,7 +29,7 @@ from .loss_coefficient import by_launch_speed
 MOST_SHARES = 40
 SAME_SHARE = 4 * EPS
 # At the start of a motion the derivatives are those after this share of it: an integration takes some time.
-SHORTEST_PART = 1e-6
+NEAR_START = 1e-6
 # Rounding of the share, in units of the last place of the largest states.
 SHARE_ROUNDING = 16
 
@@ -138,7 +138,7 @@ def _share_errors(
         seeds = columns([*moved, cycles.u["alpha"]])[:, :-1, None]
         which, step, flow = part.which[mine], part.steps_at(place[part.which])[mine], flow_of(part.phase, names)
         rows, times = part.motions.coefficients[:, : flow.size], place[which]
-        ends = np.maximum(times, SHORTEST_PART * part.motions.ends[mine])
+        ends = np.maximum(times, NEAR_START * part.motions.ends[mine])
         still = np.zeros((len(which), len(names), 1))
         _, changes = flow.run_all(rows[part.motions.first[mine], :, 0], ps[which], ends, seeds[which], still)
         states = evaluate(rows[step], (times - part.motions.starts[step])[:, None])
