@@ -13,7 +13,7 @@ import pytest
 from conftest import leave
 from legibility import faults, smallest_text
 from matplotlib.figure import Figure
-from scipy.integrate import solve_ivp
+from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
 from orbits import find
@@ -47,6 +47,7 @@ from studies import (
     plate,
     proved_steps,
     robot_leg,
+    rocker,
     series,
     spring_families,
     start_up,
@@ -55,6 +56,7 @@ from studies import (
     theorems,
     tolerances,
     tutorial,
+    walker,
 )
 from studies.oracle import by_another_integrator
 
@@ -63,8 +65,8 @@ STUDIES = {
     study.__name__.rpartition(".")[2]: study
     for study in (
         *(asteroid, attraction, bifurcations, chain, chain_hand, damped_hopper, design, existence, figure_8),
-        *(gravity_families, inerter, knee, plate, robot_leg, series, spring_families, start_up, theorems, tolerances),
-        tutorial,
+        *(gravity_families, inerter, knee, plate, robot_leg, rocker, series, spring_families, start_up, theorems),
+        *(tolerances, tutorial, walker),
     )
 }
 WIDTH, SMALLEST = 900, 9  # pixels: of the figures in the README, and of their type
@@ -557,3 +559,69 @@ def test_series(tmp_path, capsys):
     assert numbers["largest vibration"] < 1.0
     assert (tmp_path / "series.png").stat().st_size > 10_000
     assert "the ground would have to pull" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_walker(tmp_path):
+    """Beside the lossless walk the law of losses, the first split of the launches and the range that goes on."""
+    numbers = walker.main(tmp_path, quick=True)
+    assert walker.speed(np.pi / 8, numbers["orbits"][1].period) == pytest.approx(0.4377, abs=5e-5)
+    assert numbers["off the law"] < 0.06
+    assert numbers["splits"] == pytest.approx(1.8e-6, rel=0.01)
+    assert 4e-5 < numbers["goes on"] < 1.5e-4  # the basin is narrow
+    assert [numbers[f"slope {slope:g}"] for slope in walker.SLOPES] == [4, 4, 0]
+    for name in ("walker.png", "walker_injection.png", "walker.gif"):
+        assert (tmp_path / name).stat().st_size > 10_000
+
+
+def test_walker_is_the_wheel_of_other_integrators():
+    k, inertia = walker.MASS * walker.GRAVITY * walker.LENGTH / 0.5, walker.INERTIA
+    sine = walker.wheel().with_values(stiffness=k, angle=0.3)
+    assert find(sine).alpha * np.sqrt(inertia / k) == pytest.approx(0.349144090286584708, rel=1e-12)
+    many = find(walker.wheel(2000).with_values(stiffness=k))  # small angles
+    assert many.flight_time * np.sqrt(k / inertia) == pytest.approx(2 * 2.121296681535578, rel=1e-5)
+
+
+@pytest.mark.parametrize("family", walker.FAMILIES)
+def test_walker_needs_the_friction_of_its_acceleration(family):
+    orbit, p = find(walker.wheel(), family), walker.wheel().values
+    columns = [orbit.flight.names.index(name) for name in ("phi", "theta", "theta'")]
+    phi, theta, rate = orbit(np.linspace(0, orbit.flight_time, 4001))[:, columns].T
+    z, weight = theta - p["angle"], p["mass"] * p["surface_gravity"]
+    turned = (weight * p["length"] * np.sin(z) + p["stiffness"] * (phi - theta)) / p["inertia"]
+    along = p["mass"] * p["length"] * (np.cos(z) * turned - np.sin(z) * rate**2)
+    across = weight - p["mass"] * p["length"] * (np.sin(z) * turned + np.cos(z) * rate**2)
+    assert orbit.certificate.friction_needed == pytest.approx(np.abs(along / across).max(), rel=1e-6)
+
+
+def test_walker_without_the_spring_loses_by_housners_ratio():
+    angle, rate = np.pi / 8, 2.5
+    c = walker.MASS * walker.GRAVITY * walker.LENGTH / walker.INERTIA
+    lasts, _ = quad(lambda x: (rate**2 + 2 * c * (np.cos(angle) - np.cos(x))) ** -0.5, -angle, angle, epsabs=1e-13)
+    left = (walker.INERTIA - walker.MASS * walker.LENGTH**2 * (1 - np.cos(2 * angle))) / walker.INERTIA
+    lost = walker.INERTIA * rate**2 / 2 * (1 - left**2)
+    distance = 2 * walker.LENGTH * np.sin(angle)
+    cost = walker.cost_without_spring(distance / lasts, 8)
+    assert cost == pytest.approx(lost / (walker.MASS * walker.GRAVITY * distance), rel=1e-10)
+
+
+@pytest.mark.slow
+def test_rocker(tmp_path):
+    numbers = rocker.main(tmp_path, quick=True)
+    assert numbers["tilts"][1] == pytest.approx(0.4716, abs=5e-5)
+    assert numbers["off the law"] < 0.02
+    assert numbers["goes on"] < 1e-4 < numbers["splits"]  # one launch speed as long as it goes on
+    assert (tmp_path / "rocker.png").stat().st_size > 10_000
+
+
+def test_rocker_beside_housners_block():
+    """The tilts of the block that is integrated, and its first period if slender, are Housner's closed forms."""
+    rocks = rocker.housner(0.5 * rocker.ANGLE, 6)
+    tilts = [rocker.tilt_after(0.5 * rocker.ANGLE, n) for n in range(6)]
+    assert [np.abs(theta).max() for _, theta in rocks] == pytest.approx(tilts, rel=2e-3)
+    rate = np.sqrt(rocker.MASS * rocker.GRAVITY * rocker.RADIUS / rocker.INERTIA)
+    assert rocks[0][0][-1] == pytest.approx(np.arccosh(2) / rate, rel=5e-3)
+    b = rocker.HALF_HEIGHT * np.tan(0.3)
+    block = rocker.block().with_values(half_width=b, inertia=0.2, stiffness=3 * 9.81 * 0.2 / 0.5)
+    speed = find(block).alpha * np.sqrt(block.values["body_inertia"] / block.values["stiffness"])
+    assert speed == pytest.approx(0.270673010467295362, rel=1e-12)
