@@ -51,7 +51,8 @@ def draw_losses(axes: Axes, steps: ReturnMap, orbit: Orbit, count: int) -> dict[
 
 def draw_settled(axes: Axes, steps: ReturnMap, orbit: Orbit, injections: np.ndarray, quick: bool) -> dict[str, float]:
     """Draw the launch speeds to which injections (k,) lead; up to which the machine goes on, at which the one launch
-    speed splits into two, by the law, and how far the smallest one leads from the law, as a share."""
+    speed splits into two, by the law, and how far the smallest one leads from the law, as a share. It
+    goes on for as many steps as are made, 50, or 24 in quick mode."""
     law = factors(orbit)[1]
     steady = (injections / law) ** 0.75
     last = settled(steps, orbit.alpha + steady, injections, *((24, 8) if quick else (50, 24))) - orbit.alpha
