@@ -29,7 +29,7 @@ MASS, LENGTH, INERTIA, GRAVITY = 2.0, 0.4, 0.4, 9.81
 NUMBERS = {"mass": MASS, "length": LENGTH, "inertia": INERTIA, "body_inertia": 0.4, "stiffness": 20.0}
 SPOKES, FEWEST, MOST = 8, 5, 20
 FAMILIES = (1, 2, 3)
-SLOPES = (1e-6, 1e-5, 1e-4)
+SLOPES = (1e-7, 1e-6, 1e-5, 1e-4)
 
 
 def wheel(spokes: int = SPOKES, slope: float = 0.0):
@@ -132,7 +132,13 @@ def main(folder: Path, quick: bool = False) -> dict[str, object]:
         run = simulate(wheel(slope=slope), walk.alpha, hops=hops)
         numbers[f"slope {slope:g}"] = steps = len(run.launches) - 1
         paid = 2 * MASS * GRAVITY * LENGTH * sin(pi / SPOKES) * sin(slope) / (NUMBERS["body_inertia"] * walk.alpha)
-        print(f"  slope {slope:g}, an injection of {paid:.2g} rad/s: {steps} of {hops} steps, {run.status}")
+        print(
+            f"  slope {slope:g}, an injection of {paid:.2g} rad/s: {steps} of {hops} steps, {run.status}, the last",
+            end="",
+        )
+        print(
+            f" launches {', '.join(f'{off:.2g}' for off in run.launches[-3:] - walk.alpha)} rad/s above the lossless one"
+        )
     print(f"  animation: {in_few_colours(walk.animate(folder / 'walker.gif', frames=4 if quick else 84))}")
     return numbers | {"orbits": orbits}
 

@@ -569,7 +569,7 @@ def test_walker(tmp_path):
     assert numbers["off the law"] < 0.06
     assert numbers["splits"] == pytest.approx(1.8e-6, rel=0.01)
     assert 4e-5 < numbers["goes on"] < 1.5e-4  # the basin is narrow
-    assert [numbers[f"slope {slope:g}"] for slope in walker.SLOPES] == [4, 4, 0]
+    assert [numbers[f"slope {slope:g}"] for slope in walker.SLOPES] == [4, 4, 4, 0]
     for name in ("walker.png", "walker_injection.png", "walker.gif"):
         assert (tmp_path / name).stat().st_size > 10_000
 
