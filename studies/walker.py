@@ -132,13 +132,8 @@ def main(folder: Path, quick: bool = False) -> dict[str, object]:
         run = simulate(wheel(slope=slope), walk.alpha, hops=hops)
         numbers[f"slope {slope:g}"] = steps = len(run.launches) - 1
         paid = 2 * MASS * GRAVITY * LENGTH * sin(pi / SPOKES) * sin(slope) / (NUMBERS["body_inertia"] * walk.alpha)
-        print(
-            f"  slope {slope:g}, an injection of {paid:.2g} rad/s: {steps} of {hops} steps, {run.status}, the last",
-            end="",
-        )
-        print(
-            f" launches {', '.join(f'{off:.2g}' for off in run.launches[-3:] - walk.alpha)} rad/s above the lossless one"
-        )
+        print(f"  slope {slope:g}, an injection of {paid:.2g} rad/s: {steps} of {hops} steps, {run.status};", end="")
+        print(f" last launches {', '.join(f'{off:.2g}' for off in run.launches[-3:] - walk.alpha)} rad/s above")
     print(f"  animation: {in_few_colours(walk.animate(folder / 'walker.gif', frames=4 if quick else 84))}")
     return numbers | {"orbits": orbits}
 
