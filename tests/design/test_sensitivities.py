@@ -5,7 +5,7 @@ import pytest
 from designs import CUBIC, VARYING
 
 from orbits import InputError, find, find_all, quantities, sensitivities, starts
-from problems import Chain, Hopper, Juggler, chain_hand, hopper_in_si, springs
+from problems import Chain, Hopper, Juggler, chain_hand, hopper_in_si, plate_hopper, springs
 
 ROWS = np.linspace(-14, 14, 97)
 MEASURED = springs.table((ROWS, ROWS + 0.02 * ROWS**3), noise=0, scale="b", shift="d")
@@ -56,6 +56,19 @@ def test_a_measured_spring_is_the_formula_that_it_was_made_of():
     for quantity, slopes in expected.items():
         for name, slope in slopes.items():
             assert found[quantity][name] == pytest.approx(slope, rel=1e-9, abs=1e-9), (quantity, name)
+
+
+def test_a_measured_spring_on_a_plate_is_the_formula_that_it_was_made_of():
+    """The launch has four unknowns, and lies between two rows."""
+    start = {"liftoff": 1.1537, "alpha": 5.6216, "plate": -0.011973, "plate'": 0.0030105}
+    start |= {"duration": 2.8123, "contact_duration": 1.5993}
+    found = []
+    for law in ("b*((r - d) + 0.02*(r - d)**3)", MEASURED):
+        machine = plate_hopper(spring=law, parameters={"plate_stiffness": 100.0, "b": 1.0, "d": 0.0})
+        over, of = ["b", "d", "plate_stiffness", "m1"], ["alpha", "flight_time", "contact_time"]
+        found.append(sensitivities(machine, find(machine, start=start), over, of))
+    for quantity, slopes in found[0].items():
+        assert found[1][quantity] == pytest.approx(slopes, rel=1e-11, abs=1e-11), quantity
 
 
 def test_a_force_that_jumps_has_no_smooth_variation():
