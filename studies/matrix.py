@@ -50,11 +50,11 @@ TABLE = Path(__file__).parent / "docs" / "machines_and_verbs.md"
 REASONS = ("an infinitely heavy hand is the limit of mechanisms",)
 HEAD = """# Machines and verbs
 
-A cell names the springs with which a verb was tried for a machine and stands: what works was held against an
-independent figure, such as the orbit by another integrator, or neighbouring orbits. The springs are two formulas (one
-of them linear), a potential, a measured table, and a law in pieces with a corner. A spring that is missing was refused,
-found no motion, or was not tried yet; the reasons of refusals are on the page of [limits](limits.md). `python
-studies/matrix.py --write` tries all cells and writes this table.
+A cell names the springs with which a verb works for a machine: the result was held against an independent figure, such
+as the orbit by another integrator, or neighbouring orbits. The springs are two formulas (one of them linear), a
+potential, a measured table, and a law in pieces with a corner. With a spring that is missing the verb is refused, finds
+no motion, or takes more than a minute of processor time; the reasons of refusals are on the page of
+[limits](limits.md). `python studies/matrix.py --write` tries all cells, in half an hour, and writes this table.
 """
 # The rows of the measured spring, which has the law of the cubic one.
 EXTENSIONS = np.linspace(-12.0, 12.0, 25)
@@ -520,7 +520,7 @@ def page(found: Sequence[Cell]) -> str:
 def _springs_of(row: Sequence[Cell]) -> str:
     """The springs with which a machine takes a verb."""
     taken = [cell.spring for cell in row if cell.stands and not cell.refused]
-    return "all" if len(taken) == len(row) else ", ".join(taken) or "none"
+    return "all" if len(taken) == len(SPRINGS) else ", ".join(taken) or "none"
 
 
 def main() -> None:

@@ -29,7 +29,7 @@ SHORTEST_PART = 1e-3
 # The most orders of the pieces that are tried.
 MOST_ORDERS = 6
 # The most solves of nonlinear programs, first without bounds at the corners, for all orders together, then with these.
-MOST_SOLVES = 12
+MOST_SOLVES = 20
 # The paths that keep a part on its side of the breakpoints.
 ROOMS_AT_CORNERS = ("room above the corner", "room below the corner")
 
