@@ -56,7 +56,9 @@ def linear_guess(model: Model, family: int, p: Mapping[str, float]) -> dict[str,
 
 
 def search_of_steps(model: Model, search: Search, p: Mapping[str, float]) -> Search:
-    """A search with a range for machines that step, which nothing throws up."""
+    """A search with a range for machines that step, which nothing throws up. With straight springs too, a family has
+    several orbits where gravity bends."""
+    search = search._replace(single=search.single and model.flight.closed_form is not None)
     with suppress(NoOrbit):
         return search._replace(fastest=FASTEST_STEP * linear_guess(model, 1, p)["alpha"] / search.scale)
     return search._replace(fastest=FASTEST_IN_DETAIL)
