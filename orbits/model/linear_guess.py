@@ -9,6 +9,7 @@ where the extension changes it.
 
 from collections.abc import Mapping
 from contextlib import suppress
+from functools import lru_cache
 from math import inf
 
 import casadi as ca
@@ -19,8 +20,8 @@ from .model import Model
 from .modes import SLOWEST_SQUARE, Modes
 from .relative import FASTEST_IN_DETAIL, Search
 
-# The time is enclosed by this number of refinements of a grid of this number of points.
-FINER_GRIDS, POINTS = 12, 17
+# The time is enclosed by this number of refinements of a grid of this number of points, and interpolated in the last.
+FINER_GRIDS, POINTS = 4, 65
 # Without gravity the determinant vanishes at an end of the range of times, which is a little longer.
 BEYOND_RANGE = 1e-3
 # The fastest launch of a search, per family and in multiples of that of the first family with straight lines: springs
@@ -31,12 +32,27 @@ FASTEST_STEP = 5.0
 def linear_guess(model: Model, family: int, p: Mapping[str, float]) -> dict[str, float]:
     """The launch and the "duration" of the half flight with straight lines in place of the forces, with the lift-off
     of the forces themselves; raises `NoOrbit` where no orbit of the family is found with these."""
-    modes, back, liftoff = _tangent_modes(model, p), model.reversal, float(model.release(np.ones(1), p)[0])
-    lifting = _tangent_liftoff(model, modes, p)
-    first, other = (np.array(model.launch({"liftoff": lifting, "alpha": alpha}, p), float) for alpha in (0.0, 1.0))
+    found = _guess(model, family, tuple(p.items()))
+    if isinstance(found, str):
+        raise NoOrbit(found)
+    return dict(zip(("liftoff", "alpha", "duration"), found, strict=True))
+
+
+@lru_cache(maxsize=4096)  # a sweep's searches use the guesses of its members again
+def _guess(model: Model, family: int, numbers: tuple[tuple[str, float], ...]) -> tuple[float, float, float] | str:
+    """The values of a guess, or the reason for which there is none, with parameters and their values."""
+    p = dict(numbers)
+    try:
+        modes, back, liftoff = _tangent_modes(model, p), model.reversal, float(model.release(np.ones(1), p)[0])
+        lifting = _tangent_liftoff(model, modes, p)
+    except NoOrbit as error:
+        return str(error)
+    starts = [np.array(model.launch({"liftoff": lifting, "alpha": alpha}, p), float) for alpha in (0.0, 1.0)]
+    turned = np.array(back.signs) < 0
+    centres = 0.5 * np.array(back.shifts(p), dtype=float)[turned, None]
 
     def apart(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        rest, moved = (np.array(back.fixed(list(modes.state(start, times)), p)) for start in (first, other))
+        rest, moved = (modes.state(start, times)[turned] - centres for start in starts)
         return rest, moved - rest
 
     begin = family if model.turns_midway else family - 0.5
@@ -44,15 +60,17 @@ def linear_guess(model: Model, family: int, p: Mapping[str, float]) -> dict[str,
     for _ in range(FINER_GRIDS):
         times = np.linspace(low, high, POINTS)
         (a, b), (c, d) = apart(times)
-        changes = np.flatnonzero(np.diff(a * d - b * c > 0))
+        late = a * d - b * c
+        changes = np.flatnonzero(np.diff(late > 0))
         if not len(changes):
-            raise NoOrbit(f"with straight lines in place of its forces no orbit of family {family} is found")
-        low, high = times[changes[0] : changes[0] + 2]
-    rest, change = (each[:, 0] for each in apart(np.array([0.5 * (low + high)])))
+            return f"with straight lines in place of its forces no orbit of family {family} is found"
+        (low, high), ends = times[changes[0] : changes[0] + 2], late[changes[0] : changes[0] + 2]
+    half = low - (high - low) * ends[0] / (ends[1] - ends[0])
+    rest, change = (each[:, 0] for each in apart(np.array([half])))
     alpha = -float(rest @ change / (change @ change))
     if not 0 < alpha < inf:
-        raise NoOrbit(f"with straight lines in place of its forces family {family} has the launch speed {alpha:.3g}")
-    return {"liftoff": liftoff, "alpha": alpha, "duration": 0.5 * float(low + high)}
+        return f"with straight lines in place of its forces family {family} has the launch speed {alpha:.3g}"
+    return liftoff, alpha, float(half)
 
 
 def search_of_steps(model: Model, search: Search, p: Mapping[str, float]) -> Search:
@@ -81,11 +99,8 @@ def _tangent_modes(model: Model, p: Mapping[str, float]) -> Modes:
     if model.flight.closed_form:
         return model.flight.closed_form(p)
     centre = 0.5 * np.array(model.reversal.shifts(p), dtype=float)
-    x = ca.SX.sym("x", len(centre))
-    states = ca.vertsplit(x)
-    rates = ca.vertcat(*model.flight.field(states, p, model.flight.data(states, p)))
-    at = ca.Function("tangent", [x], [rates, ca.jacobian(rates, x)])
-    field, slopes = (np.array(each, dtype=float) for each in at(centre))
+    at = _tangents(model, tuple(p))
+    field, slopes = (np.array(each, dtype=float) for each in at(centre, list(p.values())))
     springs = -slopes[1::2, ::2]
     squares, shapes = (np.real(each) for each in np.linalg.eig(springs))
     squares = np.where(np.abs(squares) > SLOWEST_SQUARE * np.abs(squares).max(), squares, 0.0)
@@ -95,3 +110,12 @@ def _tangent_modes(model: Model, p: Mapping[str, float]) -> Modes:
     if not squares[-1] > 0:
         raise NoOrbit(f"no mode of a {model.name} swings in flight")
     return Modes(squares, shapes, apart, apart @ (field[1::2, 0] + springs @ centre[::2]))
+
+
+@lru_cache(maxsize=64)
+def _tangents(model: Model, names: tuple[str, ...]) -> ca.Function:
+    """(state, parameters) -> the field of the flight and its derivative by the state."""
+    x, p = ca.SX.sym("x", len(model.flight.states)), ca.SX.sym("p", len(names))
+    states, known = ca.vertsplit(x), dict(zip(names, ca.vertsplit(p), strict=True))
+    rates = ca.vertcat(*model.flight.field(states, known, model.flight.data(states, known)))
+    return ca.Function("tangent", [x, p], [rates, ca.jacobian(rates, x)])

@@ -102,7 +102,7 @@ def _own_guesses(model: Model, names: tuple[str, ...], ps: np.ndarray, family: i
         with suppress(OrbitsError):
             found[0, i] = model.release(np.ones(1), p)[0]
         if model.is_guessed and model.search and np.isfinite(found[0, i]):
-            single[i] = model.search(p).single
+            single[i] = (model.plain or model.flight.closed_form is not None) and model.search(p).single
             try:
                 own = guess_alone(model, family, p)
                 found[:, i] = own["liftoff"], own["alpha"], own["duration"]

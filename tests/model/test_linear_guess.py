@@ -64,3 +64,14 @@ def test_gravity_that_is_no_straight_line_has_the_guess_of_a_launch_without_an_a
         guessed = linear_guess(machine.model, family, machine.values)
         assert (guessed["alpha"], guessed["duration"]) == pytest.approx((speed * math.pi / 8, half), rel=1e-9)
         assert find(machine, family=family).alpha == pytest.approx(speed * math.pi / 8, rel=0.03)
+
+
+def test_machines_that_differ_in_numbers_share_the_tangents_of_their_forces(monkeypatch):
+    """A sweep has thousands of guesses; those of one machine are computed once."""
+    machine = stepping("rocker", 1.0, 0.5, 0.3, "r + r**3")
+    linear_guess(machine.model, 1, machine.values)
+    monkeypatch.setattr("orbits.model.linear_guess.ca", None)
+    for mu in (0.9, 1.1):
+        guessed = linear_guess(machine.model, 1, {**machine.values, "mu": mu})
+        guessed["alpha"] = 0.0  # the next caller has its own
+        assert linear_guess(machine.model, 1, {**machine.values, "mu": mu})["alpha"] > 0
