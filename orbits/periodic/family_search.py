@@ -14,7 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..errors import NoOrbit
 from ..flow.flow import flow_of
+from ..model.linear_guess import linear_guess
 from ..model.model import Model
 from ..model.phase import Affine
 from ..model.relative import Search
@@ -41,6 +43,9 @@ LATEST_TURN = 10.0
 # Nothing throws up a machine that steps, so that the time from one turn to the next does not grow with the speed. One
 # that takes longer than this, in radians of the spring at rest, does not occur: the machine falls over.
 LONGEST_SWING = 40.0
+# Orbits of a light one with a heavy inner body lie between falls, in narrow ranges of launch speeds near its guess: the
+# number of launches within this factor of that.
+NEAR_GUESS, NEAR_LAUNCHES = 5.0, 120
 
 
 class Cells(NamedTuple):
@@ -124,6 +129,16 @@ class Lateness:
         speeds = np.concatenate([slow[:-1], np.arange(step, min(top, last), step), far])
         return np.append(speeds[speeds < last * (1 - NARROWEST_CELL)], last)
 
+    def _with_speeds_near_guess(self, speeds: np.ndarray, p: Sequence[float]) -> np.ndarray:
+        """The launch speeds at which the search of a machine that steps begins, with parameters (np,)."""
+        try:
+            alpha = linear_guess(self.model, self.family, dict(zip(self.names, p, strict=True)))["alpha"]
+        except NoOrbit:
+            return speeds
+        near = alpha * np.geomspace(1 / NEAR_GUESS, NEAR_GUESS, NEAR_LAUNCHES)
+        every = np.sort(np.concatenate([speeds, near[near < speeds[-1]]]))
+        return every[np.append(np.diff(every) > NARROWEST_CELL * every[1:], True)]
+
     def enclosed(self, cell: np.ndarray) -> float:
         """The launch speed in a cell (2,) of the first machine at which the lateness changes its sign."""
         late = self(cell)[0]
@@ -133,6 +148,8 @@ class Lateness:
         """The cells of each machine's orbits; only `below` launch speeds (m,) where these are stated, since faster
         orbits are then not requested."""
         count, first = len(self.searches), [self.speeds(search, fastest) for search in self.searches]
+        if not self.model.plain:
+            first = list(map(self._with_speeds_near_guess, first, self.ps.tolist()))
         if below is not None:  # the classification of a cell needs its neighbours too
             first = [speeds[: np.searchsorted(speeds, end) + 2] for speeds, end in zip(first, below, strict=True)]
         owners, speeds, late = self._first_values(first)
@@ -170,8 +187,10 @@ class Lateness:
 
     def _values(self, alphas: np.ndarray, which: np.ndarray) -> np.ndarray:
         """The lateness (k,) at launch speeds (k,) of the machines `which` (k,), infinite where the extension escapes in
-        reduced coordinates."""
-        late, _, escapes = self._followed(alphas, which)
+        reduced coordinates, and NaN where a machine that steps falls over without the family's turn."""
+        late, times, escapes = self._followed(alphas, which)
+        if not self.model.plain:
+            return np.where(np.isfinite(times), late, np.nan)
         return np.where(escapes, np.inf, late) if self.reduction else late
 
     def _parameters(self, which: np.ndarray) -> dict[str, object]:
@@ -252,9 +271,10 @@ def _judged(owners: np.ndarray, speeds: np.ndarray, late: np.ndarray) -> tuple[n
 
     Where the extension escapes, and at all faster launches, the lateness is infinite. Towards these it grows without
     bounds as a logarithm: in a narrow cell where the escape begins, it does not vanish if it rises before, and its
-    curvature is too small to bring it to zero.
+    curvature is too small to bring it to zero. Where a machine that steps falls over, the lateness is NaN, and a narrow
+    cell where falls begin or end has no change.
     """
-    same, escapes = owners[1:] == owners[:-1], np.isinf(late)
+    same, escapes = owners[1:] == owners[:-1], ~np.isfinite(late)
     inside, widths = same & ~escapes[1:] & ~escapes[:-1], np.where(same, np.diff(speeds), 1.0)
     changes, slopes = same & ((late[1:] >= 0) != (late[:-1] >= 0)), np.diff(np.where(escapes, 0.0, late)) / widths
     bends, middle = np.full(len(speeds), np.inf), np.flatnonzero(inside[1:] & inside[:-1]) + 1
@@ -270,4 +290,7 @@ def _judged(owners: np.ndarray, speeds: np.ndarray, late: np.ndarray) -> tuple[n
     narrow = np.diff(speeds) < NARROW_ESCAPE * speeds[1:]
     fall = BEND_SAFETY * bends[begins] * widths[begins] ** 2 / 2
     settled[begins] = (slopes[begins - 1] >= 0) & (late[begins] > fall) & narrow[begins]
+    if (falls := np.isnan(late)).any():
+        falling = falls[1:] | falls[:-1]
+        changes, settled = changes & ~falling, np.where(falling, narrow, settled)
     return changes, settled | ~same | (escapes[1:] & escapes[:-1])

@@ -113,7 +113,8 @@ def find_all(
 
     The orbits of a family are the zeros of one function of the launch speed (see `family_search`). Between sampled
     speeds its curvature is assumed to be at most four times what its second differences show. This is not a proof, but
-    the samples are refined where it matters. A search is stopped after 20,000 launches and may then miss some. Starts
+    the samples are refined where it matters. A search is stopped after 20,000 launches and may then miss some; one of
+    a machine that steps, after 1,000, and it may miss orbits in narrow ranges of launch speeds between falls. Starts
     that lead to no orbit are left out. Raises `NoOrbit` where there is none, with the range that was searched or the
     last reason, and `InputError` for invalid arguments, and for a family of a model that has no such search.
 
@@ -228,6 +229,8 @@ _orbits_of_family = in_own_units(
 def none_found(model: Model, cells: Cells, refused: str = "") -> NoOrbit:
     """The error of a search that finds no orbit; `refused` is the part of its message on refused orbits."""
     text = "a search from launch speed {low:.3g} to {high:.4g}{stopped} finds none{refused}"
+    if not model.plain:
+        text += "; it is not complete, since orbits of machines that step may lie between falls, in narrow ranges"
     text += f"; {hint}" if (hint := model.violations.get("none")) else ""
     stopped = f", stopped after {cells.launches} launches," if cells.stopped else ""
     low, high = (Quantity(speed, LIFTOFF_SPEED) for speed in cells.searched)
