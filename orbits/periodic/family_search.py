@@ -3,8 +3,8 @@
 In a flight of an orbit of family n the extension turns for the n-th time after its first turn where the flight is half
 over. The delay of that turn, the lateness, follows from the launch speed alone: under constant gravity it is a time,
 since half the flight takes a known time; else it is minus the speed that both masses then share, since in mid-flight it
-vanishes. Where the reversor turns all places over, mid-flight of family n is the n-th zero of the extension, counted
-from its centre, and the lateness how far the places then are beyond theirs. The cells between sampled launch speeds are
+vanishes. Where the reversor turns all places over, mid-flight of family n is half way between the n-th turn and the
+next one, which are images of each other, and the lateness how far the mean of their places is beyond the centres. The cells between sampled launch speeds are
 halved until, according to its second differences, the lateness cannot vanish in any of them, or changes its sign once.
 """
 
@@ -16,6 +16,7 @@ import numpy as np
 
 from ..errors import NoOrbit
 from ..flow.flow import flow_of
+from ..flow.zero_crossing import first_zeros
 from ..model.linear_guess import linear_guess
 from ..model.model import Model
 from ..model.phase import Affine
@@ -98,13 +99,19 @@ class Lateness:
         limit = LATEST_TURN * self.paces[which] * (self.scales[which] + alphas)
         states = columns(self.arc.start(u, np.zeros(0), p))
         ps, count = self.ps[which] if len(self.ps) > 1 else self.ps, 2 if self.reduction else self.family + 1
-        event = self._rate if self.turns_midway else self.model.extension
         count = count if self.turns_midway else self.family
         unit = self.paces[which] * self.scales[which]
         longest = limit if self.model.plain else np.minimum(limit, LONGEST_SWING * unit)
-        spans, states, broken = times_of_turns(self.flow, ps, states, event, longest, count)
+        spans, states, broken = times_of_turns(self.flow, ps, states, self._rate, longest, count)
         # In reduced coordinates the extension oscillates: all half periods after the first turn are equal.
         times = spans[0] + self.family * spans[1] if self.reduction else spans.sum(axis=0)
+        if not self.turns_midway and np.isfinite(times).any():
+            before, going = states, np.flatnonzero(np.isfinite(times))
+            some = ps[going] if len(ps) > 1 else ps[0]
+            more, after, _ = first_zeros(self.flow, states[going], some, self._rate, longest[going], 1, reasons=False)
+            times[going] += 0.5 * more
+            states = np.array(before)
+            states[going] += 0.5 * (after[:, : states.shape[1]] - before[going])
         if self.reduction:
             late = (times - self.arc.duration(u, p)) / self.paces[which]
         else:
