@@ -91,6 +91,7 @@ class Mechanism(Stated):
         the reversor
     friction : the largest share of the force across the ground that the force along it may have, for masses that state
         where they are across; an orbit that needs more violates it. A number, or a formula of parameters
+    bounds : the least and the largest value of parameters, by name, that such machines have
     drawing : a `Drawing` of the machine in the plane, for figures; None for masses on one vertical line
     words : the name of the "liftoff" force in messages, the texts of a violated "gap", "pull", "separation" and "end",
         where points take turns also those of a violated "landing gap", "landed pull" and "stance", "" for a "stance"
@@ -134,6 +135,7 @@ class Mechanism(Stated):
     gaps: Mapping[str, Scalar] = field(default_factory=dict)
     friction: Scalar | None = None
     drawing: Drawing | None = None
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @exclusive
     def __post_init__(self) -> None:

@@ -168,9 +168,12 @@ def hint_of_coordinate(name: str, coordinates: Collection[str]) -> str:
 
 
 def refuse_values(mechanism: Any) -> None:
-    """Raise `InputError` for masses, inertias, dampers and gravity of a `Mechanism` that have wrong signs at the values
-    of its parameters; expressions of coordinates, and Python functions, are left out."""
+    """Raise `InputError` for parameters of a `Mechanism` beyond their bounds, and for masses, inertias, dampers and
+    gravity that have wrong signs at their values; expressions of coordinates, and Python functions, are left out."""
     m, p = mechanism, mechanism.parameters
+    for name, (low, high) in m.bounds.items():
+        if name in p and not low <= p[name] <= high:
+            raise InputError(f"{name} = {p[name]:g}; of a {m.name} it lies between {low:g} and {high:.6g}")
     moving, anything_moves = set[str](), False
     for element in m.elements:
         if isinstance(element, Mass | Weight):

@@ -70,7 +70,7 @@ class Lateness:
     liftoffs : the extensions (m,) at lift-off, where they are known; without damping they do not depend on the speed
     """
 
-    most = MOST_SEARCHED
+    most, steps = MOST_SEARCHED, False
 
     def __init__(
         self, model: Model, method: str, names: tuple[str, ...], ps: np.ndarray, family: int,
@@ -84,7 +84,8 @@ class Lateness:
         self.statement = equations_of(model, method, names).statement
         self.arc = self.statement.arcs[0]
         self.flow = flow_of(self.arc.phase, names)
-        self.most = MOST_SEARCHED if model.plain else MOST_STEPS_SEARCHED
+        self.steps = not model.plain
+        self.most = MOST_STEPS_SEARCHED if self.steps else MOST_SEARCHED
         self.turns_midway = self.reduction is not None or model.turns_midway
         self.liftoffs = self._liftoffs() if liftoffs is None else liftoffs
 
@@ -155,7 +156,7 @@ class Lateness:
         """The cells of each machine's orbits; only `below` launch speeds (m,) where these are stated, since faster
         orbits are then not requested."""
         count, first = len(self.searches), [self.speeds(search, fastest) for search in self.searches]
-        if not self.model.plain:
+        if self.steps:
             first = list(map(self._with_speeds_near_guess, first, self.ps.tolist()))
         if below is not None:  # the classification of a cell needs its neighbours too
             first = [speeds[: np.searchsorted(speeds, end) + 2] for speeds, end in zip(first, below, strict=True)]
@@ -196,7 +197,7 @@ class Lateness:
         """The lateness (k,) at launch speeds (k,) of the machines `which` (k,), infinite where the extension escapes in
         reduced coordinates, and NaN where a machine that steps falls over without the family's turn."""
         late, times, escapes = self._followed(alphas, which)
-        if not self.model.plain:
+        if self.steps:
             return np.where(np.isfinite(times), late, np.nan)
         return np.where(escapes, np.inf, late) if self.reduction else late
 

@@ -35,6 +35,8 @@ from orbits.mechanics.elements import Element
 from ..laws.springs import as_spring
 from .parameters import checked_numbers, with_parameters
 
+# The ratios of a machine whose numbers can be computed, and its angles; three spokes are the fewest.
+RATIO_BOUNDS, ANGLE_BOUNDS, WIDEST_WHEEL = (1e-12, 1e12), (1e-9, pi / 2 - 1e-9), pi / 3 + 1e-15
 # The parameters of a machine without units.
 RATIOS = ("inertia_ratio", "gravity_ratio", "angle", "share")
 WALL_WORDS = {
@@ -87,7 +89,8 @@ def rimless_wheel(
         the stiffness are `parameters`; a straight line by default
     inertia_ratio, gravity_ratio : J/A and mass * surface_gravity * length/stiffness, of a wheel without units; by
         default 1 and 0.5
-    angle : a, half the angle between two spokes, in rad, of a wheel without units; None for small angles, in units of a
+    angle : a, half the angle between two spokes, in rad, of a wheel without units, at most pi/3; None for small angles,
+        in units of a
     share : mass * length**2/A, above 0 and at most 1, of a wheel without units, on which its lossless steps do not
         depend, but friction and landings with a speed. By default 1, all mass at the hub, where a standing foot that
         lifts is no violation, since it does not in a wheel of a small share
@@ -334,6 +337,17 @@ def _ratios(
     return own if angle is None else own | {"angle": _positive("angle", angle, pi / 2)}
 
 
+def _bounds(name: str, own: Mapping[str, float]) -> dict[str, tuple[float, float]]:
+    """The bounds of a machine's parameters, which hold where they vary too."""
+    least = 0.0 if name == "shuttle" else RATIO_BOUNDS[0]
+    widest = WIDEST_WHEEL if name == "rimless wheel" else ANGLE_BOUNDS[1]
+    bounds = {
+        "inertia_ratio": RATIO_BOUNDS, "gravity_ratio": (least, RATIO_BOUNDS[1]), "share": (RATIO_BOUNDS[0], 1.0),
+        "angle": (ANGLE_BOUNDS[0], widest),
+    }  # fmt: skip
+    return {each: bounds[each] for each in bounds if each in own}
+
+
 def _stepping(
     name: str, forces: Sequence[Element], inertia: str, gravity: str, own: Mapping[str, float],
     spring: LawLike | None, parameters: Mapping[str, float] | None, friction: float | None = None, **stated: Any,
@@ -353,6 +367,7 @@ def _stepping(
         surface_gravity=gravity,
         friction=None if friction is None else "friction",
         in_si=in_si,
+        bounds=_bounds(name, own),
         angles=("phi", "theta"),
         name=name,
         **stated,

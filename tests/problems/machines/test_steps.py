@@ -137,6 +137,9 @@ def test_families_are_followed():
         (rocking_block, {"gravity_ratio": 0.0}, "gravity_ratio = 0; it lies above 0"),
         (shuttle, {"gravity_ratio": -0.1}, "gravity_ratio = -0.1; it lies above 0"),
         (rimless_wheel, {"angle": 1.6}, "angle = 1.6; it lies above 0 and below 1.5708"),
+        (rimless_wheel, {"angle": 1.1}, "angle = 1.1; of a rimless wheel it lies between 1e-09 and 1.0472"),
+        (rocking_block, {"inertia_ratio": 1e-300}, "of a rocking block it lies between 1e-12 and 1e"),
+        (shuttle, {"inertia_ratio": 1e300}, r"inertia_ratio = 1e\+300; of a shuttle it lies between 1e-12 and 1e"),
         (rimless_wheel, {"mass": 1.0}, "is in SI: state length, inertia, body_inertia, stiffness, spokes too"),
         (rimless_wheel, {"spokes": 2}, "a wheel has a whole number of them, from 3"),
         (rimless_wheel, {"spokes": 6.5}, "a wheel has a whole number of them, from 3"),
@@ -150,6 +153,12 @@ def test_families_are_followed():
 def test_what_is_no_such_machine(build, arguments, telling):
     with pytest.raises(InputError, match=telling):
         build(**arguments)
+
+
+def test_a_family_ends_where_its_machines_do():
+    family = follow(rimless_wheel(angle=1.0), "angle", stop=1.3)
+    assert max(point.value for point in family.points) == pytest.approx(math.pi / 3, abs=1e-4)
+    assert "of a rimless wheel it lies between" in str(family)
 
 
 def test_no_wheel_is_lighter_than_its_mass():
