@@ -23,6 +23,8 @@ from ..symbolic.kernels import ElementwiseFunction
 from ..units import LENGTH, TIME, Message, Quantity
 from .loss_coefficient import by_launch_speed, hand_over_factors, launch_power, loss_coefficient
 
+# What the text of the violation by a standing foot that lifts contains, before its force.
+LIFTS = "of the flight (force"
 # An energy drift beyond this share, and far beyond what rounding explains, shows that the steps have leapt over a
 # feature of a law.
 WORST_DRIFT = 1e-8

@@ -22,7 +22,7 @@ from ..shooting.formulations import Cycles, columns, vectors
 from ..symbolic.caches import cached
 from ..symbolic.kernels import ElementwiseFunction
 from ..units import FORCE, TIME, Message, Quantity
-from .certificate import Certificate, turns_and_zeros
+from .certificate import LIFTS, Certificate, turns_and_zeros
 from .loss_coefficient import by_launch_speed
 
 # Shares double their digits from round to round.
@@ -81,7 +81,7 @@ def with_friction(model: Model, cycles: Cycles, certificates: Records[Certificat
         parts.append(_forces_of_ground(model.contact, cycles.contacts, cycles.with_contact))
     lifts = stance <= 0
     for i in lifts.nonzero()[0].tolist() if (words := model.violations.get("stance")) else ():
-        text, force = "{lifts} at t = {time:.6g} of the flight (force {force:.3g})", Quantity(stance[i], FORCE)
+        text, force = f"{{lifts}} at t = {{time:.6g}} {LIFTS} {{force:.3g}})", Quantity(stance[i], FORCE)
         violations[i] += (Message(text, lifts=words, time=Quantity(ends[i], TIME), force=force),)
     needed, where, place = _largest(parts, len(cycles))
     known = ~lifts & np.isfinite(needed)

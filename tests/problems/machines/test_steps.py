@@ -190,3 +190,12 @@ def test_messages_and_rows_in_si_are_of_angles_and_torques():
     assert orbit.units["contact force"] == "N m"
     with pytest.raises(NoOrbit, match=r"never reaches 0 \(least force 1.016 N m\)"):
         find(rimless_wheel(2.0, 0.4, 8, 0.5, 0.6, 20.0, spring="stiffness*r - 300*r**3"))
+
+
+def test_a_standing_foot_that_is_not_judged_is_told():
+    numbers = {"inertia_ratio": 0.2, "gravity_ratio": 0.1, "angle": 0.3}
+    open_, stated = find(rimless_wheel(**numbers)), find(rimless_wheel(**numbers, share=1.0))
+    assert open_.admissible and not stated.admissible
+    assert open_.certificate.friction_needed is None
+    telling = "standing foot           not judged (smallest force -0.123); state share="
+    assert telling in str(open_) and "not judged" not in str(stated)
