@@ -53,6 +53,9 @@ OF_ANGULAR_GAPS: dict[str, Dimension] = {
     **dict.fromkeys(("smallest_contact_force", "largest_contact_force"), TORQUE),
     **{"clearance": ANGLE, "landing_jerk": (0, -3, 0, 0, 0, 1), "landing_sensitivity": (0, 1, 0, 0, -1, 1)},
 }
+# Those of a machine whose extension at lift-off is an angle: its springs have torques.
+OF_ANGULAR_EXTENSIONS: dict[str, Dimension] = {"largest_spring_force": TORQUE, "alpha_per_noise": (-1, -1, -1, 0, 1)}
+OF_ANGLES = OF_ANGULAR_GAPS.keys() | OF_ANGULAR_EXTENSIONS.keys()
 # Dimensions of the quantities of a return map's hops.
 DIMENSIONS_OF_HOPS: dict[str, Dimension] = {
     **{"alpha": LIFTOFF_SPEED, "next": LIFTOFF_SPEED, "loss": LIFTOFF_SPEED_SQUARED}
@@ -96,15 +99,21 @@ class Units:
         of a gap of this name."""
         if isinstance(dimension, str) and dimension in (own := dict(self.own)):
             dimension = own[dimension]
-        if isinstance(dimension, str) and dimension in OF_ANGULAR_GAPS and dimension not in self.angles:
-            dimension = (OF_ANGULAR_GAPS if "gap" in self.angles else DIMENSIONS)[dimension]
+        if isinstance(dimension, str) and dimension in OF_ANGLES and dimension not in self.angles:
+            dimension = self._angular.get(dimension, DIMENSIONS[dimension])
         if isinstance(dimension, str):
             angle = ANGULAR_SPEED if dimension.endswith("'") else ANGLE
             known = dimension not in UNKNOWNS and dimension.removesuffix("'") in self.angles
             dimension = angle if known else dimension_of_state(dimension)
-        length, time, force, energy, extension, turned = _all_powers(dimension)
+        length, time, force, energy, extension, angular = _all_powers(dimension)
         launched = (0, extension) if "liftoff" in self.angles else (extension, 0)
-        return length + launched[0], time, force, energy, turned + launched[1]
+        return length + launched[0], time, force, energy, angular + launched[1]
+
+    @property
+    def _angular(self) -> dict[str, Dimension]:
+        """The dimensions of results that the angles among gap and extension change, by name."""
+        own = {"gap": OF_ANGULAR_GAPS, "liftoff": OF_ANGULAR_EXTENSIONS}
+        return {name: each for angle in own if angle in self.angles for name, each in own[angle].items()}
 
     def of(self, dimension: Dimension | str) -> Any:
         """The unit of a dimension, or of the state or unknown of this name."""
@@ -120,8 +129,7 @@ class Units:
 
     def texts(self, dimensions: Mapping[str, Dimension] = DIMENSIONS) -> dict[str, str]:
         """The SI units of results by name, as text."""
-        own = OF_ANGULAR_GAPS if "gap" in self.angles else {}
-        return {name: self.text(own.get(name, dimension)) for name, dimension in dimensions.items()}
+        return {name: self.text(self._angular.get(name, dimension)) for name, dimension in dimensions.items()}
 
     def unusual_texts(self) -> dict[str, str]:
         """The entries of `texts`, hops included, that differ from those of a machine whose launch speed is in m/s."""

@@ -30,7 +30,10 @@ from .terms import Term
 # A law in pieces is odd where its breakpoints and forces at opposite extensions agree to this share. The forces are
 # compared at these shares of each piece, of which a polynomial has fewer coefficients.
 ODD_TO, COMPARED = 1e-12, np.linspace(0.05, 0.95, 12)
-REMEDY = "springs whose extensions change their signs have odd laws; or state reversor=None for simulations alone"
+REMEDY = (
+    "state an odd law for a spring whose extension changes its sign, as r + r**3; a `Mechanism` with reversor=None is "
+    "simulated alone"
+)
 StatedGap = tuple[list[Fraction], ca.SX]  # weights of the coordinates, and the offset, of a sum of them
 
 
@@ -122,7 +125,7 @@ def steps_of(c: Coordinates, s: Structure, m: Mechanics) -> Stepping | None:
         return None
     if s.actuators or len(s.gaps) > 2:
         raise InputError("a machine that steps has two gaps, that which opens and that which lands, and no actuators")
-    back, label = _stated(c, dict(s.reversor or ()), "reversor"), _stated(c, dict(s.symmetry), "symmetry")
+    back, label = _own_inverse(c, _stated(c, dict(s.reversor or ()), "reversor")), _stated(c, dict(s.symmetry), "symmetry")
     gap, landing = m.gap.weights, _image_of_gap(c, (m.gap.weights, ca.SX(0)), back)
     if len(s.gaps) == 2:
         largest, (name, expression) = max(c.weights(s.gap) or [Fraction(1)]), s.gaps[1]
@@ -158,6 +161,17 @@ def _stated(c: Coordinates, stated: Mapping[str, Scalar], what: str) -> SignedSh
         shifts.append(c.at_zero(stated.get(name, name)))
     still = c.vanishes(ca.vertcat(*shifts))
     return SignedShift(tuple(signs), None if still else lambda p: shifts)
+
+
+def _own_inverse(c: Coordinates, reversor: SignedShift) -> SignedShift:
+    """A reversor; raises `InputError` for one that is not its own inverse."""
+    for name, sign, shift in zip(c.names, reversor.signs, reversor.shifts({}), strict=True):
+        if sign > 0 and not c.vanishes(ca.SX(shift)):
+            raise InputError(
+                f"reversor of '{name}': done twice, it does not lead back to '{name}'; state '{name}' as it is, or its "
+                "negative plus an amount"
+            )
+    return reversor
 
 
 def _image_of_gap(c: Coordinates, gap: StatedGap, by: SignedShift) -> StatedGap:

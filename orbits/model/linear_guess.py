@@ -46,7 +46,7 @@ def _guess(model: Model, family: int, numbers: tuple[tuple[str, float], ...]) ->
         modes, back, liftoff = _tangent_modes(model, p), model.reversal, float(model.release(np.ones(1), p)[0])
         lifting = _tangent_liftoff(model, modes, p)
     except NoOrbit as error:
-        return str(error)
+        return error.args[0]  # whose quantities have units
     starts = [np.array(model.launch({"liftoff": lifting, "alpha": alpha}, p), float) for alpha in (0.0, 1.0)]
     turned = np.array(back.signs) < 0
     centres = 0.5 * np.array(back.shifts(p), dtype=float)[turned, None]

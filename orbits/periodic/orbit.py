@@ -307,7 +307,8 @@ class Orbit(Result, what="orbit", printed_digits=15):
             text = f"+- {{:.1e}}{speed} (one standard deviation of the rows{', or less' if c.alpha_per_noise else ''})"
             yield Row("  by the table's noise", {"alpha_noise": c.alpha_noise}, (text,))
         if c.alpha_per_noise is not None:
-            text = f"+- {{:.2g}}{speed} for each {'N' if units else 'unit'} of a row's standard deviation"
+            force = units.get("largest_spring_force", "unit")
+            text = f"+- {{:.2g}}{speed} for each {force} of a row's standard deviation"
             text = text if c.alpha_noise is not None else f"not known: {text}"
             yield Row("  by the table's noise", {"alpha_per_noise": c.alpha_per_noise}, (text,))
         within = f"   +- {c.loss_error:.1e} (error of the numerics)" if c.loss_error else ""

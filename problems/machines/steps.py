@@ -359,9 +359,13 @@ def _stepping(
         stated[key] = {each: text.replace("angle", "1") for each, text in stated[key].items()}
     law = ("stiffness*r" if in_si else "r") if spring is None else spring
     known = {**own, **values} if in_si else values
+    torque = as_spring(law, known, shared=True)
+    if in_si and "stiffness" not in torque.key.names:
+        raise InputError(f"spring '{torque.text}' of a {name} in SI does not contain its stiffness: write it with that, "
+                         "as 'stiffness*r'")  # fmt: skip
     return Mechanism(
         ("phi", "theta"),
-        [Spring("phi - theta", as_spring(law, known, shared=True)), *forces],
+        [Spring("phi - theta", torque), *forces],
         inertia={"phi": "body_inertia" if in_si else 1.0, "theta": inertia},
         parameters=with_parameters(own, values),
         surface_gravity=gravity,

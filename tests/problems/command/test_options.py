@@ -319,7 +319,7 @@ class TestSteps:
             ("--machine rocker --set gravity_ratio=0", "gravity_ratio = 0; it lies above 0"),
             ("--machine wheel --mass-ratio 2", "'mass_ratio' is of machines that hop: a wheel has inertia_ratio"),
             ("--machine wheel --masses 1,2", "are of machines that hop: a wheel is in SI by [si]"),
-            ("--machine shuttle --spring 'r + r**2'", "have odd laws"),
+            ("--machine shuttle --spring 'r + r**2'", "state an odd law"),
             ("--machine wagon", "neither hopper nor juggler nor wheel nor rocker nor shuttle nor a .toml file"),
         ],
     )

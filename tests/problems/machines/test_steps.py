@@ -155,6 +155,12 @@ def test_what_is_no_such_machine(build, arguments, telling):
         build(**arguments)
 
 
+def test_the_spring_of_a_machine_in_si_has_its_stiffness():
+    numbers = {"mass": 2.0, "length": 0.4, "spokes": 8, "inertia": 0.5, "body_inertia": 1.0, "stiffness": 20.0}
+    with pytest.raises(InputError, match=r"'50\*r' of a rimless wheel in SI does not contain its stiffness"):
+        rimless_wheel(**numbers, spring="50*r")
+
+
 def test_a_family_ends_where_its_machines_do():
     family = follow(rimless_wheel(angle=1.0), "angle", stop=1.3)
     assert max(point.value for point in family.points) == pytest.approx(math.pi / 3, abs=1e-4)
@@ -195,7 +201,16 @@ def test_messages_and_rows_in_si_are_of_angles_and_torques():
 def test_a_standing_foot_that_is_not_judged_is_told():
     numbers = {"inertia_ratio": 0.2, "gravity_ratio": 0.1, "angle": 0.3}
     open_, stated = find(rimless_wheel(**numbers)), find(rimless_wheel(**numbers, share=1.0))
-    assert open_.admissible and not stated.admissible
+    assert (open_.admissible, stated.admissible) == (True, False)
     assert open_.certificate.friction_needed is None
     telling = "standing foot           not judged (smallest force -0.123); state share="
-    assert telling in str(open_) and "not judged" not in str(stated)
+    assert telling in str(open_)
+    assert "not judged" not in str(stated)
+
+
+def test_springs_of_machines_in_si_have_torques():
+    wheel = rimless_wheel(mass=2.0, length=0.4, spokes=8, inertia=0.5, body_inertia=0.3, stiffness=9.0)
+    units = wheel.units.texts()
+    assert (units["largest_spring_force"], units["alpha_per_noise"]) == ("N m", "rad/N/m/s")
+    assert wheel.units.text("largest_spring_force") == "N m"
+    assert find(wheel).units["largest_spring_force"] == "N m"
