@@ -21,7 +21,7 @@ from ..shooting.formulations import Cycles, vectors
 from ..symbolic.caches import cached
 from ..symbolic.kernels import ElementwiseFunction
 from ..units import LENGTH, TIME, Message, Quantity
-from .loss_coefficient import by_launch_speed, hand_over_factors, launch_power, loss_coefficient
+from .loss_coefficient import MOST_LEFT, by_launch_speed, hand_over_factors, launch_power, loss_coefficient
 
 # What the text of the violation by a standing foot that lifts contains, before its force.
 LIFTS = "of the flight (force"
@@ -172,9 +172,9 @@ def _losses(model: Model, cycles: Cycles, jerk: np.ndarray, power: np.ndarray) -
     defined, shares = (jerk > 0) & (cycles.gap_slope != 0), np.zeros(len(cycles))
     states = _landing_states(model, cycles)
     if model.changes_contact:
-        # Where the share that is left is not known, or is all, no such law holds.
+        # Where the share that is left is not known, or is nearly all, no such law holds.
         shares[:] = model.share_left(model.relabelling.image(list(states), cycles.p), cycles.p)
-        defined &= shares < 1
+        defined &= shares < MOST_LEFT
     if defined.any():
         mass = model.impact_mass(states[:, defined], {name: values[defined] for name, values in cycles.p.items()})
         loss = loss_coefficient(mass, jerk[defined], np.abs(cycles.gap_slope[defined]), power[defined])

@@ -17,6 +17,9 @@ from ..laws.law import Algebraic
 
 # The sum of the losses of bounces ends where the square of their speed is below this.
 LEAST_LOSS = 1e-20
+# With a larger share of the speed left where another point takes over, bounces are too many to be counted: what they
+# lose grows without bounds as the share tends to 1.
+MOST_LEFT = 0.999
 # The imaginary part of a complex step: so small that its square vanishes relative to any number.
 COMPLEX_STEP = 1e-30
 

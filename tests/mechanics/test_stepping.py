@@ -146,6 +146,7 @@ def test_a_law_in_pieces_is_taken_where_it_is_odd(kind):
     [
         ({"reversor": {"theta": "2*theta"}}, "reversor of 'theta': '2\\*theta' is neither the coordinate"),
         ({"reversor": {"theta": "phi"}}, "state a swap of two coordinates in their sum and their difference"),
+        ({"reversor": {"phi": "phi + angle"}}, "reversor of 'phi': done twice, it does not lead back to 'phi'"),
         ({"reversor": {"thet": "theta"}}, "reversor: there is no coordinate 'thet'; did you mean 'theta'"),
         ({"symmetry": {"theta": "theta - theta**2"}}, "symmetry of 'theta'"),
         ({"symmetry": {"theta": "theta - angle"}}, "the gap that lands is not gap 'theta' after the symmetry"),
@@ -170,7 +171,7 @@ def test_what_does_not_step_is_refused(change, telling):
         ((Spring("phi - theta"), Potential("weight*cos(theta - angle) + 0.1*theta")), "Potential.*reversor=None"),
         (
             (Spring("phi - theta", "r + r**2"), Potential("weight*cos(theta - angle)")),
-            r"the spring 'r \+ r\*\*2' along 'phi - theta': springs .* odd laws",
+            r"the spring 'r \+ r\*\*2' along 'phi - theta': state an odd law",
         ),
         (
             (Spring("phi - theta"), Spring("phi", "0.1*r"), Potential("weight*cos(theta - angle)")),
