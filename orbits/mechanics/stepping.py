@@ -125,7 +125,10 @@ def steps_of(c: Coordinates, s: Structure, m: Mechanics) -> Stepping | None:
         return None
     if s.actuators or len(s.gaps) > 2:
         raise InputError("a machine that steps has two gaps, that which opens and that which lands, and no actuators")
-    back, label = _own_inverse(c, _stated(c, dict(s.reversor or ()), "reversor")), _stated(c, dict(s.symmetry), "symmetry")
+    back, label = (
+        _own_inverse(c, _stated(c, dict(s.reversor or ()), "reversor")),
+        _stated(c, dict(s.symmetry), "symmetry"),
+    )
     gap, landing = m.gap.weights, _image_of_gap(c, (m.gap.weights, ca.SX(0)), back)
     if len(s.gaps) == 2:
         largest, (name, expression) = max(c.weights(s.gap) or [Fraction(1)]), s.gaps[1]

@@ -99,7 +99,7 @@ def _tangent_modes(model: Model, p: Mapping[str, float]) -> Modes:
     if model.flight.closed_form:
         return model.flight.closed_form(p)
     centre = 0.5 * np.array(model.reversal.shifts(p), dtype=float)
-    at = _tangents(model, tuple(p))
+    at = _tangent_field(model, tuple(p))
     field, slopes = (np.array(each, dtype=float) for each in at(centre, list(p.values())))
     springs = -slopes[1::2, ::2]
     squares, shapes = (np.real(each) for each in np.linalg.eig(springs))
@@ -113,7 +113,7 @@ def _tangent_modes(model: Model, p: Mapping[str, float]) -> Modes:
 
 
 @lru_cache(maxsize=64)
-def _tangents(model: Model, names: tuple[str, ...]) -> ca.Function:
+def _tangent_field(model: Model, names: tuple[str, ...]) -> ca.Function:
     """(state, parameters) -> the field of the flight and its derivative by the state."""
     x, p = ca.SX.sym("x", len(model.flight.states)), ca.SX.sym("p", len(names))
     states, known = ca.vertsplit(x), dict(zip(names, ca.vertsplit(p), strict=True))

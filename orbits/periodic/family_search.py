@@ -4,8 +4,9 @@ In a flight of an orbit of family n the extension turns for the n-th time after 
 over. The delay of that turn, the lateness, follows from the launch speed alone: under constant gravity it is a time,
 since half the flight takes a known time; else it is minus the speed that both masses then share, since in mid-flight it
 vanishes. Where the reversor turns all places over, mid-flight of family n is half way between the n-th turn and the
-next one, which are images of each other, and the lateness how far the mean of their places is beyond the centres. The cells between sampled launch speeds are
-halved until, according to its second differences, the lateness cannot vanish in any of them, or changes its sign once.
+next one, which are images of each other, and the lateness how far the mean of their places is beyond the centres. The
+cells between sampled launch speeds are halved until, according to its second differences, the lateness cannot vanish in
+any of them, or changes its sign once.
 """
 
 from collections.abc import Sequence

@@ -337,7 +337,7 @@ def _ratios(
     return own if angle is None else own | {"angle": _positive("angle", angle, pi / 2)}
 
 
-def _bounds(name: str, own: Mapping[str, float]) -> dict[str, tuple[float, float]]:
+def _bounds_of_steps(name: str, own: Mapping[str, float]) -> dict[str, tuple[float, float]]:
     """The bounds of a machine's parameters, which hold where they vary too."""
     least = 0.0 if name == "shuttle" else RATIO_BOUNDS[0]
     widest = WIDEST_WHEEL if name == "rimless wheel" else ANGLE_BOUNDS[1]
@@ -361,8 +361,9 @@ def _stepping(
     known = {**own, **values} if in_si else values
     torque = as_spring(law, known, shared=True)
     if in_si and "stiffness" not in torque.key.names:
-        raise InputError(f"spring '{torque.text}' of a {name} in SI does not contain its stiffness: write it with that, "
-                         "as 'stiffness*r'")  # fmt: skip
+        raise InputError(
+            f"spring '{torque.text}' of a {name} in SI has no 'stiffness': write it with that, as stiffness*r"
+        )
     return Mechanism(
         ("phi", "theta"),
         [Spring("phi - theta", torque), *forces],
@@ -371,7 +372,7 @@ def _stepping(
         surface_gravity=gravity,
         friction=None if friction is None else "friction",
         in_si=in_si,
-        bounds=_bounds(name, own),
+        bounds=_bounds_of_steps(name, own),
         angles=("phi", "theta"),
         name=name,
         **stated,
