@@ -139,8 +139,8 @@ def paths_of(mass: Mass) -> list[Scalar]:
 
 def fields_of(element: Element) -> list[Any]:
     """The expressions that define an element, without its law."""
-    found = [getattr(element, name) for name in element.__match_args__ if name != "force"]
-    return [each for each in found if each is not None]
+    found = {name: getattr(element, name) for name in element.__match_args__ if name != "force"}
+    return [each for name, each in found.items() if each is not None or name != "across"]
 
 
 def expressions_of(stated: Any) -> list[Any]:

@@ -80,7 +80,7 @@ def test_three_statuses_between_two_neighbours():
 def test_the_grid_has_the_quantities(diagram):
     machine = MACHINE.with_values(beta=BETWEEN[1], delta=0.0)
     orbit = find(machine)
-    last = 12 * len(DELTAS) + 1
+    last = 8 * len(DELTAS) + 1
     assert diagram.grid["alpha"][last] == pytest.approx(orbit.alpha, abs=1e-12)
     assert diagram.grid["stroke"][last] == pytest.approx(quantities(machine, orbit)["stroke"], abs=1e-12)
     assert diagram.between == BETWEEN
@@ -120,7 +120,7 @@ def test_polygons_cover_the_diagram_once(diagram):
 
 def test_files(diagram, tmp_path):
     document = json.loads(diagram.save(tmp_path / "a.json").read_text(encoding="utf-8"))
-    assert (document["along"], document["across"], document["count"]) == ("beta", "delta", 39)
+    assert (document["along"], document["across"], document["count"]) == ("beta", "delta", 27)
     assert [part["status"] for part in document["rows"][1]["stretches"]] == ["no orbit", "inadmissible", "certified"]
     lines = diagram.save(tmp_path / "a.csv").read_text(encoding="utf-8").splitlines()
     assert lines[0] == "delta,from beta,to beta,status"
