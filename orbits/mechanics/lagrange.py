@@ -34,7 +34,7 @@ from ..model.model import CONTACT_FORCE, names_of_holding
 from ..model.phase import is_used, weighted_sum
 from .coefficients import Coefficients, Entries, Symbols
 from .coordinates import Coordinates
-from .elements import Damper, Element, Force, Scalar, Spring
+from .elements import Damper, Element, Force, Mass, Scalar, Spring
 from .inertia import Inertia, inverse, squares_of
 from .terms import Gravity, Term, mass_of, moving_masses, terms_of, with_law
 
@@ -125,6 +125,8 @@ class InFlight:
     impact, impact_mass : (1 + sticks, n) the change of the speeds per change of the gap's speed and of those that
         stick, and the masses (1 + sticks, 1 + sticks) that these speeds have
     moves_ends : whether a force depends on the rates of the actuators
+    quadratic : (n, 1), the accelerations by the forces quadratic in the rates, of places and rates; None where they are
+        among the forces of `coefficients`
     """
 
     terms: list[Term]
@@ -137,6 +139,7 @@ class InFlight:
     impact: Coefficients
     impact_mass: ca.SX
     moves_ends: bool
+    quadratic: Coefficients | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,6 +150,7 @@ class InContact:
     terms : the forces that differ there
     row : (1 + sticks, terms), the contact force, and the forces on what sticks, per force; `force_coefficients` of these
     inertia : of the remaining coordinates; `coefficients` of their accelerations per force
+    quadratic : as in flight
     """
 
     symbols: Symbols
@@ -155,6 +159,7 @@ class InContact:
     force_coefficients: Coefficients
     inertia: ca.SX
     coefficients: Coefficients
+    quadratic: Coefficients | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,13 +222,13 @@ class Mechanics:
     def flight(self, x: Scalars, p: Parameters, q: Scalars) -> list[Algebraic]:
         """The field of the flight, see `Phase`."""
         y, v = self.positions_and_rates(x, p)
-        return self._field(self.in_flight.terms, self.in_flight.coefficients(p, y), (y, v), v, p, q)
+        return self._field(self.in_flight, self.in_flight.coefficients(p, y), (y, v), (y, v), p, q)
 
     def contact(self, x: Scalars, p: Parameters, q: Scalars) -> list[Algebraic]:
         """The field of the contact, see `Phase`."""
         s, rates = self.positions_and_rates(x, p)
         place = self.embedded(s), self.embedded(rates)
-        return self._field(self.in_contact.terms, self.in_contact.coefficients(p, s), place, rates, p, q)
+        return self._field(self.in_contact, self.in_contact.coefficients(p, s), place, (s, rates), p, q)
 
     def contact_force(self, x: Scalars, p: Parameters, q: Scalars, held: int = 0) -> Algebraic:
         """The force of the contact, which presses where it is above 0; where `held` is not 0, the force on the
@@ -248,12 +253,15 @@ class Mechanics:
         return self.gap.embed.tolist()
 
     def _field(
-        self, terms: Sequence[Term], rows: Sequence[Scalars], place: tuple[Scalars, Scalars], rates: Scalars,
-        p: Parameters, q: Scalars,
+        self, phase: InFlight | InContact, rows: Sequence[Scalars], place: tuple[Scalars, Scalars],
+        own: tuple[Scalars, Scalars], p: Parameters, q: Scalars,
     ) -> list[Algebraic]:  # fmt: skip
-        forces = forces_of(terms, rows, place, p, q)
+        forces = forces_of(phase.terms, rows, place, p, q)
         changes = [weighted_sum(row, forces) for row in rows]
-        pairs = [part for pair in zip(rates, changes, strict=False) for part in pair]
+        if phase.quadratic:
+            each = zip(changes, phase.quadratic(p, [*own[0], *own[1]]), strict=True)
+            changes = [change + more if is_used(more) else change for change, (more,) in each]
+        pairs = [part for pair in zip(own[1], changes, strict=False) for part in pair]
         return [*pairs, *(p[rate] for _, rate in self.coordinates.actuators)]
 
     def turning(self, unit: ca.SX) -> Callable:
@@ -332,10 +340,26 @@ def _flight_equations(
     masses, compliance = inverse_of(c, gap.held.T @ kick), gap.held.T @ kick
     dampers = [term.gradient[c.size :] for term in terms if term.what == "damper"]
     moves_ends = any(not c.vanishes(along) for along in dampers) or any(isinstance(each, Force) for each in elements)
+    by_place, quadratic = accelerations, None
+    if any(isinstance(each, Mass) and each.across is not None for each in elements):
+        by_place, quadratic = _apart(c, terms, accelerations, (c.y, c.v))
     return InFlight(
-        terms, parts, inertia, gradients, accelerations, c.coefficients(accelerations), kick,
-        c.coefficients(masses @ kick.T if gap.sticks else kick.T / compliance), masses, moves_ends,
+        terms, parts, inertia, gradients, accelerations, c.coefficients(by_place), kick,
+        c.coefficients(masses @ kick.T if gap.sticks else kick.T / compliance), masses, moves_ends, quadratic,
     )  # fmt: skip
+
+
+def _apart(
+    c: Coordinates, terms: Sequence[Term], rows: ca.SX, own: tuple[ca.SX, ca.SX], inside: Callable = lambda each: each
+) -> tuple[ca.SX, Coefficients | None]:
+    """Rows (n, terms) without the forces that are quadratic in the rates, and the sums of these, written out so that
+    what cancels is seen; None without any."""
+    quadratic, rows = ca.SX(rows.shape[0], 1), ca.densify(rows)
+    bent = [j for j, term in enumerate(terms) if term.element is None]
+    for j in bent:
+        quadratic += rows[:, j] * inside(terms[j].by_rates)
+        rows[:, j] = 0
+    return ca.sparsify(rows), c.coefficients(quadratic, c.symbols(*own)) if bent else None
 
 
 def _contact_equations(c: Coordinates, gap: ClosedGap, flight: InFlight) -> InContact:
@@ -347,11 +371,16 @@ def _contact_equations(c: Coordinates, gap: ClosedGap, flight: InFlight) -> InCo
     along = embed.T @ (gap.inside(flight.gradients, c) @ columns)[:n, :]
     parts = [(gap.inside(mass, c), embed.T @ gap.inside(gradient, c)) for mass, gradient in flight.parts]
     # The contact force takes away the acceleration of the gap that the other forces would make.
-    row = held_by(c, gap, flight, columns)
+    row, quadratic = held_by(c, gap, flight, columns), None
+    accelerations = -Inertia(m, parts, as_number(c, gap)).solve(along)
+    if flight.quadratic:
+        rates = ca.SX.sym("w", gap.s.numel())
+        moving = lambda each: ca.substitute(gap.inside(each, c), c.v, ca.densify(ca.sparsify(gap.exact_embed) @ rates))  # noqa: E731
+        accelerations, quadratic = _apart(c, terms, accelerations, (gap.s, rates), moving)
     return InContact(
         symbols, terms, row, c.coefficients(row, symbols),
         ca.sparsify(embed.T @ gap.inside(flight.inertia, c) @ embed),
-        c.coefficients(-Inertia(m, parts, as_number(c, gap)).solve(along), symbols),
+        c.coefficients(accelerations, symbols), quadratic,
     )  # fmt: skip
 
 
