@@ -51,12 +51,14 @@ class Reactions(NamedTuple):
     flight, contact : the forces in these phases, of which some springs have no laws yet
     friction : as in `Mechanism`
     handed : the speeds after a step forward and after one back, per speed before; None where nothing takes over
+    speed : (1, n), that of the centre of mass along the ground per speed
     """
 
     flight: _Reaction
     contact: _Reaction
     friction: Scalar | None
     handed: tuple[tuple[SignedShift, Coefficients], ...] | None
+    speed: Coefficients
 
     def watch(self, mechanics: Mechanics, contact: bool) -> dict[str, Callable]:
         """The forces in flight, or in contact, as `Phase.watch` has them."""
@@ -88,7 +90,8 @@ class Reactions(NamedTuple):
         share = self.friction
         limit = None if share is None else lambda p: value_of(share, {}, p)
         forward, back = (_taken_over(*each) for each in self.handed) if self.handed else (None, None)
-        return Planar(not self.flight.vanish[0], limit, forward, back)
+        speed = lambda x, p: weighted_sum(self.speed(p, x[::2])[0], x[1::2])  # noqa: E731
+        return Planar(not self.flight.vanish[0], limit, forward, back, speed)
 
 
 def _taken_over(label: SignedShift, speeds: Coefficients) -> Callable:
@@ -133,6 +136,7 @@ def reactions_of(
         _reaction(m, rows, bent, lambda each: each, c.y, c.v),
         _reaction(m, in_contact, inside(bent), inside, gap.s, rates), friction,
         _handed(m, masses, stated_inertia(c, inertia), steps) if steps and steps.row else None,
+        c.coefficients(along[1, :] / sum(mass_of(c, each.mass) for each in masses if each.across is not None)),
     )  # fmt: skip
 
 
