@@ -21,6 +21,7 @@ from .certified import Solved, certified_orbit, corrector, known_solutions, solv
 from .family_search import Cells, Lateness
 from .homotopy import solve_by_homotopy
 from .orbit import Orbit, orbit_of, start_in_file
+from .run_start import run_start
 
 Progress: TypeAlias = Callable[[float], None] | None  # called with the share that is done
 # An orbit nearby, the unknowns of a half orbit by name, or the name of a file of an orbit.
@@ -296,6 +297,14 @@ def another_family(wanted: int, found: int) -> str:
 def _same(a: Orbit, b: Orbit) -> bool:
     x, y = ([orbit.alpha, orbit.flight_time, *orbit.flight(0.0)] for orbit in (a, b))
     return np.allclose(x, y, rtol=SAME_ORBIT, atol=SAME_ORBIT * max(map(abs, x)))
+
+
+def start_of_run(machine: Any, family: int = 1, at: Mapping[str, float] | None = None) -> dict[str, float]:
+    """The unknowns of a half orbit by name, with the step, where the search for a run of a machine begins: beside its
+    vertical hop of a family. All is without dimensions; `at` is as in `run_start`."""
+    upright = machine.upright()
+    hop = stated_unknowns(upright.model, lowest_of_family(upright, family, method_of(upright.model)))
+    return run_start(machine, {name: value for name, value in hop.items() if name != "unfolding"}, at)
 
 
 def check_start(machine: Machine, start: object) -> None:
