@@ -14,7 +14,7 @@ import numpy as np
 
 from ..consistency.accepted import check_parameters
 from ..errors import FlowError, InputError, NoOrbit, finite_number
-from ..model.machine import Machine, free_parameters
+from ..model.machine import Machine
 from ..model.model import Model
 from ..model.phase import Arc, Statement
 from ..numerics.roots import solve
@@ -285,8 +285,8 @@ def with_extremes(
     first : the machine's own orbit
     near : (machine, known orbit, tuning) -> the orbit where only equations are prescribed, and errors, as in `find`
 
-    As many of the parameters as there are such quantities, the last ones for which this is possible, are moved in steps;
-    the others are tuned at each step.
+    As many of the parameters as there are such quantities, the last ones for which this is possible, are moved in
+    steps; the others are tuned at each step.
     """
     reason: Exception | None = None
     for moved in reversed([*combinations(tuning.names, len(tuning.extremes))]):

@@ -129,9 +129,9 @@ class Shooting:
 
     @cached
     def seeds(self, vary: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray, list]:
-        """Derivatives of the unknowns (n, n + k), of the parameters (np, n + k) and of those that are unknowns or varied
-        (t + k, n + k) by the unknowns and the varied parameters; and for each arc the seeds of its start and of the
-        parameters."""
+        """Derivatives of the unknowns (n, n + k), of the parameters (np, n + k) and of those of these that are unknown
+        or varied (t + k, n + k) by the unknowns and the varied parameters; and for each arc the seeds of its start and
+        of the parameters."""
         n, own, k = self.size, self.own, len(vary)
         dp = np.zeros((len(self.parameters), n + k))
         for j, place in enumerate([*self.places, *map(self.parameters.index, vary)], start=own):
