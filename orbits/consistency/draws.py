@@ -86,7 +86,7 @@ class Graphs:
         }
         if landed := model.contact.watch.get(LANDED_FORCE):
             in_contact["landed"] = ca.SX(landed(*contact))
-        force = ca.SX(model.liftoff(us, known, contact[2]))
+        force = ca.vertcat(*map(ca.SX, model.liftoff(us, known, contact[2])))
         at_launch = {
             "launch": ca.SX(ca.vertcat(*model.launch(us, known))),
             "force": force,

@@ -9,13 +9,15 @@ all digits however far apart they are; elimination loses those of a light mass b
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from itertools import combinations
+from itertools import combinations, pairwise
 from math import comb
 
 import casadi as ca
 
 # Sums of more products than these, with gradients in more directions, are long: then elimination takes their place.
 MOST_PRODUCTS = 70
+# Systems up to this size are solved by minors.
+SMALL_SYSTEM = 3
 
 
 class Inertia:
@@ -59,8 +61,8 @@ class Inertia:
         """As many masses as coordinates: each is accelerated alone, and the multiple of its own gradient in the forces
         cancels."""
         columns = ca.horzcat(*self.gradients)
-        alone = ca.solve(columns, ca.sparsify(forces)) / ca.repmat(ca.vertcat(*self.masses), 1, forces.shape[1])
-        return ca.sparsify(ca.solve(columns.T, alone))
+        alone = solved_by_blocks(columns, ca.sparsify(forces)) / ca.repmat(ca.vertcat(*self.masses), 1, forces.shape[1])
+        return ca.sparsify(solved_by_blocks(columns.T, alone))
 
     @cached_property
     def _inverse(self) -> ca.SX:
@@ -94,6 +96,22 @@ class Inertia:
                     total += sign * entry * self._minor(rows[:-1], (*chosen[:j], *chosen[j + 1 :]))
             self._minors[rows, chosen] = self._exactly(total)
         return self._minors[rows, chosen]
+
+
+def solved_by_blocks(matrix: ca.SX, sides: ca.SX) -> ca.SX:
+    """The solutions (n, k) of a system with these right sides, block by block where it decouples: CasADi takes the QR
+    factors of all of it, with roots, unless it is triangular or small."""
+    matrix = ca.sparsify(matrix)
+    _, rows, columns, begins, *_ = matrix.sparsity().btf()
+    blocks = list(pairwise(begins))
+    if matrix.shape[0] <= SMALL_SYSTEM or all(end - begin == 1 for begin, end in blocks):
+        return ca.solve(matrix, sides)
+    lower, sides, found = matrix[rows, columns], sides[rows, :], ca.SX(*sides.shape)
+    for begin, end in blocks:
+        block, before = slice(begin, end), slice(0, begin)
+        found[block, :] = ca.solve(lower[block, block], sides[block, :] - lower[block, before] @ found[before, :])
+    order = sorted(range(len(columns)), key=columns.__getitem__)
+    return ca.sparsify(found[order, :])
 
 
 def squares_of(matrix: ca.SX, vanishes: Callable[[ca.SX], bool]) -> list[tuple[ca.SX, ca.SX]]:

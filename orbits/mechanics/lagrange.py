@@ -12,7 +12,9 @@ lambda of the contact,
 
     lambda dg/dy = M y'' + sum of J f.
 
-An impact changes the speeds by M^-1 dg / (dg M^-1 dg) per change of the gap's speed. The coefficients of the forces are
+Coordinates that stick are at rest in contact too, at 0, and the ground exerts a force on each. With the gradients of
+the gap and of these as the columns of G, an impact changes the speeds by M^-1 G (G^T M^-1 G)^-1 per change of the
+speeds that it brings to 0. The coefficients of the forces are
 functions of the parameters, and numbers where these make no difference. Nothing is rounded while they are derived: all
 numbers are symbols (`Numerals`), and whatever the structure depends on, as whether a coefficient is 0, whether an
 extension is a sum of coordinates, and whether two forces are one, is decided exactly (`Entries`).
@@ -28,11 +30,12 @@ import numpy as np
 
 from ..errors import InputError
 from ..laws.law import Algebraic, Key, Parameters, Scalars
+from ..model.model import CONTACT_FORCE, names_of_holding
 from ..model.phase import is_used, weighted_sum
 from .coefficients import Coefficients, Entries, Symbols
 from .coordinates import Coordinates
-from .elements import Damper, Element, Force, Scalar, Spring
-from .inertia import Inertia, squares_of
+from .elements import Damper, Element, Force, Mass, Scalar, Spring
+from .inertia import Inertia, inverse, squares_of
 from .terms import Gravity, Term, mass_of, moving_masses, terms_of, with_law
 
 
@@ -43,16 +46,19 @@ class ClosedGap:
     weights : (n,), the largest being 1: the contact force is the force on its coordinate, which is eliminated
     left : the places of the remaining ones among the coordinates and displacements
     s : the symbols of these
+    sticks : the places of the coordinates that stick while it is closed
     """
 
     weights: list[Fraction]
     exact: ca.SX
     left: list[int]
     s: ca.SX
+    sticks: tuple[int, ...] = ()
 
     @classmethod
-    def of(cls, c: Coordinates, expression: Scalar) -> "ClosedGap":
-        """The gap that an expression states; raises `InputError` for one that is no sum of coordinates."""
+    def of(cls, c: Coordinates, expression: Scalar, sticks: Sequence[str] = ()) -> "ClosedGap":
+        """The gap that an expression states, with the coordinates that stick; raises `InputError` for one that is no
+        sum of coordinates."""
         weights, at_closed = c.weights(expression), c.at_zero(expression)
         sums = weights is not None and c.vanishes(at_closed) and not any(weights[c.size :])
         if weights is None or not sums or max(weights) <= 0:
@@ -60,8 +66,21 @@ class ClosedGap:
                 f"gap '{expression}' is no sum of coordinates with numbers before them, as \"foot - plate\""
             )
         weights = [weight / max(weights) for weight in weights[: c.size]]
-        left = [i for i in range(len(c.moved)) if i != weights.index(Fraction(1))]
-        return cls(weights, ca.vertcat(*map(c.numerals.number, weights)), left, ca.SX.sym("s", len(left)))
+        held = tuple(map(c.names.index, sticks))
+        if any(weights[i] for i in held):
+            raise InputError(f"gap '{expression}' opens along the ground: what sticks ({sticks[0]}) is not in it")
+        left = [i for i in range(len(c.moved)) if i not in (weights.index(Fraction(1)), *held)]
+        return cls(weights, ca.vertcat(*map(c.numerals.number, weights)), left, ca.SX.sym("s", len(left)), held)
+
+    @property
+    def own(self) -> int:
+        """The number of coordinates that remain."""
+        return len(self.weights) - 1 - len(self.sticks)
+
+    @cached_property
+    def held(self) -> ca.SX:
+        """The matrix (n, 1 + sticks) of the gradients of the gap and of what sticks."""
+        return ca.horzcat(self.exact, *(ca.SX.eye(len(self.weights))[:, i] for i in self.sticks))
 
     @cached_property
     def numbers(self) -> np.ndarray:
@@ -70,17 +89,17 @@ class ClosedGap:
 
     @cached_property
     def embed(self) -> np.ndarray:
-        """The matrix (n + k, n - 1 + k) from the remaining coordinates and displacements to all of them."""
-        place, own = self.weights.index(Fraction(1)), len(self.weights) - 1
-        matrix = np.eye(len(self.left) + 1)[:, self.left]
+        """The matrix (n + k, own + k) from the remaining coordinates and displacements to all of them."""
+        place, own = self.weights.index(Fraction(1)), self.own
+        matrix = np.eye(len(self.left) + 1 + len(self.sticks))[:, self.left]
         matrix[place, :own] = -self.numbers[self.left[:own]]
         return matrix
 
     @cached_property
     def exact_embed(self) -> ca.SX:
         """The same matrix, with symbols for its numbers."""
-        place, own = self.weights.index(Fraction(1)), len(self.weights) - 1
-        matrix = ca.SX.eye(len(self.left) + 1)[:, self.left]
+        place, own = self.weights.index(Fraction(1)), self.own
+        matrix = ca.SX.eye(len(self.left) + 1 + len(self.sticks))[:, self.left]
         matrix[place, :own] = -self.exact[self.left[:own]].T
         return matrix
 
@@ -104,9 +123,12 @@ class InFlight:
     inertia : (n, n)
     gradients : (n + k, terms) of the functions that the forces act against
     accelerations : (n, terms) per force; `coefficients` of these
-    kick : (n,), the change of the speeds per impulse of the contact
-    impact, impact_mass : the change of the speeds per change of the gap's speed, and the mass that this speed has
+    kick : (n, 1 + sticks), the change of the speeds per impulse of the contact and of what sticks
+    impact, impact_mass : (1 + sticks, n) the change of the speeds per change of the gap's speed and of those that
+        stick, and the masses (1 + sticks, 1 + sticks) that these speeds have
     moves_ends : whether a force depends on the rates of the actuators
+    quadratic : (n, 1), the accelerations by the forces quadratic in the rates, of places and rates; None where they are
+        among the forces of `coefficients`
     """
 
     terms: list[Term]
@@ -119,6 +141,7 @@ class InFlight:
     impact: Coefficients
     impact_mass: ca.SX
     moves_ends: bool
+    quadratic: Coefficients | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,8 +150,9 @@ class InContact:
 
     symbols : of its expressions
     terms : the forces that differ there
-    row : (1, terms), the contact force per force; `force_coefficients` of these
-    inertia : (n - 1, n - 1); `coefficients` of the accelerations (n - 1, terms) per force
+    row : (1 + sticks, terms), the contact force and those on what sticks, per force; `force_coefficients` of these
+    inertia : of the remaining coordinates; `coefficients` of their accelerations per force
+    quadratic : as in flight
     """
 
     symbols: Symbols
@@ -137,6 +161,7 @@ class InContact:
     force_coefficients: Coefficients
     inertia: ca.SX
     coefficients: Coefficients
+    quadratic: Coefficients | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,6 +197,11 @@ class Mechanics:
         springs = [element for element in self.elements if isinstance(element, Spring)]
         return [spring for spring in springs if self.laws and self.law_of(spring).branches]
 
+    @property
+    def names_of_forces(self) -> tuple[str, ...]:
+        """The names of the contact force and of the forces on what sticks."""
+        return CONTACT_FORCE, *names_of_holding(self.coordinates.names[i] for i in self.gap.sticks)
+
     def with_laws(self, laws: Sequence[Key]) -> "Mechanics":
         """The same mechanics with the keys of the springs' laws."""
         own = self.coordinates.p
@@ -194,19 +224,20 @@ class Mechanics:
     def flight(self, x: Scalars, p: Parameters, q: Scalars) -> list[Algebraic]:
         """The field of the flight, see `Phase`."""
         y, v = self.positions_and_rates(x, p)
-        return self._field(self.in_flight.terms, self.in_flight.coefficients(p, y), (y, v), v, p, q)
+        return self._field(self.in_flight, self.in_flight.coefficients(p, y), (y, v), (y, v), p, q)
 
     def contact(self, x: Scalars, p: Parameters, q: Scalars) -> list[Algebraic]:
         """The field of the contact, see `Phase`."""
         s, rates = self.positions_and_rates(x, p)
         place = self.embedded(s), self.embedded(rates)
-        return self._field(self.in_contact.terms, self.in_contact.coefficients(p, s), place, rates, p, q)
+        return self._field(self.in_contact, self.in_contact.coefficients(p, s), place, (s, rates), p, q)
 
-    def contact_force(self, x: Scalars, p: Parameters, q: Scalars) -> Algebraic:
-        """The force of the contact, which presses where it is above 0."""
+    def contact_force(self, x: Scalars, p: Parameters, q: Scalars, held: int = 0) -> Algebraic:
+        """The force of the contact, which presses where it is above 0; where `held` is not 0, the force on the
+        coordinate that sticks of this number, from 1."""
         s, rates = self.positions_and_rates(x, p)
-        rows, place = self.in_contact.force_coefficients(p, s), (self.embedded(s), self.embedded(rates))
-        return weighted_sum(rows[0], forces_of(self.in_contact.terms, rows, place, p, q))
+        row, place = self.in_contact.force_coefficients(p, s)[held], (self.embedded(s), self.embedded(rates))
+        return weighted_sum(row, forces_of(self.in_contact.terms, [row], place, p, q))
 
     def positions_and_rates(self, x: Scalars, p: Parameters) -> tuple[list[Algebraic], list[Algebraic]]:
         """Coordinates with the actuators' displacements, and their rates, of a flight or a contact state."""
@@ -224,12 +255,15 @@ class Mechanics:
         return self.gap.embed.tolist()
 
     def _field(
-        self, terms: Sequence[Term], rows: Sequence[Scalars], place: tuple[Scalars, Scalars], rates: Scalars,
-        p: Parameters, q: Scalars,
+        self, phase: InFlight | InContact, rows: Sequence[Scalars], place: tuple[Scalars, Scalars],
+        own: tuple[Scalars, Scalars], p: Parameters, q: Scalars,
     ) -> list[Algebraic]:  # fmt: skip
-        forces = forces_of(terms, rows, place, p, q)
+        forces = forces_of(phase.terms, rows, place, p, q)
         changes = [weighted_sum(row, forces) for row in rows]
-        pairs = [part for pair in zip(rates, changes, strict=False) for part in pair]
+        if phase.quadratic:
+            each = zip(changes, phase.quadratic(p, [*own[0], *own[1]]), strict=True)
+            changes = [change + more if is_used(more) else change for change, (more,) in each]
+        pairs = [part for pair in zip(own[1], changes, strict=False) for part in pair]
         return [*pairs, *(p[rate] for _, rate in self.coordinates.actuators)]
 
     def turning(self, unit: ca.SX) -> Callable:
@@ -246,18 +280,20 @@ class Mechanics:
 
 
 def mechanics_of(
-    c: Coordinates, elements: Sequence[Element], inertia: Sequence[Sequence[Scalar]], gap: Scalar, gravity: Gravity
-) -> Mechanics:
+    c: Coordinates, elements: Sequence[Element], inertia: Sequence[Sequence[Scalar]], gap: Scalar, gravity: Gravity,
+    sticks: Sequence[str] = (),
+) -> Mechanics:  # fmt: skip
     """The mechanics of elements whose springs have no laws yet; the force of each `Spring` is its place among the laws.
 
     inertia : (n, n) beside that of the elements
+    sticks : the coordinates that stick while the gap is closed
 
     Raises `InputError` for an inertia that is singular, and for a gap that no coordinate closes.
     """
     stated = stated_inertia(c, inertia)
     whole = _inertia(c, elements, stated)
     terms = terms_of(c, elements, gravity, stated)
-    closed = ClosedGap.of(c, gap)
+    closed = ClosedGap.of(c, gap, sticks)
     flight = _flight_equations(c, elements, terms, stated, whole, closed)
     return Mechanics(c, tuple(elements), gravity, closed, flight, _contact_equations(c, closed, flight))
 
@@ -302,32 +338,70 @@ def _flight_equations(
     parts = [(c.scalar(mass), c.gradient(place)[: c.size]) for place, mass in moving_masses(elements)]
     parts += squares_of(stated, c.vanishes) if stated.nnz() else []
     gradients, solved = ca.horzcat(*(term.gradient for term in terms)), Inertia(c.size, parts, as_number(c, gap))
-    accelerations, kick = -solved.solve(gradients[: c.size, :]), solved.solve(gap.exact)
-    compliance = gap.exact.T @ kick
+    accelerations, kick = -solved.solve(gradients[: c.size, :]), solved.solve(gap.held)
+    masses, compliance = inverse_of(c, gap.held.T @ kick), gap.held.T @ kick
     dampers = [term.gradient[c.size :] for term in terms if term.what == "damper"]
     moves_ends = any(not c.vanishes(along) for along in dampers) or any(isinstance(each, Force) for each in elements)
+    by_place, quadratic = accelerations, None
+    if any(isinstance(each, Mass) and each.across is not None for each in elements):
+        by_place, quadratic = _bent_apart(c, terms, accelerations, (c.y, c.v))
     return InFlight(
-        terms, parts, inertia, gradients, accelerations, c.coefficients(accelerations), kick,
-        c.coefficients(kick.T / compliance), 1 / compliance, moves_ends,
+        terms, parts, inertia, gradients, accelerations, c.coefficients(by_place), kick,
+        c.coefficients(masses @ kick.T if gap.sticks else kick.T / compliance), masses, moves_ends, quadratic,
     )  # fmt: skip
+
+
+def _bent_apart(
+    c: Coordinates, terms: Sequence[Term], rows: ca.SX, own: tuple[ca.SX, ca.SX], inside: Callable = lambda each: each
+) -> tuple[ca.SX, Coefficients | None]:
+    """Rows (n, terms) without the forces that are quadratic in the rates, and the sums of these, written out so that
+    what cancels is seen; None without any."""
+    quadratic, rows = ca.SX(rows.shape[0], 1), ca.densify(rows)
+    bent = [j for j, term in enumerate(terms) if term.element is None]
+    for j in bent:
+        quadratic += rows[:, j] * inside(terms[j].by_rates)
+        rows[:, j] = 0
+    return ca.sparsify(rows), c.coefficients(quadratic, c.symbols(*own)) if bent else None
 
 
 def _contact_equations(c: Coordinates, gap: ClosedGap, flight: InFlight) -> InContact:
     """The equations of the contact."""
-    n, m, symbols = c.size, c.size - 1, c.symbols(gap.s)
+    n, m, symbols = c.size, gap.own, c.symbols(gap.s)
     embed = ca.sparsify(gap.exact_embed[:n, :m])
     terms, merging = _merged(c, gap, symbols, flight.terms)
     columns = ca.SX(ca.sparsify(ca.DM(merging)))
     along = embed.T @ (gap.inside(flight.gradients, c) @ columns)[:n, :]
     parts = [(gap.inside(mass, c), embed.T @ gap.inside(gradient, c)) for mass, gradient in flight.parts]
     # The contact force takes away the acceleration of the gap that the other forces would make.
-    opening = gap.exact.T @ gap.inside(flight.accelerations, c) @ columns
-    row = -opening / gap.inside(gap.exact.T @ flight.kick, c)
+    row, quadratic = held_by(c, gap, flight, columns), None
+    accelerations = -Inertia(m, parts, as_number(c, gap)).solve(along)
+    if flight.quadratic:
+        rates = ca.SX.sym("w", gap.s.numel())
+        moving = lambda each: ca.substitute(gap.inside(each, c), c.v, ca.densify(ca.sparsify(gap.exact_embed) @ rates))  # noqa: E731
+        accelerations, quadratic = _bent_apart(c, terms, accelerations, (gap.s, rates), moving)
     return InContact(
         symbols, terms, row, c.coefficients(row, symbols),
         ca.sparsify(embed.T @ gap.inside(flight.inertia, c) @ embed),
-        c.coefficients(-Inertia(m, parts, as_number(c, gap)).solve(along), symbols),
+        c.coefficients(accelerations, symbols), quadratic,
     )  # fmt: skip
+
+
+def held_by(c: Coordinates, gap: ClosedGap, flight: InFlight, columns: ca.SX) -> ca.SX:
+    """The contact force, and the forces on what sticks, (1 + sticks, k) per force of the flight, of which `columns`
+    (terms, k) are sums."""
+    opening = gap.held.T @ gap.inside(flight.accelerations, c) @ columns
+    compliance = gap.inside(gap.held.T @ flight.kick, c)
+    return -inverse_of(c, compliance, c.symbols(gap.s)) @ opening if gap.sticks else -opening / compliance
+
+
+def inverse_of(c: Coordinates, compliance: ca.SX, symbols: Symbols | None = None) -> ca.SX:
+    """The inverse of the compliance of what is held, of which entries that vanish are left out."""
+    if compliance.numel() == 1:
+        return 1 / compliance
+    for i, j in np.ndindex(*compliance.shape):
+        if c.vanishes(compliance[i, j], symbols):
+            compliance[i, j] = 0
+    return inverse(ca.sparsify(compliance))
 
 
 def as_number(c: Coordinates, gap: ClosedGap) -> Callable[[ca.SX], ca.SX]:

@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 
 from ..laws.law import Parameters, Scalars
-from ..model.model import CONTACT_FORCE, LANDED_FORCE
+from ..model.model import LANDED_FORCE
 from ..model.modes import Modes, linear_modes
 from ..model.planar import NORMAL_FORCE, TANGENTIAL_FORCE
 from ..model.relative import straight_line
@@ -48,7 +48,7 @@ class Linear:
         self._against = c.coefficients(ca.horzcat(*(term.gradient for term in self.straight)))
         self._along = c.coefficients(ca.horzcat(*(ca.gradient(force, c.y) for force in forces)))
         self._offsets = c.coefficients(ca.horzcat(*(c.without_place(force) for force in forces)))
-        self.embed = mechanics.gap.embed[:, : c.size - 1]
+        self.embed = mechanics.gap.embed[:, : mechanics.gap.own]
 
     @classmethod
     def of(
@@ -91,8 +91,8 @@ class Linear:
         """The exact flow of the contact, with the contact force."""
         (inertia, stiffness, load), embed, m = self.equations(p), self.embed, self.mechanics
         offsets = self._offsets(p)[0]
-        force = self._watched(m.in_contact.force_coefficients(p)[0], m.in_contact.terms, embed, offsets, p)
-        watch = {CONTACT_FORCE: force}
+        rows = zip(m.names_of_forces, m.in_contact.force_coefficients(p), strict=True)
+        watch = {name: self._watched(row, m.in_contact.terms, embed, offsets, p) for name, row in rows}
         if self.steps and self.steps.row:
             back = self.steps.states(self.steps.relabelling).inverse
             signs, shifts = np.array(back.signs[::2]), np.array(back.shifts(p)[::2], dtype=float)

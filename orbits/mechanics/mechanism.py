@@ -28,7 +28,7 @@ from ..laws.features import with_reach
 from ..laws.law import Key, Law, coefficient_of_restitution, number
 from ..laws.law_statement import key_of
 from ..model.machine import Stated
-from ..model.model import Model, as_derived
+from ..model.model import STEP_LENGTH, Model, as_derived
 from ..running.exclusive import exclusive, exclusive_property
 from ..symbolic.formula import suggest
 from ..units import FORCE, LENGTH, TORQUE, Dimension, Units, unit_text
@@ -43,6 +43,7 @@ from .refusals import (
     hint_of_coordinate,
     joined_values,
     listed,
+    maps_of_sticking,
     refuse_misstated,
     refuse_names_of_parameters,
     refuse_values,
@@ -93,6 +94,9 @@ class Mechanism(Stated):
         where they are across; an orbit that needs more violates it. A number, or a formula of parameters
     bounds : the least and the largest value of parameters, by name, that such machines have
     drawing : a `Drawing` of the machine in the plane, for figures; None for masses on one vertical line
+    sticks : coordinates along the ground that are at rest while the gap is closed, as that of a foot which does not
+        slide. Nothing depends on the place of such a coordinate; it is 0 in contact, and a step moves it on by the
+        amount "step", a number of each orbit that is not stated
     words : the name of the "liftoff" force in messages, the texts of a violated "gap", "pull", "separation" and "end",
         where points take turns also those of a violated "landing gap", "landed pull" and "stance", "" for a "stance"
         that is not judged, and the text to look after where a search finds "none"
@@ -136,13 +140,14 @@ class Mechanism(Stated):
     friction: Scalar | None = None
     drawing: Drawing | None = None
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    sticks: Sequence[str] = ()
 
     @exclusive
     def __post_init__(self) -> None:
         self._store(
             coordinates=listed("coordinates", self.coordinates), elements=listed("elements", self.elements),
             knees=tuple(listed("knees", knee) for knee in listed("knees", self.knees)),
-            angles=listed("angles", self.angles),
+            angles=listed("angles", self.angles), sticks=listed("sticks", self.sticks),
         )  # fmt: skip
         first = next(iter(self.gaps.values()), "") if isinstance(self.gaps, Mapping) else ""
         if (first != self.gap and "" not in (first, self.gap)) or first == self.gap == "":
@@ -155,6 +160,12 @@ class Mechanism(Stated):
             self._store(**on_ground(self.ground, *stated))
         self._store(inertia=self._rows(), heights=self.heights or self._lengths())
         refuse_misstated(self)
+        if self.sticks:
+            back, onward = maps_of_sticking(self.sticks)
+            back = None if self.reversor is None else {**self.reversor, **back}
+            self._store(
+                reversor=back, symmetry={**self.symmetry, **onward}, parameters={STEP_LENGTH: 0.0, **self.parameters}
+            )
         numbers = {name: number(name, value) for name, value in self.parameters.items()}
         laws, elements = [self._law(self.gravity, "z", numbers)], list[Element]()
         for element in self.elements:
@@ -239,6 +250,11 @@ class Mechanism(Stated):
         return tuple(sorted(self._used_names | self.parameters.keys()))
 
     @property
+    def _stated_parameters(self) -> dict[str, float]:
+        """The parameters but for the step, which is a number of an orbit."""
+        return {name: value for name, value in self.parameters.items() if not (self.sticks and name == STEP_LENGTH)}
+
+    @property
     def _missing(self) -> list[str]:
         """The names of the parameters that have no value."""
         return [name for name in self.names if name not in self.parameters]
@@ -261,7 +277,7 @@ class Mechanism(Stated):
             counts, self.launch, tuple((self.heights or {}).items()), self.separation, self.energy_unit,
             tuple(self.rest.items()), tuple(self.knees), tuple(self.actuators.items()), tuple(self.words.items()),
             names, self.reversor if self.reversor is None else tuple(self.reversor.items()),
-            tuple(self.symmetry.items()), tuple(self.gaps.items()), self.friction,
+            tuple(self.symmetry.items()), tuple(self.gaps.items()), self.friction, self.sticks,
         )  # fmt: skip
 
     @exclusive_property
@@ -365,7 +381,7 @@ class Mechanism(Stated):
             "mass_ratio": self.parameters.get("mass_ratio"),  # files of orbits have this key for any machine
             "rest_length": self.rest_length,
             "restitution": self.restitution,
-            "parameters": dict(self.parameters),
+            "parameters": self._stated_parameters,
             "laws_in": "SI" if self.in_si else "units of the machine",
             **({"units": {**length, **self.units_of_parameters()}} if self.in_si else {}),
         }
@@ -375,7 +391,7 @@ class Mechanism(Stated):
         return {name: unit_text(dimension) for name, dimension in dimensions_of_parameters(self).items()}
 
     def __repr__(self) -> str:
-        return one_line(self, {"name": self.name, "coordinates": self.coordinates, **self.parameters})
+        return one_line(self, {"name": self.name, "coordinates": self.coordinates, **self._stated_parameters})
 
 
 @lru_cache(maxsize=64)

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import partial
 from typing import Any
 
 import casadi as ca
@@ -11,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..laws.law import Algebraic, Key, Parameters, Scalars
-from ..model.model import CONTACT_FORCE, LANDED_FORCE, Knee
+from ..model.model import LANDED_FORCE, Knee
 from ..model.phase import Affine, Phase, Pieces, weighted_sum
 from ..model.relative import Reach, pieces_along, reach_along
 from ..model.state_formula import StateFormula
@@ -60,7 +61,7 @@ class Parts:
     @classmethod
     def of(cls, s: Structure, mechanics: Mechanics) -> "Parts":
         """The parts of a structure whose springs have no laws yet."""
-        c, flight, left = mechanics.coordinates, mechanics.in_flight, mechanics.gap.left[: mechanics.size - 1]
+        c, flight, left = mechanics.coordinates, mechanics.in_flight, mechanics.gap.left[: mechanics.gap.own]
         known = [c.names[i] for i in left]
         launched = s.launch or known[-1]
         if launched not in known:
@@ -94,7 +95,7 @@ class Parts:
     @property
     def _states_in_contact(self) -> list[str]:
         """The remaining coordinates of the contact, and their speeds."""
-        own = self.mechanics.gap.left[: self.mechanics.size - 1]
+        own = self.mechanics.gap.left[: self.mechanics.gap.own]
         return [state for i in own for state in (self.structure.coordinates[i], f"{self.structure.coordinates[i]}'")]
 
     @property
@@ -106,10 +107,10 @@ class Parts:
     @property
     def embed(self) -> np.ndarray:
         """The matrix from contact states to flight states."""
-        n, ends, embed = self.mechanics.size, self._ends, self.mechanics.gap.embed
-        matrix = np.zeros((2 * n + ends, 2 * n - 2 + ends))
-        matrix[: 2 * n : 2, : 2 * n - 2 : 2] = matrix[1 : 2 * n : 2, 1 : 2 * n - 2 : 2] = embed[:n, : n - 1]
-        matrix[2 * n :, 2 * n - 2 :] = np.eye(ends)
+        n, ends, embed, own = self.mechanics.size, self._ends, self.mechanics.gap.embed, self.mechanics.gap.own
+        matrix = np.zeros((2 * n + ends, 2 * own + ends))
+        matrix[: 2 * n : 2, : 2 * own : 2] = matrix[1 : 2 * n : 2, 1 : 2 * own : 2] = embed[:n, :own]
+        matrix[2 * n :, 2 * own :] = np.eye(ends)
         return matrix
 
     @property
@@ -139,7 +140,8 @@ class Parts:
 
     def contact(self, closed_form: Callable | None) -> Phase:
         """The contact."""
-        watch, (pieces, reaches) = {CONTACT_FORCE: self.mechanics.contact_force}, self._along(contact=True)
+        forces, (pieces, reaches) = enumerate(self.mechanics.names_of_forces), self._along(contact=True)
+        watch = {name: partial(self.mechanics.contact_force, held=i) for i, name in forces}
         if self.steps and self.steps.row:
             watch[LANDED_FORCE] = self.steps.landed_force(self.mechanics)
         if self.reactions:
@@ -208,6 +210,12 @@ class Parts:
     def impact(self, x: Scalars, p: Parameters) -> list[Algebraic]:
         """The direction in which an impact changes the flight state."""
         return list(_interleaved(self.mechanics.in_flight.impact(p, self._place(x))[0], self._ends, 1))
+
+    def sticking(self, x: Scalars, p: Parameters) -> tuple[list[list[Algebraic]], list[list[Algebraic]]]:
+        """The directions of what sticks, and the masses of the speeds of the gap and of that, as in `Model`."""
+        place = self._place(x)
+        directions = self.mechanics.in_flight.impact(p, place)[1:]
+        return [list(_interleaved(each, self._ends, 1)) for each in directions], self.mass(p, place)
 
     def _place(self, x: Scalars) -> list[Algebraic]:
         """The coordinates, with the actuators' displacements, of a flight state."""

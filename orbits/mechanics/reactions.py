@@ -26,7 +26,7 @@ from ..model.symmetry import SignedShift
 from .coefficients import Coefficients
 from .elements import Inerter, Mass, Scalar, Weight, paths_of, value_of
 from .inertia import Inertia
-from .lagrange import Mechanics, forces_of, stated_inertia
+from .lagrange import Mechanics, forces_of, held_by, stated_inertia
 from .stepping import Stepping
 from .terms import bend_of, mass_of
 
@@ -124,8 +124,7 @@ def reactions_of(
             if term.is_weight and (not m.gravity.varies or term.element is weight)
         )  # fmt: skip
         rows[0, place] += mass_of(c, weight.mass) * m.gravity.at_ground(c)
-    opening = gap.exact.T @ m.inside(flight.accelerations)
-    held = -opening / m.inside(gap.exact.T @ flight.kick)
+    held = held_by(c, gap, flight, ca.SX.eye(len(flight.terms)))
     in_contact = m.inside(rows) + m.inside(along @ flight.kick) @ held
     rates, embed = ca.SX.sym("w", gap.s.numel()), ca.sparsify(gap.exact_embed)
     bent = ca.vertcat(*bends)

@@ -53,3 +53,4 @@ class Structure(NamedTuple):
     symmetry: tuple[tuple[str, Scalar], ...] = ()
     gaps: tuple[tuple[str, Scalar], ...] = ()
     friction: Scalar | None = None
+    sticks: tuple[str, ...] = ()

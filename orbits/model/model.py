@@ -25,11 +25,15 @@ Knee: TypeAlias = tuple[str | None, str, float]
 CONTACT_FORCE = "contact force"
 # The quantity that a contact of two points watches besides: the force on the one that has just landed.
 LANDED_FORCE = "contact force of the landed point"
+# The quantity that a contact with a coordinate that sticks watches besides: the force of the ground along it.
+HOLDING_FORCE = "holding force"
+# The parameter that says by how much such a coordinate moves on from one contact to the next.
+STEP_LENGTH = "step"
 # What no model states, and the fields from which it follows.
 DERIVED_FIELDS = {
     "launch": "contact, launch_unknowns and embed",
     "touchdown": "contact, launch_unknowns, reversor, symmetry and embed",
-    "liftoff": "launch_unknowns and the contact force that contact watches",
+    "liftoff": "launch_unknowns and the forces that contact watches",
     "landing": "gap, flight, launch_unknowns and embed",
     "contact_gradient": "flight_gradient and embed",
     "contact_speed": "contact and launch_unknowns",
@@ -50,7 +54,8 @@ class Model:
     launch, lift-off, the landing and the energy in contact follow from the fields, see the methods; a model that states
     one of them raises `InputError`.
 
-    flight, contact : the two phases; the contact watches a quantity named "contact force", which vanishes at lift-off.
+    flight, contact : the two phases; the contact watches a quantity named "contact force", which vanishes at lift-off,
+        and where coordinates stick the "holding force" on each, which does so too.
         Where one point lands and another opens, that is the force on the latter, and the contact also watches the
         force on the former, the "contact force of the landed point", which is its image under the contact's reversor
     launch_unknowns : names of the unknowns of a launch: "liftoff", "alpha", and the contact states except the value and
@@ -76,7 +81,8 @@ class Model:
     knees : p -> (lower, upper, length) of pairs of such names between which a knee joins two links of this length, in
         the unit of the heights; None where there is none
     impact_mass : (x, p) -> twice the energy that a plastic impact in the flight state x loses, over the square of the
-        gap's speed: 1 / (dg M^-1 dg) for an inertia matrix M and the gap's gradient dg, both of which may vary with x
+        gap's speed: 1 / (dg M^-1 dg) for an inertia matrix M and the gap's gradient dg, both of which may vary with x.
+        Where coordinates stick, and here and in `impact`, it is that of an impact without speeds of these
     impact : (x, p) -> direction, a list of n, in which an impact changes the flight state x: M^-1 dg on the speeds,
         scaled so that along it the gap's speed changes by 1
     guess : (family, p) -> a launch and the "duration" of the half flight, with the parameter `homotopy` at 0; or the
@@ -106,6 +112,10 @@ class Model:
         ground; None for other machines
     landing_gap : p -> height of the point that lands, the image of `gap` under the reversor; None where that is `gap`
     feet : names of the point that opens and of the one that lands; empty where they have none
+    sticks : names of the coordinates that are at rest in contact besides the gap, where they are 0. Nothing depends on
+        their places, and they move on by the parameter "step" from one contact to the next
+    sticking : (x, p) -> the directions in which an impact changes the flight state x per unit of speed of each of
+        these, and the masses (1 + sticks, 1 + sticks) of the speeds of the gap and of these; None where nothing sticks
     derived : whether the model was derived, so that its parts cannot contradict each other, see `as_derived`; other
         models are checked once before they are used (`orbits.check` checks more)
     """
@@ -148,6 +158,8 @@ class Model:
     landing_gap: Callable[[Parameters], Affine] | None = None
     planar: Planar | None = None
     feet: tuple[str, ...] = ()
+    sticks: tuple[str, ...] = ()
+    sticking: Callable | None = None
     # A model that `dataclasses.replace` makes has to be checked again.
     derived: bool = field(default=False, init=False)
 
@@ -289,9 +301,29 @@ class Model:
         """The contact state (m,) after a lossless landing: the mirror image of the launch."""
         return self.contact_reversal.image(self._released(u), p)
 
-    def liftoff(self, u: Parameters, p: Parameters, q: Scalars) -> Algebraic:
-        """The contact force of a launch, which vanishes where sustained contact ends."""
-        return self.contact.watch[CONTACT_FORCE](self._released(u), p, q)
+    def liftoff(self, u: Parameters, p: Parameters, q: Scalars) -> list[Algebraic]:
+        """The forces of the contact in a launch, which vanish where sustained contact ends."""
+        names = CONTACT_FORCE, *names_of_holding(self.sticks)
+        return [self.contact.watch[name](self._released(u), p, q) for name in names]
+
+    def speeds_of_landing(self, x: Scalars, p: Parameters) -> list[Algebraic]:
+        """The speeds of the gap and of what sticks in a flight state x, which a landing brings to 0."""
+        own = [x[self.flight.states.index(f"{name}'")] for name in self.sticks]
+        return [weighted_sum(self._gap_speed(p), x), *own]
+
+    def landed(self, x: Scalars, p: Parameters) -> list[Algebraic]:
+        """The flight state after a plastic landing in the flight state x, in the labels of before."""
+        directions = [self.impact(x, p), *(self.sticking(x, p)[0] if self.sticking else ())]
+        speeds = self.speeds_of_landing(x, p)
+        return [value - weighted_sum(each, speeds) for value, *each in zip(x, *directions, strict=True)]
+
+    def lost_at(self, x: Scalars, p: Parameters) -> Algebraic:
+        """The energy that a plastic landing in the flight state x loses."""
+        masses, speeds = (
+            self.sticking(x, p)[1] if self.sticking else [[self.impact_mass(x, p)]],
+            self.speeds_of_landing(x, p),
+        )
+        return 0.5 * weighted_sum([weighted_sum(row, speeds) for row in masses], speeds)
 
     def landing(self, u: Parameters, x: Scalars, p: Parameters) -> list[Algebraic]:
         """The expressions that vanish at a lossless landing in state x: the gap, its speed and its acceleration.
@@ -333,7 +365,13 @@ class Model:
     @property
     def one_speed(self) -> bool:
         """Whether its speed alone fixes a launch; in mid-contact `mid_contact` then first vanishes again."""
-        return len(self.launch_unknowns) == 2
+        return len(self.launch_unknowns) == 2 and not self.sticks
+
+
+def names_of_holding(sticks: Iterable[str]) -> list[str]:
+    """The names of the forces on coordinates that stick: "holding force", of several with the name of each."""
+    names = list(sticks)
+    return [HOLDING_FORCE] if len(names) == 1 else [f"{HOLDING_FORCE} along {name}" for name in names]
 
 
 def refuse_hysteresis(model: Model) -> None:

@@ -84,7 +84,7 @@ def half_orbit(model: Model) -> Statement:
         start=lambda u, before, p: model.launch(u, p),
         duration=lambda u, p: u["duration"],
         conditions=lambda u, x, p: flying.fixed(x, p),
-        guard=lambda u, x, p, q: [model.liftoff(u, p, q)],
+        guard=lambda u, x, p, q: model.liftoff(u, p, q),
     )
     if model.one_speed:
         return Statement("half orbit", model.half_unknowns, (flight,), ("alpha", "duration"))
@@ -126,7 +126,7 @@ def whole_flight(model: Model) -> Statement:
         start=lambda u, before, p: [*model.launch(u, p), u["unfolding"]],
         duration=lambda u, p: u["duration"],
         conditions=lambda u, x, p: model.landing(u, x[:-1], p),
-        guard=lambda u, x, p, q: [model.liftoff(u, p, q)],
+        guard=lambda u, x, p, q: model.liftoff(u, p, q),
     )
     return Statement("whole flight", ("liftoff", "alpha", "duration", "unfolding"), (arc,), ("alpha", "duration"))
 

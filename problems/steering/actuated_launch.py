@@ -38,7 +38,7 @@ def launched_at(driven: Actuated, like: Mapping[str, float], alpha: float) -> di
     unknowns = {**like, "liftoff": y}
     state = dict(zip(model.flight.states, model.launch(unknowns, p), strict=True))
     q = model.contact.data([state[name] for name in model.contact.states], p)
-    force = ca.SX(model.liftoff(unknowns, p, q))
+    force = ca.SX(model.liftoff(unknowns, p, q)[0])
     step = ca.Function("step", [y], [-force / ca.jacobian(force, y)])
     place = like["liftoff"]
     for _ in range(LIFTOFF_STEPS):
