@@ -63,6 +63,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
     step, speed : of a machine that moves on along the ground, by how much it does so from landing to landing, and how
         fast its centre of mass moves along the ground in flight; None for another
     source : the machine that it was found for; None for an orbit from a file or another process, and for a copy
+    tuned : bounds on the errors of those of the machine's parameters that were tuned, by name
 
     >>> from orbits import find
     >>> from problems import Hopper
@@ -91,6 +92,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
     step: float | None = None
     speed: float | None = None
     source: Machine | None = field(default=None, repr=False)
+    tuned: Mapping[str, float] = field(default_factory=dict)
 
     def __getstate__(self) -> dict[str, Any]:
         """The fields without the machine, which another process may not be able to read."""
@@ -111,6 +113,10 @@ class Orbit(Result, what="orbit", printed_digits=15):
         for each in (document, document.get("bare", {})):
             each.pop("seconds", None)
         return to_json(document)
+
+    def with_tuned(self, errors: Mapping[str, float]) -> "Orbit":
+        """The same orbit, whose parameters of these names were tuned, with these bounds on their errors."""
+        return replace(self, tuned=dict(errors), bare=self.bare and replace(self.bare, tuned=dict(errors)))
 
     def dimensionless(self) -> "Orbit":
         """The orbit in its machine's dimensionless units; the orbit itself if it has no other units."""
@@ -248,6 +254,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
         document = {**self.machine, **{name: figures[name] for name in DOCUMENT_FIELDS}}
         document |= {name: figures[name] for name in FIELDS_OF_STEPS} if self.shape.steps else {}
         document |= {} if self.step is None else {name: getattr(self, name) for name in FIELDS_OF_RUNS}
+        document |= {"tuned": dict(self.tuned)} if self.tuned else {}
         if not self.scales:
             return document
         units = {name: unit for name, unit in self.scales.texts().items() if name in document}
@@ -320,6 +327,14 @@ class Orbit(Result, what="orbit", printed_digits=15):
         speed = f" {units['alpha']}" if units else ""
         numbers = {"alpha": self.alpha, "error": c.error}
         yield Row("alpha", numbers, (f"{{}}{speed}   +- {{:.1e}} (error of the numerics)",))
+        for name, error in self.tuned.items():
+            unit = f" {units[name]}" if units.get(name) else ""
+            if (value := self.machine["parameters"].get(name, self.machine.get(name))) is not None:
+                yield Row(
+                    f"tuned {name}",
+                    {name: value, "error": error},
+                    (f"{{}}{unit}   +- {{:.1e}} (error of the numerics)",),
+                )
         if c.alpha_noise is not None:
             text = f"+- {{:.1e}}{speed} (one standard deviation of the rows{', or less' if c.alpha_per_noise else ''})"
             yield Row("  by the table's noise", {"alpha_noise": c.alpha_noise}, (text,))

@@ -43,8 +43,9 @@ def _stroke(model: Model, cycles: Cycles) -> np.ndarray:
 
 def _speed(model: Model, cycles: Cycles) -> np.ndarray:
     """The speeds (m,) of the centre of mass along the ground in flight."""
-    assert model.planar and model.planar.speed
-    return np.broadcast_to(model.planar.speed(model.launch(cycles.u, cycles.p), cycles.p), len(cycles))
+    assert model.planar is not None
+    assert model.planar.travel is not None
+    return np.broadcast_to(model.planar.travel(model.launch(cycles.u, cycles.p), cycles.p), len(cycles))
 
 
 def _mean_speed(model: Model, cycles: Cycles) -> np.ndarray:

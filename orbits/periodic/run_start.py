@@ -43,7 +43,7 @@ def run_start(machine: Any, hop: Mapping[str, float], at: Mapping[str, float] | 
     moved = dict(zip([(*unknowns, STEP_LENGTH)[i] for i in lateral], direction.tolist(), strict=True))
     period = 2 * (u["duration"] + u["contact_duration"])
     by_one = {
-        "speed": float(model.planar.speed(model.launch({**u, **moved, "liftoff": u["liftoff"]}, p), p)),
+        "speed": float(model.planar.travel(model.launch({**u, **moved, "liftoff": u["liftoff"]}, p), p)),
         STEP_LENGTH: moved[STEP_LENGTH],
         "mean_speed": moved[STEP_LENGTH] / period,
     }
