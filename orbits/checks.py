@@ -136,7 +136,7 @@ def _along_motions(machine: Machine, start: Orbit | Mapping[str, float] | None, 
         try:
             guessed = guess(model, 1, _plain_values(machine)) if start is None and model.is_guessed else None
             found += [] if guessed is None else [_guess_relation(machine, guessed)]
-            if model.sticks:
+            if model.sticks and isinstance(start, Orbit):
                 orbit = start.dimensionless()
             else:
                 orbit = find(machine, start=start) if all(each.holds for each in found) else None

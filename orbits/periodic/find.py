@@ -149,7 +149,7 @@ def first_tuned(
 ) -> tuple[int | None, Solved]:
     """The family, where it is known already, and the solution with tuned parameters to which the orbit of a family, or
     one near a start, leads; the prescribed values are as in `Tuning`."""
-    known = start_in_file(start) if isinstance(start, str | Path) else start
+    known: Any = start_in_file(start) if isinstance(start, str | Path) else start
     if not machine.model.sticks:
         check_start(machine, known)
         known = _found_from(machine, family if known is None else None, known, method_of(machine.model), None)
