@@ -236,7 +236,7 @@ def started(machine: "MachineOfFile", hop: str | None) -> str | None:
     machine whose launch has several numbers."""
     from orbits.errors import InputError
 
-    if hop is None and not (model := machine.model).one_speed:
+    if hop is None and not ((model := machine.model).one_speed or model.sticks):
         names = ", ".join(model.launch_unknowns)
         raise InputError(
             f"a launch of this {model.name} has several numbers, {names}: give --start FILE, an orbit of it that is "
