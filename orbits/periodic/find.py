@@ -22,7 +22,7 @@ from .family_search import Cells, Lateness
 from .homotopy import solve_by_homotopy
 from .orbit import Orbit, orbit_of, start_in_file
 from .run_start import run_start
-from .tuned import Tuning, errors_of_tuned, solve_tuned, tuned_values, tuning_of, with_extremes
+from .tuned import Tuning, errors_of_tuned, solve_tuned, tuned_equations, tuned_values, tuning_of, with_extremes
 
 Progress: TypeAlias = Callable[[float], None] | None  # called with the share that is done
 # An orbit nearby, the unknowns of a half orbit by name, or the name of a file of an orbit.
@@ -110,7 +110,7 @@ def _tuned_from(
     if not machine.model.sticks:
         start = _found_from(machine, family, start, method, progress)
     elif start is None:
-        start = start_of_run(machine, family or 1, tuning.values)
+        start = start_of_run(machine, family or 1, tuning.names, tuning.values)
     if tuning.extremes:
         orbit, errors = with_extremes(machine, tuning, start, lambda m, known, few: _tuned_near(m, known, few, method))
     else:
@@ -154,7 +154,7 @@ def first_tuned(
         check_start(machine, known)
         known = _found_from(machine, family if known is None else None, known, method_of(machine.model), None)
     elif known is None:
-        known = start_of_run(machine, family, values)
+        known = start_of_run(machine, family, tuned, values)
     with without_units(machine.units):
         solved = solve_tuned(machine, Tuning(tuned, values, {}), start_of_tuned(machine, known))
     return None if machine.model.sticks else known.family, solved
@@ -369,14 +369,16 @@ def _same(a: Orbit, b: Orbit) -> bool:
     return np.allclose(x, y, rtol=SAME_ORBIT, atol=SAME_ORBIT * max(map(abs, x)))
 
 
-def start_of_run(machine: Any, family: int, at: Mapping[str, float | None]) -> dict[str, float]:
+def start_of_run(
+    machine: Any, family: int, tuned: tuple[str, ...], at: Mapping[str, float | None]
+) -> dict[str, float]:
     """The unknowns of a half orbit by name, with the step, where the search for a run of a machine begins: beside its
     vertical hop of a family, with the quantities of `run_start` in the machine's units."""
     upright, units = dimensionless(machine).upright(), machine.units
     bare = {name: value / (units.of(name) if units else 1.0) for name, value in at.items() if value is not None}
     hop = stated_unknowns(upright.model, lowest_of_family(upright, family, method_of(upright.model)))
     own = {name: value for name, value in hop.items() if name != "unfolding"}
-    found = run_start(dimensionless(machine), own, bare)
+    found = run_start(dimensionless(machine), tuned_equations(machine, tuned, tuple(at)), own, bare)
     return {name: value * (units.of(name) if units else 1.0) for name, value in found.items()}
 
 

@@ -13,28 +13,35 @@ import numpy as np
 
 from ..errors import NoOrbit
 from ..model.model import STEP_LENGTH
-from ..shooting.formulations import half_orbit, vector
-from ..shooting.single_shooting import shooting_equations
+from ..shooting.formulations import vector
+from ..shooting.single_shooting import Shooting
+from .tuned import counts
 
 # The share of the launch speed at which a run begins where no quantity says how fast it is.
 SLOW_SHARE = 0.1
 
 
-def run_start(machine: Any, hop: Mapping[str, float], at: Mapping[str, float] | None = None) -> dict[str, float]:
+def run_start(
+    machine: Any, equations: Shooting, hop: Mapping[str, float], at: Mapping[str, float] | None = None
+) -> dict[str, float]:
     """The unknowns of a half orbit by name, with the step, where the search for a run begins; without dimensions.
 
     machine : without dimensions, with a coordinate that sticks
+    equations : those of its half orbits with tuned parameters, which are then solved
     hop : the unknowns of its vertical hop, those of `Mechanism.upright`
     at : values of quantities of the run, of which "speed", "mean_speed" or "step" says how fast it is
 
     Raises `NoOrbit` where the conditions do not change with any lateral motion.
     """
-    model, p = machine.model, {**machine.values, STEP_LENGTH: 0.0}
-    names = tuple(p)
-    equations = shooting_equations(half_orbit(model), names)
-    unknowns = equations.statement.unknowns
+    model, tuned = machine.model, equations.statement.tuned
+    p = {**dict.fromkeys(equations.parameters, 0.0), **machine.values, STEP_LENGTH: 0.0}
+    unknowns = model.half_unknowns
     u = {name: hop.get(name, 0.0) for name in unknowns}
-    jacobian = equations.evaluate([u[name] for name in unknowns], vector(p), (STEP_LENGTH,)).jacobian
+    vary = () if STEP_LENGTH in tuned else (STEP_LENGTH,)
+    whole = equations.evaluate([*u.values(), *(p[name] for name in tuned)], vector(p), vary).jacobian
+    step = equations.size if vary else len(u) + tuned.index(STEP_LENGTH)
+    conditions = counts(model, tuple(machine.values))[1]
+    jacobian = whole[:conditions, [*range(len(u)), step]]
     lateral = [i for i, name in enumerate((*unknowns, STEP_LENGTH)) if name not in hop]
     # The conditions that no vertical motion changes are those of the lateral one.
     own = [i for i in range(len(unknowns)) if i not in lateral]
