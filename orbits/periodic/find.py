@@ -130,7 +130,9 @@ def _tuned_near(machine: Machine, known: Any, tuning: Tuning, method: str) -> tu
         errors, u = errors_of_tuned(solved), solved.us[0].tolist()
         tuned = machine.with_values(**tuned_values(solved.equations, solved.us[0]))
         if sticks:
-            tuned = tuned.with_values(**{STEP_LENGTH: float(solved.ps[0, solved.equations.parameters.index(STEP_LENGTH)])})
+            tuned = tuned.with_values(
+                **{STEP_LENGTH: float(solved.ps[0, solved.equations.parameters.index(STEP_LENGTH)])}
+            )
             bare = dimensionless(tuned)
             orbit = certified_orbit(bare, replace(solved, model=bare.model), began=began)
             return orbit_of(tuned, orbit), errors

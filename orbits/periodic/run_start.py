@@ -24,9 +24,7 @@ UNCHANGED = 1e-9
 MOST_SHARES_OF_RUN, SAME_SHARE_OF_RUN = 30, 1e-14
 
 
-def run_start(
-    machine: Any, equations: Shooting, hop: Mapping[str, float], at: Mapping[str, float]
-) -> dict[str, float]:
+def run_start(machine: Any, equations: Shooting, hop: Mapping[str, float], at: Mapping[str, float]) -> dict[str, float]:
     """The unknowns of a half orbit by name, with the step, where the search for a run begins; without dimensions.
 
     machine : without dimensions, with a coordinate that sticks
