@@ -22,7 +22,9 @@ def test_a_run_is_begun_near_where_it_is():
     assert machine.model.planar.travel(launch, machine.values) == pytest.approx(0.4, rel=1e-12)
 
 
-@pytest.mark.parametrize(("name", "value"), [("step", 1.0), ("mean_speed", 0.1), ("speed", -0.2)])
+@pytest.mark.parametrize(
+    ("name", "value"), [("step", 1.0), pytest.param("mean_speed", 0.1, marks=pytest.mark.slow), ("speed", -0.2)]
+)
 def test_the_start_has_what_is_asked(name, value):
     start = start_of_run(runner(), 1, tuning_of(runner(), TUNE, {name: value}))
     period = 2 * (start["duration"] + start["contact_duration"])
@@ -31,6 +33,7 @@ def test_the_start_has_what_is_asked(name, value):
     assert found[name] == pytest.approx(value, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_a_run_without_speed_in_its_question_is_begun_slowly():
     start = start_of_run(runner(), 1, tuning_of(runner(), TUNE, {"period": 7.0}))
     speed = runner().model.planar.travel(runner().model.launch(start, runner().values), runner().values)
