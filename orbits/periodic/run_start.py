@@ -19,7 +19,7 @@ from ..shooting.single_shooting import Shooting
 # The share of the launch speed at which a run begins where no quantity says how fast it is.
 SLOW_SHARE = 0.1
 # Conditions change with a motion where their derivatives are above this share of the largest.
-UNCHANGED = 1e-9
+UNMOVED_SHARE = 1e-9
 # The multiple of the direction is found by at most so many steps, to this share of it.
 MOST_SHARES_OF_RUN, SAME_SHARE_OF_RUN = 30, 1e-14
 
@@ -44,7 +44,7 @@ def run_start(machine: Any, equations: Shooting, hop: Mapping[str, float], at: M
     jacobian = jacobian[: len(jacobian) - sum(name not in machine.values for name in equations.parameters)]
     upright, lateral = ([unknowns.index(name) for name in own if (name in hop) == each] for each in (True, False))
     # The conditions that no vertical motion changes are those of the lateral one.
-    across = np.abs(jacobian[:, upright]).max(1) <= UNCHANGED * np.abs(jacobian).max()
+    across = np.abs(jacobian[:, upright]).max(1) <= UNMOVED_SHARE * np.abs(jacobian).max()
     direction = np.linalg.svd(jacobian[across][:, lateral])[2][-1]
     moved = dict(zip([unknowns[i] for i in lateral], direction.tolist(), strict=True))
     period = 2 * (u["duration"] + u["contact_duration"])
