@@ -121,7 +121,7 @@ def _tuned_from(
     if not machine.model.sticks:
         start = _found_from(machine, family, start, method, progress)
     elif start is None:
-        start = starts_of_run(machine, family or 1, tuning.names, tuning.values)
+        start = starts_of_run(machine, family or 1, tuning)
     if machine.model.sticks and tuning.extremes:  # other quantities are those of the start at first
         free = [name for name in ("speed", "alpha", "flight_time") if name not in tuning.values]
         values = {**tuning.values, **dict.fromkeys(free[: len(tuning.extremes)])}
@@ -145,6 +145,9 @@ def _tuned_near(machine: Machine, known: Any, tuning: Tuning, method: str) -> tu
         errors, u = errors_of_tuned(solved), solved.us[0].tolist()
         tuned = machine.with_values(**tuned_values(solved.equations, solved.us[0]))
         if sticks:
+            tuned = tuned.with_values(
+                **{STEP_LENGTH: float(solved.ps[0, solved.equations.parameters.index(STEP_LENGTH)])}
+            )
             bare = dimensionless(tuned)
             orbit = certified_orbit(bare, replace(solved, model=bare.model), began=began)
             return orbit_of(tuned, orbit), errors
@@ -176,10 +179,11 @@ def first_tuned(
     if not machine.model.sticks:
         check_start(machine, known)
         known = _found_from(machine, family if known is None else None, known, method_of(machine.model), None)
-    elif known is None:
-        known = starts_of_run(machine, family, tuned, values)
+    tuning = Tuning(tuned, values, {})
+    if machine.model.sticks and known is None:
+        known = starts_of_run(machine, family, tuning)
     with without_units(machine.units):
-        solved = _solved_from(machine, Tuning(tuned, values, {}), known)
+        solved = _solved_from(machine, tuning, known)
     return None if machine.model.sticks else known.family, solved
 
 
@@ -392,18 +396,17 @@ def _same(a: Orbit, b: Orbit) -> bool:
     return np.allclose(x, y, rtol=SAME_ORBIT, atol=SAME_ORBIT * max(map(abs, x)))
 
 
-def starts_of_run(
-    machine: Any, family: int, tuned: tuple[str, ...], at: Mapping[str, float | None]
-) -> list[dict[str, float]]:
+def starts_of_run(machine: Any, family: int, tuning: Tuning) -> list[dict[str, float]]:
     """The unknowns of a half orbit by name, with the step, where the search for a run of a machine begins: beside its
-    vertical hop of a family, with the quantities of `run_start` in the machine's units. Where nothing says how fast it
-    is, several of them, the slowest first."""
-    upright, units = dimensionless(machine).upright(), machine.units
-    bare = {name: value / (units.of(name) if units else 1.0) for name, value in at.items() if value is not None}
+    vertical hop of a family. Where nothing says how fast it is, several of them, the slowest first. All is in the
+    machine's units."""
+    units, bare = machine.units, dimensionless(machine)
+    at = {name: value / (units.of(name) if units else 1.0) for name, value in tuning.values.items() if value}
+    upright, equations = bare.upright(), tuned_equations(machine, tuning.names, tuple(tuning.values))
     hop = stated_unknowns(upright.model, lowest_of_family(upright, family, method_of(upright.model)))
     own = {name: value for name, value in hop.items() if name != "unfolding"}
-    found = run_start(dimensionless(machine), tuned_equations(machine, tuned, tuple(at)), own, bare)
-    faster = (1.0,) if any(name in bare for name in OF_STEPS) else FASTER_STARTS
+    found = run_start(bare, equations, own, at)
+    faster = (1.0,) if any(name in at for name in OF_STEPS) else FASTER_STARTS
     return [
         {name: x * (units.of(name) if units else 1.0) * (1.0 if name in own else by) for name, x in found.items()}
         for by in faster
