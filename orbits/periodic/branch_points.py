@@ -17,6 +17,7 @@ from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..running.time_limit import check_time, time_limit
 from ..shooting.error_bound import error_bounds
+from ..shooting.formulations import vector
 from ..shooting.multiple_shooting import boundary_functions
 from ..shooting.single_shooting import Shooting, shooting_equations
 from ..symbolic.calls import MappedFunction
@@ -24,7 +25,7 @@ from .branch_statement import branch_statement, lateral_forces, lateral_unknowns
 from .certificate import count_families
 from .find import find
 from .orbit import Orbit
-from .upright import LATERAL, UprightMachine, mirrored, upright_model
+from .upright import UprightMachine, mirrored, upright_model
 
 # Cells of the search: in one a minor has a curvature of at most this multiple of what its second differences show; one
 # whose bends are below a share of its slopes has at most one branch point; and each is halved at most so often.
@@ -159,7 +160,7 @@ class LateralConditions:
 
     def __init__(self, machine: Machine, names: tuple[str, ...], family: int):
         self.machine, self.names, self.family, self.model = machine, names, family, machine.model
-        self.parameters, self.own = (*machine.values, LATERAL), np.array([*machine.values.values(), 0.0])
+        self.parameters, self.own = tuple(machine.values), vector(machine.values)
         self.places, self.lateral = list(map(self.parameters.index, names)), lateral_unknowns(self.model)
         self.upright = shooting_equations(upright_statement(self.model), self.parameters)
         self.linear = shooting_equations(branch_statement(self.model, ()), self.parameters)

@@ -15,7 +15,7 @@ import casadi as ca
 from ..laws.law import Algebraic, Parameters, Scalars
 from ..model.model import Model, names_of_holding
 from ..model.phase import Arc, Phase, Statement, weighted_sum
-from .upright import LATERAL, Mirrored, mirrored, upright_model, upright_phase
+from .upright import Mirrored, mirrored, upright_model, upright_phase, without_corners
 
 
 @lru_cache(maxsize=64)
@@ -91,7 +91,7 @@ def linear_phase(model: Model, phase: Phase) -> Phase:
     count = len(upright)
 
     def field(x: Scalars, p: Parameters, q: Scalars) -> list[Algebraic]:
-        rates = _first_order(m, phase, lambda whole: [phase.field(whole, p, q)[i] for i in lateral], x, p)
+        rates = _first_order(m, phase, lambda whole: [phase.field(whole, p, q)[i] for i in lateral], x)
         return [*own.field(x[:count], p, q), *rates]
 
     states = tuple(phase.states[i] for i in (*upright, *lateral))
@@ -99,15 +99,15 @@ def linear_phase(model: Model, phase: Phase) -> Phase:
     return Phase(phase.name, states, field, reaches=reaches)
 
 
-def _first_order(m: Mirrored, phase: Phase, function: Callable, x: Scalars, p: Parameters) -> list[Algebraic]:
+def _first_order(m: Mirrored, phase: Phase, function: Callable, x: Scalars) -> list[Algebraic]:
     """The values to first order in the lateral states of functions of a phase's state that they turn over; `x` are the
     upright and then the lateral states."""
     upright, lateral = m.upright(phase), m.lateral(phase)
     symbols = ca.SX.sym("lateral", len(lateral))
     states = dict(zip((*upright, *lateral), (*x[: len(upright)], *ca.vertsplit(symbols)), strict=True))
     values = ca.vertcat(*function([states[i] for i in range(len(states))]))
-    slopes = ca.substitute(ca.jacobian(values, symbols), symbols, ca.repmat(ca.SX(p[LATERAL]), len(lateral)))
-    return ca.vertsplit(ca.densify(slopes @ ca.vertcat(*x[len(upright) :])))
+    slopes = ca.substitute(ca.jacobian(values, symbols), symbols, ca.SX.zeros(len(lateral)))
+    return without_corners(ca.vertsplit(ca.densify(slopes @ ca.vertcat(*x[len(upright) :]))))
 
 
 def _places(m: Mirrored, phase: Phase, x: Scalars) -> list[Algebraic]:
@@ -137,7 +137,7 @@ def lateral_forces(model: Model, u: Mapping, p: Parameters) -> list[Algebraic]:
     own = dict(zip(upright.contact.states, upright.released(u), strict=True))
     x = [*(own[contact.states[i]] for i in m.upright(contact)), *(u.get(contact.states[i], 0.0) for i in m.lateral(contact))]
     names = names_of_holding(model.sticks)
-    return _first_order(m, contact, lambda whole: [contact.watch[name](whole, p, []) for name in names], x, p)
+    return _first_order(m, contact, lambda whole: [contact.watch[name](whole, p, []) for name in names], x)
 
 
 def lateral_speed(model: Model, u: Mapping, p: Parameters) -> Algebraic:
@@ -153,5 +153,5 @@ def lateral_speed(model: Model, u: Mapping, p: Parameters) -> Algebraic:
     unit = [0.0] * len(x)
     unit[len(m.upright(flight)) + m.lateral(flight).index(rate)] = 1.0
     unit[: len(m.upright(flight))] = x[: len(m.upright(flight))]
-    (along,), (mass,) = (_first_order(m, flight, momentum, each, p) for each in (x, unit))
+    (along,), (mass,) = (_first_order(m, flight, momentum, each) for each in (x, unit))
     return along / mass

@@ -6,7 +6,7 @@ a smaller model. Where its lateral states are 0 an expression has a parameter th
 leave roots of squares, as sqrt(0 + y**2), which have no Taylor series.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any, Self
@@ -22,9 +22,8 @@ from ..model.model import CONTACT_FORCE, Model, as_derived, names_of_holding
 from ..model.phase import Affine, Phase
 from ..model.relative import FASTEST_IN_DETAIL, Search, half_angle
 from ..model.state_formula import StateFormula
+from ..symbolic.calls import single_assignment
 
-# The parameter that is the value of all lateral states; no name of a machine has a space.
-LATERAL = "lateral displacement"
 # The mirror is checked at this number of random places, to this share of the largest rate.
 PLACES_CHECKED, MIRRORED_TO = 8, 1e-9
 # The launch speeds at which a search for nonlinear upright motions begins are apart by this share of their scale.
@@ -73,11 +72,10 @@ class Mirrored:
         lateral = self.lateral(phase)
         return [i for i in range(len(phase.states)) if i not in lateral]
 
-    def whole(self, phase: Phase, upright: Scalars, p: Parameters) -> list[Algebraic]:
+    def whole(self, phase: Phase, upright: Scalars) -> list[Algebraic]:
         """The state of a phase whose upright states are these."""
-        places, zero = self.upright(phase), p.get(LATERAL, 0.0)
-        own = dict(zip(places, upright, strict=False))
-        return [own.get(i, zero) for i in range(len(phase.states))]
+        own = dict(zip(self.upright(phase), upright, strict=False))
+        return [own.get(i, 0.0) for i in range(len(phase.states))]
 
     @cached_property
     def _holds(self) -> bool:
@@ -146,7 +144,7 @@ class UprightMachine:
     @property
     def values(self) -> dict[str, float]:
         """Its parameters."""
-        return {**self.machine.values, LATERAL: 0.0}
+        return self.machine.values
 
     units, restitution = None, 0.0
 
@@ -170,7 +168,7 @@ def upright_model(model: Model) -> Model:
     m = mirrored(model)
     flight, contact = m.upright(model.flight), m.upright(model.contact)
     unknowns = [name for name in model.launch_unknowns if name.removesuffix("'") not in m.coordinates]
-    whole = lambda x, p: m.whole(model.flight, x, p)  # noqa: E731
+    whole = lambda x: m.whole(model.flight, x)  # noqa: E731
 
     def affine(function: Affine) -> Affine:
         return Affine(tuple(function.weights[i] for i in flight), function.offset)
@@ -183,11 +181,11 @@ def upright_model(model: Model) -> Model:
         return StateFormula(of.text, names, {**of.values, **lateral}, of.sizes and tuple(of.sizes[i] for i in flight))
 
     def gradient(x: Scalars, p: Parameters, q: Scalars) -> list[Algebraic]:
-        found = model.flight_gradient(whole(x, p), p, q)
+        found = model.flight_gradient(whole(x), p, q)
         return [found[i] for i in flight]
 
     def impact(x: Scalars, p: Parameters) -> list[Algebraic]:
-        found = model.impact(whole(x, p), p)
+        found = model.impact(whole(x), p)
         return [found[i] for i in flight]
 
     def of_distance(p: Parameters) -> Affine | StateFormula | None:
@@ -216,7 +214,7 @@ def upright_model(model: Model) -> Model:
         guess=lambda family, p: linear_guess(found, family, p),
         separation=of_distance,
         heights=lambda p: {name: function(height) for name, height in model.heights(p).items()},
-        impact_mass=lambda x, p: model.impact_mass(whole(x, p), p),
+        impact_mass=lambda x, p: model.impact_mass(whole(x), p),
         impact=impact,
         tension=None,
         spring_forces={},
@@ -229,7 +227,6 @@ def upright_model(model: Model) -> Model:
         feet=(),
         sticks=(),
         sticking=None,
-        fixed=(*model.fixed, LATERAL),
     )
     return as_derived(found)
 
@@ -239,17 +236,46 @@ def upright_phase(m: Mirrored, phase: Phase) -> Phase:
     places = m.upright(phase)
 
     def field(x: Scalars, p: Parameters, q: Scalars) -> list[Algebraic]:
-        found = phase.field(m.whole(phase, x, p), p, q)
-        return [found[i] for i in places]
+        found = phase.field(m.whole(phase, x), p, q)
+        return without_corners([found[i] for i in places])
 
     def force(x: Scalars, p: Parameters, q: Scalars) -> Algebraic:
-        return phase.watch[CONTACT_FORCE](m.whole(phase, x, p), p, q)
+        (found,) = without_corners([phase.watch[CONTACT_FORCE](m.whole(phase, x), p, q)])
+        return found
 
     watch = {CONTACT_FORCE: force} if CONTACT_FORCE in phase.watch else {}
     if phase.pieces:
         raise InputError("a law in pieces has no second derivatives: branch points of machines with one are not found")
     reaches = tuple((tuple(weights[i] for i in places), step) for weights, step in phase.reaches)
     return Phase(phase.name, tuple(phase.states[i] for i in places), field, watch, reaches=reaches)
+
+
+def without_corners(expressions: Sequence[Algebraic]) -> list[Algebraic]:
+    """Expressions with x or -x in place of the absolute value of x, by its sign where all symbols are near 1."""
+    if not any(isinstance(each, ca.SX) for each in expressions):
+        return list(expressions)
+    whole = ca.densify(ca.vertcat(*expressions))
+    symbols = ca.symvar(whole)
+    function, near = ca.Function("with_corners", symbols, [whole]), np.linspace(0.97, 1.03, len(symbols))
+    instructions = single_assignment(function)
+    if not any(op == ca.OP_FABS for op, *_ in instructions):
+        return ca.vertsplit(whole)
+    values, results = list[ca.SX](), [ca.SX(0)] * whole.numel()
+    for op, arguments, constant in instructions:
+        if op == ca.OP_OUTPUT:
+            results[arguments[2]] = values[arguments[0]]
+            values.append(values[arguments[0]])
+        elif op == ca.OP_INPUT:
+            values.append(symbols[arguments[0]])
+        elif op == ca.OP_CONST:
+            values.append(ca.SX(constant))
+        elif op == ca.OP_FABS:
+            inside = values[arguments[0]]
+            values.append(inside if float(ca.Function("inside", symbols, [inside])(*near)) > 0 else -inside)
+        else:
+            taken = [values[i] for i in arguments]
+            values.append(ca.SX.unary(op, *taken) if len(taken) == 1 else ca.SX.binary(op, *taken))
+    return results
 
 
 @lru_cache(maxsize=64)
