@@ -312,10 +312,12 @@ class Orbit(Result, what="orbit", printed_digits=15):
         yield Row("alpha", numbers, (f"{{}}{speed}   +- {{:.1e}} (error of the numerics)",))
         for name, error in self.tuned.items():
             unit = f" {units[name]}" if units.get(name) else ""
-            value = self.machine["parameters"].get(name, self.machine.get(name))
-            yield Row(
-                f"tuned {name}", {name: value, "error": error}, (f"{{}}{unit}   +- {{:.1e}} (error of the numerics)",)
-            )
+            if (value := self.machine["parameters"].get(name, self.machine.get(name))) is not None:
+                yield Row(
+                    f"tuned {name}",
+                    {name: value, "error": error},
+                    (f"{{}}{unit}   +- {{:.1e}} (error of the numerics)",),
+                )
         if c.alpha_noise is not None:
             text = f"+- {{:.1e}}{speed} (one standard deviation of the rows{', or less' if c.alpha_per_noise else ''})"
             yield Row("  by the table's noise", {"alpha_noise": c.alpha_noise}, (text,))
