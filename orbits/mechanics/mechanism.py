@@ -50,6 +50,7 @@ from .refusals import (
 )
 from .structure import Structure
 from .terms import GRAVITY_SHARE
+from .upright import upright
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -161,8 +162,8 @@ class Mechanism(Stated):
         self._store(inertia=self._rows(), heights=self.heights or self._lengths())
         refuse_misstated(self)
         if self.sticks:
-            back, onward = maps_of_sticking(self.sticks)
-            back = None if self.reversor is None else {**self.reversor, **back}
+            turned, onward = maps_of_sticking(self.sticks)
+            back = None if self.reversor is None else {**self.reversor, **turned}
             self._store(
                 reversor=back, symmetry={**self.symmetry, **onward}, parameters={STEP_LENGTH: 0.0, **self.parameters}
             )
@@ -277,7 +278,7 @@ class Mechanism(Stated):
             counts, self.launch, tuple((self.heights or {}).items()), self.separation, self.energy_unit,
             tuple(self.rest.items()), tuple(self.knees), tuple(self.actuators.items()), tuple(self.words.items()),
             names, self.reversor if self.reversor is None else tuple(self.reversor.items()),
-            tuple(self.symmetry.items()), tuple(self.gaps.items()), self.friction, self.sticks,
+            tuple(self.symmetry.items()), tuple(self.gaps.items()), self.friction, tuple(self.sticks),
         )  # fmt: skip
 
     @exclusive_property
@@ -334,6 +335,11 @@ class Mechanism(Stated):
             if name not in self.names:
                 raise InputError(f"this machine has no parameter '{name}'{suggest(name, self.names)}")
         return replace(self, parameters={**self.parameters, **values})
+
+    def upright(self) -> "Mechanism":
+        """The machine of the vertical hop beside which runs are found, with all lateral places at 0; raises `NoOrbit`
+        where it has none."""
+        return upright(self)
 
     def with_springs(self, forces: Sequence[Any]) -> Self:
         """The same mechanism with other laws of its springs, without the parameters that these no longer need."""

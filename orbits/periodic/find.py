@@ -21,6 +21,7 @@ from .certified import Solved, certified_orbit, corrector, known_solutions, solv
 from .family_search import Cells, Lateness
 from .homotopy import solve_by_homotopy
 from .orbit import Orbit, orbit_of, start_in_file
+from .run_start import run_start
 from .tuned import Tuning, errors_of_tuned, solve_tuned, tuned_values, tuning_of, with_extremes
 
 Progress: TypeAlias = Callable[[float], None] | None  # called with the share that is done
@@ -108,6 +109,8 @@ def _tuned_from(
         raise InputError("method 'shooting' tunes no parameters; leave it out")
     if not machine.model.sticks:
         start = _found_from(machine, family, start, method, progress)
+    elif start is None:
+        start = start_of_run(machine, family or 1, tuning.values)
     if tuning.extremes:
         orbit, errors = with_extremes(machine, tuning, start, lambda m, known, few: _tuned_near(m, known, few, method))
     else:
@@ -137,8 +140,6 @@ def _tuned_near(machine: Machine, known: Any, tuning: Tuning, method: str) -> tu
 
 def start_of_tuned(machine: Machine, start: Any) -> dict[str, float]:
     """The unknowns at which the search for an orbit with tuned parameters begins, from an orbit or from a start."""
-    if start is None:
-        raise InputError(f"the families of a {machine.model.name} are not guessed: give start= an orbit of it")
     bare = machine.units.dimensionless("start", start) if machine.units else start
     return stated_unknowns(machine.model, bare)
 
@@ -148,10 +149,12 @@ def first_tuned(
 ) -> tuple[int | None, Solved]:
     """The family, where it is known already, and the solution with tuned parameters to which the orbit of a family, or
     one near a start, leads; the prescribed values are as in `Tuning`."""
-    known = start_in_file(start) if isinstance(start, str | Path) else start
+    known: Any = start_in_file(start) if isinstance(start, str | Path) else start
     if not machine.model.sticks:
         check_start(machine, known)
         known = _found_from(machine, family if known is None else None, known, method_of(machine.model), None)
+    elif known is None:
+        known = start_of_run(machine, family, values)
     with without_units(machine.units):
         solved = solve_tuned(machine, Tuning(tuned, values, {}), start_of_tuned(machine, known))
     return None if machine.model.sticks else known.family, solved
@@ -364,6 +367,17 @@ def another_family(wanted: int, found: int) -> str:
 def _same(a: Orbit, b: Orbit) -> bool:
     x, y = ([orbit.alpha, orbit.flight_time, *orbit.flight(0.0)] for orbit in (a, b))
     return np.allclose(x, y, rtol=SAME_ORBIT, atol=SAME_ORBIT * max(map(abs, x)))
+
+
+def start_of_run(machine: Any, family: int, at: Mapping[str, float | None]) -> dict[str, float]:
+    """The unknowns of a half orbit by name, with the step, where the search for a run of a machine begins: beside its
+    vertical hop of a family, with the quantities of `run_start` in the machine's units."""
+    upright, units = dimensionless(machine).upright(), machine.units
+    bare = {name: value / (units.of(name) if units else 1.0) for name, value in at.items() if value is not None}
+    hop = stated_unknowns(upright.model, lowest_of_family(upright, family, method_of(upright.model)))
+    own = {name: value for name, value in hop.items() if name != "unfolding"}
+    found = run_start(dimensionless(machine), own, bare)
+    return {name: value * (units.of(name) if units else 1.0) for name, value in found.items()}
 
 
 def check_start(machine: Machine, start: object) -> None:
