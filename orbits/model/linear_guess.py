@@ -99,8 +99,6 @@ def _tangent_modes(model: Model, p: Mapping[str, float]) -> Modes:
     if model.flight.closed_form:
         return model.flight.closed_form(p)
     centre = 0.5 * np.array(model.reversal.shifts(p), dtype=float)
-    if model.rest:
-        centre = np.where(np.array(model.reversor) > 0, np.array(model.rest(p), dtype=float), centre)
     at = _tangent_field(model, tuple(p))
     field, slopes = (np.array(each, dtype=float) for each in at(centre, list(p.values())))
     springs = -slopes[1::2, ::2]

@@ -212,7 +212,7 @@ class Model:
         places = {name: i for i, name in enumerate(self._unknown_states) if name}
         return {name: places[name] for name in self.launch_unknowns}
 
-    def released(self, u: Parameters) -> list[Algebraic]:
+    def _released(self, u: Parameters) -> list[Algebraic]:
         """The contact state at lift-off."""
         return [u[name] if name else 0.0 for name in self._unknown_states]
 
@@ -294,17 +294,17 @@ class Model:
 
     def launch(self, u: Parameters, p: Parameters) -> list[Algebraic]:
         """The flight state (n,) at lift-off with unknowns `u`."""
-        released = self.released(u)
+        released = self._released(u)
         return [weighted_sum(row, released) for row in self._rows]
 
     def touchdown(self, u: Parameters, p: Parameters) -> list[Algebraic]:
         """The contact state (m,) after a lossless landing: the mirror image of the launch."""
-        return self.contact_reversal.image(self.released(u), p)
+        return self.contact_reversal.image(self._released(u), p)
 
     def liftoff(self, u: Parameters, p: Parameters, q: Scalars) -> list[Algebraic]:
         """The forces of the contact in a launch, which vanish where sustained contact ends."""
         names = CONTACT_FORCE, *names_of_holding(self.sticks)
-        return [self.contact.watch[name](self.released(u), p, q) for name in names]
+        return [self.contact.watch[name](self._released(u), p, q) for name in names]
 
     def speeds_of_landing(self, x: Scalars, p: Parameters) -> list[Algebraic]:
         """The speeds of the gap and of what sticks in a flight state x, which a landing brings to 0."""

@@ -1,4 +1,4 @@
-"""Branch points: the designs of a machine at which orbits that lean branch off its upright orbit."""
+"""Branch points: the designs of a machine at which runs branch off its vertical hop."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,73 +11,66 @@ import numpy as np
 
 from ..consistency.accepted import check_machine, check_parameters
 from ..errors import FlowError, InputError, NoOrbit, finite_number
-from ..model.machine import Machine
+from ..model.machine import Machine, dimensionless
+from ..model.model import STEP_LENGTH
 from ..numerics.roots import solve
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..running.time_limit import check_time, time_limit
 from ..shooting.error_bound import error_bounds
-from ..shooting.formulations import vector
-from ..shooting.multiple_shooting import boundary_functions
-from ..shooting.single_shooting import Shooting, shooting_equations
+from ..shooting.formulations import method_of, vector
+from ..shooting.single_shooting import shooting_equations
 from ..symbolic.calls import MappedFunction
-from .branch_statement import branch_statement, lateral_forces, lateral_unknowns, lateral_speed, upright_statement
-from .certificate import count_families
-from .find import find
+from .branch_statement import Beside, branch_statement, hop_statement
+from .find import family_number, find, lowest_of_family
 from .orbit import Orbit
-from .upright import UprightMachine, mirrored, upright_model
+from .orbits_at_once import lowest_orbits
 
-# Cells of the search: in one a minor has a curvature of at most this multiple of what its second differences show; one
-# whose bends are below a share of its slopes has at most one branch point; and each is halved at most so often.
-BEND_SAFETY, MOST_HALVINGS = 4.0, 5
-# A branch point predicted further outside a cell than this, in half its sides, is not one of it.
-OUTSIDE = 1.6
-# A range of positive values is divided evenly in their logarithm from this ratio on.
+# A cell of the search is halved at most so often; in it a minor has a curvature of at most this multiple of what its
+# second differences show; and a branch point predicted further outside, in half its sides, is not one of it.
+MOST_HALVINGS, BEND_SAFETY, OUTSIDE = 5, 4.0, 1.6
+# From this ratio on a range of positive values is divided evenly in their logarithm.
 WIDE_RANGE = 2.0
-# From the machine's own numbers to those of a design the upright orbit is followed in this number of steps, by so many
-# Newton steps each.
-STEPS_TO_DESIGN, NEWTON_STEPS = 8, 4
-# Residuals of upright orbits, relative to their unknowns; branch points that agree to this share are the same; and
-# singular values below this share of the largest are 0.
-SOLVED_TO, SAME_POINT, RANK_TO = 1e-10, 1e-7, 1e-7
+# Branch points that agree to this share are the same; singular values below this share of the largest are 0.
+SAME_POINT, RANK_TO = 1e-7, 1e-7
 MOST_DESIGNS = 2000
 
 
 @dataclass(frozen=True)
 class BranchPoint:
-    """A design at which orbits that lean to one side branch off an upright orbit, and their mirror images.
+    """A design at which runs branch off the vertical hop, to one side and to the other.
 
     machine : with the values of the branch point
-    values, errors : of the numbers of the machine that were searched, by name, and bounds on their errors
-    upright : the upright orbit, certified as a motion of its own
+    values, errors : of the parameters that were searched, by name, and bounds on their errors
+    hop : the vertical hop, certified as an orbit of `machine.upright()`
     direction : the lateral unknowns of a launch, by name, per unit of the speed of the centre of mass in flight
-    step : the place of the next contact per unit of this speed
+    step : the step per unit of this speed
     nullity : the number of independent directions; 1 at a simple branch point
-    conditioning : the second smallest singular value of the lateral conditions, each row and column scaled to the size
-        1, over the largest: near 0 two branch points are close to each other
+    conditioning : of the lateral conditions, with columns and then rows scaled to the size 1, the least singular value
+        that is not 0 over the largest; near 0 two directions almost exist
     """
 
     machine: Machine
     values: Mapping[str, float]
     errors: Mapping[str, float]
-    upright: Orbit
+    hop: Orbit
     direction: Mapping[str, float]
     step: float
     nullity: int
     conditioning: float
 
     def start(self, speed: float) -> dict[str, float]:
-        """The unknowns of half an orbit near the branch point whose speed along the ground is small; their errors, and
-        the changes of the numbers of the machine, grow like its square."""
-        return _beside(self.upright, self.direction, finite_number("speed", speed))
+        """The unknowns of half a run near the branch point by name, as `find` takes them, for a small speed; what is
+        wrong with them, and the change of the parameters along the branch, grow like its square."""
+        speed, own = finite_number("speed", speed), dict(_unknowns_of_hop(self.hop))
+        lateral = {name: speed * value for name, value in self.direction.items()}
+        return {**own, **lateral, STEP_LENGTH: speed * self.step}
 
 
-def _beside(upright: Orbit, direction: Mapping[str, float], speed: float) -> dict[str, float]:
-    """The unknowns of half an orbit whose lateral ones are `speed` times `direction`."""
-    assert upright.contact_time is not None and upright.source is not None
-    own = upright.source.model.launch_at(upright.flight.coefficients[0, :, 0].tolist()) | {"alpha": upright.alpha}
-    times = {"duration": upright.flight_time / 2, "contact_duration": upright.contact_time / 2}
-    return {**own, **{name: speed * value for name, value in direction.items()}, **times}
+def _unknowns_of_hop(hop: Orbit) -> dict[str, float]:
+    assert hop.contact_time is not None and hop.source is not None
+    own = hop.source.model.launch_at(hop.flight.coefficients[0, :, 0].tolist()) | {"alpha": hop.alpha}
+    return {**own, "duration": hop.flight_time / 2, "contact_duration": hop.contact_time / 2}
 
 
 @exclusive
@@ -89,31 +82,37 @@ def find_branch_points(
     designs: int = 100,
     limit: float | None = None,
 ) -> tuple[BranchPoint, ...]:
-    """All designs in a range of two numbers at which orbits that lean branch off a machine's upright orbits.
+    """All designs in a range of two numbers of a machine at which runs branch off its vertical hop.
 
-    machine : with a mirror, whose reversor turns some coordinates over, and with one coordinate that sticks
+    machine : a `problems.runner`, or another `Mechanism` with one coordinate that sticks
     over : the range of each of two parameters, by name
-    family : of the upright orbits, the hops of a runner
+    family : of the hop
     designs : the number of values of each parameter at which the search begins
     limit : time limit in seconds, as in `find`
 
-    A design is a branch point where the matrix of the lateral conditions, see `branch_statement`, loses its rank: where
-    all its largest minors vanish. They are computed on a grid of designs, whose cells are halved until one minor has no
-    zero there, or all are nearly linear. It is assumed that between the designs of a cell the curvature of a minor is
-    at most four times what its second differences show; branch points closer to each other than a cell that is halved
-    five times may be missed, and so are those at designs whose upright orbit is not reached from the machine's own.
-    Returns the branch points in the order of the first parameter, solved to rounding. Raises `NoOrbit` where there is
-    none, or no upright orbit, and `InputError` for a machine without a mirror and for invalid ranges.
+    A design is a branch point where the matrix of the lateral conditions, see `branch_statement`, loses its rank, so that
+    all its largest minors vanish. These are computed on a grid of designs, whose cells are halved until one minor has no
+    zero there, or all are nearly linear; Newton's method then solves the branch points to rounding. Between the samples
+    of a cell the curvature of a minor is assumed to be at most four times what their second differences show. This is
+    not a proof. Branch points closer to each other than a cell that is halved five times may be missed, and those in
+    cells where a design has no hop of the family, or one in which parts pass through each other. Wide ranges above 0 are
+    divided evenly in their logarithm.
 
-    Source: Golubitsky and Schaeffer, Singularities and Groups in Bifurcation Theory I (1985), chapter VI.
+    Returns the branch points by the first parameter. A run near one is found from its `start`. Raises `NoOrbit` where
+    there is none, or no hop, and `InputError` for a machine without a vertical hop and for invalid ranges.
+
+    >>> from orbits import find_branch_points
+    >>> from problems import runner
+    >>> points = find_branch_points(runner(), {"inertia": (4.0, 9.0), "hip_stiffness": (5.0, 6.0)}, designs=10)
+    >>> [round(value, 6) for value in points[0].values.values()]
+    [7.213473, 5.520007]
     """
     check_machine(machine)
     ranges = _checked_ranges(machine, over)
     if isinstance(designs, bool) or not isinstance(designs, int) or not 4 <= designs <= MOST_DESIGNS:
         raise InputError(f"designs = {designs!r}; it is a whole number from 4 to {MOST_DESIGNS}")
     with interrupts.deferred(), time_limit(limit):
-        search = _Search(machine, ranges, family)
-        found = list[BranchPoint]()
+        search, found = _Search(machine, ranges, family_number(family)), list[BranchPoint]()
         for place in search.candidates(designs):
             check_time()
             point = search.point(place)
@@ -121,8 +120,8 @@ def find_branch_points(
                 found.append(point)
     if not found:
         box = " and ".join(f"{name} from {low:g} to {high:g}" for name, (low, high) in ranges.items())
-        missed = f"; {search.missed} designs have no upright orbit that is reached" if search.missed else ""
-        raise NoOrbit(f"no orbit that leans branches off the upright orbit of family {family} with {box}{missed}")
+        missed = f"; at {search.missed} of the designs there is no such hop" if search.missed else ""
+        raise NoOrbit(f"no run branches off the vertical hop of family {family} with {box}{missed}")
     return tuple(sorted(found, key=lambda point: tuple(point.values.values())))
 
 
@@ -132,65 +131,42 @@ def _same(one: BranchPoint, other: BranchPoint) -> bool:
 
 def _checked_ranges(machine: Machine, over: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
     check_parameters(machine, *over)
-    sticks = machine.model.sticks
-    mirrored(machine.model)
-    if len(sticks) != 1:
+    sticks, found = len(machine.model.sticks), dict[str, tuple[float, float]]()
+    if sticks != 1 or machine.model.reversor is None:
         raise InputError(
-            f"a {machine.model.name} has {len(sticks) or 'no'} coordinates that stick: branch points are found of "
-            "machines with one, where they are single designs in two numbers; state sticks="
+            f"a {machine.model.name} has {sticks or 'no'} coordinates that stick: runs branch off the vertical hop of a "
+            'machine that its reversor mirrors, with one; state sticks=("x",) for its place along the ground'
         )
     if len(over) != 2:
-        raise InputError(f"over = {dict(over)!r}: branch points are single designs in two numbers, name two")
-    found = dict[str, tuple[float, float]]()
+        raise InputError(f"over = {dict(over)!r}: a branch point is a value of each of two parameters; state two ranges")
     for name, ends in over.items():
         low, high = (finite_number(f"over '{name}'", each) for each in ends)
         if not low < high:
-            raise InputError(f"over '{name}' = ({low:g}, {high:g}): the first number is the smaller one")
+            raise InputError(f"over '{name}' = ({low:g}, {high:g}): a range begins below its end")
         found[name] = low, high
     return found
 
 
-class LateralConditions:
-    """The lateral conditions of the upright orbits of one family, at many designs of one machine that differ in the
-    parameters `names`.
+class _Lateral:
+    """The lateral conditions beside the vertical hops of one family, at designs that differ in the parameters `names`.
 
     A launch has 2 k lateral unknowns, of which the s forces along the ground that vanish leave 2 k - s columns. The
     2 k rows are the lateral places in mid-flight and in mid-contact.
     """
 
-    def __init__(self, machine: Machine, names: tuple[str, ...], family: int):
-        self.machine, self.names, self.family, self.model = machine, names, family, machine.model
-        self.parameters, self.own = tuple(machine.values), vector(machine.values)
-        self.places, self.lateral = list(map(self.parameters.index, names)), lateral_unknowns(self.model)
-        self.upright = shooting_equations(upright_statement(self.model), self.parameters)
-        self.linear = shooting_equations(branch_statement(self.model, ()), self.parameters)
-        m, phases = mirrored(self.model), (self.model.flight, self.model.contact)
-        places = [name for name in m.coordinates if name not in self.model.sticks]
-        self.rows = [[arc.phase.states.index(name) for name in places] for arc in self.linear.statement.arcs]
-
-    @cached_property
-    def orbit(self) -> Orbit:
-        """The upright orbit of the machine itself; raises `NoOrbit` for one in which its parts touch."""
-        orbit = find(UprightMachine(self.machine), self.family)
-        if (least := orbit.certificate.smallest_separation) is not None and not least > 0:
-            raise NoOrbit(f"the upright orbit of family {self.family} passes through itself (separation {least:.3g})")
-        if orbit.contact_time is None:
-            raise NoOrbit(f"the contact of the upright orbit of family {self.family} does not end")
-        return orbit
-
-    @cached_property
-    def moving(self) -> list[int]:
-        """The places of those of the parameters on which the upright orbits depend."""
-        p, found = ca.SX.sym("p", len(self.parameters)), list[ca.SX]()
-        known = dict(zip(self.parameters, ca.vertsplit(p), strict=True))
-        for arc, functions in zip(
-            self.upright.statement.arcs, boundary_functions(self.upright.statement, self.parameters), strict=True
-        ):
-            found += map(ca.SX, arc.phase.field(ca.vertsplit(ca.SX.sym("x", len(arc.phase.states))), known, []))
-            for function, place in zip(functions, (2, 3), strict=True):
-                arguments = function.sx_in()
-                found += map(ca.vec, function.call([*arguments[:place], p, *arguments[place + 1 :]]))
-        return [i for i in self.places if ca.depends_on(ca.vertcat(*found), p[i])]
+    def __init__(self, machine: Any, names: tuple[str, ...], family: int):
+        self.machine, self.names, self.family = dimensionless(machine), names, family
+        self.upright = self.machine.upright()
+        self.model, self.hop = self.machine.model, self.upright.model
+        self.parameters, self.own = tuple(self.machine.values), vector(self.machine.values)
+        self.places = [self.parameters.index(name) for name in names]
+        self.beside, self.statement = Beside(self.model, self.hop), branch_statement(self.model, self.hop, ())
+        self.equations, self.unknowns = shooting_equations(self.statement, self.parameters), hop_statement(self.hop).unknowns
+        self.rows = [
+            [i for i, name in enumerate(arc.phase.states) if name not in hop.states and name[-1] != "'"]
+            for arc, hop in zip(self.statement.arcs, (self.hop.flight, self.hop.contact), strict=True)
+        ]
+        self.rows[0] = [i for i in self.rows[0] if self.statement.arcs[0].phase.states[i] not in self.model.sticks]
 
     def at(self, designs: np.ndarray) -> np.ndarray:
         """The parameters (m, np) at designs (m, names)."""
@@ -198,77 +174,70 @@ class LateralConditions:
         ps[:, self.places] = designs
         return ps
 
-    def uprights(self, ps: np.ndarray) -> np.ndarray:
-        """The unknowns (m, n) of the upright orbits with parameters (m, np), NaN where none is reached."""
-        beside = _beside(self.orbit, {}, 0.0)
-        first = np.array([beside[name] for name in self.upright.statement.unknowns])
-        if not self.moving:
-            return np.tile(first, (len(ps), 1))
-        rows, place = np.unique(ps[:, self.moving], axis=0, return_inverse=True)
-        goals, us, alive = np.tile(self.own, (len(rows), 1)), np.tile(first, (len(rows), 1)), np.arange(len(rows))
-        goals[:, self.moving] = rows
-        for share in np.linspace(0, 1, STEPS_TO_DESIGN + 1)[1:]:
-            between = self.own + share * (goals - self.own)
-            for _ in range(NEWTON_STEPS):
-                which, there = self.upright.evaluate_lanes(us[alive], between[alive])
-                if there is None:
-                    return np.full((len(ps), len(first)), np.nan)
-                alive = alive[which]
-                us[alive] -= solve(there.jacobian, there.residual[..., None])[..., 0]
-                times = us[alive][:, self.upright.durations]
-                alive = alive[np.isfinite(us[alive]).all(1) & (times > 0).all(1)]
-        solved = np.full(us.shape, np.nan)
-        which, there = self.upright.evaluate_lanes(us[alive], goals[alive])
-        if there is not None:
-            alive = alive[which]
-            good = np.abs(there.residual).max(1) < SOLVED_TO * (1 + np.abs(us[alive]).max(1))
-            good &= count_families(upright_model(self.model), there.trajectories[0], 1) == self.family
-            solved[alive[good]] = us[alive[good]]
-        return solved[place.ravel()]
+    def hops(self, ps: np.ndarray) -> np.ndarray:
+        """The unknowns (m, n) of the vertical hops with parameters (m, np), NaN where there is none."""
+        names = tuple(self.upright.values)
+        own, of_each = np.unique(ps[:, [self.parameters.index(n) for n in names]], axis=0, return_inverse=True)
+        found, left = np.full((len(own), len(self.unknowns)), np.nan), {*range(len(own))}
+        parts, absent = lowest_orbits(self.hop, names, own, self.family) if len(own) > 1 else ([], {})
+        for part in parts:
+            u, certificates = part.cycles.u, part.certificates
+            times = {"contact_duration": part.cycles.contact_times / 2}
+            columns = [np.broadcast_to({**u, **times}[name], len(part.cycles))[part.places] for name in self.unknowns]
+            apart = np.array(certificates.column("smallest_separation"))[part.places]
+            found[part.which] = np.where(apart[:, None] > 0, np.column_stack(columns), np.nan)
+            left -= {*part.which.tolist()}
+        for i in sorted(left - {*absent}):
+            check_time()
+            try:
+                hop = self._hop(dict(zip(names, own[i].tolist(), strict=True)))
+                found[i] = [hop[name] for name in self.unknowns]
+            except (NoOrbit, FlowError, InputError):
+                if len(own) == 1:
+                    raise
+        return found[of_each.ravel()]
+
+    def _hop(self, values: Mapping[str, float]) -> dict[str, float]:
+        """The unknowns of one vertical hop; raises `NoOrbit` for one that is no motion."""
+        orbit = lowest_of_family(self.upright.with_values(**values), self.family, method_of(self.hop))
+        if (least := orbit.certificate.smallest_separation) is not None and not least > 0:
+            raise NoOrbit(f"in the vertical hop of family {self.family} parts pass through each other ({least:.3g})")
+        if orbit.contact_time is None:
+            raise NoOrbit(f"the contact of the vertical hop of family {self.family} does not end")
+        return _unknowns_of_hop(orbit)
 
     @cached_property
     def at_launch(self) -> MappedFunction:
-        """(upright unknowns, parameters) -> the forces along the ground at launch (s, 2 k) per lateral unknown, and
-        the speed (1, 2 k) along it in flight."""
-        unknowns = self.upright.statement.unknowns
-        u, d = ca.SX.sym("u", len(unknowns)), ca.SX.sym("d", len(self.lateral))
+        """(unknowns of a hop, parameters) -> the forces along the ground at launch (s, 2 k) and the speed (1, 2 k) along
+        it in flight, per lateral unknown."""
+        u, d = ca.SX.sym("u", len(self.unknowns)), ca.SX.sym("d", len(self.beside.unknowns))
         p = ca.SX.sym("p", len(self.parameters))
         known = dict(zip(self.parameters, ca.vertsplit(p), strict=True))
-        named = dict(zip((*unknowns, *self.lateral), (*ca.vertsplit(u), *ca.vertsplit(d)), strict=True))
-        parts = ca.vertcat(*lateral_forces(self.model, named, known)), lateral_speed(self.model, named, known)
+        symbols = *ca.vertsplit(u), *ca.vertsplit(d)
+        named = dict(zip((*self.unknowns, *self.beside.unknowns), symbols, strict=True))
+        parts = ca.vertcat(*self.beside.forces(named, known)), self.beside.speed(named, known)
         slopes = [ca.densify(ca.jacobian(part, d)) for part in parts]
         return MappedFunction(ca.Function("at_launch", [u, p], slopes))
 
     def launches(self, us: np.ndarray, ps: np.ndarray) -> np.ndarray:
-        """Launches (m, 2 k, 2 k - s) without a force along the ground, about upright orbits (m, n)."""
-        forces, count = self.at_launch(us, ps)[0], len(self.lateral)
-        # The unknowns on which the forces depend most are eliminated, the same ones for all designs.
-        pivots, left = list[int](), np.abs(forces).max(0)
-        for row in left:
+        """Launches (m, 2 k, 2 k - s) without a force along the ground, beside hops (m, n)."""
+        forces, count, pivots = self.at_launch(us, ps)[0], len(self.beside.unknowns), list[int]()
+        # Those unknowns are eliminated on which the forces depend most, the same ones for all designs.
+        for row in np.abs(forces).max(0):
             pivots.append(max((i for i in range(count) if i not in pivots), key=lambda i, row=row: row[i]))
         free, found = [i for i in range(count) if i not in pivots], np.zeros((len(us), count, count - len(pivots)))
         found[:, free, range(len(free))] = 1.0
         found[:, pivots] = -solve(forces[:, :, pivots], forces[:, :, free])
         return found
 
-    def matrices(self, designs: np.ndarray) -> np.ndarray:
-        """The conditions (m, 2 k, 2 k - s) at designs (m, names), NaN where no upright orbit is reached."""
-        ps = self.at(designs)
-        us = self.uprights(ps)
-        able = np.flatnonzero(np.isfinite(us).all(1))
-        found = np.full((len(ps), len(self.lateral), len(self.lateral) - len(self.model.sticks)), np.nan)
-        if len(able):
-            found[able] = self.conditions(us[able], ps[able], self.launches(us[able], ps[able]))
-        return found
-
     def conditions(self, us: np.ndarray, ps: np.ndarray, launches: np.ndarray) -> np.ndarray:
         """The lateral places (m, 2 k, columns) in mid-flight and mid-contact after lateral launches (m, 2 k, columns)
-        about upright orbits (m, n); NaN where they cannot be followed."""
-        (m, _, columns), times = launches.shape, len(self.linear.durations)
+        beside hops (m, n); NaN where they cannot be followed."""
+        (m, _, columns), times = launches.shape, len(self.equations.durations)
         us, ps = np.repeat(us, columns, axis=0), np.repeat(ps, columns, axis=0)
         us = np.hstack([us[:, :-times], launches.swapaxes(1, 2).reshape(m * columns, -1), us[:, -times:]])
         parts, before = list[np.ndarray](), np.zeros((1, 0))
-        for flow, begin, rows in zip(self.linear.flows, self.linear.beginnings, self.rows, strict=True):
+        for flow, begin, rows in zip(self.equations.flows, self.equations.beginnings, self.rows, strict=True):
             starts, ends = begin(us, before, ps)[0][:, :, 0], np.full((len(us), len(rows)), np.nan)
             before = np.zeros((1, flow.size))  # no arc begins where the one before it ends
             nothing = np.zeros((flow.size, 0)), np.zeros((ps.shape[1], 0))
@@ -278,170 +247,149 @@ class LateralConditions:
             parts.append(ends.reshape(m, columns, -1).swapaxes(1, 2))
         return np.concatenate(parts, axis=1)
 
+    def matrices(self, designs: np.ndarray) -> np.ndarray:
+        """The conditions (m, 2 k, 2 k - s) of launches without a force along the ground at designs (m, names), NaN where
+        there is no hop."""
+        count, sticks, ps = len(self.beside.unknowns), len(self.model.sticks), self.at(designs)
+        us, found = self.hops(ps), np.full((len(ps), count, count - sticks), np.nan)
+        if len(able := np.flatnonzero(np.isfinite(us).all(1))):
+            us, ps = us[able], ps[able]
+            found[able] = self.conditions(us, ps, self.launches(us, ps))
+        return found
+
 
 class _Search:
-    """The search of branch points in a box of two parameters, whose places (2,) go from 0 to 1 along each range."""
+    """The search for branch points in a box of two parameters, whose places (2,) go from 0 to 1 along each range."""
 
     def __init__(self, machine: Machine, ranges: Mapping[str, tuple[float, float]], family: int):
         self.machine, self.ranges, self.names = machine, [*ranges.values()], tuple(ranges)
-        self.lateral = LateralConditions(machine, self.names, family)
-        self.missed = 0
+        self.lateral, self.missed = _Lateral(machine, self.names, family), 0
 
     def designs(self, places: np.ndarray) -> np.ndarray:
         """The values (m, 2) of the parameters at places (m, 2)."""
-        each = []
+        each = list[np.ndarray]()
         for (low, high), share in zip(self.ranges, places.T, strict=True):
             wide = low > 0 and high > WIDE_RANGE * low
             each.append(low * (high / low) ** share if wide else low + (high - low) * share)
         return np.stack(each, axis=1)
 
     def minors(self, places: np.ndarray) -> np.ndarray:
-        """The largest minors (m, count) of the conditions with columns of the size 1, at places (m, 2)."""
-        a = self.lateral.matrices(self.designs(places))
-        a = a / np.linalg.norm(a, axis=1, keepdims=True)
-        rows = [list(each) for each in combinations(range(a.shape[1]), a.shape[2])]
-        return np.stack([np.linalg.det(a[:, each]) for each in rows], axis=1)
+        """The largest minors (..., count) of the conditions, with columns of the size 1, at places (..., 2)."""
+        conditions = self.lateral.matrices(self.designs(places.reshape(-1, 2)))
+        conditions = conditions / np.linalg.norm(conditions, axis=1, keepdims=True)
+        rows = combinations(range(conditions.shape[1]), conditions.shape[2])
+        minors = np.stack([np.linalg.det(conditions[:, each]) for each in rows], axis=1)
+        return minors.reshape(*places.shape[:-1], -1)
 
     def candidates(self, count: int) -> np.ndarray:
         """Places (m, 2) near each of which there may be a branch point, from a grid of `count` by `count` designs."""
         half = -(-(count - 1) // 2)
-        axis = np.linspace(0.0, 1.0, 2 * half + 1)
-        nodes = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1)
-        values = self.minors(nodes.reshape(-1, 2)).reshape(*nodes.shape[:2], -1)
+        axis, corners = np.linspace(0.0, 1.0, 2 * half + 1), _grid(np.arange(0, 2 * half, 2)).reshape(-1, 2)
+        nodes, at = _grid(axis), corners[:, None, None] + _grid(np.arange(3))
+        values = self.minors(nodes)
         self.missed = int(np.isnan(values[..., 0]).sum())
-        corners = np.stack(np.meshgrid(*[np.arange(0, 2 * half, 2)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
-        at = corners[:, None, None] + np.stack(np.meshgrid(*[np.arange(3)] * 2, indexing="ij"), axis=-1)
-        cells, middles = values[at[..., 0], at[..., 1]], nodes[at[:, 1, 1, 0], at[:, 1, 1, 1]]
-        radius, found = axis[1], list[np.ndarray]()
+        cells, middles = _Cells(values[at[..., 0], at[..., 1]]), nodes[at[:, 1, 1, 0], at[:, 1, 1, 1]]
+        radius, found = float(axis[1]), list[np.ndarray]()
         for halving in range(MOST_HALVINGS + 1):
-            of = _Cells(cells)
-            found.append((middles + radius * of.predicted)[of.linear & of.near])
-            middles = middles[~of.linear & ~of.excluded]
-            if not len(middles) or halving == MOST_HALVINGS:
+            found.append((middles + radius * cells.predicted)[cells.linear & cells.near])
+            middles = middles[~cells.linear & ~cells.excluded]
+            if halving == MOST_HALVINGS or not len(middles):
                 break
             radius /= 2
-            signs = np.stack(np.meshgrid(*[[-1.0, 1.0]] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
-            middles = (middles[:, None] + radius * signs).reshape(-1, 2)
-            offsets = radius * np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 2, indexing="ij"), axis=-1)
-            there = (middles[:, None, None] + offsets).reshape(-1, 2)
-            cells = self.minors(there).reshape(len(middles), 3, 3, -1)
+            middles = (middles[:, None] + radius * _grid(np.array([-1.0, 1.0])).reshape(-1, 2)).reshape(-1, 2)
+            cells = _Cells(self.minors(middles[:, None, None] + radius * _grid(np.array([-1.0, 0.0, 1.0]))))
         return np.concatenate([*found, middles])
 
     def point(self, place: np.ndarray) -> BranchPoint | None:
-        """The branch point to which Newton's method leads from a place, None where it leads to none in the box."""
-        lateral, machine = self.lateral, self.machine
-        design = self.designs(place[None])
-        ps = lateral.at(design)
-        us = lateral.uprights(ps)
-        if not np.isfinite(us).all():
-            return None
-        launches = lateral.launches(us, ps)
-        conditions = lateral.conditions(us, ps, launches)[0]
-        if not np.isfinite(conditions).all():
-            return None
-        direction = launches[0] @ np.linalg.svd(conditions)[2][-1]
-        upright = dict(zip(lateral.upright.statement.unknowns, us[0], strict=True))
-        named = {**upright, **dict(zip(lateral.lateral, direction / np.linalg.norm(direction), strict=True))}
-        named |= dict(zip(self.names, design[0], strict=True))
-        equations = shooting_equations(branch_statement(machine.model, self.names), lateral.parameters)
+        """The branch point to which Newton's method leads from a place; None where it leads to none in the box."""
+        lateral, design = self.lateral, self.designs(place[None])
+        ps, equations = lateral.at(design), shooting_equations(
+            branch_statement(lateral.model, lateral.hop, self.names), lateral.parameters
+        )
+        names = equations.statement.unknowns
         try:
-            u, there = equations.newton(np.array([named[name] for name in equations.statement.unknowns]), ps[0])
-        except (NoOrbit, FlowError):
+            us = lateral.hops(ps)
+            launches = lateral.launches(us, ps)
+            direction = launches[0] @ np.linalg.svd(lateral.conditions(us, ps, launches)[0])[2][-1]
+            parts = direction / np.linalg.norm(direction), design[0], us[0]
+            first = dict(zip((*lateral.beside.unknowns, *self.names, *lateral.unknowns), np.hstack(parts), strict=True))
+            u, _ = equations.newton([first[name] for name in names], ps[0])
+        except (NoOrbit, FlowError, InputError, np.linalg.LinAlgError):
             return None
-        values = dict(zip(self.names, u[equations.own :].tolist(), strict=True))
-        ends = zip(values.values(), self.ranges, strict=True)
-        if not all(low <= value <= high for value, (low, high) in ends):
+        found = dict(zip(names, u.tolist(), strict=True))
+        values = {name: found[name] for name in self.names}
+        if not all(low <= value <= high for value, (low, high) in zip(values.values(), self.ranges, strict=True)):
             return None
-        found = dict(zip(equations.statement.unknowns, u.tolist(), strict=True))
-        return _branch_point(lateral, equations, values, found, there)
+        us, ps = u[None], lateral.at(np.array([[*values.values()]]))
+        there, errors = equations.evaluate_all(us, ps), dict[str, float]()
+        for name in values:
+            bounds, refused = error_bounds(equations, us, ps, there, unknown=name)
+            errors[name] = np.inf if refused else float(bounds[0])
+        hop = us[:, [names.index(name) for name in lateral.unknowns]]
+        scaled = lateral.conditions(hop, ps, lateral.launches(hop, ps))[0]
+        scaled = scaled / np.linalg.norm(scaled, axis=0)
+        sizes = np.linalg.svd(scaled / np.linalg.norm(scaled, axis=1, keepdims=True))[1]
+        nullity = int((sizes < RANK_TO * sizes[0]).sum())
+        direction = np.array([found[name] for name in lateral.beside.unknowns])
+        speed = float(lateral.at_launch(hop, ps)[1][0, 0] @ direction)
+        middle = dict(zip(equations.statement.arcs[0].phase.states, there.trajectories[0].finals[0], strict=False))
+        machine = self.machine.with_values(**values)
+        upright: Any = machine
+        return BranchPoint(
+            machine, values, errors, find(upright.upright(), start=dict(zip(lateral.unknowns, hop[0].tolist(), strict=True))),
+            dict(zip(lateral.beside.unknowns, (direction / speed).tolist(), strict=True)),
+            2 * float(middle[lateral.model.sticks[0]]) / speed, nullity,
+            float(sizes[-1 - nullity] / sizes[0]) if nullity < len(sizes) else 0.0,
+        )  # fmt: skip
+
+
+def _grid(axis: np.ndarray) -> np.ndarray:
+    """The pairs (n, n, 2) of the values (n,) of an axis."""
+    return np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1)
 
 
 class _Cells:
-    """Values (m, 3, 3, count) of functions at the corners, the middles of the sides and the middles of cells."""
+    """Functions on cells: values (m, 3, 3, count) at the corners, the middles of the sides and the middles of cells.
+
+    slopes : (m, count, 2), of straight lines, along half a side
+    bends : (m, count), the largest second differences along either side, added up
+    predicted : (m, 2), where straight lines are least together, in halves of a side from the middle
+    steepest : (m,), the slope of all functions together in the direction in which that is least
+    """
 
     def __init__(self, values: np.ndarray):
         self.values = values
-        along = (np.abs(np.diff(values, 2, axis=axis)).max((1, 2)) for axis in (1, 2))
-        self.bends = sum(along)
-        self.slopes = np.stack(
-            [np.mean(values[:, 2] - values[:, 0], axis=1), np.mean(values[:, :, 2] - values[:, :, 0], axis=1)], axis=-1
-        ) / 2
-        with np.errstate(all="ignore"):
-            fit = np.einsum("mck,mc->mk", self.slopes, values.mean((1, 2)))
-            square = np.einsum("mck,mcl->mkl", self.slopes, self.slopes)
-            (a, b), c = (square[:, 0, 0], square[:, 1, 1]), square[:, 0, 1]
-            det = a * b - c * c
-            inside = np.stack([b * fit[:, 0] - c * fit[:, 1], a * fit[:, 1] - c * fit[:, 0]], axis=1)
-            self.predicted = -inside / det[:, None]  # of the least values of the functions, in halves of the side
-            least = (a + b) / 2 - np.sqrt((a - b) ** 2 / 4 + c * c)
-            self.steepness = np.sqrt(np.maximum(least, 0.0))  # the least slope in any direction
+        along = [values[:, 2] - values[:, 0], values[:, :, 2] - values[:, :, 0]]
+        self.slopes = np.stack([each.mean(1) for each in along], axis=-1) / 2
+        self.bends = sum(np.abs(np.diff(values, 2, axis=axis)).max((1, 2)) for axis in (1, 2))
+        fit = np.einsum("mck,mc->mk", self.slopes, values.mean((1, 2)))
+        square = np.einsum("mck,mcl->mkl", self.slopes, self.slopes)
+        a, b, c = square[:, 0, 0], square[:, 1, 1], square[:, 0, 1]
+        det = np.maximum(a * b - c * c, np.finfo(float).tiny)[:, None]
+        self.predicted = -np.stack([b * fit[:, 0] - c * fit[:, 1], a * fit[:, 1] - c * fit[:, 0]], axis=1) / det
+        self.steepest = np.sqrt(np.maximum((a + b) / 2 - np.sqrt((a - b) ** 2 / 4 + c * c), 0.0))
 
     @property
     def linear(self) -> np.ndarray:
-        """Whether the functions of each cell have at most one common zero, since they are nearly linear."""
-        mixed = np.abs(self.values[:, 0, 0] - self.values[:, 0, 2] - self.values[:, 2, 0] + self.values[:, 2, 2]) / 4
-        return BEND_SAFETY * np.linalg.norm(self.bends + mixed, axis=1) < self.steepness
+        """Whether the functions have at most one common zero in each cell, since they are nearly linear."""
+        v = self.values
+        mixed = np.abs(v[:, 0, 0] - v[:, 0, 2] - v[:, 2, 0] + v[:, 2, 2]) / 4
+        return BEND_SAFETY * np.linalg.norm(self.bends + mixed, axis=1) < self.steepest
 
     @property
     def near(self) -> np.ndarray:
-        """Whether the zero of linear functions is in each cell or next to it."""
+        """Whether the common zero of straight lines is in each cell, or close to it."""
         return np.abs(self.predicted).max(1) < OUTSIDE
 
     @property
     def excluded(self) -> np.ndarray:
-        """Whether one function, or their sum in the direction in which linear ones stay farthest from 0, has no zero in
-        each cell; so it is where they are not known."""
-        at = np.where(np.isfinite(self.predicted), np.clip(self.predicted, -1, 1), 0.0)
+        """Whether one function has no zero in each cell, or the sum of all in the direction in which straight lines stay
+        farthest from 0; and where a value is not known."""
+        at = np.clip(np.nan_to_num(self.predicted), -1.0, 1.0)
         rest = self.values.mean((1, 2)) + np.einsum("mck,mk->mc", self.slopes, at)
-        rest = rest / np.maximum(np.linalg.norm(rest, axis=1, keepdims=True), 1e-300)
-        along = np.einsum("mijc,mc->mij", self.values, rest)[..., None]
-        every = np.concatenate([self.values, along], axis=-1)
-        bends = np.concatenate([self.bends, np.einsum("mc,mc->m", self.bends, np.abs(rest))[:, None]], axis=1)
-        one_sign = np.abs(np.sign(every).sum((1, 2))) == 9
-        far = np.abs(every).min((1, 2)) > BEND_SAFETY / 8 * bends
+        rest = rest / np.maximum(np.linalg.norm(rest, axis=1, keepdims=True), np.finfo(float).tiny)
+        values = np.concatenate([self.values, np.einsum("mijc,mc->mij", self.values, rest)[..., None]], axis=-1)
+        bends = np.column_stack([self.bends, np.einsum("mc,mc->m", self.bends, np.abs(rest))])
+        one_sign = np.abs(np.sign(values).sum((1, 2))) == 9
+        far = np.abs(values).min((1, 2)) > BEND_SAFETY / 8 * bends
         return (one_sign & far).any(1) | ~np.isfinite(self.values).all((1, 2, 3))
-
-
-def _branch_point(
-    lateral: LateralConditions, equations: Shooting, values: dict[str, float], found: dict[str, float], there: Any
-) -> BranchPoint | None:
-    """The branch point of a solution of its equations; None where they are not of full rank."""
-    machine = lateral.machine.with_values(**values)
-    us, ps = (np.array([[found[name] for name in equations.statement.unknowns]]), lateral.at(np.array([[*values.values()]])))
-    evaluation = equations.evaluate_all(us, ps)
-    errors = {}
-    for name in values:
-        bounds, refused = error_bounds(equations, us, ps, evaluation, unknown=name)
-        if refused:
-            return None
-        errors[name] = float(bounds[0])
-    own = {name: found[name] for name in ("liftoff", "alpha", "duration")}
-    upright = find(UprightMachine(machine), start=own)
-    here = us[:, [equations.statement.unknowns.index(name) for name in lateral.upright.statement.unknowns]]
-    conditions = lateral.conditions(here, ps, lateral.launches(here, ps))[0]
-    scaled = conditions / np.linalg.norm(conditions, axis=0)
-    sizes = np.linalg.svd(scaled / np.linalg.norm(scaled, axis=1, keepdims=True))[1]
-    nullity = int((sizes < RANK_TO * sizes[0]).sum())
-    direction = np.array([found[name] for name in lateral.lateral])
-    speed = float(lateral.at_launch(here, ps)[1][0, 0] @ direction)
-    flight = evaluation.trajectories[0].finals[0]
-    place = flight[equations.statement.arcs[0].phase.states.index(machine.model.sticks[0])]
-    if abs(speed) < RANK_TO:
-        raise NoOrbit(f"at {values} orbits branch off that lean and do not move along the ground")
-    return BranchPoint(
-        machine, values, errors, upright, dict(zip(lateral.lateral, (direction / speed).tolist(), strict=True)),
-        2 * float(place) / speed, nullity, float(sizes[-1 - nullity] / sizes[0]) if nullity < len(sizes) else 0.0,
-    )  # fmt: skip
-
-
-def upright_guess(machine: Machine, speed: float, family: int = 1) -> dict[str, float]:
-    """The unknowns of half an orbit, by name, of a machine near a branch point, which moves along the ground at a
-    speed: the upright orbit, and the lateral launch that meets its conditions best."""
-    lateral = LateralConditions(machine, (), family)
-    ps = lateral.at(np.zeros((1, 0)))
-    us = lateral.uprights(ps)
-    launches = lateral.launches(us, ps)
-    conditions = lateral.conditions(us, ps, launches)[0]
-    direction = launches[0] @ np.linalg.svd(conditions)[2][-1]
-    direction *= speed / float(lateral.at_launch(us, ps)[1][0, 0] @ direction)
-    return _beside(lateral.orbit, dict(zip(lateral.lateral, direction.tolist(), strict=True)), 1.0)

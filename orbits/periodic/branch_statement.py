@@ -1,10 +1,10 @@
-"""The statement of a branch point: where lateral motion about an upright orbit begins to close with it.
+"""The statement of a branch point: where a lateral motion beside the vertical hop of a machine begins to close with it.
 
-To first order the lateral states d of a motion about an upright one obey d' = A(y) d, with A the derivative of their
-rates by themselves at the upright states y. Half an orbit of them has 2 k launch unknowns, and 2 k + s homogeneous
-conditions: s forces along the ground vanish at lift-off, and k places vanish in mid-flight and in mid-contact each. So a
-solution other than 0 exists where s + 1 numbers of the machine have certain values. There a branch of orbits that lean
-to one side meets its mirror image in the upright orbit: a pitchfork (Golubitsky and Schaeffer 1985, chapter VI).
+To first order the lateral states d of a motion beside the hop obey d' = A(y) d, with A the derivative of their rates by
+themselves at the states y of the hop, which they do not change. Half an orbit has 2 k lateral unknowns at its launch, and
+2 k + s homogeneous conditions: s forces along the ground vanish at lift-off, and k places vanish in mid-flight and in
+mid-contact each. So a solution other than 0 exists where s + 1 numbers of the machine have certain values. There a branch
+of runs meets that of their mirror images in the hop: a pitchfork (Golubitsky and Schaeffer 1985, chapter VI).
 """
 
 from collections.abc import Callable, Mapping
@@ -15,143 +15,125 @@ import casadi as ca
 from ..laws.law import Algebraic, Parameters, Scalars
 from ..model.model import Model, names_of_holding
 from ..model.phase import Arc, Phase, Statement, weighted_sum
-from .upright import Mirrored, mirrored, upright_model, upright_phase, without_corners
 
 
 @lru_cache(maxsize=64)
-def upright_statement(model: Model) -> Statement:
-    """Half an upright orbit with both of its phases, of a model with a mirror."""
-    upright = upright_model(model)
+def hop_statement(hop: Model) -> Statement:
+    """Half an orbit of the model of the vertical hop, with both of its phases."""
     flight = Arc(
-        upright.flight,
-        start=lambda u, before, p: upright.launch(u, p),
+        hop.flight,
+        start=lambda u, before, p: hop.launch(u, p),
         duration=lambda u, p: u["duration"],
-        conditions=lambda u, x, p: upright.reversal.fixed(x, p),
-        guard=lambda u, x, p, q: upright.liftoff(u, p, q),
+        conditions=lambda u, x, p: hop.reversal.fixed(x, p),
+        guard=lambda u, x, p, q: hop.liftoff(u, p, q),
     )
     contact = Arc(
-        upright.contact,
-        start=lambda u, before, p: upright.touchdown(u, p),
+        hop.contact,
+        start=lambda u, before, p: hop.touchdown(u, p),
         duration=lambda u, p: u["contact_duration"],
-        conditions=lambda u, x, p: upright.contact_reversal.fixed(x, p),
+        conditions=lambda u, x, p: hop.contact_reversal.fixed(x, p),
     )
     times = ("duration", "contact_duration")
-    return Statement("upright orbit", (*upright.launch_unknowns, *times), (flight, contact), times)
+    return Statement("vertical hop", (*hop.launch_unknowns, *times), (flight, contact), times)
 
 
 @lru_cache(maxsize=64)
-def branch_statement(model: Model, tuned: tuple[str, ...]) -> Statement:
-    """Half an upright orbit with a lateral motion about it, whose launch has the length 1, and parameters for which
-    that exists among the unknowns; half of what it moves along the ground in a step is left free."""
-    m, base, lateral = mirrored(model), upright_statement(model), lateral_unknowns(model)
-    own = base.unknowns[:-2]
-    flight, contact = (linear_phase(model, phase) for phase in (model.flight, model.contact))
-    arcs, count = base.arcs, len(base.arcs[0].phase.states)
+def branch_statement(model: Model, hop: Model, tuned: tuple[str, ...]) -> Statement:
+    """Half a vertical hop with a lateral motion beside it, and those parameters among the unknowns for which that exists;
+    square where these are one more than the coordinates that stick.
 
-    def launch(u: Mapping, before: Scalars, p: Parameters) -> list[Algebraic]:
-        return [*arcs[0].start(u, [], p), *_launched(m, u)]
-
-    def touchdown(u: Mapping, before: Scalars, p: Parameters) -> list[Algebraic]:
-        return [*arcs[1].start(u, [], p), *_touched_down(m, u)]
-
-    def guard(u: Mapping, x: Scalars, p: Parameters, q: Scalars) -> list[Algebraic]:
-        return [*arcs[0].guard(u, x[:count], p, q), *lateral_forces(model, u, p)]
+    The lateral unknowns of a launch have the length 1. Of a coordinate that sticks the place is left free in mid-flight:
+    it is half of the step.
+    """
+    base, beside = hop_statement(hop), Beside(model, hop)
+    flight, contact = base.arcs
+    phases = [beside.phase(each) for each in (model.flight, model.contact)]
 
     def mid_flight(u: Mapping, x: Scalars, p: Parameters) -> list[Algebraic]:
-        length = sum(u[name] * u[name] for name in lateral) - 1
-        return [*arcs[0].conditions(u, x[:count], p), *_places(m, model.flight, x[count:]), length]
+        length = sum(u[name] * u[name] for name in beside.unknowns) - 1
+        return [*flight.conditions(u, x[: len(flight.phase.states)], p), *beside.places(model.flight, x), length]
 
     def mid_contact(u: Mapping, x: Scalars, p: Parameters) -> list[Algebraic]:
-        before = len(arcs[1].phase.states)
-        return [*arcs[1].conditions(u, x[:before], p), *_places(m, model.contact, x[before:])]
+        return [*contact.conditions(u, x[: len(contact.phase.states)], p), *beside.places(model.contact, x)]
 
-    return Statement(
-        "branch point",
-        (*own, *lateral, *base.durations, *tuned),
-        (
-            Arc(flight, launch, arcs[0].duration, mid_flight, guard),
-            Arc(contact, touchdown, arcs[1].duration, mid_contact),
+    arcs = (
+        Arc(
+            phases[0],
+            start=lambda u, before, p: beside.launch(u, p),
+            duration=flight.duration,
+            conditions=mid_flight,
+            guard=lambda u, x, p, q: [*flight.guard(u, x, p, q), *beside.forces(u, p)],
         ),
-        base.durations,
-        tuned,
-    )  # fmt: skip
+        Arc(
+            phases[1],
+            start=lambda u, before, p: beside.touchdown(u, p),
+            duration=contact.duration,
+            conditions=mid_contact,
+        ),
+    )
+    own = base.unknowns[: -len(base.durations)]
+    return Statement("branch point", (*own, *beside.unknowns, *base.durations, *tuned), arcs, base.durations, tuned)
 
 
-def lateral_unknowns(model: Model) -> tuple[str, ...]:
-    """The names of the unknowns of a launch that are lateral."""
-    m = mirrored(model)
-    return tuple(name for name in model.launch_unknowns if name.removesuffix("'") in m.coordinates)
+class Beside:
+    """The motions of a model beside its vertical `hop`: the states of that, followed by the lateral ones to first order."""
 
+    def __init__(self, model: Model, hop: Model):
+        self.model, self.hop = model, hop
+        self.unknowns = tuple(name for name in model.launch_unknowns if name not in hop.launch_unknowns)
 
-@lru_cache(maxsize=64)
-def linear_phase(model: Model, phase: Phase) -> Phase:
-    """A phase of upright motions, followed by the lateral states to first order."""
-    m, own = mirrored(model), upright_phase(mirrored(model), phase)
-    upright, lateral = m.upright(phase), m.lateral(phase)
-    count = len(upright)
+    def lateral(self, phase: Phase) -> list[int]:
+        """The numbers of the lateral states of a phase of the model."""
+        own = self.hop.flight.states if phase is self.model.flight else self.hop.contact.states
+        return [i for i, name in enumerate(phase.states) if name not in own]
 
-    def field(x: Scalars, p: Parameters, q: Scalars) -> list[Algebraic]:
-        rates = _first_order(m, phase, lambda whole: [phase.field(whole, p, q)[i] for i in lateral], x)
-        return [*own.field(x[:count], p, q), *rates]
+    def phase(self, phase: Phase) -> Phase:
+        """A phase of the model beside the hop."""
+        lateral, hop = self.lateral(phase), self.hop.flight if phase is self.model.flight else self.hop.contact
 
-    states = tuple(phase.states[i] for i in (*upright, *lateral))
-    reaches = tuple(((*weights, *[0.0] * len(lateral)), step) for weights, step in own.reaches)
-    return Phase(phase.name, states, field, reaches=reaches)
+        def field(x: Scalars, p: Parameters, q: Scalars) -> list[Algebraic]:
+            rates = self.first_order(phase, lambda whole: [phase.field(whole, p, q)[i] for i in lateral], x)
+            return [*hop.field(x[: len(hop.states)], p, q), *rates]
 
+        reaches = tuple(((*weights, *[0.0] * len(lateral)), farthest) for weights, farthest in hop.reaches)
+        return Phase(phase.name, (*hop.states, *(phase.states[i] for i in lateral)), field, reaches=reaches)
 
-def _first_order(m: Mirrored, phase: Phase, function: Callable, x: Scalars) -> list[Algebraic]:
-    """The values to first order in the lateral states of functions of a phase's state that they turn over; `x` are the
-    upright and then the lateral states."""
-    upright, lateral = m.upright(phase), m.lateral(phase)
-    symbols = ca.SX.sym("lateral", len(lateral))
-    states = dict(zip((*upright, *lateral), (*x[: len(upright)], *ca.vertsplit(symbols)), strict=True))
-    values = ca.vertcat(*function([states[i] for i in range(len(states))]))
-    slopes = ca.substitute(ca.jacobian(values, symbols), symbols, ca.SX.zeros(len(lateral)))
-    return without_corners(ca.vertsplit(ca.densify(slopes @ ca.vertcat(*x[len(upright) :]))))
+    def first_order(self, phase: Phase, function: Callable, x: Scalars) -> list[Algebraic]:
+        """The values, to first order, of functions of a phase's state that the mirror turns over."""
+        lateral, count = self.lateral(phase), len(x) - len(self.lateral(phase))
+        symbols, own = ca.SX.sym("lateral", len(lateral)), iter(x)
+        turned = dict(zip(lateral, ca.vertsplit(symbols), strict=True))
+        values = ca.vertcat(*function([turned[i] if i in turned else next(own) for i in range(len(x))]))
+        slopes = ca.substitute(ca.jacobian(values, symbols), symbols, ca.SX.zeros(len(lateral)))
+        return ca.vertsplit(ca.densify(slopes @ ca.vertcat(*x[count:])))
 
+    def places(self, phase: Phase, x: Scalars) -> list[Algebraic]:
+        """The lateral places of a phase, but for those of coordinates that stick."""
+        names = [phase.states[i] for i in self.lateral(phase)]
+        each = zip(names, x[len(x) - len(names) :], strict=True)
+        return [place for name, place in each if not name.endswith("'") and name not in self.model.sticks]
 
-def _places(m: Mirrored, phase: Phase, x: Scalars) -> list[Algebraic]:
-    """The lateral places of a phase but for those that move on from step to step, from the lateral states."""
-    names = [phase.states[i] for i in m.lateral(phase)]
-    return [value for name, value in zip(names, x, strict=True) if name in m.coordinates and name not in m.model.sticks]
+    def launch(self, u: Mapping, p: Parameters) -> list[Algebraic]:
+        """The state in flight at lift-off."""
+        contact = self.lateral(self.model.contact)
+        released = [u.get(self.model.contact.states[i], 0.0) for i in contact]
+        rows = self.model.embed[self.lateral(self.model.flight)][:, contact].tolist()
+        return [*self.hop.launch(u, p), *(weighted_sum(row, released) for row in rows)]
 
+    def touchdown(self, u: Mapping, p: Parameters) -> list[Algebraic]:
+        """The state in contact after a landing, the image of that at lift-off."""
+        each = ((self.model.contact.states[i], self.model.mirror[i]) for i in self.lateral(self.model.contact))
+        return [*self.hop.touchdown(u, p), *(sign * u[name] if name in u else 0.0 for name, sign in each)]
 
-def _launched(m: Mirrored, u: Mapping) -> list[Algebraic]:
-    """The lateral states in flight at a launch."""
-    model, contact = m.model, m.lateral(m.model.contact)
-    released = [u.get(model.contact.states[i], 0.0) for i in contact]
-    return [weighted_sum(model.embed[i, contact].tolist(), released) for i in m.lateral(model.flight)]
+    def forces(self, u: Mapping, p: Parameters) -> list[Algebraic]:
+        """The forces along the ground at lift-off."""
+        contact, names = self.model.contact, names_of_holding(self.model.sticks)
+        hop = self.hop.contact_reversal.image(self.hop.touchdown(u, p), p)
+        x = [*hop, *(u.get(contact.states[i], 0.0) for i in self.lateral(contact))]
+        return self.first_order(contact, lambda whole: [contact.watch[name](whole, p, []) for name in names], x)
 
-
-def _touched_down(m: Mirrored, u: Mapping) -> list[Algebraic]:
-    """The lateral states in contact after a landing, the image of the launch."""
-    model = m.model
-    each = ((model.contact.states[i], model.mirror[i]) for i in m.lateral(model.contact))
-    return [sign * u[name] if name in u else 0.0 for name, sign in each]
-
-
-def lateral_forces(model: Model, u: Mapping, p: Parameters) -> list[Algebraic]:
-    """The forces along the ground at a launch, to first order."""
-    m, contact = mirrored(model), model.contact
-    upright = upright_model(model)
-    own = dict(zip(upright.contact.states, upright.released(u), strict=True))
-    x = [*(own[contact.states[i]] for i in m.upright(contact)), *(u.get(contact.states[i], 0.0) for i in m.lateral(contact))]
-    names = names_of_holding(model.sticks)
-    return _first_order(m, contact, lambda whole: [contact.watch[name](whole, p, []) for name in names], x)
-
-
-def lateral_speed(model: Model, u: Mapping, p: Parameters) -> Algebraic:
-    """The speed of the centre of mass along the ground after a launch, to first order: the momentum of the coordinate
-    that sticks, over the mass that it moves."""
-    m, flight, upright = mirrored(model), model.flight, upright_model(model)
-    rate = flight.states.index(f"{model.sticks[0]}'")
-    x = [*upright.launch(u, p), *_launched(m, u)]
-
-    def momentum(whole: Scalars) -> list[Algebraic]:
-        return [model.flight_gradient(whole, p, [])[rate]]
-
-    unit = [0.0] * len(x)
-    unit[len(m.upright(flight)) + m.lateral(flight).index(rate)] = 1.0
-    unit[: len(m.upright(flight))] = x[: len(m.upright(flight))]
-    (along,), (mass,) = (_first_order(m, flight, momentum, each) for each in (x, unit))
-    return along / mass
+    def speed(self, u: Mapping, p: Parameters) -> Algebraic:
+        """The speed of the centre of mass along the ground in flight."""
+        assert self.model.planar is not None and self.model.planar.travel is not None
+        travel = self.model.planar.travel
+        return self.first_order(self.model.flight, lambda whole: [travel(whole, p)], self.launch(u, p))[0]
