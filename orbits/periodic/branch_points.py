@@ -13,22 +13,20 @@ from ..consistency.accepted import check_machine, check_parameters
 from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..model.machine import Machine, dimensionless
 from ..model.model import STEP_LENGTH
+from ..numerics.common_zeros import near_common_zeros
 from ..numerics.roots import solve
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..running.time_limit import check_time, time_limit
 from ..shooting.error_bound import error_bounds
 from ..shooting.formulations import method_of, vector
-from ..shooting.single_shooting import shooting_equations
+from ..shooting.single_shooting import Shooting, shooting_equations
 from ..symbolic.calls import MappedFunction
 from .branch_statement import Beside, branch_statement, hop_statement
 from .find import family_number, find, lowest_of_family
 from .orbit import Orbit
 from .orbits_at_once import lowest_orbits
 
-# A cell of the search is halved at most so often; in it a minor has a curvature of at most this multiple of what its
-# second differences show; and a branch point predicted further outside, in half its sides, is not one of it.
-MOST_HALVINGS, BEND_SAFETY, OUTSIDE = 5, 4.0, 1.6
 # From this ratio on a range of positive values is divided evenly in their logarithm.
 WIDE_RANGE = 2.0
 # Branch points that agree to this share are the same; singular values below this share of the largest are 0.
@@ -68,7 +66,8 @@ class BranchPoint:
 
 
 def _unknowns_of_hop(hop: Orbit) -> dict[str, float]:
-    assert hop.contact_time is not None and hop.source is not None
+    assert hop.contact_time is not None
+    assert hop.source is not None
     own = hop.source.model.launch_at(hop.flight.coefficients[0, :, 0].tolist()) | {"alpha": hop.alpha}
     return {**own, "duration": hop.flight_time / 2, "contact_duration": hop.contact_time / 2}
 
@@ -90,13 +89,13 @@ def find_branch_points(
     designs : the number of values of each parameter at which the search begins
     limit : time limit in seconds, as in `find`
 
-    A design is a branch point where the matrix of the lateral conditions, see `branch_statement`, loses its rank, so that
-    all its largest minors vanish. These are computed on a grid of designs, whose cells are halved until one minor has no
-    zero there, or all are nearly linear; Newton's method then solves the branch points to rounding. Between the samples
-    of a cell the curvature of a minor is assumed to be at most four times what their second differences show. This is
-    not a proof. Branch points closer to each other than a cell that is halved five times may be missed, and those in
-    cells where a design has no hop of the family, or one in which parts pass through each other. Wide ranges above 0 are
-    divided evenly in their logarithm.
+    A design is a branch point where the matrix of the lateral conditions, see `branch_statement`, loses its rank, so
+    that all its largest minors vanish. These are computed on a grid of designs, whose cells are halved until one minor
+    has no zero there, or all are nearly linear; Newton's method then solves the branch points to rounding. Between the
+    samples of a cell the curvature of a minor is assumed to be at most four times what their second differences show.
+    This is not a proof. Branch points closer to each other than a cell that is halved five times may be missed, and so
+    are those in cells where a design has no hop of the family, or one in which parts pass through each other. Wide
+    ranges above 0 are divided evenly in their logarithm.
 
     Returns the branch points by the first parameter. A run near one is found from its `start`. Raises `NoOrbit` where
     there is none, or no hop, and `InputError` for a machine without a vertical hop and for invalid ranges.
@@ -113,15 +112,16 @@ def find_branch_points(
         raise InputError(f"designs = {designs!r}; it is a whole number from 4 to {MOST_DESIGNS}")
     with interrupts.deferred(), time_limit(limit):
         search, found = _Search(machine, ranges, family_number(family)), list[BranchPoint]()
-        for place in search.candidates(designs):
+        places, missed = near_common_zeros(search.minors, designs)
+        for place in places:
             check_time()
             point = search.point(place)
             if point and not any(_same(point, other) for other in found):
                 found.append(point)
     if not found:
         box = " and ".join(f"{name} from {low:g} to {high:g}" for name, (low, high) in ranges.items())
-        missed = f"; at {search.missed} of the designs there is no such hop" if search.missed else ""
-        raise NoOrbit(f"no run branches off the vertical hop of family {family} with {box}{missed}")
+        without = f"; at {missed} of the designs there is no such hop" if missed else ""
+        raise NoOrbit(f"no run branches off the vertical hop of family {family} with {box}{without}")
     return tuple(sorted(found, key=lambda point: tuple(point.values.values())))
 
 
@@ -134,11 +134,13 @@ def _checked_ranges(machine: Machine, over: Mapping[str, tuple[float, float]]) -
     sticks, found = len(machine.model.sticks), dict[str, tuple[float, float]]()
     if sticks != 1 or machine.model.reversor is None:
         raise InputError(
-            f"a {machine.model.name} has {sticks or 'no'} coordinates that stick: runs branch off the vertical hop of a "
-            'machine that its reversor mirrors, with one; state sticks=("x",) for its place along the ground'
+            f"a {machine.model.name} has {sticks or 'no'} coordinates that stick: runs branch off the vertical hop of "
+            'a machine that its reversor mirrors, with one; state sticks=("x",) for its place along the ground'
         )
     if len(over) != 2:
-        raise InputError(f"over = {dict(over)!r}: a branch point is a value of each of two parameters; state two ranges")
+        raise InputError(
+            f"over = {dict(over)!r}: a branch point is a value of each of two parameters; state two ranges"
+        )
     for name, ends in over.items():
         low, high = (finite_number(f"over '{name}'", each) for each in ends)
         if not low < high:
@@ -161,7 +163,10 @@ class _Lateral:
         self.parameters, self.own = tuple(self.machine.values), vector(self.machine.values)
         self.places = [self.parameters.index(name) for name in names]
         self.beside, self.statement = Beside(self.model, self.hop), branch_statement(self.model, self.hop, ())
-        self.equations, self.unknowns = shooting_equations(self.statement, self.parameters), hop_statement(self.hop).unknowns
+        self.equations, self.unknowns = (
+            shooting_equations(self.statement, self.parameters),
+            hop_statement(self.hop).unknowns,
+        )
         self.rows = [
             [i for i, name in enumerate(arc.phase.states) if name not in hop.states and name[-1] != "'"]
             for arc, hop in zip(self.statement.arcs, (self.hop.flight, self.hop.contact), strict=True)
@@ -208,8 +213,8 @@ class _Lateral:
 
     @cached_property
     def at_launch(self) -> MappedFunction:
-        """(unknowns of a hop, parameters) -> the forces along the ground at launch (s, 2 k) and the speed (1, 2 k) along
-        it in flight, per lateral unknown."""
+        """(unknowns of a hop, parameters) -> the forces along the ground at launch (s, 2 k), and the speed (1, 2 k)
+        along it in flight, per lateral unknown."""
         u, d = ca.SX.sym("u", len(self.unknowns)), ca.SX.sym("d", len(self.beside.unknowns))
         p = ca.SX.sym("p", len(self.parameters))
         known = dict(zip(self.parameters, ca.vertsplit(p), strict=True))
@@ -224,7 +229,8 @@ class _Lateral:
         forces, count, pivots = self.at_launch(us, ps)[0], len(self.beside.unknowns), list[int]()
         # Those unknowns are eliminated on which the forces depend most, the same ones for all designs.
         for row in np.abs(forces).max(0):
-            pivots.append(max((i for i in range(count) if i not in pivots), key=lambda i, row=row: row[i]))
+            row[pivots] = -1.0
+            pivots.append(int(row.argmax()))
         free, found = [i for i in range(count) if i not in pivots], np.zeros((len(us), count, count - len(pivots)))
         found[:, free, range(len(free))] = 1.0
         found[:, pivots] = -solve(forces[:, :, pivots], forces[:, :, free])
@@ -248,8 +254,8 @@ class _Lateral:
         return np.concatenate(parts, axis=1)
 
     def matrices(self, designs: np.ndarray) -> np.ndarray:
-        """The conditions (m, 2 k, 2 k - s) of launches without a force along the ground at designs (m, names), NaN where
-        there is no hop."""
+        """The conditions (m, 2 k, 2 k - s) of launches without a force along the ground at designs (m, names), NaN
+        where there is no hop."""
         count, sticks, ps = len(self.beside.unknowns), len(self.model.sticks), self.at(designs)
         us, found = self.hops(ps), np.full((len(ps), count, count - sticks), np.nan)
         if len(able := np.flatnonzero(np.isfinite(us).all(1))):
@@ -263,7 +269,7 @@ class _Search:
 
     def __init__(self, machine: Machine, ranges: Mapping[str, tuple[float, float]], family: int):
         self.machine, self.ranges, self.names = machine, [*ranges.values()], tuple(ranges)
-        self.lateral, self.missed = _Lateral(machine, self.names, family), 0
+        self.lateral = _Lateral(machine, self.names, family)
 
     def designs(self, places: np.ndarray) -> np.ndarray:
         """The values (m, 2) of the parameters at places (m, 2)."""
@@ -281,115 +287,48 @@ class _Search:
         minors = np.stack([np.linalg.det(conditions[:, each]) for each in rows], axis=1)
         return minors.reshape(*places.shape[:-1], -1)
 
-    def candidates(self, count: int) -> np.ndarray:
-        """Places (m, 2) near each of which there may be a branch point, from a grid of `count` by `count` designs."""
-        half = -(-(count - 1) // 2)
-        axis, corners = np.linspace(0.0, 1.0, 2 * half + 1), _grid(np.arange(0, 2 * half, 2)).reshape(-1, 2)
-        nodes, at = _grid(axis), corners[:, None, None] + _grid(np.arange(3))
-        values = self.minors(nodes)
-        self.missed = int(np.isnan(values[..., 0]).sum())
-        cells, middles = _Cells(values[at[..., 0], at[..., 1]]), nodes[at[:, 1, 1, 0], at[:, 1, 1, 1]]
-        radius, found = float(axis[1]), list[np.ndarray]()
-        for halving in range(MOST_HALVINGS + 1):
-            found.append((middles + radius * cells.predicted)[cells.linear & cells.near])
-            middles = middles[~cells.linear & ~cells.excluded]
-            if halving == MOST_HALVINGS or not len(middles):
-                break
-            radius /= 2
-            middles = (middles[:, None] + radius * _grid(np.array([-1.0, 1.0])).reshape(-1, 2)).reshape(-1, 2)
-            cells = _Cells(self.minors(middles[:, None, None] + radius * _grid(np.array([-1.0, 0.0, 1.0]))))
-        return np.concatenate([*found, middles])
-
     def point(self, place: np.ndarray) -> BranchPoint | None:
         """The branch point to which Newton's method leads from a place; None where it leads to none in the box."""
         lateral, design = self.lateral, self.designs(place[None])
-        ps, equations = lateral.at(design), shooting_equations(
-            branch_statement(lateral.model, lateral.hop, self.names), lateral.parameters
-        )
-        names = equations.statement.unknowns
+        statement, ps = branch_statement(lateral.model, lateral.hop, self.names), lateral.at(design)
+        equations = shooting_equations(statement, lateral.parameters)
         try:
             us = lateral.hops(ps)
             launches = lateral.launches(us, ps)
             direction = launches[0] @ np.linalg.svd(lateral.conditions(us, ps, launches)[0])[2][-1]
-            parts = direction / np.linalg.norm(direction), design[0], us[0]
-            first = dict(zip((*lateral.beside.unknowns, *self.names, *lateral.unknowns), np.hstack(parts), strict=True))
-            u, _ = equations.newton([first[name] for name in names], ps[0])
+            values = np.hstack([direction / np.linalg.norm(direction), design[0], us[0]])
+            names = *lateral.beside.unknowns, *self.names, *lateral.unknowns
+            first = dict(zip(names, values.tolist(), strict=True))
+            u, _ = equations.newton([first[name] for name in statement.unknowns], ps[0])
         except (NoOrbit, FlowError, InputError, np.linalg.LinAlgError):
             return None
-        found = dict(zip(names, u.tolist(), strict=True))
-        values = {name: found[name] for name in self.names}
-        if not all(low <= value <= high for value, (low, high) in zip(values.values(), self.ranges, strict=True)):
-            return None
-        us, ps = u[None], lateral.at(np.array([[*values.values()]]))
-        there, errors = equations.evaluate_all(us, ps), dict[str, float]()
-        for name in values:
-            bounds, refused = error_bounds(equations, us, ps, there, unknown=name)
+        ends = zip(u[equations.own :], self.ranges, strict=True)
+        return self._described(equations, u) if all(low <= value <= high for value, (low, high) in ends) else None
+
+    def _described(self, equations: Shooting, u: np.ndarray) -> BranchPoint:
+        """The branch point with these unknowns (n,)."""
+        lateral, names, us = self.lateral, equations.statement.unknowns, u[None]
+        found, ps = dict(zip(names, u.tolist(), strict=True)), lateral.at(us[:, equations.own :])
+        evaluation, errors = equations.evaluate_all(us, ps), dict[str, float]()
+        for name in self.names:
+            bounds, refused = error_bounds(equations, us, ps, evaluation, unknown=name)
             errors[name] = np.inf if refused else float(bounds[0])
         hop = us[:, [names.index(name) for name in lateral.unknowns]]
         scaled = lateral.conditions(hop, ps, lateral.launches(hop, ps))[0]
         scaled = scaled / np.linalg.norm(scaled, axis=0)
         sizes = np.linalg.svd(scaled / np.linalg.norm(scaled, axis=1, keepdims=True))[1]
         nullity = int((sizes < RANK_TO * sizes[0]).sum())
-        direction = np.array([found[name] for name in lateral.beside.unknowns])
-        speed = float(lateral.at_launch(hop, ps)[1][0, 0] @ direction)
-        middle = dict(zip(equations.statement.arcs[0].phase.states, there.trajectories[0].finals[0], strict=False))
-        machine = self.machine.with_values(**values)
-        upright: Any = machine
+        launch = {name: found[name] for name in lateral.beside.unknowns}
+        speed = float(lateral.at_launch(hop, ps)[1][0, 0] @ [*launch.values()])
+        middle = dict(zip(equations.flows[0].names, evaluation.trajectories[0].finals[0].tolist(), strict=False))
+        machine: Any = self.machine.with_values(**{name: found[name] for name in self.names})
         return BranchPoint(
-            machine, values, errors, find(upright.upright(), start=dict(zip(lateral.unknowns, hop[0].tolist(), strict=True))),
-            dict(zip(lateral.beside.unknowns, (direction / speed).tolist(), strict=True)),
-            2 * float(middle[lateral.model.sticks[0]]) / speed, nullity,
-            float(sizes[-1 - nullity] / sizes[0]) if nullity < len(sizes) else 0.0,
-        )  # fmt: skip
-
-
-def _grid(axis: np.ndarray) -> np.ndarray:
-    """The pairs (n, n, 2) of the values (n,) of an axis."""
-    return np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1)
-
-
-class _Cells:
-    """Functions on cells: values (m, 3, 3, count) at the corners, the middles of the sides and the middles of cells.
-
-    slopes : (m, count, 2), of straight lines, along half a side
-    bends : (m, count), the largest second differences along either side, added up
-    predicted : (m, 2), where straight lines are least together, in halves of a side from the middle
-    steepest : (m,), the slope of all functions together in the direction in which that is least
-    """
-
-    def __init__(self, values: np.ndarray):
-        self.values = values
-        along = [values[:, 2] - values[:, 0], values[:, :, 2] - values[:, :, 0]]
-        self.slopes = np.stack([each.mean(1) for each in along], axis=-1) / 2
-        self.bends = sum(np.abs(np.diff(values, 2, axis=axis)).max((1, 2)) for axis in (1, 2))
-        fit = np.einsum("mck,mc->mk", self.slopes, values.mean((1, 2)))
-        square = np.einsum("mck,mcl->mkl", self.slopes, self.slopes)
-        a, b, c = square[:, 0, 0], square[:, 1, 1], square[:, 0, 1]
-        det = np.maximum(a * b - c * c, np.finfo(float).tiny)[:, None]
-        self.predicted = -np.stack([b * fit[:, 0] - c * fit[:, 1], a * fit[:, 1] - c * fit[:, 0]], axis=1) / det
-        self.steepest = np.sqrt(np.maximum((a + b) / 2 - np.sqrt((a - b) ** 2 / 4 + c * c), 0.0))
-
-    @property
-    def linear(self) -> np.ndarray:
-        """Whether the functions have at most one common zero in each cell, since they are nearly linear."""
-        v = self.values
-        mixed = np.abs(v[:, 0, 0] - v[:, 0, 2] - v[:, 2, 0] + v[:, 2, 2]) / 4
-        return BEND_SAFETY * np.linalg.norm(self.bends + mixed, axis=1) < self.steepest
-
-    @property
-    def near(self) -> np.ndarray:
-        """Whether the common zero of straight lines is in each cell, or close to it."""
-        return np.abs(self.predicted).max(1) < OUTSIDE
-
-    @property
-    def excluded(self) -> np.ndarray:
-        """Whether one function has no zero in each cell, or the sum of all in the direction in which straight lines stay
-        farthest from 0; and where a value is not known."""
-        at = np.clip(np.nan_to_num(self.predicted), -1.0, 1.0)
-        rest = self.values.mean((1, 2)) + np.einsum("mck,mk->mc", self.slopes, at)
-        rest = rest / np.maximum(np.linalg.norm(rest, axis=1, keepdims=True), np.finfo(float).tiny)
-        values = np.concatenate([self.values, np.einsum("mijc,mc->mij", self.values, rest)[..., None]], axis=-1)
-        bends = np.column_stack([self.bends, np.einsum("mc,mc->m", self.bends, np.abs(rest))])
-        one_sign = np.abs(np.sign(values).sum((1, 2))) == 9
-        far = np.abs(values).min((1, 2)) > BEND_SAFETY / 8 * bends
-        return (one_sign & far).any(1) | ~np.isfinite(self.values).all((1, 2, 3))
+            machine=machine,
+            values={name: found[name] for name in self.names},
+            errors=errors,
+            hop=find(machine.upright(), start={name: found[name] for name in lateral.unknowns}),
+            direction={name: value / speed for name, value in launch.items()},
+            step=2 * middle[lateral.model.sticks[0]] / speed,
+            nullity=nullity,
+            conditioning=float(sizes[-1 - nullity] / sizes[0]) if nullity < len(sizes) else 0.0,
+        )

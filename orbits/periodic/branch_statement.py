@@ -1,10 +1,10 @@
 """The statement of a branch point: where a lateral motion beside the vertical hop of a machine begins to close with it.
 
 To first order the lateral states d of a motion beside the hop obey d' = A(y) d, with A the derivative of their rates by
-themselves at the states y of the hop, which they do not change. Half an orbit has 2 k lateral unknowns at its launch, and
-2 k + s homogeneous conditions: s forces along the ground vanish at lift-off, and k places vanish in mid-flight and in
-mid-contact each. So a solution other than 0 exists where s + 1 numbers of the machine have certain values. There a branch
-of runs meets that of their mirror images in the hop: a pitchfork (Golubitsky and Schaeffer 1985, chapter VI).
+themselves at the states y of the hop, which they do not change. Half an orbit has 2 k lateral unknowns at its launch,
+and 2 k + s homogeneous conditions: s forces along the ground vanish at lift-off, and k places vanish in mid-flight and
+in mid-contact each. So a solution other than 0 exists where s + 1 numbers of the machine have certain values. There a
+branch of runs meets that of their mirror images in the hop: a pitchfork (Golubitsky and Schaeffer 1985, chapter VI).
 """
 
 from collections.abc import Callable, Mapping
@@ -39,11 +39,11 @@ def hop_statement(hop: Model) -> Statement:
 
 @lru_cache(maxsize=64)
 def branch_statement(model: Model, hop: Model, tuned: tuple[str, ...]) -> Statement:
-    """Half a vertical hop with a lateral motion beside it, and those parameters among the unknowns for which that exists;
-    square where these are one more than the coordinates that stick.
+    """Half a vertical hop with a lateral motion beside it; the parameters for which that exists are unknowns, one more
+    than there are coordinates that stick.
 
-    The lateral unknowns of a launch have the length 1. Of a coordinate that sticks the place is left free in mid-flight:
-    it is half of the step.
+    The lateral unknowns of a launch have the length 1. Of a coordinate that sticks the place in mid-flight is left
+    free: it is half of the step.
     """
     base, beside = hop_statement(hop), Beside(model, hop)
     flight, contact = base.arcs
@@ -76,7 +76,7 @@ def branch_statement(model: Model, hop: Model, tuned: tuple[str, ...]) -> Statem
 
 
 class Beside:
-    """The motions of a model beside its vertical `hop`: the states of that, followed by the lateral ones to first order."""
+    """The motions of a model beside its vertical `hop`: its states, followed by the lateral ones to first order."""
 
     def __init__(self, model: Model, hop: Model):
         self.model, self.hop = model, hop
@@ -134,6 +134,7 @@ class Beside:
 
     def speed(self, u: Mapping, p: Parameters) -> Algebraic:
         """The speed of the centre of mass along the ground in flight."""
-        assert self.model.planar is not None and self.model.planar.travel is not None
+        assert self.model.planar is not None
         travel = self.model.planar.travel
+        assert travel is not None
         return self.first_order(self.model.flight, lambda whole: [travel(whole, p)], self.launch(u, p))[0]
