@@ -5,8 +5,9 @@ from collections.abc import Callable
 import numpy as np
 
 # A cell is halved at most so often; in it a function has a curvature of at most this multiple of what its second
-# differences show; and a zero that is predicted further outside, in halves of its side, is not one of it.
-MOST_HALVINGS, BEND_SAFETY, OUTSIDE = 5, 4.0, 1.6
+# differences show; and a zero that is predicted further outside, in halves of its side, is not one of it, the second
+# number for cells that are not nearly linear.
+MOST_HALVINGS, BEND_SAFETY, OUTSIDE, FAR_OUTSIDE = 5, 4.0, 1.6, 4.0
 
 
 def near_common_zeros(values_of: Callable[[np.ndarray], np.ndarray], count: int) -> tuple[np.ndarray, int]:
@@ -16,8 +17,8 @@ def near_common_zeros(values_of: Callable[[np.ndarray], np.ndarray], count: int)
     values_of : places (..., 2) -> values (..., k) of the functions, NaN where they have none
 
     A cell is divided into four until one function has no zero in it, or all are nearly linear, so that they have at
-    most one common zero, which is predicted. Of cells that are divided five times the middle is taken. A cell with a
-    place without values is left out.
+    most one common zero, which is predicted, as it is for cells that were divided five times. A cell with a place
+    without values is left out.
     """
     half = -(-(count - 1) // 2)
     axis, corners = np.linspace(0.0, 1.0, 2 * half + 1), _grid(np.arange(0, 2 * half, 2)).reshape(-1, 2)
@@ -26,14 +27,16 @@ def near_common_zeros(values_of: Callable[[np.ndarray], np.ndarray], count: int)
     cells, middles = _Cells(values[at[..., 0], at[..., 1]]), nodes[at[:, 1, 1, 0], at[:, 1, 1, 1]]
     radius, found = float(axis[1]), list[np.ndarray]()
     for halving in range(MOST_HALVINGS + 1):
-        found.append((middles + radius * cells.predicted)[cells.linear & cells.near])
-        middles = middles[~cells.linear & ~cells.excluded]
-        if halving == MOST_HALVINGS or not len(middles):
+        linear, last, left = cells.linear, halving == MOST_HALVINGS, ~cells.linear & ~cells.excluded
+        near = (linear & cells.within(OUTSIDE)) | (left & cells.within(FAR_OUTSIDE) & last)
+        found.append((middles + radius * cells.predicted)[near])
+        middles = middles[left]
+        if last or not len(middles):
             break
         radius /= 2
         middles = (middles[:, None] + radius * _grid(np.array([-1.0, 1.0])).reshape(-1, 2)).reshape(-1, 2)
         cells = _Cells(values_of(middles[:, None, None] + radius * _grid(np.array([-1.0, 0.0, 1.0]))))
-    return np.concatenate([*found, middles]), int(np.isnan(values[..., 0]).sum())
+    return np.concatenate(found), int(np.isnan(values[..., 0]).sum())
 
 
 def _grid(axis: np.ndarray) -> np.ndarray:
@@ -69,10 +72,9 @@ class _Cells:
         mixed = np.abs(v[:, 0, 0] - v[:, 0, 2] - v[:, 2, 0] + v[:, 2, 2]) / 4
         return BEND_SAFETY * np.linalg.norm(self.bends + mixed, axis=1) < self.steepest
 
-    @property
-    def near(self) -> np.ndarray:
-        """Whether the common zero of straight lines is in each cell, or close to it."""
-        return np.abs(self.predicted).max(1) < OUTSIDE
+    def within(self, distance: float) -> np.ndarray:
+        """Whether straight lines vanish within a distance of the middle of each cell, in halves of its side."""
+        return np.abs(self.predicted).max(1) < distance
 
     @property
     def excluded(self) -> np.ndarray:

@@ -31,6 +31,7 @@ from .orbits_at_once import lowest_orbits
 WIDE_RANGE = 2.0
 # Branch points that agree to this share are the same; singular values below this share of the largest are 0.
 SAME_POINT, RANK_TO = 1e-7, 1e-7
+MOST_NEWTON_STEPS = 15  # from a predicted place
 MOST_DESIGNS = 2000
 
 
@@ -299,7 +300,7 @@ class _Search:
             values = np.hstack([direction / np.linalg.norm(direction), design[0], us[0]])
             names = *lateral.beside.unknowns, *self.names, *lateral.unknowns
             first = dict(zip(names, values.tolist(), strict=True))
-            u, _ = equations.newton([first[name] for name in statement.unknowns], ps[0])
+            u, _ = equations.newton([first[name] for name in statement.unknowns], ps[0], MOST_NEWTON_STEPS)
         except (NoOrbit, FlowError, InputError, np.linalg.LinAlgError):
             return None
         ends = zip(u[equations.own :], self.ranges, strict=True)
