@@ -66,7 +66,11 @@ def motion(model: Model, draw: Draw) -> Iterator[Relation]:
     held, stood = draw.held["field"], draw.stood["field"] @ embed.T
     fields: tuple[str, ...] = ("contact.field", "flight.field", "embed", "impact", "gap")
     words = "the ground holds the gap closed: contact.field is flight.field along it"
-    along = held - (held @ a)[:, None] * d - np.einsum("ki,kji->kj", held @ _sticking_rates(model), _directions(draw))
+    along = (
+        held
+        - (held @ a)[:, None] * d
+        - np.einsum("ki,kji->kj", held @ _sticking_rates(model), _sticking_directions(draw))
+    )
     yield Relation(words, fields, share(stood - along, held, stood))
     masses, (force, *holding) = _shape_of_masses(draw), _forces_in_contact(model, draw)
     closing, *others = _closing(model, draw)
@@ -126,7 +130,7 @@ def _impact(model: Model, draw: Draw) -> Iterator[Relation]:
 def _sticking_impact(model: Model, draw: Draw) -> Iterator[Relation]:
     """Impacts that bring the speeds of the gap and of what sticks to 0."""
     at, rates = coordinates(model.flight)
-    directions = np.concatenate([draw.held["impact"][:, :, None], _directions(draw)], axis=2)
+    directions = np.concatenate([draw.held["impact"][:, :, None], _sticking_directions(draw)], axis=2)
     gradients = np.column_stack([np.array(model.gap(draw.p).weights, float)[at], _sticking_rates(model)[rates]])
     others, d = np.delete(directions, rates, axis=1), directions[:, rates]
     yield Relation("an impact changes speeds alone", ("impact", "sticking"), share(others, directions))
@@ -146,7 +150,7 @@ def _sticking_rates(model: Model) -> np.ndarray:
     return np.eye(len(model.flight.states))[:, rows]
 
 
-def _directions(draw: Draw) -> np.ndarray:
+def _sticking_directions(draw: Draw) -> np.ndarray:
     """The directions (N, n, sticks) of what sticks."""
     shape = draw.held["impact"].shape
     return draw.held["directions"].reshape(*shape, -1) if "directions" in draw.held else np.zeros((*shape, 0))

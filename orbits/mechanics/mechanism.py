@@ -164,9 +164,8 @@ class Mechanism(Stated):
         if self.sticks:
             turned, onward = maps_of_sticking(self.sticks)
             back = None if self.reversor is None else {**self.reversor, **turned}
-            self._store(
-                reversor=back, symmetry={**self.symmetry, **onward}, parameters={STEP_LENGTH: 0.0, **self.parameters}
-            )
+            own = {**self.parameters, STEP_LENGTH: self.parameters.get(STEP_LENGTH, 0.0)}
+            self._store(reversor=back, symmetry={**self.symmetry, **onward}, parameters=own)
         numbers = {name: number(name, value) for name, value in self.parameters.items()}
         laws, elements = [self._law(self.gravity, "z", numbers)], list[Element]()
         for element in self.elements:

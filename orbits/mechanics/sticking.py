@@ -5,6 +5,7 @@ stance, and an orbit is one up to such a move.
 """
 
 from collections.abc import Iterator
+from typing import Any
 
 import casadi as ca
 
@@ -49,6 +50,6 @@ def _free_of_places(c: Coordinates, s: Structure, m: Mechanics) -> Iterator[tupl
             case Damper(extension=extension):
                 yield f"the damper along '{extension}'", c.gradient(extension)
             case Force(along=along):
-                rates = next(term.by_rates for term in m.in_flight.terms if term.element is each)
-                yield f"the force along '{along}'", ca.vertcat(c.gradient(along), ca.SX(rates))
+                rates: Any = next(term.by_rates for term in m.in_flight.terms if term.element is each)
+                yield f"the force along '{along}'", ca.vertcat(c.gradient(along), rates)
     yield "the inertia", stated_inertia(c, s.inertia)
