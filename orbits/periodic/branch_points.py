@@ -1,6 +1,7 @@
 """Branch points: the designs of a machine at which runs branch off its vertical hop."""
 
 from collections.abc import Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
@@ -88,7 +89,7 @@ def find_branch_points(
     over : the range of each of two parameters, by name
     family : of the hop
     designs : the number of values of each parameter at which the search begins
-    limit : time limit in seconds, as in `find`
+    limit : time limit in seconds, as in `find`; None for the limit of a `time_limit` around it, if there is one
 
     A design is a branch point where the matrix of the lateral conditions, see `branch_statement`, loses its rank, so
     that all its largest minors vanish. These are computed on a grid of designs, whose cells are halved until one minor
@@ -111,7 +112,7 @@ def find_branch_points(
     ranges = _checked_ranges(machine, over)
     if isinstance(designs, bool) or not isinstance(designs, int) or not 4 <= designs <= MOST_DESIGNS:
         raise InputError(f"designs = {designs!r}; it is a whole number from 4 to {MOST_DESIGNS}")
-    with interrupts.deferred(), time_limit(limit):
+    with interrupts.deferred(), time_limit(limit) if limit is not None else nullcontext():
         search, found = _Search(machine, ranges, family_number(family)), list[BranchPoint]()
         places, missed = near_common_zeros(search.minors, designs)
         for place in places:
@@ -131,17 +132,15 @@ def _same(one: BranchPoint, other: BranchPoint) -> bool:
 
 
 def _checked_ranges(machine: Machine, over: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
-    check_parameters(machine, *over)
     sticks, found = len(machine.model.sticks), dict[str, tuple[float, float]]()
     if sticks != 1 or machine.model.reversor is None:
         raise InputError(
             f"a {machine.model.name} has {sticks or 'no'} coordinates that stick: runs branch off the vertical hop of "
             'a machine that its reversor mirrors, with one; state sticks=("x",) for its place along the ground'
         )
+    check_parameters(machine, *over)
     if len(over) != 2:
-        raise InputError(
-            f"over = {dict(over)!r}: a branch point is a value of each of two parameters; state two ranges"
-        )
+        raise InputError(f"over = {dict(over)!r}: a branch point is a pair of values; state the ranges of two")
     for name, ends in over.items():
         low, high = (finite_number(f"over '{name}'", each) for each in ends)
         if not low < high:
