@@ -50,6 +50,7 @@ from .model import (
 )
 from .model.machine import Machine
 from .model.model import Model
+from .periodic.branch_points import BranchPoint, find_branch_points
 from .periodic.certificate import Certificate as Certificate
 from .periodic.find import find, find_all
 from .periodic.fold_statement import fold_statement as fold_statement
@@ -79,11 +80,11 @@ __version__: str
 PLACE_OF: dict[str, str]  # the module of each name
 
 __all__ = [
-    "BifurcationDiagram", "Control", "Design", "Existence", "Family", "Front", "HopMultipliers", "InputError",
-    "Machine", "Mechanism", "Model", "NoOrbit", "Orbit", "OrbitsError", "PeriodicHop", "Proof", "ReturnMap",
-    "Simulation", "Sweep", "Uncertainty", "Units", "__version__", "bifurcations", "check", "existence", "find",
-    "find_all", "follow", "follow_branch", "follow_fold", "multiplier", "multipliers", "optimize", "orbit_at",
-    "orbit_function", "pareto", "prove", "prove_absence", "prove_doubling", "prove_fixed_point", "prove_fold",
-    "quantities", "sensitivities", "simulate", "start_from_rest", "starts", "steer", "sweep", "time_limit", "trace",
-    "uncertainty",
+    "BifurcationDiagram", "BranchPoint", "Control", "Design", "Existence", "Family", "Front", "HopMultipliers",
+    "InputError", "Machine", "Mechanism", "Model", "NoOrbit", "Orbit", "OrbitsError", "PeriodicHop", "Proof",
+    "ReturnMap", "Simulation", "Sweep", "Uncertainty", "Units", "__version__", "bifurcations", "check", "existence",
+    "find", "find_all", "find_branch_points", "follow", "follow_branch", "follow_fold", "multiplier", "multipliers",
+    "optimize", "orbit_at", "orbit_function", "pareto", "prove", "prove_absence", "prove_doubling",
+    "prove_fixed_point", "prove_fold", "quantities", "sensitivities", "simulate", "start_from_rest", "starts",
+    "steer", "sweep", "time_limit", "trace", "uncertainty",
 ]  # fmt: skip

@@ -1,0 +1,334 @@
+"""Branch points: the designs of a machine at which runs branch off its vertical hop."""
+
+from collections.abc import Mapping
+from contextlib import nullcontext
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ..consistency.accepted import check_machine, check_parameters
+from ..errors import FlowError, InputError, NoOrbit, finite_number
+from ..model.machine import Machine, dimensionless
+from ..model.model import STEP_LENGTH
+from ..numerics.common_zeros import near_common_zeros
+from ..numerics.roots import solve
+from ..running import interrupts
+from ..running.exclusive import exclusive
+from ..running.time_limit import check_time, time_limit
+from ..shooting.error_bound import error_bounds
+from ..shooting.formulations import method_of, vector
+from ..shooting.single_shooting import Shooting, shooting_equations
+from ..symbolic.calls import MappedFunction
+from .branch_statement import Beside, branch_statement, hop_statement
+from .find import family_number, find, lowest_of_family
+from .orbit import Orbit
+from .orbits_at_once import lowest_orbits
+
+# From this ratio on a range of positive values is divided evenly in their logarithm.
+WIDE_RANGE = 2.0
+# Branch points that agree to this share are the same; singular values below this share of the largest are 0.
+SAME_POINT, RANK_TO = 1e-7, 1e-7
+MOST_NEWTON_STEPS = 15  # from a predicted place
+MOST_DESIGNS = 2000
+
+
+@dataclass(frozen=True)
+class BranchPoint:
+    """A design at which runs branch off the vertical hop, to one side and to the other.
+
+    machine : with the values of the branch point
+    values, errors : of the parameters that were searched, by name, and bounds on their errors
+    hop : the vertical hop, certified as an orbit of `machine.upright()`
+    direction : the lateral unknowns of a launch, by name, per unit of the speed of the centre of mass in flight
+    step : the step per unit of this speed
+    nullity : the number of independent directions; 1 at a simple branch point
+    conditioning : of the lateral conditions, with columns and then rows scaled to the size 1, the least singular value
+        that is not 0 over the largest; near 0 two directions almost exist
+    """
+
+    machine: Machine
+    values: Mapping[str, float]
+    errors: Mapping[str, float]
+    hop: Orbit
+    direction: Mapping[str, float]
+    step: float
+    nullity: int
+    conditioning: float
+
+    def start(self, speed: float) -> dict[str, float]:
+        """The unknowns of half a run near the branch point by name, as `find` takes them, for a small speed; what is
+        wrong with them, and the change of the parameters along the branch, grow like its square."""
+        speed, own = finite_number("speed", speed), dict(_unknowns_of_hop(self.hop))
+        lateral = {name: speed * value for name, value in self.direction.items()}
+        return {**own, **lateral, STEP_LENGTH: speed * self.step}
+
+
+def _unknowns_of_hop(hop: Orbit) -> dict[str, float]:
+    assert hop.contact_time is not None
+    assert hop.source is not None
+    own = hop.source.model.launch_at(hop.flight.coefficients[0, :, 0].tolist()) | {"alpha": hop.alpha}
+    return {**own, "duration": hop.flight_time / 2, "contact_duration": hop.contact_time / 2}
+
+
+@exclusive
+def find_branch_points(
+    machine: Machine,
+    over: Mapping[str, tuple[float, float]],
+    *,
+    family: int = 1,
+    designs: int = 100,
+    limit: float | None = None,
+) -> tuple[BranchPoint, ...]:
+    """All designs in a range of two numbers of a machine at which runs branch off its vertical hop.
+
+    machine : a `problems.runner`, or another `Mechanism` with one coordinate that sticks
+    over : the range of each of two parameters, by name
+    family : of the hop
+    designs : the number of values of each parameter at which the search begins
+    limit : time limit in seconds, as in `find`; None for the limit of a `time_limit` around it, if there is one
+
+    A design is a branch point where the matrix of the lateral conditions, see `branch_statement`, loses its rank, so
+    that all its largest minors vanish. These are computed on a grid of designs, whose cells are halved until one minor
+    has no zero there, or all are nearly linear; Newton's method then solves the branch points to rounding. Between the
+    samples of a cell the curvature of a minor is assumed to be at most four times what their second differences show.
+    This is not a proof. Branch points closer to each other than a cell that is halved five times may be missed, and so
+    are those in cells where a design has no hop of the family, or one in which parts pass through each other. Wide
+    ranges above 0 are divided evenly in their logarithm.
+
+    Returns the branch points by the first parameter. A run near one is found from its `start`. Raises `NoOrbit` where
+    there is none, or no hop, and `InputError` for a machine without a vertical hop and for invalid ranges.
+
+    >>> from orbits import find_branch_points
+    >>> from problems import runner
+    >>> points = find_branch_points(runner(), {"inertia": (4.0, 9.0), "hip_stiffness": (5.0, 6.0)}, designs=10)
+    >>> [round(value, 6) for value in points[0].values.values()]
+    [7.213473, 5.520007]
+    """
+    check_machine(machine)
+    ranges = _checked_ranges(machine, over)
+    if isinstance(designs, bool) or not isinstance(designs, int) or not 4 <= designs <= MOST_DESIGNS:
+        raise InputError(f"designs = {designs!r}; it is a whole number from 4 to {MOST_DESIGNS}")
+    with interrupts.deferred(), time_limit(limit) if limit is not None else nullcontext():
+        search, found = _Search(machine, ranges, family_number(family)), list[BranchPoint]()
+        places, missed = near_common_zeros(search.minors, designs)
+        for place in places:
+            check_time()
+            point = search.point(place)
+            if point and not any(_same(point, other) for other in found):
+                found.append(point)
+    if not found:
+        box = " and ".join(f"{name} from {low:g} to {high:g}" for name, (low, high) in ranges.items())
+        without = f"; at {missed} of the designs there is no such hop" if missed else ""
+        raise NoOrbit(f"no run branches off the vertical hop of family {family} with {box}{without}")
+    return tuple(sorted(found, key=lambda point: tuple(point.values.values())))
+
+
+def _same(one: BranchPoint, other: BranchPoint) -> bool:
+    return np.allclose([*one.values.values()], [*other.values.values()], rtol=SAME_POINT, atol=0.0)
+
+
+def _checked_ranges(machine: Machine, over: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
+    sticks, found = len(machine.model.sticks), dict[str, tuple[float, float]]()
+    if sticks != 1 or machine.model.reversor is None:
+        raise InputError(
+            f"a {machine.model.name} has {sticks or 'no'} coordinates that stick: runs branch off the vertical hop of "
+            'a machine that its reversor mirrors, with one; state sticks=("x",) for its place along the ground'
+        )
+    check_parameters(machine, *over)
+    if len(over) != 2:
+        raise InputError(f"over = {dict(over)!r}: a branch point is a pair of values; state the ranges of two")
+    for name, ends in over.items():
+        low, high = (finite_number(f"over '{name}'", each) for each in ends)
+        if not low < high:
+            raise InputError(f"over '{name}' = ({low:g}, {high:g}): a range begins below its end")
+        found[name] = low, high
+    return found
+
+
+class _Lateral:
+    """The lateral conditions beside the vertical hops of one family, at designs that differ in the parameters `names`.
+
+    A launch has 2 k lateral unknowns, of which the s forces along the ground that vanish leave 2 k - s columns. The
+    2 k rows are the lateral places in mid-flight and in mid-contact.
+    """
+
+    def __init__(self, machine: Any, names: tuple[str, ...], family: int):
+        self.machine, self.names, self.family = dimensionless(machine), names, family
+        self.upright = self.machine.upright()
+        self.model, self.hop = self.machine.model, self.upright.model
+        self.parameters, self.own = tuple(self.machine.values), vector(self.machine.values)
+        self.places = [self.parameters.index(name) for name in names]
+        self.beside, self.statement = Beside(self.model, self.hop), branch_statement(self.model, self.hop, ())
+        self.equations, self.unknowns = (
+            shooting_equations(self.statement, self.parameters),
+            hop_statement(self.hop).unknowns,
+        )
+        self.rows = [
+            [i for i, name in enumerate(arc.phase.states) if name not in hop.states and name[-1] != "'"]
+            for arc, hop in zip(self.statement.arcs, (self.hop.flight, self.hop.contact), strict=True)
+        ]
+        self.rows[0] = [i for i in self.rows[0] if self.statement.arcs[0].phase.states[i] not in self.model.sticks]
+
+    def at(self, designs: np.ndarray) -> np.ndarray:
+        """The parameters (m, np) at designs (m, names)."""
+        ps = np.tile(self.own, (len(designs), 1))
+        ps[:, self.places] = designs
+        return ps
+
+    def hops(self, ps: np.ndarray) -> np.ndarray:
+        """The unknowns (m, n) of the vertical hops with parameters (m, np), NaN where there is none."""
+        names = tuple(self.upright.values)
+        own, of_each = np.unique(ps[:, [self.parameters.index(n) for n in names]], axis=0, return_inverse=True)
+        found, left = np.full((len(own), len(self.unknowns)), np.nan), {*range(len(own))}
+        parts, absent = lowest_orbits(self.hop, names, own, self.family) if len(own) > 1 else ([], {})
+        for part in parts:
+            u, certificates = part.cycles.u, part.certificates
+            times = {"contact_duration": part.cycles.contact_times / 2}
+            columns = [np.broadcast_to({**u, **times}[name], len(part.cycles))[part.places] for name in self.unknowns]
+            apart = np.array(certificates.column("smallest_separation"))[part.places]
+            found[part.which] = np.where(apart[:, None] > 0, np.column_stack(columns), np.nan)
+            left -= {*part.which.tolist()}
+        for i in sorted(left - {*absent}):
+            check_time()
+            try:
+                hop = self._hop(dict(zip(names, own[i].tolist(), strict=True)))
+                found[i] = [hop[name] for name in self.unknowns]
+            except (NoOrbit, FlowError, InputError):
+                if len(own) == 1:
+                    raise
+        return found[of_each.ravel()]
+
+    def _hop(self, values: Mapping[str, float]) -> dict[str, float]:
+        """The unknowns of one vertical hop; raises `NoOrbit` for one that is no motion."""
+        orbit = lowest_of_family(self.upright.with_values(**values), self.family, method_of(self.hop))
+        if (least := orbit.certificate.smallest_separation) is not None and not least > 0:
+            raise NoOrbit(f"in the vertical hop of family {self.family} parts pass through each other ({least:.3g})")
+        if orbit.contact_time is None:
+            raise NoOrbit(f"the contact of the vertical hop of family {self.family} does not end")
+        return _unknowns_of_hop(orbit)
+
+    @cached_property
+    def at_launch(self) -> MappedFunction:
+        """(unknowns of a hop, parameters) -> the forces along the ground at launch (s, 2 k), and the speed (1, 2 k)
+        along it in flight, per lateral unknown."""
+        u, d = ca.SX.sym("u", len(self.unknowns)), ca.SX.sym("d", len(self.beside.unknowns))
+        p = ca.SX.sym("p", len(self.parameters))
+        known = dict(zip(self.parameters, ca.vertsplit(p), strict=True))
+        symbols = *ca.vertsplit(u), *ca.vertsplit(d)
+        named = dict(zip((*self.unknowns, *self.beside.unknowns), symbols, strict=True))
+        parts = ca.vertcat(*self.beside.forces(named, known)), self.beside.speed(named, known)
+        slopes = [ca.densify(ca.jacobian(part, d)) for part in parts]
+        return MappedFunction(ca.Function("at_launch", [u, p], slopes))
+
+    def launches(self, us: np.ndarray, ps: np.ndarray) -> np.ndarray:
+        """Launches (m, 2 k, 2 k - s) without a force along the ground, beside hops (m, n)."""
+        forces, count, pivots = self.at_launch(us, ps)[0], len(self.beside.unknowns), list[int]()
+        # Those unknowns are eliminated on which the forces depend most, the same ones for all designs.
+        for row in np.abs(forces).max(0):
+            row[pivots] = -1.0
+            pivots.append(int(row.argmax()))
+        free, found = [i for i in range(count) if i not in pivots], np.zeros((len(us), count, count - len(pivots)))
+        found[:, free, range(len(free))] = 1.0
+        found[:, pivots] = -solve(forces[:, :, pivots], forces[:, :, free])
+        return found
+
+    def conditions(self, us: np.ndarray, ps: np.ndarray, launches: np.ndarray) -> np.ndarray:
+        """The lateral places (m, 2 k, columns) in mid-flight and mid-contact after lateral launches (m, 2 k, columns)
+        beside hops (m, n); NaN where they cannot be followed."""
+        (m, _, columns), times = launches.shape, len(self.equations.durations)
+        us, ps = np.repeat(us, columns, axis=0), np.repeat(ps, columns, axis=0)
+        us = np.hstack([us[:, :-times], launches.swapaxes(1, 2).reshape(m * columns, -1), us[:, -times:]])
+        parts, before = list[np.ndarray](), np.zeros((1, 0))
+        for flow, begin, rows in zip(self.equations.flows, self.equations.beginnings, self.rows, strict=True):
+            starts, ends = begin(us, before, ps)[0][:, :, 0], np.full((len(us), len(rows)), np.nan)
+            before = np.zeros((1, flow.size))  # no arc begins where the one before it ends
+            nothing = np.zeros((flow.size, 0)), np.zeros((ps.shape[1], 0))
+            done, motions, _ = flow.run_lanes(starts[:, :-1], ps, starts[:, -1], *nothing)
+            if motions is not None:
+                ends[done] = motions.finals[:, rows]
+            parts.append(ends.reshape(m, columns, -1).swapaxes(1, 2))
+        return np.concatenate(parts, axis=1)
+
+    def matrices(self, designs: np.ndarray) -> np.ndarray:
+        """The conditions (m, 2 k, 2 k - s) of launches without a force along the ground at designs (m, names), NaN
+        where there is no hop."""
+        count, sticks, ps = len(self.beside.unknowns), len(self.model.sticks), self.at(designs)
+        us, found = self.hops(ps), np.full((len(ps), count, count - sticks), np.nan)
+        if len(able := np.flatnonzero(np.isfinite(us).all(1))):
+            us, ps = us[able], ps[able]
+            found[able] = self.conditions(us, ps, self.launches(us, ps))
+        return found
+
+
+class _Search:
+    """The search for branch points in a box of two parameters, whose places (2,) go from 0 to 1 along each range."""
+
+    def __init__(self, machine: Machine, ranges: Mapping[str, tuple[float, float]], family: int):
+        self.machine, self.ranges, self.names = machine, [*ranges.values()], tuple(ranges)
+        self.lateral = _Lateral(machine, self.names, family)
+
+    def designs(self, places: np.ndarray) -> np.ndarray:
+        """The values (m, 2) of the parameters at places (m, 2)."""
+        each = list[np.ndarray]()
+        for (low, high), share in zip(self.ranges, places.T, strict=True):
+            wide = low > 0 and high > WIDE_RANGE * low
+            each.append(low * (high / low) ** share if wide else low + (high - low) * share)
+        return np.stack(each, axis=1)
+
+    def minors(self, places: np.ndarray) -> np.ndarray:
+        """The largest minors (..., count) of the conditions, with columns of the size 1, at places (..., 2)."""
+        conditions = self.lateral.matrices(self.designs(places.reshape(-1, 2)))
+        conditions = conditions / np.linalg.norm(conditions, axis=1, keepdims=True)
+        rows = combinations(range(conditions.shape[1]), conditions.shape[2])
+        minors = np.stack([np.linalg.det(conditions[:, each]) for each in rows], axis=1)
+        return minors.reshape(*places.shape[:-1], -1)
+
+    def point(self, place: np.ndarray) -> BranchPoint | None:
+        """The branch point to which Newton's method leads from a place; None where it leads to none in the box."""
+        lateral, design = self.lateral, self.designs(place[None])
+        statement, ps = branch_statement(lateral.model, lateral.hop, self.names), lateral.at(design)
+        equations = shooting_equations(statement, lateral.parameters)
+        try:
+            us = lateral.hops(ps)
+            launches = lateral.launches(us, ps)
+            direction = launches[0] @ np.linalg.svd(lateral.conditions(us, ps, launches)[0])[2][-1]
+            values = np.hstack([direction / np.linalg.norm(direction), design[0], us[0]])
+            names = *lateral.beside.unknowns, *self.names, *lateral.unknowns
+            first = dict(zip(names, values.tolist(), strict=True))
+            u, _ = equations.newton([first[name] for name in statement.unknowns], ps[0], MOST_NEWTON_STEPS)
+        except (NoOrbit, FlowError, InputError, np.linalg.LinAlgError):
+            return None
+        ends = zip(u[equations.own :], self.ranges, strict=True)
+        return self._described(equations, u) if all(low <= value <= high for value, (low, high) in ends) else None
+
+    def _described(self, equations: Shooting, u: np.ndarray) -> BranchPoint:
+        """The branch point with these unknowns (n,)."""
+        lateral, names, us = self.lateral, equations.statement.unknowns, u[None]
+        found, ps = dict(zip(names, u.tolist(), strict=True)), lateral.at(us[:, equations.own :])
+        evaluation, errors = equations.evaluate_all(us, ps), dict[str, float]()
+        for name in self.names:
+            bounds, refused = error_bounds(equations, us, ps, evaluation, unknown=name)
+            errors[name] = np.inf if refused else float(bounds[0])
+        hop = us[:, [names.index(name) for name in lateral.unknowns]]
+        scaled = lateral.conditions(hop, ps, lateral.launches(hop, ps))[0]
+        scaled = scaled / np.linalg.norm(scaled, axis=0)
+        sizes = np.linalg.svd(scaled / np.linalg.norm(scaled, axis=1, keepdims=True))[1]
+        nullity = int((sizes < RANK_TO * sizes[0]).sum())
+        launch = {name: found[name] for name in lateral.beside.unknowns}
+        speed = float(lateral.at_launch(hop, ps)[1][0, 0] @ [*launch.values()])
+        middle = dict(zip(equations.flows[0].names, evaluation.trajectories[0].finals[0].tolist(), strict=False))
+        machine: Any = self.machine.with_values(**{name: found[name] for name in self.names})
+        return BranchPoint(
+            machine=machine,
+            values={name: found[name] for name in self.names},
+            errors=errors,
+            hop=find(machine.upright(), start={name: found[name] for name in lateral.unknowns}),
+            direction={name: value / speed for name, value in launch.items()},
+            step=2 * middle[lateral.model.sticks[0]] / speed,
+            nullity=nullity,
+            conditioning=float(sizes[-1 - nullity] / sizes[0]) if nullity < len(sizes) else 0.0,
+        )
