@@ -16,15 +16,18 @@ from ..flow.flow import flow_of
 from ..model.model import Model
 from ..model.phase import Phase
 from ..numerics.roots import Array, solve
+from ..periodic.loss_coefficient import late_factor
+from ..periodic.quantities import dimension_of
 from ..symbolic.caches import cached
 from ..symbolic.calls import MappedFunction
-from ..units import DIMENSIONS, LENGTH, Units
+from ..units import Units
 from .design_quantities import (
     VARIATIONAL,
     base_statement,
     expressions,
     extreme_of,
     landing_sensitivity,
+    share_left,
     variational_arc,
 )
 from .extremes import Kind, extreme_function
@@ -81,7 +84,7 @@ class Evaluator:
         self.flows = {name: flow_of(phase, names) for name, phase in phases.items()}
         self.begins = {name: _of_varied([u, p], begin) for name, begin in zip(phases, begins, strict=True)}
         self.durations = _of_varied([u, p], [arc.duration(unknowns, values) for arc in arcs])
-        half, contact, slope = (ca.SX.sym(name) for name in ("half", "contact", "slope"))
+        half, contact, slope, late = (ca.SX.sym(name) for name in ("half", "contact", "slope", "late"))
         largest, states, before = ca.SX.sym("extremes", len(kinds)), ca.vertsplit(ends[0]), list[ca.SX]()
         equations = [landing_sensitivity(model, half, states, values) if self.variational else 0.0]
         for arc, end, data in zip(arcs, ends, begun, strict=True):
@@ -93,17 +96,22 @@ class Evaluator:
             ]
         self.closing = _of_varied([u, *ends, half, p, *begun], equations)
         of_extremes = {extreme: largest[i] for extreme, i in zip(extremes, first, strict=True)}
-        at, names_of_all = (unknowns | {"contact": contact}, slope, values), [*used, "landing_jerk"]
+        at, names_of_all = (unknowns | {"contact": contact}, slope, late, values), [*used, "landing_jerk"]
         found = expressions(model, names_of_all, of_extremes, *at, ca.vertsplit(launched))
         # Formulas and quantities are in SI for a model in SI, whose units vary with its parameters. A rise is a length.
         units = model.units(values) if model.units else Units(1.0, 1.0, 1.0)
-        stated = values | {name: found[name] * units.of(DIMENSIONS.get(name, LENGTH)) for name in used}
+        stated = values | {name: found[name] * units.of(dimension_of(name)) for name in used}
         results = [formula(**{name: stated[name] for name in formula.names}) for formula in outputs.formulas]
         results += [-found["landing_jerk"], *map(found.get, outputs.demands)]
         results += [largest[i] - largest[j] for j, i in enumerate(first) if i != j]
         self.modelled = slice(len(results))
         results += map(stated.get, used)
-        self.results = _of_varied([u, contact, largest, slope, p, launched], results)
+        self.results = _of_varied([u, contact, largest, slope, late, p, launched], results)
+        # Of a landing with a speed, where another point takes over.
+        hands_over = model.changes_contact and "loss_coefficient" in used
+        self.share_left = _of_varied([u, p], [share_left(model, unknowns, values)]) if hands_over else None
+        middle = model.mid_contact(values)
+        self.middle = np.array([middle.weights], dtype=float), _of_varied([p], [middle.offset])
 
     def __call__(self, points: DesignPoints) -> tuple[Varied, DesignPoints]:
         """The results at some points by the parameters theta, and the derivatives (m, ..., k) of the points, along
@@ -133,13 +141,11 @@ class Evaluator:
         if len(self.halves) > 1:
             contact = durations.only([1])
             times.by[:, -1:] = contact.by
-        else:  # The speed of the contact vanishes in its middle.
-            x, speed = (
-                self._after("contact", begins["contact"], contact, p),
-                np.array([self.model.contact_speed.weights]),
-            )
+        else:  # A function of the contact vanishes in its middle.
+            x, (weights, offset) = self._after("contact", begins["contact"], contact, p), self.middle
             rates = self._rates("contact", x.values, p)
-            contact.by[:] = times.by[:, -1:] = -(speed @ x.by) / (speed @ rates[:, :, None])
+            changes = weights @ x.by + offset(p).by
+            contact.by[:] = times.by[:, -1:] = -changes / (weights @ rates[:, :, None])
         extremes = times.only([*range(len(self.kinds))])
         for j, (extreme, index, where) in enumerate(self.kinds):
             phase, _ = extreme_of(self.model, extreme)[index]
@@ -150,7 +156,8 @@ class Evaluator:
             if where == "inside":  # The rate of the function along the motion stays zero.
                 times.by[:, j] = -found.by[:, 1] / found.values[:, 2:]
         launched = self._data("flight", begins["flight"], p)
-        return self.results(u, contact, extremes, slope, p, launched), DesignPoints(p.by, us_by, times.by)
+        late = self._late(u, p)
+        return self.results(u, contact, extremes, slope, late, p, launched), DesignPoints(p.by, us_by, times.by)
 
     def _refuse_jumps(self, p: Array) -> None:
         """Raise `InputError` where the force jumps: the variation of the flight is then no motion without jumps."""
@@ -158,6 +165,14 @@ class Evaluator:
         if jumps := flow.jumps(p):
             remedy = f"the force jumps at the extension {jumps[0]:.6g}: round the law there"
             raise InputError(f"{' and '.join(VARIATIONAL)} need a continuous force, and {remedy}")
+
+    def _late(self, u: Varied, p: Varied) -> Varied:
+        """What a landing without a bounce loses as a multiple of C (m, 1)."""
+        if self.share_left is None:
+            return Varied(np.ones((len(p.values), 1)), 0.0 * p.by[:, :1])
+        shares = self.share_left(u, p)
+        factors, slopes = np.transpose([late_factor(share) for share in shares.values[:, 0].tolist()])[:, :, None]
+        return Varied(factors, slopes[:, :, None] * shares.by)
 
     def _data(self, phase: str, x: Varied, p: Varied) -> Varied:
         """The data (m, nq) of the pieces at states of a phase."""

@@ -21,6 +21,7 @@ from ..running import interrupts
 from ..shooting.single_shooting import SMALLEST_UNIT
 from ..symbolic.quadratic_models import Weights
 from .design_point import Case, DesignPoint, Ties, by_logarithm, design_points, no_motion, unknowns_of
+from .design_quantities import FRICTION_LEFT
 from .optimality import Design, optimum_at
 from .problem import DesignProblem, Outputs
 
@@ -217,14 +218,18 @@ def _case(
 ) -> Case:
     """The objective, the constraints and the demands at an orbit: those known, and those that it adds."""
     formulas = problem.formula, *(constraint.formula for constraint in problem.constraints)
-    return Case(machine, orbit, Outputs(formulas, problem.names, _demands(orbit, known)), ties or {})
+    return Case(machine, orbit, Outputs(formulas, problem.names, _demands(machine, orbit, known)), ties or {})
 
 
-def _demands(orbit: Orbit, known: Sequence[str]) -> tuple[str, ...]:
+def _demands(machine: Machine, orbit: Orbit, known: Sequence[str]) -> tuple[str, ...]:
     """The known demands, and the quantities of an orbit that are too small, or nearly so, for a motion."""
-    names = ("clearance", "smallest_separation", "smallest_contact_force")
-    margins = {name: getattr(orbit.certificate, name) for name in names if name not in known}
-    return (*known, *(name for name, x in margins.items() if x is not None and x < 2 * DEMAND_MARGIN))
+    model, names = machine.model, ["clearance", "smallest_separation", "smallest_contact_force"]
+    names += ["smallest_stance_force"] if model.violations.get("stance") else []
+    margins = {name: getattr(orbit.certificate, name) for name in names}
+    if (needed := orbit.certificate.friction_needed) is not None and model.planar and model.planar.friction:
+        margins[FRICTION_LEFT] = model.planar.friction(machine.values) - needed
+    small = [name for name, margin in margins.items() if margin is not None and margin < 2 * DEMAND_MARGIN]
+    return (*known, *(name for name in small if name not in known))
 
 
 def _ends(steps: Sequence[tuple[LocalSearch, DesignStep]], problem: DesignProblem) -> list[DesignPoint | NoOrbit]:

@@ -8,7 +8,7 @@ import numpy as np
 from ..model.model import Model
 from ..records import NONE, Records, numbers_or_nan
 from ..shooting.formulations import Cycles
-from ..units import DIMENSIONS, LENGTH, Units
+from ..units import DIMENSIONS, LENGTH, OF_ANGLES, Dimension, Units
 from .certificate import Certificate, extremes
 
 
@@ -21,12 +21,14 @@ class OrbitQuantity:
     words : its name in the table of an orbit; "" where it has no row there
     in_si : the beginning of its key among the main results in SI; "" where it is not one of them
     bound : whether it is only a bound on the error of another quantity
+    planar : whether only a machine has it that stands in flight, and whose masses have places across
     """
 
     of: Callable[[Model, Cycles], np.ndarray] | None = None
     words: str = ""
     in_si: str = ""
     bound: bool = False
+    planar: bool = False
 
 
 def _stroke(model: Model, cycles: Cycles) -> np.ndarray:
@@ -68,13 +70,21 @@ QUANTITIES: dict[str, OrbitQuantity] = {
     "loss_error": OrbitQuantity(bound=True),
     "alpha_noise": OrbitQuantity(bound=True),
     "alpha_per_noise": OrbitQuantity(bound=True),
+    "friction_needed": OrbitQuantity(planar=True),
+    "smallest_stance_force": OrbitQuantity(planar=True),
 }
-CERTIFIED = tuple(name for name in QUANTITIES if name in Certificate.__dataclass_fields__)
+PLANAR = tuple(name for name, each in QUANTITIES.items() if each.planar)
+CERTIFIED = tuple(name for name in QUANTITIES if name in Certificate.__dataclass_fields__ and name not in PLANAR)
 # The quantities of the motion that every result has.
 OF_MOTION = tuple(name for name, each in QUANTITIES.items() if each.of and each.in_si)
 # The quantities that a design may use, besides the rise of each height, and those computed for m orbits together.
-DESIGNED = tuple(name for name, each in QUANTITIES.items() if name in DIMENSIONS and not each.bound)
-OF_MANY = tuple(name for name in DESIGNED if QUANTITIES[name].of or name in CERTIFIED)
+DESIGNED = tuple(name for name, each in QUANTITIES.items() if (name in DIMENSIONS and not each.bound) or each.planar)
+OF_MANY = tuple(name for name in DESIGNED if QUANTITIES[name].of or name in (*CERTIFIED, *PLANAR))
+
+
+def dimension_of(name: str) -> Dimension | str:
+    """The dimension of a quantity, or its name where that decides; a rise is a length."""
+    return name if name in OF_ANGLES else DIMENSIONS.get(name, () if name in QUANTITIES else LENGTH)
 
 
 def motion_numbers(model: Model, cycles: Cycles) -> dict[str, np.ndarray]:
@@ -94,11 +104,10 @@ def numbers_of(
             highest = np.maximum.reduce([extremes(*one)[1] for one in each])
             rise = highest - each[0][1][cycles.halves.first, 0]
             found[name] = rise.reshape(len(cycles), -1).max(axis=1)
-        elif name in CERTIFIED and certificates is not None:
+        elif name in (*CERTIFIED, *PLANAR) and certificates is not None:
             found[name] = numbers_or_nan(certificates.column(name))
         elif name in QUANTITIES and (of := QUANTITIES[name].of):
             found[name] = numbers_or_nan(of(model, cycles))
     if units:
-        dimensions = {name: DIMENSIONS.get(name, () if name in QUANTITIES else LENGTH) for name in found}
-        found = {name: values * units.of(dimensions[name]) for name, values in found.items()}
+        found = {name: values * units.of(dimension_of(name)) for name, values in found.items()}
     return found
