@@ -20,7 +20,9 @@ from ..periodic.quantities import DESIGNED, PLANAR
 from ..shooting.formulations import half_orbit
 
 VARIATIONAL = ("landing_sensitivity", "loss_coefficient")  # these need the variation of the flight with alpha
-# The extremes whose sum is a quantity, each with its sign; a rise has one extreme, of its own name.
+FRICTION_LEFT = "friction_left"  # the stated friction less that which is needed
+# The extremes whose sum is a quantity, each with its sign; a rise has one extreme, of its own name. To what is left of
+# friction the stated one is added.
 COMPOSITION = {
     "stroke": {"longest": 1, "shortest": 1},
     "clearance": {"gap": -1},
@@ -29,10 +31,9 @@ COMPOSITION = {
     "largest_contact_force": {"peak": 1},
     "largest_spring_force": {"tension": 1},
     "friction_needed": {"slip": 1},
+    FRICTION_LEFT: {"slip": -1},
     "smallest_stance_force": {"stance": -1},
 }
-# What is left of the stated friction, a demand on the motion of a machine that states it.
-FRICTION_LEFT = "friction_left"
 # Extremes for which only local maxima after the start count.
 LOCAL = ("gap", "force")
 # The text of the error for an orbit without an extreme.
@@ -49,13 +50,12 @@ def quantity_names(model: Model, p: Mapping) -> list[str]:
     missing = [*([] if model.tension else ["largest_spring_force"]), *(() if model.one_speed else VARIATIONAL)]
     missing += [] if model.separation(p) is not None else ["smallest_separation"]
     missing += [] if model.planar and model.planar.stands else PLANAR
+    missing += [] if model.planar and model.planar.friction else [FRICTION_LEFT]
     return [name for name in DESIGNED if name not in missing] + list(model.rises(p))
 
 
 def extremes_of(name: str) -> tuple[str, ...]:
     """The names of the extremes that a quantity is made of."""
-    if name == FRICTION_LEFT:
-        return ("slip",)
     return (name,) if name.endswith("_rise") else tuple(COMPOSITION.get(name, ()))
 
 
@@ -173,7 +173,7 @@ def landing_sensitivity(model: Model, half: Any, end: Sequence, p: Mapping) -> A
     return carried + (model.reduction.gap_slope(2 * half, [0.0] * n, p) if model.reduction else 0.0)
 
 
-def share_left(model: Model, u: Mapping, p: Mapping) -> Any:
+def left_at_landing(model: Model, u: Mapping, p: Mapping) -> Any:
     """The share of the gap's speed that is left where another point takes over at landing."""
     return model.share_left(model.relabelling.image(model.reversal.image(model.launch(u, p), p), p), p)
 
@@ -205,10 +205,10 @@ def expressions(
     if any(name in VARIATIONAL for name in names):
         values |= {"landing_sensitivity": slope, "loss_coefficient": late * _loss(model, jerk, slope, u, p, q)}
     for name in names:
-        if name == FRICTION_LEFT:
-            values[name] = model.planar.friction(p) - extremes["slip"]
-        elif name in COMPOSITION:
+        if name in COMPOSITION:
             values[name] = sum(sign * extremes[extreme] for extreme, sign in COMPOSITION[name].items())
         elif name not in values:
             values[name] = extremes[name] - model.rises(p)[name].at(model.launch(u, p))
+        if name == FRICTION_LEFT and model.planar and model.planar.friction:
+            values[name] += model.planar.friction(p)
     return {name: values[name] for name in names}

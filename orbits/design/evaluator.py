@@ -27,7 +27,7 @@ from .design_quantities import (
     expressions,
     extreme_of,
     landing_sensitivity,
-    share_left,
+    left_at_landing,
     variational_arc,
 )
 from .extremes import Kind, extreme_function
@@ -109,7 +109,7 @@ class Evaluator:
         self.results = _of_varied([u, contact, largest, slope, late, p, launched], results)
         # Of a landing with a speed, where another point takes over.
         hands_over = model.changes_contact and "loss_coefficient" in used
-        self.share_left = _of_varied([u, p], [share_left(model, unknowns, values)]) if hands_over else None
+        self.share_left = _of_varied([u, p], [left_at_landing(model, unknowns, values)]) if hands_over else None
         middle = model.mid_contact(values)
         self.middle = np.array([middle.weights], dtype=float), _of_varied([p], [middle.offset])
 

@@ -301,7 +301,7 @@ def _next(search: LocalSearch, step: DesignStep, end: DesignPoint | OrbitsError)
     if search.point.orbit.admissible and not (end.orbit.admissible or missed):
         # The step is refused, and the demands of its orbit hold from here on.
         refused = _refused(search, str(no_motion(end.machine, end.orbit)), step.share)
-        again = _again(refused, _demands(end.orbit, search.point.demands), search.ties)
+        again = _again(refused, _demands(end.machine, end.orbit, search.point.demands), search.ties)
         return replace(again, reach=search.reach) if again.point.demands != search.point.demands else again
     fall = search.merit(search.point.values, step.weights) - search.merit(results, step.weights)
     growth, stopped = 1.0, step.share > 0.999

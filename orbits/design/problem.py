@@ -12,7 +12,7 @@ from ..model.machine import Machine, free_parameters
 from ..model.model import Model
 from ..numerics.sobol import sobol_points
 from ..symbolic.formula import Formula, parse, suggest
-from .design_quantities import FRICTION_LEFT, VARIATIONAL, extremes_of, quantity_names
+from .design_quantities import VARIATIONAL, extremes_of, quantity_names
 
 # Bounds nearer together than this share of their size are refused: rounding of the parameter changes an orbit as much.
 NARROWEST = 1e-9
@@ -103,7 +103,7 @@ class Outputs:
     def quantities(self, model: Model, p: Mapping) -> list[str]:
         """The quantities in use."""
         used = set(self.demands).union(*(formula.names for formula in self.formulas)) - p.keys()
-        return [name for name in (*quantity_names(model, p), FRICTION_LEFT) if name in used]
+        return [name for name in quantity_names(model, p) if name in used]
 
     def extremes(self, model: Model, p: Mapping) -> list[str]:
         """The extremes that the quantities in use are made of."""

@@ -58,8 +58,8 @@ def late_factor(share: float) -> tuple[float, float]:
     return hand_over_factors(share)[0], slope
 
 
-def _lost_in_bounces(tau: float, e: Any) -> Any:
-    speed, total, root = 0.5 * tau * tau, 0.0, cmath.sqrt if isinstance(e, complex) else math.sqrt
+def _lost_in_bounces(tau: Any, e: Any) -> Any:
+    total, speed, root = 0.0, 0.5 * tau * tau, cmath.sqrt if isinstance(e, complex) else math.sqrt
     while abs(speed * speed) > LEAST_LOSS:
         total += (1 - e * e) * speed * speed
         # The height is 0 again where later^2 + later tau - 2 tau^2 = 6 e speed.

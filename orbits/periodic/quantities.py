@@ -21,7 +21,7 @@ class OrbitQuantity:
     words : its name in the table of an orbit; "" where it has no row there
     in_si : the beginning of its key among the main results in SI; "" where it is not one of them
     bound : whether it is only a bound on the error of another quantity
-    planar : whether only a machine has it that stands in flight, and whose masses have places across
+    planar : whether only machines have it that stand in flight, and whose masses have places across
     """
 
     of: Callable[[Model, Cycles], np.ndarray] | None = None
@@ -71,15 +71,17 @@ QUANTITIES: dict[str, OrbitQuantity] = {
     "alpha_noise": OrbitQuantity(bound=True),
     "alpha_per_noise": OrbitQuantity(bound=True),
     "friction_needed": OrbitQuantity(planar=True),
+    "friction_left": OrbitQuantity(planar=True),
     "smallest_stance_force": OrbitQuantity(planar=True),
 }
 PLANAR = tuple(name for name, each in QUANTITIES.items() if each.planar)
-CERTIFIED = tuple(name for name in QUANTITIES if name in Certificate.__dataclass_fields__ and name not in PLANAR)
+OF_CERTIFICATE = tuple(name for name in QUANTITIES if name in Certificate.__dataclass_fields__)
+CERTIFIED = tuple(name for name in OF_CERTIFICATE if name not in PLANAR)
 # The quantities of the motion that every result has.
 OF_MOTION = tuple(name for name, each in QUANTITIES.items() if each.of and each.in_si)
 # The quantities that a design may use, besides the rise of each height, and those computed for m orbits together.
 DESIGNED = tuple(name for name, each in QUANTITIES.items() if (name in DIMENSIONS and not each.bound) or each.planar)
-OF_MANY = tuple(name for name in DESIGNED if QUANTITIES[name].of or name in (*CERTIFIED, *PLANAR))
+OF_MANY = tuple(name for name in DESIGNED if QUANTITIES[name].of or name in OF_CERTIFICATE)
 
 
 def dimension_of(name: str) -> Dimension | str:
@@ -104,7 +106,7 @@ def numbers_of(
             highest = np.maximum.reduce([extremes(*one)[1] for one in each])
             rise = highest - each[0][1][cycles.halves.first, 0]
             found[name] = rise.reshape(len(cycles), -1).max(axis=1)
-        elif name in (*CERTIFIED, *PLANAR) and certificates is not None:
+        elif name in OF_CERTIFICATE and certificates is not None:
             found[name] = numbers_or_nan(certificates.column(name))
         elif name in QUANTITIES and (of := QUANTITIES[name].of):
             found[name] = numbers_or_nan(of(model, cycles))
