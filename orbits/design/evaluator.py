@@ -6,7 +6,7 @@ time is one of the unknowns, so that derivatives of states at fixed times suffic
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -52,6 +52,15 @@ class Varied(NamedTuple):
     def only(self, rows: list[int]) -> "Varied":
         """Some of the rows."""
         return Varied(self.values[:, rows], self.by[:, rows])
+
+    def plus(self, other: "Varied", share: Any = 1.0) -> "Varied":
+        """The sum with a share, a number or (m, 1), of other numbers."""
+        return Varied(self.values + share * other.values, self.by + np.reshape(share, (-1, 1, 1)) * other.by)
+
+    def times(self, other: "Varied") -> "Varied":
+        """The products with other numbers."""
+        by = self.by * other.values[..., None] + self.values[..., None] * other.by
+        return Varied(self.values * other.values, by)
 
 
 class VariedOrbit(NamedTuple):

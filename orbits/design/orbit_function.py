@@ -271,32 +271,32 @@ def _derivatives_of_motion(machine: Machine, orbit: Orbit, over: tuple[str, ...]
     evaluate, n, k = evaluator(model, names, Outputs((), over), ()), len(model.flight.states), len(over)
     middle = np.array([[(bare.contact_time or np.nan) / 2]])
     found = evaluate.orbit(DesignPoints(vector(machine.values)[None], unknowns_of(machine, bare)[None], middle))
-    sizes, j = _sizes(model, names)(found.p), len(model.launch_unknowns)
+    sizes, j = _sizes_of_motion(model, names)(found.p), len(model.launch_unknowns)
     of_launch, time, of_states = (sizes.only([*range(*ends)]) for ends in ((0, j), (j, j + 1), (j + 1, j + 1 + n)))
     launch = found.begins["flight"].only([int(place) for place in model.launch_at(range(n)).values()])
     durations = Varied(*(2 * np.concatenate(parts, axis=1) for parts in zip(found.half, found.contact, strict=True)))
     at = Varied(t[:, None] / time.values, -t[:, None, None] / time.values[:, None] ** 2 * time.by)
-    states, rates = _states(evaluate, found, at)
+    states, rates = _states_on_cycle(evaluate, found, at)
     by_time = np.zeros((len(t), n, len(t)))
     by_time[range(len(t)), :, range(len(t))] = rates * of_states.values / time.values
-    still, moving = [(0, 0), (0, len(t))], _product(states, of_states).by
+    still, moving = [(0, 0), (0, len(t))], states.times(of_states).by
     return {
-        "launch": np.pad(_product(launch, of_launch).by[0], still),
-        "durations": np.pad(_product(durations, time).by[0], still),
+        "launch": np.pad(launch.times(of_launch).by[0], still),
+        "durations": np.pad(durations.times(time).by[0], still),
         "states": np.dstack([moving, by_time]).reshape(len(t) * n, k + len(t)),
     }
 
 
-def _states(evaluate: Evaluator, orbit: VariedOrbit, at: Varied) -> tuple[Varied, Array]:
+def _states_on_cycle(evaluate: Evaluator, orbit: VariedOrbit, at: Varied) -> tuple[Varied, Array]:
     """The flight states (m, n) at any times (m, 1) since a lift-off, and their rates of change (m, n)."""
     embed, (count, _, k) = np.array(evaluate.model.embed), at.by.shape
-    flight, whole = (Varied(*(2 * each for each in half)) for half in (orbit.half, _sum(orbit.half, orbit.contact)))
-    since = _sum(at, whole, -np.floor(at.values / whole.values))
+    flight, whole = (Varied(*(2 * each for each in half)) for half in (orbit.half, orbit.half.plus(orbit.contact)))
+    since = at.plus(whole, -np.floor(at.values / whole.values))
     flying = (since.values <= flight.values)[:, 0]
     values, rates, by = *np.empty((2, count, len(embed))), np.empty((count, len(embed), k))
     for phase, rows, half in (("flight", flying, orbit.half), ("contact", ~flying, orbit.contact)):
         if rows.any():
-            inside = since if phase == "flight" else _sum(since, flight, -1.0)
+            inside = since if phase == "flight" else since.plus(flight, -1.0)
             own = Varied(inside.values[rows], inside.by[rows])
             x, p = _in_phase(evaluate, phase, orbit, half, own)
             turned = embed if phase == "contact" else np.eye(len(embed))
@@ -311,7 +311,7 @@ def _in_phase(
     """The states at times (m, 1) since the beginning of a phase, in its second half the images of those in the first;
     and the parameters (m, np)."""
     late = since.values > half.values
-    back = _sum(since, half, -2.0)
+    back = since.plus(half, -2.0)
     since = Varied(np.where(late, -back.values, since.values), np.where(late[:, None], -back.by, since.by))
     begin, p = (Varied(*(np.repeat(part, len(late), 0) for part in each)) for each in (orbit.begins[phase], orbit.p))
     moved = (since.values > SHARE_OF_START * half.values)[:, 0]
@@ -319,22 +319,12 @@ def _in_phase(
     if moved.any():
         own = (Varied(each.values[moved], each.by[moved]) for each in (begin, since, p))
         x.values[moved], x.by[moved] = evaluate.after(phase, *own)
-    image = _image(evaluate.model, evaluate.names, phase)(x, p)
+    image = _turned_back(evaluate.model, evaluate.names, phase)(x, p)
     return Varied(np.where(late, image.values, x.values), np.where(late[:, None], image.by, x.by)), p
 
 
-def _sum(one: Varied, other: Varied, share: Any = 1.0) -> Varied:
-    """Numbers plus a share (m, 1) of others."""
-    return Varied(one.values + share * other.values, one.by + np.reshape(share, (-1, 1, 1)) * other.by)
-
-
-def _product(one: Varied, other: Varied) -> Varied:
-    by = one.by * other.values[..., None] + one.values[..., None] * other.by
-    return Varied(one.values * other.values, by)
-
-
 @cached
-def _image(model: Model, names: tuple[str, ...], phase: str) -> Callable[..., Varied]:
+def _turned_back(model: Model, names: tuple[str, ...], phase: str) -> Callable[..., Varied]:
     """(states, parameters) -> the images of states of flight or contact under time reversal."""
     reversal = model.reversal if phase == "flight" else model.contact_reversal
     x, p = ca.SX.sym("x", len(reversal.signs)), ca.SX.sym("p", len(names))
@@ -343,7 +333,7 @@ def _image(model: Model, names: tuple[str, ...], phase: str) -> Callable[..., Va
 
 
 @cached
-def _sizes(model: Model, names: tuple[str, ...]) -> Callable[..., Varied]:
+def _sizes_of_motion(model: Model, names: tuple[str, ...]) -> Callable[..., Varied]:
     """Parameters -> the units of the unknowns of a launch, of time and of the flight states."""
     p = ca.SX.sym("p", len(names))
     units = model.units(dict(zip(names, ca.vertsplit(p), strict=True))) if model.units else Units(1.0, 1.0, 1.0)
