@@ -8,7 +8,16 @@ from conftest import slow_after
 
 from orbits import InputError, NoOrbit, find, find_all, optimize, orbit_function, sensitivities, starts
 from problems import (
-    Chain, HeavyHand, Hopper, hopper_in_si, knee_hopper, plate_hopper, rimless_wheel, rocking_block, shuttle, springs,
+    Chain,
+    HeavyHand,
+    Hopper,
+    hopper_in_si,
+    knee_hopper,
+    plate_hopper,
+    rimless_wheel,
+    rocking_block,
+    shuttle,
+    springs,
 )  # fmt: skip
 
 CUBIC = Hopper("r + beta*r**3", mass_ratio=0.5, rest_length=10, parameters={"beta": 0.3})
