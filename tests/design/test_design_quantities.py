@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from conftest import slow_after
 from designs import CUBIC, VARYING
 from steps import closed_form
 
@@ -45,9 +46,9 @@ def test_linear_hopper_has_its_closed_forms():
 
 BLOCK = rocking_block(2.0, 0.1, 0.3, 0.3, 0.3, 20.0, friction=0.6)
 STEPS = {
+    "shuttle": (shuttle(inertia_ratio=1.0, gravity_ratio=0.5), 2, "gravity_ratio"),
     "wheel": (rimless_wheel(inertia_ratio=0.7, gravity_ratio=0.5, angle=0.3, share=0.8), 1, "angle"),
     "block": (BLOCK, 2, "half_width"),
-    "shuttle": (shuttle(inertia_ratio=1.0, gravity_ratio=0.5), 2, "gravity_ratio"),
 }
 
 
@@ -73,7 +74,7 @@ class TestSteps:
         assert [found[text]["inertia_ratio"] for text in texts] == pytest.approx(by_inertia, rel=1e-10)
         assert [found[text]["gravity_ratio"] for text in texts] == pytest.approx(by_gravity, rel=1e-10)
 
-    @pytest.mark.parametrize("kind", STEPS)
+    @pytest.mark.parametrize("kind", slow_after(2, STEPS))
     def test_all_quantities_with_their_derivatives(self, kind):
         """Those of documents, of neighbouring orbits, and of states on a fine mesh of the whole step."""
         machine, family, name = STEPS[kind]

@@ -189,6 +189,7 @@ def test_the_edge_of_a_chain_is_the_fold_of_its_family():
         existence(chain, "m1", (0.85, 1.0), "b", [0.01], samples=5)
 
 
+@pytest.mark.slow
 def test_the_edge_of_a_block_is_where_it_slides():
     """Steps for which the stated friction suffices end where single orbits need all of it."""
     block = rocking_block(2.0, 0.1, 0.3, 0.3, 0.3, 20.0, friction=0.4)
