@@ -32,6 +32,9 @@ MET, NEARLY_MET = 1e-8, 1e-3
 # they can be met at all.
 HELD, PENALISED = Weights(1.0, 0.0, NEARLY_MET), (Weights(1.0, 10.0), Weights(1e-3, 1.0), Weights(0.0, 1.0))
 MOST_ROUNDS = 250  # steps from one start, at most
+# After so many steps with one of the weights the next are taken: the objective is measured by its value at each step, so
+# that steps may lead round and round where it changes by as much as the violations.
+MOST_PENALISED = 50
 # The trust region at first and at least: the largest change of a parameter as a share of its range, or nine times less
 # than the relative change of what is measured by its logarithm.
 REACH_AT_FIRST, LEAST_REACH = 0.5, 1e-7
@@ -273,8 +276,9 @@ def _proposed(search: LocalSearch, left: int) -> tuple[LocalSearch, DesignStep] 
     if step is None or penalised:
         step = search.step(PENALISED[search.stage])
     settled = step.length <= UNCHANGED or 0.5 * search.length < step.length <= NEARLY_UNCHANGED
-    if penalised and violation > MET and (settled or step.gain <= STILL):
-        if search.stage + 1 == len(PENALISED):
+    last, spent = search.stage + 1 == len(PENALISED), MOST_ROUNDS - left >= MOST_PENALISED * (search.stage + 1)
+    if penalised and violation > MET and (settled or step.gain <= STILL or (spent and not last)):
+        if last:
             raise _infeasible(search)
         return replace(search, stage=search.stage + 1)
     if settled or abs(step.gain) <= SMALL_GAIN:

@@ -295,3 +295,11 @@ class TestSteps:
         grid = sweep(wheel, over, 36, sampling="sobol", quantities=list(both), progress=False)
         for values in np.column_stack([grid[name] for name in both]):
             assert not ((front.values > values * (1 + 1e-9)).all(1)).any()
+
+    @pytest.mark.slow
+    def test_steps_that_are_too_short_for_any_design(self):
+        """The stroke shrinks as fast as the period that is missed: the search ends, at the shortest steps of all."""
+        block = rocking_block(angle=0.1271651163414671, share=0.33413039750901763)
+        over = {"inertia_ratio": (0.4, 4.0), "gravity_ratio": (0.15, 1.5)}
+        with pytest.raises(NoOrbit, match="is missed by 0.04194, at 5.21494, with inertia_ratio = 4, gravity_ratio"):
+            optimize(block, maximise="stroke", over=over, subject_to=["period <= 5.173"], starts=1)
