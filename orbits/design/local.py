@@ -32,8 +32,8 @@ MET, NEARLY_MET = 1e-8, 1e-3
 # they can be met at all.
 HELD, PENALISED = Weights(1.0, 0.0, NEARLY_MET), (Weights(1.0, 10.0), Weights(1e-3, 1.0), Weights(0.0, 1.0))
 MOST_ROUNDS = 250  # steps from one start, at most
-# After so many steps with one of the weights the next are taken: the objective is measured by its value at each step, so
-# that steps may lead round and round where it changes by as much as the violations.
+# After so many steps with one of the weights the next are taken: the objective is measured by its own value at each
+# step, so that steps may lead round and round where it changes by as much as the violations.
 MOST_PENALISED = 50
 # The trust region at first and at least: the largest change of a parameter as a share of its range, or nine times less
 # than the relative change of what is measured by its logarithm.
