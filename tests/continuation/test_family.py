@@ -78,7 +78,7 @@ def test_an_old_family_with_a_unit_that_is_none_is_refused(value, saved_document
 
 def test_a_family_of_machines_that_stand_has_the_friction_that_they_need():
     """In columns, tables and documents, as the certificates of single orbits have it; a hopper has none."""
-    wheel = rimless_wheel(inertia_ratio=1.0, gravity_ratio=0.5, angle=0.3, share=0.8)
+    wheel = rimless_wheel(inertia_ratio=1.0, gravity_ratio=0.5)
     family = follow(wheel, "inertia_ratio", 1.3)
     needed, last = family.column("friction_needed"), find(wheel.with_values(inertia_ratio=1.3)).certificate
     assert (len(needed), needed[-1]) == (len(family), pytest.approx(last.friction_needed, rel=1e-12))

@@ -262,7 +262,8 @@ class TestSteps:
     def test_the_foot_that_lands_has_to_press(self):
         """Its force is least at a turn of the spring's torque, where it vanishes at the largest c."""
         wheel = stepping("wheel", 0.26, 1.19, 0.52, "r - c*sin(8*r)", c=0.7)
-        best = optimize(wheel, maximise="c", over={"c": (0.5, 1.0)})
+        start = {"liftoff": 0.424, "alpha": 1.4955, "duration": 2.389}
+        best = optimize(wheel, maximise="c", over={"c": (0.5, 1.0)}, start=start)
         turn = lambda c: np.arccos(1 / (8 * c)) / 8  # noqa: E731
         largest = brentq(lambda c: c * np.sin(8 * turn(c)) - turn(c) - 1.19 * np.sin(0.52), 0.5, 1.0, xtol=1e-14)
         assert best.parameters["c"] == pytest.approx(largest, abs=3e-9)

@@ -64,7 +64,7 @@ def test_members_that_step_are_those_of_find(kind):
     """Their status, launch speed and quantities, in two families; a block that would slide is inadmissible."""
     ratios = {"inertia_ratio": (0.3, 5.0), "gravity_ratio": (0.1, 2.0)}
     machine, over, further = {
-        "shuttle": (shuttle(angle=0.4), ratios, []),
+        "shuttle": (shuttle(), ratios, []),
         "wheel": (rimless_wheel(angle=0.3, share=0.8), ratios, ["friction_needed", "smallest_stance_force"]),
         "block": (
             rocking_block(2.0, 0.1, 0.3, 0.3, 0.3, 20.0, friction=0.4),
