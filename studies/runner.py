@@ -16,7 +16,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds the other studies
 
-from orbits import Family, NoOrbit, Orbit, find, find_branch_points, follow
+from orbits import BranchPoint, Family, NoOrbit, Orbit, find, find_branch_points, follow
 from orbits.show.plot import COLOURS, legend_below, new_row, save_figure
 from problems import runner
 from studies.walker import in_few_colours
@@ -43,21 +43,25 @@ def branch_points(foot_mass: float, rest_lengths: Sequence[float], designs: int)
     return found
 
 
+def first_branch(rest_length: float, foot_mass: float) -> BranchPoint:
+    """The branch point of an inertia between 2 and 12."""
+    return find_branch_points(runner(foot_mass, rest_length), REGION | {"inertia": (2.0, 12.0)}, designs=20)[0]
+
+
 def family(rest_length: float, fastest: float, foot_mass: float = 0.1) -> Family:
-    """The runs that branch off at the largest inertia, by their speed."""
-    points = find_branch_points(runner(foot_mass, rest_length), REGION | {"inertia": (2.0, 20.0)}, designs=30)
-    point = points[-1]
+    """The runs that branch off there, by their speed, as far as they are motions."""
+    point = first_branch(rest_length, foot_mass)
     return follow(point.machine, "speed", fastest, point.start(FIRST), tune=TUNED, stop_inadmissible=True)
 
 
 def at_speed(speed: float, foot_mass: float, rest_lengths: Sequence[float]) -> list[Orbit]:
     """Runs at one speed for rising rest lengths, each from the one before, as far as they are motions."""
-    machine, runs = runner(foot_mass, rest_lengths[0]), list[Orbit]()
+    point, runs = first_branch(rest_lengths[0], foot_mass), list[Orbit]()
+    near = find(point.machine, start=point.start(FIRST), tune=TUNED, at={"speed": FIRST})
     for length in rest_lengths:
-        start = runs[-1] if runs else None
-        machine = (runs[-1].source if runs else machine).with_values(rest_length=length)
+        machine = near.source.with_values(rest_length=length)
         try:
-            run = find(machine, tune=TUNED, at={"speed": speed}, start=start)
+            near = run = find(machine, tune=TUNED, at={"speed": speed}, start=near)
         except NoOrbit:
             break
         if not run.admissible:
