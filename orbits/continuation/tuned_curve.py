@@ -46,6 +46,10 @@ class TunedCurve(Curve):
         tuned = np.maximum(np.abs(x[..., own:-1]), self.least)
         return np.concatenate([size[..., :-1], tuned, size[..., -1:]], axis=-1)
 
+    def growth(self, xs: np.ndarray) -> np.ndarray:
+        """The sizes (m, t) of the tuned parameters at points (m, n + 1), as multiples of the first ones."""
+        return np.abs(xs[:, self.equations.own : -1]) / (10 * self.least)
+
     def parameters_at(self, xs: np.ndarray) -> np.ndarray:
         return self.equations.with_tuned(xs, super().parameters_at(xs))
 
