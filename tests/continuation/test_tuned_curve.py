@@ -74,7 +74,7 @@ def test_orbits_are_traced_one_by_one():
 
 
 def test_a_fold_along_a_quantity_is_located():
-    """The law tanh(b r)/b does not depend on the sign of b, so that no launch is slower than that of a linear spring."""
+    """The law tanh(b r)/b does not depend on the sign of b: no launch is slower than that of a linear spring."""
     family = follow(Hopper("tanh", parameters={"b": 0.1}), "alpha", 3.0, tune="b")
     (fold,) = [event.point for event in family.events if event.kind == "fold"]
     assert fold.value == pytest.approx(B, rel=1e-12)
