@@ -2,8 +2,8 @@
 
 Beside a vertical hop, small lateral places and rates obey linear equations, and have to satisfy more conditions than
 there are of them. Where a machine is near one with runs beside its hop, the direction in which the conditions change
-least is nearly that of the runs; it is scaled to the prescribed quantity. Where exactly runs begin is another matter: they
-do at designs at which that change vanishes.
+least is nearly that of the runs; it is scaled to the prescribed quantity. Runs begin exactly at designs at which that
+change vanishes.
 """
 
 from collections.abc import Mapping
