@@ -291,6 +291,7 @@ def _all_of_family(
     model, p = machine.model, machine.values
     if not (model.search and model.reversor):
         remedy = "give find_all starts" if model.one_speed else "find_all(machine, starts(machine)) finds its hops"
+        remedy = model.violations.get("none", "give find a start") if model.sticks else remedy
         raise InputError(f"the families of a {model.name} are not searched: {remedy}")
     if method == "closed form":
         only = _solved_for(machine, family, method)
@@ -433,7 +434,7 @@ def check_start(machine: Machine, start: object) -> None:
     if start is None and model.conservative and not (model.is_guessed or model.search):
         raise InputError(
             f"the families of a {model.name} are not guessed: give start= an orbit of it"
-            + ("" if model.one_speed else ", such as one of find_all(machine, starts(machine))")
+            + ("" if model.one_speed or model.sticks else ", such as one of find_all(machine, starts(machine))")
         )
 
 
