@@ -142,8 +142,8 @@ class Endings:
         if last.amplification > self.control.largest_amplification:
             growth = f"{last.amplification:.0e}-fold"
             return self.lost(f"small changes grow {growth} over the flight, and rounding decides", last, history)
-        if isinstance(self.curve, TunedCurve) and (found := self._tuned_away(self.curve, last)):
-            return found
+        if isinstance(self.curve, TunedCurve) and (away := self._tuned_away(self.curve, last)):
+            return away
         speed, time = abs(orbit.alpha / first.alpha), orbit.flight_time / first.flight_time
         if speed > ratio or time > ratio:
             if not (found := limit(history, self.bounds, -1)):
