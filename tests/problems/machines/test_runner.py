@@ -200,7 +200,7 @@ def test_no_runner(stated, message):
         runner(**stated).model  # noqa: B018
 
 
-def test_what_runs_are_not_asked(fast):
+def test_what_is_refused_of_runs(fast):
     with pytest.raises(InputError, match="x of a runner sticks in contact"):
         simulate(fast.source, fast, hops=1)
     with pytest.raises(InputError, match="x of a runner sticks in contact"):
