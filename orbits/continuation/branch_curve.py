@@ -11,11 +11,12 @@ from ..periodic.branch_points import BranchPoint, Lateral, branch_point, unknown
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..running.time_limit import check_time
+from ..shooting.newton_kernel import MOST_NEWTON_STEPS
 from ..shooting.single_shooting import Shooting
 
-# The shortest step, as a share of that from one value to the next; the largest change of an unknown by the corrector,
-# as a share of the largest unknown; and the most Newton steps of the corrector.
-SHORTEST_STEP, LARGEST_CORRECTION, MOST_NEWTON_STEPS = 0.01, 0.1, 8
+# The shortest step, as a share of that from one value to the next; and the largest change of an unknown by the
+# corrector, as a share of the largest unknown.
+SHORTEST_ADVANCE, FARTHEST_CORRECTED = 0.01, 0.1
 
 
 @exclusive
@@ -40,7 +41,7 @@ def follow_branch_points(point: BranchPoint, along: str, values: Sequence[float]
         raise InputError(f"along = '{along}' is a number of the branch point already; name another one")
     lateral, found = Lateral(machine, names, point.hop.family), list[BranchPoint]()
     equations, place, p = lateral.branch, lateral.parameters.index(along), lateral.own.copy()
-    size = np.linalg.norm([*point.direction.values()])
+    size = float(np.linalg.norm([*point.direction.values()]))
     first = {**unknowns_of_hop(point.hop), **point.values}
     first |= {name: value / size for name, value in point.direction.items()}
     u = np.array([first[name] for name in equations.statement.unknowns])
@@ -74,12 +75,12 @@ def _led(equations: Shooting, u: np.ndarray, p: np.ndarray, place: int, value: f
             guess = u + (ahead[place] - here[place]) * tangent
             try:
                 found, _ = equations.newton(guess, ahead, MOST_NEWTON_STEPS)
-                if np.abs(found - guess).max() > LARGEST_CORRECTION * np.abs(found).max():
+                if np.abs(found - guess).max() > FARTHEST_CORRECTED * np.abs(found).max():
                     raise NoOrbit("the corrector ends far from the predicted branch point")
                 break
             except (NoOrbit, FlowError):
                 share /= 2
-                if share < SHORTEST_STEP:
+                if share < SHORTEST_ADVANCE:
                     raise
         u, here, share = found, ahead, 2 * share
     return u

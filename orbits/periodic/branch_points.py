@@ -23,7 +23,7 @@ from ..shooting.error_bound import error_bounds
 from ..shooting.formulations import method_of, vector
 from ..shooting.single_shooting import Shooting, shooting_equations
 from ..symbolic.calls import MappedFunction
-from .branch_statement import Beside, branch_statement, hop_statement
+from .branch_statement import Beside, branch_statement, whole_hop_statement
 from .find import family_number, find, lowest_of_family
 from .orbit import Orbit
 from .orbits_at_once import lowest_orbits
@@ -32,7 +32,7 @@ from .orbits_at_once import lowest_orbits
 WIDE_RANGE = 2.0
 # Branch points that agree to this share are the same; singular values below this share of the largest are 0.
 SAME_POINT, RANK_TO = 1e-7, 1e-7
-MOST_NEWTON_STEPS = 15  # from a predicted place
+STEPS_TO_BRANCH_POINT = 15  # from a predicted place
 MOST_DESIGNS = 2000
 
 
@@ -113,12 +113,12 @@ def find_branch_points(
     if isinstance(designs, bool) or not isinstance(designs, int) or not 4 <= designs <= MOST_DESIGNS:
         raise InputError(f"designs = {designs!r}; it is a whole number from 4 to {MOST_DESIGNS}")
     with interrupts.deferred(), time_limit(limit) if limit is not None else nullcontext():
-        search, found = _Search(machine, ranges, family_number(family)), list[BranchPoint]()
+        search, found = _DesignSearch(machine, ranges, family_number(family)), list[BranchPoint]()
         places, missed = near_common_zeros(search.minors, designs)
         for place in places:
             check_time()
             point = search.point(place)
-            if point and not any(_same(point, other) for other in found):
+            if point and not any(_same_point(point, other) for other in found):
                 found.append(point)
     if not found:
         box = " and ".join(f"{name} from {low:g} to {high:g}" for name, (low, high) in ranges.items())
@@ -127,7 +127,7 @@ def find_branch_points(
     return tuple(sorted(found, key=lambda point: tuple(point.values.values())))
 
 
-def _same(one: BranchPoint, other: BranchPoint) -> bool:
+def _same_point(one: BranchPoint, other: BranchPoint) -> bool:
     return np.allclose([*one.values.values()], [*other.values.values()], rtol=SAME_POINT, atol=0.0)
 
 
@@ -165,7 +165,7 @@ class Lateral:
         self.beside, self.statement = Beside(self.model, self.hop), branch_statement(self.model, self.hop, ())
         self.equations, self.unknowns = (
             shooting_equations(self.statement, self.parameters),
-            hop_statement(self.hop).unknowns,
+            whole_hop_statement(self.hop).unknowns,
         )
         self.rows = [
             [i for i, name in enumerate(arc.phase.states) if name not in hop.states and name[-1] != "'"]
@@ -269,7 +269,7 @@ class Lateral:
         return found
 
 
-class _Search:
+class _DesignSearch:
     """The search for branch points in a box of two parameters, whose places (2,) go from 0 to 1 along each range."""
 
     def __init__(self, machine: Machine, ranges: Mapping[str, tuple[float, float]], family: int):
@@ -304,7 +304,7 @@ class _Search:
             values = np.hstack([direction / np.linalg.norm(direction), design[0], us[0]])
             names = *lateral.beside.unknowns, *self.names, *lateral.unknowns
             first = dict(zip(names, values.tolist(), strict=True))
-            u, _ = equations.newton([first[name] for name in unknowns], ps[0], MOST_NEWTON_STEPS)
+            u, _ = equations.newton([first[name] for name in unknowns], ps[0], STEPS_TO_BRANCH_POINT)
         except (NoOrbit, FlowError, InputError, np.linalg.LinAlgError):
             return None
         ends = zip(u[equations.own :], self.ranges, strict=True)
