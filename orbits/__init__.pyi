@@ -1,6 +1,7 @@
 """The names of the package, each with the module that it is loaded from when it is first used."""
 
 from .checks import Checked as Checked, check
+from .continuation.branch_curve import follow_branch_points
 from .continuation.family import Family
 from .continuation.folds import follow_fold
 from .continuation.follow import follow, follow_branch, orbit_at, trace
@@ -83,8 +84,8 @@ __all__ = [
     "BifurcationDiagram", "BranchPoint", "Control", "Design", "Existence", "Family", "Front", "HopMultipliers",
     "InputError", "Machine", "Mechanism", "Model", "NoOrbit", "Orbit", "OrbitsError", "PeriodicHop", "Proof",
     "ReturnMap", "Simulation", "Sweep", "Uncertainty", "Units", "__version__", "bifurcations", "check", "existence",
-    "find", "find_all", "find_branch_points", "follow", "follow_branch", "follow_fold", "multiplier", "multipliers",
-    "optimize", "orbit_at", "orbit_function", "pareto", "prove", "prove_absence", "prove_doubling",
-    "prove_fixed_point", "prove_fold", "quantities", "sensitivities", "simulate", "start_from_rest", "starts",
-    "steer", "sweep", "time_limit", "trace", "uncertainty",
+    "find", "find_all", "find_branch_points", "follow", "follow_branch", "follow_branch_points", "follow_fold",
+    "multiplier", "multipliers", "optimize", "orbit_at", "orbit_function", "pareto", "prove", "prove_absence",
+    "prove_doubling", "prove_fixed_point", "prove_fold", "quantities", "sensitivities", "simulate", "start_from_rest",
+    "starts", "steer", "sweep", "time_limit", "trace", "uncertainty",
 ]  # fmt: skip

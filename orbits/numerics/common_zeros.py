@@ -7,7 +7,7 @@ import numpy as np
 # A cell is halved at most so often; in it a function has a curvature of at most this multiple of what its second
 # differences show; and a zero that is predicted further outside, in halves of its side, is not one of it, the second
 # number for cells that are not nearly linear.
-MOST_HALVINGS, BEND_SAFETY, OUTSIDE, FAR_OUTSIDE = 5, 4.0, 1.6, 4.0
+DEEPEST_CELL, CURVATURE_SAFETY, BESIDE_CELL, NEAR_CELL = 5, 4.0, 1.6, 4.0
 
 
 def near_common_zeros(values_of: Callable[[np.ndarray], np.ndarray], count: int) -> tuple[np.ndarray, int]:
@@ -21,25 +21,25 @@ def near_common_zeros(values_of: Callable[[np.ndarray], np.ndarray], count: int)
     without values is left out.
     """
     half = -(-(count - 1) // 2)
-    axis, corners = np.linspace(0.0, 1.0, 2 * half + 1), _grid(np.arange(0, 2 * half, 2)).reshape(-1, 2)
-    nodes, at = _grid(axis), corners[:, None, None] + _grid(np.arange(3))
+    axis, corners = np.linspace(0.0, 1.0, 2 * half + 1), _plane_of(np.arange(0, 2 * half, 2)).reshape(-1, 2)
+    nodes, at = _plane_of(axis), corners[:, None, None] + _plane_of(np.arange(3))
     values = values_of(nodes)
     cells, middles = _Cells(values[at[..., 0], at[..., 1]]), nodes[at[:, 1, 1, 0], at[:, 1, 1, 1]]
     radius, found = float(axis[1]), list[np.ndarray]()
-    for halving in range(MOST_HALVINGS + 1):
-        linear, last, left = cells.linear, halving == MOST_HALVINGS, ~cells.linear & ~cells.excluded
-        near = (linear & cells.within(OUTSIDE)) | (left & cells.within(FAR_OUTSIDE) & last)
+    for halving in range(DEEPEST_CELL + 1):
+        linear, last, left = cells.linear, halving == DEEPEST_CELL, ~cells.linear & ~cells.excluded
+        near = (linear & cells.within(BESIDE_CELL)) | (left & cells.within(NEAR_CELL) & last)
         found.append((middles + radius * cells.predicted)[near])
         middles = middles[left]
         if last or not len(middles):
             break
         radius /= 2
-        middles = (middles[:, None] + radius * _grid(np.array([-1.0, 1.0])).reshape(-1, 2)).reshape(-1, 2)
-        cells = _Cells(values_of(middles[:, None, None] + radius * _grid(np.array([-1.0, 0.0, 1.0]))))
+        middles = (middles[:, None] + radius * _plane_of(np.array([-1.0, 1.0])).reshape(-1, 2)).reshape(-1, 2)
+        cells = _Cells(values_of(middles[:, None, None] + radius * _plane_of(np.array([-1.0, 0.0, 1.0]))))
     return np.concatenate(found), int(np.isnan(values[..., 0]).sum())
 
 
-def _grid(axis: np.ndarray) -> np.ndarray:
+def _plane_of(axis: np.ndarray) -> np.ndarray:
     """The pairs (n, n, 2) of the values (n,) of an axis."""
     return np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1)
 
@@ -70,7 +70,7 @@ class _Cells:
         """Whether the functions have at most one common zero in each cell, since they are nearly linear."""
         v = self.values
         mixed = np.abs(v[:, 0, 0] - v[:, 0, 2] - v[:, 2, 0] + v[:, 2, 2]) / 4
-        return BEND_SAFETY * np.linalg.norm(self.bends + mixed, axis=1) < self.steepest
+        return CURVATURE_SAFETY * np.linalg.norm(self.bends + mixed, axis=1) < self.steepest
 
     def within(self, distance: float) -> np.ndarray:
         """Whether straight lines vanish within a distance of the middle of each cell, in halves of its side."""
@@ -86,5 +86,5 @@ class _Cells:
         values = np.concatenate([self.values, np.einsum("mijc,mc->mij", self.values, rest)[..., None]], axis=-1)
         bends = np.column_stack([self.bends, np.einsum("mc,mc->m", self.bends, np.abs(rest))])
         one_sign = np.abs(np.sign(values).sum((1, 2))) == 9
-        far = np.abs(values).min((1, 2)) > BEND_SAFETY / 8 * bends
+        far = np.abs(values).min((1, 2)) > CURVATURE_SAFETY / 8 * bends
         return (one_sign & far).any(1) | ~np.isfinite(self.values).all((1, 2, 3))

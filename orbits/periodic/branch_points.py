@@ -23,7 +23,7 @@ from ..shooting.error_bound import error_bounds
 from ..shooting.formulations import method_of, vector
 from ..shooting.single_shooting import Shooting, shooting_equations
 from ..symbolic.calls import MappedFunction
-from .branch_statement import Beside, branch_statement, hop_statement
+from .branch_statement import Beside, branch_statement, whole_hop_statement
 from .find import family_number, find, lowest_of_family
 from .orbit import Orbit
 from .orbits_at_once import lowest_orbits
@@ -32,7 +32,7 @@ from .orbits_at_once import lowest_orbits
 WIDE_RANGE = 2.0
 # Branch points that agree to this share are the same; singular values below this share of the largest are 0.
 SAME_POINT, RANK_TO = 1e-7, 1e-7
-MOST_NEWTON_STEPS = 15  # from a predicted place
+STEPS_TO_BRANCH_POINT = 15  # from a predicted place
 MOST_DESIGNS = 2000
 
 
@@ -62,12 +62,12 @@ class BranchPoint:
     def start(self, speed: float) -> dict[str, float]:
         """The unknowns of half a run near the branch point by name, as `find` takes them, for a small speed; what is
         wrong with them, and the change of the parameters along the branch, grow like its square."""
-        speed, own = finite_number("speed", speed), dict(_unknowns_of_hop(self.hop))
+        speed, own = finite_number("speed", speed), dict(unknowns_of_hop(self.hop))
         lateral = {name: speed * value for name, value in self.direction.items()}
         return {**own, **lateral, STEP_LENGTH: speed * self.step}
 
 
-def _unknowns_of_hop(hop: Orbit) -> dict[str, float]:
+def unknowns_of_hop(hop: Orbit) -> dict[str, float]:
     assert hop.contact_time is not None
     assert hop.source is not None
     own = hop.source.model.launch_at(hop.flight.coefficients[0, :, 0].tolist()) | {"alpha": hop.alpha}
@@ -113,12 +113,12 @@ def find_branch_points(
     if isinstance(designs, bool) or not isinstance(designs, int) or not 4 <= designs <= MOST_DESIGNS:
         raise InputError(f"designs = {designs!r}; it is a whole number from 4 to {MOST_DESIGNS}")
     with interrupts.deferred(), time_limit(limit) if limit is not None else nullcontext():
-        search, found = _Search(machine, ranges, family_number(family)), list[BranchPoint]()
+        search, found = _DesignSearch(machine, ranges, family_number(family)), list[BranchPoint]()
         places, missed = near_common_zeros(search.minors, designs)
         for place in places:
             check_time()
             point = search.point(place)
-            if point and not any(_same(point, other) for other in found):
+            if point and not any(_same_point(point, other) for other in found):
                 found.append(point)
     if not found:
         box = " and ".join(f"{name} from {low:g} to {high:g}" for name, (low, high) in ranges.items())
@@ -127,7 +127,7 @@ def find_branch_points(
     return tuple(sorted(found, key=lambda point: tuple(point.values.values())))
 
 
-def _same(one: BranchPoint, other: BranchPoint) -> bool:
+def _same_point(one: BranchPoint, other: BranchPoint) -> bool:
     return np.allclose([*one.values.values()], [*other.values.values()], rtol=SAME_POINT, atol=0.0)
 
 
@@ -149,7 +149,7 @@ def _checked_ranges(machine: Machine, over: Mapping[str, tuple[float, float]]) -
     return found
 
 
-class _Lateral:
+class Lateral:
     """The lateral conditions beside the vertical hops of one family, at designs that differ in the parameters `names`.
 
     A launch has 2 k lateral unknowns, of which the s forces along the ground that vanish leave 2 k - s columns. The
@@ -165,13 +165,18 @@ class _Lateral:
         self.beside, self.statement = Beside(self.model, self.hop), branch_statement(self.model, self.hop, ())
         self.equations, self.unknowns = (
             shooting_equations(self.statement, self.parameters),
-            hop_statement(self.hop).unknowns,
+            whole_hop_statement(self.hop).unknowns,
         )
         self.rows = [
             [i for i, name in enumerate(arc.phase.states) if name not in hop.states and name[-1] != "'"]
             for arc, hop in zip(self.statement.arcs, (self.hop.flight, self.hop.contact), strict=True)
         ]
         self.rows[0] = [i for i in self.rows[0] if self.statement.arcs[0].phase.states[i] not in self.model.sticks]
+
+    @property
+    def branch(self) -> Shooting:
+        """The equations of a branch point."""
+        return shooting_equations(branch_statement(self.model, self.hop, self.names), self.parameters)
 
     def at(self, designs: np.ndarray) -> np.ndarray:
         """The parameters (m, np) at designs (m, names)."""
@@ -209,7 +214,7 @@ class _Lateral:
             raise NoOrbit(f"in the vertical hop of family {self.family} parts pass through each other ({least:.3g})")
         if orbit.contact_time is None:
             raise NoOrbit(f"the contact of the vertical hop of family {self.family} does not end")
-        return _unknowns_of_hop(orbit)
+        return unknowns_of_hop(orbit)
 
     @cached_property
     def at_launch(self) -> MappedFunction:
@@ -264,12 +269,12 @@ class _Lateral:
         return found
 
 
-class _Search:
+class _DesignSearch:
     """The search for branch points in a box of two parameters, whose places (2,) go from 0 to 1 along each range."""
 
     def __init__(self, machine: Machine, ranges: Mapping[str, tuple[float, float]], family: int):
         self.machine, self.ranges, self.names = machine, [*ranges.values()], tuple(ranges)
-        self.lateral = _Lateral(machine, self.names, family)
+        self.lateral = Lateral(machine, self.names, family)
 
     def designs(self, places: np.ndarray) -> np.ndarray:
         """The values (m, 2) of the parameters at places (m, 2)."""
@@ -290,8 +295,8 @@ class _Search:
     def point(self, place: np.ndarray) -> BranchPoint | None:
         """The branch point to which Newton's method leads from a place; None where it leads to none in the box."""
         lateral, design = self.lateral, self.designs(place[None])
-        statement, ps = branch_statement(lateral.model, lateral.hop, self.names), lateral.at(design)
-        equations = shooting_equations(statement, lateral.parameters)
+        equations, ps = lateral.branch, lateral.at(design)
+        unknowns = equations.statement.unknowns
         try:
             us = lateral.hops(ps)
             launches = lateral.launches(us, ps)
@@ -299,36 +304,38 @@ class _Search:
             values = np.hstack([direction / np.linalg.norm(direction), design[0], us[0]])
             names = *lateral.beside.unknowns, *self.names, *lateral.unknowns
             first = dict(zip(names, values.tolist(), strict=True))
-            u, _ = equations.newton([first[name] for name in statement.unknowns], ps[0], MOST_NEWTON_STEPS)
+            u, _ = equations.newton([first[name] for name in unknowns], ps[0], STEPS_TO_BRANCH_POINT)
         except (NoOrbit, FlowError, InputError, np.linalg.LinAlgError):
             return None
         ends = zip(u[equations.own :], self.ranges, strict=True)
-        return self._described(equations, u) if all(low <= value <= high for value, (low, high) in ends) else None
+        inside = all(low <= value <= high for value, (low, high) in ends)
+        return branch_point(self.machine, lateral, equations, u, ps[0]) if inside else None
 
-    def _described(self, equations: Shooting, u: np.ndarray) -> BranchPoint:
-        """The branch point with these unknowns (n,)."""
-        lateral, names, us = self.lateral, equations.statement.unknowns, u[None]
-        found, ps = dict(zip(names, u.tolist(), strict=True)), lateral.at(us[:, equations.own :])
-        evaluation, errors = equations.evaluate_all(us, ps), dict[str, float]()
-        for name in self.names:
-            bounds, refused = error_bounds(equations, us, ps, evaluation, unknown=name)
-            errors[name] = np.inf if refused else float(bounds[0])
-        hop = us[:, [names.index(name) for name in lateral.unknowns]]
-        scaled = lateral.conditions(hop, ps, lateral.launches(hop, ps))[0]
-        scaled = scaled / np.linalg.norm(scaled, axis=0)
-        sizes = np.linalg.svd(scaled / np.linalg.norm(scaled, axis=1, keepdims=True))[1]
-        nullity = int((sizes < RANK_TO * sizes[0]).sum())
-        launch = {name: found[name] for name in lateral.beside.unknowns}
-        speed = float(lateral.at_launch(hop, ps)[1][0, 0] @ [*launch.values()])
-        middle = dict(zip(equations.flows[0].names, evaluation.trajectories[0].finals[0].tolist(), strict=False))
-        machine: Any = self.machine.with_values(**{name: found[name] for name in self.names})
-        return BranchPoint(
-            machine=machine,
-            values={name: found[name] for name in self.names},
-            errors=errors,
-            hop=find(machine.upright(), start={name: found[name] for name in lateral.unknowns}),
-            direction={name: value / speed for name, value in launch.items()},
-            step=2 * middle[lateral.model.sticks[0]] / speed,
-            nullity=nullity,
-            conditioning=float(sizes[-1 - nullity] / sizes[0]) if nullity < len(sizes) else 0.0,
-        )
+
+def branch_point(machine: Any, lateral: Lateral, equations: Shooting, u: np.ndarray, p: np.ndarray) -> BranchPoint:
+    """The branch point with unknowns (n,) and parameters (np,) of a machine with other values of these."""
+    us, ps, names = u[None], equations.with_tuned(u[None], p[None]), equations.statement.unknowns
+    found, evaluation, errors = dict(zip(names, u.tolist(), strict=True)), equations.evaluate_all(us, ps), {}
+    for name in lateral.names:
+        bounds, refused = error_bounds(equations, us, ps, evaluation, unknown=name)
+        errors[name] = np.inf if refused else float(bounds[0])
+    hop = us[:, [names.index(name) for name in lateral.unknowns]]
+    scaled = lateral.conditions(hop, ps, lateral.launches(hop, ps))[0]
+    scaled = scaled / np.linalg.norm(scaled, axis=0)
+    sizes = np.linalg.svd(scaled / np.linalg.norm(scaled, axis=1, keepdims=True))[1]
+    nullity = int((sizes < RANK_TO * sizes[0]).sum())
+    launch = {name: found[name] for name in lateral.beside.unknowns}
+    speed = float(lateral.at_launch(hop, ps)[1][0, 0] @ [*launch.values()])
+    middle = dict(zip(equations.flows[0].names, evaluation.trajectories[0].finals[0].tolist(), strict=False))
+    values = dict(zip(lateral.parameters, ps[0].tolist(), strict=True))
+    machine = machine.with_values(**{name: values[name] for name in values if values[name] != machine.values[name]})
+    return BranchPoint(
+        machine=machine,
+        values={name: found[name] for name in lateral.names},
+        errors=errors,
+        hop=find(machine.upright(), start={name: found[name] for name in lateral.unknowns}),
+        direction={name: value / speed for name, value in launch.items()},
+        step=2 * middle[lateral.model.sticks[0]] / speed,
+        nullity=nullity,
+        conditioning=float(sizes[-1 - nullity] / sizes[0]) if nullity < len(sizes) else 0.0,
+    )

@@ -18,7 +18,7 @@ from ..model.phase import Arc, Phase, Statement, weighted_sum
 
 
 @lru_cache(maxsize=64)
-def hop_statement(hop: Model) -> Statement:
+def whole_hop_statement(hop: Model) -> Statement:
     """Half an orbit of the model of the vertical hop, with both of its phases."""
     flight = Arc(
         hop.flight,
@@ -45,7 +45,7 @@ def branch_statement(model: Model, hop: Model, tuned: tuple[str, ...]) -> Statem
     The lateral unknowns of a launch have the length 1. Of a coordinate that sticks the place in mid-flight is left
     free: it is half of the step.
     """
-    base, beside = hop_statement(hop), Beside(model, hop)
+    base, beside = whole_hop_statement(hop), Beside(model, hop)
     flight, contact = base.arcs
     phases = [beside.phase(each) for each in (model.flight, model.contact)]
 

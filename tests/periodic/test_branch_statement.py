@@ -4,7 +4,7 @@ import numpy as np
 
 from orbits import find
 from orbits.model.model import STEP_LENGTH
-from orbits.periodic.branch_points import _Lateral, _unknowns_of_hop
+from orbits.periodic.branch_points import Lateral, unknowns_of_hop
 from orbits.shooting.formulations import half_orbit, vector
 from orbits.shooting.single_shooting import shooting_equations
 from problems import runner
@@ -12,7 +12,7 @@ from problems import runner
 
 def test_lateral_conditions_are_the_derivatives_of_half_a_run():
     machine = runner(foot_mass=0.2, rest_length=5.0, inertia=3.0, hip_stiffness=4.0)
-    lateral, hop = _Lateral(machine, (), 1), _unknowns_of_hop(find(machine.upright()))
+    lateral, hop = Lateral(machine, (), 1), unknowns_of_hop(find(machine.upright()))
     whole = shooting_equations(half_orbit(machine.model), tuple(machine.values))
     names = whole.statement.unknowns
     there = whole.evaluate([hop.get(name, 0.0) for name in names], vector(machine.values), (STEP_LENGTH,))
