@@ -26,6 +26,7 @@ from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..units import LENGTH, LIFTOFF_SPEED, TIME, Message, Quantity, described, in_own_units
 from .feet import LIFTS_OFF, STEPS_BACK, Exit, unheld
+from .footing import SLIPS
 from .hand_over import landed, standing
 from .hysteresis import Branches, FirstOf, first_reversal
 from .impacts import (
@@ -137,7 +138,7 @@ def _simulated(
     if branches and inputs is not None:
         remedy = "its spring has hysteresis, which no schedule takes; give it the law's `.mean`"
         raise InputError(f"a schedule for a {machine.model.name}: {remedy}")
-    if inputs is not None:
+    if inputs is not None and not machine.model.sticks:
         refuse_steps(machine.model, "a schedule")
     impacts = branches.first(state) if branches else Impacts(machine)
     if branches and inject != 0 and not impacts.model.one_speed:
@@ -148,7 +149,8 @@ def _simulated(
     with interrupts.deferred():
         if branches:
             return _HystereticRun(branches, inject, hops, time, cap, known).simulate(x, order, launch_speed)
-        run = _Run(impacts, inject, hops, time, cap, known).simulate(x, order, launch_speed, foot)
+        start = sum(state[impacts.footing.sticks].tolist()) if state is not None and order != 0 else 0.0
+        run = _Run(impacts, inject, hops, time, cap, known).simulate(x, order, launch_speed, foot, start)
     return replace(run, schedule=inputs)
 
 
@@ -167,7 +169,9 @@ def _initial_state(impacts: Impacts, p, alpha, state) -> tuple[np.ndarray, float
     for foot, each in enumerate(impacts.feet):
         gap, speed = each.gap(x), float(x @ each.speed)
         if abs(gap) <= tolerance and abs(speed) <= tolerance:
-            stands = standing(impacts, x[None], np.array([foot]))[0][0] if len(impacts.feet) > 1 else x
+            impacts.footing.refuse_sliding(x, tolerance)
+            several = len(impacts.feet) > 1
+            stands = standing(impacts, x[None], np.array([foot]))[0][0] if several else impacts.footing.placed(x)
             ends = [_force_at_start(impacts, e, impacts.onto_contact @ stands, p, tolerance) for e in impacts.exits]
             opens = min(range(len(ends)), key=lambda i: (not ends[i][1], ends[i][0]))
             force, lifts_off = ends[opens]
@@ -224,6 +228,7 @@ class _Run:
         self.now, self.impact_count, self.liftoff_count, self.reason = 0.0, 0, 0, ""
         self.launch: np.ndarray | None = None  # the state in which the hop began, where it began with a lift-off
         self.foot, self.stance = 0, 0  # the number of the foot that opens, and how many steps were taken
+        self.foothold = 0.0  # the place along the ground from which that of what sticks is counted
 
     branch: int | None = None  # that of the leg, of a spring with hysteresis
 
@@ -232,11 +237,12 @@ class _Run:
         """The machine that is simulated."""
         return self.impacts.machine
 
-    def simulate(self, x, order: int | None, alpha: float | None, foot: int = 0) -> Simulation:
+    def simulate(self, x, order: int | None, alpha: float | None, foot: int = 0, start: float = 0.0) -> Simulation:
         """Alternate flights, from a zero of this order of the gap of a foot, and contacts, order None, up to the end's
-        status."""
+        status; what sticks begins at the place `start`."""
         self.launches += [] if alpha is None else [alpha]
         self.foot, status = foot, None
+        self.foothold = start
         while status is None:
             if order is None:
                 status, x = self.contact(x)
@@ -284,6 +290,9 @@ class _Run:
             before = (label.inverse if step > 0 else label)(after, impacts.values)
             loss += self.energy(before) - self.energy(after)
         self.add_event("landing" if held else "impact", x, after, float(loss), float(wait), name)
+        self.foothold += sum(x[impacts.footing.sticks].tolist())
+        if impacts.footing.slips_at_landing(x):
+            return self.slip(after, " as it lands"), after, None
         self.stance, self.foot = self.stance + step, int(found.foot[0])
         self.reason = STATUSES[ended] if ended else self.reason
         if held:
@@ -313,11 +322,11 @@ class _Run:
             until = self.update_parameters()
             path, outcome, self.reason = self.impacts.sustained_contact(y, min(self.time, until) - self.now)
             if path is None:
-                return outcome, x
+                return self.slip(self.impacts.model.embed @ y) if outcome == SLIPS else outcome, x
             cut = outcome is None and until < self.time
             ended = None if cut or outcome in (LIFTS_OFF, STEPS_BACK) else outcome
             if status := self.add_leg("contact", path, ended, until if cut else None):
-                return status, x
+                return self.slip(self.impacts.model.embed @ path.end[: len(y)]) if status == SLIPS else status, x
             y = path.end[: self.impacts.contact.size]
             self.update_parameters()
             if cut:  # The force may vanish by rounding, or because the new inputs make it vanish.
@@ -325,6 +334,13 @@ class _Run:
                 force, lifts_off = _force_at_start(self.impacts, self.impacts.exits[0], y, self.impacts.p, tolerance)
                 outcome = "lifts_off" if lifts_off or force <= 0 else None
         return self.liftoff(y, x, self.impacts.exits[int(outcome == STEPS_BACK)])
+
+    def slip(self, x: np.ndarray, how: str = "") -> str:
+        """The status of a foot that slips now, in a flight state, with the event and the reason."""
+        self.add_event(SLIPS, x, x, 0.0)
+        text = "the foot slips{how} at t = {time:.6g}: slipping is not simulated"
+        self.reason = Message(text, how=how, time=Quantity(self.now, TIME))
+        return SLIPS
 
     def liftoff(self, y, x, way: Exit | None = None) -> tuple[str | None, np.ndarray]:
         """Lift off from a contact state: the status at an end, and the flight state, `x` if an injection stops it."""
@@ -367,7 +383,8 @@ class _Run:
 
     def add_leg(self, phase: str, path: Trajectory, status: str | None, until: float | None = None) -> str | None:
         """Store a leg, which ends at `until` if not None; returns "done" at the end of the time, else `status`."""
-        self.legs.append(Leg(phase, self.now, path, branch=self.branch, stance=self.stance))
+        own = {"branch": self.branch, "stance": self.stance, "foothold": self.foothold}
+        self.legs.append(Leg(phase, self.now, path, **own))
         if phase == "flight":
             for when, kind in unheld(self.impacts.model, path, self.impacts.values):
                 state = path(when)[: self.impacts.flight.size]
