@@ -161,13 +161,14 @@ def _tangential(impacts: Impacts, start: tuple, lasted: float, landing: tuple, t
     of W is one of W + r W_x.
     """
     foot = impacts.feet[touches]
-    jerk = foot.rates(landing[0][None], impacts.p)[0, 0]
+    jerk, snap = foot.rates(landing[0][None], impacts.p)[:, 0]
     data = impacts.flight.data(landing[0][None], impacts.p)[0]
     gap_speed = impacts.gap_speed
     if not jerk < 0:
         raise NoOrbit("the gap closes without a jerk: the landing is tangential to a higher order")
     # The landing that rounding lets happen early or late is led to where the acceleration of the gap vanishes.
-    exact = lasted - float(foot.speed @ impacts.flight.rates(landing[0], data)) / jerk
+    late = float(foot.speed @ impacts.flight.rates(landing[0], data)) / jerk
+    exact = lasted - late - 0.5 * snap / jerk * late**2
     path, variations = impacts.flight.run(start[0], impacts.p, exact, seeds=start[1])
     x = path.end[: impacts.flight.size]
     if foot.labels:

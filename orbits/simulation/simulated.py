@@ -17,7 +17,7 @@ from ..model.machine import Machine, dimensionless, machine_in_words
 from ..model.model import CONTACT_FORCE, Knee
 from ..model.phase import Affine
 from ..model.state_formula import StateFormula
-from ..numerics.polynomial_roots import lowest
+from ..numerics.polynomial_roots import Crossings, lowest
 from ..periodic.cycle_shape import relabelled_back
 from ..result import TABLE_ROWS, Axes, Report, Result, Row, known, shown
 from ..units import ENERGY, FORCE, LENGTH, LIFTOFF_SPEED, SPEED, TIME, Units, in_units
@@ -202,6 +202,9 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
         speed, second, metre = (f" {self.unit_of(n)}".rstrip() for n in ("launches", "end", "smallest_separation"))
         speeds, why = ", ".join(f"{alpha:.10g}" for alpha in self.launches), f": {self.reason}" if self.reason else ""
         notes = [f"launch speeds {speeds}{speed}", *self._way_in_words(), f"{self.status} at time {self.end:.9g}{second}{why}"]
+        if self.falls is not None:
+            name, time = self.falls
+            notes.append(f"the {name} falls to the ground at time {time:.9g}{second}: what follows is not its motion")
         if (least := self.smallest_separation) is not None and least <= 0:
             notes.append(f"the masses pass through each other: their least separation is {least:.6g}{metre}")
         return notes
@@ -323,6 +326,21 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
             return None
         first, last = self.unrolled([0.0, self.end])[:, own[0]]
         return float(last - first)
+
+    @cached_property
+    def falls(self) -> tuple[str, float] | None:
+        """The name of a height of a machine that sticks, other than its gap, which reaches the ground first, and when;
+        None where none does. The simulation ignores it."""
+        found, embed = list[tuple[float, str]](), self.source.model.embed
+        if not self.source.model.sticks:
+            return None
+        for leg in self.legs:
+            rows = leg.path.coefficients
+            states = rows[:, : len(embed)] if leg.phase == "flight" else embed @ rows[:, : embed.shape[1]]
+            for name, height in self.heights.items():
+                if height != self.gap and (places := Crossings()(height.series(states), leg.path.steps)):
+                    found.append((leg.start + float(leg.path.times[places[0][0]] + places[0][1]), name))
+        return min(found)[::-1] if found else None
 
     @property
     def mean_speed(self) -> float | None:
