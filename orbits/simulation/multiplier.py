@@ -118,7 +118,7 @@ def hop_derivative(impacts: Impacts, x: np.ndarray, change: np.ndarray) -> HopDe
         x, change, held, order, opens = _through_impact(impacts, x, change, touches)
         if held:
             contact = impacts.onto_contact @ x, impacts.onto_contact @ change
-            liftoff, derivative = _through_contact(impacts, *contact, grazes=False)
+            liftoff, derivative = through_contact(impacts, *contact, grazes=False)
             return HopDerivative(liftoff, derivative, False, *first)
     raise NoOrbit(f"after {CAP} impacts the machine has not come to rest on the ground")
 
@@ -181,7 +181,7 @@ def _tangential(impacts: Impacts, start: tuple, lasted: float, landing: tuple, t
     project = np.eye(len(x)) - basis @ np.linalg.solve(rows @ basis, rows)
     closed = x - basis @ np.linalg.solve(rows @ basis, [impacts.gap(x), *(rows[1:] @ x)])
     contact = impacts.onto_contact @ closed, impacts.onto_contact @ project @ variations
-    liftoff, derivative = _through_contact(impacts, *contact, grazes=True)
+    liftoff, derivative = through_contact(impacts, *contact, grazes=True)
     return HopDerivative(liftoff, derivative, True, *landing)
 
 
@@ -225,7 +225,7 @@ def _one_sided(impacts: Impacts, alpha: float, hop: HopDerivative) -> Message:
     return Message(text, first=first, other=other, c=c, more=more)
 
 
-def _through_contact(impacts: Impacts, y, change, grazes: bool) -> tuple[np.ndarray, np.ndarray]:
+def through_contact(impacts: Impacts, y, change, grazes: bool) -> tuple[np.ndarray, np.ndarray]:
     """The state and its change (k, c) at which the contact ends."""
     contact, model = impacts.contact, impacts.model
     end = ContactEnd(impacts, model.contact_speed, (grazes and not model.changes_contact, grazes))

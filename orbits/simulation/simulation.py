@@ -45,7 +45,7 @@ from .impacts import (
     status_of_failure,
 )
 from .launch_section import LaunchSection
-from .schedule import Inputs, Schedule, check_scheduled, parsed_schedule
+from .schedule import Feedback, Inputs, Schedule, check_scheduled, joined_inputs, parsed_schedule
 from .simulated import ContactEvent, Leg, Simulation, run_in_units
 
 SLIPPED = 1e-9  # a spring that sticks moves slower, relative to the state, where its constant force keeps it
@@ -56,7 +56,7 @@ TOUCHING = 1e-9  # a gap, gap speed or contact force below this, relative to the
 def simulate(
     machine: Machine, alpha: float | StartLike | None = None, *, state: ArrayLike | None = None,
     hops: int | None = None, time: float = np.inf, inject: float = 0.0, cap: int = CAP,
-    schedule: tuple[ArrayLike, Mapping[str, ArrayLike]] | None = None,
+    schedule: tuple[ArrayLike, Mapping[str, ArrayLike]] | None = None, feedback: Feedback | None = None,
 ) -> Simulation:  # fmt: skip
     """Simulate a machine from a launch or from a state, with every impact, landing and lift-off located.
 
@@ -72,6 +72,8 @@ def simulate(
     cap : number of impacts in one hop after which the simulation ends
     schedule : (times (k + 1,), values (k,) of parameters by name): the piecewise constant inputs of an actuator; before
         and after these times the machine's own values hold
+    feedback : what decides at each lift-off how parameters change in the cycle that follows, such as a `Hold` of
+        `orbits.control.hold`
 
     All numbers are in the machine's units. A hop from a launch that is "undecided" in the `ReturnMap` ends the
     simulation with that status, at the landing after its many bounces. Raises `InputError` for invalid arguments, such
@@ -97,8 +99,11 @@ def simulate(
     if not (alpha is None or isinstance(alpha, Mapping | Orbit) or finite_number("alpha", alpha) > 0):
         raise InputError(f"alpha = {alpha:g}; a launch speed is above 0")
     inputs = None if schedule is None else parsed_schedule(schedule)
+    if feedback is not None and (inputs is not None or machine.model.one_speed):
+        wrong = "a launch that is a speed has none" if inputs is None else "a schedule and a feedback exclude each other"
+        raise InputError(f"feedback: {wrong}")
     state = None if state is None else _checked_state(machine, state)
-    return _simulated(machine, alpha, state, hops, float(time), inject, cap, inputs)
+    return _simulated(machine, alpha, state, hops, float(time), inject, cap, inputs, feedback)
 
 
 def _checked_state(machine: Machine, state: ArrayLike) -> np.ndarray:
@@ -131,7 +136,7 @@ def _bare_inputs(inputs: Inputs | None, machine: Any) -> Inputs | None:
 )
 def _simulated(
     machine: Machine, alpha: Any, state: np.ndarray | None, hops: int | None, time: float, inject: float, cap: int,
-    inputs: Inputs | None,
+    inputs: Inputs | None, feedback: Feedback | None,
 ) -> Simulation:  # fmt: skip
     """The simulation of a machine, from checked arguments."""
     branches = Branches(machine) if machine.model.hysteretic else None
@@ -150,8 +155,9 @@ def _simulated(
         if branches:
             return _HystereticRun(branches, inject, hops, time, cap, known).simulate(x, order, launch_speed)
         start = sum(state[impacts.footing.sticks].tolist()) if state is not None and order != 0 else 0.0
-        run = _Run(impacts, inject, hops, time, cap, known).simulate(x, order, launch_speed, foot, start)
-    return replace(run, schedule=inputs)
+        run = _Run(impacts, inject, hops, time, cap, known, feedback)
+        found = run.simulate(x, order, launch_speed, foot, start)
+    return replace(found, schedule=run.applied if feedback else inputs)
 
 
 def _initial_state(impacts: Impacts, p, alpha, state) -> tuple[np.ndarray, float | None, int | None, int]:
@@ -221,7 +227,11 @@ def _launch_state(impacts: Impacts, launch) -> tuple[np.ndarray, float]:
 class _Run:
     """The state of a simulation while it runs."""
 
-    def __init__(self, impacts: Impacts, inject: float, hops: int | None, time: float, cap: int, inputs: Schedule):
+    def __init__(
+        self, impacts: Impacts, inject: float, hops: int | None, time: float, cap: int, inputs: Schedule,
+        feedback: Feedback | None = None,
+    ):  # fmt: skip
+        self.feedback, self.applied = feedback, None
         self.impacts, self.inject, self.hops = impacts, inject, hops
         self.time, self.cap, self.inputs = time, cap, inputs
         self.legs, self.events, self.launches = list[Leg](), list[ContactEvent](), list[float]()
@@ -243,6 +253,8 @@ class _Run:
         self.launches += [] if alpha is None else [alpha]
         self.foot, status = foot, None
         self.foothold = start
+        if order == LIFTOFF_ORDER:
+            self.decide(x)
         while status is None:
             if order is None:
                 status, x = self.contact(x)
@@ -367,12 +379,20 @@ class _Run:
         has_speed = is_launch or driven or not impacts.model.one_speed
         self.launches.append(float(speed) if has_speed else np.nan)
         self.impact_count, self.liftoff_count = 0, self.liftoff_count + 1
+        self.decide(after)
         return ("done" if self.liftoff_count == self.hops else None), after
 
     def order_of_liftoff(self, x) -> int:
         """The order of the gap's zero at lift-off: 2 where new inputs pull immediately, else `LIFTOFF_ORDER`."""
         pulls = len(self.inputs.times) > 0 and self.impacts.pressing(x[None])[0] < -TOUCHING * (1 + np.abs(x).max())
         return 2 if pulls else LIFTOFF_ORDER
+
+    def decide(self, x: np.ndarray) -> None:
+        """Let the feedback, if there is one, decide at a lift-off in a flight state how parameters change from now on."""
+        if self.feedback is not None:
+            launch = LaunchSection(self.impacts).free(self.impacts.onto_contact @ x)
+            own = self.now + self.feedback.times, self.feedback.inputs(launch)
+            self.applied, self.inputs = joined_inputs(self.applied, own, self.now), Schedule(self.machine, own)
 
     def update_parameters(self) -> float:
         """Use the parameters that the schedule sets now; returns the time until which they are in force."""
