@@ -319,11 +319,15 @@ class Model:
 
     def lost_at(self, x: Scalars, p: Parameters) -> Algebraic:
         """The energy that a plastic landing in the flight state x loses."""
+        return 0.5 * weighted_sum(self.impulses(x, p), self.speeds_of_landing(x, p))
+
+    def impulses(self, x: Scalars, p: Parameters) -> list[Algebraic]:
+        """The impulses along the gap and along what sticks that a plastic landing in the flight state x takes away."""
         masses, speeds = (
             self.sticking(x, p)[1] if self.sticking else [[self.impact_mass(x, p)]],
             self.speeds_of_landing(x, p),
         )
-        return 0.5 * weighted_sum([weighted_sum(row, speeds) for row in masses], speeds)
+        return [weighted_sum(row, speeds) for row in masses]
 
     def landing(self, u: Parameters, x: Scalars, p: Parameters) -> list[Algebraic]:
         """The expressions that vanish at a lossless landing in state x: the gap, its speed and its acceleration.

@@ -178,7 +178,7 @@ def _losses(model: Model, cycles: Cycles, jerk: np.ndarray, power: np.ndarray) -
         defined &= shares < MOST_LEFT
     if defined.any():
         p = {name: values[defined] for name, values in cycles.p.items()}
-        mass = _mass_of_landing(model, states[:, defined], p, _thirds(model, cycles, jerk)[:, defined])
+        mass = mass_of_landing(model, states[:, defined], p, _thirds(model, cycles, jerk)[:, defined])
         loss = loss_coefficient(mass, jerk[defined], np.abs(cycles.gap_slope[defined]), power[defined])
         if model.changes_contact:
             late, early = np.transpose([hand_over_factors(max(rho, 0.0)) for rho in shares[defined].tolist()])
@@ -193,7 +193,7 @@ def _thirds(model: Model, cycles: Cycles, jerk: np.ndarray) -> np.ndarray:
     return np.array([-jerk, *(6 * c[first, model.flight.states.index(name), 3] for name in model.sticks)])
 
 
-def _mass_of_landing(model: Model, states: np.ndarray, p: Mapping, thirds: np.ndarray) -> Any:
+def mass_of_landing(model: Model, states: np.ndarray, p: Mapping, thirds: np.ndarray) -> Any:
     """Twice the energy (m,) that landings near the orbit's lose, over the square of the gap's speed: the speeds of what
     sticks are to that as the third derivatives."""
     if model.sticking is None:

@@ -387,6 +387,11 @@ def _hops_from(impacts: Impacts, alpha, inject: float, cap: int) -> Hops:
 def _impacts_of(machine: Machine) -> "Impacts | Branches":
     """The impacts of a machine, on both branches of a spring with hysteresis."""
     check_machine(machine, "restitution")
+    if machine.model.sticks:
+        raise InputError(
+            f"{machine.model.sticks[0]} of a {machine.model.name} sticks in contact: its motions are simulated and "
+            "`multipliers` says what is beside an orbit, without a map"
+        )
     if not machine.model.hysteretic:
         return Impacts(machine)
     if not machine.model.one_speed:

@@ -56,12 +56,12 @@ def landed(impacts: Any, x: np.ndarray, foot: np.ndarray) -> Landed:
 
 def standing(impacts: Any, x: np.ndarray, foot: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Flight states (m, n) in which the gaps of feet (m,) are closed, in the labels in which the machine stands on
-    them, and the numbers (m,) of relabellings that lead there."""
+    them, and the numbers (m,) of relabellings that lead there. What sticks is at 0 there, wherever it landed."""
     z, step = x, np.zeros(len(x), int)
     for i, each in enumerate(impacts.feet):
         if each.labels and (own := foot == i).any():
             z, step = np.where(own[:, None], each.labels(x, impacts.values), z), np.where(own, each.step, step)
-    return z, step
+    return (impacts.footing.placed(z) if impacts.model.sticks else z), step
 
 
 def share_left(impacts: Any, z: np.ndarray) -> np.ndarray:

@@ -1,7 +1,8 @@
 """Impacts of a machine in flight, and the sustained contact that may follow.
 
 An impact of restitution e turns the speed s of the gap into -e s. With e = 0 the machine stays in contact where the
-contact force presses, and leaves immediately where the contact would have to pull. A contact ends where its force
+contact force presses, and leaves immediately where the contact would have to pull. A foot that sticks loses its speed
+along the ground at every impact, and the restitution is that of the gap alone. A contact ends where its force
 vanishes. For most springs that happens on the launch set. If the spring's force does not rise throughout, contact may
 also end elsewhere, or at the extension of a launch while the machine moves down.
 """
@@ -28,6 +29,7 @@ from ..periodic.certificate import gradients
 from ..shooting.formulations import vector
 from ..units import LIFTOFF_SPEED, Message, Quantity
 from .feet import LIFTS_OFF, STEPS_BACK, exits_of, feet_of, first_to_touch
+from .footing import SLIPS, Footing, SlipTest
 from .hand_over import landed
 
 # The endings of a hop other than "lifts_off" (of a map) and "done" (of a simulation).
@@ -43,6 +45,7 @@ STATUSES = {
     "cap": "there are too many impacts in one hop",
     "rattles": "feet take over without a loss, as with small angles, and no contact ever holds: state the angle",
     "unstated": "a foot lands with a speed, and how it takes over takes masses in the plane: state their Mass(across=)",
+    "slips": "the foot needs more than the stated friction, and slipping is not simulated",
     "undecided": "after many bounces rounding decides how the hop ends",
     "invalid": "the launch speed is not a number above 0, or no launch has these numbers",
 }
@@ -89,7 +92,7 @@ class ContactEnd:
     several : whether the contact has several coordinates
     grazes : for each of the model's exits, whether the contact begins with its force at 0 and rising, as after a
         lossless landing
-    outcome : that of an exit, "rests", "stays", or None while the contact lasts
+    outcome : that of an exit, "slips", "rests", "stays", or None while the contact lasts
 
     Trajectories of one coordinate do not cross in the phase plane. Once the speed has changed its sign three times,
     the rest of the trajectory, with damping or without, stays inside the part passed so far, and it never ends. The
@@ -98,7 +101,9 @@ class ContactEnd:
 
     def __init__(self, impacts: "Impacts", speed: Affine | None, grazes: Iterable[bool] = (False, False)):
         self.size, self.exits, self.speed = impacts.contact.size, impacts.exits, speed
+        grazes = [*grazes]
         self.force_zeros, self.speed_zeros = [Crossings(int(each)) for each in grazes], Crossings()
+        self.slips = SlipTest(impacts.footing, impacts.contact_force, grazes[0])
         several = not impacts.model.one_speed
         self.turns_left, self.over = (TURNS_OF_SEVERAL, "stays") if several else (TURNS, "rests")
         self.outcome: str | None = None
@@ -108,10 +113,11 @@ class ContactEnd:
         pairs = zip(self.exits, self.force_zeros, strict=False)
         ends = [zeros(each.force.series(coefficients), steps)[:1] for each, zeros in pairs]
         last, still = self._rest(self.speed, coefficients, steps) if self.speed else ([], [])
-        first = min([*(end for each in ends for end in each), *last, *still], default=None)
+        slips = self.slips(coefficients, steps)
+        first = min([*(end for each in ends for end in each), *last, *still, *slips], default=None)
         if first is not None:
             exits = [each.outcome for each, end in zip(self.exits, ends, strict=True) if first in end]
-            self.outcome = exits[0] if exits else "rests" if first in still else self.over
+            self.outcome = exits[0] if exits else SLIPS if first in slips else "rests" if first in still else self.over
         return first
 
     def _rest(self, speed: Affine, coefficients, steps) -> tuple[list[tuple[int, float]], list[tuple[int, float]]]:
@@ -128,6 +134,7 @@ class Impacts:
     bounce_order : order of the gap's zero where the machine leaves immediately after an impact
     flight, contact : the flows of the two phases
     feet, exits : the points that may touch in flight, and the ways in which a contact ends
+    footing : what sticks in contact
     gap, gap_speed : the gap of the first foot as a function of the flight state, and the weights of its speed
     contact_force, force_index : the contact force as a function of the rows of the contact's motion, and its place
         among the quantities that the contact watches
@@ -141,11 +148,6 @@ class Impacts:
         if machine.model.hysteretic:
             several = "a machine whose spring has hysteresis is followed by simulations, and by maps of launch speeds"
             raise InputError(f"{several}: take the law's `.mean`")
-        if machine.model.sticks:
-            raise InputError(
-                f"{machine.model.sticks[0]} of a {machine.model.name} sticks in contact: its orbits are found and "
-                "certified, and landings with a speed are not followed"
-            )
         self.machine, self.options = machine, options or ImpactOptions()
         model, self.restitution = machine.model, float(machine.restitution)
         if self.restitution > 0 and model.changes_contact:
@@ -160,6 +162,7 @@ class Impacts:
         self.feet, self.exits = feet_of(model, self.flight, self.values), exits_of(model)
         self.gap, self.contact_force = self.feet[0].gap, self.exits[0].force
         self.force_index = self.exits[0].row - self.contact.size
+        self.footing = Footing(model, self.flight, self.contact, self.values)
         self.onto_contact = np.linalg.pinv(model.embed)
 
     def landings(self, x: np.ndarray, order: Any) -> tuple[np.ndarray, np.ndarray, dict[int, FlowError]]:
@@ -188,7 +191,7 @@ class Impacts:
         immediately or after infinitely many bounces; the states (m, n) after the impact, which move away where it
         bounces; the loss of energy (m,); and the time (m,) that infinitely many bounces take."""
         e, speed, direction = self.restitution, x @ self.gap_speed, self.direction(x)
-        stuck = x - speed[:, None] * direction
+        stuck = self.footing.stuck(x) if self.model.sticks else x - speed[:, None] * direction
         held, wait = self.pressing(stuck) >= 0, np.zeros(len(x))
         if e > 0:
             closing = -(self.flight.field(stuck, self.p)[0] @ self.gap_speed)
@@ -200,7 +203,10 @@ class Impacts:
                 summed = (closing > 0) & (change <= self.options.summed_change * closing)
             held &= summed | (np.abs(speed) <= self.options.slowest_bounce * np.abs(x).max(1))
             wait = np.where(held & summed, wait, 0.0)
-        loss = 0.5 * self.model.impact_mass(list(x.T), self.values) * speed**2 * np.where(held, 1.0, 1 - e**2)
+        mass = self.model.impact_mass(list(x.T), self.values)
+        loss = 0.5 * mass * speed**2 * np.where(held, 1.0, 1 - e**2)
+        if self.model.sticks:
+            loss = self.model.lost_at(list(x.T), self.values) - 0.5 * mass * speed**2 * np.where(held, 0.0, e**2)
         state = stuck - np.where(held, 0.0, e * speed)[:, None] * direction
         return held, state, loss, wait
 
@@ -218,7 +224,8 @@ class Impacts:
         the impact, whose direction may depend on where it happens."""
         x, change, factor = self.flight.vector_field.x, ca.SX.sym("change", self.flight.size), ca.SX.sym("factor")
         direction = ca.vertcat(*self.model.impact(ca.vertsplit(x), self.values))
-        after = x - factor * ca.dot(ca.DM(self.gap_speed), x) * direction
+        stuck = ca.vertcat(*self.model.landed(ca.vertsplit(x), self.values)) if self.model.sticks else x
+        after = stuck - (factor - bool(self.model.sticks)) * ca.dot(ca.DM(self.gap_speed), x) * direction
         return ca.Function("change_after", [x, change, factor], [ca.densify(ca.jtimes(after, x, change))])
 
     @cached_property
@@ -230,13 +237,15 @@ class Impacts:
 
     @cached_property
     def directions_of_landing(self) -> ca.Function:
-        """(flight state, data) -> the direction D (n,) in which impacts change the state, and its commutator (n,) with
-        the rates f, which is f' D - D' f."""
+        """(flight state, data) -> the directions D (n, 1 + sticks) in which impacts change the state, and their
+        commutators (n, 1 + sticks) with the rates f, which are f' D - D' f."""
         graph = self.flight.vector_field
-        x, field = graph.x, graph.field(graph.x, graph.p)[0]
-        direction = ca.densify(ca.vertcat(*self.model.impact(ca.vertsplit(x), self.values)))
-        commutator = ca.jtimes(field, x, direction) - ca.jtimes(direction, x, field)
-        return ca.Function("directions", [x, graph.p], [direction, ca.densify(commutator)])
+        x, field, known = graph.x, graph.field(graph.x, graph.p)[0], ca.vertsplit(graph.x)
+        rows = [self.model.impact(known, self.values)]
+        rows += self.model.sticking(known, self.values)[0] if self.model.sticking else []
+        directions = [ca.densify(ca.vertcat(*row)) for row in rows]
+        commutators = [ca.jtimes(field, x, each) - ca.jtimes(each, x, field) for each in directions]
+        return ca.Function("directions", [x, graph.p], [ca.horzcat(*directions), ca.densify(ca.horzcat(*commutators))])
 
     def launch(self, alpha: ArrayLike) -> np.ndarray:
         """Flight states (m, n) at lift-off with launch speeds (m,)."""
@@ -265,6 +274,8 @@ class Impacts:
         """
         endless = left == np.inf
         limit = self.longest_contact(y) if endless else left
+        if self.footing.slips_at_once(y):
+            return None, SLIPS, ""
         end = ContactEnd(self, self.model.contact_speed if endless else None, self.grazes(y[None])[:, 0])
         try:
             path, _ = self.contact.run(y, self.p, limit, stop=end)

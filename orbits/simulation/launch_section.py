@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..model.model import STEP_LENGTH
 from ..periodic.orbit import start_in_file
 from ..units import UNKNOWNS, Dimension, Message, Units, described, dimension_of_state
 from .impacts import Impacts
@@ -39,6 +40,9 @@ class LaunchSection:
         self.names = tuple(name for name in self.unknowns if name != self.dependent)
         self.unit = units.of_states(self.names) if units else np.ones(len(self.names))
         self.bound_unit = float(units.of(self.dependent)) if units else 1.0
+        # The length of a leg may not be 0.
+        at_rest = impacts.model.rest(impacts.values) if impacts.model.sticks and impacts.model.rest else None
+        self._usual = 0.0 if at_rest is None else float((impacts.onto_contact @ at_rest)[self.places[self.dependent]])
         self._free, self._bound = [self.places[name] for name in self.names], self.places[self.dependent]
 
     @staticmethod
@@ -68,9 +72,9 @@ class LaunchSection:
 
     def states(self, launches: np.ndarray, guess: np.ndarray | None = None) -> np.ndarray:
         """The contact states (m, k) of launches (m, d), NaN where there is none: by Newton's method from the values
-        `guess` (m,) of the dependent unknown, by default 0."""
+        `guess` (m,) of the dependent unknown, by default 0, or where the machine sticks that at rest."""
         ys = np.zeros((len(launches), self.impacts.contact.size))
-        ys[:, self._free], ys[:, self._bound] = launches, 0.0 if guess is None else guess
+        ys[:, self._free], ys[:, self._bound] = launches, self._usual if guess is None else guess
         for y in ys:
             y[self._bound] = self._solved(y)
         return ys
@@ -103,8 +107,8 @@ class LaunchSection:
             launch = launch.launches[0]
         if isinstance(launch, Mapping):
             unknown, missing = sorted(launch.keys() - {*self.unknowns}), [n for n in names if n not in launch]
-            # Durations, which the starts of `find` have too, are no part of a launch.
-            unknown = [name for name in unknown if name not in self.impacts.model.half_unknowns]
+            # Durations and the step, which the starts of `find` have too, are no part of a launch.
+            unknown = [name for name in unknown if name not in (*self.impacts.model.half_unknowns, STEP_LENGTH)]
             if unknown or missing:
                 wrong = f"has no '{unknown[0]}'" if unknown else f"needs '{missing[0]}'"
                 raise InputError(f"{text} of {', '.join(names)}: it {wrong}")

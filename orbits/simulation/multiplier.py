@@ -14,10 +14,12 @@ from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..flow.flow import Flow
 from ..flow.zero_crossing import first_zero
 from ..model.machine import Machine
+from ..periodic.certificate import mass_of_landing
 from ..periodic.loss_coefficient import hand_over_factors, loss_coefficient
 from ..running.exclusive import exclusive
 from ..units import DIMENSIONS, LIFTOFF_SPEED, SPEED, Message, Quantity, in_own_units
 from .feet import LIFTS_OFF, STEPS_BACK, Foot
+from .footing import SLIPS
 from .hand_over import landed, share_left, standing
 from .hysteresis import Branches, FirstOf, first_reversal
 from .impacts import CAP, LIFTOFF_ORDER, STATUSES, ContactEnd, Impacts, no_launch
@@ -116,7 +118,7 @@ def hop_derivative(impacts: Impacts, x: np.ndarray, change: np.ndarray) -> HopDe
         x, change, held, order, opens = _through_impact(impacts, x, change, touches)
         if held:
             contact = impacts.onto_contact @ x, impacts.onto_contact @ change
-            liftoff, derivative = _through_contact(impacts, *contact, grazes=False)
+            liftoff, derivative = through_contact(impacts, *contact, grazes=False)
             return HopDerivative(liftoff, derivative, False, *first)
     raise NoOrbit(f"after {CAP} impacts the machine has not come to rest on the ground")
 
@@ -154,28 +156,32 @@ def _tangential(impacts: Impacts, start: tuple, lasted: float, landing: tuple, t
     and contact have the same rates at the landing, where the contact force vanishes, and differ only in the direction D
     of impacts. Over the time s, impacts change the speed of the gap by some s^2, and its height by s^3 in all. So up to
     s^4 the state is that of the flight, from which multiples of D and of its commutator W with the rates are taken that
-    close the gap and stop it: the derivative is this projection onto the contact. It is continuous there.
+    close the gap and stop it: the derivative is this projection onto the contact. It is continuous there. What sticks is
+    stopped too, in its own direction, and while the gap closes it goes along by the ratio r of their jerks: the multiple
+    of W is one of W + r W_x.
     """
     foot = impacts.feet[touches]
-    jerk = foot.rates(landing[0][None], impacts.p)[0, 0]
+    jerk, snap = foot.rates(landing[0][None], impacts.p)[:, 0]
     data = impacts.flight.data(landing[0][None], impacts.p)[0]
     gap_speed = impacts.gap_speed
     if not jerk < 0:
         raise NoOrbit("the gap closes without a jerk: the landing is tangential to a higher order")
     # The landing that rounding lets happen early or late is led to where the acceleration of the gap vanishes.
-    exact = lasted - float(foot.speed @ impacts.flight.rates(landing[0], data)) / jerk
+    late = float(foot.speed @ impacts.flight.rates(landing[0], data)) / jerk
+    exact = lasted - late - 0.5 * snap / jerk * late**2
     path, variations = impacts.flight.run(start[0], impacts.p, exact, seeds=start[1])
     x = path.end[: impacts.flight.size]
     if foot.labels:
         x, variations = foot.labels(x, impacts.values), np.array(foot.labels.signs)[:, None] * variations
     data = impacts.flight.data(x[None], impacts.p)[0]
-    away, commutator = (each.full().ravel() for each in impacts.directions_of_landing(x, data))
-    weights = np.array(impacts.gap.weights)
-    basis, rows = np.column_stack([away, commutator]), np.vstack([weights, gap_speed])
+    away, commutators = (each.full() for each in impacts.directions_of_landing(x, data))
+    shares = [1.0, *(float(each.rates(x[None], impacts.p)[0, 0] / jerk) for each in impacts.footing.held)]
+    weights, speeds = np.array(impacts.gap.weights), [each.speed for each in impacts.footing.held]
+    basis, rows = np.column_stack([away, commutators @ shares]), np.vstack([weights, gap_speed, *speeds])
     project = np.eye(len(x)) - basis @ np.linalg.solve(rows @ basis, rows)
-    closed = x - basis @ np.linalg.solve(rows @ basis, [impacts.gap(x), gap_speed @ x])
+    closed = x - basis @ np.linalg.solve(rows @ basis, [impacts.gap(x), *(rows[1:] @ x)])
     contact = impacts.onto_contact @ closed, impacts.onto_contact @ project @ variations
-    liftoff, derivative = _through_contact(impacts, *contact, grazes=True)
+    liftoff, derivative = through_contact(impacts, *contact, grazes=True)
     return HopDerivative(liftoff, derivative, True, *landing)
 
 
@@ -194,7 +200,9 @@ def losses_beside(impacts: Impacts, hop: HopDerivative, slope: float, power: flo
     x, jerk = hop.landing, -float(hop.foot.rates(hop.landing[None], impacts.p)[0, 0])
     if not jerk > 0 or slope == 0:
         return None
-    c = loss_coefficient(impacts.model.impact_mass(x.tolist(), impacts.values), jerk, abs(slope), power)
+    thirds = np.array([-jerk, *(each.rates(x[None], impacts.p)[0, 0] for each in impacts.footing.held)])
+    mass = mass_of_landing(impacts.model, x, impacts.values, thirds)
+    c = loss_coefficient(mass, jerk, abs(slope), power)
     if not impacts.model.changes_contact:
         return float(c), float(10 * c)
     z, _ = standing(impacts, x[None], np.array([impacts.feet.index(hop.foot)]))
@@ -217,13 +225,15 @@ def _one_sided(impacts: Impacts, alpha: float, hop: HopDerivative) -> Message:
     return Message(text, first=first, other=other, c=c, more=more)
 
 
-def _through_contact(impacts: Impacts, y, change, grazes: bool) -> tuple[np.ndarray, np.ndarray]:
+def through_contact(impacts: Impacts, y, change, grazes: bool) -> tuple[np.ndarray, np.ndarray]:
     """The state and its change (k, c) at which the contact ends."""
     contact, model = impacts.contact, impacts.model
     end = ContactEnd(impacts, model.contact_speed, (grazes and not model.changes_contact, grazes))
     y, change, _ = _follow(contact, impacts.p, y, change, impacts.longest_contact(y), end)
     if end.outcome == "stays":
         raise NoOrbit(STATUSES["stays"])
+    if end.outcome == SLIPS:
+        raise NoOrbit(STATUSES[SLIPS])
     if end.outcome not in (LIFTS_OFF, STEPS_BACK):
         raise NoOrbit(RESTS)
     if end.outcome == STEPS_BACK:

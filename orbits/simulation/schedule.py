@@ -1,7 +1,7 @@
 """Schedules: an actuator's inputs, which a simulation takes as parameters that are piecewise constant in time."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -32,6 +32,31 @@ class Schedule:
         """The parameters (np,) in force from a time on, and the time until which they are in force."""
         index = int(np.searchsorted(self.times, now + SIMULTANEOUS * (1.0 + now), side="right"))
         return self.columns[index], float(self.times[index]) if index < len(self.times) else np.inf
+
+
+class Feedback(Protocol):
+    """What decides at a lift-off how parameters change in the cycle that follows.
+
+    times : (k + 1,), since the lift-off
+    """
+
+    times: np.ndarray
+
+    def inputs(self, launch: np.ndarray) -> Mapping[str, np.ndarray]:
+        """The values (k,) of parameters between these times, by name, after a launch with the free numbers (d,)."""
+        ...
+
+
+def joined_inputs(before: Inputs | None, after: Inputs, now: float) -> Inputs:
+    """Inputs up to the time `now`, at which others replace them; 0 is between both."""
+    if before is None:
+        return after
+    times, inputs = before
+    count = int(np.searchsorted(times, now))
+    ends = [*times[:count], now] if count < len(times) else [*times]
+    gap = [] if ends[-1] >= after[0][0] else [0.0]
+    joined = {name: np.array([*inputs[name][: len(ends) - 1], *gap, *after[1][name]]) for name in after[1]}
+    return np.array([*ends, *after[0][len(gap) == 0 :]]), joined
 
 
 def parsed_schedule(schedule: Any) -> Inputs:

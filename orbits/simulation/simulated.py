@@ -17,17 +17,18 @@ from ..model.machine import Machine, dimensionless, machine_in_words
 from ..model.model import CONTACT_FORCE, Knee
 from ..model.phase import Affine
 from ..model.state_formula import StateFormula
-from ..numerics.polynomial_roots import lowest
+from ..numerics.polynomial_roots import Crossings, lowest
 from ..periodic.cycle_shape import relabelled_back
 from ..result import TABLE_ROWS, Axes, Report, Result, Row, known, shown
-from ..units import ENERGY, FORCE, LENGTH, LIFTOFF_SPEED, TIME, Units, in_units
+from ..units import ENERGY, FORCE, LENGTH, LIFTOFF_SPEED, SPEED, TIME, Units, in_units
 from .hysteresis import Branches
 
 # The dimensions of a simulation's numbers by name; those of states are lengths and speeds.
 DIMENSIONS_OF_SIMULATIONS = {
     "launches": LIFTOFF_SPEED,
+    "mean_speed": SPEED,
     **dict.fromkeys(("end", "time"), TIME),
-    "smallest_separation": LENGTH,
+    **dict.fromkeys(("smallest_separation", "distance", "footholds"), LENGTH),
     **dict.fromkeys(("energy", "loss"), ENERGY),
 }
 
@@ -39,7 +40,7 @@ class ContactEvent:
     kind : "impact", after which the machine flies on; "landing", after which it stays in contact; "lift-off";
         "reversal" of a spring with hysteresis, whose loss is that of the energies between the events; or "lifts" and
         "slides", from which on the foot that stands in flight would have to pull, or needs more than the stated
-        friction, and the simulation is of a foot that is held
+        friction, and the simulation is of a foot that is held; or "slips", of a foot that sticks, which ends it
     time : time since the start; for a landing by infinitely many bounces, the time when they have ended
     before, after : flight states (n,)
     energy : energy before the event, relative to the machine at rest in contact with its spring unloaded; by the mean
@@ -67,6 +68,7 @@ class Leg:
 
     branch : of a spring with hysteresis, as `Branches.branch` has it; None without such a spring
     stance : the number of steps so far, those back counted as -1, of a machine whose feet take turns
+    foothold : the place along the ground from which that of what sticks is counted
     """
 
     phase: str
@@ -74,6 +76,7 @@ class Leg:
     path: Trajectory
     branch: int | None = field(default=None, kw_only=True)
     stance: int = field(default=0, kw_only=True)
+    foothold: float = field(default=0.0, kw_only=True)
 
 
 @dataclass(frozen=True, repr=False)
@@ -164,7 +167,7 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
         return {
             **({"units": units} if units else {}), "launches": known(self.launches),
             "status": self.status, "reason": self.reason, "end": self.end,
-            "smallest_separation": self.smallest_separation,
+            "smallest_separation": self.smallest_separation, **self._way_in_numbers,
             "events": [{**vars(e), "before": e.before.tolist(), "after": e.after.tolist()} for e in self.events],
         }  # fmt: skip
 
@@ -191,16 +194,32 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
         """The status, the launch speeds, and the numbers of the events."""
         ended = {"status": self.status, "reason": self.reason, "end": self.end}
         launches = {f"launch {i}": speed for i, speed in enumerate(known(self.launches))}
-        return {**ended, "smallest_separation": self.smallest_separation, **launches, **super().summary()}
+        own = {"smallest_separation": self.smallest_separation, **self._way_in_numbers}
+        return {**ended, **own, **launches, **super().summary()}
 
     def _notes(self) -> list[str]:
         """The notes on the whole motion."""
         speed, second, metre = (f" {self.unit_of(n)}".rstrip() for n in ("launches", "end", "smallest_separation"))
         speeds, why = ", ".join(f"{alpha:.10g}" for alpha in self.launches), f": {self.reason}" if self.reason else ""
-        notes = [f"launch speeds {speeds}{speed}", f"{self.status} at time {self.end:.9g}{second}{why}"]
+        notes = [f"launch speeds {speeds}{speed}", *self._way_in_words(), f"{self.status} at time {self.end:.9g}{second}{why}"]
+        if self.falls is not None:
+            name, time = self.falls
+            notes.append(f"the {name} falls to the ground at time {time:.9g}{second}: what follows is not its motion")
         if (least := self.smallest_separation) is not None and least <= 0:
             notes.append(f"the masses pass through each other: their least separation is {least:.6g}{metre}")
         return notes
+
+    @property
+    def _way_in_numbers(self) -> dict[str, float | None]:
+        """The distance and the mean speed of a machine that sticks."""
+        return {"distance": self.distance, "mean_speed": self.mean_speed} if self.source.model.sticks else {}
+
+    def _way_in_words(self) -> list[str]:
+        if self.distance is None or self.mean_speed is None:
+            return []
+        metre, speed = (f" {self.unit_of(name)}".rstrip() for name in ("distance", "mean_speed"))
+        steps = len(self.footholds) - 1
+        return [f"{steps} steps, {self.distance:.10g}{metre} along the ground at the mean speed {self.mean_speed:.10g}{speed}"]
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Plot heights against time; returns the axes. See `orbits.show.plot.plot_simulation`."""
@@ -280,7 +299,53 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
         states, units, label = self(t), self.source.units, self.source.model.relabelling
         stances = np.array([leg.stance for leg in self.legs])[index_of_legs(self.legs, np.asarray(t, dtype=float))]
         shifts = np.array(label.shifts(self.source.values)) * (units.of_states(self._states) if units else 1.0)
-        return relabelled_back(states, stances, label.signs, shifts)
+        own = [self._states.index(name) for name in self.source.model.sticks]
+        shifts[own] = 0.0  # its steps are those of the motion
+        found = relabelled_back(states, stances, label.signs, shifts)
+        found[..., own] += self._footholds_of_legs(t)[..., None]
+        return found
+
+    def _footholds_of_legs(self, t: ArrayLike) -> np.ndarray:
+        """The places (...) from which those of what sticks are counted at times (...)."""
+        return np.array([leg.foothold for leg in self.legs])[index_of_legs(self.legs, np.asarray(t, dtype=float))]
+
+    @property
+    def footholds(self) -> np.ndarray:
+        """The places (k,) along the ground at which a foot that sticks stood, one after the other; empty for others."""
+        if not self.source.model.sticks:
+            return np.zeros(0)
+        first = [self.legs[0].foothold] * (len(self.launches) > sum(e.kind == "lift-off" for e in self.events))
+        found = [*first, *(leg.foothold for leg in self.legs if leg.phase == "contact")]
+        return np.array([place for i, place in enumerate(found) if i == 0 or place != found[i - 1]])
+
+    @property
+    def distance(self) -> float | None:
+        """How far a foot that sticks came along the ground from the start to the end; None for other machines."""
+        own = [self._states.index(name) for name in self.source.model.sticks]
+        if not own or not self.legs:
+            return None
+        first, last = self.unrolled([0.0, self.end])[:, own[0]]
+        return float(last - first)
+
+    @cached_property
+    def falls(self) -> tuple[str, float] | None:
+        """The name of a height of a machine that sticks, other than its gap, which reaches the ground first, and when;
+        None where none does. The simulation ignores it."""
+        found, embed = list[tuple[float, str]](), self.source.model.embed
+        if not self.source.model.sticks:
+            return None
+        for leg in self.legs:
+            rows = leg.path.coefficients
+            states = rows[:, : len(embed)] if leg.phase == "flight" else embed @ rows[:, : embed.shape[1]]
+            for name, height in self.heights.items():
+                if height != self.gap and (places := Crossings()(height.series(states), leg.path.steps)):
+                    found.append((leg.start + float(leg.path.times[places[0][0]] + places[0][1]), name))
+        return min(found)[::-1] if found else None
+
+    @property
+    def mean_speed(self) -> float | None:
+        """The distance over the time; None for machines that do not stick."""
+        return None if self.distance is None or not self.end else self.distance / self.end
 
     def _flight_states(self, leg: Leg, since: np.ndarray) -> np.ndarray:
         """Flight states (k, n) at times (k,) since the start of a leg."""
@@ -330,7 +395,11 @@ def run_in_units(run: Simulation, machine: Any) -> Simulation:
     """A dimensionless simulation in the units of the machine."""
     units: Units = machine.units
     size = units.of_states(machine.model.flight.states)
-    legs = tuple(replace(leg, start=leg.start * units.time, path=units.convert_motion(leg.path)) for leg in run.legs)
+    time, length = units.time, units.length
+    legs = tuple(
+        replace(leg, start=leg.start * time, path=units.convert_motion(leg.path), foothold=leg.foothold * length)
+        for leg in run.legs
+    )
     energies = {"time": TIME, "energy": ENERGY, "loss": ENERGY}
     states = [{"before": event.before * size, "after": event.after * size} for event in run.events]
     pairs = zip(run.events, states, strict=True)

@@ -26,6 +26,7 @@ from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..units import LENGTH, LIFTOFF_SPEED, TIME, Message, Quantity, described, in_own_units
 from .feet import LIFTS_OFF, STEPS_BACK, Exit, unheld
+from .footing import SLIPS
 from .hand_over import landed, standing
 from .hysteresis import Branches, FirstOf, first_reversal
 from .impacts import (
@@ -44,7 +45,7 @@ from .impacts import (
     status_of_failure,
 )
 from .launch_section import LaunchSection
-from .schedule import Inputs, Schedule, check_scheduled, parsed_schedule
+from .schedule import Feedback, Inputs, Schedule, check_scheduled, joined_inputs, parsed_schedule
 from .simulated import ContactEvent, Leg, Simulation, run_in_units
 
 SLIPPED = 1e-9  # a spring that sticks moves slower, relative to the state, where its constant force keeps it
@@ -55,7 +56,7 @@ TOUCHING = 1e-9  # a gap, gap speed or contact force below this, relative to the
 def simulate(
     machine: Machine, alpha: float | StartLike | None = None, *, state: ArrayLike | None = None,
     hops: int | None = None, time: float = np.inf, inject: float = 0.0, cap: int = CAP,
-    schedule: tuple[ArrayLike, Mapping[str, ArrayLike]] | None = None,
+    schedule: tuple[ArrayLike, Mapping[str, ArrayLike]] | None = None, feedback: Feedback | None = None,
 ) -> Simulation:  # fmt: skip
     """Simulate a machine from a launch or from a state, with every impact, landing and lift-off located.
 
@@ -71,6 +72,8 @@ def simulate(
     cap : number of impacts in one hop after which the simulation ends
     schedule : (times (k + 1,), values (k,) of parameters by name): the piecewise constant inputs of an actuator; before
         and after these times the machine's own values hold
+    feedback : what decides at each lift-off how parameters change in the cycle that follows, such as a `Hold` of
+        `orbits.control.hold`
 
     All numbers are in the machine's units. A hop from a launch that is "undecided" in the `ReturnMap` ends the
     simulation with that status, at the landing after its many bounces. Raises `InputError` for invalid arguments, such
@@ -96,8 +99,11 @@ def simulate(
     if not (alpha is None or isinstance(alpha, Mapping | Orbit) or finite_number("alpha", alpha) > 0):
         raise InputError(f"alpha = {alpha:g}; a launch speed is above 0")
     inputs = None if schedule is None else parsed_schedule(schedule)
+    if feedback is not None and (inputs is not None or machine.model.one_speed):
+        wrong = "a launch that is a speed has none" if inputs is None else "a schedule and a feedback exclude each other"
+        raise InputError(f"feedback: {wrong}")
     state = None if state is None else _checked_state(machine, state)
-    return _simulated(machine, alpha, state, hops, float(time), inject, cap, inputs)
+    return _simulated(machine, alpha, state, hops, float(time), inject, cap, inputs, feedback)
 
 
 def _checked_state(machine: Machine, state: ArrayLike) -> np.ndarray:
@@ -130,14 +136,14 @@ def _bare_inputs(inputs: Inputs | None, machine: Any) -> Inputs | None:
 )
 def _simulated(
     machine: Machine, alpha: Any, state: np.ndarray | None, hops: int | None, time: float, inject: float, cap: int,
-    inputs: Inputs | None,
+    inputs: Inputs | None, feedback: Feedback | None,
 ) -> Simulation:  # fmt: skip
     """The simulation of a machine, from checked arguments."""
     branches = Branches(machine) if machine.model.hysteretic else None
     if branches and inputs is not None:
         remedy = "its spring has hysteresis, which no schedule takes; give it the law's `.mean`"
         raise InputError(f"a schedule for a {machine.model.name}: {remedy}")
-    if inputs is not None:
+    if inputs is not None and not machine.model.sticks:
         refuse_steps(machine.model, "a schedule")
     impacts = branches.first(state) if branches else Impacts(machine)
     if branches and inject != 0 and not impacts.model.one_speed:
@@ -148,8 +154,10 @@ def _simulated(
     with interrupts.deferred():
         if branches:
             return _HystereticRun(branches, inject, hops, time, cap, known).simulate(x, order, launch_speed)
-        run = _Run(impacts, inject, hops, time, cap, known).simulate(x, order, launch_speed, foot)
-    return replace(run, schedule=inputs)
+        start = sum(state[impacts.footing.sticks].tolist()) if state is not None and order != 0 else 0.0
+        run = _Run(impacts, inject, hops, time, cap, known, feedback)
+        found = run.simulate(x, order, launch_speed, foot, start)
+    return replace(found, schedule=run.applied if feedback else inputs)
 
 
 def _initial_state(impacts: Impacts, p, alpha, state) -> tuple[np.ndarray, float | None, int | None, int]:
@@ -167,7 +175,9 @@ def _initial_state(impacts: Impacts, p, alpha, state) -> tuple[np.ndarray, float
     for foot, each in enumerate(impacts.feet):
         gap, speed = each.gap(x), float(x @ each.speed)
         if abs(gap) <= tolerance and abs(speed) <= tolerance:
-            stands = standing(impacts, x[None], np.array([foot]))[0][0] if len(impacts.feet) > 1 else x
+            impacts.footing.refuse_sliding(x, tolerance)
+            several = len(impacts.feet) > 1
+            stands = standing(impacts, x[None], np.array([foot]))[0][0] if several else impacts.footing.placed(x)
             ends = [_force_at_start(impacts, e, impacts.onto_contact @ stands, p, tolerance) for e in impacts.exits]
             opens = min(range(len(ends)), key=lambda i: (not ends[i][1], ends[i][0]))
             force, lifts_off = ends[opens]
@@ -217,13 +227,18 @@ def _launch_state(impacts: Impacts, launch) -> tuple[np.ndarray, float]:
 class _Run:
     """The state of a simulation while it runs."""
 
-    def __init__(self, impacts: Impacts, inject: float, hops: int | None, time: float, cap: int, inputs: Schedule):
+    def __init__(
+        self, impacts: Impacts, inject: float, hops: int | None, time: float, cap: int, inputs: Schedule,
+        feedback: Feedback | None = None,
+    ):  # fmt: skip
+        self.feedback, self.applied = feedback, None
         self.impacts, self.inject, self.hops = impacts, inject, hops
         self.time, self.cap, self.inputs = time, cap, inputs
         self.legs, self.events, self.launches = list[Leg](), list[ContactEvent](), list[float]()
         self.now, self.impact_count, self.liftoff_count, self.reason = 0.0, 0, 0, ""
         self.launch: np.ndarray | None = None  # the state in which the hop began, where it began with a lift-off
         self.foot, self.stance = 0, 0  # the number of the foot that opens, and how many steps were taken
+        self.foothold = 0.0  # the place along the ground from which that of what sticks is counted
 
     branch: int | None = None  # that of the leg, of a spring with hysteresis
 
@@ -232,11 +247,14 @@ class _Run:
         """The machine that is simulated."""
         return self.impacts.machine
 
-    def simulate(self, x, order: int | None, alpha: float | None, foot: int = 0) -> Simulation:
+    def simulate(self, x, order: int | None, alpha: float | None, foot: int = 0, start: float = 0.0) -> Simulation:
         """Alternate flights, from a zero of this order of the gap of a foot, and contacts, order None, up to the end's
-        status."""
+        status; what sticks begins at the place `start`."""
         self.launches += [] if alpha is None else [alpha]
         self.foot, status = foot, None
+        self.foothold = start
+        if order == LIFTOFF_ORDER:
+            self.decide(x)
         while status is None:
             if order is None:
                 status, x = self.contact(x)
@@ -284,6 +302,9 @@ class _Run:
             before = (label.inverse if step > 0 else label)(after, impacts.values)
             loss += self.energy(before) - self.energy(after)
         self.add_event("landing" if held else "impact", x, after, float(loss), float(wait), name)
+        self.foothold += sum(x[impacts.footing.sticks].tolist())
+        if impacts.footing.slips_at_landing(x):
+            return self.slip(after, " as it lands"), after, None
         self.stance, self.foot = self.stance + step, int(found.foot[0])
         self.reason = STATUSES[ended] if ended else self.reason
         if held:
@@ -313,11 +334,11 @@ class _Run:
             until = self.update_parameters()
             path, outcome, self.reason = self.impacts.sustained_contact(y, min(self.time, until) - self.now)
             if path is None:
-                return outcome, x
+                return self.slip(self.impacts.model.embed @ y) if outcome == SLIPS else outcome, x
             cut = outcome is None and until < self.time
             ended = None if cut or outcome in (LIFTS_OFF, STEPS_BACK) else outcome
             if status := self.add_leg("contact", path, ended, until if cut else None):
-                return status, x
+                return self.slip(self.impacts.model.embed @ path.end[: len(y)]) if status == SLIPS else status, x
             y = path.end[: self.impacts.contact.size]
             self.update_parameters()
             if cut:  # The force may vanish by rounding, or because the new inputs make it vanish.
@@ -325,6 +346,13 @@ class _Run:
                 force, lifts_off = _force_at_start(self.impacts, self.impacts.exits[0], y, self.impacts.p, tolerance)
                 outcome = "lifts_off" if lifts_off or force <= 0 else None
         return self.liftoff(y, x, self.impacts.exits[int(outcome == STEPS_BACK)])
+
+    def slip(self, x: np.ndarray, how: str = "") -> str:
+        """The status of a foot that slips now, in a flight state, with the event and the reason."""
+        self.add_event(SLIPS, x, x, 0.0)
+        text = "the foot slips{how} at t = {time:.6g}: slipping is not simulated"
+        self.reason = Message(text, how=how, time=Quantity(self.now, TIME))
+        return SLIPS
 
     def liftoff(self, y, x, way: Exit | None = None) -> tuple[str | None, np.ndarray]:
         """Lift off from a contact state: the status at an end, and the flight state, `x` if an injection stops it."""
@@ -351,12 +379,20 @@ class _Run:
         has_speed = is_launch or driven or not impacts.model.one_speed
         self.launches.append(float(speed) if has_speed else np.nan)
         self.impact_count, self.liftoff_count = 0, self.liftoff_count + 1
+        self.decide(after)
         return ("done" if self.liftoff_count == self.hops else None), after
 
     def order_of_liftoff(self, x) -> int:
         """The order of the gap's zero at lift-off: 2 where new inputs pull immediately, else `LIFTOFF_ORDER`."""
         pulls = len(self.inputs.times) > 0 and self.impacts.pressing(x[None])[0] < -TOUCHING * (1 + np.abs(x).max())
         return 2 if pulls else LIFTOFF_ORDER
+
+    def decide(self, x: np.ndarray) -> None:
+        """Let the feedback, if there is one, decide at a lift-off in a flight state how parameters change from now on."""
+        if self.feedback is not None:
+            launch = LaunchSection(self.impacts).free(self.impacts.onto_contact @ x)
+            own = self.now + self.feedback.times, self.feedback.inputs(launch)
+            self.applied, self.inputs = joined_inputs(self.applied, own, self.now), Schedule(self.machine, own)
 
     def update_parameters(self) -> float:
         """Use the parameters that the schedule sets now; returns the time until which they are in force."""
@@ -367,7 +403,8 @@ class _Run:
 
     def add_leg(self, phase: str, path: Trajectory, status: str | None, until: float | None = None) -> str | None:
         """Store a leg, which ends at `until` if not None; returns "done" at the end of the time, else `status`."""
-        self.legs.append(Leg(phase, self.now, path, branch=self.branch, stance=self.stance))
+        own = {"branch": self.branch, "stance": self.stance, "foothold": self.foothold}
+        self.legs.append(Leg(phase, self.now, path, **own))
         if phase == "flight":
             for when, kind in unheld(self.impacts.model, path, self.impacts.values):
                 state = path(when)[: self.impacts.flight.size]

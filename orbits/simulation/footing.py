@@ -1,0 +1,114 @@
+"""What sticks in contact: where the foot stands, what a landing stops, and the friction that holds it.
+
+The place of a coordinate that sticks is 0 in the labels of each stance, and a simulation keeps the place from which it
+is counted, the foothold. A landing stops the speed of the gap and that along the ground, by one impulse. Where a
+coefficient of friction is stated, the foot slips as soon as it needs more.
+"""
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..flow.flow import Flow
+from ..laws.law import Parameters
+from ..model.model import Model
+from ..model.phase import Affine
+from ..model.planar import NORMAL_FORCE, TANGENTIAL_FORCE
+from ..numerics.polynomial_roots import Crossings, evaluate
+from ..units import Message, described
+from .feet import Foot
+
+SLIPS = "slips"  # how a contact ends where the friction is exceeded
+# A foot slips where it needs more than the stated friction by this, relative to the state, or while the contact force
+# is larger than this: both forces vanish together at a lossless lift-off, up to errors that grow from step to step.
+SLIPPING = 1e-9
+
+
+class Footing:
+    """What sticks of a machine, at values of its parameters.
+
+    sticks : the number of its place in the flight state, [] where nothing sticks
+    friction : the largest share of the force across the ground that the force along it may have, None for any
+    """
+
+    def __init__(self, model: Model, flight: Flow, contact: Flow, p: Parameters):
+        self.model, self.flight, self.contact, self.p = model, flight, contact, p
+        self.sticks = [model.flight.states.index(name) for name in model.sticks]
+        stated = model.planar.friction if self.sticks and model.planar else None
+        self.friction = None if stated is None else float(stated(p))
+
+    @cached_property
+    def held(self) -> tuple[Foot, ...]:
+        """What sticks, as places with their rates."""
+        unit = np.eye(self.flight.size)
+        return tuple(Foot(self.flight, "", Affine(tuple(unit[i]))) for i in self.sticks)
+
+    def placed(self, x: np.ndarray) -> np.ndarray:
+        """Flight states (..., n) counted from where the foot stands."""
+        x = x.copy()
+        x[..., self.sticks] = 0.0
+        return x
+
+    def stuck(self, x: np.ndarray) -> np.ndarray:
+        """Flight states (m, n) after plastic impacts at flight states (m, n)."""
+        rows = self.model.landed(list(x.T), self.p)
+        return np.stack(np.broadcast_arrays(*rows, x[:, 0])[:-1], axis=1)
+
+    def refuse_sliding(self, x: np.ndarray, tolerance: float) -> None:
+        """Raise `InputError` for a flight state (n,) on the ground in which what sticks has a speed."""
+        names = self.flight.phase.states
+        if any(abs(x[i + 1]) > tolerance for i in self.sticks):
+            text = "state = {place}: its foot sticks to the ground, where '{name}' is 0"
+            raise InputError(Message(text, place=described(names, x), name=names[self.sticks[0] + 1]))
+
+    @property
+    def cone(self) -> tuple[Affine, ...]:
+        """What is left of the friction in each direction, as functions of the rows of the contact's motion."""
+        if self.friction is None:
+            return ()
+        rows = [*self.model.contact.states, *self.model.contact.watch]
+        held = [{NORMAL_FORCE: self.friction, TANGENTIAL_FORCE: sign} for sign in (1.0, -1.0)]
+        return tuple(Affine(tuple(weights.get(name, 0.0) for name in rows)) for weights in held)
+
+    def slips_at_landing(self, x: np.ndarray) -> bool:
+        """Whether the impulse of a plastic landing in a flight state (n,) leaves the cone of friction."""
+        if self.friction is None:
+            return False
+        across, along = -np.array(self.model.impulses(x.tolist(), self.p), dtype=float)
+        return self._exceeds(along, across, x)
+
+    def slips_at_once(self, y: np.ndarray) -> bool:
+        """Whether the forces of the ground in a contact state (k,) lie outside the cone of friction."""
+        if self.friction is None:
+            return False
+        forces = dict(zip(self.contact.phase.watch, self.contact.field(y[None], self._data)[1][0], strict=True))
+        return self._exceeds(forces[TANGENTIAL_FORCE], forces[NORMAL_FORCE], y)
+
+    @cached_property
+    def _data(self) -> np.ndarray:
+        return np.array([self.p[name] for name in self.contact.parameters], dtype=float)
+
+    def _exceeds(self, along: Any, across: Any, state: np.ndarray) -> bool:
+        assert self.friction is not None
+        return bool(abs(along) > self.friction * across + SLIPPING * (1 + np.abs(state).max()))
+
+
+class SlipTest:
+    """The places of a contact's motion, which comes block after block, at which its foot begins to slip.
+
+    force : the contact force as a function of the rows of the motion
+    grazes : whether both forces vanish at the start, as after a lossless landing
+    """
+
+    def __init__(self, footing: Footing, force: Affine, grazes: bool):
+        self.force, self.margins = force, [(margin, Crossings(int(grazes))) for margin in footing.cone]
+
+    def __call__(self, coefficients: np.ndarray, steps: np.ndarray) -> list[tuple[int, float]]:
+        """The places, each a step and the time in it."""
+        found = [place for margin, zeros in self.margins for place in zeros(margin.series(coefficients), steps)]
+        if not found:
+            return []
+        force, tolerance = self.force.series(coefficients), SLIPPING * (1 + np.abs(coefficients[0, :, 0]).max())
+        return [(i, t) for i, t in found if evaluate(force[i : i + 1], np.array([t]))[0] > tolerance]
