@@ -172,12 +172,14 @@ class Statement:
     unknowns : names of the unknowns u
     arcs : in the order in which they are passed through
     durations : names of those unknowns that are times, which stay positive
+    tuned : names of those unknowns, the last ones, that are parameters
     """
 
     name: str
     unknowns: tuple[str, ...]
     arcs: tuple[Arc, ...]
     durations: tuple[str, ...] = ()
+    tuned: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return fields_in_line(self, "name", "unknowns")

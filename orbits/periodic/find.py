@@ -16,11 +16,12 @@ from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..running.time_limit import time_limit
 from ..shooting.formulations import equations_of, iterative, method_of, vector
-from ..units import LIFTOFF_SPEED, TIME, Message, Quantity, in_own_units, in_units
+from ..units import LIFTOFF_SPEED, TIME, Message, Quantity, in_own_units, in_units, without_units
 from .certified import Solved, certified_orbit, corrector, known_solutions, solve_from
 from .family_search import Cells, Lateness
 from .homotopy import solve_by_homotopy
 from .orbit import Orbit, orbit_of, start_in_file
+from .tuned import Tuning, errors_of_tuned, solve_tuned, tuned_values, tuning_of, with_extremes
 
 Progress: TypeAlias = Callable[[float], None] | None  # called with the share that is done
 # An orbit nearby, the unknowns of a half orbit by name, or the name of a file of an orbit.
@@ -39,6 +40,8 @@ def find(
     *,
     start: StartLike | None = None,
     method: str | None = None,
+    tune: str | Iterable[str] | None = None,
+    at: Mapping[str, float] | None = None,
     progress: Progress = None,
     limit: float | None = None,
 ) -> Orbit:
@@ -53,6 +56,10 @@ def find(
         unless `family` is stated too
     method : "closed form", "relative", "half orbit", or "shooting", which is multiple shooting by Ipopt; None for the
         simplest that the machine allows
+    tune : names of parameters that are unknowns too, one for each quantity in `at`; the search begins at their values
+        in the machine, whose own orbit leads to the one that is returned
+    at : values of quantities of the orbit by name, in the machine's units, such as "period", "frequency", "alpha",
+        "clearance" or the rise of a height
     progress : called with the completed share of the homotopy, where there is one
     limit : time limit in seconds; None for 30, or for the limit of a `time_limit` around it
 
@@ -73,7 +80,10 @@ def find(
     number = None if family is None else family_number(family)
     if isinstance(start, str | Path):
         start = start_in_file(start)
+    tuning = None if tune is None and at is None else tuning_of(machine, tune, at)
     with interrupts.deferred(), time_limit(limit):
+        if tuning:
+            return _tuned_from(machine, number, start, method_of(machine.model, method), tuning, progress)
         return _found_from(machine, number, start, method_of(machine.model, method), progress)
 
 
@@ -87,6 +97,34 @@ def _found_from(machine: Machine, family: int | None, start: Any, method: str, p
     if family not in (None, orbit.family):
         raise NoOrbit(f"the start leads to an orbit of family {orbit.family}, not {family}")
     return orbit
+
+
+def _tuned_from(
+    machine: Machine, family: int | None, start: Any, method: str, tuning: Tuning, progress: Progress
+) -> Orbit:
+    """The orbit of a family with tuned parameters, or the one found from a start."""
+    began = time.perf_counter()
+    if method == "shooting":
+        raise InputError("method 'shooting' tunes no parameters; leave it out")
+    first = _found_from(machine, family, start, method, progress)
+    if tuning.extremes:
+        orbit, errors = with_extremes(machine, tuning, first, lambda m, known, few: _tuned_near(m, known, few, method))
+    else:
+        orbit, errors = _tuned_near(machine, first, tuning, method)
+    return replace(orbit.with_tuned(errors), seconds=time.perf_counter() - began)
+
+
+def _tuned_near(machine: Machine, known: Orbit, tuning: Tuning, method: str) -> tuple[Orbit, dict[str, float]]:
+    """The orbit with tuned parameters to which the machine's known one leads, and bounds on the errors of these."""
+    if not tuning.names:
+        return _found_from(machine, known.family, known, method, None), {}
+    with without_units(machine.units):
+        solved = solve_tuned(machine, tuning, stated_unknowns(machine.model, known))
+        errors, u = errors_of_tuned(solved), solved.us[0].tolist()
+    tuned = machine.with_values(**tuned_values(solved.equations, solved.us[0]))
+    names, units = solved.equations.statement.unknowns[: len(machine.model.half_unknowns)], tuned.units
+    near = {name: x * (units.of(name) if units else 1.0) for name, x in zip(names, u, strict=False)}
+    return _found_from(tuned, known.family, near, method, None), errors
 
 
 @exclusive

@@ -60,6 +60,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
     known_in_family : the number of orbits of its family that a search over launch speeds has found, this one included;
         None where there was no search. A search is stopped after 20,000 launches, and may then miss some.
     source : the machine that it was found for; None for an orbit from a file or another process, and for a copy
+    tuned : bounds on the errors of those of the machine's parameters that were tuned, by name
 
     >>> from orbits import find
     >>> from problems import Hopper
@@ -86,6 +87,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
     bare: "Orbit | None" = field(default=None, repr=False)
     known_in_family: int | None = None
     source: Machine | None = field(default=None, repr=False)
+    tuned: Mapping[str, float] = field(default_factory=dict)
 
     def __getstate__(self) -> dict[str, Any]:
         """The fields without the machine, which another process may not be able to read."""
@@ -106,6 +108,10 @@ class Orbit(Result, what="orbit", printed_digits=15):
         for each in (document, document.get("bare", {})):
             each.pop("seconds", None)
         return to_json(document)
+
+    def with_tuned(self, errors: Mapping[str, float]) -> "Orbit":
+        """The same orbit, whose parameters of these names were tuned, with these bounds on their errors."""
+        return replace(self, tuned=dict(errors), bare=self.bare and replace(self.bare, tuned=dict(errors)))
 
     def dimensionless(self) -> "Orbit":
         """The orbit in its machine's dimensionless units; the orbit itself if it has no other units."""
@@ -232,6 +238,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
         figures["state_mid_flight"] = mid.tolist()
         document = {**self.machine, **{name: figures[name] for name in DOCUMENT_FIELDS}}
         document |= {name: figures[name] for name in FIELDS_OF_STEPS} if self.shape.steps else {}
+        document |= {"tuned": dict(self.tuned)} if self.tuned else {}
         if not self.scales:
             return document
         units = {name: unit for name, unit in self.scales.texts().items() if name in document}
@@ -303,6 +310,12 @@ class Orbit(Result, what="orbit", printed_digits=15):
         speed = f" {units['alpha']}" if units else ""
         numbers = {"alpha": self.alpha, "error": c.error}
         yield Row("alpha", numbers, (f"{{}}{speed}   +- {{:.1e}} (error of the numerics)",))
+        for name, error in self.tuned.items():
+            unit = f" {units[name]}" if units.get(name) else ""
+            value = self.machine["parameters"].get(name, self.machine.get(name))
+            yield Row(
+                f"tuned {name}", {name: value, "error": error}, (f"{{}}{unit}   +- {{:.1e}} (error of the numerics)",)
+            )
         if c.alpha_noise is not None:
             text = f"+- {{:.1e}}{speed} (one standard deviation of the rows{', or less' if c.alpha_per_noise else ''})"
             yield Row("  by the table's noise", {"alpha_noise": c.alpha_noise}, (text,))

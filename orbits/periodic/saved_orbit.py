@@ -24,7 +24,7 @@ DOCUMENT_FIELDS = (
 # Further fields of the orbit of a machine whose points of contact take turns.
 FIELDS_OF_STEPS = ("bounce_factor", "friction_needed", "friction_error", "friction_time", "smallest_stance_force")
 # The fields of an orbit's file besides those of the machine.
-OTHER_FIELDS = {*DOCUMENT_FIELDS, *FIELDS_OF_STEPS, "format", "motion", "units", "si", "bare"}
+OTHER_FIELDS = {*DOCUMENT_FIELDS, *FIELDS_OF_STEPS, "format", "motion", "units", "si", "bare", "tuned"}
 
 
 class SavedMotion(TypedDict):
@@ -56,6 +56,7 @@ class SavedOrbit(SavedLaws):
     skipped: tuple[str, ...]
     seconds: float
     known_in_family: NotRequired[int | None]
+    tuned: NotRequired[Mapping[str, float]]
     units: NotRequired[Mapping[str, str]]
     bare: NotRequired[Mapping[str, Any]]
     motion: SavedMotion
@@ -77,6 +78,7 @@ def stated_fields(data: Mapping[str, Any]) -> dict[str, Any]:
         skipped=data["skipped"],
         seconds=data["seconds"],
         known_in_family=data.get("known_in_family"),
+        tuned=data.get("tuned", {}),
     )
 
 

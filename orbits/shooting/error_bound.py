@@ -40,9 +40,10 @@ NARROW = (
 
 
 def error_bounds(
-    equations: Shooting, us: ndarray, ps: ndarray, evaluation: Evaluation, closing: Rows = None, quickly: bool = False
-) -> tuple[ndarray, dict[int, NoOrbit]]:
-    """Bounds (m,) on the errors of the unknown "alpha" in solutions (m, n), and by index why some cannot be certified.
+    equations: Shooting, us: ndarray, ps: ndarray, evaluation: Evaluation, closing: Rows = None, quickly: bool = False,
+    unknown: str = "alpha",
+) -> tuple[ndarray, dict[int, NoOrbit]]:  # fmt: skip
+    """Bounds (m,) on the errors of an unknown in solutions (m, n), and by index why some cannot be certified.
 
     ps : parameters (m, np)
     evaluation : the equations at the solutions
@@ -57,7 +58,8 @@ def error_bounds(
     or a whole unit carried from each step by the flow, where that is more. Of a law in pieces both have the same
     rounded coefficients, see `_rounded_pieces`.
     """
-    n, index, jacobian = equations.size, equations.statement.unknowns.index("alpha"), evaluation.jacobian
+    ps = equations.with_tuned(us, ps)
+    n, index, jacobian = equations.size, equations.statement.unknowns.index(unknown), evaluation.jacobian
     square = jacobian if closing is None else np.concatenate([jacobian, closing[:, None]], axis=1)
     # The row of alpha in the inverse; with the leading axis older NumPy takes the right side as one matrix for all.
     inverse = solve(square.swapaxes(1, 2), np.eye(square.shape[1])[None, :, [index]])[:, :n, 0]
@@ -92,7 +94,7 @@ def _grown_rounding(equations: Shooting, evaluation: Evaluation, inverse: ndarra
         equations.flows, evaluation.trajectories, evaluation.transitions, evaluation.starts, strict=True
     ):
         size = motions.largest(motions.coefficients[:, : flow.size, 0])
-        growth = np.maximum(1.0, np.linalg.norm((transition @ start)[:, :, : equations.size], axis=(1, 2)) / SHEAR)
+        growth = np.maximum(1.0, np.linalg.norm((transition @ start)[:, :, : equations.own], axis=(1, 2)) / SHEAR)
         at_random = np.sqrt(motions.counts)
         rounding += EPS / 2 * size * at_random * (1 + at_random / RANDOM_STEPS) * growth
     return np.linalg.norm(inverse, axis=1) * rounding

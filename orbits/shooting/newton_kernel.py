@@ -98,7 +98,7 @@ class NewtonKernel:
         c = c.reshape(len(c), self.rows, -1)
         motions = Trajectories(begins, z[:, at.duration], c, counts, self.flow.names, variations)
         transitions = z[:, motion.sensitivities].reshape(-1, columns, states).swapaxes(1, 2)
-        ps = np.hstack([ps[:, : self.place], xs[:, -1:], ps[:, self.place + 1 :]])
+        ps = self.equations.with_tuned(xs, np.hstack([ps[:, : self.place], xs[:, -1:], ps[:, self.place + 1 :]]))
         evaluation = self.equations.closed(xs[:, :-1], ps, (self.along,), [(motions, ends, transitions)])
         return Solutions(which, xs, directions, growths, evaluation)
 
@@ -110,10 +110,11 @@ class NewtonKernel:
         _, _, *piece = stepper.motion_function.mx_in()
         x, doing = z[at.point], z[at.doing]
         row, level, unit, p, *options, breaks = ca.vertsplit(data, np.cumsum([0, *sizes]).tolist())
-        parameters = ca.vertsplit(p)
+        parameters, equations = ca.vertsplit(p), self.equations
+        places = {**dict(zip(equations.places, range(equations.own, equations.size), strict=True)), self.place: -1}
 
         def parameters_at(point: ca.MX) -> ca.MX:
-            return ca.vertcat(*parameters[: self.place], point[-1], *parameters[self.place + 1 :])
+            return ca.vertcat(*(point[places[i]] if i in places else each for i, each in enumerate(parameters)))
 
         seeds_of_parameters = ca.DM(parameter_seeds[stepper.varied_parameters]).reshape((-1, 1))
         arguments = z[: at.point.start], ca.vertcat(parameters_at(x), seeds_of_parameters), *piece

@@ -43,8 +43,9 @@ class Evaluation:
     jacobian : (n, n + k), with respect to the unknowns and to the k varied parameters
     trajectories : one `Trajectory`, of m points one `Trajectories`, per arc, with its sensitivities to its start and to
         the varied parameters
-    transitions : derivatives (states, states + k) of each arc's end at fixed duration, by its start and the parameters
-    starts : derivatives (states + k, n + k) of the same, by the unknowns and the varied parameters
+    transitions : derivatives (states, states + t + k) of each arc's end at fixed duration, by its start, the t unknowns
+        that are parameters, and the varied parameters
+    starts : derivatives (states + t + k, n + k) of the same, by the unknowns and the varied parameters
     residual_by_end : derivatives (rows, states) of the residuals that belong to each arc by its end
     """
 
@@ -90,12 +91,21 @@ def settles(size: Any, last: Any, amplification: Any) -> Any:
 
 class Shooting:
     """The equations F(u, p) = 0 of a statement, for u (n,) and p (np,), whose entries `parameters` names; `vary` names
-    k parameters with respect to which derivatives are taken too."""
+    k parameters with respect to which derivatives are taken too. Those t parameters that the statement has among its
+    unknowns have the values of these: their entries in p have no effect. `own` is the number of the other unknowns."""
 
     def __init__(self, statement: Statement, parameters: tuple[str, ...]):
         self.statement, self.parameters = statement, tuple(parameters)
         self.size, self.durations = len(statement.unknowns), list(map(statement.unknowns.index, statement.durations))
         self.flows = tuple(flow_of(arc.phase, self.parameters) for arc in statement.arcs)
+        self.own, self.places = self.size - len(statement.tuned), list(map(self.parameters.index, statement.tuned))
+
+    def with_tuned(self, us: np.ndarray, ps: np.ndarray) -> np.ndarray:
+        """The parameters (m, np) with the values of those that are unknowns (m, n)."""
+        if self.places:
+            ps = ps.copy()
+            ps[:, self.places] = us[:, self.own : self.size]
+        return ps
 
     @property
     def in_lanes(self) -> bool:
@@ -104,7 +114,7 @@ class Shooting:
 
     def in_lanes_along(self, name: str) -> bool:
         """Whether the solutions at many values of a parameter can be found together: not where pieces depend on it."""
-        return self.in_lanes and not self.flows[0].depends_on(name)
+        return self.in_lanes and not any(map(self.flows[0].depends_on, (name, *self.statement.tuned)))
 
     @cached_property
     def ends(self) -> list[tuple[BufferedFunction, BufferedFunction]]:
@@ -119,15 +129,16 @@ class Shooting:
 
     @cached
     def seeds(self, vary: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray, list]:
-        """Derivatives of the unknowns (n, n + k), of the parameters (np, n + k) and of the varied ones (k, n + k) by
-        the unknowns and the varied parameters; and for each arc the seeds of its start and of the parameters."""
-        n, k = self.size, len(vary)
+        """Derivatives of the unknowns (n, n + k), of the parameters (np, n + k) and of those of these that are unknown
+        or varied (t + k, n + k) by the unknowns and the varied parameters; and for each arc the seeds of its start and
+        of the parameters."""
+        n, own, k = self.size, self.own, len(vary)
         dp = np.zeros((len(self.parameters), n + k))
-        for j, name in enumerate(vary):
-            dp[self.parameters.index(name), n + j] = 1.0
-        sizes = [flow.size for flow in self.flows]
-        seeds = [(np.eye(size, size + k), np.hstack([np.zeros((len(dp), size)), dp[:, n:]])) for size in sizes]
-        return np.eye(n, n + k), dp, np.eye(k, n + k, n), seeds
+        for j, place in enumerate([*self.places, *map(self.parameters.index, vary)], start=own):
+            dp[place, j] = 1.0
+        sizes, moving = [flow.size for flow in self.flows], n + k - own
+        seeds = [(np.eye(size, size + moving), np.hstack([np.zeros((len(dp), size)), dp[:, own:]])) for size in sizes]
+        return np.eye(n, n + k), dp, np.eye(moving, n + k, own), seeds
 
     def expect(self, steps: int, vary: tuple[str, ...] = ()) -> None:
         """Compile now what is worth it for this number of steps of each arc."""
@@ -137,7 +148,7 @@ class Shooting:
     def evaluate_all(self, us: np.ndarray, ps: np.ndarray, vary: tuple[str, ...] = ()) -> Evaluation:
         """Residual, Jacobian and motion at points (m, n) with parameters (m, np), with steps that the error control of
         the flow chooses; raises `FlowError` when a motion cannot be integrated."""
-        before, arcs = np.zeros((len(us), 0)), []
+        ps, before, arcs = self.with_tuned(us, ps), np.zeros((len(us), 0)), []
         for flow, begin, seeds in zip(self.flows, self.beginnings, self.seeds(vary)[3], strict=True):
             start = begin(us, before, ps)[0][:, :, 0]
             motions, transitions = flow.run_all(start[:, :-1], ps, start[:, -1], *seeds)
@@ -150,7 +161,7 @@ class Shooting:
     ) -> tuple[np.ndarray, Evaluation | None]:
         """`evaluate_all` at those points whose motions can be followed: their indices (k,), and the equations there,
         None without any."""
-        which, before, arcs = np.arange(len(us)), np.zeros((len(us), 0)), list[tuple]()
+        which, before, arcs, ps = np.arange(len(us)), np.zeros((len(us), 0)), list[tuple](), self.with_tuned(us, ps)
         for flow, begin, seeds in zip(self.flows, self.beginnings, self.seeds(vary)[3], strict=True):
             start = begin(us[which], before, ps[which])[0][:, :, 0] if len(which) else np.zeros((0, flow.size + 1))
             able = np.flatnonzero(np.isfinite(start).all(1) & (start[:, -1] > 0))
@@ -190,17 +201,18 @@ class Shooting:
         end, the data of the piece where it starts and their derivatives by p) -> residual, jacobian, and for each arc
         the derivatives of its start and those of the residuals by its end."""
         n, k = self.size, len(vary)
+        moving = n + k - self.own
         # Unneeded derivatives are left out, since some are not numbers (r**n by n where r < 0).
-        du, dp, dvaried = (ca.sparsify(ca.DM(each)) for each in self.seeds(vary)[:3])
+        du, dp, dmoving = (ca.sparsify(ca.DM(each)) for each in self.seeds(vary)[:3])
         u, p, before, dbefore = ca.SX.sym("u", n), ca.SX.sym("p", len(self.parameters)), ca.SX(0, 1), ca.SX(0, n + k)
         arguments, residuals, jacobians, results = [u, p], [], [], []
         for flow, (departure, arrival) in zip(self.flows, self.ends, strict=True):
             size, data = flow.size, flow.phase.pieces.size if flow.phase.pieces else 0
-            sizes = (size, 1), (size, size + k), (size, 1), (data, 1), (data, len(self.parameters))
+            sizes = (size, 1), (size, size + moving), (size, 1), (data, 1), (data, len(self.parameters))
             end, transition, speed, q, slopes = known = [ca.SX.sym("a", *shape) for shape in sizes]
             value, slope = departure.function(u, before, p)
             dvalue = slope @ ca.vertcat(du, dbefore, dp)
-            dstart, longer = ca.vertcat(dvalue[:-1, :], dvaried), dvalue[-1, :]
+            dstart, longer = ca.vertcat(dvalue[:-1, :], dmoving), dvalue[-1, :]
             dend = transition @ dstart + speed @ longer
             residual, slope = arrival.function(u, value[:-1], end, p, q)
             residuals.append(residual)
@@ -212,7 +224,7 @@ class Shooting:
 
     def residual(self, u: np.ndarray, p: np.ndarray, paths: tuple[Trajectory, ...], end_of: Callable) -> np.ndarray:
         """The residual (n,) where every arc ends at end_of(flow, start, p, path), one of `paths` for each."""
-        before, residuals = np.zeros(0), []
+        (p,), before, residuals = self.with_tuned(u[None], p[None]), np.zeros(0), []
         for flow, path, (departure, arrival) in zip(self.flows, paths, self.ends, strict=True):
             start = departure(u, before, p)[0][:-1, 0]
             before = end_of(flow, start, p, path)
@@ -243,7 +255,7 @@ class Shooting:
     def _damped(self, us, ps, step, evaluation: Evaluation) -> tuple[np.ndarray, Evaluation]:
         """The point (1, n) after a Newton step, halved until the residual shrinks, and the equations there."""
         size, durations = np.linalg.norm(evaluation.residual), self.durations
-        accepted = max(REDUCTION * size, SMALL_RESIDUAL * (1 + np.abs(us).max()))
+        accepted = max(REDUCTION * size, SMALL_RESIDUAL * (1 + np.abs(us[:, : self.own]).max()))
         for _ in range(MOST_STEP_HALVINGS):
             new = us + step
             if (new[:, durations] > DURATION_LEFT * us[:, durations]).all():

@@ -1,0 +1,363 @@
+"""Orbits with tuned parameters: as many numbers of a machine are unknowns as there are conditions to many.
+
+Half an orbit of a model may have more equations than unknowns, and each quantity of the orbit whose value is prescribed
+is one equation more. Then as many parameters of the machine are unknowns too, the tuned ones.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import combinations
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..consistency.accepted import check_parameters
+from ..errors import FlowError, InputError, NoOrbit, finite_number
+from ..model.machine import Machine
+from ..model.model import Model
+from ..model.phase import Arc, Statement
+from ..numerics.roots import solve
+from ..shooting.error_bound import error_bounds
+from ..shooting.formulations import half_orbit, vector
+from ..shooting.multiple_shooting import boundary_functions
+from ..shooting.single_shooting import Evaluation, Shooting, shooting_equations
+from ..symbolic.formula import suggest
+from ..units import DIMENSIONS, Dimension
+from .certificate import Certificate
+from .certified import Solved, known_solutions
+from .orbit import Orbit
+from .quantities import numbers_of
+
+# With a step below this share of the way to the prescribed values, the orbit cannot be followed there.
+SHORTEST_WAY = 1e-4
+# Newton's method with differences: the share of a parameter by which it is changed for them, the largest step, steps
+# below which the slopes stay, the smallest step, and the number of steps; each relative to the parameters.
+DIFFERENCE, LARGEST_MOVE, SAME_SLOPES, SMALLEST_MOVE, MOST_MOVES = 1e-6, 0.5, 1e-4, 1e-14, 40
+# Smaller values are compared with this one; and the rounding of a quantity of the motion, relative to it.
+SMALLEST, ROUNDING = 1e-3, 1e-14
+# A corrector that changes an unknown by a larger share of its size may have jumped to another orbit.
+LARGEST_CORRECTION = 0.1
+
+
+class Prescribed(NamedTuple):
+    """A quantity of half an orbit that may be prescribed.
+
+    of : (model, u, p) -> its value as an expression, without dimensions
+    dimension : of it
+    with_contact : whether it depends on the time of the contact
+    """
+
+    of: Callable
+    dimension: Dimension
+    with_contact: bool = False
+
+
+def _period(model: Model, u: Mapping, p: Mapping) -> Any:
+    return 2 * (u["duration"] + u["contact_duration"])
+
+
+PRESCRIBED: dict[str, Prescribed] = {
+    "alpha": Prescribed(lambda model, u, p: u["alpha"], DIMENSIONS["alpha"]),
+    "liftoff_extension": Prescribed(lambda model, u, p: model.liftoff_extension(u, p), DIMENSIONS["liftoff_extension"]),
+    "flight_time": Prescribed(lambda model, u, p: 2 * u["duration"], DIMENSIONS["flight_time"]),
+    "contact_time": Prescribed(lambda model, u, p: 2 * u["contact_duration"], DIMENSIONS["contact_time"], True),
+    "period": Prescribed(_period, DIMENSIONS["period"], True),
+    "frequency": Prescribed(lambda model, u, p: 1 / _period(model, u, p), (0, -1), True),
+}
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """Which parameters are tuned, and to what.
+
+    names : of the tuned parameters
+    values : prescribed values of quantities that are equations of half an orbit, by name, in the machine's units
+    extremes : those of other quantities, by name
+    """
+
+    names: tuple[str, ...]
+    values: Mapping[str, float]
+    extremes: Mapping[str, float]
+
+
+def tuning_of(machine: Machine, tune: str | Iterable[str] | None, at: Mapping[str, float] | None) -> Tuning:
+    """The tuned parameters of a machine and the prescribed quantities; raises `InputError` where the names are unknown,
+    or where their numbers do not make the equations square."""
+    names = tuned_names(machine, tune)
+    if not isinstance(at or {}, Mapping):
+        raise InputError(f"at = {at!r}; it is a mapping of quantities to values, as at={{'period': 9.0}}")
+    others = quantities_of_motion(machine)
+    values = {name: finite_number(f"at '{name}'", value) for name, value in (at or {}).items()}
+    for name in values:
+        if name in machine.values:
+            raise InputError(f"at '{name}': that is a number of the machine; state it there, or tune it")
+        if name not in (*PRESCRIBED, *others):
+            raise InputError(f"at '{name}': the orbits have no such quantity{suggest(name, [*PRESCRIBED, *others])}")
+    check_count(machine, names, values)
+    smooth = {name: value for name, value in values.items() if name in PRESCRIBED}
+    return Tuning(names, smooth, {name: value for name, value in values.items() if name not in smooth})
+
+
+def tuned_names(machine: Machine, tune: str | Iterable[str] | None) -> tuple[str, ...]:
+    """The names of the tuned parameters; raises `InputError` for one that is unknown, fixed, or stated twice."""
+    names = (tune,) if isinstance(tune, str) else tuple(tune or ())
+    check_parameters(machine, *names)
+    if len({*names}) < len(names):
+        raise InputError(f"tune = {names!r}: it names each parameter once")
+    if machine.model.reversor is None:
+        raise InputError(f"a {machine.model.name} has no reversor: only half of an orbit that has one is tuned")
+    machine.with_values(**{name: machine.values[name] for name in names})  # refuses one that follows from others
+    return names
+
+
+def quantities_of_motion(machine: Machine) -> list[str]:
+    """The quantities of a machine's orbits that are found from its whole motion, as extremes are."""
+    of_motion = ("stroke", "clearance", "smallest_separation", "smallest_contact_force", "largest_contact_force")
+    without = () if machine.model.separation(machine.values) is not None else ("smallest_separation",)
+    names = [*of_motion, "landing_jerk", *machine.model.rises(machine.values)]
+    return [name for name in names if name not in without]
+
+
+def check_count(machine: Machine, tuned: Sequence[str], prescribed: Iterable[str]) -> None:
+    """Raise `InputError` where a machine's equations are not as many as their unknowns."""
+    prescribed, model = [*prescribed], machine.model
+    unknowns, equations = counts(model, tuple(machine.values))
+    if (needed := equations - unknowns + len(prescribed)) != len(tuned):
+        each = "tune one number of the machine for each quantity that is prescribed"
+        if equations > unknowns:
+            more = {1: "one number of the machine"}.get(equations - unknowns, f"{equations - unknowns} numbers of it")
+            each = f"tune {more}, and one more for each quantity that is prescribed"
+        stated = f"{', '.join(tuned) or 'none'} for {', '.join(prescribed) or 'no quantity'}"
+        raise InputError(
+            f"half an orbit of a {model.name} has {equations} equations for {unknowns} unknowns: {each}. "
+            f"{needed} are needed, and tuned {'is' if len(tuned) < 2 else 'are'} {stated}"
+        )
+
+
+@lru_cache(maxsize=64)
+def counts(model: Model, parameters: tuple[str, ...]) -> tuple[int, int]:
+    """The number of unknowns and the number of equations of half an orbit, before anything is tuned."""
+    statement = half_orbit(model)
+    arrivals = [arrival for _, arrival in boundary_functions(statement, parameters)]
+    return len(statement.unknowns), sum(arrival.numel_out(0) for arrival in arrivals)
+
+
+@lru_cache(maxsize=64)
+def tuned_statement(model: Model, tuned: tuple[str, ...], prescribed: tuple[str, ...]) -> Statement:
+    """Half an orbit whose last unknowns are parameters, with one equation more for each prescribed quantity; its value,
+    in the machine's units, is the parameter of its name."""
+    base = half_orbit(model)
+    arcs, unknowns, durations = base.arcs, base.unknowns[: len(base.unknowns) - len(base.tuned)], base.durations
+    each = [(name, PRESCRIBED[name]) for name in prescribed]
+    if len(arcs) == 1 and any(quantity.with_contact for _, quantity in each):
+        unknowns, durations = (*unknowns, "contact_duration"), (*durations, "contact_duration")
+        contact = Arc(
+            model.contact,
+            start=lambda u, before, p: model.touchdown(u, p),
+            duration=lambda u, p: u["contact_duration"],
+            conditions=lambda u, x, p: [model.mid_contact(p).at(x)],
+        )
+        arcs = (*arcs, contact)
+
+    def conditions(u: Mapping, x: Sequence, p: Mapping) -> list:
+        units = model.units(p) if model.units else None
+        more = [one.of(model, u, p) - p[name] / (units.of(one.dimension) if units else 1.0) for name, one in each]
+        return [*arcs[-1].conditions(u, x, p), *more]
+
+    arcs_with = (*arcs[:-1], replace(arcs[-1], conditions=conditions))
+    names = (*base.tuned, *tuned)
+    return Statement("tuned half orbit", (*unknowns, *names), arcs_with, durations, names)
+
+
+def tuned_equations(machine: Machine, tuned: tuple[str, ...], prescribed: tuple[str, ...]) -> Shooting:
+    """The equations of half an orbit with tuned parameters; the prescribed quantities are further parameters, the
+    last ones."""
+    statement = tuned_statement(machine.model, tuned, prescribed)
+    return shooting_equations(statement, (*machine.values, *prescribed))
+
+
+def value_of(machine: Machine, name: str, u: Mapping[str, float]) -> float:
+    """The value of a quantity that may be prescribed at unknowns of half an orbit, in the machine's units."""
+    quantity, units = PRESCRIBED[name], machine.units
+    return float(quantity.of(machine.model, u, machine.values)) * (units.of(quantity.dimension) if units else 1.0)
+
+
+def solve_tuned(machine: Machine, tuning: Tuning, u: Mapping[str, float]) -> Solved:
+    """The solution of the equations with tuned parameters to which the way leads from an orbit of the machine, the
+    unknowns of its half by name; raises `NoOrbit` where it does not lead to the prescribed values."""
+    names, targets = (*tuning.values,), np.array([*tuning.values.values()])
+    equations = tuned_equations(machine, tuning.names, names)
+    if "contact_duration" in equations.statement.unknowns and "contact_duration" not in u:
+        raise NoOrbit(f"the contact of the orbit to begin with does not end: it has no {' and no '.join(names)}")
+    start = {**u, **{name: machine.values[name] for name in equations.statement.tuned}}
+    here = np.array([value_of(machine, name, start) for name in names])
+    x = np.array([start[name] for name in equations.statement.unknowns])
+    x, evaluation, p = _along_way(machine, equations, x, here, targets)
+    return Solved(machine.model, "half orbit", equations, x[None], p[None], evaluation)
+
+
+def _along_way(
+    machine: Machine, equations: Shooting, x: np.ndarray, here: np.ndarray, there: np.ndarray
+) -> tuple[np.ndarray, Evaluation, np.ndarray]:
+    """The solution (n,), the equations there and the parameters (np,), as prescribed values go from those `here` (k,)
+    to those `there`."""
+    names, own = equations.parameters[len(machine.values) :], [*machine.values.values()]
+    p_at = lambda share: np.array([*own, *(there if share == 1 else here + share * (there - here))])  # noqa: E731
+    reached, step = 0.0, 1.0
+    try:
+        x, evaluation = equations.newton(x, p_at(0.0))
+    except NoOrbit as error:
+        tuned, all_of = ", ".join(equations.statement.tuned), ", ".join(names)
+        raise NoOrbit(f"{all_of or 'the orbit'} may not depend on {tuned}: tune another number ({error})") from None
+    while reached < 1:
+        jacobian = equations.evaluate(x, p_at(reached), names).jacobian
+        tangent = -solve(jacobian[:, : len(x)], jacobian[:, len(x) :] @ (there - here))
+        while True:
+            share = 1.0 if step >= 1 - reached else reached + step
+            try:
+                guess = x + (share - reached) * tangent
+                x, evaluation = _corrected(machine, equations, guess, p_at(share))
+                break
+            except (NoOrbit, FlowError, InputError) as error:
+                step = min(step, 1 - reached) / 2
+                if step < SHORTEST_WAY:
+                    raise _no_way(machine, equations, x, p_at(reached), there, tangent, error) from None
+        reached, step = share, 2 * step
+    return x, evaluation, equations.with_tuned(x[None], p_at(1.0)[None])[0]
+
+
+def _corrected(
+    machine: Machine, equations: Shooting, guess: np.ndarray, p: np.ndarray
+) -> tuple[np.ndarray, Evaluation]:
+    """The solution near a predicted one; raises `NoOrbit` where it is far from that, and `InputError` where the machine
+    cannot have the tuned values."""
+    own = equations.own
+    if not (np.isfinite(guess).all() and (guess[equations.durations] > 0).all()):
+        raise NoOrbit("the step leads to a negative time or speed")
+    machine.with_values(**tuned_values(equations, guess))
+    found, evaluation = equations.newton(guess, p)
+    sizes = np.maximum(np.abs(found[:own]), 0.1 * np.abs(found[:own]).max())
+    if np.max(np.abs(found - guess)[:own] / sizes) > LARGEST_CORRECTION:
+        raise NoOrbit("the corrector ends far from the predicted orbit")
+    machine.with_values(**tuned_values(equations, found))
+    return found, evaluation
+
+
+def tuned_values(equations: Shooting, x: np.ndarray) -> dict[str, float]:
+    """The values of the tuned parameters at unknowns (n,), by name."""
+    return dict(zip(equations.statement.tuned, x[equations.own :].tolist(), strict=True))
+
+
+def _no_way(
+    machine: Machine, equations: Shooting, x: np.ndarray, p: np.ndarray, there: np.ndarray, tangent: np.ndarray,
+    error: Exception,
+) -> NoOrbit:  # fmt: skip
+    """The error of a way that ends before the prescribed values."""
+    values = tuned_values(equations, x)
+    rates = dict(zip(values, tangent[equations.own :].tolist(), strict=True))
+    tuned = ", ".join(
+        f"{name} = {x:.6g} and {'rising' if rates[name] > 0 else 'falling'}" for name, x in values.items()
+    )
+    names = equations.parameters[len(machine.values) :]
+    reached = ", ".join(f"{name} = {x:.6g}" for name, x in zip(names, p[len(machine.values) :].tolist(), strict=True))
+    wanted = ", ".join(f"{name} = {x:.6g}" for name, x in zip(names, there.tolist(), strict=True))
+    return NoOrbit(
+        f"no orbit with {wanted} is reached by tuning {', '.join(values)}: at {reached}, with {tuned}, {error}"
+    )
+
+
+def errors_of_tuned(solved: Solved) -> dict[str, float]:
+    """Bounds on the errors of the tuned parameters of one solution, by name, in the machine's units."""
+    equations, found = solved.equations, dict[str, float]()
+    for name in equations.statement.tuned:
+        bounds, _ = error_bounds(equations, solved.us, solved.ps, solved.evaluation, unknown=name)
+        found[name] = float(bounds[0])
+    return found
+
+
+def with_extremes(
+    machine: Machine, tuning: Tuning, first: Orbit, near: Callable[[Machine, Orbit, Tuning], tuple[Orbit, dict]]
+) -> tuple[Orbit, dict[str, float]]:
+    """The orbit with tuned parameters where quantities of its whole motion are prescribed too, by Newton's method with
+    differences, and estimates of the errors of these parameters.
+
+    first : the machine's own orbit
+    near : (machine, known orbit, tuning) -> the orbit where only equations are prescribed, and errors, as in `find`
+
+    As many of the parameters as there are such quantities, the last ones for which this is possible, are moved in
+    steps; the others are tuned at each step.
+    """
+    reason: Exception | None = None
+    for moved in reversed([*combinations(tuning.names, len(tuning.extremes))]):
+        rest = replace(tuning, names=tuple(name for name in tuning.names if name not in moved), extremes={})
+        try:
+            return _moved(machine, moved, rest, tuning.extremes, first, near)
+        except NoOrbit as error:
+            reason = reason or error
+    assert reason is not None
+    raise reason
+
+
+def _moved(machine, moved, rest, targets, first, near) -> tuple[Orbit, dict[str, float]]:
+    """`with_extremes` for the parameters that are `moved` in steps."""
+    wanted, x, last = np.array([*targets.values()]), np.array([machine.values[name] for name in moved]), np.inf
+    sizes, slopes = np.maximum(np.abs(wanted), SMALLEST), np.zeros((len(x), len(x)))
+
+    def solved(values: np.ndarray, known: Orbit) -> tuple[Orbit, dict[str, float], np.ndarray]:
+        others = {name: known.source.values[name] for name in rest.names}
+        here = machine.with_values(**others, **dict(zip(moved, values.tolist(), strict=True)))
+        orbit, errors = near(here, known, rest)
+        return orbit, errors, np.array([quantity_of(orbit, name) for name in targets])
+
+    def off(found: np.ndarray) -> float:
+        return float(np.max(np.abs(found - wanted) / sizes))
+
+    orbit, errors, found = solved(x, first)
+    for _ in range(MOST_MOVES):
+        if last > SAME_SLOPES:
+            for i, change in enumerate(DIFFERENCE * np.where(x == 0, 1.0, x)):
+                beside = x + change * (np.arange(len(x)) == i)
+                slopes[:, i] = (solved(beside, orbit)[2] - found) / (beside - x)[i]
+        step = solve(slopes, wanted - found)
+        size = float(np.max(np.abs(step) / np.where(x == 0, 1.0, np.abs(x))))
+        if size < SMALLEST_MOVE or (size < SAME_SLOPES and size > 0.5 * last):
+            noise = np.abs(wanted - found) + ROUNDING * np.abs(found)
+            own = np.abs(np.linalg.inv(slopes)) @ noise + np.spacing(np.abs(x))
+            return orbit, errors | dict(zip(moved, own.tolist(), strict=True))
+        share, last, reason = min(1.0, LARGEST_MOVE / size), size, "it comes no closer"
+        while share > SHORTEST_WAY:
+            try:
+                trial = solved(x + share * step, orbit)
+                if size < SAME_SLOPES or off(trial[2]) < off(found):
+                    x, (orbit, errors, found) = x + share * step, trial
+                    break
+            except (NoOrbit, FlowError, InputError) as error:
+                reason = str(error)
+            share /= 2
+        else:
+            break
+    at = ", ".join(f"{name} = {value:.6g}" for name, value in targets.items())
+    ran = ", ".join(f"{name} ran to {value:.6g}" for name, value in zip(moved, x.tolist(), strict=True))
+    here = ", ".join(f"{name} = {value:.6g}" for name, value in zip(targets, found.tolist(), strict=True))
+    raise NoOrbit(f"no orbit with {at} is reached: {ran}, where {here}, and {reason}")
+
+
+def quantity_of(orbit: Orbit, name: str) -> float:
+    """A quantity of an orbit's whole motion, in the orbit's units; raises `NoOrbit` where it has none."""
+    if name in Certificate.__dataclass_fields__:
+        value = getattr(orbit.certificate, name)
+    elif orbit.dimensionless().contact_time is None:
+        value = None
+    else:
+        machine, bare = orbit.source, orbit.dimensionless()
+        assert machine is not None
+        model, times = machine.model, {"duration": bare.flight_time / 2, "contact_duration": bare.contact_time / 2}
+        known = model.launch_at(bare.flight.coefficients[0, :, 0].tolist()) | times | {"alpha": bare.alpha}
+        us, ps = vector({each: known[each] for each in model.half_unknowns})[None], vector(machine.values)[None]
+        cycles = known_solutions(model, "half orbit", tuple(machine.values), us, ps, np.array([bare.error])).cycles
+        value = numbers_of(model, cycles, None, model.units and model.units(cycles.p), [name])[name][0]
+    if value is None:
+        why = "; ".join(orbit.violations) or f"in family {orbit.family} it has no such place; a rise is known for each"
+        raise NoOrbit(f"an orbit on the way has no {name}: {why}")
+    return float(value)
