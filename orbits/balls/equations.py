@@ -57,7 +57,8 @@ class IntervalParameters:
 class BallLeg:
     """An arc as programs, for interval parameters with these symbols.
 
-    state : symbols of the m moving states, of the duration, and of the interval parameters: n in all
+    state : symbols of the m moving states, of the duration, of the arc's constants, and of the interval parameters: n
+        in all
     rates : (laws, n), for a leg that lasts from 0 to 1
     start : (unknowns, interval parameters, states at the end of the leg before) -> the states of this leg
     conditions : for each law at the start, (the same without the last, states at the start, states at the end) ->
@@ -67,11 +68,11 @@ class BallLeg:
     def __init__(self, arc: ExactArc, unknowns: Sequence[ExactExpression], intervals: Sequence[ExactExpression]):
         self.arc, self.moving = arc, arc.states
         self.duration = symbol("duration of the leg")
-        self.state = [*arc.states, self.duration, *intervals]
+        self.state = [*arc.states, self.duration, *arc.constants, *intervals]
         constant_rates = [ZERO] * (len(self.state) - len(arc.states))
         self.rates = [[*(self.duration * rate for rate in law), *constant_rates] for law in arc.rates]
         inputs = [*unknowns, *intervals, *arc.before]
-        start = [*arc.start, arc.duration, *intervals]
+        start = [*arc.start, arc.duration, *arc.constants, *intervals]
         self.start, self.start_slopes = BallProgram(inputs, start), _dense_program(start, inputs)
         first, last = ([symbol(f"{end} {each.value}") for each in arc.states] for end in ("first", "last"))
         inputs = [*unknowns, *intervals, *first, *last]

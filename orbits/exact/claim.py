@@ -1,7 +1,8 @@
 """The claims of an orbit, which a proof has to confirm: numbers that are not trusted."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from decimal import ROUND_CEILING, Context, Decimal
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from ..errors import InputError, NoOrbit
 from ..model.machine import MACHINE_FIELDS, Machine
 from ..periodic.find import find
 from ..periodic.orbit import Orbit
+from .stated import Decimals, ExactNumber, StatedMachine, stated_machine
 
 # The unknowns that are half the times of the two phases.
 FLIGHT_DURATION, CONTACT_DURATION = "duration", "contact_duration"
@@ -21,6 +23,8 @@ LENGTHS, FORCES = ("clearance", "smallest_separation"), ("smallest_contact_force
 OTHERS = ("landing_jerk", "loss_coefficient", "stable_side", "bounce_side")
 # The share of themselves, or of the sizes below, to which they are correct; for motions, of the largest state.
 MEASURED_TO, MOTION_TO, COMPARED_TIMES = 1e-6, 1e-6, 17
+# The digits of a coefficient of friction that is proved to suffice, and by which share at least it is above what does.
+FRICTION_DIGITS, FRICTION_ROOM = 4, 1e-4
 
 
 @dataclass(frozen=True)
@@ -34,6 +38,8 @@ class Claim:
     places : the coordinates in mid-flight, by name; empty where they are not claimed
     liftoff_extension : at lift-off, None where it is not claimed
     contradictions : in words, the claims that contradict the machine
+    tuned, prescribed : the machine's parameters that are unknowns, and exact values of quantities of the orbit
+    friction : the coefficient of friction that it needs, None where that is not claimed
     """
 
     machine: Machine
@@ -45,6 +51,17 @@ class Claim:
     places: Mapping[str, float] = field(default_factory=dict)
     liftoff_extension: float | None = None
     contradictions: tuple[str, ...] = ()
+    tuned: tuple[str, ...] = ()
+    prescribed: Mapping[str, ExactNumber] = field(default_factory=dict)
+    friction: float | None = None
+
+    def stated(self, parameters: Mapping[str, Decimals]) -> StatedMachine:
+        """What a theorem about it states of the machine, with exact values of some of its parameters; where the machine
+        states no friction, a coefficient a little above what the orbit needs. Raises the errors of `stated_machine`."""
+        found = stated_machine(self.machine, parameters).with_tuned(self.tuned, self.prescribed)
+        if found.sticks and found.friction is None and self.friction is not None:
+            return replace(found, friction=rounded_up(self.friction))
+        return found
 
     @property
     def flight_time(self) -> float:
@@ -56,6 +73,12 @@ class Claim:
         """The time of the whole contact, if it ends."""
         half = self.unknowns.get(CONTACT_DURATION)
         return None if half is None else 2 * half
+
+
+def rounded_up(friction: float) -> str:
+    """A decimal of few digits that is a little above a coefficient of friction, so that this may be proved to be less."""
+    above = Context(prec=FRICTION_DIGITS, rounding=ROUND_CEILING).create_decimal(friction * (1 + FRICTION_ROOM))
+    return format(above, "f")
 
 
 def claim_of(orbit: Orbit, machine: Machine | None, varied: Sequence[str] = ()) -> Claim:

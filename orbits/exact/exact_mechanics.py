@@ -4,14 +4,15 @@ With the kinetic energy v' M(y) v/2 and the forces Q(y) of springs, weights and 
 
     M y'' = Q - C,    C = (d(M v)/dy) v - grad(v' M v)/2,
 
-in contact with + lambda g, g the gap's gradient, and g y'' = 0: the closed gap determines one coordinate, y = E s.
+in contact with + lambda g, g the gap's gradient, and g y'' = 0: the closed gap determines one coordinate, y = E s. Where
+coordinates stick these are 0 in contact, with a force on each of them.
 
 All is in units of length and time that suit the motion, powers of 2: with y = L q and t = T u, the same equations
 hold of q and u with the forces L T^2 Q.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -53,11 +54,11 @@ class Scale:
     def of(cls, speed: float, time: float, swings: int = 1) -> "Scale":
         """The units of a motion with this launch speed and half time of flight, in which the extension swings to and
         fro `swings` times; powers of 2, as any units would do."""
-        unit = _power_of_two(time / (3 * swings))
-        return cls(_power_of_two(speed * float(unit) / 3), unit)
+        unit = power_of_two(time / (3 * swings))
+        return cls(power_of_two(speed * float(unit) / 3), unit)
 
 
-def _power_of_two(value: float) -> Fraction:
+def power_of_two(value: float) -> Fraction:
     """The power of 2 that is nearest to a number above 0; 1 for any other value."""
     if not 0 < value < math.inf:
         return Fraction(1)
@@ -94,16 +95,19 @@ class ExactMechanics:
     """The equations of motion of a stated machine.
 
     free : the name of a parameter that is an unknown
+    tuned : the symbols by name of those parameters that are unknowns of the orbit, and `tuned_units` their units
     y, v : symbols (n,) of the coordinates and their rates, in the units of `scale`
     parameters : the expression of each name: a number, a function of the `share` of an interval, or the symbol of an
         unknown
     inertia : M (n, n)
     gap : its weights (n,), exact, the largest of which is 1
-    independent, embed : the coordinates of the contact, and the exact matrix (n, n - 1) from these to all
+    sticks : the coordinates that stick
+    independent, embed : the coordinates of the contact, and the exact matrix (n, n - 1 - sticks) from these to all
     conservative, forces : (laws, n), Q and Q - C
     accelerations : (laws, n) in flight
-    s, w : symbols (n - 1,) of the coordinates of the contact and their rates
-    contact_accelerations, contact_force : (laws, n - 1) and (laws,) in contact, as functions of s and w
+    s, w : symbols of the coordinates of the contact and their rates
+    contact_accelerations, contact_force : (laws, contact's coordinates) and (laws,) in contact, as functions of s and w
+    holding_forces : (laws, sticks), the forces on what sticks
     reversor, contact_reversor : of y and v in flight, and of s and w in contact; without stated maps both reverse time
         alone
     order, contact_order : 1 where these leave the pieces of a law in order, -1 where they are in the opposite order
@@ -111,10 +115,15 @@ class ExactMechanics:
     law_domains : the conditions of each law of a machine in pieces; one entry where there are no pieces
     """
 
-    def __init__(self, stated: StatedMachine, scale: Scale, free: str | None = None):
+    def __init__(
+        self, stated: StatedMachine, scale: Scale, free: str | None = None, units: Mapping[str, Fraction] | None = None
+    ):
         self.stated, self.size, self.scale = stated, len(stated.coordinates), scale
         bounds = stated.parameters.items()
         self.parameters = {name: symbol(name) if name == free else parameter_of(name, *ends) for name, ends in bounds}
+        self.tuned = {name: unknown(name) for name in stated.tuned}
+        self.tuned_units = {name: (units or {}).get(name, Fraction(1)) for name in self.tuned}
+        self.parameters |= {name: self.tuned_units[name] * each for name, each in self.tuned.items()}
         self.y = [symbol(name) for name in stated.coordinates]
         self.v = [symbol(f"{name}'") for name in stated.coordinates]
         places = [scale.length * each for each in self.y]
@@ -123,12 +132,14 @@ class ExactMechanics:
         self.inertia = self._inertia()
         self.gap = self._gap()
         self.eliminated = max(range(self.size), key=lambda i: self.gap[i])
-        self.independent = [i for i in range(self.size) if i != self.eliminated]
+        self.sticks = [stated.coordinates.index(name) for name in stated.sticks]
+        self.independent = [i for i in range(self.size) if i not in (self.eliminated, *self.sticks)]
         if stated.launch not in [stated.coordinates[i] for i in self.independent]:
             raise Unproved(f"'{stated.launch}' is no coordinate of the contact")
         self.launched = [stated.coordinates[i] for i in self.independent].index(stated.launch)
         rows = {i: [Fraction(int(i == j)) for j in self.independent] for i in self.independent}
         rows[self.eliminated] = [-self.gap[j] for j in self.independent]
+        rows |= {i: [Fraction(0)] * len(self.independent) for i in self.sticks}
         self.embed = [rows[i] for i in range(self.size)]
         self.counts = self.formula(stated.counts)
         self.separation = None if stated.separation is None else self.formula(stated.separation)
@@ -137,7 +148,10 @@ class ExactMechanics:
         self.forces = [[q - c for q, c in zip(force, centrifugal, strict=True)] for force in self.conservative]
         self.accelerations = [solved(self.inertia, force) for force in self.forces]
         self.s, self.w = [self.y[i] for i in self.independent], [self.v[i] for i in self.independent]
-        self.contact_accelerations, self.contact_force = self._contact()
+        self.contact_accelerations, self.contact_force, self.holding_forces = self._contact()
+        if depends_on([*self.inertia_and_forces, self.counts, *([self.separation] if self.separation else [])],
+                      [self.y[i] for i in self.sticks]):  # fmt: skip
+            raise Unproved("something depends on the place of a coordinate that sticks")
         self.reversor, whole = self._reversors()
         self.contact_reversor, self.order, self.contact_order = whole.on(self.independent), 1, 1
         if stated.steps:
@@ -253,8 +267,14 @@ class ExactMechanics:
                 raise Unproved("the spring's force is not plainly continuous at a breakpoint")
         return ExactPieces(tuple(each.value for each in weights), breaks)
 
-    def _contact(self) -> tuple[ExactRows, Column]:
-        """Accelerations in contact and contact force, for each law, as functions of s and w."""
+    @property
+    def inertia_and_forces(self) -> Column:
+        """All entries of both."""
+        return [each for row in (*self.inertia, *self.forces) for each in row]
+
+    def _contact(self) -> tuple[ExactRows, Column, ExactRows]:
+        """Accelerations in contact, contact force, and the forces on what sticks, for each law, as functions of s and
+        w."""
         places = {**dict(zip(self.y, self.embedded(self.s), strict=True))}
         places |= dict(zip(self.v, self.embedded(self.w), strict=True))
         inertia = [substitute(row, places) for row in self.inertia]
@@ -262,15 +282,15 @@ class ExactMechanics:
         projected = [[total(row[i] * self.embed[i][j] for i in range(self.size)) for j in count] for row in inertia]
         reduced = [[total(self.embed[i][k] * projected[i][j] for i in range(self.size)) for j in count] for k in count]
         self._reduced = reduced, [self.along(substitute(force, places)) for force in self.forces]
-        accelerations, contact_force = list[Column](), list[ExactExpression]()
+        accelerations, contact_force, holding = list[Column](), list[ExactExpression](), list[Column]()
         for force in self.forces:
             inside = substitute(force, places)
             rates = solved(reduced, self.along(inside))
-            row = projected[self.eliminated]
-            carried = total(m * rate for m, rate in zip(row, rates, strict=True))
+            held = [inner_product(projected[i], rates) - inside[i] for i in (self.eliminated, *self.sticks)]
             accelerations.append(rates)
-            contact_force.append(carried - inside[self.eliminated])
-        return accelerations, contact_force
+            contact_force.append(held[0])
+            holding.append([each - self.gap[i] * held[0] for i, each in zip(self.sticks, held[1:], strict=True)])
+        return accelerations, contact_force, holding
 
     def _reversors(self) -> tuple[ExactReversor, ExactReversor]:
         """The reversor of the flight, and that of the contact for all coordinates."""
@@ -288,6 +308,8 @@ class ExactMechanics:
                 raise Unproved(f"the gap of the {name}, {formula}, is not the one that opens or its image")
         if len(self.stated.gaps) > 2 or not (vanishes(again - gap) or vanishes(again + gap)):
             raise Unproved("the reversor and the symmetry do not take the closed gap to itself")
+        if not all(vanishes(whole.shifts[i]) for i in self.sticks):
+            raise Unproved("the reversor and the symmetry do not take what sticks to where it sticks")
         weights, breaks = (self.pieces.weights, self.pieces.breaks) if self.pieces else ([Fraction(0)] * self.size, ())
         self.order = back.check_turns("the reversor", self.y, self.v, self.inertia, self.forces, weights, breaks)
         self.contact_order = own.check_turns(
@@ -369,6 +391,11 @@ def polynomial_between(rows: Sequence[Sequence[str]], r: ExactExpression) -> Exa
     g.append(rest[1] / h**3 - 3 * g[0] / h)
     g.append(rest[2] / (2 * h**3) - 3 * g[0] / h**2 - 3 * g[1] / h)
     return first[0] + u * (first[1] + u * (first[2] + u * (g[0] + v * (g[1] + v * g[2]))))
+
+
+def unknown(name: str) -> ExactExpression:
+    """The symbol of an unknown."""
+    return symbol(f"unknown {name}")
 
 
 def place_of(name: str) -> ExactExpression:

@@ -9,7 +9,7 @@ from ..exact.bounds import Enclosure
 from ..exact.claim import Claim
 from ..exact.outward_decimals import bounds_of_fractions, radius_of
 from ..exact.refusal import Unproved
-from ..exact.stated import Bounds, Decimals, StatedMachine, stated_machine
+from ..exact.stated import Bounds, Decimals, StatedMachine
 from ..running.time_limit import time_limit
 from .case import CONDITIONS, REFUTED, UNDECIDED, check_mirrored, not_stated, whole_proof
 from .theorem import Proof
@@ -34,13 +34,13 @@ def _proof_of(
 ) -> Proof:
     began = time.perf_counter()
     try:
-        stated = stated_machine(claim.machine, parameters)
+        stated = claim.stated(parameters)
     except Unproved as error:
         return not_stated(claim.machine, error, dict.fromkeys(CONDITIONS if motion else (), UNDECIDED))
     whole = whole_proof(claim, stated, digits, motion, loss, attraction)
     if whole.proved or not stated.wide or attraction or REFUTED in whole.conditions.values() or claim.contradictions:
         return whole
-    own = stated_machine(claim.machine, {}).parameters
+    own = claim.stated({}).parameters
     if not _contain(stated, own):
         return whole
     parts = _parts(claim, stated, own, (digits, motion, loss), HALVINGS_OF_INTERVALS)
