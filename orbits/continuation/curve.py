@@ -18,6 +18,7 @@ from ..periodic.certificate import Certificate
 from ..periodic.certified import Solved, certified, orbit_from
 from ..periodic.orbit import Orbit
 from ..periodic.quantities import motion_numbers
+from ..periodic.tuned import METHOD, counts, is_quantity
 from ..records import NONE, Records
 from ..shooting.formulations import Cycles, equations_of, iterative, method_of
 from ..shooting.newton_kernel import NewtonKernel, newton_kernel
@@ -191,6 +192,8 @@ class StepEnd(NamedTuple):
 class Curve:
     """The curve F(u, value) = 0 of a machine's orbits along a parameter, whose whole range `span` is its unit."""
 
+    tuned: tuple[str, ...] = ()  # the names of the parameters that are tuned along it
+
     def __init__(self, machine: Machine, along: str, method: str, span: float):
         self.machine, self.along, self.method, self.span = machine, along, method, span
         self.names, self.parameters = tuple(machine.values), np.array(list(machine.values.values()))
@@ -343,12 +346,26 @@ def check_followed(machine: Machine, *names: str) -> None:
             raise InputError(f"a parameter called '{name}' cannot be told from the orbit's own; give it another name")
 
 
+def tuned_at(machine: Machine, point: Point, along: str) -> tuple[str, ...]:
+    """The tuned parameters of the family along a name that a point belongs to."""
+    square = len({*counts(machine.model, tuple(machine.values))}) == 1
+    return () if square and not is_quantity(machine, along) else tuple(point.also)
+
+
+def values_at(machine: Machine, point: Point, along: str) -> dict[str, float]:
+    """The values of the machine's parameters that vary along a name, at a point of the family."""
+    own = {} if is_quantity(machine, along) else {along: point.value}
+    return {**(point.also if tuned_at(machine, point, along) else {}), **own}
+
+
 def machine_at(machine: Machine, point: Point, along: str, method: str | None) -> tuple[Machine, str]:
     """The machine at a point of its family along a parameter, and the method: the simplest for None."""
-    check_followed(machine, along)
     if not isinstance(point, Point):
         raise InputError("where to begin is the `point` of a family's event")
-    machine = machine.with_values(**{along: point.value})
+    check_followed(machine, *(() if is_quantity(machine, along) else (along,)))
+    machine = machine.with_values(**values_at(machine, point, along))
+    if tuned_at(machine, point, along):
+        return machine, METHOD
     method = method or iterative(method_of(machine.model))
     if len(point.u) != equations_of(machine.model, method, tuple(machine.values)).size:
         raise InputError("this point was found by another method; give that method")

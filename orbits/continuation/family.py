@@ -17,6 +17,7 @@ from ..model.machine import Machine
 from ..periodic.certified import orbit_from
 from ..periodic.orbit import Orbit
 from ..periodic.saved_orbit import SavedLaws, with_note
+from ..periodic.tuned import PRESCRIBED
 from ..proof.branch_claim import BranchClaim
 from ..proof.prove import prove_branch, prove_claims
 from ..proof.theorem import Proof
@@ -158,12 +159,21 @@ class Family(
             )
         return self._of_motions(self.source, points)[name] if points else np.zeros(0)
 
+    @property
+    def _along(self) -> tuple[str, ...]:
+        """The parameter along which the family goes; none where it goes along a quantity of its orbits."""
+        return () if self.settings.get("tune") and self.name in PRESCRIBED else (self.name,)
+
+    def _varied(self, point: Point) -> dict[str, float]:
+        """The values of the parameters that vary along the family, at a point."""
+        return {**point.also, **dict.fromkeys(self._along, point.value)}
+
     def _of_motions(self, machine: Machine | None, points: Sequence[Point]) -> dict[str, np.ndarray]:
         """The quantities of the motions at points of the curve, by name; empty without the machine."""
         if machine is None or not points:
             return {}
-        check_parameters(machine, self.name)
-        varied = [{**point.also, self.name: point.value} for point in points]
+        check_parameters(machine, *self._along)
+        varied = [self._varied(point) for point in points]
         return numbers_of_motions(machine, self.settings["method"], varied, points)
 
     def table(self, machine: Machine | None = None, *, events: bool = False) -> dict[str, Any]:
@@ -235,7 +245,7 @@ class Family(
         Returns one `Proof` for each point, or that of the curve. Raises `InputError` without python-flint, for another
         machine, for a family of another method than the simplest, and for one that cannot be a curve.
         """
-        check_parameters(machine, self.name)
+        check_parameters(machine, *self._along)
         if continuous:
             seconds = LIMIT_OF_BRANCH if limit is None else limit
             return prove_branch(self._branch_claim(machine), digits, motion, seconds)
@@ -252,7 +262,7 @@ class Family(
 
     def _claim(self, machine: Machine, point: Point) -> Claim:
         """The claim of a point about the machine there."""
-        here = machine.with_values(**{**point.also, self.name: point.value})
+        here = machine.with_values(**self._varied(point))
         model = here.model
         names = model.reduction.statement.unknowns if model.reduction else model.half_unknowns
         if len(names) != len(point.u):
@@ -320,14 +330,14 @@ class Family(
         still = shown("pages.saved_page")
         hops: Iterator[tuple[Point, Orbit]] = iter(())
         if (whole := machine or self.source) is not None and self.points:
-            check_parameters(whole, self.name)
+            check_parameters(whole, *self._along)
             points = shown("plot").spread(self, still.MOST_HOPS)
             hops = ((point, self._orbit(whole, point)) for point in reported(points, progress))
         return still.family_page(self, path, quantity, hops)
 
     def _orbit(self, machine: Machine, point: Point) -> Orbit:
         """The whole orbit at a point."""
-        here = machine.with_values(**{**point.also, self.name: point.value})
+        here = machine.with_values(**self._varied(point))
         bare = point_in_units(point, here.units and here.units.inverse())
         return orbit_from(here, self.settings["method"], point.u, bare.error)
 
@@ -391,7 +401,7 @@ class Family(
         family = cls(head["along"], head["machine"], *found, head["settings"], head["versions"])
         if machine is not None:  # with the value that its description has of the parameter that varies
             words = {**family.machine, **family.machine["parameters"]}
-            own = {family.name: words[family.name]} if family.name in words else {}
+            own = {each: words[each] for each in (family.name, *family.settings.get("tune", ())) if each in words}
             family = replace(family, source=is_of(machine, family.machine, own))
         return _modernised(family) if family.machine.get("laws_in") == "SI" else family
 

@@ -1,6 +1,6 @@
 """Follow a family of lossless orbits along a parameter, past folds, to its end; or a curve from a branch point."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -9,8 +9,18 @@ import numpy as np
 from ..errors import InputError, NoOrbit, finite_number
 from ..model.machine import Machine, machine_in_words
 from ..periodic.certified import Solved
-from ..periodic.find import Progress, StartLike, another_family, check_start, lowest_of_family, solve_family, solve_near
+from ..periodic.find import (
+    Progress,
+    StartLike,
+    another_family,
+    check_start,
+    first_tuned,
+    lowest_of_family,
+    solve_family,
+    solve_near,
+)
 from ..periodic.orbit import Orbit, start_in_file
+from ..periodic.tuned import METHOD, is_quantity, tuned_values
 from ..running import interrupts
 from ..running.exclusive import LOCK, exclusive
 from ..running.heartbeat import running
@@ -19,12 +29,13 @@ from ..shooting.formulations import iterative, method_of
 from ..units import without_units
 from .checkpoint import collect_family
 from .corrector import correct
-from .curve import Curve, CurvePoint, Watch, check_followed, machine_at
+from .curve import Curve, CurvePoint, Watch, machine_at, tuned_at
 from .events import watched
 from .family import Family
 from .point import End, Event, Point
 from .step_control import Options, StepControl, checked_options
 from .tracer import Tracer
+from .tuned_curve import TunedCurve, checked_tuning, curve_at
 
 Stop = float | tuple[float, float]
 # The first point of the other curve may lie this many steps away, since the curves need not meet at a right angle.
@@ -39,6 +50,7 @@ def follow(
     start: StartLike | float | None = None,
     family: int = 1,
     *,
+    tune: str | Iterable[str] | None = None,
     at: Sequence[float] = Options.at,
     watch: Watch | None = None,
     longest: float = Options.longest,
@@ -53,13 +65,15 @@ def follow(
     """Follow a family of lossless orbits as a parameter goes from a first value to `stop`, past folds, to its end.
 
     machine : as in `find`
-    along : name of the parameter: "mass_ratio", "rest_length", or one of the spring's or gravity's
+    along : name of the parameter: "mass_ratio", "rest_length", or one of the spring's or gravity's; or, with `tune`, a
+        quantity of the orbits, such as "period", "frequency" or "alpha"
     stop : its last value, in the machine's units; or a pair of bounds: a bound on the other side of the start, and the
         last value
     start : its first value, by default the machine's own; or, as in `find`, the first orbit or one near it, instead of
         the lowest of `family`, at the machine's own value. The curve ends where it returns to this value, unless there
         is another bound
     family : number of the family, from 1
+    tune : names of parameters that are unknowns too, as in `find`; their values are columns of the family
     at : values to hit exactly, each time the curve passes them
     watch : functions of the orbit whose zeros are events, by name
     longest : largest distance of two points, as a share of the parameter's whole range and of the unknowns' size
@@ -84,7 +98,7 @@ def follow(
     -0.010695215
     """
     options = checked_options(at, watch, longest, most, stop_inadmissible, step_control)
-    tracer = _begin(machine, along, start, stop, family, method, options, resume)
+    tracer = _begin(machine, along, start, stop, family, method, options, resume, tune)
     return collect_family(tracer, resume, output, progress)
 
 
@@ -93,7 +107,7 @@ def trace(
     machine: Machine, along: str, stop: Stop, start: StartLike | float | None = None, family: int = 1, **options: object
 ) -> Iterator[Orbit | Event | End]:
     """The orbits of a family one by one, as `follow` finds them: each `Orbit`, each `Event` before the orbit that
-    follows it, and last the `End`. The options are those of `follow`, from `at` to `method`, and so are the errors.
+    follows it, and last the `End`. The options are those of `follow`, from `tune` to `method`, and so are the errors.
 
     >>> from orbits import trace
     >>> from problems import Hopper
@@ -102,10 +116,10 @@ def trace(
     (4.493409, 'reached')
     """
     known = [field.name for field in fields(Options)]
-    method = options.pop("method", None)
+    method, tune = options.pop("method", None), options.pop("tune", None)
     if unknown := options.keys() - set(known):
-        raise InputError(f"trace has no option '{min(unknown)}'; it knows {', '.join(known)} and method")
-    tracer = _begin(machine, along, start, stop, family, method, checked_options(**options), None)
+        raise InputError(f"trace has no option '{min(unknown)}'; it knows {', '.join(known)}, method and tune")
+    tracer = _begin(machine, along, start, stop, family, method, checked_options(**options), None, tune)
     return _orbits(tracer)
 
 
@@ -157,7 +171,7 @@ def follow_branch(
     options, stop = checked_options(at, watch, longest, most, False, step_control), finite_number("stop", stop)
     if stop == branch.value:
         raise InputError(f"stop = {stop:g} is where the branch point lies: there is no way between")
-    curve = Curve(machine, along, method, abs(stop - branch.value))
+    curve = curve_at(machine, along, method, abs(stop - branch.value), tuned_at(machine, branch, along), branch)
     x = np.array([*branch.u, branch.value])
     size = curve.size(x)
     with interrupts.deferred(), without_units(curve.units_at(branch.value)):
@@ -203,7 +217,8 @@ def orbit_at(machine: Machine, point: Point, along: str, method: str | None = No
     5.872918
     """
     machine, method = machine_at(machine, point, along, method)
-    curve, x, row = Curve(machine, along, method, 1.0), np.array([*point.u, point.value]), np.array(point.tangent)
+    curve = curve_at(machine, along, method, 1.0, tuned_at(machine, point, along), point)
+    x, row = np.array([*point.u, point.value]), np.array(point.tangent)
     with interrupts.deferred(), without_units(curve.units_at(point.value)):
         return curve.orbit(curve.certify_at(correct(curve, x, row, row @ x, row), point.value))
 
@@ -221,17 +236,19 @@ def bounds_of(along: str, start: float, stop: object, at: Sequence[float] = ()) 
     return behind, ahead
 
 
-def _begin(machine, along, start, stop, family, method, options: Options, resume: Family | None) -> Tracer:
+def _begin(machine, along, start, stop, family, method, options: Options, resume: Family | None, tune) -> Tracer:
     """A run from the first orbit, or from the last of a family that is resumed."""
     orbit, start = (start, None) if isinstance(start, Orbit | Mapping | str | Path) else (None, start)
-    check_followed(machine, along)
-    if resume is not None and (not isinstance(resume, Family) or any(point.also for point in resume.points[:1])):
-        raise InputError("what is resumed is a family of `follow`, as Family.load gives it")
+    tuned = checked_tuning(machine, along, tune)
+    if resume is not None and not (isinstance(resume, Family) and resume.settings.get("tune", []) == [*tuned]):
+        raise InputError("what is resumed is a family of `follow` with the same `tune`, as Family.load gives it")
+    if tuned and resume is None:
+        return _begin_tuned(machine, along, orbit, start, stop, family, method, options, tuned)
     if start is None:
         start = machine.values[along] if resume is None else resume.settings["start"]
     start = finite_number("start", start)
     behind, stop = bounds_of(along, start, stop, options.at)
-    machine = machine.with_values(**{along: start})
+    machine = machine if is_quantity(machine, along) else machine.with_values(**{along: start})
     if resume is not None:
         if (family, method or resume.settings["method"]) != (resume.settings["family"], resume.settings["method"]):
             which = f"number {resume.settings['family']}, by the method '{resume.settings['method']}'"
@@ -246,6 +263,26 @@ def _begin(machine, along, start, stop, family, method, options: Options, resume
     tracer = start_tracer(curve, np.append(solved.us[0], start), start, behind, stop, options)
     if orbit is None and tracer.first.point.family != family:
         raise NoOrbit(another_family(family, tracer.first.point.family))
+    return tracer
+
+
+def _begin_tuned(machine, along, orbit, start, stop, family, method, options, tuned: tuple[str, ...]) -> Tracer:
+    """A run with tuned parameters from the machine's own orbit, or from the one with the first value."""
+    if method not in (None, METHOD):
+        raise InputError(f"method '{method}' tunes no parameters; leave it out")
+    if start is not None:
+        start = finite_number("start", start)
+    if not is_quantity(machine, along):
+        machine = machine.with_values(**({} if start is None else {along: start}))
+    prescribed = {along: start} if is_quantity(machine, along) else {}
+    first, solved = first_tuned(machine, orbit, family, tuned, prescribed)
+    machine = machine.with_values(**tuned_values(solved.equations, solved.us[0]))
+    value = float(solved.ps[0, -1]) if prescribed else machine.values[along]
+    behind, stop = bounds_of(along, value, stop, options.at)
+    x = np.append(solved.us[0], value)
+    tracer = start_tracer(TunedCurve(machine, along, tuned, abs(stop - behind), x), x, value, behind, stop, options)
+    if tracer.first.point.family != first:
+        raise NoOrbit(another_family(first, tracer.first.point.family))
     return tracer
 
 
@@ -279,7 +316,8 @@ def start_tracer(curve: Curve, x: np.ndarray, start: float, behind: float, stop:
 def _resumed(machine, along: str, behind: float, stop: float, resume: Family, options: Options) -> Tracer:
     """A run from the last point of a family, in the direction in which the family was followed."""
     _check_resumable(machine, along, behind, stop, resume)
-    last, curve = resume.points[-1], Curve(machine, along, resume.settings["method"], abs(stop - behind))
+    last, settings = resume.points[-1], resume.settings
+    curve = curve_at(machine, along, settings["method"], abs(stop - behind), settings.get("tune", ()), last)
     _check_unknowns(last, curve)
     x, tangent = np.array([*last.u, last.value]), np.array(last.tangent)
     row = tangent / curve.size(x) ** 2
@@ -298,9 +336,10 @@ def _check_unknowns(point: Point, curve: Curve) -> None:
 def _check_resumable(machine: Machine, along: str, behind: float, stop: float, resume: Family) -> None:
     """Raise `InputError` where a family belongs to another machine, or has already reached its end."""
     mine, theirs = machine_in_words(machine), dict(resume.machine)
-    for name in (along, "parameters"):
+    for name in (along, *resume.settings.get("tune", ()), "parameters"):
         mine.pop(name, None), theirs.pop(name, None)
-    others = {name: value for name, value in resume.machine["parameters"].items() if name != along}
+    varied = (along, *resume.settings.get("tune", ()))
+    others = {name: value for name, value in resume.machine["parameters"].items() if name not in varied}
     other = any(machine.values.get(name) != value for name, value in others.items())
     if along != resume.name or mine != theirs or other:
         which = f"{resume.machine} along {resume.name}"

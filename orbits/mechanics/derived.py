@@ -7,7 +7,7 @@ from typing import Any
 from ..errors import InputError
 from ..laws.law import Parameters
 from ..model.linear_guess import search_of_steps
-from ..model.model import STEP, Model, as_derived
+from ..model.model import STEP_LENGTH, Model, as_derived
 from ..running.exclusive import exclusive
 from .coordinates import Coordinates
 from .elements import Force, Spring, expressions_of, names_in
@@ -16,6 +16,7 @@ from .linear import Linear, LinearEquations
 from .lone_extension import launch_of
 from .parts import Parts
 from .stepping import refuse_uneven
+from .sticking import refuse_places
 from .structure import Structure
 from .terms import GRAVITY_SHARE, Gravity
 
@@ -69,7 +70,7 @@ def derived_model(structure: Structure) -> Model:
         planar=parts.reactions.planar if parts.reactions else None,
         sticks=s.sticks,
         sticking=parts.sticking if s.sticks else None,
-        fixed=(STEP,) if s.sticks else (),
+        fixed=(STEP_LENGTH,) if s.sticks else (),
     )
     if steps and launch and model.search:
         # Families are counted by turns where mid-flight turns no place over, and by zeros of the extension where it
@@ -127,4 +128,6 @@ def _names_beside_laws(s: Structure) -> set[str]:
 @lru_cache(maxsize=64)
 def _parts_without_laws(s: Structure) -> "Parts":
     c, gravity = Coordinates.of(s.coordinates, s.actuators, s.parameters), Gravity(s.gravity, s.surface_gravity)
-    return Parts.of(s, mechanics_of(c, s.elements, s.inertia, s.gap, gravity, s.sticks))
+    mechanics = mechanics_of(c, s.elements, s.inertia, s.gap, gravity, s.sticks)
+    refuse_places(c, s, mechanics)
+    return Parts.of(s, mechanics)

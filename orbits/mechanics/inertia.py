@@ -61,8 +61,8 @@ class Inertia:
         """As many masses as coordinates: each is accelerated alone, and the multiple of its own gradient in the forces
         cancels."""
         columns = ca.horzcat(*self.gradients)
-        alone = solved(columns, ca.sparsify(forces)) / ca.repmat(ca.vertcat(*self.masses), 1, forces.shape[1])
-        return ca.sparsify(solved(columns.T, alone))
+        alone = solved_by_blocks(columns, ca.sparsify(forces)) / ca.repmat(ca.vertcat(*self.masses), 1, forces.shape[1])
+        return ca.sparsify(solved_by_blocks(columns.T, alone))
 
     @cached_property
     def _inverse(self) -> ca.SX:
@@ -98,7 +98,7 @@ class Inertia:
         return self._minors[rows, chosen]
 
 
-def solved(matrix: ca.SX, sides: ca.SX) -> ca.SX:
+def solved_by_blocks(matrix: ca.SX, sides: ca.SX) -> ca.SX:
     """The solutions (n, k) of a system with these right sides, block by block where it decouples: CasADi takes the QR
     factors of all of it, with roots, unless it is triangular or small."""
     matrix = ca.sparsify(matrix)

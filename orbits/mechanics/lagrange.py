@@ -12,9 +12,9 @@ lambda of the contact,
 
     lambda dg/dy = M y'' + sum of J f.
 
-Coordinates that stick are at rest in contact too, at 0, and the ground exerts a force on each. With the gap's gradient and
-these coordinates' as the columns of G, an impact changes the speeds by M^-1 G (G^T M^-1 G)^-1 per change of the speeds
-that it brings to 0. The coefficients of the forces are
+Coordinates that stick are at rest in contact too, at 0, and the ground exerts a force on each. With the gradients of
+the gap and of these as the columns of G, an impact changes the speeds by M^-1 G (G^T M^-1 G)^-1 per change of the
+speeds that it brings to 0. The coefficients of the forces are
 functions of the parameters, and numbers where these make no difference. Nothing is rounded while they are derived: all
 numbers are symbols (`Numerals`), and whatever the structure depends on, as whether a coefficient is 0, whether an
 extension is a sum of coordinates, and whether two forces are one, is decided exactly (`Entries`).
@@ -67,6 +67,8 @@ class ClosedGap:
             )
         weights = [weight / max(weights) for weight in weights[: c.size]]
         held = tuple(map(c.names.index, sticks))
+        if any(weights[i] for i in held):
+            raise InputError(f"gap '{expression}' opens along the ground: what sticks ({sticks[0]}) is not in it")
         left = [i for i in range(len(c.moved)) if i not in (weights.index(Fraction(1)), *held)]
         return cls(weights, ca.vertcat(*map(c.numerals.number, weights)), left, ca.SX.sym("s", len(left)), held)
 
@@ -148,7 +150,7 @@ class InContact:
 
     symbols : of its expressions
     terms : the forces that differ there
-    row : (1 + sticks, terms), the contact force, and the forces on what sticks, per force; `force_coefficients` of these
+    row : (1 + sticks, terms), the contact force and those on what sticks, per force; `force_coefficients` of these
     inertia : of the remaining coordinates; `coefficients` of their accelerations per force
     quadratic : as in flight
     """
@@ -342,14 +344,14 @@ def _flight_equations(
     moves_ends = any(not c.vanishes(along) for along in dampers) or any(isinstance(each, Force) for each in elements)
     by_place, quadratic = accelerations, None
     if any(isinstance(each, Mass) and each.across is not None for each in elements):
-        by_place, quadratic = _apart(c, terms, accelerations, (c.y, c.v))
+        by_place, quadratic = _bent_apart(c, terms, accelerations, (c.y, c.v))
     return InFlight(
         terms, parts, inertia, gradients, accelerations, c.coefficients(by_place), kick,
         c.coefficients(masses @ kick.T if gap.sticks else kick.T / compliance), masses, moves_ends, quadratic,
     )  # fmt: skip
 
 
-def _apart(
+def _bent_apart(
     c: Coordinates, terms: Sequence[Term], rows: ca.SX, own: tuple[ca.SX, ca.SX], inside: Callable = lambda each: each
 ) -> tuple[ca.SX, Coefficients | None]:
     """Rows (n, terms) without the forces that are quadratic in the rates, and the sums of these, written out so that
@@ -376,7 +378,7 @@ def _contact_equations(c: Coordinates, gap: ClosedGap, flight: InFlight) -> InCo
     if flight.quadratic:
         rates = ca.SX.sym("w", gap.s.numel())
         moving = lambda each: ca.substitute(gap.inside(each, c), c.v, ca.densify(ca.sparsify(gap.exact_embed) @ rates))  # noqa: E731
-        accelerations, quadratic = _apart(c, terms, accelerations, (gap.s, rates), moving)
+        accelerations, quadratic = _bent_apart(c, terms, accelerations, (gap.s, rates), moving)
     return InContact(
         symbols, terms, row, c.coefficients(row, symbols),
         ca.sparsify(embed.T @ gap.inside(flight.inertia, c) @ embed),

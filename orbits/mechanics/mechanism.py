@@ -28,7 +28,7 @@ from ..laws.features import with_reach
 from ..laws.law import Key, Law, coefficient_of_restitution, number
 from ..laws.law_statement import key_of
 from ..model.machine import Stated
-from ..model.model import STEP, Model, as_derived
+from ..model.model import STEP_LENGTH, Model, as_derived
 from ..running.exclusive import exclusive, exclusive_property
 from ..symbolic.formula import suggest
 from ..units import FORCE, LENGTH, TORQUE, Dimension, Units, unit_text
@@ -43,6 +43,7 @@ from .refusals import (
     hint_of_coordinate,
     joined_values,
     listed,
+    maps_of_sticking,
     refuse_misstated,
     refuse_names_of_parameters,
     refuse_values,
@@ -160,11 +161,11 @@ class Mechanism(Stated):
         self._store(inertia=self._rows(), heights=self.heights or self._lengths())
         refuse_misstated(self)
         if self.sticks:
-            back = None if self.reversor is None else {**self.reversor, **{x: f"{STEP} - {x}" for x in self.sticks}}
+            back, onward = maps_of_sticking(self.sticks)
+            back = None if self.reversor is None else {**self.reversor, **back}
             self._store(
-                reversor=back, symmetry={**self.symmetry, **{x: f"{x} - {STEP}" for x in self.sticks}},
-                parameters={STEP: 0.0, **self.parameters},
-            )  # fmt: skip
+                reversor=back, symmetry={**self.symmetry, **onward}, parameters={STEP_LENGTH: 0.0, **self.parameters}
+            )
         numbers = {name: number(name, value) for name, value in self.parameters.items()}
         laws, elements = [self._law(self.gravity, "z", numbers)], list[Element]()
         for element in self.elements:
@@ -251,7 +252,7 @@ class Mechanism(Stated):
     @property
     def _stated_parameters(self) -> dict[str, float]:
         """The parameters but for the step, which is a number of an orbit."""
-        return {name: value for name, value in self.parameters.items() if not (self.sticks and name == STEP)}
+        return {name: value for name, value in self.parameters.items() if not (self.sticks and name == STEP_LENGTH)}
 
     @property
     def _missing(self) -> list[str]:

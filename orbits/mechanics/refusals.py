@@ -7,7 +7,7 @@ from numbers import Real
 from typing import Any, get_args
 
 from ..errors import InputError
-from ..model.model import STEP
+from ..model.model import STEP_LENGTH
 from ..symbolic.formula import CONSTANTS, FUNCTIONS, suggest
 from .elements import Damper, Element, Force, Inerter, Mass, Scalar, Weight, fields_of, names_in, paths_of, value_of
 from .structure import USUAL_WORDS
@@ -63,16 +63,24 @@ def refuse_misstated(mechanism: Any) -> None:
 
 def _refuse_sticks(m: Any) -> None:
     """Refuse coordinates that stick of a mechanism to which no motion along the ground can be stated."""
-    if STEP in m.places:
-        raise InputError(f"'{STEP}' is by how much {m.sticks[0]} moves on; call the coordinate something else")
+    if len(m.sticks) > 1:
+        raise InputError(f"sticks = {list(m.sticks)}: the plane has one direction along the ground, so one sticks")
+    if STEP_LENGTH in m.places:
+        raise InputError(f"'{STEP_LENGTH}' is by how much {m.sticks[0]} moves on; call the coordinate something else")
     if len(m.gaps) > 1 or m.actuators:
         raise InputError("what sticks belongs to one gap, which opens and lands again, and to no actuators")
-    if left := sorted({*m.sticks} & {*m.symmetry, *(m.reversor or ())}):
-        raise InputError(f"'{left[0]}' sticks: its reversor and its symmetry follow from that; leave them out")
+    for stated, own in ((m.reversor or {}, maps_of_sticking(m.sticks)[0]), (m.symmetry, maps_of_sticking(m.sticks)[1])):
+        if left := [name for name in m.sticks if stated.get(name, own[name]) != own[name]]:
+            raise InputError(f"'{left[0]}' sticks: its reversor and its symmetry follow from that; leave them out")
     if left := [each for each in m.elements if isinstance(each, Mass) and each.across is None]:
         raise InputError(f"{left[0]} has no place along the ground, where {m.sticks[0]} sticks: state its across=")
-    if not 0 < len({*m.coordinates} - {*m.sticks} - names_in(m.gap)):
+    if len(m.coordinates) < 2 + len(m.sticks):
         raise InputError(f"sticks = {list(m.sticks)}: nothing is left that moves in contact")
+
+
+def maps_of_sticking(sticks: Sequence[str]) -> tuple[dict[str, str], dict[str, str]]:
+    """The formulas of the reversor and of the symmetry for coordinates that stick: a step moves them on."""
+    return {x: f"{STEP_LENGTH} - {x}" for x in sticks}, {x: f"{x} - {STEP_LENGTH}" for x in sticks}
 
 
 def listed(what: str, value: object) -> tuple:

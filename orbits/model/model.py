@@ -28,7 +28,7 @@ LANDED_FORCE = "contact force of the landed point"
 # The quantity that a contact with a coordinate that sticks watches besides: the force of the ground along it.
 HOLDING_FORCE = "holding force"
 # The parameter that says by how much such a coordinate moves on from one contact to the next.
-STEP = "step"
+STEP_LENGTH = "step"
 # What no model states, and the fields from which it follows.
 DERIVED_FIELDS = {
     "launch": "contact, launch_unknowns and embed",

@@ -127,6 +127,18 @@ def _tuned_near(machine: Machine, known: Orbit, tuning: Tuning, method: str) -> 
     return _found_from(tuned, known.family, near, method, None), errors
 
 
+def first_tuned(
+    machine: Machine, start: Any, family: int, tuned: tuple[str, ...], values: Mapping[str, float | None]
+) -> tuple[int, Solved]:
+    """The family, and the solution with tuned parameters to which the orbit of a family, or one near a start, leads;
+    the prescribed values are as in `Tuning`."""
+    check_start(machine, start)
+    start = start_in_file(start) if isinstance(start, str | Path) else start
+    known = _found_from(machine, family if start is None else None, start, method_of(machine.model), None)
+    with without_units(machine.units):
+        return known.family, solve_tuned(machine, Tuning(tuned, values, {}), stated_unknowns(machine.model, known))
+
+
 @exclusive
 def find_all(
     machine: Machine,

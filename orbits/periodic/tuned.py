@@ -26,18 +26,19 @@ from ..symbolic.formula import suggest
 from ..units import DIMENSIONS, Dimension
 from .certificate import Certificate
 from .certified import Solved, known_solutions
+from .homotopy import MAX_CORRECTION
 from .orbit import Orbit
 from .quantities import numbers_of
 
+# The method whose equations are tuned.
+METHOD = "half orbit"
 # With a step below this share of the way to the prescribed values, the orbit cannot be followed there.
 SHORTEST_WAY = 1e-4
 # Newton's method with differences: the share of a parameter by which it is changed for them, the largest step, steps
 # below which the slopes stay, the smallest step, and the number of steps; each relative to the parameters.
-DIFFERENCE, LARGEST_MOVE, SAME_SLOPES, SMALLEST_MOVE, MOST_MOVES = 1e-6, 0.5, 1e-4, 1e-14, 40
+CHANGED_BY, LARGEST_TUNING, SAME_SLOPES, SMALLEST_MOVE, MOST_MOVES = 1e-6, 0.5, 1e-4, 1e-14, 40
 # Smaller values are compared with this one; and the rounding of a quantity of the motion, relative to it.
-SMALLEST, ROUNDING = 1e-3, 1e-14
-# A corrector that changes an unknown by a larger share of its size may have jumped to another orbit.
-LARGEST_CORRECTION = 0.1
+SMALLEST, ROUNDING_OF_EXTREMES = 1e-3, 1e-14
 
 
 class Prescribed(NamedTuple):
@@ -72,12 +73,13 @@ class Tuning:
     """Which parameters are tuned, and to what.
 
     names : of the tuned parameters
-    values : prescribed values of quantities that are equations of half an orbit, by name, in the machine's units
+    values : prescribed values of quantities that are equations of half an orbit, by name, in the machine's units; None
+        for that of the orbit where the search begins
     extremes : those of other quantities, by name
     """
 
     names: tuple[str, ...]
-    values: Mapping[str, float]
+    values: Mapping[str, float | None]
     extremes: Mapping[str, float]
 
 
@@ -109,6 +111,11 @@ def tuned_names(machine: Machine, tune: str | Iterable[str] | None) -> tuple[str
         raise InputError(f"a {machine.model.name} has no reversor: only half of an orbit that has one is tuned")
     machine.with_values(**{name: machine.values[name] for name in names})  # refuses one that follows from others
     return names
+
+
+def is_quantity(machine: Machine, name: object) -> bool:
+    """Whether a name is that of a quantity that may be prescribed, and not of a parameter of the machine."""
+    return isinstance(name, str) and name in PRESCRIBED and name not in machine.values
 
 
 def quantities_of_motion(machine: Machine) -> list[str]:
@@ -177,7 +184,7 @@ def tuned_equations(machine: Machine, tuned: tuple[str, ...], prescribed: tuple[
     return shooting_equations(statement, (*machine.values, *prescribed))
 
 
-def value_of(machine: Machine, name: str, u: Mapping[str, float]) -> float:
+def prescribed_value(machine: Machine, name: str, u: Mapping[str, float]) -> float:
     """The value of a quantity that may be prescribed at unknowns of half an orbit, in the machine's units."""
     quantity, units = PRESCRIBED[name], machine.units
     return float(quantity.of(machine.model, u, machine.values)) * (units.of(quantity.dimension) if units else 1.0)
@@ -186,15 +193,18 @@ def value_of(machine: Machine, name: str, u: Mapping[str, float]) -> float:
 def solve_tuned(machine: Machine, tuning: Tuning, u: Mapping[str, float]) -> Solved:
     """The solution of the equations with tuned parameters to which the way leads from an orbit of the machine, the
     unknowns of its half by name; raises `NoOrbit` where it does not lead to the prescribed values."""
-    names, targets = (*tuning.values,), np.array([*tuning.values.values()])
+    names = tuple(tuning.values)
     equations = tuned_equations(machine, tuning.names, names)
     if "contact_duration" in equations.statement.unknowns and "contact_duration" not in u:
         raise NoOrbit(f"the contact of the orbit to begin with does not end: it has no {' and no '.join(names)}")
     start = {**u, **{name: machine.values[name] for name in equations.statement.tuned}}
-    here = np.array([value_of(machine, name, start) for name in names])
+    here = np.array([prescribed_value(machine, name, start) for name in names])
+    targets = np.array(
+        [own if value is None else value for own, value in zip(here, tuning.values.values(), strict=True)]
+    )
     x = np.array([start[name] for name in equations.statement.unknowns])
     x, evaluation, p = _along_way(machine, equations, x, here, targets)
-    return Solved(machine.model, "half orbit", equations, x[None], p[None], evaluation)
+    return Solved(machine.model, METHOD, equations, x[None], p[None], evaluation)
 
 
 def _along_way(
@@ -217,7 +227,7 @@ def _along_way(
             share = 1.0 if step >= 1 - reached else reached + step
             try:
                 guess = x + (share - reached) * tangent
-                x, evaluation = _corrected(machine, equations, guess, p_at(share))
+                x, evaluation = _solved_near(machine, equations, guess, p_at(share))
                 break
             except (NoOrbit, FlowError, InputError) as error:
                 step = min(step, 1 - reached) / 2
@@ -227,7 +237,7 @@ def _along_way(
     return x, evaluation, equations.with_tuned(x[None], p_at(1.0)[None])[0]
 
 
-def _corrected(
+def _solved_near(
     machine: Machine, equations: Shooting, guess: np.ndarray, p: np.ndarray
 ) -> tuple[np.ndarray, Evaluation]:
     """The solution near a predicted one; raises `NoOrbit` where it is far from that, and `InputError` where the machine
@@ -238,7 +248,7 @@ def _corrected(
     machine.with_values(**tuned_values(equations, guess))
     found, evaluation = equations.newton(guess, p)
     sizes = np.maximum(np.abs(found[:own]), 0.1 * np.abs(found[:own]).max())
-    if np.max(np.abs(found - guess)[:own] / sizes) > LARGEST_CORRECTION:
+    if np.max(np.abs(found - guess)[:own] / sizes) > MAX_CORRECTION:
         raise NoOrbit("the corrector ends far from the predicted orbit")
     machine.with_values(**tuned_values(equations, found))
     return found, evaluation
@@ -292,14 +302,14 @@ def with_extremes(
     for moved in reversed([*combinations(tuning.names, len(tuning.extremes))]):
         rest = replace(tuning, names=tuple(name for name in tuning.names if name not in moved), extremes={})
         try:
-            return _moved(machine, moved, rest, tuning.extremes, first, near)
+            return _by_moving(machine, moved, rest, tuning.extremes, first, near)
         except NoOrbit as error:
             reason = reason or error
     assert reason is not None
     raise reason
 
 
-def _moved(machine, moved, rest, targets, first, near) -> tuple[Orbit, dict[str, float]]:
+def _by_moving(machine, moved, rest, targets, first, near) -> tuple[Orbit, dict[str, float]]:
     """`with_extremes` for the parameters that are `moved` in steps."""
     wanted, x, last = np.array([*targets.values()]), np.array([machine.values[name] for name in moved]), np.inf
     sizes, slopes = np.maximum(np.abs(wanted), SMALLEST), np.zeros((len(x), len(x)))
@@ -316,16 +326,16 @@ def _moved(machine, moved, rest, targets, first, near) -> tuple[Orbit, dict[str,
     orbit, errors, found = solved(x, first)
     for _ in range(MOST_MOVES):
         if last > SAME_SLOPES:
-            for i, change in enumerate(DIFFERENCE * np.where(x == 0, 1.0, x)):
+            for i, change in enumerate(CHANGED_BY * np.where(x == 0, 1.0, x)):
                 beside = x + change * (np.arange(len(x)) == i)
                 slopes[:, i] = (solved(beside, orbit)[2] - found) / (beside - x)[i]
         step = solve(slopes, wanted - found)
         size = float(np.max(np.abs(step) / np.where(x == 0, 1.0, np.abs(x))))
         if size < SMALLEST_MOVE or (size < SAME_SLOPES and size > 0.5 * last):
-            noise = np.abs(wanted - found) + ROUNDING * np.abs(found)
+            noise = np.abs(wanted - found) + ROUNDING_OF_EXTREMES * np.abs(found)
             own = np.abs(np.linalg.inv(slopes)) @ noise + np.spacing(np.abs(x))
             return orbit, errors | dict(zip(moved, own.tolist(), strict=True))
-        share, last, reason = min(1.0, LARGEST_MOVE / size), size, "it comes no closer"
+        share, last, reason = min(1.0, LARGEST_TUNING / size), size, "it comes no closer"
         while share > SHORTEST_WAY:
             try:
                 trial = solved(x + share * step, orbit)
@@ -355,7 +365,7 @@ def quantity_of(orbit: Orbit, name: str) -> float:
         model, times = machine.model, {"duration": bare.flight_time / 2, "contact_duration": bare.contact_time / 2}
         known = model.launch_at(bare.flight.coefficients[0, :, 0].tolist()) | times | {"alpha": bare.alpha}
         us, ps = vector({each: known[each] for each in model.half_unknowns})[None], vector(machine.values)[None]
-        cycles = known_solutions(model, "half orbit", tuple(machine.values), us, ps, np.array([bare.error])).cycles
+        cycles = known_solutions(model, METHOD, tuple(machine.values), us, ps, np.array([bare.error])).cycles
         value = numbers_of(model, cycles, None, model.units and model.units(cycles.p), [name])[name][0]
     if value is None:
         why = "; ".join(orbit.violations) or f"in family {orbit.family} it has no such place; a rise is known for each"

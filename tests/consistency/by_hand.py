@@ -43,7 +43,7 @@ class TwoMasses:
         return dict(
             flight=Phase("flight", states, self.flight),
             contact=Phase("contact", states[:2], self.contact, {"contact force": self.contact_force}),
-            liftoff=lambda u, p, q: self.contact_force([u["liftoff"], u["alpha"]], p, q),
+            liftoff=lambda u, p, q: [self.contact_force([u["liftoff"], u["alpha"]], p, q)],
             reversor=None if damped else (1, -1, 1, -1),
             release=lambda alpha, p: self.level.extensions_at(machine.spring, self.damping_at_liftoff(p), alpha),
             touchdown=lambda u, p: [u["liftoff"], -u["alpha"]],
@@ -216,7 +216,7 @@ def chain(machine: Chain) -> dict:
         contact=Phase("contact", states[:-2], field, {"contact force": contact_force}),
         launch=lambda u, p: [*(u[name] for name in launched), 0.0, 0.0],
         launch_unknowns=("liftoff", "alpha", *states[:above]),
-        liftoff=lambda u, p, q: contact_force([u["liftoff"], u["alpha"]], p, q),
+        liftoff=lambda u, p, q: [contact_force([u["liftoff"], u["alpha"]], p, q)],
         landing=landing,
         reversor=(1, -1) * count,
         release=machine.model.release,

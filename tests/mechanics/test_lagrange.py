@@ -44,7 +44,7 @@ def test_what_follows_from_mechanics_is_what_one_writes_by_hand(name):
             yield "flight", model.flight.field(x, p, [])
             yield "contact", [*model.contact.field(y, p, []), model.contact.watch["contact force"](y, p, [])]
             yield "gradient", [*model.flight_gradient(x, p, []), *model.contact_gradient(y, p, [])]
-            yield "launch", [*model.launch(u, p), *model.touchdown(u, p), model.liftoff(u, p, [])]
+            yield "launch", [*model.launch(u, p), *model.touchdown(u, p), *model.liftoff(u, p, [])]
             yield "landing", model.landing(u, closed, p)
             yield "impact", [*model.impact(x, p), model.impact_mass(x, p)]
             yield "heights", [height(x) for height in model.heights(p).values()]

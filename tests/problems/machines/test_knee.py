@@ -121,7 +121,7 @@ FIELDS = dict(  # noqa: C408 -- as the arguments of a Model are written
         {"contact force": lambda x, p, q: p["foot_mass"] * p["surface_gravity"] - tension(x[0], p)},
     ),
     launch=lambda u, p: [0.0, 0.0, u["liftoff"], u["alpha"]],
-    liftoff=lambda u, p, q: p["foot_mass"] * p["surface_gravity"] - tension(u["liftoff"], p),
+    liftoff=lambda u, p, q: [p["foot_mass"] * p["surface_gravity"] - tension(u["liftoff"], p)],
     landing=lambda u, x, p: [x[0], x[1], x[2] - u["liftoff"]],
     reversor=(1, -1, 1, -1),
     release=release,

@@ -1,0 +1,89 @@
+"""Curves of orbits with tuned parameters, along a parameter or along a quantity of the orbits."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..model.machine import Machine
+from ..numerics.roots import solve
+from ..periodic.tuned import (
+    METHOD,
+    PRESCRIBED,
+    check_count,
+    is_quantity,
+    quantities_of_motion,
+    tuned_equations,
+    tuned_names,
+)
+from .curve import Curve, check_followed
+from .point import Point
+
+
+class TunedCurve(Curve):
+    """The curve of orbits along a parameter, or a quantity that may be prescribed, whose tuned parameters are unknowns;
+    its points have their values too.
+
+    x : (n + 1,), a point of the curve, where the changes of the tuned parameters over the span are estimated
+    """
+
+    def __init__(self, machine: Machine, along: str, tuned: Sequence[str], span: float, x: np.ndarray):
+        self.prescribed = (along,) if is_quantity(machine, along) else ()
+        self.machine, self.along, self.method, self.span = machine, along, METHOD, span
+        self.tuned = tuple(tuned)
+        self.names = (*machine.values, *self.prescribed)
+        self.parameters = np.array([*machine.values.values(), *(0.0 for _ in self.prescribed)])
+        self.equations = self.equations_of_orbits = tuned_equations(machine, self.tuned, self.prescribed)
+        self.place = self.names.index(along)
+        jacobian, own = self.evaluate(x[None]).jacobian[0], self.equations.own
+        changes = solve(jacobian[:, :-1], jacobian[:, -1])[own:] * span
+        # The unit of a parameter that passes zero.
+        self.least = 0.1 * np.maximum(np.abs(x[own:-1]), np.nan_to_num(np.abs(changes)))
+
+    def size(self, x: np.ndarray) -> np.ndarray:
+        own = self.equations.own
+        size = super().size(np.concatenate([x[..., :own], x[..., -1:]], axis=-1))
+        tuned = np.maximum(np.abs(x[..., own:-1]), self.least)
+        return np.concatenate([size[..., :-1], tuned, size[..., -1:]], axis=-1)
+
+    def parameters_at(self, xs: np.ndarray) -> np.ndarray:
+        return self.equations.with_tuned(xs, super().parameters_at(xs))
+
+    def varied(self, p: np.ndarray) -> dict[str, float]:
+        names, places = self.equations.statement.tuned, self.equations.places
+        own = {} if self.prescribed else super().varied(p)
+        return {**own, **dict(zip(names, p[places].tolist(), strict=True))}
+
+
+def checked_tuning(machine: Machine, along: str, tune: Any) -> tuple[str, ...]:
+    """The tuned parameters of a family along a name; raises `InputError` where it cannot be followed so."""
+    if tune is None:
+        if is_quantity(machine, along):
+            raise InputError(f"'{along}' is a quantity of the orbits: say by tune= which parameter changes with it")
+        check_followed(machine, along)
+        check_count(machine, (), ())
+        return ()
+    tuned = tuned_names(machine, tune)
+    if is_quantity(machine, along):
+        check_followed(machine, *tuned)
+        check_count(machine, tuned, [along])
+    elif along in quantities_of_motion(machine):
+        known = ", ".join(PRESCRIBED)
+        raise InputError(
+            f"'{along}' is found from the whole motion and is no equation of half an orbit: a family with tuned "
+            f"parameters goes along {known}; find(machine, tune=..., at={{'{along}': ...}}) finds one orbit"
+        )
+    else:
+        check_followed(machine, along, *tuned)
+        if along in tuned:
+            raise InputError(f"'{along}' is followed, so that it is not tuned")
+        check_count(machine, tuned, ())
+    return tuned
+
+
+def curve_at(machine: Machine, along: str, method: str, span: float, tuned: Sequence[str], point: Point) -> Curve:
+    """The curve of a machine's orbits along a name, with tuned parameters if there are any, at a point of it."""
+    if not tuned:
+        return Curve(machine, along, method, span)
+    return TunedCurve(machine, along, tuned, span, np.array([*point.u, point.value]))

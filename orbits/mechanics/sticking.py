@@ -1,0 +1,53 @@
+"""Coordinates along the ground that stick in contact: on their places nothing may depend, which is decided exactly.
+
+Then a motion that is moved along the ground is a motion too, the coordinate is 0 in contact in the labels of each
+stance, and an orbit is one up to such a move.
+"""
+
+from collections.abc import Iterator
+
+import casadi as ca
+
+from ..errors import InputError
+from .coordinates import Coordinates
+from .elements import Damper, Force, Inerter, Mass, Potential, Spring, Weight
+from .lagrange import Mechanics, stated_inertia
+from .structure import Structure
+
+
+def refuse_places(c: Coordinates, s: Structure, m: Mechanics) -> None:
+    """Raise `InputError` where something of a structure depends on the place of a coordinate that sticks."""
+    for name in s.sticks:
+        place = c.y[c.names.index(name)]
+        for what, expression in _free_of_places(c, s, m):
+            if not c.vanishes(ca.densify(ca.jacobian(ca.vec(expression), place)), c.symbols(c.y, c.v)):
+                raise InputError(
+                    f"{what} depends on the place of '{name}', which sticks: state it by places that are counted from "
+                    f"'{name}', so that nothing changes where all is moved along the ground"
+                )
+        for each in s.elements:
+            if isinstance(each, Mass) and not c.vanishes(ca.jacobian(c.scalar(each.across), place) - 1):
+                raise InputError(f"'{each.across}' is a place along the ground that does not move on with '{name}'")
+
+
+def _free_of_places(c: Coordinates, s: Structure, m: Mechanics) -> Iterator[tuple[str, ca.SX]]:
+    """What may not depend on a place, in words with its expression."""
+    yield f"gap '{s.gap}'", c.scalar(s.gap)
+    yield f"counts = '{s.counts}'", c.scalar(s.counts)
+    yield from ((f"the height '{height}'", c.scalar(height)) for _, height in s.heights)
+    if s.separation is not None:
+        yield f"separation = '{s.separation}'", c.scalar(s.separation)
+    for each in s.elements:
+        match each:
+            case Spring(extension=extension) | Inerter(extension=extension):
+                yield f"the extension '{extension}'", c.scalar(extension)
+            case Mass(height=height) | Weight(height=height):
+                yield f"the height '{height}'", c.scalar(height)
+            case Potential(energy=energy):
+                yield f"the potential '{energy}'", c.scalar(energy)
+            case Damper(extension=extension):
+                yield f"the damper along '{extension}'", c.gradient(extension)
+            case Force(along=along):
+                rates = next(term.by_rates for term in m.in_flight.terms if term.element is each)
+                yield f"the force along '{along}'", ca.vertcat(c.gradient(along), rates)
+    yield "the inertia", stated_inertia(c, s.inertia)
