@@ -16,7 +16,7 @@ from ..mechanics.derived import derived_launch
 from ..mechanics.elements import Inerter, Mass, Potential, Scalar, Spring, Weight
 from ..mechanics.mechanism import Mechanism
 from ..model.machine import Machine, free_parameters
-from ..model.model import STEP
+from ..model.model import STEP_LENGTH
 from ..symbolic.formula import parse
 from ..symbolic.tracing import traced_of_places
 from .formulas import exact_fraction
@@ -132,7 +132,7 @@ class StatedMachine:
         """The same machine with parameters that are unknowns, where quantities have these values; raises `InputError`
         for values that are no decimals, and `Unproved` for a name that would stand for two things."""
         values = tuple((name, exact_bounds(name, value)[0]) for name, value in prescribed.items())
-        named = {name for name, _ in values if name != STEP} & {*self.coordinates, *self.parameters}
+        named = {name for name, _ in values if name != STEP_LENGTH} & {*self.coordinates, *self.parameters}
         if named:
             raise Unproved(f"the name '{min(named)}' stands for a quantity of the orbit: call it something else")
         bounds = {name: each for name, each in self.parameters.items() if name not in tuned}

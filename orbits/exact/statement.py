@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
+from ..model.model import STEP_LENGTH
 from .claim import CONTACT_DURATION, FLIGHT_DURATION
 from .exact_mechanics import Column, ExactMechanics, LoneExtension, inner_product, unknown
 from .exact_symmetry import ExactReversor
@@ -181,9 +182,9 @@ class HalfOrbit:
             return times[name]
         if name == "frequency":
             return 1 / (flight + contact)
-        if name in ("step", "mean_speed") and m.sticks:
-            step = m.parameters["step"]
-            return step if name == "step" else step / (flight + contact)
+        if name in (STEP_LENGTH, "mean_speed") and m.sticks:
+            step = m.parameters[STEP_LENGTH]
+            return step if name == STEP_LENGTH else step / (flight + contact)
         if name == "speed" and m.stated.centre:
             rate = inner_product(m.gradient(m.formula(m.stated.centre)), m.v) / time
             return substitute([rate], dict(zip(_by_turns(m.y, m.v), self.launch, strict=True)))[0]
