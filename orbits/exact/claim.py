@@ -1,16 +1,19 @@
 """The claims of an orbit, which a proof has to confirm: numbers that are not trusted."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from decimal import ROUND_CEILING, Context, Decimal
 from typing import Any
 
 import numpy as np
 
+from ..consistency.accepted import check_parameters
 from ..errors import InputError, NoOrbit
 from ..model.machine import MACHINE_FIELDS, Machine
+from ..model.model import STEP_LENGTH
 from ..periodic.find import find
 from ..periodic.orbit import Orbit
+from ..periodic.tuned import PRESCRIBED
 from .stated import Decimals, ExactNumber, StatedMachine, stated_machine
 
 # The unknowns that are half the times of the two phases.
@@ -81,9 +84,13 @@ def rounded_up(friction: float) -> str:
     return format(above, "f")
 
 
-def claim_of(orbit: Orbit, machine: Machine | None, varied: Sequence[str] = ()) -> Claim:
+def claim_of(
+    orbit: Orbit, machine: Machine | None, varied: Sequence[str] = (), tune: Iterable[str] | None = None,
+    at: Mapping[str, ExactNumber] | None = None,
+) -> Claim:  # fmt: skip
     """The claims of an orbit about a machine, None for the one that it was found for, with other values of some
-    parameters; raises `InputError` where the machine is not known, and for an orbit of another kind of machine."""
+    parameters; `tune` and `at` are as in `prove`. Raises `InputError` where the machine is not known, and for an orbit
+    of another kind of machine."""
     if not isinstance(orbit, Orbit):
         raise InputError(f"a {type(orbit).__name__} is no orbit to prove: give prove(find(machine))")
     machine = machine or orbit.source
@@ -97,11 +104,33 @@ def claim_of(orbit: Orbit, machine: Machine | None, varied: Sequence[str] = ()) 
     if orbit.contact_time is not None:
         unknowns[CONTACT_DURATION] = orbit.contact_time / 2
     places = dict(zip(states, orbit.state_mid_flight.tolist(), strict=False))
+    tuned, prescribed = _tuning_of(orbit, machine, varied, tune, at)
+    unknowns |= {name: machine.values[name] for name in tuned}
+    unknowns |= {STEP_LENGTH: 2 * places[name] for name in machine.model.sticks[:1]}
     return Claim(
         machine, orbit.alpha, orbit.error, orbit.family, orbit.violations, unknowns,
         {name: place for name, place in places.items() if not name.endswith("'")}, orbit.liftoff_extension,
         (*_contradictions(orbit.machine, machine.describe(), varied), *_wrong_measurements(orbit, machine)),
+        tuned, prescribed, orbit.certificate.friction_needed,
     )  # fmt: skip
+
+
+def _tuning_of(
+    orbit: Orbit, machine: Machine, varied: Sequence[str], tune: Iterable[str] | None,
+    at: Mapping[str, ExactNumber] | None,
+) -> tuple[tuple[str, ...], Mapping[str, ExactNumber]]:  # fmt: skip
+    """The names of the parameters that are unknowns, and the exact values of quantities: those of the orbit by default,
+    if there are equations for them. A step is always unknown where a coordinate sticks."""
+    if not isinstance(at or {}, Mapping):
+        raise InputError(f"at = {at!r}; it is a mapping of quantities to values, as at={{'speed': '0.4'}}")
+    own = {*orbit.prescribed} <= {*PRESCRIBED} or bool(machine.model.sticks)
+    prescribed = dict((orbit.prescribed if own else {}) if at is None else at)
+    names = [tune] if isinstance(tune, str) else list((orbit.tuned if own else ()) if tune is None else tune)
+    check_parameters(machine, *(name for name in names if name != STEP_LENGTH))
+    if both := {*names} & {*varied}:
+        raise InputError(f"'{min(both)}' is tuned: it has no value of its own")
+    steps = [STEP_LENGTH] * bool(machine.model.sticks)
+    return tuple(dict.fromkeys([*(name for name in names if name not in steps), *steps])), prescribed
 
 
 def _contradictions(claimed: Mapping[str, Any], described: Mapping[str, Any], varied: Sequence[str]) -> list[str]:
@@ -120,7 +149,8 @@ def _contradictions(claimed: Mapping[str, Any], described: Mapping[str, Any], va
 def _wrong_measurements(orbit: Orbit, machine: Machine) -> list[str]:
     """The claims of an orbit about its motion that contradict the same orbit measured anew, in words."""
     try:
-        anew = find(machine, start=orbit)
+        options = {"tune": [*orbit.tuned], "at": orbit.prescribed} if machine.model.sticks else {}
+        anew = find(machine, start=orbit, **options)
     except (NoOrbit, InputError) as error:
         return [f"the orbit cannot be measured anew: {error}"]
     claimed, true = orbit.certificate, anew.certificate

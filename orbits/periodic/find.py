@@ -111,7 +111,7 @@ def _tuned_from(
         orbit, errors = with_extremes(machine, tuning, first, lambda m, known, few: _tuned_near(m, known, few, method))
     else:
         orbit, errors = _tuned_near(machine, first, tuning, method)
-    return replace(orbit.with_tuned(errors), seconds=time.perf_counter() - began)
+    return replace(orbit.with_tuned(errors, tuning.values | tuning.extremes), seconds=time.perf_counter() - began)
 
 
 def _tuned_near(machine: Machine, known: Orbit, tuning: Tuning, method: str) -> tuple[Orbit, dict[str, float]]:

@@ -24,7 +24,7 @@ DOCUMENT_FIELDS = (
 # Further fields of the orbit of a machine whose points of contact take turns.
 FIELDS_OF_STEPS = ("bounce_factor", "friction_needed", "friction_error", "friction_time", "smallest_stance_force")
 # The fields of an orbit's file besides those of the machine.
-OTHER_FIELDS = {*DOCUMENT_FIELDS, *FIELDS_OF_STEPS, "format", "motion", "units", "si", "bare", "tuned"}
+OTHER_FIELDS = {*DOCUMENT_FIELDS, *FIELDS_OF_STEPS, "format", "motion", "units", "si", "bare", "tuned", "prescribed"}
 
 
 class SavedMotion(TypedDict):
@@ -57,6 +57,7 @@ class SavedOrbit(SavedLaws):
     seconds: float
     known_in_family: NotRequired[int | None]
     tuned: NotRequired[Mapping[str, float]]
+    prescribed: NotRequired[Mapping[str, float]]
     units: NotRequired[Mapping[str, str]]
     bare: NotRequired[Mapping[str, Any]]
     motion: SavedMotion
@@ -79,6 +80,7 @@ def stated_fields(data: Mapping[str, Any]) -> dict[str, Any]:
         seconds=data["seconds"],
         known_in_family=data.get("known_in_family"),
         tuned=data.get("tuned", {}),
+        prescribed=data.get("prescribed", {}),
     )
 
 

@@ -145,7 +145,7 @@ def whole_proof(
             seconds=time.perf_counter() - began,
         )  # fmt: skip
     radius = found.uniqueness_radius
-    enclosures = {name: each for name, each in found.unknowns.items() if name in MAIN_UNKNOWNS}
+    enclosures = {name: each for name, each in found.unknowns.items() if name in (*MAIN_UNKNOWNS, *stated.tuned)}
     enclosures |= verdicts.enclosures
     reasons = (*(claim.contradictions if about_claim else ()), *verdicts.reasons)
     sentences = [

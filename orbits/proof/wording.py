@@ -44,11 +44,12 @@ def root_sentence(
     others = f"No other solution has all of these ({names}) within {uniqueness} of these enclosures"
     solved = f"{values} {equations_words(unknowns)} have a solution"
     if stated is not None and stated.tuned:
-        exactly = "".join(f", {name.replace('_', ' ')} = {decimal_text(x)} exactly" for name, x in stated.prescribed)
+        exact = " and ".join(f"{name.replace('_', ' ')} = {decimal_text(value)}" for name, value in stated.prescribed)
         tuned, *more = (name.replace("_", " ") for name in stated.tuned)
         there = f"are numbers {', '.join((tuned, *more))}" if more else f"is a number {tuned}"
         start = "For each value of the parameters in their intervals there" if wide else "There"
-        solved = f"{start} {there} for which the {equations_words(unknowns)}{exactly} have a solution"
+        whose = f" with {exact}, exactly," if exact else ""
+        solved = f"{start} {there} for which the {equations_words(unknowns)}{whose} have a solution"
     return f"{solved} with {enclosed_words(unknowns)}. {others}."
 
 
