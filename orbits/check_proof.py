@@ -49,6 +49,8 @@ FIELDS = [{*names.split()} for names in (
 )]  # fmt: skip
 # What the file says besides of a machine that steps, and the most names and terms of polynomials that are compared.
 MAPS, MOST_NAMES, MOST_TERMS = ("reversor", "symmetry", "gaps"), 60, 3000
+# What it says besides of a machine that sticks to the ground, or has parameters that are unknowns.
+MORE = {"sticks", "friction", "tuned", "prescribed", "centre"}
 
 
 class Unverified(Exception):
@@ -339,11 +341,13 @@ class Turn:
 class Machine:
     """Lagrange's equations of a stated machine, with exact bounds of its parameters.
 
-    states : the n coordinates, their rates, half a phase's time, and parameters' places in their intervals
+    states : the n coordinates, their rates, half a phase's time, and constants: parameters that are unknowns, and
+        the places of others in their intervals
     inertia, forces, needed : M (n, n), what M y'' is without contact, and what has to have a value
     weights : of the coordinates in the gap
     unknowns : the names of the places and the rates at the launch of the contact's coordinates, by their numbers
-    out, embedded : the coordinate that the closed gap determines, and the matrix (n, n - 1) from the others to all
+    out, sticks : the coordinate that the closed gap determines, and those that are 0 in contact too
+    embedded : the matrix from the others to all
     launch : of all coordinates and of their rates at the launch, the weights of the unknowns
     edges : functions that end the pieces of a spring's law, see `law_of`
     steps, back, again : whether maps are stated, and the reversors of the flight and of the contact
@@ -353,14 +357,19 @@ class Machine:
     def __init__(self, stated: Mapping[str, Any], bounds: Bounds):
         names, needed = list(stated["coordinates"]), list[Tree]()
         n, wide = len(names), [name for name, (low, high) in bounds.items() if low < high]
-        states = [*names, *(f"{name}'" for name in names), "half time", *(f"place of {name}" for name in wide)]
+        self.tuned = list(stated.get("tuned", ()))
+        rates, places = [f"{name}'" for name in names], [f"place of {name}" for name in wide]
+        states = [*names, *rates, "half time", *self.tuned, *places]
         self.names, self.needed, self.states = names, needed, [tree("name", value=each) for each in states]
-        self.rates, self.places = self.states[n : 2 * n], self.states[2 * n + 1 :]
-        if len({*names, *bounds, "pi"}) <= n + len(bounds) or not all(map(str.isidentifier, names)):
+        self.rates, self.constants = self.states[n : 2 * n], self.states[2 * n + 1 :]
+        self.places = self.constants[len(self.tuned) :]
+        one = {*names, *bounds, *self.tuned, "pi"}
+        if len(one) <= n + len(bounds) + len(self.tuned) or not all(map(str.isidentifier, [*names, *self.tuned])):
             raise Unverified("a name stands for two things, or is none")
         known = {name: number((low + high) / 2) for name, (low, high) in bounds.items()}
         for name, place in zip(wide, self.places, strict=True):
             known[name] += number((bounds[name][1] - bounds[name][0]) / 2) * place
+        known |= dict(zip(self.tuned, self.constants, strict=False))
         known["pi"], v = parse("4*atan(1)", {}, []), self.rates
         both = {**dict(zip(names, self.states, strict=False)), **known}
         masses, weights, inerters = (
@@ -401,7 +410,10 @@ class Machine:
         out, launch = names.index(stated["eliminated"]), names.index(stated["launch"])
         if self.weights[out] is ZERO or launch == out:
             raise Unverified("the gap does not determine the coordinate that it is said to")
-        self.unknowns = {i: (name, f"{name}'") for i, name in enumerate(names) if i != out}
+        self.sticks = [names.index(name) for name in stated.get("sticks", ())]
+        if out in self.sticks or launch in self.sticks or any(self.weights[i] is not ZERO for i in self.sticks):
+            raise Unverified("what sticks is the gap, or what is launched")
+        self.unknowns = {i: (name, f"{name}'") for i, name in enumerate(names) if i not in (out, *self.sticks)}
         self.unknowns[launch] = "liftoff", "alpha"
         embedded = [[Fraction(int(i == j)) for j in self.unknowns] for i in range(n)]
         embedded[out] = [-self.weights[j].value / self.weights[out].value for j in self.unknowns]
@@ -414,7 +426,15 @@ class Machine:
         first, then = ([parse(each.get(name, name), both, needed) for name in names] for each in maps)
         self.back, self.steps = Turn(names, self.states, first), any(kind in stated for kind in MAPS)
         self.again = Turn(names, self.states, [replaced(each, self.back.places) for each in then])
-        self.landing = self.back.of(self.gap)
+        self.landing, sticks = self.back.of(self.gap), [names[i] for i in self.sticks]
+        moving = [*chain(*self.inertia), *self.forces, self.counts, self.separation]
+        if any(not is_zero(slope(each, x), k) for each in moving for x in sticks for k in range(len(self.edges) - 1)):
+            raise Unverified("something depends on the place of what sticks")
+        self.friction = parse(stated["friction"], known, needed) if self.sticks else None
+        self.prescribed = [self._off(name, number(Fraction(value)), stated, both)
+                           for name, value in stated.get("prescribed", ())]  # fmt: skip
+        if self.sticks and not self.steps:
+            raise Unverified("no maps are stated of a machine that sticks")
         if self.steps:
             self._check_steps([parse(gap, both, needed) for _, gap in stated.get("gaps", ())])
 
@@ -422,21 +442,49 @@ class Machine:
         """Whether a tree is 0 in contact, on each piece of the law."""
         return all(is_zero(replaced(of, self.closed), k) for k in range(len(self.edges) - 1))
 
+    def _off(self, name: str, value: Tree, stated: Mapping[str, Any], both: Names) -> list[Tree]:
+        """Functions of the states at the starts of flight and contact whose sum is 0 where a quantity has a value."""
+        twice = number(2) * self.states[2 * len(self.names)]
+        match name:
+            case "alpha":
+                return [self.rates[self.names.index(stated["launch"])] - value, ZERO]
+            case "liftoff_extension":
+                return [self.counts - value, ZERO]
+            case "flight_time":
+                return [twice - value, ZERO]
+            case "contact_time":
+                return [ZERO, twice - value]
+            case "period":
+                return [twice - value, twice]
+            case "frequency" if value is not ZERO:
+                return [twice - ONE / value, twice]
+            case "speed":
+                centre = parse(stated["centre"], both, self.needed)
+                return [dot([slope(centre, name) for name in self.names], self.rates) - value, ZERO]
+            case "step" if self.sticks and "step" in self.tuned:
+                return [both["step"] - value, ZERO]
+            case "mean_speed" if self.sticks and "step" in self.tuned:
+                return [both["step"] - value * twice, LESS * value * twice]
+        raise Unverified(f"this program does not verify that '{name}' is prescribed")
+
     def _check_steps(self, gaps: Sequence[Tree]) -> None:
         """See that the stated maps turn the motions back, and that the stated gaps are images of one another."""
         n, columns, again = len(self.names), list(map(list, zip(*self.embedded, strict=True))), self.again.of(self.gap)
-        self.closed = {each[self.out].value: dot(self.embedded[self.out], [each[j] for j in self.unknowns])
-                       for each in (self.states, self.rates)}  # fmt: skip
+        self.closed = {each[i].value: dot(self.embedded[i], [each[j] for j in self.unknowns])
+                       for i in (self.out, *self.sticks) for each in (self.states, self.rates)}  # fmt: skip
         self.back.check(self, [[number(int(i == j)) for j in range(n)] for i in range(n)], range(n), {})
         self.again.check(self, columns, [*self.unknowns], self.closed)
         zeros = [each - own for each, own in zip(gaps, (self.gap, self.landing), strict=False)]
         if len(gaps) > 2 or not all(map(is_zero, zeros)) or not any(map(is_zero, (again - self.gap, again + self.gap))):
             raise Unverified("the gaps are not taken to one another")
+        if not all(is_zero(self.again.shifts[i]) for i in self.sticks):
+            raise Unverified("what sticks is not taken to where it sticks")
 
 
 class Field:
     """The motion of the states in half a phase, with time scaled such that it lasts from 0 to 1; the first 2 n move.
-    `force` is the contact force that keeps the gap's acceleration 0, `slopes` the derivatives of `rates` by all states.
+    `force` is the contact force that keeps the gap's acceleration 0, `held` are those that do so for what sticks, and
+    `slopes` the derivatives of `rates` by all states.
     """
 
     def __init__(self, machine: Machine, contact: bool):
@@ -450,6 +498,7 @@ class Field:
         _, (inside,) = solved(reduced, [dot(a, m.forces) for a in along])
         held = [dot(row, inside) for row in m.embedded]
         self.force = (dot(m.inertia[out], held) - m.forces[out]) / m.weights[out]
+        self.held = [dot(m.inertia[i], held) - m.forces[i] for i in m.sticks]
         self.rates = [time * each for each in (*m.rates, *(held if contact else free))]
         self.rates += [ZERO] * (len(m.states) - len(self.rates))
         self.slopes = [self.gradient(each) for each in self.rates]
@@ -678,25 +727,31 @@ class Solution:
         centre = [each.mid() for each in box.values()]
         reach = [each - c for each, c in zip(box.values(), centre, strict=True)]
         self.passages, phases = list[Passage](), [name for name in PHASES if name in names]
-        at_centre, at_all = (Values((each, at[names.index(each.value)]) for each in machine.places)
+        at_centre, at_all = (Values((each, at[names.index(each.value)]) for each in machine.constants)
                              for at in (centre, [*box.values()]))  # fmt: skip
         for phase, turn in zip(phases, (None, machine.again), strict=False):
             signs = [*turn.signs, *(-sign for sign in turn.signs)] if turn else [1] * (2 * len(machine.names))
             rows = [
                 {n: sign * w for n, w in row.items()} for sign, row in zip(signs, chain(*machine.launch), strict=True)
             ]
-            rows += [{phase: Fraction(1, 2)}, *({place.value: Fraction(1)} for place in machine.places)]
+            rows += [{phase: Fraction(1, 2)}, *({each.value: Fraction(1)} for each in machine.constants)]
             seeds = [[ball(row.get(name, Fraction(0))) for name in names] for row in rows]
             start = moved([arb(0)] * len(rows), arb_mat(seeds), centre)
             for i, shift in enumerate(turn.shifts if turn else ()):
                 start[i] += at_centre[shift]
                 seeds[i] = [each + at_all[slope(shift, name)] for each, name in zip(seeds[i], names, strict=True)]
             self.passages.append(Passage(Field(machine, turn is not None), start, arb_mat(seeds), reach))
-        equations = [self.passages[0].field.linear(self.passages[0].start, self.passages[0].field.force)]
+        first = self.passages[0].field
+        equations = [first.linear(self.passages[0].start, each) for each in (first.force, *first.held)]
         ends = machine.back.fixed, [machine.again.fixed[i] for i in machine.unknowns]
         for passage, those in zip(self.passages, ends, strict=False):
             equations += [passage.field.linear(passage.end, each) for each in those]
+        for each in machine.prescribed:
+            pairs = [p.field.linear(p.start, off) for p, off in zip(self.passages, each, strict=True)]
+            equations.append((sum(x for x, _ in pairs), list(map(sum, zip(*(row for _, row in pairs), strict=True)))))
         by_all, count = arb_mat([row for _, row in equations]), len(equations)
+        if count != len(names) - len(machine.places):
+            raise Unverified("there are more or fewer equations than unknowns")
         try:
             inverse = arb_mat([row[:count] for row in by_all.tolist()]).mid().inv().mid()
         except ZeroDivisionError:
@@ -742,12 +797,15 @@ def _check_said(document: Mapping[str, Any]) -> None:
     machine, parts, again = document["machine"], document["parts"], dict.fromkeys(("alpha", *PHASES, "bounce_side"))
     said, parameters = ({name: {"low": low, "high": high} for name, (low, high) in pairs.items()}
                         for pairs in (document["enclosures"], machine["parameters"]))  # fmt: skip
+    said = {name: each for name, each in said.items() if name not in machine.get("tuned", ())}
     radius = parts[0]["uniqueness_radius"] if len(parts) == 1 else None
     again |= {**said, "parameters": parameters, "units": machine["units"], "uniqueness_radius": radius, "reasons": []}
     if false := [name for name, value in again.items() if document.get(name) != value]:
         raise Unverified(f"'{false[0]}' is not what the file says elsewhere, or this program does not verify it")
     springs = [{"rows": [], **spring} for spring in machine["springs"]]
-    own = machine.keys() - {*MAPS}
+    speed, own = dict(machine.get("prescribed", ())).get("speed"), machine.keys() - {*MAPS, *MORE}
+    if ("friction" in machine) != ("sticks" in machine) or ("centre" in machine) != (speed is not None):
+        raise Unverified("the machine states friction of nothing that sticks, or a centre of mass without its speed")
     groups = [own], springs, parts, [document.keys() - again.keys() - {"attraction_radius", "digest"}]
     if any({*each} != names for group, names in zip(groups, FIELDS, strict=True) for each in group):
         raise Unverified("the file says more than this program verifies, or less")
@@ -759,10 +817,12 @@ def _check_parts(document: Mapping[str, Any]) -> None:
     parts = [(bounds_of(part["parameters"]), bounds_of(part["unknowns"]), part) for part in document["parts"]]
     motion, stated = document["motion"], document["machine"]["separation"] is not None
     conditions = [*(["separation"] if stated else []), "clearance", "contact_force", "contact_end"] if motion else []
+    conditions += ["friction"] if motion and document["machine"].get("sticks") else []
+    main = "alpha", *PHASES, *document["machine"].get("tuned", ())
     if document["conditions"] != dict.fromkeys(conditions, "proved") or (document["family"] is not None) != motion:
         raise Unverified("not all conditions of a motion are said to be proved, or others are")
     for box, unknowns, _ in parts:
-        same = {name: unknowns[name] for name in ("alpha", *PHASES) if name in unknowns}
+        same = {name: unknowns[name] for name in main if name in unknowns}
         if said.keys() != {*same, *(ENDS if motion else ())}:
             raise Unverified(f"other quantities are enclosed than this program verifies: {', '.join(said)}")
         if 2 * Fraction(document["radius"]) < said["alpha"][1] - said["alpha"][0]:
@@ -801,8 +861,9 @@ def _solution(document: Mapping[str, Any], claims: Bounds, radius: Fraction, cel
     """The solution that is claimed within bounds, shown to exist there and to be the only one within a radius."""
     machine = Machine(document["machine"], cell)
     phases = [name for name in PHASES if name in claims]
-    names = [name for pair in machine.unknowns.values() for name in pair] + phases
-    other = claims.keys() != {*names} or ((len(machine.names) > 2 or document["motion"]) and len(phases) < 2)
+    names = [name for pair in machine.unknowns.values() for name in pair] + phases + machine.tuned
+    both = len(machine.names) > 2 or document["motion"] or machine.tuned
+    other = claims.keys() != {*names} or len(claims) != len(names) or (both and len(phases) < 2)
     if other or any(claims[name][0] <= 0 for name in ("alpha", *phases)):
         raise Unverified("other unknowns are enclosed than the equations have, or the speed or a time is not positive")
     stated, around = ({name: ball(claims[name][0] - more).union(ball(claims[name][1] + more)) for name in names}
@@ -825,6 +886,7 @@ def _solution(document: Mapping[str, Any], claims: Bounds, radius: Fraction, cel
 def _check_motion(document: Mapping[str, Any], solution: Solution) -> None:
     """See that what is said of the motion holds."""
     machine, passages, said = solution.machine, solution.passages, bounds_of(document["enclosures"])
+    held, force = passages[1].field.held, passages[1].field.force
     flight, contact = (each.parts for each in passages)
     back, again, middle = machine.back, machine.again, machine.again.fixed[1 - machine.out]
     if str(document["family"]) != str(turns(flight, machine.counts, is_zero(back.of(machine.counts) - machine.counts))):
@@ -836,6 +898,12 @@ def _check_motion(document: Mapping[str, Any], solution: Solution) -> None:
     else:
         check_positive("that the point that has landed pushes", contact, landed, at_start=1)
         check_positive("that the point that opens pushes", contact, None)
+    for each in held:
+        images = again.of(each) - each, again.of(each) + each
+        if not machine.is_zero(landed - force) or not any(map(machine.is_zero, images)):
+            raise Unverified("the forces of the ground are not the same, or the negative, at the image of a state")
+        for other in (each, LESS * each):
+            check_positive("that what sticks does not slide", contact, machine.friction * force + other, at_start=1)
     for each in {machine.separation, back.of(machine.separation)}:
         check_positive("that the separation is positive in flight", flight, each)
     for each in {machine.separation, again.of(machine.separation)}:
