@@ -21,6 +21,7 @@ _HOMES = {
     "plate_hopper": ".machines.plate",
     "rimless_wheel": ".machines.steps",
     "rocking_block": ".machines.steps",
+    "runner": ".machines.runner",
     "shuttle": ".machines.steps",
 }
 _MODULES = {"gravity": ".laws.gravity", "springs": ".laws.springs", "steering": ".steering"}

@@ -354,7 +354,7 @@ def tuned_at(machine: Machine, point: Point, along: str) -> tuple[str, ...]:
 
 def values_at(machine: Machine, point: Point, along: str) -> dict[str, float]:
     """The values of the machine's parameters that vary along a name, at a point of the family."""
-    own = {} if is_quantity(machine, along) else {along: point.value}
+    own = {along: point.value} if along in machine.values else {}
     return {**(point.also if tuned_at(machine, point, along) else {}), **own}
 
 

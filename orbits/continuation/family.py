@@ -17,7 +17,7 @@ from ..model.machine import Machine
 from ..periodic.certified import orbit_from
 from ..periodic.orbit import Orbit
 from ..periodic.saved_orbit import SavedLaws, with_note
-from ..periodic.tuned import PRESCRIBED
+from ..periodic.tuned import QUANTITIES_ALONG
 from ..proof.branch_claim import BranchClaim
 from ..proof.prove import prove_branch, prove_claims
 from ..proof.theorem import Proof
@@ -162,7 +162,7 @@ class Family(
     @property
     def _along(self) -> tuple[str, ...]:
         """The parameter along which the family goes; none where it goes along a quantity of its orbits."""
-        return () if self.settings.get("tune") and self.name in PRESCRIBED else (self.name,)
+        return () if self.settings.get("tune") and self.name in QUANTITIES_ALONG else (self.name,)
 
     def _varied(self, point: Point) -> dict[str, float]:
         """The values of the parameters that vary along the family, at a point."""

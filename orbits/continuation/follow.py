@@ -277,11 +277,11 @@ def _begin_tuned(machine, along, orbit, start, stop, family, method, options, tu
     prescribed = {along: start} if is_quantity(machine, along) else {}
     first, solved = first_tuned(machine, orbit, family, tuned, prescribed)
     machine = machine.with_values(**tuned_values(solved.equations, solved.us[0]))
-    value = float(solved.ps[0, -1]) if prescribed else machine.values[along]
+    value = float(solved.ps[0, solved.equations.parameters.index(along)])
     behind, stop = bounds_of(along, value, stop, options.at)
     x = np.append(solved.us[0], value)
     tracer = start_tracer(TunedCurve(machine, along, tuned, abs(stop - behind), x), x, value, behind, stop, options)
-    if tracer.first.point.family != first:
+    if tracer.first.point.family != (first or family) and (first or orbit is None):
         raise NoOrbit(another_family(first, tracer.first.point.family))
     return tracer
 

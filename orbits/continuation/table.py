@@ -7,7 +7,7 @@ import numpy as np
 
 from ..model.machine import Machine
 from ..periodic.certified import known_solutions
-from ..periodic.quantities import OF_MANY, numbers_of
+from ..periodic.quantities import names_of_many, numbers_of
 from ..running.exclusive import exclusive
 from .point import KNOWN
 
@@ -16,7 +16,8 @@ AT_ONCE_IN_TABLE = 500  # orbits whose motions are in memory together
 
 def names_of_motions(machine: Machine) -> tuple[str, ...]:
     """The quantities that are computed from the motions of a machine's orbits."""
-    return (*(name for name in OF_MANY if name not in KNOWN), *machine.model.rises(machine.values))
+    model = machine.model
+    return (*(name for name in names_of_many(model) if name not in KNOWN), *model.rises(machine.values))
 
 
 @exclusive

@@ -10,9 +10,9 @@ from ..model.machine import Machine
 from ..numerics.roots import solve
 from ..periodic.tuned import (
     METHOD,
-    PRESCRIBED,
     check_count,
     is_quantity,
+    prescribable,
     quantities_of_motion,
     tuned_equations,
     tuned_names,
@@ -32,10 +32,9 @@ class TunedCurve(Curve):
         self.prescribed = (along,) if is_quantity(machine, along) else ()
         self.machine, self.along, self.method, self.span = machine, along, METHOD, span
         self.tuned = tuple(tuned)
-        self.names = (*machine.values, *self.prescribed)
-        self.parameters = np.array([*machine.values.values(), *(0.0 for _ in self.prescribed)])
         self.equations = self.equations_of_orbits = tuned_equations(machine, self.tuned, self.prescribed)
-        self.place = self.names.index(along)
+        self.names, own = self.equations.parameters, machine.values
+        self.parameters, self.place = np.array([own.get(name, 0.0) for name in self.names]), self.names.index(along)
         jacobian, own = self.evaluate(x[None]).jacobian[0], self.equations.own
         changes = solve(jacobian[:, :-1], jacobian[:, -1])[own:] * span
         # The unit of a parameter that passes zero.
@@ -52,7 +51,7 @@ class TunedCurve(Curve):
 
     def varied(self, p: np.ndarray) -> dict[str, float]:
         names, places = self.equations.statement.tuned, self.equations.places
-        own = {} if self.prescribed else super().varied(p)
+        own = super().varied(p) if self.along in self.machine.values else {}
         return {**own, **dict(zip(names, p[places].tolist(), strict=True))}
 
 
@@ -69,7 +68,7 @@ def checked_tuning(machine: Machine, along: str, tune: Any) -> tuple[str, ...]:
         check_followed(machine, *tuned)
         check_count(machine, tuned, [along])
     elif along in quantities_of_motion(machine):
-        known = ", ".join(PRESCRIBED)
+        known = ", ".join(prescribable(machine.model))
         raise InputError(
             f"'{along}' is found from the whole motion and is no equation of half an orbit: a family with tuned "
             f"parameters goes along {known}; find(machine, tune=..., at={{'{along}': ...}}) finds one orbit"

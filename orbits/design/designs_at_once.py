@@ -14,7 +14,7 @@ from ..periodic.continued import AT_FOLD, NOT_REACHED, continued, orbit_from_unk
 from ..periodic.find import find
 from ..periodic.orbit import Orbit, orbit_of
 from ..periodic.orbits_at_once import lowest_orbits
-from ..periodic.quantities import OF_MANY, numbers_of
+from ..periodic.quantities import names_of_many, numbers_of
 from ..running import interrupts
 from ..symbolic.formula import Formula
 from ..units import Units, in_units
@@ -103,7 +103,7 @@ def _solved_in_lanes(machine: Machine, designs: Designs, family: int, formulas: 
 
 def _known_together(machine: Machine) -> set[str]:
     """The names of what is computed for many orbits together, and of the machine's parameters."""
-    return {*OF_MANY, *machine.model.rises(machine.values), *machine.values}
+    return {*names_of_many(machine.model), *machine.model.rises(machine.values), *machine.values}
 
 
 def _parameters_of(machine: Machine, designs: Designs, which: np.ndarray) -> np.ndarray:

@@ -429,6 +429,11 @@ class Flow:
         """Whether the table of pieces depends on a parameter."""
         return self.phase.pieces is not None and self.parameters.index(name) in self._piece_parameters
 
+    def moves_with(self, name: str) -> bool:
+        """Whether the field depends on a parameter, by its expression or by the table of its pieces."""
+        rows, place = self.vector_field.field.jac_sparsity(0, 1).get_triplet()[1], self.parameters.index(name)
+        return place in rows or self.depends_on(name)
+
     def varied(self, parameter_seeds: Array) -> tuple[int, ...]:
         """The rows of the seeds (..., np, columns) of parameters that are not zero, and those of the data of a piece if
         one of these parameters changes it."""

@@ -50,6 +50,7 @@ from .refusals import (
 )
 from .structure import Structure
 from .terms import GRAVITY_SHARE
+from .upright import upright
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -334,6 +335,11 @@ class Mechanism(Stated):
             if name not in self.names:
                 raise InputError(f"this machine has no parameter '{name}'{suggest(name, self.names)}")
         return replace(self, parameters={**self.parameters, **values})
+
+    def upright(self) -> "Mechanism":
+        """The machine of the vertical hop beside which runs are found, with all lateral places at 0; raises `NoOrbit`
+        where it has none."""
+        return upright(self)
 
     def with_springs(self, forces: Sequence[Any]) -> Self:
         """The same mechanism with other laws of its springs, without the parameters that these no longer need."""

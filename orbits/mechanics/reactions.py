@@ -51,12 +51,14 @@ class Reactions(NamedTuple):
     flight, contact : the forces in these phases, of which some springs have no laws yet
     friction : as in `Mechanism`
     handed : the speeds after a step forward and after one back, per speed before; None where nothing takes over
+    travel : (1, n), the speed of the centre of mass along the ground per speed; None where nothing sticks
     """
 
     flight: _Reaction
     contact: _Reaction
     friction: Scalar | None
     handed: tuple[tuple[SignedShift, Coefficients], ...] | None
+    travel: Coefficients | None = None
 
     def watch(self, mechanics: Mechanics, contact: bool) -> dict[str, Callable]:
         """The forces in flight, or in contact, as `Phase.watch` has them."""
@@ -88,7 +90,8 @@ class Reactions(NamedTuple):
         share = self.friction
         limit = None if share is None else lambda p: value_of(share, {}, p)
         forward, back = (_taken_over(*each) for each in self.handed) if self.handed else (None, None)
-        return Planar(not self.flight.vanish[0], limit, forward, back)
+        travel = self.travel and (lambda x, p: weighted_sum(self.travel(p, x[::2])[0], x[1::2]))
+        return Planar(not self.flight.vanish[0], limit, forward, back, travel)
 
 
 def _taken_over(label: SignedShift, speeds: Coefficients) -> Callable:
@@ -128,11 +131,13 @@ def reactions_of(
     in_contact = m.inside(rows) + m.inside(along @ flight.kick) @ held
     rates, embed = ca.SX.sym("w", gap.s.numel()), ca.sparsify(gap.exact_embed)
     bent = ca.vertcat(*bends)
+    total = sum((mass_of(c, each.mass) for each in masses), ca.SX(0))
+    travel = c.coefficients(along[1, :] / total, c.symbols(c.y)) if gap.sticks else None
     inside = lambda expression: ca.substitute(m.inside(expression), c.v, ca.densify(embed @ rates))  # noqa: E731
     return Reactions(
         _reaction(m, rows, bent, lambda each: each, c.y, c.v),
         _reaction(m, in_contact, inside(bent), inside, gap.s, rates), friction,
-        _handed(m, masses, stated_inertia(c, inertia), steps) if steps and steps.row else None,
+        _handed(m, masses, stated_inertia(c, inertia), steps) if steps and steps.row else None, travel,
     )  # fmt: skip
 
 

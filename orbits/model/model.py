@@ -394,9 +394,10 @@ def refuse_one_way(model: Model) -> None:
 def refuse_steps(model: Model, what: str) -> None:
     """Raise `InputError` for a model whose points of contact take turns, which `what` does not follow."""
     if not model.plain:
+        steps = f"a {model.name} moves on with each landing" if model.sticks else ""
+        steps = steps or f"the points of contact of a {model.name} take turns"
         raise InputError(
-            f"the points of contact of a {model.name} take turns, but {what} follows one that lands and opens again: "
-            "its orbits are found, followed and certified"
+            f"{steps}, but {what} follows one that lands and opens again: its orbits are found, followed and certified"
         )
 
 

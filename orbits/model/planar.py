@@ -18,9 +18,11 @@ class Planar:
     handed_over : (x, p) -> the flight state in the labels after a landing in the flight state x with a speed, where
         the point that lands takes over, that is, only on it there is an impulse; None where nothing takes over
     handed_back : the same of a landing of the point that opened last, which leads a step back
+    travel : (x, p) -> the speed of the centre of mass along the ground in the flight state x; None where nothing sticks
     """
 
     stands: bool
     friction: Callable | None = None
     handed_over: Callable | None = None
     handed_back: Callable | None = None
+    travel: Callable | None = None

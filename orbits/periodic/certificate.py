@@ -12,7 +12,8 @@ from ..flow.flow import flow_of
 from ..flow.trajectory import Trajectories
 from ..io import fields_in_line
 from ..model.model import CONTACT_FORCE, LANDED_FORCE, Model
-from ..model.phase import Phase
+from ..model.phase import Affine, Phase, weighted_sum
+from ..model.state_formula import StateFormula
 from ..numerics.polynomial_roots import PiecewisePolynomials, derivative, evaluate
 from ..numerics.quadrature import GAUSS_PLACES, GAUSS_WEIGHTS
 from ..records import NONE, Records
@@ -176,13 +177,29 @@ def _losses(model: Model, cycles: Cycles, jerk: np.ndarray, power: np.ndarray) -
         shares[:] = model.share_left(model.relabelling.image(list(states), cycles.p), cycles.p)
         defined &= shares < MOST_LEFT
     if defined.any():
-        mass = model.impact_mass(states[:, defined], {name: values[defined] for name, values in cycles.p.items()})
+        p = {name: values[defined] for name, values in cycles.p.items()}
+        mass = _mass_of_landing(model, states[:, defined], p, _thirds(model, cycles, jerk)[:, defined])
         loss = loss_coefficient(mass, jerk[defined], np.abs(cycles.gap_slope[defined]), power[defined])
         if model.changes_contact:
             late, early = np.transpose([hand_over_factors(max(rho, 0.0)) for rho in shares[defined].tolist()])
             loss, factors[defined] = loss * late, early / late
         found[defined] = np.where(loss == np.inf, np.nan, loss)  # a number too large is not `NONE`
     return found, factors
+
+
+def _thirds(model: Model, cycles: Cycles, jerk: np.ndarray) -> np.ndarray:
+    """The third derivatives (1 + sticks, m) of the gap and of what sticks at landing."""
+    c, first = cycles.halves.coefficients, cycles.halves.first
+    return np.array([-jerk, *(6 * c[first, model.flight.states.index(name), 3] for name in model.sticks)])
+
+
+def _mass_of_landing(model: Model, states: np.ndarray, p: Mapping, thirds: np.ndarray) -> Any:
+    """Twice the energy (m,) that landings near the orbit's lose, over the square of the gap's speed: the speeds of what
+    sticks are to that as the third derivatives."""
+    if model.sticking is None:
+        return model.impact_mass(states, p)
+    shares, masses = thirds / thirds[0], model.sticking(states, p)[1]
+    return weighted_sum([weighted_sum(row, shares) for row in masses], shares)
 
 
 def _landing_states(model: Model, cycles: Cycles) -> np.ndarray:
@@ -334,6 +351,9 @@ def _curves(model: Model, cycles: Cycles) -> dict[str, _Curve]:
     if distance:
         for i, motions in enumerate(cycles.flown(model)):
             sought[f"separation {i}"] = (motions, motions.series(distance), True, 0)
+    for name, height in _above_ground(model, cycles.p_of_halves).items():
+        for i, motions in enumerate(cycles.flown(model)):
+            sought[f"{name} {i}"] = (motions, motions.series(height), True, 0)
     if contacts:
         for name, order in _forces_of(model).items():
             force = contacts.coefficients[:, contacts.names.index(name)]
@@ -342,7 +362,24 @@ def _curves(model: Model, cycles: Cycles) -> dict[str, _Curve]:
             apart = model.separation(cycles.p_of_contacts)
             for i, motions in enumerate(cycles.stood(model)):
                 sought[f"separation in contact {i}"] = (motions, motions.series(apart, model.embed), True, 0)
+        for name, height in _above_ground(model, cycles.p_of_contacts).items():
+            for i, motions in enumerate(cycles.stood(model)):
+                sought[f"{name} in contact {i}"] = (motions, motions.series(height, model.embed), True, 0)
     return turns_and_zeros(sought)
+
+
+def _above_ground(model: Model, p: Mapping) -> dict[str, Any]:
+    """The heights that have to stay above the ground, by the words of their violation: of machines that move along it
+    those of all that does not land."""
+    gap, each = model.gap(p), model.heights(p).items() if model.sticks else ()
+    return {f"{name} touches the ground": height for name, height in each if not _is_gap(height, gap)}
+
+
+def _is_gap(height: Affine | StateFormula, gap: Affine) -> bool:
+    """Whether a height is the gap, whose weights are numbers."""
+    if isinstance(height, StateFormula) or any(map(np.ndim, (*height.weights, height.offset))):
+        return False
+    return height == gap
 
 
 def _forces_of(model: Model) -> dict[str, int]:
@@ -436,17 +473,27 @@ def _contact_forces(
 
 
 def _separations(model: Model, cycles: Cycles, curves: Mapping[str, _Curve]) -> tuple[np.ndarray, list[Violation]]:
-    """Least separations (m,) over the cycles, and the orbits where they are not positive; where the contact does not
-    end, the flight is checked all the same."""
+    """Least separations (m,) over the cycles, and the orbits where they, or heights above the ground, are not positive;
+    where the contact does not end, the flight is checked all the same."""
+    found, violations = np.full(len(cycles), NONE), list[Violation]()
+    if "separation 0" in curves:
+        found, violations = _least_of_all(cycles, curves, "separation", model.violations["separation"], "separation")
+    for name in _above_ground(model, cycles.p):
+        violations += _least_of_all(cycles, curves, name, name, "height")[1]
+    return found, violations
+
+
+def _least_of_all(
+    cycles: Cycles, curves: Mapping[str, _Curve], of: str, words: str, what: str
+) -> tuple[np.ndarray, list[Violation]]:
+    """The least values (m,) of one function over the cycles, and those that are not positive as violations in words."""
     found = np.full(len(cycles), NONE)
-    if "separation 0" not in curves:
-        return found, []
-    least, when = _least_of_halves(cycles, *curves["separation 0"].lowest())
+    least, when = _least_of_halves(cycles, *curves[f"{of} 0"].lowest())
     where, everything = np.full(len(cycles), "flight", dtype=object), np.arange(len(cycles))
     for name, phase, owners, wholes in (
-        ("separation 1", "flight", everything, cycles.flight_times),
-        ("separation in contact 0", "contact", cycles.with_contact, None),
-        ("separation in contact 1", "contact", cycles.with_contact, cycles.contact_times),
+        (f"{of} 1", "flight", everything, cycles.flight_times),
+        (f"{of} in contact 0", "contact", cycles.with_contact, None),
+        (f"{of} in contact 1", "contact", cycles.with_contact, cycles.contact_times),
     ):
         if name in curves:
             low, times = curves[name].lowest()
@@ -457,7 +504,7 @@ def _separations(model: Model, cycles: Cycles, curves: Mapping[str, _Curve]) -> 
     found[cycles.with_contact] = least[cycles.with_contact]
     violations = list[Violation]()
     for i in (~(least > 0)).nonzero()[0].tolist():
-        text, time = "{meets} at t = {time:.6g} of the {phase} (separation {least:.3g})", Quantity(when[i], TIME)
-        numbers = {"time": time, "phase": where[i], "least": Quantity(least[i], LENGTH)}
-        violations.append((i, Message(text, meets=model.violations["separation"], **numbers)))
+        text, time = "{meets} at t = {time:.6g} of the {phase} ({what} {least:.3g})", Quantity(when[i], TIME)
+        numbers = {"time": time, "phase": where[i], "what": what, "least": Quantity(least[i], LENGTH)}
+        violations.append((i, Message(text, meets=words, **numbers)))
     return found, violations

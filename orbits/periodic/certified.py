@@ -21,7 +21,7 @@ from .certificate import Certificate, certify
 from .cycle_shape import Shape
 from .friction import with_friction
 from .orbit import Orbit, orbit_of
-from .quantities import motion_numbers
+from .quantities import motion_numbers, run_numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +153,7 @@ def orbits_of(
 ) -> dict[int, Orbit]:
     """The orbits, without dimensions, of certified solutions for machines of one model, by the index of each."""
     model, cycles, orbits = machines[0].model, found.cycles, dict[int, Orbit]()
-    numbers: Records[dict[str, Any]] = Records(dict, motion_numbers(model, cycles))
+    numbers: Records[dict[str, Any]] = Records(dict, motion_numbers(model, cycles) | run_numbers(model, cycles))
     contacts = dict(zip(cycles.with_contact.tolist(), cycles.contacts or (), strict=True))
     for which, place in zip(found.which.tolist(), found.places.tolist(), strict=True):
         machine = machines[which]

@@ -10,8 +10,8 @@ import numpy as np
 
 from ..consistency.accepted import check_machine
 from ..errors import FlowError, InputError, NoOrbit, finite_number
-from ..model.machine import Machine
-from ..model.model import Model, refuse_hysteresis, refuse_one_way
+from ..model.machine import Machine, dimensionless
+from ..model.model import STEP_LENGTH, Model, refuse_hysteresis, refuse_one_way
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..running.time_limit import time_limit
@@ -21,6 +21,7 @@ from .certified import Solved, certified_orbit, corrector, known_solutions, solv
 from .family_search import Cells, Lateness
 from .homotopy import solve_by_homotopy
 from .orbit import Orbit, orbit_of, start_in_file
+from .run_start import run_start
 from .tuned import Tuning, errors_of_tuned, solve_tuned, tuned_values, tuning_of, with_extremes
 
 Progress: TypeAlias = Callable[[float], None] | None  # called with the share that is done
@@ -80,7 +81,7 @@ def find(
     number = None if family is None else family_number(family)
     if isinstance(start, str | Path):
         start = start_in_file(start)
-    tuning = None if tune is None and at is None else tuning_of(machine, tune, at)
+    tuning = None if tune is None and at is None and not machine.model.sticks else tuning_of(machine, tune, at)
     with interrupts.deferred(), time_limit(limit):
         if tuning:
             return _tuned_from(machine, number, start, method_of(machine.model, method), tuning, progress)
@@ -106,37 +107,57 @@ def _tuned_from(
     began = time.perf_counter()
     if method == "shooting":
         raise InputError("method 'shooting' tunes no parameters; leave it out")
-    first = _found_from(machine, family, start, method, progress)
+    if not machine.model.sticks:
+        start = _found_from(machine, family, start, method, progress)
+    elif start is None:
+        start = start_of_run(machine, family or 1, tuning.values)
     if tuning.extremes:
-        orbit, errors = with_extremes(machine, tuning, first, lambda m, known, few: _tuned_near(m, known, few, method))
+        orbit, errors = with_extremes(machine, tuning, start, lambda m, known, few: _tuned_near(m, known, few, method))
     else:
-        orbit, errors = _tuned_near(machine, first, tuning, method)
+        orbit, errors = _tuned_near(machine, start, tuning, method)
+    if family not in (None, orbit.family):
+        raise NoOrbit(another_family(family, orbit.family))
     return replace(orbit.with_tuned(errors, tuning.values | tuning.extremes), seconds=time.perf_counter() - began)
 
 
-def _tuned_near(machine: Machine, known: Orbit, tuning: Tuning, method: str) -> tuple[Orbit, dict[str, float]]:
+def _tuned_near(machine: Machine, known: Any, tuning: Tuning, method: str) -> tuple[Orbit, dict[str, float]]:
     """The orbit with tuned parameters to which the machine's known one leads, and bounds on the errors of these."""
-    if not tuning.names:
+    sticks, began = machine.model.sticks, time.perf_counter()
+    if not (tuning.names or sticks):
         return _found_from(machine, known.family, known, method, None), {}
     with without_units(machine.units):
-        solved = solve_tuned(machine, tuning, stated_unknowns(machine.model, known))
+        solved = solve_tuned(machine, tuning, start_of_tuned(machine, known))
         errors, u = errors_of_tuned(solved), solved.us[0].tolist()
-    tuned = machine.with_values(**tuned_values(solved.equations, solved.us[0]))
+        tuned = machine.with_values(**tuned_values(solved.equations, solved.us[0]))
+        if sticks:
+            bare = dimensionless(tuned)
+            orbit = certified_orbit(bare, replace(solved, model=bare.model), began=began)
+            return orbit_of(tuned, orbit), errors
     names, units = solved.equations.statement.unknowns[: len(machine.model.half_unknowns)], tuned.units
     near = {name: x * (units.of(name) if units else 1.0) for name, x in zip(names, u, strict=False)}
     return _found_from(tuned, known.family, near, method, None), errors
 
 
+def start_of_tuned(machine: Machine, start: Any) -> dict[str, float]:
+    """The unknowns at which the search for an orbit with tuned parameters begins, from an orbit or from a start."""
+    bare = machine.units.dimensionless("start", start) if machine.units else start
+    return stated_unknowns(machine.model, bare)
+
+
 def first_tuned(
     machine: Machine, start: Any, family: int, tuned: tuple[str, ...], values: Mapping[str, float | None]
-) -> tuple[int, Solved]:
-    """The family, and the solution with tuned parameters to which the orbit of a family, or one near a start, leads;
-    the prescribed values are as in `Tuning`."""
-    check_start(machine, start)
-    start = start_in_file(start) if isinstance(start, str | Path) else start
-    known = _found_from(machine, family if start is None else None, start, method_of(machine.model), None)
+) -> tuple[int | None, Solved]:
+    """The family, where it is known already, and the solution with tuned parameters to which the orbit of a family, or
+    one near a start, leads; the prescribed values are as in `Tuning`."""
+    known = start_in_file(start) if isinstance(start, str | Path) else start
+    if not machine.model.sticks:
+        check_start(machine, known)
+        known = _found_from(machine, family if known is None else None, known, method_of(machine.model), None)
+    elif known is None:
+        known = start_of_run(machine, family, values)
     with without_units(machine.units):
-        return known.family, solve_tuned(machine, Tuning(tuned, values, {}), stated_unknowns(machine.model, known))
+        solved = solve_tuned(machine, Tuning(tuned, values, {}), start_of_tuned(machine, known))
+    return None if machine.model.sticks else known.family, solved
 
 
 @exclusive
@@ -348,6 +369,17 @@ def _same(a: Orbit, b: Orbit) -> bool:
     return np.allclose(x, y, rtol=SAME_ORBIT, atol=SAME_ORBIT * max(map(abs, x)))
 
 
+def start_of_run(machine: Any, family: int, at: Mapping[str, float | None]) -> dict[str, float]:
+    """The unknowns of a half orbit by name, with the step, where the search for a run of a machine begins: beside its
+    vertical hop of a family, with the quantities of `run_start` in the machine's units."""
+    upright, units = dimensionless(machine).upright(), machine.units
+    bare = {name: value / (units.of(name) if units else 1.0) for name, value in at.items() if value is not None}
+    hop = stated_unknowns(upright.model, lowest_of_family(upright, family, method_of(upright.model)))
+    own = {name: value for name, value in hop.items() if name != "unfolding"}
+    found = run_start(dimensionless(machine), own, bare)
+    return {name: value * (units.of(name) if units else 1.0) for name, value in found.items()}
+
+
 def check_start(machine: Machine, start: object) -> None:
     """Raise `InputError` where there is no start and no family of the machine's orbits can be found without one, and
     `NoOrbit` for a spring with hysteresis."""
@@ -377,11 +409,14 @@ def stated_unknowns(model: Model, start: Orbit | Mapping[str, float]) -> dict[st
         unknowns = model.launch_at(start.flight.coefficients[0, :, 0].tolist()) | {"alpha": start.alpha}
         unknowns["duration"] = start.flight_time / (2 if start.shape.reversor else 1)
         unknowns["unfolding"] = start.certificate.unfolding or 0.0
+        if model.sticks:
+            unknowns[STEP_LENGTH] = dict(zip(model.flight.states, start.shape.shifts[0], strict=True))[model.sticks[0]]
         return unknowns | ({} if start.contact_time is None else {"contact_duration": start.contact_time / 2})
     if not isinstance(start, Mapping):
         raise InputError(f"start = {start!r}; it is an orbit, or a mapping of unknowns to numbers")
-    # Two unknowns may be stated although not every statement has them.
-    if unknown := [name for name in start if name not in {*model.half_unknowns, "contact_duration", "unfolding"}]:
+    # Further unknowns may be stated although not every statement has them.
+    further = {"contact_duration", "unfolding", *((STEP_LENGTH,) if model.sticks else ())}
+    if unknown := [name for name in start if name not in {*model.half_unknowns, *further}]:
         raise InputError(f"start has '{unknown[0]}'; the unknowns are {', '.join(model.half_unknowns)}")
     stated = {"unfolding": 0.0, **{name: finite_number(f"start '{name}'", value) for name, value in start.items()}}
     for name in ("duration", "contact_duration"):

@@ -1,7 +1,8 @@
 """The friction that an orbit in the plane needs: the largest share of the force across the ground in that along it.
 
 The largest |T|/N is the number for which the least of share N - |T| over the motion is 0. From a share below it, the
-place of that least value gives the next (Dinkelbach 1967), and the last place is that of the largest |T|/N.
+place of that least value gives the next (Dinkelbach 1967), and the last place is that of the largest |T|/N. Where a foot
+sticks, both forces vanish at landing and at lift-off: there the share is the ratio |T'|/N' of their rates.
 """
 
 from functools import partial
@@ -39,6 +40,7 @@ class _OfGround(NamedTuple):
 
     which : (k,), the cycles of the motions
     normal, along : (N, K + 1), the forces
+    vanishing : whether both vanish where the motions begin
     """
 
     phase: Phase
@@ -46,6 +48,13 @@ class _OfGround(NamedTuple):
     which: np.ndarray
     normal: np.ndarray
     along: np.ndarray
+    vanishing: bool
+
+    def at_start(self) -> np.ndarray:
+        """|T|/N (k,) where the motions begin, of forces that vanish there; 0 where N does not rise, and for others."""
+        rates = (each[self.motions.first, 1] for each in (self.normal, self.along))
+        normal, along = rates if self.vanishing else np.zeros((2, len(self.motions)))
+        return np.divide(np.abs(along), normal, out=np.zeros(len(normal)), where=normal > 0)
 
     def steps_at(self, times: np.ndarray) -> np.ndarray:
         """The steps (k,) of the motions in which times (k,) lie."""
@@ -78,7 +87,7 @@ def with_friction(model: Model, cycles: Cycles, certificates: Records[Certificat
         stance, ends = turns_and_zeros({"normal": (flight.motions, flight.normal, True, 0)})["normal"].lowest()
         parts.append(flight)
     if cycles.contacts:
-        parts.append(_forces_of_ground(model.contact, cycles.contacts, cycles.with_contact))
+        parts.append(_forces_of_ground(model.contact, cycles.contacts, cycles.with_contact, bool(model.sticks)))
     lifts = stance <= 0
     for i in lifts.nonzero()[0].tolist() if (words := model.violations.get("stance")) else ():
         text, force = f"{{lifts}} at t = {{time:.6g}} {LIFTS} {{force:.3g}})", Quantity(stance[i], FORCE)
@@ -98,9 +107,13 @@ def with_friction(model: Model, cycles: Cycles, certificates: Records[Certificat
     return certificates.replaced(**found, smallest_stance_force=stance, violations=violations)
 
 
-def _forces_of_ground(phase: Phase, motions: Trajectories, which: np.ndarray) -> _OfGround:
-    rows = (motions.coefficients[:, motions.names.index(name)] for name in (NORMAL_FORCE, TANGENTIAL_FORCE))
-    return _OfGround(phase, motions, which, *rows)
+def _forces_of_ground(phase: Phase, motions: Trajectories, which: np.ndarray, vanishing: bool = False) -> _OfGround:
+    rows = [motions.coefficients[:, motions.names.index(name)] for name in (NORMAL_FORCE, TANGENTIAL_FORCE)]
+    if vanishing:  # but for rounding
+        rows = [row.copy() for row in rows]
+        for row in rows:
+            row[motions.first, 0] = 0.0
+    return _OfGround(phase, motions, which, *rows, vanishing)
 
 
 def _largest(parts: list[_OfGround], count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -109,7 +122,10 @@ def _largest(parts: list[_OfGround], count: int) -> tuple[np.ndarray, np.ndarray
     for j, part in enumerate(parts):
         if not part.along.any():
             continue
-        shares = needed[part.which]
+        limits, shares = part.at_start(), needed[part.which]
+        first = limits > shares
+        shares, which = np.where(first, limits, shares), part.which[first]
+        needed[which], where[which], place[which] = limits[first], j, 0.0
         for _ in range(MOST_SHARES):
             with np.errstate(all="ignore"):
                 times = part.least(shares)
@@ -142,17 +158,25 @@ def _share_errors(
         still = np.zeros((len(which), len(names), 1))
         _, changes = flow.run_all(rows[part.motions.first[mine], :, 0], ps[which], ends, seeds[which], still)
         states = evaluate(rows[step], (times - part.motions.starts[step])[:, None])
-        (slopes,) = _share_slopes(part.phase, names)(states, flow.mesh_data(part.motions, ps[part.which])[step])
+        data = flow.mesh_data(part.motions, ps[part.which])[step]
+        (slopes,) = _share_slopes(part.phase, names)(states, data)
+        if part.vanishing and (times == 0).any():
+            (limits,) = _share_slopes(part.phase, names, by_rates=True)(states, data)
+            slopes = np.where((times == 0)[:, None], limits, slopes)
         by_speed = np.abs((slopes * changes[:, :, 0]).sum(1)) * cycles.error[which]
         errors[which] = by_speed + SHARE_ROUNDING * EPS * (needed[which] + np.abs(slopes * states).sum(1))
     return errors
 
 
 @cached
-def _share_slopes(phase: Phase, parameters: tuple[str, ...]) -> ElementwiseFunction:
-    """The derivatives of T/N by the state, (x, parameters with the data of a piece)."""
+def _share_slopes(phase: Phase, parameters: tuple[str, ...], by_rates: bool = False) -> ElementwiseFunction:
+    """The derivatives of T/N, or of the ratio of their rates, by the state, (x, parameters with the data of a piece)."""
     flow = flow_of(phase, parameters)
     x = ca.SX.sym("x", flow.size)
     p = ca.SX.sym("p", len(parameters) + (phase.pieces.size if phase.pieces else 0))
-    normal, along = (phase.watch[name](*flow.symbols(x, p)) for name in (NORMAL_FORCE, TANGENTIAL_FORCE))
+    known = flow.symbols(x, p)
+    normal, along = (phase.watch[name](*known) for name in (NORMAL_FORCE, TANGENTIAL_FORCE))
+    if by_rates:
+        rates = ca.vertcat(*phase.field(*known))
+        normal, along = (ca.jtimes(force, x, rates) for force in (normal, along))
     return ElementwiseFunction(ca.Function("slopes", [x, p], [ca.gradient(along / normal, x)]))

@@ -22,9 +22,10 @@ from ..tables import VIOLATED, machine_numbers
 from ..units import Units, in_units, saved_units
 from .certificate import LIFTS, Certificate
 from .cycle_shape import Shape, mirrored
-from .quantities import QUANTITIES
+from .quantities import OF_RUNS, QUANTITIES
 from .saved_orbit import (
     DOCUMENT_FIELDS,
+    FIELDS_OF_RUNS,
     FIELDS_OF_STEPS,
     SavedOrbit,
     check_consistent,
@@ -59,6 +60,8 @@ class Orbit(Result, what="orbit", printed_digits=15):
     bare : the same orbit without units, None where there are none
     known_in_family : the number of orbits of its family that a search over launch speeds has found, this one included;
         None where there was no search. A search is stopped after 20,000 launches, and may then miss some.
+    step, speed : of a machine that moves on along the ground, by how much it does so from landing to landing, and how
+        fast its centre of mass moves along the ground in flight; None for another
     source : the machine that it was found for; None for an orbit from a file or another process, and for a copy
     tuned : bounds on the errors of those of the machine's parameters that were tuned, by name
     prescribed : the values of quantities that they were tuned to, by name
@@ -87,6 +90,8 @@ class Orbit(Result, what="orbit", printed_digits=15):
     scales: Units | None = None
     bare: "Orbit | None" = field(default=None, repr=False)
     known_in_family: int | None = None
+    step: float | None = None
+    speed: float | None = None
     source: Machine | None = field(default=None, repr=False)
     tuned: Mapping[str, float] = field(default_factory=dict)
     prescribed: Mapping[str, float] = field(default_factory=dict)
@@ -147,6 +152,16 @@ class Orbit(Result, what="orbit", printed_digits=15):
         if self.contact_time is None:
             raise InputError("this orbit has no period: " + "; ".join(self.violations))
         return self.flight_time + self.contact_time
+
+    @property
+    def mean_speed(self) -> float | None:
+        """The step over the period; None for a machine that does not move on, and where there is no period."""
+        return None if self.step is None or self.contact_time is None else self.step / self.period
+
+    @property
+    def cost_of_transport(self) -> float | None:
+        """The energy that is lost over the weight and the way, which is 0; None for a machine that does not move on."""
+        return None if self.step is None else 0.0
 
     @property
     def rises(self) -> dict[str, float]:
@@ -242,6 +257,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
         figures["state_mid_flight"] = mid.tolist()
         document = {**self.machine, **{name: figures[name] for name in DOCUMENT_FIELDS}}
         document |= {name: figures[name] for name in FIELDS_OF_STEPS} if self.shape.steps else {}
+        document |= {} if self.step is None else {name: getattr(self, name) for name in FIELDS_OF_RUNS}
         document |= {"tuned": dict(self.tuned), "prescribed": dict(self.prescribed)} if self.tuned else {}
         if not self.scales:
             return document
@@ -257,7 +273,8 @@ class Orbit(Result, what="orbit", printed_digits=15):
         if self.scales is None:
             raise InputError("this machine was stated in dimensionless units; state it in SI for results in SI")
         figures, units = vars(self.certificate) | vars(self), self.scales.texts()
-        main = {name: each.in_si for name, each in QUANTITIES.items() if each.in_si}
+        figures |= {} if self.step is None else {name: getattr(self, name) for name in OF_RUNS}
+        main = {name: each.in_si for name, each in (QUANTITIES | OF_RUNS).items() if each.in_si and name in figures}
         return {
             **{f"{words}_{units[name].replace('/', '_per_')}": figures[name] for name, words in main.items()},
             **{f"{name.replace(' ', '_')}_rise_m": rise for name, rise in self.rises.items()},
@@ -316,10 +333,12 @@ class Orbit(Result, what="orbit", printed_digits=15):
         yield Row("alpha", numbers, (f"{{}}{speed}   +- {{:.1e}} (error of the numerics)",))
         for name, error in self.tuned.items():
             unit = f" {units[name]}" if units.get(name) else ""
-            value = self.machine["parameters"].get(name, self.machine.get(name))
-            yield Row(
-                f"tuned {name}", {name: value, "error": error}, (f"{{}}{unit}   +- {{:.1e}} (error of the numerics)",)
-            )
+            if (value := self.machine["parameters"].get(name, self.machine.get(name))) is not None:
+                yield Row(
+                    f"tuned {name}",
+                    {name: value, "error": error},
+                    (f"{{}}{unit}   +- {{:.1e}} (error of the numerics)",),
+                )
         if c.alpha_noise is not None:
             text = f"+- {{:.1e}}{speed} (one standard deviation of the rows{', or less' if c.alpha_per_noise else ''})"
             yield Row("  by the table's noise", {"alpha_noise": c.alpha_noise}, (text,))
@@ -339,6 +358,8 @@ class Orbit(Result, what="orbit", printed_digits=15):
             elif quantity.words and name != "alpha":
                 row = Row.of(name, figures[name], self.unit_of(name), after.get(name, ""))
                 yield row._replace(heading=quantity.words)
+        for name, quantity in OF_RUNS.items() if self.step is not None else ():
+            yield Row.of(name, getattr(self, name), self.unit_of(name))._replace(heading=quantity.words)
         if c.friction_needed is not None:
             numbers, text = (
                 {"friction_needed": c.friction_needed, "friction_error": c.friction_error or 0.0},

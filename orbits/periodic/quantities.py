@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..model.model import Model
+from ..model.model import STEP_LENGTH, Model
 from ..records import NONE, Records, numbers_or_nan
 from ..shooting.formulations import Cycles
 from ..units import DIMENSIONS, LENGTH, Units
@@ -41,6 +41,19 @@ def _stroke(model: Model, cycles: Cycles) -> np.ndarray:
     return stroke
 
 
+def _speed(model: Model, cycles: Cycles) -> np.ndarray:
+    """The speeds (m,) of the centre of mass along the ground in flight."""
+    assert model.planar is not None
+    assert model.planar.travel is not None
+    return np.broadcast_to(model.planar.travel(model.launch(cycles.u, cycles.p), cycles.p), len(cycles))
+
+
+def _mean_speed(model: Model, cycles: Cycles) -> np.ndarray:
+    """The steps (m,) over the periods."""
+    contacts = cycles.contact_times
+    return np.where(contacts == NONE, NONE, cycles.p[STEP_LENGTH] / (cycles.flight_times + contacts))
+
+
 # In the order of every table; there is one of the "rises" for each height of the machine.
 QUANTITIES: dict[str, OrbitQuantity] = {
     "alpha": OrbitQuantity(lambda model, cycles: cycles.u["alpha"], "alpha", "launch_speed"),
@@ -69,6 +82,12 @@ QUANTITIES: dict[str, OrbitQuantity] = {
     "alpha_noise": OrbitQuantity(bound=True),
     "alpha_per_noise": OrbitQuantity(bound=True),
 }
+# Those of machines that move on along the ground with each landing, whose lossless motions have no cost of transport.
+OF_RUNS: dict[str, OrbitQuantity] = {
+    "step": OrbitQuantity(lambda model, cycles: cycles.p[STEP_LENGTH], "step", "step"),
+    "speed": OrbitQuantity(lambda model, cycles: _speed(model, cycles), "speed in flight", "speed"),
+    "mean_speed": OrbitQuantity(lambda model, cycles: _mean_speed(model, cycles), "mean speed", "mean_speed"),
+}
 CERTIFIED = tuple(name for name in QUANTITIES if name in Certificate.__dataclass_fields__)
 # The quantities of the motion that every result has.
 OF_MOTION = tuple(name for name, each in QUANTITIES.items() if each.of and each.in_si)
@@ -80,6 +99,16 @@ OF_MANY = tuple(name for name in DESIGNED if QUANTITIES[name].of or name in CERT
 def motion_numbers(model: Model, cycles: Cycles) -> dict[str, np.ndarray]:
     """The quantities `OF_MOTION` (m,) of cycles by name, `NONE` where there is none."""
     return {name: of(model, cycles) for name in OF_MOTION if (of := QUANTITIES[name].of)}
+
+
+def run_numbers(model: Model, cycles: Cycles) -> dict[str, np.ndarray]:
+    """The step and the speed (m,) of cycles of a machine that moves on along the ground by name, none of another."""
+    return {name: of(model, cycles) for name in ("step", "speed") if model.sticks and (of := OF_RUNS[name].of)}
+
+
+def names_of_many(model: Model) -> tuple[str, ...]:
+    """The names of the quantities of a model's orbits that are computed for many together, besides the rises."""
+    return (*OF_MANY, *(OF_RUNS if model.sticks else ()))
 
 
 def numbers_of(
@@ -96,7 +125,7 @@ def numbers_of(
             found[name] = rise.reshape(len(cycles), -1).max(axis=1)
         elif name in CERTIFIED and certificates is not None:
             found[name] = numbers_or_nan(certificates.column(name))
-        elif name in QUANTITIES and (of := QUANTITIES[name].of):
+        elif (known := QUANTITIES.get(name) or OF_RUNS.get(name)) and (of := known.of):
             found[name] = numbers_or_nan(of(model, cycles))
     if units:
         dimensions = {name: DIMENSIONS.get(name, () if name in QUANTITIES else LENGTH) for name in found}

@@ -10,7 +10,7 @@ from ..model.machine import MACHINE_FIELDS
 from ..units import UNIT_TEXTS, SavedUnits
 from .certificate import Certificate
 from .cycle_shape import SavedShape, shape_of
-from .quantities import CERTIFIED
+from .quantities import CERTIFIED, OF_RUNS
 
 # Two statements of a number in a file agree if their relative difference is no larger.
 SAME_NUMBER = 1e-9
@@ -23,8 +23,13 @@ DOCUMENT_FIELDS = (
 )
 # Further fields of the orbit of a machine whose points of contact take turns.
 FIELDS_OF_STEPS = ("bounce_factor", "friction_needed", "friction_error", "friction_time", "smallest_stance_force")
+# And of one that moves on along the ground.
+FIELDS_OF_RUNS = (*OF_RUNS, "cost_of_transport")
 # The fields of an orbit's file besides those of the machine.
-OTHER_FIELDS = {*DOCUMENT_FIELDS, *FIELDS_OF_STEPS, "format", "motion", "units", "si", "bare", "tuned", "prescribed"}
+OTHER_FIELDS = {
+    *(*DOCUMENT_FIELDS, *FIELDS_OF_STEPS, *FIELDS_OF_RUNS),
+    *("format", "motion", "units", "si", "bare", "tuned", "prescribed"),
+}
 
 
 class SavedMotion(TypedDict):
@@ -56,6 +61,8 @@ class SavedOrbit(SavedLaws):
     skipped: tuple[str, ...]
     seconds: float
     known_in_family: NotRequired[int | None]
+    step: NotRequired[float]
+    speed: NotRequired[float]
     tuned: NotRequired[Mapping[str, float]]
     prescribed: NotRequired[Mapping[str, float]]
     units: NotRequired[Mapping[str, str]]
@@ -78,7 +85,7 @@ def stated_fields(data: Mapping[str, Any]) -> dict[str, Any]:
         certificate=conform({name: data[name] for name in checked}, Certificate),
         skipped=data["skipped"],
         seconds=data["seconds"],
-        known_in_family=data.get("known_in_family"),
+        **{name: data.get(name) for name in ("known_in_family", "step", "speed")},
         tuned=data.get("tuned", {}),
         prescribed=data.get("prescribed", {}),
     )

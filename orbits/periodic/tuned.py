@@ -15,7 +15,7 @@ import numpy as np
 from ..consistency.accepted import check_parameters
 from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..model.machine import Machine
-from ..model.model import Model
+from ..model.model import STEP_LENGTH, Model
 from ..model.phase import Arc, Statement
 from ..numerics.roots import solve
 from ..shooting.error_bound import error_bounds
@@ -23,7 +23,7 @@ from ..shooting.formulations import half_orbit, vector
 from ..shooting.multiple_shooting import boundary_functions
 from ..shooting.single_shooting import Evaluation, Shooting, shooting_equations
 from ..symbolic.formula import suggest
-from ..units import DIMENSIONS, Dimension
+from ..units import DIMENSIONS, LENGTH, SPEED, Dimension
 from .certificate import Certificate
 from .certified import Solved, known_solutions
 from .homotopy import MAX_CORRECTION
@@ -66,6 +66,19 @@ PRESCRIBED: dict[str, Prescribed] = {
     "period": Prescribed(_period, DIMENSIONS["period"], True),
     "frequency": Prescribed(lambda model, u, p: 1 / _period(model, u, p), (0, -1), True),
 }
+# Those of machines that go forward: the step is a parameter, which is tuned unless it is prescribed.
+OF_STEPS: dict[str, Prescribed] = {
+    "speed": Prescribed(lambda model, u, p: model.planar.travel(model.launch(u, p), p), SPEED),
+    "mean_speed": Prescribed(lambda model, u, p: p[STEP_LENGTH] / _period(model, u, p), SPEED, True),
+    STEP_LENGTH: Prescribed(lambda model, u, p: p[STEP_LENGTH], LENGTH),
+}
+# Those of these that are no parameters.
+QUANTITIES_ALONG = {*PRESCRIBED, *OF_STEPS} - {STEP_LENGTH}
+
+
+def prescribable(model: Model) -> dict[str, Prescribed]:
+    """The quantities of half an orbit of a model that may be prescribed, by name."""
+    return {**PRESCRIBED, **(OF_STEPS if model.sticks else {})}
 
 
 @dataclass(frozen=True)
@@ -89,15 +102,15 @@ def tuning_of(machine: Machine, tune: str | Iterable[str] | None, at: Mapping[st
     names = tuned_names(machine, tune)
     if not isinstance(at or {}, Mapping):
         raise InputError(f"at = {at!r}; it is a mapping of quantities to values, as at={{'period': 9.0}}")
-    others = quantities_of_motion(machine)
+    others, known = quantities_of_motion(machine), prescribable(machine.model)
     values = {name: finite_number(f"at '{name}'", value) for name, value in (at or {}).items()}
     for name in values:
-        if name in machine.values:
+        if name in machine.values and name not in known:
             raise InputError(f"at '{name}': that is a number of the machine; state it there, or tune it")
-        if name not in (*PRESCRIBED, *others):
-            raise InputError(f"at '{name}': the orbits have no such quantity{suggest(name, [*PRESCRIBED, *others])}")
+        if name not in (*known, *others):
+            raise InputError(f"at '{name}': the orbits have no such quantity{suggest(name, [*known, *others])}")
     check_count(machine, names, values)
-    smooth = {name: value for name, value in values.items() if name in PRESCRIBED}
+    smooth = {name: value for name, value in values.items() if name in known}
     return Tuning(names, smooth, {name: value for name, value in values.items() if name not in smooth})
 
 
@@ -114,8 +127,9 @@ def tuned_names(machine: Machine, tune: str | Iterable[str] | None) -> tuple[str
 
 
 def is_quantity(machine: Machine, name: object) -> bool:
-    """Whether a name is that of a quantity that may be prescribed, and not of a parameter of the machine."""
-    return isinstance(name, str) and name in PRESCRIBED and name not in machine.values
+    """Whether a name is that of a quantity that may be prescribed, and not of a parameter of the machine itself."""
+    model = machine.model
+    return isinstance(name, str) and name in prescribable(model) and (name not in machine.values or name in model.fixed)
 
 
 def quantities_of_motion(machine: Machine) -> list[str]:
@@ -135,28 +149,28 @@ def check_count(machine: Machine, tuned: Sequence[str], prescribed: Iterable[str
         if equations > unknowns:
             more = {1: "one number of the machine"}.get(equations - unknowns, f"{equations - unknowns} numbers of it")
             each = f"tune {more}, and one more for each quantity that is prescribed"
-        stated = f"{', '.join(tuned) or 'none'} for {', '.join(prescribed) or 'no quantity'}"
+        stated = f"tune = {[*tuned]} and at = {prescribed} are {len(tuned)} for {len(prescribed)}"
         raise InputError(
-            f"half an orbit of a {model.name} has {equations} equations for {unknowns} unknowns: {each}. "
-            f"{needed} are needed, and tuned {'is' if len(tuned) < 2 else 'are'} {stated}"
+            f"half an orbit of a {model.name} has {equations} equations for {unknowns} unknowns: {each}; {stated}, "
+            f"and {needed} {'is' if needed == 1 else 'are'} needed"
         )
 
 
 @lru_cache(maxsize=64)
 def counts(model: Model, parameters: tuple[str, ...]) -> tuple[int, int]:
-    """The number of unknowns and the number of equations of half an orbit, before anything is tuned."""
+    """The number of unknowns and the number of equations of half an orbit, before parameters of a machine are tuned."""
     statement = half_orbit(model)
     arrivals = [arrival for _, arrival in boundary_functions(statement, parameters)]
-    return len(statement.unknowns), sum(arrival.numel_out(0) for arrival in arrivals)
+    return len(statement.unknowns) + bool(model.sticks), sum(arrival.numel_out(0) for arrival in arrivals)
 
 
 @lru_cache(maxsize=64)
 def tuned_statement(model: Model, tuned: tuple[str, ...], prescribed: tuple[str, ...]) -> Statement:
     """Half an orbit whose last unknowns are parameters, with one equation more for each prescribed quantity; its value,
     in the machine's units, is the parameter of its name."""
-    base = half_orbit(model)
-    arcs, unknowns, durations = base.arcs, base.unknowns[: len(base.unknowns) - len(base.tuned)], base.durations
-    each = [(name, PRESCRIBED[name]) for name in prescribed]
+    base, known = half_orbit(model), prescribable(model)
+    arcs, unknowns, durations = base.arcs, base.unknowns, base.durations
+    each = [(name, known[name]) for name in prescribed if name != STEP_LENGTH]
     if len(arcs) == 1 and any(quantity.with_contact for _, quantity in each):
         unknowns, durations = (*unknowns, "contact_duration"), (*durations, "contact_duration")
         contact = Arc(
@@ -173,21 +187,23 @@ def tuned_statement(model: Model, tuned: tuple[str, ...], prescribed: tuple[str,
         return [*arcs[-1].conditions(u, x, p), *more]
 
     arcs_with = (*arcs[:-1], replace(arcs[-1], conditions=conditions))
-    names = (*base.tuned, *tuned)
+    names = (*((STEP_LENGTH,) if model.sticks and STEP_LENGTH not in prescribed else ()), *tuned)
     return Statement("tuned half orbit", (*unknowns, *names), arcs_with, durations, names)
 
 
 def tuned_equations(machine: Machine, tuned: tuple[str, ...], prescribed: tuple[str, ...]) -> Shooting:
     """The equations of half an orbit with tuned parameters; the prescribed quantities are further parameters, the
-    last ones."""
+    last ones, unless they are parameters already."""
     statement = tuned_statement(machine.model, tuned, prescribed)
-    return shooting_equations(statement, (*machine.values, *prescribed))
+    return shooting_equations(statement, tuple(dict.fromkeys((*machine.values, *prescribed))))
 
 
 def prescribed_value(machine: Machine, name: str, u: Mapping[str, float]) -> float:
     """The value of a quantity that may be prescribed at unknowns of half an orbit, in the machine's units."""
-    quantity, units = PRESCRIBED[name], machine.units
-    return float(quantity.of(machine.model, u, machine.values)) * (units.of(quantity.dimension) if units else 1.0)
+    quantity, units = prescribable(machine.model)[name], machine.units
+    return float(quantity.of(machine.model, u, {**machine.values, **u})) * (
+        units.of(quantity.dimension) if units else 1.0
+    )
 
 
 def solve_tuned(machine: Machine, tuning: Tuning, u: Mapping[str, float]) -> Solved:
@@ -197,31 +213,36 @@ def solve_tuned(machine: Machine, tuning: Tuning, u: Mapping[str, float]) -> Sol
     equations = tuned_equations(machine, tuning.names, names)
     if "contact_duration" in equations.statement.unknowns and "contact_duration" not in u:
         raise NoOrbit(f"the contact of the orbit to begin with does not end: it has no {' and no '.join(names)}")
-    start = {**u, **{name: machine.values[name] for name in equations.statement.tuned}}
+    start = {**{name: machine.values[name] for name in equations.statement.tuned}, **u}
     here = np.array([prescribed_value(machine, name, start) for name in names])
     targets = np.array(
         [own if value is None else value for own, value in zip(here, tuning.values.values(), strict=True)]
     )
     x = np.array([start[name] for name in equations.statement.unknowns])
-    x, evaluation, p = _along_way(machine, equations, x, here, targets)
+    x, evaluation, p = _along_way(machine, equations, x, names, here, targets)
     return Solved(machine.model, METHOD, equations, x[None], p[None], evaluation)
 
 
 def _along_way(
-    machine: Machine, equations: Shooting, x: np.ndarray, here: np.ndarray, there: np.ndarray
+    machine: Machine, equations: Shooting, x: np.ndarray, prescribed: Sequence[str], here: np.ndarray, there: np.ndarray
 ) -> tuple[np.ndarray, Evaluation, np.ndarray]:
-    """The solution (n,), the equations there and the parameters (np,), as prescribed values go from those `here` (k,)
-    to those `there`."""
-    names, own = equations.parameters[len(machine.values) :], [*machine.values.values()]
-    p_at = lambda share: np.array([*own, *(there if share == 1 else here + share * (there - here))])  # noqa: E731
-    reached, step = 0.0, 1.0
+    """The solution (n,), the equations there and the parameters (np,), as prescribed quantities go from their values
+    `here` (k,) to those `there`."""
+    names, own, places = [*prescribed], machine.values, list(map(equations.parameters.index, prescribed))
+
+    def p_at(share: float) -> np.ndarray:
+        p = np.array([own.get(name, 0.0) for name in equations.parameters])
+        p[places] = there if share == 1 else here + share * (there - here)
+        return p
+
+    reached, step = 0.0 if names else 1.0, 1.0
     try:
         x, evaluation = equations.newton(x, p_at(0.0))
     except NoOrbit as error:
         tuned, all_of = ", ".join(equations.statement.tuned), ", ".join(names)
         raise NoOrbit(f"{all_of or 'the orbit'} may not depend on {tuned}: tune another number ({error})") from None
     while reached < 1:
-        jacobian = equations.evaluate(x, p_at(reached), names).jacobian
+        jacobian = equations.evaluate(x, p_at(reached), tuple(names)).jacobian
         tangent = -solve(jacobian[:, : len(x)], jacobian[:, len(x) :] @ (there - here))
         while True:
             share = 1.0 if step >= 1 - reached else reached + step
@@ -232,7 +253,8 @@ def _along_way(
             except (NoOrbit, FlowError, InputError) as error:
                 step = min(step, 1 - reached) / 2
                 if step < SHORTEST_WAY:
-                    raise _no_way(machine, equations, x, p_at(reached), there, tangent, error) from None
+                    at, wanted = (dict(zip(names, p[places].tolist(), strict=True)) for p in (p_at(reached), p_at(1.0)))
+                    raise _no_way(equations, x, at, wanted, tangent, error) from None
         reached, step = share, 2 * step
     return x, evaluation, equations.with_tuned(x[None], p_at(1.0)[None])[0]
 
@@ -260,7 +282,7 @@ def tuned_values(equations: Shooting, x: np.ndarray) -> dict[str, float]:
 
 
 def _no_way(
-    machine: Machine, equations: Shooting, x: np.ndarray, p: np.ndarray, there: np.ndarray, tangent: np.ndarray,
+    equations: Shooting, x: np.ndarray, at: Mapping[str, float], wanted: Mapping[str, float], tangent: np.ndarray,
     error: Exception,
 ) -> NoOrbit:  # fmt: skip
     """The error of a way that ends before the prescribed values."""
@@ -269,11 +291,9 @@ def _no_way(
     tuned = ", ".join(
         f"{name} = {x:.6g} and {'rising' if rates[name] > 0 else 'falling'}" for name, x in values.items()
     )
-    names = equations.parameters[len(machine.values) :]
-    reached = ", ".join(f"{name} = {x:.6g}" for name, x in zip(names, p[len(machine.values) :].tolist(), strict=True))
-    wanted = ", ".join(f"{name} = {x:.6g}" for name, x in zip(names, there.tolist(), strict=True))
+    there, reached = (", ".join(f"{name} = {x:.6g}" for name, x in each.items()) for each in (wanted, at))
     return NoOrbit(
-        f"no orbit with {wanted} is reached by tuning {', '.join(values)}: at {reached}, with {tuned}, {error}"
+        f"no orbit with {there} is reached by tuning {', '.join(values)}: at {reached}, with {tuned}, {error}"
     )
 
 

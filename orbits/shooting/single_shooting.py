@@ -43,9 +43,9 @@ class Evaluation:
     jacobian : (n, n + k), with respect to the unknowns and to the k varied parameters
     trajectories : one `Trajectory`, of m points one `Trajectories`, per arc, with its sensitivities to its start and to
         the varied parameters
-    transitions : derivatives (states, states + t + k) of each arc's end at fixed duration, by its start, the t unknowns
-        that are parameters, and the varied parameters
-    starts : derivatives (states + t + k, n + k) of the same, by the unknowns and the varied parameters
+    transitions : derivatives (states, states + t) of each arc's end at fixed duration, by its start and by t parameters,
+        the varied ones and those that are unknowns
+    starts : derivatives (states + t, n + k) of the same, by the unknowns and the varied parameters
     residual_by_end : derivatives (rows, states) of the residuals that belong to each arc by its end
     """
 
@@ -129,16 +129,24 @@ class Shooting:
 
     @cached
     def seeds(self, vary: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray, list]:
-        """Derivatives of the unknowns (n, n + k), of the parameters (np, n + k) and of those of these that are unknown
-        or varied (t + k, n + k) by the unknowns and the varied parameters; and for each arc the seeds of its start and
-        of the parameters."""
-        n, own, k = self.size, self.own, len(vary)
+        """Derivatives of the unknowns (n, n + k), of the parameters (np, n + k) and of the `moving` ones (t, n + k) by
+        the unknowns and the varied parameters; and for each arc the seeds of its start and of the parameters."""
+        n, own, k, moving = self.size, self.own, len(vary), self.moving(vary)
         dp = np.zeros((len(self.parameters), n + k))
         for j, place in enumerate([*self.places, *map(self.parameters.index, vary)], start=own):
             dp[place, j] = 1.0
-        sizes, moving = [flow.size for flow in self.flows], n + k - own
-        seeds = [(np.eye(size, size + moving), np.hstack([np.zeros((len(dp), size)), dp[:, own:]])) for size in sizes]
-        return np.eye(n, n + k), dp, np.eye(moving, n + k, own), seeds
+        sizes, count = [flow.size for flow in self.flows], len(moving)
+        seeds = [(np.eye(size, size + count), np.hstack([np.zeros((len(dp), size)), dp[:, moving]])) for size in sizes]
+        return np.eye(n, n + k), dp, np.eye(n + k)[moving], seeds
+
+    def moving(self, vary: tuple[str, ...]) -> list[int]:
+        """The places, among the unknowns and after them the varied parameters, of the parameters by which the motions
+        are differentiated; with tuned ones, those that a field depends on."""
+        every = [*range(self.own, self.size + len(vary))]
+        if not self.places:
+            return every
+        names = (*self.statement.tuned, *vary)
+        return [place for place, name in zip(every, names, strict=True) if any(f.moves_with(name) for f in self.flows)]
 
     def expect(self, steps: int, vary: tuple[str, ...] = ()) -> None:
         """Compile now what is worth it for this number of steps of each arc."""
@@ -201,7 +209,7 @@ class Shooting:
         end, the data of the piece where it starts and their derivatives by p) -> residual, jacobian, and for each arc
         the derivatives of its start and those of the residuals by its end."""
         n, k = self.size, len(vary)
-        moving = n + k - self.own
+        moving = len(self.moving(vary))
         # Unneeded derivatives are left out, since some are not numbers (r**n by n where r < 0).
         du, dp, dmoving = (ca.sparsify(ca.DM(each)) for each in self.seeds(vary)[:3])
         u, p, before, dbefore = ca.SX.sym("u", n), ca.SX.sym("p", len(self.parameters)), ca.SX(0, 1), ca.SX(0, n + k)

@@ -141,6 +141,11 @@ class Impacts:
         if machine.model.hysteretic:
             several = "a machine whose spring has hysteresis is followed by simulations, and by maps of launch speeds"
             raise InputError(f"{several}: take the law's `.mean`")
+        if machine.model.sticks:
+            raise InputError(
+                f"a {machine.model.name} has a coordinate that sticks in contact ({machine.model.sticks[0]}): its orbits "
+                "are found and certified, and landings with a speed are not followed"
+            )
         self.machine, self.options = machine, options or ImpactOptions()
         model, self.restitution = machine.model, float(machine.restitution)
         if self.restitution > 0 and model.changes_contact:

@@ -101,22 +101,20 @@ def variations(field: ca.Function, varied: tuple[int, ...], columns: int, order:
     rows = [ca.horzsplit(row) for row in ca.vertsplit(c[n + m :, :])]
     slopes = list(zip(*parts.slopes.sparsity().get_triplet(), rows, strict=False))
     forces = list(zip(*by_parameters.sparsity().get_triplet(), rows[len(slopes) :], strict=True))
-    results = []
-    for column in range(columns):
-        series, moved = [dx[:, column]], list[list[ca.SX]]()
-        for k in range(order):
-            moved.append(ca.vertsplit(parts.arguments @ series[k]))
-            changes = [_ZERO] * parts.multiples.shape[1]
-            for i, j, slope in slopes:
-                changes[i] = _plus(changes[i], _convolve(slope, [each[j] for each in moved], 0, k, k))
-            rise = ca.densify(parts.rates @ series[k])
-            if changes:
-                rise += parts.multiples @ ca.vertcat(*changes)
-            for i, j, force in forces:
-                rise[i] += force[k] * dp[j, column]
-            series.append(rise * (1 / (k + 1)))
-        results.append(ca.horzcat(*series).T)
-    slopes_of_columns = ca.densify(ca.horzcat(*results)) if columns else ca.SX(order + 1, 0)
+    series, moved = [dx], list[list[ca.SX]]()
+    for k in range(order if columns else 0):
+        moved.append(ca.vertsplit(parts.arguments @ series[k]))
+        changes = [ca.SX(1, columns)] * parts.multiples.shape[1]
+        for i, j, slope in slopes:
+            changes[i] = _plus(changes[i], _convolve(slope, [each[j] for each in moved], 0, k, k))
+        rise = ca.densify(parts.rates @ series[k])
+        if changes:
+            rise += parts.multiples @ ca.vertcat(*changes)
+        for i, j, force in forces:
+            rise[i, :] += force[k] * dp[j, :]
+        series.append(rise * (1 / (k + 1)))
+    results = ca.vertcat(*(ca.vec(each).T for each in series))
+    slopes_of_columns = ca.densify(results) if columns else ca.SX(order + 1, 0)
     return ca.Function("variations", [x, p, dx, dp], [ca.densify(c[: n + m, :].T), slopes_of_columns])
 
 

@@ -36,11 +36,12 @@ POSITIVE = click.FloatRange(0, min_open=True)
 machine_options = combined(
     click.option(
         "--machine",
-        metavar="hopper|juggler|wheel|rocker|shuttle|FILE.toml",
+        metavar="hopper|juggler|wheel|rocker|shuttle|runner|FILE.toml",
         help="Kind of machine, or a file that "
         "states it. A wheel, a rocker and a shuttle step: they take --set inertia_ratio=J/A, "
         "gravity_ratio=M*g*l/k (of a rocker M*g*h/k) and, for other than small angles, angle=A in rad, "
-        "half of that between spokes or walls (of a rocker tan A = b/h).",
+        "half of that between spokes or walls (of a rocker tan A = b/h). A runner takes --set foot_mass=, rest_length=, "
+        "inertia=, hip_stiffness= and others of its numbers.",
     ),
     click.option("--mass-ratio", type=POSITIVE, metavar="M", help="Foot (hand) over body (ball) mass; default 1."),
     click.option("--masses", metavar="KG,KG", help="Of body and foot (ball and hand): then all numbers are in SI."),

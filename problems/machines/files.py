@@ -15,7 +15,7 @@ mass = 2.0
 stiffness = 50.0
 
 a machine that steps, "wheel", "rocker" or "shuttle", by its ratios or, in [si], by the arguments of its function in
-`problems.machines.steps`,
+`problems.machines.steps`, and a "runner" by those of `problems.runner` in [parameters] or in [si],
 
 machine = "wheel"               machine = "wheel"
 spring = "r + beta*r**3"        [si]
@@ -53,6 +53,7 @@ from orbits.symbolic.formula import suggest
 from .hopper import Hopper
 from .in_si import AnyMachine, MachineInSI, hopper_in_si, juggler_in_si
 from .juggler import Juggler
+from .runner import runner
 from .steps import RATIOS, rimless_wheel, rocking_block, shuttle
 from .two_masses import DAMPERS, GROUND_MASS, TwoMassMachine
 
@@ -60,12 +61,14 @@ MachineOfFile: TypeAlias = AnyMachine | Mechanism
 KINDS: dict[str, type[TwoMassMachine]] = {"hopper": Hopper, "juggler": Juggler}
 IN_SI: dict[str, Callable[..., MachineInSI]] = {"hopper": hopper_in_si, "juggler": juggler_in_si}
 MASSES = {"hopper": ("body_mass", "foot_mass"), "juggler": ("ball_mass", "hand_mass")}
-STEPPING: dict[str, Callable[..., Mechanism]] = {"wheel": rimless_wheel, "rocker": rocking_block, "shuttle": shuttle}
+STEPPING: dict[str, Callable[..., Mechanism]] = {
+    **{"wheel": rimless_wheel, "rocker": rocking_block, "shuttle": shuttle, "runner": runner}
+}
 SI_KEYS_OF_STEPS = {
     kind: [
         name
         for name in signature(build).parameters
-        if name not in ("spring", "parameters", *RATIOS) or (kind, name) == ("shuttle", "angle")
+        if name not in ("spring", "hip_spring", "parameters", "in_si", *RATIOS) or (kind, name) == ("shuttle", "angle")
     ]
     for kind, build in STEPPING.items()
 }
@@ -162,14 +165,19 @@ def _build(statement: dict[str, Any]) -> MachineOfFile:
 def _stepping_machine(kind: str, statement: dict[str, Any]) -> Mechanism:
     """A machine whose points of contact take turns."""
     if other := [name for name in statement if name in KEYS and name not in KEYS_OF_STEPS]:
-        raise InputError(f"'{other[0]}' is of machines that hop: a {kind} has {', '.join(RATIOS)} and a spring")
+        names = SI_KEYS_OF_STEPS[kind] if kind == "runner" else RATIOS
+        raise InputError(f"'{other[0]}' is of machines that hop: a {kind} has {', '.join(names)} and a spring")
     values, own = dict(statement.get("parameters", {})), statement.get("si")
+    known = SI_KEYS_OF_STEPS[kind] if kind == "runner" else (*RATIOS, "friction")
     if own is None:
-        known = [name for name in (*RATIOS, "friction") if name in signature(STEPPING[kind]).parameters]
-        own = {name: values.pop(name) for name in known if name in values}
+        own = {
+            name: values.pop(name) for name in known if name in signature(STEPPING[kind]).parameters and name in values
+        }
     else:
         _check_keys("[si]", own, SI_KEYS_OF_STEPS[kind])
-    return STEPPING[kind](**own, spring=statement.get("spring"), parameters=values)
+        own = {**own, **({"in_si": True} if kind == "runner" else {})}
+    spring = {"spring": statement["spring"]} if "spring" in statement else {}
+    return STEPPING[kind](**own, **spring, parameters=values)
 
 
 def _ground(statement: dict[str, Any]) -> Ground:

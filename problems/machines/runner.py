@@ -1,0 +1,124 @@
+"""A runner in the plane: a body on a sprung leg with a hip spring, and a massive foot that lands at rest and sticks.
+
+Coordinates are the foot's place x along the ground and its height z, the leg's length l, its angle theta from the
+vertical and the body's pitch phi. The hip is the body's centre of mass, at (x + l sin(theta), z + l cos(theta)). With
+the masses m1 of the body and m2 of the foot, the body's inertia I, the leg's force T(l - l0) and the hip's torque
+tau(phi - theta),
+
+    l'' = l theta'^2 - T/mu        l^2 theta'' = tau/mu - 2 l l' theta'        I phi'' = -tau
+
+in flight, where 1/mu = 1/m1 + 1/m2 and the centre of mass flies along a parabola; in contact, where x and z rest,
+
+    l'' = l theta'^2 - g cos(theta) - T/m1        l^2 theta'' = g l sin(theta) + tau/m1 - 2 l l' theta'
+
+and the ground holds the foot with the forces F_z = m2 g - T cos(theta) - (tau/l) sin(theta) and
+F_x = -T sin(theta) + (tau/l) cos(theta). A landing costs nothing where the foot has no speed in x and z, and both
+forces vanish there and at lift-off. That is one condition more than half an orbit has unknowns: one number of the
+machine has to be tuned, and one more for each quantity that is asked for, as the forward speed.
+"""
+
+from collections.abc import Mapping
+
+from orbits import Mechanism
+from orbits.errors import InputError
+from orbits.laws.law import number
+from orbits.laws.law_statement import LawLike
+from orbits.mechanics import Drawing, Mass, Outline, Spring
+
+from ..laws.springs import as_spring
+from .parameters import checked_numbers, with_parameters
+
+HIP = ("x + l*sin(theta)", "z + l*cos(theta)")
+WORDS_OF_RUNNERS = {
+    "liftoff": "the foot's weight",
+    "gap": "the foot touches the ground in flight",
+    "pull": "the ground would have to pull",
+    "separation": "the leg has no length left",
+    "end": "contact: the foot never lifts off again",
+    "none": "a lossless runner has tuned numbers: give find tune= and at=, as tune=('inertia', 'hip_stiffness'), "
+    "at={'speed': 0.4}",
+}
+GRAVITY_OF_EARTH = 9.81
+
+
+def runner(
+    foot_mass: float = 0.1, rest_length: float = 3.7, inertia: float = 5.7, hip_stiffness: float = 5.4, *,
+    body_mass: float = 1.0, stiffness: float = 1.0, surface_gravity: float | None = None,
+    spring: LawLike = "stiffness*r", hip_spring: LawLike = "hip_stiffness*r", friction: float | None = None,
+    in_si: bool = False, parameters: Mapping[str, float] | None = None,
+) -> Mechanism:  # fmt: skip
+    """A body on a sprung leg with a hip spring and a massive foot, which runs in the plane.
+
+    foot_mass, body_mass : in kg where all is in SI; the foot is on the leg's lower end, the body's mass at the hip
+    rest_length : of the leg
+    inertia : of the body about the hip
+    stiffness, hip_stiffness : of the leg's and of the hip's spring
+    surface_gravity : 1, or in SI 9.81 m/s^2, where it is None
+    spring : the force of the leg, a law of its extension r: one of `problems.springs`, or a formula whose names other
+        than the stiffness are `parameters`
+    hip_spring : the torque of the hip, an odd law of r = phi - theta
+    friction : the coefficient of friction, where one that is needed above it violates an orbit; None for any
+    in_si : whether all numbers are in SI; else they are in any units that fit together
+    parameters : values of the names in both springs' laws
+
+    The launch speed is that at which the leg extends at lift-off. An orbit is one up to a move along the ground, and
+    goes on by its `step`. Raises `InputError` for numbers that no runner has, and for a hip whose spring is not odd.
+
+    >>> from problems import runner
+    >>> machine = runner(foot_mass=0.1, rest_length=3.7)
+    >>> machine.model.sticks
+    ('x',)
+    """
+    gravity = surface_gravity if surface_gravity is not None else GRAVITY_OF_EARTH if in_si else 1.0
+    own = {
+        "body_mass": body_mass, "foot_mass": foot_mass, "inertia": inertia, "stiffness": stiffness,
+        "hip_stiffness": hip_stiffness, "rest_length": rest_length, "surface_gravity": gravity,
+    }  # fmt: skip
+    own = {name: number(name, value) for name, value in own.items()}
+    if friction is not None:
+        own["friction"] = number("friction", friction)
+    for name, value in own.items():
+        if not value > 0:
+            raise InputError(f"{name} = {value:g}; of a runner it lies above 0")
+    values = checked_numbers(parameters or {})
+    known = with_parameters(own, values)
+    leg, hip = (as_spring(law, known, shared=True) for law in (spring, hip_spring))
+    used = {*own} - {"stiffness", "hip_stiffness"} | {*leg.key.names, *hip.key.names, *values}
+    return Mechanism(
+        name="runner",
+        coordinates=("x", "z", "l", "theta", "phi"),
+        elements=[
+            Mass(HIP[1], "body_mass", across=HIP[0]),
+            Mass("z", "foot_mass", across="x"),
+            Spring("l - rest_length", leg),
+            Spring("phi - theta", hip),
+        ],
+        gap="z",
+        sticks=("x",),
+        inertia={"phi": "inertia"},
+        surface_gravity="surface_gravity",
+        parameters={name: value for name, value in known.items() if name in used},
+        counts="l",
+        launch="l",
+        heights={"body": HIP[1], "foot": "z"},
+        separation="l",
+        rest={"l": "rest_length"},
+        angles=("theta", "phi"),
+        reversor={"theta": "-theta", "phi": "-phi"},
+        friction=None if friction is None else "friction",
+        in_si=in_si,
+        words=WORDS_OF_RUNNERS,
+        drawing=_runner_drawn(),
+    )
+
+
+def _runner_drawn() -> Drawing:
+    """A leg with a foot, and a trunk that shows the pitch."""
+    trunk = [
+        (f"{HIP[0]} + {end}*rest_length*sin(phi)", f"{HIP[1]} + {end}*rest_length*cos(phi)") for end in (-0.1, 0.3)
+    ]
+    foot = [(f"x + {a}*rest_length", f"z + {b}*rest_length") for a, b in ((-0.05, 0.0), (0.08, 0.0), (0.0, 0.06))]
+    return Drawing(
+        [Outline("leg", [("x", "z"), HIP]), Outline("trunk", trunk, ends=True), Outline("foot", foot, closed=True)],
+        onward={"x": "x + step"},
+    )
