@@ -149,7 +149,8 @@ def _contradictions(claimed: Mapping[str, Any], described: Mapping[str, Any], va
 def _wrong_measurements(orbit: Orbit, machine: Machine) -> list[str]:
     """The claims of an orbit about its motion that contradict the same orbit measured anew, in words."""
     try:
-        options = {"tune": [*orbit.tuned], "at": orbit.prescribed} if machine.model.sticks else {}
+        names = [name for name in orbit.tuned if name != STEP_LENGTH]
+        options = {"tune": names, "at": orbit.prescribed} if machine.model.sticks else {}
         anew = find(machine, start=orbit, **options)
     except (NoOrbit, InputError) as error:
         return [f"the orbit cannot be measured anew: {error}"]

@@ -21,6 +21,7 @@ from .expressions import (
     ONE,
     ZERO,
     ExactExpression,
+    along,
     depends_on,
     derivative_by,
     exact_number,
@@ -91,6 +92,16 @@ class LoneExtension:
     domains: list[Domains]
 
 
+@dataclass(frozen=True)
+class Square:
+    """The square of a speed in a kinetic energy: the gradient (n,) of a place whose second derivative by time is the
+    gradient times the accelerations and the bend."""
+
+    mass: ExactExpression
+    gradient: Column
+    bend: ExactExpression
+
+
 class ExactMechanics:
     """The equations of motion of a stated machine.
 
@@ -144,9 +155,13 @@ class ExactMechanics:
         self.counts = self.formula(stated.counts)
         self.separation = None if stated.separation is None else self.formula(stated.separation)
         self.pieces, self.law_domains, self.conservative = self._forces()
+        self.squares = self._squares() if depends_on([each for row in self.inertia for each in row], self.y) else []
         centrifugal = self._centrifugal()
         self.forces = [[q - c for q, c in zip(force, centrifugal, strict=True)] for force in self.conservative]
-        self.accelerations = [solved(self.inertia, force) for force in self.forces]
+        self.accelerations = [
+            of_squares(self.squares, loads) or solved(self.inertia, force)
+            for loads, force in zip(self.conservative, self.forces, strict=True)
+        ]
         self.s, self.w = [self.y[i] for i in self.independent], [self.v[i] for i in self.independent]
         self.contact_accelerations, self.contact_force, self.holding_forces = self._contact()
         if depends_on([*self.inertia_and_forces, self.counts, *([self.separation] if self.separation else [])],
@@ -200,7 +215,25 @@ class ExactMechanics:
             raise Unproved(f"gap '{self.stated.gap}' is closed by no coordinate that rises")
         return [each.value / largest for each in weights]
 
+    def _squares(self) -> list["Square"]:
+        """The kinetic energy as a sum of squares of speeds; empty where it is stated otherwise."""
+        s, square, found = self.stated, self.scale.length**2, list[Square]()
+        for i, row in enumerate(s.inertia):
+            entries = [square * self.formula(entry) for entry in row]
+            if depends_on(entries, self.y) or not all(each.is_(0) for j, each in enumerate(entries) if j != i):
+                return []
+            if not entries[i].is_(0):
+                found.append(Square(entries[i], [ONE if j == i else ZERO for j in range(self.size)], ZERO))
+        for place, size in (*s.masses, *s.inerters):
+            gradient = self.gradient(self.formula(place))
+            bend = along(along(self.formula(place), self.y, self.v), self.y, self.v)
+            found.append(Square(self._of_parameters(size), gradient, bend))
+        return found
+
     def _centrifugal(self) -> Column:
+        if self.squares:
+            bends = [(each.mass * each.bend, each.gradient) for each in self.squares]
+            return [total(bend * gradient[i] for bend, gradient in bends) for i in range(self.size)]
         momentum = [total(m * v for m, v in zip(row, self.v, strict=True)) for row in self.inertia]
         energy = total(v * p for v, p in zip(self.v, momentum, strict=True)) / 2
         turned = [total(s * v for s, v in zip(row, self.v, strict=True)) for row in jacobian(momentum, self.y)]
@@ -283,9 +316,14 @@ class ExactMechanics:
         reduced = [[total(self.embed[i][k] * projected[i][j] for i in range(self.size)) for j in count] for k in count]
         self._reduced = reduced, [self.along(substitute(force, places)) for force in self.forces]
         accelerations, contact_force, holding = list[Column](), list[ExactExpression](), list[Column]()
-        for force in self.forces:
+        squares = [
+            Square(each.mass, self.along(substitute(each.gradient, places)), substitute([each.bend], places)[0])
+            for each in self.squares
+        ]
+        squares = [each for each in squares if not all(x.is_(0) for x in each.gradient)]
+        for loads, force in zip(self.conservative, self.forces, strict=True):
             inside = substitute(force, places)
-            rates = solved(reduced, self.along(inside))
+            rates = of_squares(squares, self.along(substitute(loads, places))) or solved(reduced, self.along(inside))
             held = [inner_product(projected[i], rates) - inside[i] for i in (self.eliminated, *self.sticks)]
             accelerations.append(rates)
             contact_force.append(held[0])
@@ -411,6 +449,44 @@ def parameter_of(name: str, low: Fraction, high: Fraction) -> ExactExpression:
 def inner_product(a: Sequence[ExactExpression], b: Sequence[ExactExpression]) -> ExactExpression:
     """The sum of products."""
     return total(x * y for x, y in zip(a, b, strict=True))
+
+
+def of_squares(squares: Sequence[Square], loads: Column) -> Column | None:
+    """The accelerations under loads (n,) of a kinetic energy that is a sum of n squares, with the gradients G as rows
+    and the masses D: G' D (G y'' + bends) = loads. None for other numbers of squares, and where G is not easily solved.
+    """
+    if len(squares) != len(loads):
+        return None
+    rows = [each.gradient for each in squares]
+    pulls = solved_by_parts([list(column) for column in zip(*rows, strict=True)], loads)
+    if pulls is None:
+        return None
+    return solved_by_parts(rows, [pull / each.mass - each.bend for pull, each in zip(pulls, squares, strict=True)])
+
+
+def solved_by_parts(matrix: ExactRows, right: Sequence[ExactExpression]) -> Column | None:
+    """The solution of a linear system, of which entries that are numbers are eliminated first; None where more than
+    two unknowns are left."""
+    rows, known = [[*row, each] for row, each in zip(matrix, right, strict=True)], list[tuple[int, Column]]()
+    columns = list(range(len(rows)))
+    while pivot := next(((row, j) for row in rows for j in columns if row[j].is_number and not row[j].is_(0)), None):
+        chosen, j = pivot
+        rows = [row for row in rows if row is not chosen]
+        columns.remove(j)
+        known.append((j, [each / chosen[j] for each in chosen]))
+        rows = [row if row[j].is_(0) else [a - row[j] * b for a, b in zip(row, known[-1][1], strict=True)] for row in rows]
+    if len(columns) > 2:
+        return None
+    found = [ZERO] * len(right)
+    if len(columns) == 1:
+        found[columns[0]] = rows[0][-1] / rows[0][columns[0]]
+    elif columns:
+        (a, b, u), (c, d, w) = ([row[j] for j in (*columns, -1)] for row in rows)
+        determinant = a * d - b * c
+        found[columns[0]], found[columns[1]] = (u * d - b * w) / determinant, (a * w - u * c) / determinant
+    for j, row in reversed(known):
+        found[j] = row[-1] - total(row[k] * found[k] for k in range(len(found)) if k != j)
+    return found
 
 
 def _eliminated(matrix: ExactRows) -> tuple[ExactRows, ExactRows]:
