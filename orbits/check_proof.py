@@ -229,6 +229,29 @@ def solved(matrix: list[list[Tree]], *right: Sequence[Tree]) -> tuple[list[Tree]
     return pivots, [[row[len(rows) + j] for row in rows] for j in range(len(right))]
 
 
+def solved_apart(matrix: list[list[Tree]], right: Sequence[Tree]) -> list[Tree] | None:
+    """The solution of a linear system: by entries that are numbers, as long as there are some, and for at most two
+    unknowns that are left by Cramer's rule; None for more."""
+    rows, left, known = [[*row, each] for row, each in zip(matrix, right, strict=True)], [*range(len(right))], {}
+    while place := next(((i, j) for i, row in enumerate(rows) for j in left if row[j].kind == "number"
+                         and row[j] is not ZERO), None):  # fmt: skip
+        i, j = place
+        known[j] = pivot = [each / row[j] for row in [rows.pop(i)] for each in row]
+        rows = [[a - row[j] * b for a, b in zip(row, pivot, strict=True)] for row in rows]
+        left.remove(j)
+    if len(left) > 2:
+        return None
+    found = [ZERO] * len(right)
+    if len(left) == 1:
+        found[left[0]] = rows[0][-1] / rows[0][left[0]]
+    if len(left) == 2:
+        (a, b, p), (c, d, q) = ([row[left[0]], row[left[1]], row[-1]] for row in rows)
+        found[left[0]], found[left[1]] = (p * d - b * q) / (a * d - b * c), (a * q - p * c) / (a * d - b * c)
+    for j, row in reversed(known.items()):
+        found[j] = row[-1] - dot([*row[:j], ZERO, *row[j + 1 : -1]], found)
+    return found
+
+
 class Values(dict[Tree, Any]):
     """Balls, or power series of balls, that enclose trees, each computed once, where names have such values and states
     are on these pieces of a law; raises `Unverified` where an operation has no finite value."""
@@ -344,6 +367,9 @@ class Machine:
     states : the n coordinates, their rates, half a phase's time, and constants: parameters that are unknowns, and
         the places of others in their intervals
     inertia, forces, needed : M (n, n), what M y'' is without contact, and what has to have a value
+    loads, squares : the same without the terms of the rates, and masses, gradients of places, and what the second
+        derivatives by time of these are without accelerations, where the kinetic energy is half the sum of masses times
+        squares of speeds and M varies
     weights : of the coordinates in the gap
     unknowns : the names of the places and the rates at the launch of the contact's coordinates, by their numbers
     out, sticks : the coordinate that the closed gap determines, and those that are 0 in contact too
@@ -399,8 +425,16 @@ class Machine:
             if len(edges) > 2 < len(self.edges):
                 raise Unverified("more than one spring has a law in pieces")
             self.edges = max(self.edges, edges, key=len)
-        loads = [sum((LESS * size * slope(at, y) for size, at in along), ZERO) for y in names]
-        self.forces = [load - each for load, each in zip(loads, turning, strict=True)]
+        self.loads = [sum((LESS * size * slope(at, y) for size, at in along), ZERO) for y in names]
+        alone = all(rows[i][j] is ZERO or i == j for i, j in product(range(n), repeat=2))
+        squares = masses + inerters + [(rows[i][i], self.states[i]) for i in range(n) if rows[i][i] is not ZERO]
+        fixed = all(slope(mass, y) is ZERO for mass, _ in squares for y in names)
+        varies = any(slope(each, y) is not ZERO for each in chain(*self.inertia) for y in names)
+        self.squares = [(mass, [slope(place, y) for y in names], rate(rate(place)))
+                        for mass, place in squares if alone and fixed and varies]  # fmt: skip
+        if self.squares:  # the same, without terms that cancel
+            turning = [sum((mass * to[i] * bend for mass, to, bend in self.squares), ZERO) for i in range(n)]
+        self.forces = [load - each for load, each in zip(self.loads, turning, strict=True)]
         self.gap, self.counts = (parse(stated[name], both, needed) for name in ("gap", "counts"))
         self.separation = ONE if stated["separation"] is None else parse(stated["separation"], both, needed)
         self.weights = [slope(self.gap, name) for name in names]
@@ -496,12 +530,30 @@ class Field:
         self.pivots, (free,) = solved(m.inertia, m.forces)
         reduced = [[dot(a, [dot(row, b) for row in m.inertia]) for b in along] for a in along]
         _, (inside,) = solved(reduced, [dot(a, m.forces) for a in along])
+        one = [[number(int(i == j)) for j in range(len(m.names))] for i in range(len(m.names))]
+        simple = [self._of_squares(m, each) for each in (one, along)]
+        if all(simple):  # with positive masses M is positive definite where these have values
+            (free, inside), self.pivots = simple, [mass for mass, *_ in m.squares]
         held = [dot(row, inside) for row in m.embedded]
         self.force = (dot(m.inertia[out], held) - m.forces[out]) / m.weights[out]
         self.held = [dot(m.inertia[i], held) - m.forces[i] for i in m.sticks]
         self.rates = [time * each for each in (*m.rates, *(held if contact else free))]
         self.rates += [ZERO] * (len(m.states) - len(self.rates))
         self.slopes = [self.gradient(each) for each in self.rates]
+
+    @staticmethod
+    def _of_squares(m: Machine, along: Sequence[Sequence[Tree]]) -> list[Tree] | None:
+        """The accelerations y'' along directions: G' D (G y'' + bends) = loads, with the gradients G of as many squares
+        as there are directions and their masses D; None where there are others, or this is not solved easily."""
+        squares = [(mass, [dot(to, a) for a in along], bend) for mass, to, bend in m.squares]
+        squares = [each for each in squares if any(x is not ZERO for x in each[1])]
+        rows = [to for _, to, _ in squares]
+        if len(rows) != len(along):
+            return None
+        pulls = solved_apart([list(row) for row in zip(*rows, strict=True)], [dot(a, m.loads) for a in along])
+        if pulls is None:
+            return None
+        return solved_apart(rows, [pull / mass - bend for pull, (mass, _, bend) in zip(pulls, squares, strict=True)])
 
     def gradient(self, of: Tree) -> list[Tree]:
         """The derivatives of a tree by all states."""
