@@ -75,7 +75,8 @@ def check(machine: Machine, *, start: Orbit | Mapping[str, float] | None = None)
     """Check that the parts of a machine are consistent with each other and with mechanics.
 
     machine : any `Machine`
-    start : an initial guess as in `find`, for a machine whose model has no guess
+    start : an initial guess as in `find`, for a machine whose model has no guess; of a machine with a coordinate that
+        sticks an orbit of it, as its own numbers are tuned for that
 
     First the parts of the machine and the fields of its model are compared, at random states and parameters. Then its
     orbit and two hops near it are integrated again by another method, SciPy's DOP853, with their contacts.
@@ -129,16 +130,22 @@ def _along_motions(machine: Machine, start: Orbit | Mapping[str, float] | None, 
         return found
     if not model.conservative:
         left_out.append("no orbit was looked at: the machine is not conservative")
+    elif model.sticks and not isinstance(start, Orbit):
+        left_out.append("no orbit was looked at: give start= one of the machine, whose numbers are tuned for it")
     elif all(each.holds for each in found):
         try:
             guessed = guess(model, 1, _plain_values(machine)) if start is None and model.is_guessed else None
             found += [] if guessed is None else [_guess_relation(machine, guessed)]
-            orbit = find(machine, start=start) if all(each.holds for each in found) else None
+            if model.sticks and isinstance(start, Orbit):
+                orbit = start.dimensionless()
+            else:
+                orbit = find(machine, start=start) if all(each.holds for each in found) else None
         except NoOrbit as error:
             left_out.append(f"no orbit was looked at: {error}")
         if orbit:
-            found += [*_orbit_relations(machine, orbit, graphs), *_search_relations(machine, orbit, guessed)]
-    if not all(each.holds for each in found) or (orbit is None and not model.one_speed):
+            searched = () if model.sticks else _search_relations(machine, orbit, guessed)
+            found += [*_orbit_relations(machine, orbit, graphs), *searched]
+    if not all(each.holds for each in found) or model.sticks or (orbit is None and not model.one_speed):
         return found
     launch = BESIDE_ORBIT * orbit.alpha if orbit else WITHOUT_ORBIT
     try:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import OrbitsError, OutOfRange
 from ..laws.law import Algebraic
-from ..model.model import CONTACT_FORCE, LANDED_FORCE, Model
+from ..model.model import CONTACT_FORCE, LANDED_FORCE, Model, names_of_holding
 from ..model.phase import Phase
 from ..model.symmetry import SignedShift
 from ..symbolic.calls import MappedFunction
@@ -79,11 +79,17 @@ class Graphs:
             "tension slopes": ca.jacobian(tension, x).T, "impact": ca.vertcat(*model.impact(*flight[:2])),
             "mass": ca.SX(model.impact_mass(*flight[:2])),
         }  # fmt: skip
+        if model.sticking:
+            directions, masses = model.sticking(*flight[:2])
+            in_flight |= {"directions": ca.horzcat(*(ca.vertcat(*each) for each in directions))}
+            in_flight |= {"masses": ca.vertcat(*(ca.horzcat(*row) for row in masses))}
         in_contact: dict[str, ca.SX] = {
             "field": ca.vertcat(*model.contact.field(*contact)),
             "gradient": ca.SX(ca.vertcat(*model.contact_gradient(*contact))),
             "force": ca.SX(model.contact.watch[CONTACT_FORCE](*contact)),
         }
+        for name in names_of_holding(model.sticks):
+            in_contact[name] = ca.SX(model.contact.watch[name](*contact))
         if landed := model.contact.watch.get(LANDED_FORCE):
             in_contact["landed"] = ca.SX(landed(*contact))
         force = ca.vertcat(*map(ca.SX, model.liftoff(us, known, contact[2])))

@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from ..laws.law import Algebraic
-from ..model.model import Model
+from ..model.model import Model, names_of_holding
 from ..model.phase import Affine
 from ..model.state_formula import StateFormula
 from .draws import Draw, Expressions, coordinates, reversor_of
@@ -66,14 +66,22 @@ def motion(model: Model, draw: Draw) -> Iterator[Relation]:
     held, stood = draw.held["field"], draw.stood["field"] @ embed.T
     fields: tuple[str, ...] = ("contact.field", "flight.field", "embed", "impact", "gap")
     words = "the ground holds the gap closed: contact.field is flight.field along it"
-    yield Relation(words, fields, share(stood - (held - (held @ a)[:, None] * d), held, stood))
-    masses = _shape_of_masses(draw)
-    force, closing = draw.stood["force"][:, 0], -(held @ a) * masses
+    along = (
+        held
+        - (held @ a)[:, None] * d
+        - np.einsum("ki,kji->kj", held @ _sticking_rates(model), _sticking_directions(draw))
+    )
+    yield Relation(words, fields, share(stood - along, held, stood))
+    masses, (force, *holding) = _shape_of_masses(draw), _forces_in_contact(model, draw)
+    closing, *others = _closing(model, draw)
     unit, by_mass = _force_of_closing(force, closing), ("impact_mass",) if np.ptp(masses) > LARGEST_DEVIATION else ()
     words, fields = "the contact force is in proportion to what closes the gap", ("contact.watch", "flight.field")
     fields += ("embed", "gap", *by_mass)
     deviation = share(force - unit * closing, force) if unit > 0 else np.inf
     yield Relation(words, fields, deviation)
+    for held_by, other in zip(holding, others, strict=True):
+        words, fields = "the force on what sticks holds it", ("contact.watch", "flight.field", "embed", "sticking")
+        yield Relation(words, fields, share(held_by - unit * other, held_by, force))
 
 
 def energy(model: Model, draw: Draw) -> Iterator[Relation]:
@@ -103,6 +111,9 @@ def energy(model: Model, draw: Draw) -> Iterator[Relation]:
 def _impact(model: Model, draw: Draw) -> Iterator[Relation]:
     """Impacts where the gap is closed."""
     at, rates = coordinates(model.flight)
+    if model.sticking:
+        yield from _sticking_impact(model, draw)
+        return
     direction, mass = draw.held["impact"], draw.held["mass"]
     a, d = np.array(model.gap(draw.p).weights, float)[at], direction[:, rates]
     others = np.delete(direction, rates, axis=1)
@@ -114,6 +125,49 @@ def _impact(model: Model, draw: Draw) -> Iterator[Relation]:
     yield Relation(words, fields, share(momentum - mass * a, momentum, mass * a))
     words, lost = "impact_mass is that of the impact's kinetic energy", (momentum * d).sum(1, keepdims=True)
     yield Relation(words, ("impact_mass", "impact", "flight_gradient"), share(lost - mass, lost, mass))
+
+
+def _sticking_impact(model: Model, draw: Draw) -> Iterator[Relation]:
+    """Impacts that bring the speeds of the gap and of what sticks to 0."""
+    at, rates = coordinates(model.flight)
+    directions = np.concatenate([draw.held["impact"][:, :, None], _sticking_directions(draw)], axis=2)
+    gradients = np.column_stack([np.array(model.gap(draw.p).weights, float)[at], _sticking_rates(model)[rates]])
+    others, d = np.delete(directions, rates, axis=1), directions[:, rates]
+    yield Relation("an impact changes speeds alone", ("impact", "sticking"), share(others, directions))
+    words, off = "along impact the speed of each changes by 1", gradients.T @ d - np.eye(d.shape[2])
+    yield Relation(words, ("gap", "impact", "sticking"), share(off, 1.0))
+    momentum, masses = _inertias(draw.held, rates) @ d, draw.held["masses"]
+    words = "an impact changes the momentum along the gap and what sticks alone, by their masses"
+    fields = ("sticking", "impact", "gap", "flight_gradient")
+    yield Relation(words, fields, share(momentum - gradients @ masses, momentum))
+    off = masses[:, 0, 0] - draw.held["mass"][:, 0]
+    yield Relation("impact_mass is the first of the masses", ("impact_mass", "sticking"), share(off, masses))
+
+
+def _sticking_rates(model: Model) -> np.ndarray:
+    """The weights (n, sticks) of the rates of what sticks in a flight state."""
+    rows = [model.flight.states.index(f"{name}'") for name in model.sticks]
+    return np.eye(len(model.flight.states))[:, rows]
+
+
+def _sticking_directions(draw: Draw) -> np.ndarray:
+    """The directions (N, n, sticks) of what sticks."""
+    shape = draw.held["impact"].shape
+    return draw.held["directions"].reshape(*shape, -1) if "directions" in draw.held else np.zeros((*shape, 0))
+
+
+def _forces_in_contact(model: Model, draw: Draw) -> list[np.ndarray]:
+    """The contact force (N,) and those on what sticks."""
+    return [draw.stood[name][:, 0] for name in ("force", *names_of_holding(model.sticks))]
+
+
+def _closing(model: Model, draw: Draw) -> list[np.ndarray]:
+    """What holds the gap closed (N,) and what sticks at rest, in the unit of the impact's mean mass."""
+    held, a = draw.held["field"], _gap_acceleration(model, draw)
+    if not model.sticking:
+        return [-(held @ a) * _shape_of_masses(draw)]
+    opening = np.column_stack([held @ a, held @ _sticking_rates(model)])
+    return list(-np.einsum("kij,kj->ik", draw.held["masses"], opening) / draw.held["mass"].mean())
 
 
 def launches(model: Model, draw: Draw) -> Iterator[Relation]:
@@ -198,7 +252,7 @@ def distances(model: Model, draw: Draw) -> Iterator[Relation]:
         known = (each[:, 1:] for each in np.stack(masses, axis=1))
         off = max(share(own - own @ np.linalg.pinv(of) @ of, own) for own, of in zip(slopes, known, strict=True))
     yield Relation(words, ("gap", "heights"), off)
-    if apart := model.separation(p):
+    if (apart := model.separation(p)) and not model.sticks:  # in the plane it is no difference of heights
         words = "the separation is at most that of two of the heights, or of one and the ground"
         if model.derived:  # a mechanism may count its coordinates from anywhere
             words = "the separation changes as that of two of the heights, or of one and the ground"
@@ -257,8 +311,7 @@ def _centre_of_mass(masses: np.ndarray, centre: np.ndarray, inertia: np.ndarray,
 
 def forces(model: Model, draw: Draw) -> Iterator[Relation]:
     """The spring's force and the contact force have one unit, and the spring's is a function of the extension."""
-    closing = -(draw.held["field"] @ _gap_acceleration(model, draw))
-    unit = _force_of_closing(draw.stood["force"][:, 0], closing * _shape_of_masses(draw))
+    unit = _force_of_closing(draw.stood["force"][:, 0], _closing(model, draw)[0])
     mass = float(draw.held["mass"].mean())
     scale = mass / unit if unit > 0 and mass > 0 else None  # the unit of energy over those of force and length
     what = ("contact.watch", "impact_mass", "flight.field", "gap", "embed")

@@ -162,11 +162,10 @@ class Mechanism(Stated):
         self._store(inertia=self._rows(), heights=self.heights or self._lengths())
         refuse_misstated(self)
         if self.sticks:
-            back, onward = maps_of_sticking(self.sticks)
-            back = None if self.reversor is None else {**self.reversor, **back}
-            self._store(
-                reversor=back, symmetry={**self.symmetry, **onward}, parameters={STEP_LENGTH: 0.0, **self.parameters}
-            )
+            turned, onward = maps_of_sticking(self.sticks)
+            back = None if self.reversor is None else {**self.reversor, **turned}
+            own = {**self.parameters, STEP_LENGTH: self.parameters.get(STEP_LENGTH, 0.0)}
+            self._store(reversor=back, symmetry={**self.symmetry, **onward}, parameters=own)
         numbers = {name: number(name, value) for name, value in self.parameters.items()}
         laws, elements = [self._law(self.gravity, "z", numbers)], list[Element]()
         for element in self.elements:
@@ -278,7 +277,7 @@ class Mechanism(Stated):
             counts, self.launch, tuple((self.heights or {}).items()), self.separation, self.energy_unit,
             tuple(self.rest.items()), tuple(self.knees), tuple(self.actuators.items()), tuple(self.words.items()),
             names, self.reversor if self.reversor is None else tuple(self.reversor.items()),
-            tuple(self.symmetry.items()), tuple(self.gaps.items()), self.friction, self.sticks,
+            tuple(self.symmetry.items()), tuple(self.gaps.items()), self.friction, tuple(self.sticks),
         )  # fmt: skip
 
     @exclusive_property

@@ -141,7 +141,7 @@ class Parts:
     def contact(self, closed_form: Callable | None) -> Phase:
         """The contact."""
         forces, (pieces, reaches) = enumerate(self.mechanics.names_of_forces), self._along(contact=True)
-        watch = {name: partial(self.mechanics.contact_force, held=i) for i, name in forces}
+        watch: dict[str, Callable] = {name: partial(self.mechanics.contact_force, held=i) for i, name in forces}
         if self.steps and self.steps.row:
             watch[LANDED_FORCE] = self.steps.landed_force(self.mechanics)
         if self.reactions:

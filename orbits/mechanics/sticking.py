@@ -5,6 +5,7 @@ stance, and an orbit is one up to such a move.
 """
 
 from collections.abc import Iterator
+from typing import Any
 
 import casadi as ca
 
@@ -26,8 +27,9 @@ def refuse_places(c: Coordinates, s: Structure, m: Mechanics) -> None:
                     f"'{name}', so that nothing changes where all is moved along the ground"
                 )
         for each in s.elements:
-            if isinstance(each, Mass) and not c.vanishes(ca.jacobian(c.scalar(each.across), place) - 1):
-                raise InputError(f"'{each.across}' is a place along the ground that does not move on with '{name}'")
+            across = each.across if isinstance(each, Mass) else None
+            if across is not None and not c.vanishes(ca.jacobian(c.scalar(across), place) - 1):
+                raise InputError(f"'{across}' is a place along the ground that does not move on with '{name}'")
 
 
 def _free_of_places(c: Coordinates, s: Structure, m: Mechanics) -> Iterator[tuple[str, ca.SX]]:
@@ -48,6 +50,6 @@ def _free_of_places(c: Coordinates, s: Structure, m: Mechanics) -> Iterator[tupl
             case Damper(extension=extension):
                 yield f"the damper along '{extension}'", c.gradient(extension)
             case Force(along=along):
-                rates = next(term.by_rates for term in m.in_flight.terms if term.element is each)
+                rates: Any = next(term.by_rates for term in m.in_flight.terms if term.element is each)
                 yield f"the force along '{along}'", ca.vertcat(c.gradient(along), rates)
     yield "the inertia", stated_inertia(c, s.inertia)

@@ -7,25 +7,22 @@ stays upright where it begins so, and hops as one of its other coordinates alone
 import re
 from collections.abc import Sequence
 from dataclasses import fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..errors import InputError, NoOrbit
 from .elements import Damper, Element, Force, Inerter, Mass, Potential, Spring, Weight, names_in
 
-if TYPE_CHECKING:
-    from .mechanism import Mechanism
 
-
-def lateral_coordinates(mechanism: "Mechanism") -> tuple[str, ...]:
+def lateral_coordinates(mechanism: Any) -> tuple[str, ...]:
     """The names of the lateral coordinates."""
     reversor, states = mechanism.model.reversor or (), mechanism.model.flight.states
     turned = {name for name, sign in zip(states, reversor, strict=True) if sign < 0 and not name.endswith("'")}
     return tuple(name for name in mechanism.coordinates if name in turned)
 
 
-def upright(mechanism: "Mechanism") -> "Mechanism":
-    """The mechanism of the other coordinates, without places along the ground; raises `NoOrbit` where its statement has
-    Python functions, and where the machine is not one that hops then."""
+def upright(mechanism: Any) -> Any:
+    """The `Mechanism` of the other coordinates, without places along the ground; raises `NoOrbit` where its statement
+    has Python functions, and where the machine is not one that hops then."""
     lateral = lateral_coordinates(mechanism)
     left = [name for name in mechanism.coordinates if name not in lateral]
     if mechanism.has_functions:

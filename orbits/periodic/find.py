@@ -22,7 +22,7 @@ from .family_search import Cells, Lateness
 from .homotopy import solve_by_homotopy
 from .orbit import Orbit, orbit_of, start_in_file
 from .run_start import run_start
-from .tuned import Tuning, errors_of_tuned, solve_tuned, tuned_values, tuning_of, with_extremes
+from .tuned import Tuning, errors_of_tuned, solve_tuned, tuned_equations, tuned_values, tuning_of, with_extremes
 
 Progress: TypeAlias = Callable[[float], None] | None  # called with the share that is done
 # An orbit nearby, the unknowns of a half orbit by name, or the name of a file of an orbit.
@@ -110,7 +110,7 @@ def _tuned_from(
     if not machine.model.sticks:
         start = _found_from(machine, family, start, method, progress)
     elif start is None:
-        start = start_of_run(machine, family or 1, tuning.values)
+        start = start_of_run(machine, family or 1, tuning)
     if tuning.extremes:
         orbit, errors = with_extremes(machine, tuning, start, lambda m, known, few: _tuned_near(m, known, few, method))
     else:
@@ -130,6 +130,9 @@ def _tuned_near(machine: Machine, known: Any, tuning: Tuning, method: str) -> tu
         errors, u = errors_of_tuned(solved), solved.us[0].tolist()
         tuned = machine.with_values(**tuned_values(solved.equations, solved.us[0]))
         if sticks:
+            tuned = tuned.with_values(
+                **{STEP_LENGTH: float(solved.ps[0, solved.equations.parameters.index(STEP_LENGTH)])}
+            )
             bare = dimensionless(tuned)
             orbit = certified_orbit(bare, replace(solved, model=bare.model), began=began)
             return orbit_of(tuned, orbit), errors
@@ -149,14 +152,15 @@ def first_tuned(
 ) -> tuple[int | None, Solved]:
     """The family, where it is known already, and the solution with tuned parameters to which the orbit of a family, or
     one near a start, leads; the prescribed values are as in `Tuning`."""
-    known = start_in_file(start) if isinstance(start, str | Path) else start
+    known: Any = start_in_file(start) if isinstance(start, str | Path) else start
     if not machine.model.sticks:
         check_start(machine, known)
         known = _found_from(machine, family if known is None else None, known, method_of(machine.model), None)
-    elif known is None:
-        known = start_of_run(machine, family, values)
+    tuning = Tuning(tuned, values, {})
+    if machine.model.sticks and known is None:
+        known = start_of_run(machine, family, tuning)
     with without_units(machine.units):
-        solved = solve_tuned(machine, Tuning(tuned, values, {}), start_of_tuned(machine, known))
+        solved = solve_tuned(machine, tuning, start_of_tuned(machine, known))
     return None if machine.model.sticks else known.family, solved
 
 
@@ -369,14 +373,15 @@ def _same(a: Orbit, b: Orbit) -> bool:
     return np.allclose(x, y, rtol=SAME_ORBIT, atol=SAME_ORBIT * max(map(abs, x)))
 
 
-def start_of_run(machine: Any, family: int, at: Mapping[str, float | None]) -> dict[str, float]:
+def start_of_run(machine: Any, family: int, tuning: Tuning) -> dict[str, float]:
     """The unknowns of a half orbit by name, with the step, where the search for a run of a machine begins: beside its
-    vertical hop of a family, with the quantities of `run_start` in the machine's units."""
-    upright, units = dimensionless(machine).upright(), machine.units
-    bare = {name: value / (units.of(name) if units else 1.0) for name, value in at.items() if value is not None}
+    vertical hop of a family. All is in the machine's units."""
+    units, bare = machine.units, dimensionless(machine)
+    at = {name: value / (units.of(name) if units else 1.0) for name, value in tuning.values.items() if value}
+    upright, equations = bare.upright(), tuned_equations(bare, tuning.names, tuple(tuning.values))
     hop = stated_unknowns(upright.model, lowest_of_family(upright, family, method_of(upright.model)))
     own = {name: value for name, value in hop.items() if name != "unfolding"}
-    found = run_start(dimensionless(machine), own, bare)
+    found = run_start(bare, equations, own, at)
     return {name: value * (units.of(name) if units else 1.0) for name, value in found.items()}
 
 

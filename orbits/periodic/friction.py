@@ -1,8 +1,8 @@
 """The friction that an orbit in the plane needs: the largest share of the force across the ground in that along it.
 
 The largest |T|/N is the number for which the least of share N - |T| over the motion is 0. From a share below it, the
-place of that least value gives the next (Dinkelbach 1967), and the last place is that of the largest |T|/N. Where a foot
-sticks, both forces vanish at landing and at lift-off: there the share is the ratio |T'|/N' of their rates.
+place of that least value gives the next (Dinkelbach 1967), and the last place is that of the largest |T|/N. Where a
+foot sticks, both forces vanish at landing and at lift-off: there the share is the ratio |T'|/N' of their rates.
 """
 
 from functools import partial
@@ -113,7 +113,7 @@ def _forces_of_ground(phase: Phase, motions: Trajectories, which: np.ndarray, va
         rows = [row.copy() for row in rows]
         for row in rows:
             row[motions.first, 0] = 0.0
-    return _OfGround(phase, motions, which, *rows, vanishing)
+    return _OfGround(phase, motions, which, rows[0], rows[1], vanishing)
 
 
 def _largest(parts: list[_OfGround], count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -170,7 +170,7 @@ def _share_errors(
 
 @cached
 def _share_slopes(phase: Phase, parameters: tuple[str, ...], by_rates: bool = False) -> ElementwiseFunction:
-    """The derivatives of T/N, or of the ratio of their rates, by the state, (x, parameters with the data of a piece)."""
+    """The derivatives of T/N, or of the ratio of their rates, by the state, (x, parameters with data of a piece)."""
     flow = flow_of(phase, parameters)
     x = ca.SX.sym("x", flow.size)
     p = ca.SX.sym("p", len(parameters) + (phase.pieces.size if phase.pieces else 0))

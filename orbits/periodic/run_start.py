@@ -13,42 +13,58 @@ import numpy as np
 
 from ..errors import NoOrbit
 from ..model.model import STEP_LENGTH
-from ..shooting.formulations import half_orbit, vector
-from ..shooting.single_shooting import shooting_equations
+from ..shooting.formulations import vector
+from ..shooting.single_shooting import Shooting
 
 # The share of the launch speed at which a run begins where no quantity says how fast it is.
 SLOW_SHARE = 0.1
+# Conditions change with a motion where their derivatives are above this share of the largest.
+UNMOVED_SHARE = 1e-9
+# The multiple of the direction is found by at most so many steps, to this share of it.
+MOST_SHARES_OF_RUN, SAME_SHARE_OF_RUN = 30, 1e-14
 
 
-def run_start(machine: Any, hop: Mapping[str, float], at: Mapping[str, float] | None = None) -> dict[str, float]:
+def run_start(machine: Any, equations: Shooting, hop: Mapping[str, float], at: Mapping[str, float]) -> dict[str, float]:
     """The unknowns of a half orbit by name, with the step, where the search for a run begins; without dimensions.
 
     machine : without dimensions, with a coordinate that sticks
+    equations : of its runs with tuned parameters, of which the last say what is asked
     hop : the unknowns of its vertical hop, those of `Mechanism.upright`
     at : values of quantities of the run, of which "speed", "mean_speed" or "step" says how fast it is
 
     Raises `NoOrbit` where the conditions do not change with any lateral motion.
     """
-    model, p = machine.model, {**machine.values, STEP_LENGTH: 0.0}
-    names = tuple(p)
-    equations = shooting_equations(half_orbit(model), names)
-    unknowns = equations.statement.unknowns
-    u = {name: hop.get(name, 0.0) for name in unknowns}
-    jacobian = equations.evaluate([u[name] for name in unknowns], vector(p), (STEP_LENGTH,)).jacobian
-    lateral = [i for i, name in enumerate((*unknowns, STEP_LENGTH)) if name not in hop]
+    model, p = machine.model, {**dict.fromkeys(equations.parameters, 0.0), **machine.values, STEP_LENGTH: 0.0}
+    own = (*model.half_unknowns, STEP_LENGTH)
+    u = {name: hop.get(name, 0.0) for name in own}
+    known, unknowns = {**p, **u}, equations.statement.unknowns
+    vary = () if STEP_LENGTH in unknowns else (STEP_LENGTH,)
+    jacobian = equations.evaluate([known[name] for name in unknowns], vector(p), vary).jacobian
+    unknowns = (*unknowns, *vary)
+    jacobian = jacobian[: len(jacobian) - sum(name not in machine.values for name in equations.parameters)]
+    upright, lateral = ([unknowns.index(name) for name in own if (name in hop) == each] for each in (True, False))
     # The conditions that no vertical motion changes are those of the lateral one.
-    own = [i for i in range(len(unknowns)) if i not in lateral]
-    across = np.abs(jacobian[:, own]).max(1) <= 1e-9 * np.abs(jacobian).max()
+    across = np.abs(jacobian[:, upright]).max(1) <= UNMOVED_SHARE * np.abs(jacobian).max()
     direction = np.linalg.svd(jacobian[across][:, lateral])[2][-1]
-    moved = dict(zip([(*unknowns, STEP_LENGTH)[i] for i in lateral], direction.tolist(), strict=True))
+    moved = dict(zip([unknowns[i] for i in lateral], direction.tolist(), strict=True))
     period = 2 * (u["duration"] + u["contact_duration"])
-    by_one = {
-        "speed": float(model.planar.travel(model.launch({**u, **moved, "liftoff": u["liftoff"]}, p), p)),
-        STEP_LENGTH: moved[STEP_LENGTH],
-        "mean_speed": moved[STEP_LENGTH] / period,
+
+    def at_share(share: float) -> dict[str, float]:
+        """The unknowns at a multiple of the direction."""
+        return {**u, **{name: share * change for name, change in moved.items()}}
+
+    quantities = {
+        "speed": lambda near: float(model.planar.travel(model.launch(near, p), p)),
+        STEP_LENGTH: lambda near: near[STEP_LENGTH],
+        "mean_speed": lambda near: near[STEP_LENGTH] / period,
     }
-    fastest = {"speed": SLOW_SHARE * abs(u["alpha"])}
-    name, value = next(((each, (at or {})[each]) for each in by_one if each in (at or {})), next(iter(fastest.items())))
-    if not by_one[name]:
-        raise NoOrbit(f"the {model.name} does not move along the ground beside its vertical hop: give a start")
-    return {**u, **{each: value / by_one[name] * change for each, change in moved.items()}}
+    asked = [(each, value) for each, value in at.items() if each in quantities]
+    (name, value), *_ = [*asked, ("speed", SLOW_SHARE * abs(u["alpha"]))]
+    share = 1e-6  # the speed is nearly linear in the angles
+    for _ in range(MOST_SHARES_OF_RUN):
+        if not (found := quantities[name](at_share(share))):
+            raise NoOrbit(f"the {model.name} does not move along the ground beside its vertical hop: give a start")
+        share, last = share * value / found, share
+        if abs(share - last) <= SAME_SHARE_OF_RUN * abs(share):
+            break
+    return at_share(share)

@@ -335,7 +335,8 @@ def _by_moving(machine, moved, rest, targets, first, near) -> tuple[Orbit, dict[
     sizes, slopes = np.maximum(np.abs(wanted), SMALLEST), np.zeros((len(x), len(x)))
 
     def solved(values: np.ndarray, known: Orbit) -> tuple[Orbit, dict[str, float], np.ndarray]:
-        others = {name: known.source.values[name] for name in rest.names}
+        values_now = getattr(known, "source", machine).values
+        others = {name: values_now[name] for name in rest.names}
         here = machine.with_values(**others, **dict(zip(moved, values.tolist(), strict=True)))
         orbit, errors = near(here, known, rest)
         return orbit, errors, np.array([quantity_of(orbit, name) for name in targets])

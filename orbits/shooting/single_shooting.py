@@ -43,8 +43,8 @@ class Evaluation:
     jacobian : (n, n + k), with respect to the unknowns and to the k varied parameters
     trajectories : one `Trajectory`, of m points one `Trajectories`, per arc, with its sensitivities to its start and to
         the varied parameters
-    transitions : derivatives (states, states + t) of each arc's end at fixed duration, by its start and by t parameters,
-        the varied ones and those that are unknowns
+    transitions : derivatives (states, states + t) of each arc's end at fixed duration, by its start and by t
+        parameters, the varied ones and those that are unknowns
     starts : derivatives (states + t, n + k) of the same, by the unknowns and the varied parameters
     residual_by_end : derivatives (rows, states) of the residuals that belong to each arc by its end
     """

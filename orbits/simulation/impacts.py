@@ -143,8 +143,8 @@ class Impacts:
             raise InputError(f"{several}: take the law's `.mean`")
         if machine.model.sticks:
             raise InputError(
-                f"a {machine.model.name} has a coordinate that sticks in contact ({machine.model.sticks[0]}): its orbits "
-                "are found and certified, and landings with a speed are not followed"
+                f"{machine.model.sticks[0]} of a {machine.model.name} sticks in contact: its orbits are found and "
+                "certified, and landings with a speed are not followed"
             )
         self.machine, self.options = machine, options or ImpactOptions()
         model, self.restitution = machine.model, float(machine.restitution)

@@ -23,6 +23,7 @@ Examples:
   orbits find --family 3 --mass-ratio 0.5              a higher hop
   orbits find --spring "r + beta*r**3" --set beta=0.3  a spring of your own
   orbits find --spring tanh --set b=0.2 --plot hop.png
+  orbits find --spring "k*r" --tune k=1 --at frequency=0.1   the stiffness of a hopper with this frequency
   orbits find --spring table:rows.csv --json           a measured spring, in the machine's units
   orbits find --gravity "1/(1 + z/R)**2" --set R=150 --rest-length 20
   orbits find --machine rover.toml --animate hop.gif   a machine in SI units
@@ -33,6 +34,7 @@ Examples:
   orbits check-proof proof.json                        verify a saved proof by a second program
   orbits follow --spring cubic --along beta --from 0 --to 5 --at 0.5,1,2
   orbits follow --spring cubic --along beta --from 0 --to -0.02 --plot fold.png
+  orbits follow --spring cubic --tune beta=0.3 --along period --to 14
   orbits follow --spring tanh --along b --from 0.1 --to 1 --family 2 --output tanh.jsonl
   orbits map --alpha 3:12:10000 --plot map.png         the return map of launch speeds
   orbits map --alpha 4.3:5:400 --along inject --from 0 --to 0.15 --plot flips.png
@@ -78,6 +80,11 @@ def orbits() -> None:
 @options.family_option("Oscillations in flight, from 1.")
 @click.option("--method", metavar="NAME", help="Use 'closed form', 'relative', 'half orbit' or 'shooting'.")
 @options.start_option
+@options.tune_option
+@click.option(
+    "--at", "prescribed", metavar="NAME=VALUE", multiple=True,
+    help="The value of a quantity of the orbit, as period, frequency, alpha, clearance or body_rise; repeatable.",
+)  # fmt: skip
 @click.option("--allow-inadmissible", is_flag=True, help="Exit with 0 even if the orbit is not a motion.")
 @options.limit_option
 @options.json_option
@@ -86,17 +93,20 @@ def orbits() -> None:
 @options.animate_option
 @options.file_option("--save", "result", "Save the orbit (.json), for Orbit.load.")
 def find_command(
-    family: int, method: str | None, hop: str | None, allow_inadmissible: bool, limit: float, as_json: bool,
-    explain: bool, plot: str | None, animate: str | None, save: str | None, **stated: Any,
+    family: int, method: str | None, hop: str | None, tune: tuple[str, ...], prescribed: tuple[str, ...],
+    allow_inadmissible: bool, limit: float, as_json: bool, explain: bool, plot: str | None, animate: str | None,
+    save: str | None, **stated: Any,
 ) -> None:  # fmt: skip
-    """Find one lossless orbit and certify it."""
+    """Find one lossless orbit and certify it. With --tune and --at, numbers of the machine are found too."""
     from orbits.periodic.find import find
 
     stated_family = click.get_current_context().get_parameter_source("family") is not ParameterSource.DEFAULT
+    stated, tuned = options.with_tuned(stated, tune)
     requested, machine = family if hop is None or stated_family else None, options.machine_of(**stated)
     with options.progress() as report:
         orbit = find(
-            machine, requested, method=method, progress=report, limit=limit, start=options.started(machine, hop)
+            machine, requested, method=method, progress=report, limit=limit, start=options.started(machine, hop),
+            tune=tuned, at=options.named_values(prescribed, "--at") or None,
         )  # fmt: skip
     options.write(orbit, as_json, plot, animate, save)
     if explain and not as_json:
@@ -210,10 +220,12 @@ COLUMNS_OF_HOPS = {"alpha": "launch speed", "next": "next", "loss": "loss"}
     "--along",
     required=True,
     metavar="NAME",
-    help="The parameter: a law's, mass_ratio or rest_length; in SI also a mass, stiffness or surface_gravity.",
+    help="The parameter: a law's, mass_ratio or rest_length; in SI also a mass, stiffness or surface_gravity. With "
+    "--tune a quantity of the orbits: period, frequency, alpha, ...",
 )
 @click.option("--from", "start", type=float, metavar="A", help="Its first value; default: that of --set.")
 @click.option("--to", "stop", type=float, required=True, metavar="B", help="Its last value.")
+@options.tune_option
 @click.option("--at", metavar="V1,V2,...", help="Values to hit exactly.")
 @click.option("--longest", type=float, default=0.02, show_default=True, help="Longest step, as a share of the range.")
 @options.start_option
@@ -226,23 +238,27 @@ COLUMNS_OF_HOPS = {"alpha": "launch speed", "next": "next", "loss": "loss"}
 @options.file_option("--save", "family", "Save the whole family: .csv, .nc or .jsonl.")
 @click.option("--resume", metavar="FILE", help="Continue from the end of a family written by --output or --save.")
 def follow_command(
-    family: int, along: str, start: float | None, stop: float, at: str | None, longest: float, hop: str | None,
-    method: str | None, stop_inadmissible: bool, as_json: bool, plot: str | None, output: str | None, save: str | None,
-    resume: str | None, **stated: Any,
+    family: int, along: str, start: float | None, stop: float, tune: tuple[str, ...], at: str | None, longest: float,
+    hop: str | None, method: str | None, stop_inadmissible: bool, as_json: bool, plot: str | None, output: str | None,
+    save: str | None, resume: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Follow a family of orbits along a parameter, past folds, to its end."""
     from orbits.continuation.family import Family
     from orbits.continuation.follow import follow, orbit_at
+    from orbits.periodic.tuned import QUANTITIES_ALONG
     from orbits.show.plot import plot_family, save_figure, spread, thumbnails
 
     values = options.numbers("--at", at, float) if at else []
     before = None if resume is None else Family.load(resume)
-    machine = options.machine_of(**stated, first=None if start is None else (along, start))
+    stated, tuned = options.with_tuned(stated, tune)
+    known = start is None or (tuned and along in QUANTITIES_ALONG)  # a quantity is no parameter of the machine
+    machine = options.machine_of(**stated, first=None if known else (along, start))
     first = options.started(machine, hop) if before is None else None
     with options.progress() as report:
         followed = follow(
             machine, along, stop, first or start, family, at=values, longest=longest,
             method=method, stop_inadmissible=stop_inadmissible, output=output, resume=before, progress=report,
+            tune=tuned,
         )  # fmt: skip
     if plot is not None:
         method = followed.settings["method"]

@@ -40,8 +40,8 @@ machine_options = combined(
         help="Kind of machine, or a file that "
         "states it. A wheel, a rocker and a shuttle step: they take --set inertia_ratio=J/A, "
         "gravity_ratio=M*g*l/k (of a rocker M*g*h/k) and, for other than small angles, angle=A in rad, "
-        "half of that between spokes or walls (of a rocker tan A = b/h). A runner takes --set foot_mass=, rest_length=, "
-        "inertia=, hip_stiffness= and others of its numbers.",
+        "half of that between spokes or walls (of a rocker tan A = b/h). A runner takes --set foot_mass=M, "
+        "rest_length=L, inertia=I, hip_stiffness=K and others of its numbers.",
     ),
     click.option("--mass-ratio", type=POSITIVE, metavar="M", help="Foot (hand) over body (ball) mass; default 1."),
     click.option("--masses", metavar="KG,KG", help="Of body and foot (ball and hand): then all numbers are in SI."),
@@ -85,6 +85,12 @@ def _limited(context: click.Context, parameter: click.Parameter, seconds: float 
 free_limit_option = click.option(
     "--limit", type=float, metavar="SECONDS", help="Time limit; default: none.",
     callback=_limited, expose_value=False,
+)  # fmt: skip
+
+
+tune_option = click.option(
+    "--tune", metavar="NAME[=START]", multiple=True,
+    help="A parameter that is an unknown, from where its search begins; one for each --at; repeatable.",
 )  # fmt: skip
 
 
@@ -230,7 +236,7 @@ def started(machine: "MachineOfFile", hop: str | None) -> str | None:
     machine whose launch has several numbers."""
     from orbits.errors import InputError
 
-    if hop is None and not (model := machine.model).one_speed:
+    if hop is None and not ((model := machine.model).one_speed or model.sticks):
         names = ", ".join(model.launch_unknowns)
         raise InputError(
             f"a launch of this {model.name} has several numbers, {names}: give --start FILE, an orbit of it that is "
@@ -411,7 +417,7 @@ def statement_of(
     if first is not None:
         settings = [setting for setting in settings if not sets(setting, first[0])]
     own = {name: value for name, value in stated.items() if value is not None}
-    values, parameters = _parameter_values(settings), dict(statement.get("parameters", {}))
+    values, parameters = named_values(settings, "--set"), dict(statement.get("parameters", {}))
     if first is not None:
         (own if first[0] in ("mass_ratio", "rest_length") else values)[first[0]] = first[1]
     ground = statement.get("ground", {})
@@ -446,8 +452,8 @@ def first_scene(family: int = 1, **stated: Any) -> "Scene":
     return scene_of_statement(statement, family)
 
 
-def _parameter_values(settings: Sequence[str]) -> dict[str, float]:
-    """The parameters that --set gives values."""
+def named_values(settings: Sequence[str], option: str) -> dict[str, float]:
+    """The values by name in the texts of an option that is stated as NAME=VALUE."""
     from orbits.errors import InputError
 
     values: dict[str, float] = {}
@@ -455,13 +461,13 @@ def _parameter_values(settings: Sequence[str]) -> dict[str, float]:
         text, equals, value = setting.partition("=")
         name = text.strip()
         if not equals or not name.isidentifier():
-            raise InputError(f"--set {setting!r} is not of the form NAME=VALUE")
+            raise InputError(f"{option} {setting!r} is not of the form NAME=VALUE")
         if name in values:
-            raise InputError(f"--set gives {name!r} two values")
+            raise InputError(f"{option} gives {name!r} two values")
         try:
             values[name] = float(value)
         except ValueError:
-            raise InputError(f"--set {setting!r}: {value!r} is not a number") from None
+            raise InputError(f"{option} {setting!r}: {value!r} is not a number") from None
     return values
 
 
@@ -475,10 +481,23 @@ def exact_parameters(settings: Sequence[str], intervals: Sequence[str]) -> dict[
 
 def with_middles(stated: dict[str, Any], intervals: Sequence[str]) -> dict[str, Any]:
     """The options with the midpoints of --between, for which an orbit is found first."""
-    middles = {name: (float(low) + float(high)) / 2 for name, (low, high) in _bounds(intervals)}
-    own: dict[str, object] = {name: middles.pop(name) for name in ("mass_ratio", "rest_length") if name in middles}
-    others = [setting for setting in stated["settings"] if not any(sets(setting, name) for name in middles)]
-    return {**stated, **own, "settings": (*others, *(f"{name}={value!r}" for name, value in middles.items()))}
+    return _with_values(stated, {name: (float(low) + float(high)) / 2 for name, (low, high) in _bounds(intervals)})
+
+
+def with_tuned(stated: dict[str, Any], tune: Sequence[str]) -> tuple[dict[str, Any], tuple[str, ...] | None]:
+    """The options with the numbers of --tune, where the search for tuned parameters begins, and their names; None
+    without any."""
+    names = tuple(text.partition("=")[0].strip() for text in tune)
+    values = named_values([text for text in tune if "=" in text], "--tune")
+    return _with_values(stated, values), names or None
+
+
+def _with_values(stated: dict[str, Any], values: dict[str, float]) -> dict[str, Any]:
+    """The options that state a machine, with values of parameters in place of those of --set."""
+    own: dict[str, object] = {name: values[name] for name in ("mass_ratio", "rest_length") if name in values}
+    others = [setting for setting in stated["settings"] if not any(sets(setting, name) for name in values)]
+    settings = (f"{name}={value!r}" for name, value in values.items() if name not in own)
+    return {**stated, **own, "settings": (*others, *settings)}
 
 
 def _bounds(intervals: Sequence[str]) -> Iterator[tuple[str, list[str]]]:

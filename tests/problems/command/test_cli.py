@@ -641,3 +641,30 @@ class TestSimulate:
 
 def test_the_help_names_the_shells_completion(orbits):
     assert "_ORBITS_COMPLETE=bash_source" in orbits("--help").out
+
+
+def test_the_stiffness_for_a_launch_speed_is_found(orbits):
+    done = orbits("find --spring k*r --tune k=1 --at alpha=5 --json")
+    assert done.document["parameters"]["k"] == pytest.approx((ALPHA / 5) ** 2, rel=1e-13)
+    assert done.document["tuned"]["k"] < 1e-13
+
+
+def test_a_family_goes_along_a_quantity(orbits):
+    done = orbits("follow --spring cubic --tune beta=0.3 --along alpha --from 2.9 --to 3 --json")
+    assert done.document["points"][-1]["alpha"] == pytest.approx(3.0, rel=1e-13)
+    assert done.document["points"][0]["beta"] > done.document["points"][-1]["beta"]
+
+
+@pytest.mark.parametrize(
+    ("line", "text"),
+    [
+        ("find --spring k*r --tune k=1=2 --at alpha=5", "--tune 'k=1=2'"),
+        ("find --spring k*r --tune k=1 --at alpha", "--at 'alpha' is not of the form NAME=VALUE"),
+        ("find --spring k*r --tune k=1", "tune one number of the machine for each quantity"),
+        ("follow --spring k*r --tune k=1 --along clearance --to 5", "found from the whole motion"),
+    ],
+)
+def test_bad_tuning_is_refused(orbits, line, text):
+    done = orbits(line)
+    assert done.code == 2
+    assert text in done.err

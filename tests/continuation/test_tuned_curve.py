@@ -1,0 +1,106 @@
+"""Families along a quantity with tuned parameters against closed forms, single orbits, and themselves resumed."""
+
+import pytest
+
+from orbits import Family, InputError, NoOrbit, find, follow, orbit_at, trace
+from problems import Hopper, hopper_in_si
+
+B = 4.493409457909064  # B = tan(B), eq. (12) of the paper
+LINEAR = Hopper("k*r", parameters={"k": 1.0})
+CUBIC = Hopper("cubic", rest_length=8.0, parameters={"beta": 0.3})
+
+
+@pytest.fixture(scope="module")
+def by_period():
+    return follow(CUBIC, "period", 11.0, tune="beta", at=[10.0])
+
+
+def test_stiffness_along_the_launch_speed_is_known_in_closed_form():
+    family = follow(LINEAR, "alpha", 6.0, start=4.0, tune="k")
+    assert family.end.kind == "reached"
+    assert family.column("k") == pytest.approx((B / family.column("alpha")) ** 2, rel=1e-13)
+
+
+def test_points_are_the_orbits_of_machines_with_these_parameters(by_period):
+    (point,) = by_period.at(10.0)
+    orbit = find(CUBIC.with_values(beta=point.also["beta"]))
+    assert orbit.period == pytest.approx(10.0, rel=1e-13)
+    assert orbit.alpha == pytest.approx(point.alpha, rel=1e-13)
+    assert orbit_at(CUBIC, point, "period").alpha == pytest.approx(point.alpha, rel=1e-13)
+    assert find(CUBIC, tune="beta", at={"period": 10.0}).alpha == pytest.approx(point.alpha, rel=1e-13)
+
+
+def test_columns_are_those_of_the_orbits(by_period):
+    table = by_period.table(CUBIC)
+    assert table["period"] == pytest.approx(table["flight_time"] + table["contact_time"], rel=1e-13)
+    assert table["stroke"][0] == pytest.approx(5.4948689, abs=1e-7)
+    assert by_period.column("beta")[0] == pytest.approx(0.3)
+
+
+def test_a_fold_of_a_family_is_a_plain_point_along_the_launch_speed():
+    """Along beta the family turns back at a value of the reference data; along alpha, beta has a least value there."""
+    family = follow(Hopper("cubic", rest_length=30.0, parameters={"beta": 0.0}), "alpha", 8.0, tune="beta")
+    assert [event.kind for event in family.events] == ["collapse"]
+    least = family.column("beta").argmin()
+    assert family.column("beta")[least] == pytest.approx(-0.0106952149164040, abs=2e-6)
+    assert family.column("alpha")[least] == pytest.approx(5.83222367210583, abs=0.05)
+
+
+def test_a_family_is_resumed_from_its_file(by_period, tmp_path):
+    output = tmp_path / "family.jsonl"
+    first = follow(CUBIC, "period", 11.0, tune="beta", at=[10.0], most=20, output=output)
+    loaded = Family.load(output, CUBIC)
+    assert loaded == first
+    assert loaded.settings["tune"] == ["beta"]
+    whole = follow(CUBIC, "period", 11.0, tune="beta", at=[10.0], resume=loaded, output=output)
+    assert whole.end.kind == "reached"
+    assert whole[-1].also["beta"] == pytest.approx(by_period[-1].also["beta"], rel=1e-13)
+    assert len(Family.load(output, CUBIC)) == len(whole)
+    with pytest.raises(InputError, match="the same `tune`"):
+        follow(CUBIC, "mass_ratio", 2.0, resume=loaded)
+
+
+def test_values_of_a_machine_in_si_are_in_si():
+    leg = hopper_in_si(60.0, 3.0, force="k*r + b*r**3", parameters={"k": 8000.0, "b": 2e6}, rest_length=0.8)
+    family = follow(leg, "frequency", 2.55, tune="k")
+    periods = family.column("flight_time") + family.column("contact_time")
+    assert 1 / periods == pytest.approx(family.column("frequency"), rel=1e-12)
+    assert find(leg.with_values(k=family[-1].also["k"])).alpha == pytest.approx(family[-1].alpha, rel=1e-11)
+
+
+def test_orbits_are_traced_one_by_one():
+    orbits = trace(LINEAR, "alpha", 4.1, start=4.0, tune="k")
+    assert next(orbits).alpha == pytest.approx(4.0, rel=1e-14)
+
+
+def test_a_fold_along_a_quantity_is_located():
+    """The law tanh(b r)/b does not depend on the sign of b, so that no launch is slower than that of a linear spring."""
+    family = follow(Hopper("tanh", parameters={"b": 0.1}), "alpha", 3.0, tune="b")
+    (fold,) = [event.point for event in family.events if event.kind == "fold"]
+    assert fold.value == pytest.approx(B, rel=1e-12)
+    assert fold.also["b"] == pytest.approx(0.0, abs=1e-6)
+    assert family[-1].also["b"] == pytest.approx(-0.1, abs=1e-11)
+    assert "on another sheet" in family.end.reason
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        ({"along": "period"}, "say by tune= which parameter changes with it"),
+        ({"along": "clearance", "tune": "k"}, "found from the whole motion and is no equation"),
+        ({"along": "mass_ratio", "tune": "k"}, "tune one number of the machine for each quantity"),
+        ({"along": "k", "tune": "k"}, "'k' is followed, so that it is not tuned"),
+        ({"along": "alpha", "tune": ("k", "mass_ratio")}, "2 for 1, and 1 is needed"),
+        ({"along": "alpha", "tune": "k", "method": "shooting"}, "tunes no parameters"),
+        ({"along": "alpha", "tune": "q"}, "no parameter 'q'"),
+        ({"along": "alfa", "tune": "k"}, "no parameter 'alfa'"),
+    ],
+)
+def test_bad_arguments_are_refused(arguments, text):
+    with pytest.raises(InputError, match=text):
+        follow(LINEAR, stop=6.0, **arguments)
+
+
+def test_a_number_that_does_not_matter_is_not_tuned():
+    with pytest.raises(NoOrbit, match="alpha may not depend on mass_ratio"):
+        follow(LINEAR, "alpha", 6.0, tune="mass_ratio")

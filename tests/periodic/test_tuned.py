@@ -1,0 +1,156 @@
+"""Orbits with tuned parameters against closed forms, and against the orbits of machines with these parameters."""
+
+import json
+from math import atan, pi, sqrt
+
+import numpy as np
+import pytest
+
+from orbits import InputError, NoOrbit, Orbit, find, quantities, starts
+from orbits.periodic.tuned import tuned_equations
+from orbits.shooting.formulations import vector
+from problems import Chain, Hopper, hopper_in_si, rimless_wheel
+
+B = 4.493409457909064  # B = tan(B), eq. (12) of the paper
+LINEAR = Hopper("k*r", mass_ratio=0.7, parameters={"k": 1.0})
+CUBIC = Hopper("cubic", rest_length=8.0, parameters={"beta": 0.3})
+LEG = hopper_in_si(60.0, 3.0, force="k*r + b*r**3", parameters={"k": 8000.0, "b": 2e6}, rest_length=0.8)
+
+
+def contact_time(k: float, mass_ratio: float) -> float:
+    """That of a linear hopper: half a swing about rest from the lift-off extension 1/k with the launch speed."""
+    pace, alpha = sqrt(mass_ratio * k / (1 + mass_ratio)), B / sqrt(k)
+    return 2 / pace * (pi - atan(alpha * k * mass_ratio / ((1 + mass_ratio) * pace)))
+
+
+def test_stiffness_for_a_launch_speed_is_known_in_closed_form():
+    orbit = find(LINEAR, tune="k", at={"alpha": 5.0})
+    k = orbit.machine["parameters"]["k"]
+    assert k == pytest.approx((B / 5.0) ** 2, rel=1e-14)
+    assert abs(k - (B / 5.0) ** 2) <= orbit.tuned["k"]
+
+
+def test_mass_ratio_for_a_contact_time_is_known_in_closed_form():
+    orbit = find(LINEAR, tune="mass_ratio", at={"contact_time": contact_time(1.0, 0.31)})
+    assert orbit.machine["mass_ratio"] == pytest.approx(0.31, rel=1e-13)
+
+
+def test_two_numbers_for_two_quantities_are_known_in_closed_form():
+    period = 2 * B / sqrt(1.7) + contact_time(1.7, 1.3)
+    orbit = find(LINEAR, tune=("k", "mass_ratio"), at={"frequency": 1 / period, "flight_time": 2 * B / sqrt(1.7)})
+    assert orbit.source.values == pytest.approx({"k": 1.7, "mass_ratio": 1.3}, rel=1e-13)
+
+
+@pytest.mark.parametrize("name", ["alpha", "flight_time", "contact_time", "period", "liftoff_extension"])
+def test_tuning_inverts_find(name):
+    beta = float(np.random.default_rng(7).uniform(0.1, 0.6))
+    known = find(CUBIC.with_values(beta=beta))
+    found = find(CUBIC, tune="beta", at={name: getattr(known, name)})
+    assert found.source.values["beta"] == pytest.approx(beta, rel=1e-12)
+    assert found.alpha == pytest.approx(known.alpha, rel=1e-12)
+
+
+@pytest.mark.parametrize(("name", "family"), [("centre of mass", 1), ("body", 1), ("foot", 2)])
+def test_rises_are_prescribed_too(name, family):
+    known = find(CUBIC.with_values(beta=0.41), family)
+    found = find(CUBIC, family, tune="beta", at={f"{name.replace(' ', '_')}_rise": known.rises[name]})
+    assert found.source.values["beta"] == pytest.approx(0.41, rel=1e-11)
+    assert abs(found.source.values["beta"] - 0.41) <= 100 * found.tuned["beta"]
+
+
+@pytest.mark.parametrize("name", ["clearance", "stroke", "largest_contact_force", "landing_jerk"])
+def test_extremes_and_equations_are_prescribed_together(name):
+    machine = CUBIC.with_values(beta=0.35, mass_ratio=1.2)
+    known = find(machine, 2)
+    at = {"period": known.period, **quantities(machine, known, name)}
+    found = find(CUBIC, 2, tune=("beta", "mass_ratio"), at=at)
+    assert found.source.values["beta"] == pytest.approx(0.35, rel=1e-9)
+    assert found.source.values["mass_ratio"] == pytest.approx(1.2, rel=1e-9)
+
+
+def test_quantities_of_a_machine_in_si_are_in_si():
+    orbit = find(LEG, tune=("k", "b"), at={"frequency": 2.5, "centre_of_mass_rise": 0.045})
+    assert 1 / orbit.period == pytest.approx(2.5, rel=1e-13)
+    assert orbit.rises["centre of mass"] == pytest.approx(0.045, rel=1e-12)
+    assert find(orbit.source).alpha == pytest.approx(orbit.alpha, rel=1e-11)
+
+
+@pytest.mark.slow
+def test_a_wheel_is_tuned():
+    wheel = rimless_wheel(inertia_ratio=1.0, gravity_ratio=0.5, angle=0.3)
+    known = find(wheel.with_values(inertia_ratio=0.9))
+    found = find(wheel, tune="inertia_ratio", at={"period": known.period})
+    assert found.source.values["inertia_ratio"] == pytest.approx(0.9, rel=1e-12)
+
+
+def test_a_chain_is_tuned():
+    chain = Chain([1.0, 2.0, 0.7], ["k*r", "r"], parameters={"k": 1.0})
+    start = starts(chain)[0]
+    known = find(chain.with_values(k=1.02), start=start)
+    found = find(chain, start=start, tune="k", at={"period": known.period})
+    assert found.source.values["k"] == pytest.approx(1.02, rel=1e-11)
+
+
+def test_derivatives_by_tuned_parameters_are_those_of_the_equations():
+    equations = tuned_equations(CUBIC, ("beta",), ("period",))
+    u = np.array([0.8, 3.0, 2.9, 1.6, 0.3])
+    p, step = vector({**CUBIC.values, "period": 9.0}), 1e-6
+    jacobian = equations.evaluate(u, p, ("period",)).jacobian
+    for i, direction in enumerate(np.eye(5)):
+        ends = [equations.evaluate(u + side * step * direction, p).residual for side in (1, -1)]
+        assert jacobian[:, i] == pytest.approx((ends[0] - ends[1]) / (2 * step), abs=1e-8)
+    assert jacobian[:, -1] == pytest.approx([0, 0, 0, 0, -1])
+
+
+def test_tuned_numbers_are_in_the_table_and_in_files(tmp_path):
+    orbit = find(LEG, tune="k", at={"frequency": 2.5})
+    assert "tuned k" in str(orbit)
+    assert orbit.document()["tuned"] == orbit.tuned
+    loaded = Orbit.load(orbit.save(tmp_path / "hop.json"))
+    assert loaded == orbit
+    assert loaded.tuned == orbit.tuned
+    assert "tuned" not in json.loads(json.dumps(find(CUBIC).document()))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        ({"tune": "q", "at": {"alpha": 5.0}}, "no parameter 'q'"),
+        ({"tune": "k", "at": {"alfa": 5.0}}, "did you mean 'alpha'"),
+        ({"tune": "k", "at": {"mass_ratio": 5.0}}, "'mass_ratio': that is a number of the machine"),
+        ({"tune": "k", "at": {"alpha": 5.0, "period": 9.0}}, "1 for 2, and 2 are needed"),
+        ({"tune": "k"}, "3 equations for 3 unknowns: tune one number of the machine for each quantity"),
+        ({"at": {"alpha": 5.0}}, "0 for 1, and 1 is needed"),
+        ({"tune": ("k", "k"), "at": {"alpha": 5.0}}, "names each parameter once"),
+        ({"tune": "k", "at": {"alpha": float("nan")}}, "at 'alpha' = nan"),
+        ({"tune": "k", "at": ["alpha"]}, "a mapping of quantities to values"),
+        ({"tune": "k", "at": {"alpha": 5.0}, "method": "shooting"}, "tunes no parameters"),
+    ],
+)
+def test_bad_arguments_are_refused(arguments, text):
+    with pytest.raises(InputError, match=text):
+        find(LINEAR, **arguments)
+
+
+def test_a_machine_with_a_damper_is_not_tuned():
+    with pytest.raises(InputError, match="no reversor"):
+        find(Hopper("k*r", damping=0.1, parameters={"k": 1.0}), tune="k", at={"alpha": 3.0})
+
+
+def test_a_mass_in_si_that_follows_from_others_is_not_tuned():
+    with pytest.raises(InputError, match="no parameter 'mass_ratio'"):
+        find(LEG, tune="mass_ratio", at={"frequency": 2.5})
+
+
+@pytest.mark.parametrize(
+    ("machine", "arguments", "text"),
+    [
+        (LINEAR, {"tune": "mass_ratio", "at": {"alpha": 5.0}}, "alpha may not depend on mass_ratio: tune another"),
+        (LINEAR, {"tune": "k", "at": {"alpha": -1.0}}, r"no orbit with alpha = -1 .* k = .* and rising"),
+        (LINEAR, {"tune": "k", "at": {"clearance": 1.0}}, "has no clearance: in family 1"),
+        (CUBIC, {"tune": "mass_ratio", "at": {"contact_time": 0.5}}, "no orbit with contact_time = 0.5"),
+    ],
+)
+def test_where_nothing_is_reached_the_reason_names_the_tuned_number(machine, arguments, text):
+    with pytest.raises(NoOrbit, match=text):
+        find(machine, **arguments)

@@ -1,0 +1,210 @@
+"""Runners against the digits of an integration with 34, and against a whole cycle of another integrator."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from runners import FAST, NAMES, energy_by_hand, fast_runner, rates_by_hand
+from scipy.integrate import solve_ivp
+
+from orbits import InputError, NoOrbit, Orbit, ReturnMap, check, find, prove, simulate
+from orbits.model.state_formula import StateFormula
+from orbits.periodic.certificate import certify
+from orbits.periodic.find import stated_unknowns
+from orbits.periodic.friction import with_friction
+from orbits.periodic.tuned import solve_tuned, tuning_of
+from orbits.show.plane import landings_of, plane_paths
+from problems import runner
+from problems.machines.files import build, read
+
+TUNE, SPEED = ("inertia", "hip_stiffness"), {"speed": 0.4}
+
+
+@pytest.fixture(scope="module")
+def fast():
+    return find(runner(foot_mass=0.1, rest_length=3.7, inertia=5.7, hip_stiffness=5.4), tune=TUNE, at=SPEED)
+
+
+def test_the_numbers_of_a_run(fast):
+    assert fast.admissible
+    assert fast.source.values["inertia"] == pytest.approx(FAST["inertia"], rel=1e-12)
+    assert fast.source.values["hip_stiffness"] == pytest.approx(FAST["hip_stiffness"], rel=1e-12)
+    assert fast.flight_time / 2 == pytest.approx(FAST["half flight"], rel=1e-13)
+    assert fast.contact_time / 2 == pytest.approx(FAST["half contact"], rel=1e-13)
+    middle = dict(zip(fast.source.model.flight.states, fast.state_mid_flight, strict=True))
+    found = [middle[name] for name in ("l", "theta'", "phi'", "x")]
+    known = [FAST["leg"], FAST["leg rate"], FAST["pitch rate"], FAST["step"] / 2]
+    assert found == pytest.approx(known, abs=1e-12)
+    assert [fast.speed, fast.step, fast.mean_speed] == pytest.approx([0.4, FAST["step"], FAST["mean speed"]], rel=1e-12)
+    certificate = fast.certificate
+    assert certificate.friction_needed == pytest.approx(FAST["friction"], rel=1e-12)
+    assert certificate.smallest_separation == pytest.approx(FAST["least leg"], rel=1e-12)
+    assert fast.rises["foot"] == pytest.approx(FAST["foot rise"], rel=1e-12)
+    assert fast.cost_of_transport == 0.0
+
+
+def test_a_slow_run_of_another_leg():
+    slow = find(runner(rest_length=3.707978, inertia=6.5), tune=TUNE, at={"speed": 0.2})
+    tuned = [slow.source.values[name] for name in TUNE]
+    assert tuned == pytest.approx([6.487065436805927, 5.465212126014383], rel=1e-11)
+
+
+def test_a_whole_cycle_of_another_integrator_comes_back(fast):
+    p, accurate = fast.source.values, {"method": "DOP853", "rtol": 1e-13, "atol": 1e-14}
+    begun = fast(0.0)
+    flight = solve_ivp(lambda t, x: rates_by_hand(x, p, False)[0], (0, fast.flight_time), begun, **accurate).y[:, -1]
+    assert flight[[1, 2, 3]] == pytest.approx([0.0, 0.0, 0.0], abs=1e-11)
+    assert flight[0] == pytest.approx(fast.step, rel=1e-11)
+    assert rates_by_hand(flight, p, False)[1] == pytest.approx([0.0, 0.0], abs=1e-11)
+    contact = solve_ivp(lambda t, x: rates_by_hand(x, p, True)[0], (0, fast.contact_time), flight[4:], **accurate)
+    assert contact.y[:, -1] == pytest.approx(begun[4:], abs=1e-10)
+    assert energy_by_hand(flight, p) == pytest.approx(energy_by_hand(begun, p), rel=1e-12)
+
+
+def test_the_runner_goes_by(fast):
+    t = np.array([0.0, fast.flight_time + 0.1, fast.period, 2 * fast.period + fast.flight_time / 2])
+    assert fast.unrolled(t)[:, 0] == pytest.approx(np.array([0.0, 1.0, 1.0, 2.5]) * FAST["step"], abs=1e-12)
+    assert fast(t)[1:3, :4] == pytest.approx(0.0, abs=1e-12)
+    for path in plane_paths(fast.source, fast(t), landings_of(fast, t)):
+        if path.outline.name == "leg":
+            assert path.points[:, 0, 0] == pytest.approx(fast.unrolled(t)[:, 0], abs=1e-12)
+
+
+def test_friction_at_landing_is_the_ratio_of_the_rates(fast):
+    p, x = fast.source.values, fast(fast.flight_time)[4:]
+    rates = np.array(rates_by_hand(x, p, True)[0])
+    ahead, behind = (np.array(rates_by_hand(x + h * rates, p, True)[1]) for h in (1e-4, -1e-4))
+    normal, along = (ahead - behind) / 2e-4
+    assert abs(along / normal) == pytest.approx(FAST["friction at landing"], rel=1e-7)
+    # Of a run whose friction is least at both ends, the limit there counts.
+    t = fast.flight_time + fast.contact_time * np.linspace(1e-3, 0.5, 200)
+    shares = [abs(f[1]) / f[0] for f in (rates_by_hand(each[4:], p, True)[1] for each in fast(t))]
+    assert max(shares) == pytest.approx(FAST["friction"], rel=1e-3)
+    assert fast.flight_time < fast.certificate.friction_time < fast.flight_time + fast.contact_time / 2
+
+
+def test_most_friction_at_the_ends_is_found_there():
+    """A runner whose forces have their largest ratio at lift-off, where both vanish."""
+    run = find(runner(), tune=TUNE, at={"speed": 0.05})
+    p, x = run.source.values, run(run.flight_time)[4:]
+    rates = np.array(rates_by_hand(x, p, True)[0])
+    ahead, behind = (np.array(rates_by_hand(x + h * rates, p, True)[1]) for h in (1e-4, -1e-4))
+    normal, along = ahead - behind
+    t = run.flight_time + run.contact_time * np.linspace(1e-3, 0.5, 400)
+    shares = [abs(f[1]) / f[0] for f in (rates_by_hand(each[4:], p, True)[1] for each in run(t))]
+    largest = max(abs(along / normal), *shares)
+    assert run.certificate.friction_needed == pytest.approx(largest, rel=1e-4)
+    assert run.certificate.friction_needed >= largest * (1 - 1e-7)
+
+
+def certified_as(model, run):
+    """The violations of a run's motion as one of another model of the same equations."""
+    known = stated_unknowns(run.source.model, run)
+    solved = solve_tuned(run.source, tuning_of(run.source, TUNE, SPEED), known)
+    cycles = replace(solved, errors=np.array([run.error])).cycles
+    certificates, refused = certify(model, cycles)
+    assert not refused
+    return with_friction(model, cycles, certificates)[0].violations
+
+
+def test_a_foot_slides_where_there_is_less_friction(fast):
+    model = fast.source.model
+    of_friction = lambda limit: replace(model, planar=replace(model.planar, friction=lambda p: limit))  # noqa: E731
+    assert not certified_as(of_friction(0.255), fast)
+    (slides,) = certified_as(of_friction(0.25), fast)
+    assert slides == "it needs the friction 0.25405 at t = 4.26753, above the stated 0.25: a foot slides"
+    assert runner(friction=0.25).model.planar.friction(runner(friction=0.25).values) == 0.25
+
+
+def test_what_touches_the_ground_is_a_violation(fast):
+    model = fast.source.model
+    heights = {"hip": StateFormula("z + l*cos(theta) - 1.5", model.flight.states), "foot": model.heights({})["foot"]}
+    (violation,) = certified_as(replace(model, heights=lambda p: heights), fast)
+    assert violation == "hip touches the ground at t = 2.17357 of the contact (height -0.605)"
+
+
+def test_a_hop_beside_loses_what_the_loss_coefficient_says(fast):
+    p, model = fast.source.values, fast.source.model
+    states = model.flight.states
+    gradient = model.flight_gradient(fast(0.0).tolist(), p, [])
+    power = float(gradient[states.index("l'")])
+    lands = lambda t, x: x[2]  # noqa: E731
+    lands.terminal, lands.direction = True, -1
+    shares = []
+    for d in (1e-4, 1e-6):
+        x = fast(0.0)
+        x[states.index("l'")] += d
+        rates = lambda t, x: rates_by_hand(x, p, False)[0]  # noqa: E731
+        end = solve_ivp(rates, (0, 9.0), x, "DOP853", rtol=1e-13, atol=1e-15, events=lands).y[:, -1]
+        lost = float(model.lost_at(end.tolist(), p))
+        shares.append(lost / (fast.certificate.loss_coefficient * power * d ** (4 / 3)))
+    assert shares == pytest.approx([1.0, 1.0], abs=0.04)
+    assert abs(shares[1] - 1) < abs(shares[0] - 1) / 3  # the rest falls as d^(1/3)
+
+
+def test_in_si_the_same_run(fast):
+    """Lengths in 1/3.7 m, masses in 60 kg, gravity 9.81 m/s^2."""
+    length, mass, g = 1 / 3.7, 60.0, 9.81
+    time, force = np.sqrt(length / g), mass * g
+    machine = runner(
+        in_si=True, foot_mass=6.0, body_mass=mass, rest_length=1.0, stiffness=force / length,
+        inertia=5.7 * mass * length**2, hip_stiffness=5.4 * force * length,
+    )  # fmt: skip
+    run = find(machine, tune=TUNE, at={"speed": 0.4 * length / time})
+    assert run.step == pytest.approx(FAST["step"] * length, rel=1e-11)
+    assert run.source.values["inertia"] == pytest.approx(FAST["inertia"] * mass * length**2, rel=1e-11)
+    assert run.certificate.friction_needed == pytest.approx(FAST["friction"], rel=1e-11)
+    assert [run.units[name] for name in ("step", "speed", "mean_speed")] == ["m", "m/s", "m/s"]
+    assert run.si()["speed_m_per_s"] == pytest.approx(0.4 * length / time, rel=1e-12)
+    assert run.dimensionless().step == pytest.approx(run.step)
+
+
+def test_an_orbit_is_written_and_read(fast, tmp_path):
+    fast.save(tmp_path / "run.json")
+    again = Orbit.load(tmp_path / "run.json", fast.source)
+    assert again == fast
+    document = json.loads((tmp_path / "run.json").read_text())
+    assert {"speed", "mean_speed", "step", "cost_of_transport", "friction_needed", "admissible"} <= {*document}
+    assert document["parameters"]["inertia"] == fast.source.values["inertia"]
+    assert "step" not in document["parameters"]
+
+
+def test_relations_hold_along_a_run(fast):
+    assert check(fast.source, start=fast).largest < 1
+
+
+def test_files_state_runners(tmp_path):
+    (tmp_path / "runner.toml").write_text('machine = "runner"\n[parameters]\nfoot_mass = 0.2\nrest_length = 3.0\n')
+    machine = build(read(tmp_path / "runner.toml"))
+    assert {name: machine.values[name] for name in NAMES} == {name: runner(0.2, 3.0).values[name] for name in NAMES}
+    si = build({"machine": "runner", "si": {"foot_mass": 6.0, "body_mass": 60.0, "rest_length": 1.0}})
+    assert si.in_si
+    assert si.values["surface_gravity"] == 9.81
+    with pytest.raises(InputError, match="'mass_ratio' is of machines that hop: a runner has foot_mass, rest_length"):
+        build({"machine": "runner", "mass_ratio": 2.0})
+
+
+@pytest.mark.parametrize(
+    ("stated", "message"),
+    [
+        ({"foot_mass": 0.0}, "foot_mass = 0; of a runner it lies above 0"),
+        ({"inertia": -1.0}, "inertia = -1; of a runner"),
+        ({"parameters": {"beta": 1.0}}, "no element has a parameter 'beta'"),
+        ({"parameters": {"inertia": 1.0}}, "'inertia' is an argument of its own"),
+        ({"hip_spring": "hip_stiffness*r + r**2"}, "not turned back by the reversor"),
+    ],
+)
+def test_no_runner(stated, message):
+    with pytest.raises(InputError, match=message):
+        runner(**stated).model  # noqa: B018
+
+
+def test_what_runs_are_not_asked(fast):
+    with pytest.raises(InputError, match="x of a runner sticks in contact"):
+        simulate(fast.source, fast, hops=1)
+    with pytest.raises(InputError, match="x of a runner sticks in contact"):
+        ReturnMap(fast.source)
+    assert "x sticks in contact" in str(prove(fast))
+    with pytest.raises((InputError, NoOrbit)):
+        find(fast_runner())
