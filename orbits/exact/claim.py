@@ -119,18 +119,19 @@ def _tuning_of(
     orbit: Orbit, machine: Machine, varied: Sequence[str], tune: Iterable[str] | None,
     at: Mapping[str, ExactNumber] | None,
 ) -> tuple[tuple[str, ...], Mapping[str, ExactNumber]]:  # fmt: skip
-    """The names of the parameters that are unknowns, and the exact values of quantities: those of the orbit by default,
-    if there are equations for them. A step is always unknown where a coordinate sticks."""
+    """The names of the parameters that are unknowns, and the exact values of quantities: by default those of the orbit,
+    but for quantities that no equation of half an orbit prescribes and as many of its last parameters, which have their
+    numbers. The step is always unknown where a coordinate sticks."""
     if not isinstance(at or {}, Mapping):
         raise InputError(f"at = {at!r}; it is a mapping of quantities to values, as at={{'speed': '0.4'}}")
-    own = {*orbit.prescribed} <= {*PRESCRIBED} or bool(machine.model.sticks)
-    prescribed = dict((orbit.prescribed if own else {}) if at is None else at)
-    names = [tune] if isinstance(tune, str) else list((orbit.tuned if own else ()) if tune is None else tune)
-    check_parameters(machine, *(name for name in names if name != STEP_LENGTH))
+    known = {name: value for name, value in orbit.prescribed.items() if name in PRESCRIBED}
+    own = [name for name in orbit.tuned if name != STEP_LENGTH]
+    own = own[: len(own) - (len(orbit.prescribed) - len(known))]
+    names = (tune,) if isinstance(tune, str) else tuple(own if tune is None else tune)
+    check_parameters(machine, *names)
     if both := {*names} & {*varied}:
         raise InputError(f"'{min(both)}' is tuned: it has no value of its own")
-    steps = [STEP_LENGTH] * bool(machine.model.sticks)
-    return tuple(dict.fromkeys([*(name for name in names if name not in steps), *steps])), prescribed
+    return (*names, *([STEP_LENGTH] if machine.model.sticks else [])), dict(known if at is None else at)
 
 
 def _contradictions(claimed: Mapping[str, Any], described: Mapping[str, Any], varied: Sequence[str]) -> list[str]:

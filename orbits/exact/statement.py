@@ -188,7 +188,7 @@ class HalfOrbit:
         if name == "speed" and m.stated.centre:
             rate = inner_product(m.gradient(m.formula(m.stated.centre)), m.v) / time
             return substitute([rate], dict(zip(_by_turns(m.y, m.v), self.launch, strict=True)))[0]
-        raise Unproved(f"'{name}' is no equation of half an orbit: prescribe another quantity, or give its numbers")
+        raise Unproved(f"no equation of half an orbit says '{name}': prescribe another quantity, or tune fewer numbers")
 
     def flight(self) -> ExactStatement:
         """The half flight in all of its states, without conditions."""
