@@ -13,9 +13,13 @@ from ..model.machine import MACHINE_FIELDS, Machine
 from ..model.model import STEP_LENGTH
 from ..periodic.find import find
 from ..periodic.orbit import Orbit
-from ..periodic.tuned import PRESCRIBED
 from .stated import Decimals, ExactNumber, StatedMachine, stated_machine
 
+# The quantities that equations of half an orbit may prescribe; the others are those of its whole motion.
+QUANTITIES = (
+    *("alpha", "liftoff_extension", "flight_time", "contact_time", "period", "frequency"),
+    *("speed", "mean_speed", STEP_LENGTH),
+)
 # The unknowns that are half the times of the two phases.
 FLIGHT_DURATION, CONTACT_DURATION = "duration", "contact_duration"
 # The fields of a machine that determine its lossless orbits, without parameters and units, which are compared apart.
@@ -124,7 +128,7 @@ def _tuning_of(
     numbers. The step is always unknown where a coordinate sticks."""
     if not isinstance(at or {}, Mapping):
         raise InputError(f"at = {at!r}; it is a mapping of quantities to values, as at={{'speed': '0.4'}}")
-    known = {name: value for name, value in orbit.prescribed.items() if name in PRESCRIBED}
+    known = {name: value for name, value in orbit.prescribed.items() if name in QUANTITIES}
     own = [name for name in orbit.tuned if name != STEP_LENGTH]
     own = own[: len(own) - (len(orbit.prescribed) - len(known))]
     names = (tune,) if isinstance(tune, str) else tuple(own if tune is None else tune)

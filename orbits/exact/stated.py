@@ -261,8 +261,6 @@ def stated_machine(machine: Machine, parameters: Mapping[str, Decimals]) -> Stat
     if not callable(getattr(machine, "stated", None)):
         raise InputError(f"a {machine.model.name} states no mechanics that a proof could read: state a Mechanism")
     mechanism: Mechanism = machine.stated()  # type: ignore[attr-defined]
-    if mechanism.sticks:
-        raise Unproved(f"{mechanism.sticks[0]} sticks in contact, and theorems state contacts that hold a gap alone")
     free = free_parameters(machine)
     for name in parameters:
         if name not in free:
