@@ -27,6 +27,7 @@ from .expressions import (
     vanishes,
 )
 from .formulas import Domain, Domains
+from .refusal import Unproved
 
 
 @dataclass(frozen=True)
