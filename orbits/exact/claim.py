@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from decimal import ROUND_CEILING, Context, Decimal
+from decimal import ROUND_CEILING, Context
 from typing import Any
 
 import numpy as np
@@ -83,7 +83,7 @@ class Claim:
 
 
 def rounded_up(friction: float) -> str:
-    """A decimal of few digits that is a little above a coefficient of friction, so that this may be proved to be less."""
+    """A decimal of few digits that is a little above a coefficient of friction, which so may be proved to be less."""
     above = Context(prec=FRICTION_DIGITS, rounding=ROUND_CEILING).create_decimal(friction * (1 + FRICTION_ROOM))
     return format(above, "f")
 
@@ -110,7 +110,8 @@ def claim_of(
     places = dict(zip(states, orbit.state_mid_flight.tolist(), strict=False))
     tuned, prescribed = _tuning_of(orbit, machine, varied, tune, at)
     unknowns |= {name: machine.values[name] for name in tuned}
-    unknowns |= {STEP_LENGTH: 2 * places[name] for name in machine.model.sticks[:1]}
+    if machine.model.sticks:
+        unknowns[STEP_LENGTH] = 2 * places[machine.model.sticks[0]]
     return Claim(
         machine, orbit.alpha, orbit.error, orbit.family, orbit.violations, unknowns,
         {name: place for name, place in places.items() if not name.endswith("'")}, orbit.liftoff_extension,
@@ -155,8 +156,8 @@ def _wrong_measurements(orbit: Orbit, machine: Machine) -> list[str]:
     """The claims of an orbit about its motion that contradict the same orbit measured anew, in words."""
     try:
         names = [name for name in orbit.tuned if name != STEP_LENGTH]
-        options = {"tune": names, "at": orbit.prescribed} if machine.model.sticks else {}
-        anew = find(machine, start=orbit, **options)
+        tuned = bool(machine.model.sticks)
+        anew = find(machine, start=orbit, tune=names if tuned else None, at=orbit.prescribed if tuned else None)
     except (NoOrbit, InputError) as error:
         return [f"the orbit cannot be measured anew: {error}"]
     claimed, true = orbit.certificate, anew.certificate

@@ -4,8 +4,8 @@ With the kinetic energy v' M(y) v/2 and the forces Q(y) of springs, weights and 
 
     M y'' = Q - C,    C = (d(M v)/dy) v - grad(v' M v)/2,
 
-in contact with + lambda g, g the gap's gradient, and g y'' = 0: the closed gap determines one coordinate, y = E s. Where
-coordinates stick these are 0 in contact, with a force on each of them.
+in contact with + lambda g, g the gap's gradient, and g y'' = 0: the closed gap determines one coordinate, y = E s.
+Coordinates that stick are 0 in contact too, with a force on each of them.
 
 All is in units of length and time that suit the motion, powers of 2: with y = L q and t = T u, the same equations
 hold of q and u with the forces L T^2 Q.
@@ -164,8 +164,7 @@ class ExactMechanics:
         ]
         self.s, self.w = [self.y[i] for i in self.independent], [self.v[i] for i in self.independent]
         self.contact_accelerations, self.contact_force, self.holding_forces = self._contact()
-        if depends_on([*self.inertia_and_forces, self.counts, *([self.separation] if self.separation else [])],
-                      [self.y[i] for i in self.sticks]):  # fmt: skip
+        if depends_on(self.functions, [self.y[i] for i in self.sticks]):
             raise Unproved("something depends on the place of a coordinate that sticks")
         self.reversor, whole = self._reversors()
         self.contact_reversor, self.order, self.contact_order = whole.on(self.independent), 1, 1
@@ -301,9 +300,11 @@ class ExactMechanics:
         return ExactPieces(tuple(each.value for each in weights), breaks)
 
     @property
-    def inertia_and_forces(self) -> Column:
-        """All entries of both."""
-        return [each for row in (*self.inertia, *self.forces) for each in row]
+    def functions(self) -> Column:
+        """What the motion and its conditions are functions of: the entries of inertia and forces, and the extensions
+        that count and that separate."""
+        extensions = [self.counts, *([] if self.separation is None else [self.separation])]
+        return [*extensions, *(each for row in (*self.inertia, *self.forces) for each in row)]
 
     def _contact(self) -> tuple[ExactRows, Column, ExactRows]:
         """Accelerations in contact, contact force, and the forces on what sticks, for each law, as functions of s and
@@ -474,7 +475,7 @@ def solved_by_parts(matrix: ExactRows, right: Sequence[ExactExpression]) -> Colu
         rows = [row for row in rows if row is not chosen]
         columns.remove(j)
         known.append((j, [each / chosen[j] for each in chosen]))
-        rows = [row if row[j].is_(0) else [a - row[j] * b for a, b in zip(row, known[-1][1], strict=True)] for row in rows]
+        rows = [[a - row[j] * b for a, b in zip(row, known[-1][1], strict=True)] for row in rows]
     if len(columns) > 2:
         return None
     found = [ZERO] * len(right)

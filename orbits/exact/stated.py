@@ -198,8 +198,8 @@ class StatedMachine:
         parts += [f"the potential energy {each}" for each in self.potentials]
         parts.append(f"the acceleration of gravity ({self.surface_gravity})*({self.gravity}) at the height z")
         parts += self._gaps_in_words()
-        for each in self.sticks:
-            parts.append(f"the coordinate {each}, which sticks: it is 0 in contact, held there by a force of the ground")
+        parts += [f"the coordinate {x}, which sticks: it is 0 in contact, held by a force of the ground"
+                  for x in self.sticks]  # fmt: skip
         if self.sticks and self.friction is not None:
             parts.append(f"the coefficient of friction {self.friction}")
         if self.separation is not None:
@@ -227,8 +227,8 @@ class StatedMachine:
         maps = f"Let R reverse time and take {back}, and let S take {anew}; coordinates without a formula stay"
         x = next(letter for letter in ("x", "q", "X", "Q", "state") if letter not in self.coordinates)
         vanish = ", in which all forces of the ground vanish," if self.sticks else ""
-        orbit = f"A lossless orbit is launched in a state {x}{vanish} and lands in R {x}; its contact, whose coordinates"
-        return f"{maps}. {orbit} are counted anew by S, leads from S R {x} to {x}. "
+        orbit = f"A lossless orbit is launched in a state {x}{vanish} and lands in R {x}; its contact, whose"
+        return f"{maps}. {orbit} coordinates are counted anew by S, leads from S R {x} to {x}. "
 
 
 def range_text(bounds: Bounds) -> str:

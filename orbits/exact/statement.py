@@ -94,8 +94,8 @@ class HalfOrbit:
             self.lone = None  # what moves with the extension alone decides neither where a step lands nor what it meets
         if mechanics.tuned:
             self.lone = None
-        used = [*mechanics.inertia_and_forces, mechanics.counts, *([mechanics.separation] if mechanics.separation else [])]
-        used += [each.place for own in (mechanics.domains, *mechanics.law_domains) for each in own]
+        places = (each.place for own in (mechanics.domains, *mechanics.law_domains) for each in own)
+        used = [*mechanics.functions, *places]
         self.constants = tuple(each for each in mechanics.tuned.values() if depends_on(used, [each]))
 
     def unit_of(self, name: str) -> Fraction:

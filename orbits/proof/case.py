@@ -183,8 +183,8 @@ def whole_proof(
 def existence_of(claim: Claim, stated: StatedMachine, with_contact: bool, digits: int | None) -> ProvedExistence:
     """The proved solution near an orbit's claim; raises `Unproved`."""
     scale = Scale.of(claim.alpha, claim.flight_time / 2, max(claim.family, 1))
-    units = {name: power_of_two(abs(claim.unknowns[name])) for name in stated.tuned if name in claim.unknowns}
-    half = HalfOrbit(ExactMechanics(stated, scale, units=units))
+    sizes = {name: power_of_two(abs(claim.unknowns[name])) for name in stated.tuned if name in claim.unknowns}
+    half = HalfOrbit(ExactMechanics(stated, scale, units=sizes))
     statement = half.statement(with_contact)
     if missing := [name for name in statement.unknowns if name not in claim.unknowns]:
         raise Unproved(f"the orbit has no {missing[0]}")
@@ -458,8 +458,8 @@ def _check_friction(half: HalfOrbit, contact: Motion) -> None:
         if not any(all(vanishes(a - sign * b) for a, b in zip(images, along, strict=True)) for sign in (1, -1)):
             raise Unproved(f"the force on {name} is not the same, or the negative, at the mirror image of a state")
         for sign in (1, -1):
-            room = [mu * force + sign * each for force, each in zip(m.contact_force, along, strict=True)]
-            room = contact.chain(room, 1)
+            left = [mu * force + sign * each for force, each in zip(m.contact_force, along, strict=True)]
+            room = contact.chain(left, 1)
             if not contact.first(room, 0).contains(0):
                 raise Unproved(f"the force on {name} does not vanish at landing")
             contact.check_positive(room, zero_at_start=1)
