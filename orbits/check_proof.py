@@ -50,7 +50,7 @@ FIELDS = [{*names.split()} for names in (
 # What the file says besides of a machine that steps, and the most names and terms of polynomials that are compared.
 MAPS, MOST_NAMES, MOST_TERMS = ("reversor", "symmetry", "gaps"), 60, 3000
 # What it says besides of a machine that sticks to the ground, or has parameters that are unknowns.
-MORE = {"sticks", "friction", "tuned", "prescribed", "centre"}
+MORE = {"sticks", "heights", "friction", "tuned", "prescribed", "centre"}
 
 
 class Unverified(Exception):
@@ -461,10 +461,12 @@ class Machine:
         self.back, self.steps = Turn(names, self.states, first), any(kind in stated for kind in MAPS)
         self.again = Turn(names, self.states, [replaced(each, self.back.places) for each in then])
         self.landing, sticks = self.back.of(self.gap), [names[i] for i in self.sticks]
-        moving = [*chain(*self.inertia), *self.forces, self.counts, self.separation]
+        self.friction = parse(stated["friction"], known, needed) if self.sticks else None
+        heights = [parse(height, both, needed) for _, height in stated.get("heights", ())]
+        self.above = [each for each in heights if not is_zero(each - self.gap)]
+        moving = [*chain(*self.inertia), *self.forces, self.counts, self.separation, *heights]
         if any(not is_zero(slope(each, x), k) for each in moving for x in sticks for k in range(len(self.edges) - 1)):
             raise Unverified("something depends on the place of what sticks")
-        self.friction = parse(stated["friction"], known, needed) if self.sticks else None
         self.prescribed = [self._off(name, number(Fraction(value)), stated, both)
                            for name, value in stated.get("prescribed", ())]  # fmt: skip
         if self.sticks and not self.steps:
@@ -531,8 +533,8 @@ class Field:
         reduced = [[dot(a, [dot(row, b) for row in m.inertia]) for b in along] for a in along]
         _, (inside,) = solved(reduced, [dot(a, m.forces) for a in along])
         one = [[number(int(i == j)) for j in range(len(m.names))] for i in range(len(m.names))]
-        simple = [self._of_squares(m, each) for each in (one, along)]
-        if all(simple):  # with positive masses M is positive definite where these have values
+        simple = self._of_squares(m, one), self._of_squares(m, along)
+        if simple[0] and simple[1]:  # with positive masses M is positive definite where these have values
             (free, inside), self.pivots = simple, [mass for mass, *_ in m.squares]
         held = [dot(row, inside) for row in m.embedded]
         self.force = (dot(m.inertia[out], held) - m.forces[out]) / m.weights[out]
@@ -800,7 +802,8 @@ class Solution:
             equations += [passage.field.linear(passage.end, each) for each in those]
         for each in machine.prescribed:
             pairs = [p.field.linear(p.start, off) for p, off in zip(self.passages, each, strict=True)]
-            equations.append((sum(x for x, _ in pairs), list(map(sum, zip(*(row for _, row in pairs), strict=True)))))
+            (value, row), (other, more) = pairs
+            equations.append((value + other, [a + b for a, b in zip(row, more, strict=True)]))
         by_all, count = arb_mat([row for _, row in equations]), len(equations)
         if count != len(names) - len(machine.places):
             raise Unverified("there are more or fewer equations than unknowns")
@@ -856,7 +859,9 @@ def _check_said(document: Mapping[str, Any]) -> None:
         raise Unverified(f"'{false[0]}' is not what the file says elsewhere, or this program does not verify it")
     springs = [{"rows": [], **spring} for spring in machine["springs"]]
     speed, own = dict(machine.get("prescribed", ())).get("speed"), machine.keys() - {*MAPS, *MORE}
-    if ("friction" in machine) != ("sticks" in machine) or ("centre" in machine) != (speed is not None):
+    if not ("friction" in machine) == ("heights" in machine) == ("sticks" in machine) or ("centre" in machine) != (
+        speed is not None
+    ):
         raise Unverified("the machine states friction of nothing that sticks, or a centre of mass without its speed")
     groups = [own], springs, parts, [document.keys() - again.keys() - {"attraction_radius", "digest"}]
     if any({*each} != names for group, names in zip(groups, FIELDS, strict=True) for each in group):
@@ -869,7 +874,7 @@ def _check_parts(document: Mapping[str, Any]) -> None:
     parts = [(bounds_of(part["parameters"]), bounds_of(part["unknowns"]), part) for part in document["parts"]]
     motion, stated = document["motion"], document["machine"]["separation"] is not None
     conditions = [*(["separation"] if stated else []), "clearance", "contact_force", "contact_end"] if motion else []
-    conditions += ["friction"] if motion and document["machine"].get("sticks") else []
+    conditions += ["heights", "friction"] if motion and document["machine"].get("sticks") else []
     main = "alpha", *PHASES, *document["machine"].get("tuned", ())
     if document["conditions"] != dict.fromkeys(conditions, "proved") or (document["family"] is not None) != motion:
         raise Unverified("not all conditions of a motion are said to be proved, or others are")
@@ -956,10 +961,11 @@ def _check_motion(document: Mapping[str, Any], solution: Solution) -> None:
             raise Unverified("the forces of the ground are not the same, or the negative, at the image of a state")
         for other in (each, LESS * each):
             check_positive("that what sticks does not slide", contact, machine.friction * force + other, at_start=1)
-    for each in {machine.separation, back.of(machine.separation)}:
-        check_positive("that the separation is positive in flight", flight, each)
-    for each in {machine.separation, again.of(machine.separation)}:
-        check_positive("that the separation is positive in contact", contact, each)
+    for what, of in [("separation is", machine.separation), *(("height is", each) for each in machine.above)]:
+        for each in {of, back.of(of)}:
+            check_positive(f"that the {what} positive in flight", flight, each)
+        for each in {of, again.of(of)}:
+            check_positive(f"that the {what} positive in contact", contact, each)
     if not is_zero(machine.landing - machine.gap):
         check_positive("that the gap that lands stays open in flight", flight, machine.landing)
         for each in {machine.landing, again.of(machine.landing)}:

@@ -154,6 +154,7 @@ class ExactMechanics:
         self.embed = [rows[i] for i in range(self.size)]
         self.counts = self.formula(stated.counts)
         self.separation = None if stated.separation is None else self.formula(stated.separation)
+        self.heights = [(name, self.formula(height)) for name, height in stated.heights]
         self.pieces, self.law_domains, self.conservative = self._forces()
         self.squares = self._squares() if depends_on([each for row in self.inertia for each in row], self.y) else []
         centrifugal = self._centrifugal()
@@ -301,10 +302,14 @@ class ExactMechanics:
 
     @property
     def functions(self) -> Column:
-        """What the motion and its conditions are functions of: the entries of inertia and forces, and the extensions
-        that count and that separate."""
+        """What the motion and its conditions are functions of: the entries of inertia and forces, the extensions that
+        count and that separate, and the heights."""
         extensions = [self.counts, *([] if self.separation is None else [self.separation])]
-        return [*extensions, *(each for row in (*self.inertia, *self.forces) for each in row)]
+        return [
+            *extensions,
+            *(height for _, height in self.heights),
+            *(each for row in (*self.inertia, *self.forces) for each in row),
+        ]
 
     def _contact(self) -> tuple[ExactRows, Column, ExactRows]:
         """Accelerations in contact, contact force, and the forces on what sticks, for each law, as functions of s and

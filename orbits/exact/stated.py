@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from decimal import Decimal
 from fractions import Fraction
 from numbers import Rational
+from typing import Any
 
 from ..errors import InputError
 from ..io import Document
@@ -97,6 +98,7 @@ class StatedMachine:
     reversor, symmetry : the coordinates that are not left as they are, and what they are taken to, see `Mechanism`
     gaps : names and formulas of the gap that opens and that which closes; empty where they have no names
     sticks : the coordinates that are 0 in contact beside the gap, each held there by a force
+    heights : names and formulas of the heights of a machine that sticks
     centre : formula of the place of the centre of mass along the ground; None where no masses move along it
     friction : formula of the coefficient of friction, which the forces on what sticks are compared with; None without
     tuned : names of parameters that are unknowns; they have no bounds
@@ -123,6 +125,7 @@ class StatedMachine:
     symmetry: tuple[Sized, ...] = ()
     gaps: tuple[Sized, ...] = ()
     sticks: tuple[str, ...] = ()
+    heights: tuple[Sized, ...] = ()
     centre: str | None = None
     friction: str | None = None
     tuned: tuple[str, ...] = ()
@@ -177,6 +180,7 @@ class StatedMachine:
             **{name: list(each) for name, each in (("sticks", self.sticks), ("tuned", self.tuned)) if each},
             **({"prescribed": [[n, decimal_text(value)] for n, value in self.prescribed]} if self.prescribed else {}),
             **({"centre": self.centre} if "speed" in dict(self.prescribed) else {}),
+            **({"heights": [list(each) for each in self.heights]} if self.sticks else {}),
             **({"friction": self.friction} if self.sticks and self.friction is not None else {}),
         }
 
@@ -200,12 +204,13 @@ class StatedMachine:
         parts += self._gaps_in_words()
         parts += [f"the coordinate {x}, which sticks: it is 0 in contact, held by a force of the ground"
                   for x in self.sticks]  # fmt: skip
+        parts += [f"the height {formula} of the {name}" for name, formula in self.heights]
         if self.sticks and self.friction is not None:
             parts.append(f"the coefficient of friction {self.friction}")
         if self.separation is not None:
             parts.append(f"the separation {self.separation}")
-        numbers = [f"{name} {range_text(bounds)}" for name, bounds in self.parameters.items() if name != free]
-        named = ", ".join([*numbers, *(f"{name} to be found" for name in self.tuned)])
+        known = [f"{name} {range_text(bounds)}" for name, bounds in self.parameters.items() if name != free]
+        named = ", ".join([*known, *(f"{name} to be found" for name in self.tuned)])
         units = "in SI" if self.units == "SI" else "dimensionless"
         numbers = f", with {named}" if named else ""
         launch = f"{self.launch} and its rate at lift-off are called liftoff and alpha"
@@ -311,6 +316,10 @@ def _of_mechanism(mechanism: Mechanism, values: Mapping[str, Bounds]) -> StatedM
     if gravity.written is None or gravity.written.potential:
         raise Unproved(f"gravity '{gravity.text}' is no formula that a theorem could state")
     separation = mechanism.separation
+    maps: dict[str, Any] = {
+        name: tuple((key, text(value)) for key, value in dict(getattr(mechanism, name) or {}).items())
+        for name in ("reversor", "symmetry", "gaps")
+    }
     return StatedMachine(
         name=mechanism.name,
         units="SI" if mechanism.in_si else "dimensionless",
@@ -329,11 +338,11 @@ def _of_mechanism(mechanism: Mechanism, values: Mapping[str, Bounds]) -> StatedM
         counts=text(structure.counts),
         separation=None if separation is None else text(separation),
         sticks=tuple(mechanism.sticks),
+        heights=tuple((name, text(each)) for name, each in (mechanism.heights or {}).items() if mechanism.sticks),
         centre=_centre_of_mass(masses) if masses and len(masses) == len(kinds[Mass]) else None,
         friction=None if mechanism.friction is None else text(mechanism.friction),
-        **{name: tuple((key, text(value)) for key, value in dict(getattr(mechanism, name) or {}).items())
-           for name in ("reversor", "symmetry", "gaps")},
-    )  # fmt: skip
+        **maps,
+    )
 
 
 def _text_of(expression: Scalar, coordinates: tuple[str, ...], names: tuple[str, ...]) -> str:

@@ -44,7 +44,8 @@ NO_CONTACT = "the orbit has no contact that ends, of which anything could be pro
 PROVED, REFUTED, UNDECIDED = "proved", "refuted", "undecided"
 MAIN_UNKNOWNS = ("alpha", "flight_time", "contact_time")
 CONDITIONS = ("clearance", "separation", "contact_force", "contact_end")
-FRICTION = "friction"
+# Those of machines that stick besides.
+CONDITIONS_OF_RUNS = ("heights", "friction")
 
 
 def checked_digits(digits: int | None) -> int | None:
@@ -123,7 +124,7 @@ def whole_proof(
     which hold only for the part of an interval with the machine's own values."""
     began, found, verdicts = time.perf_counter(), None, Verdicts()
     names = [name for name in CONDITIONS if name != "separation" or stated.separation is not None]
-    names += [FRICTION] if stated.sticks else []
+    names += CONDITIONS_OF_RUNS if stated.sticks else ()
     undecided = dict.fromkeys(names if motion else (), UNDECIDED)
     with ctx.workprec(FIRST_BITS):
         try:
@@ -363,7 +364,8 @@ def motion_conditions(
         "separation": lambda: _check_separation(half, flight, contact),
         "contact_force": lambda: _check_force(half, _contact_that_ends(contact)),
         "contact_end": lambda: _check_end(half, _contact_that_ends(contact)),
-        FRICTION: lambda: _check_friction(half, _contact_that_ends(contact)),
+        "heights": lambda: _check_heights(half, flight, contact),
+        "friction": lambda: _check_friction(half, _contact_that_ends(contact)),
     }
     return verdicts_of({name: checks[name] for name in names})
 
@@ -420,11 +422,24 @@ def _check_in_contact(half: HalfOrbit, contact: Motion, function: ExactExpressio
 
 
 def _check_separation(half: HalfOrbit, flight: Motion, contact: Motion | None) -> None:
+    assert half.mechanics.separation is not None
+    _check_always(half, flight, contact, half.mechanics.separation)
+
+
+def _check_heights(half: HalfOrbit, flight: Motion, contact: Motion | None) -> None:
+    """The stated heights but for the gap itself."""
+    for name, height in half.mechanics.heights:
+        if not vanishes(height - half.gap * half.mechanics.scale.length):
+            with _about(name):
+                _check_always(half, flight, contact, height)
+
+
+def _check_always(half: HalfOrbit, flight: Motion, contact: Motion | None, function: ExactExpression) -> None:
+    """Prove that a function of the flight state is positive in both halves of flight and contact."""
     m = half.mechanics
-    assert m.separation is not None
-    for each in dict.fromkeys([m.separation, *m.reversor.turned([m.separation], m.y, m.v)]):
+    for each in dict.fromkeys([function, *m.reversor.turned([function], m.y, m.v)]):
         flight.check_positive(flight.chain([each] * len(flight.leg.rates), 1))
-    _check_in_contact(half, _contact_that_ends(contact), m.separation)
+    _check_in_contact(half, _contact_that_ends(contact), function)
 
 
 def _check_force(half: HalfOrbit, contact: Motion) -> None:

@@ -20,6 +20,7 @@ CONDITIONS_OF_STEPS = {
     "opens, throughout the contact",
     "contact_force": "each point that stands in contact pushes throughout the open contact",
     "contact_end": "the contact comes to its middle, and ends in a lift-off that is the image of the landing",
+    "heights": "each height, but for that of the contact point, stays positive over the whole cycle",
     "friction": "the force on what sticks is below the coefficient of friction times the contact force throughout the "
     "open contact, and so are their derivatives where both vanish, at its two ends",
 }

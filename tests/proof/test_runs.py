@@ -218,7 +218,7 @@ class TestRun:
 
     def test_all_is_proved(self, proof):
         assert proof.reasons == ()
-        assert set(proof.conditions) == {*CONDITIONS, "friction"}
+        assert set(proof.conditions) == {*CONDITIONS, "heights", "friction"}
         assert set(proof.conditions.values()) == {"proved"}
         assert proof.proved
         for name in ("inertia", "hip_stiffness", "step"):
@@ -262,6 +262,8 @@ class TestRun:
             ("friction", {"holding_forces": 2}, "refuted"),
             ("friction", {"holding_forces": -1}, "proved"),
             ("separation", {"separation": -1}, "refuted"),
+            ("heights", {"heights": Fraction(-1, 2)}, "proved"),
+            ("heights", {"heights": -4}, "refuted"),
         ],
     )
     def test_false_conditions(self, found, condition, changes, verdict):
@@ -274,6 +276,8 @@ class TestRun:
             m.gap = value
         elif name == "separation":
             m.separation = value * m.separation
+        elif name == "heights":  # the body's, raised
+            m.heights = [(each, height + value) for each, height in m.heights]
         elif name == "contact_force":
             m.contact_force = [value * each for each in m.contact_force]
         else:
