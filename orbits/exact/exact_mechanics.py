@@ -106,6 +106,7 @@ class ExactMechanics:
     """The equations of motion of a stated machine.
 
     free : the name of a parameter that is an unknown
+    squares : the kinetic energy as a sum of squares, where the inertia varies and it is one
     tuned : the symbols by name of those parameters that are unknowns of the orbit, and `tuned_units` their units
     y, v : symbols (n,) of the coordinates and their rates, in the units of `scale`
     parameters : the expression of each name: a number, a function of the `share` of an interval, or the symbol of an
