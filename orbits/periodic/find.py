@@ -22,7 +22,16 @@ from .family_search import Cells, Lateness
 from .homotopy import solve_by_homotopy
 from .orbit import Orbit, orbit_of, start_in_file
 from .run_start import run_start
-from .tuned import Tuning, errors_of_tuned, solve_tuned, tuned_equations, tuned_values, tuning_of, with_extremes
+from .tuned import (
+    OF_STEPS,
+    Tuning,
+    errors_of_tuned,
+    solve_tuned,
+    tuned_equations,
+    tuned_values,
+    tuning_of,
+    with_extremes,
+)
 
 Progress: TypeAlias = Callable[[float], None] | None  # called with the share that is done
 # An orbit nearby, the unknowns of a half orbit by name, or the name of a file of an orbit.
@@ -30,6 +39,8 @@ StartLike: TypeAlias = Orbit | Mapping[str, float] | str | Path
 LARGEST_FAMILY = 10_000
 # Orbits whose launch speeds, times and states agree to this share are the same.
 SAME_ORBIT = 1e-9
+# Where nothing says how fast a run is, its search begins at these multiples of the slowest start.
+FASTER_STARTS = (1.0, 2.0, 3.0, 5.0)
 # A start with a longer time than this describes no machine in its own units, and would take long to integrate.
 LONGEST_START = 1e4
 
@@ -110,7 +121,11 @@ def _tuned_from(
     if not machine.model.sticks:
         start = _found_from(machine, family, start, method, progress)
     elif start is None:
-        start = start_of_run(machine, family or 1, tuning)
+        start = starts_of_run(machine, family or 1, tuning)
+    if machine.model.sticks and tuning.extremes:  # other quantities are those of the start at first
+        free = [name for name in ("speed", "alpha", "flight_time") if name not in tuning.values]
+        values = {**tuning.values, **dict.fromkeys(free[: len(tuning.extremes)])}
+        start, _ = _tuned_near(machine, start, Tuning(tuning.names, values, {}), method)
     if tuning.extremes:
         orbit, errors = with_extremes(machine, tuning, start, lambda m, known, few: _tuned_near(m, known, few, method))
     else:
@@ -127,7 +142,7 @@ def _tuned_near(machine: Machine, known: Any, tuning: Tuning, method: str) -> tu
     if not (tuning.names or sticks):
         return _found_from(machine, known.family, known, method, None), {}
     with without_units(machine.units):
-        solved = solve_tuned(machine, tuning, start_of_tuned(machine, known))
+        solved = _solved_from(machine, tuning, known)
         errors, u = errors_of_tuned(solved), solved.us[0].tolist()
         tuned = machine.with_values(**tuned_values(solved.equations, solved.us[0]))
         if sticks:
@@ -142,10 +157,18 @@ def _tuned_near(machine: Machine, known: Any, tuning: Tuning, method: str) -> tu
     return _found_from(tuned, known.family, near, method, None), errors
 
 
-def start_of_tuned(machine: Machine, start: Any) -> dict[str, float]:
-    """The unknowns at which the search for an orbit with tuned parameters begins, from an orbit or from a start."""
-    bare = machine.units.dimensionless("start", start) if machine.units else start
-    return stated_unknowns(machine.model, bare)
+def _solved_from(machine: Machine, tuning: Tuning, known: Any) -> Solved:
+    """The solution with tuned parameters to which an orbit or a start leads, or the first of several starts that does;
+    raises the error of the first where none does."""
+    first: NoOrbit | None = None
+    for start in known if isinstance(known, list) else [known]:
+        bare = machine.units.dimensionless("start", start) if machine.units else start
+        try:
+            return solve_tuned(machine, tuning, stated_unknowns(machine.model, bare))
+        except NoOrbit as error:
+            first = first or error
+    assert first is not None
+    raise first
 
 
 def first_tuned(
@@ -159,9 +182,9 @@ def first_tuned(
         known = _found_from(machine, family if known is None else None, known, method_of(machine.model), None)
     tuning = Tuning(tuned, values, {})
     if machine.model.sticks and known is None:
-        known = start_of_run(machine, family, tuning)
+        known = starts_of_run(machine, family, tuning)
     with without_units(machine.units):
-        solved = solve_tuned(machine, tuning, start_of_tuned(machine, known))
+        solved = _solved_from(machine, tuning, known)
     return None if machine.model.sticks else known.family, solved
 
 
@@ -269,6 +292,7 @@ def _all_of_family(
     model, p = machine.model, machine.values
     if not (model.search and model.reversor):
         remedy = "give find_all starts" if model.one_speed else "find_all(machine, starts(machine)) finds its hops"
+        remedy = model.violations.get("none", "give find a start") if model.sticks else remedy
         raise InputError(f"the families of a {model.name} are not searched: {remedy}")
     if method == "closed form":
         only = _solved_for(machine, family, method)
@@ -374,16 +398,21 @@ def _same(a: Orbit, b: Orbit) -> bool:
     return np.allclose(x, y, rtol=SAME_ORBIT, atol=SAME_ORBIT * max(map(abs, x)))
 
 
-def start_of_run(machine: Any, family: int, tuning: Tuning) -> dict[str, float]:
+def starts_of_run(machine: Any, family: int, tuning: Tuning) -> list[dict[str, float]]:
     """The unknowns of a half orbit by name, with the step, where the search for a run of a machine begins: beside its
-    vertical hop of a family. All is in the machine's units."""
+    vertical hop of a family. Where nothing says how fast it is, several of them, the slowest first. All is in the
+    machine's units."""
     units, bare = machine.units, dimensionless(machine)
     at = {name: value / (units.of(name) if units else 1.0) for name, value in tuning.values.items() if value}
-    upright, equations = bare.upright(), tuned_equations(bare, tuning.names, tuple(tuning.values))
+    upright, equations = bare.upright(), tuned_equations(machine, tuning.names, tuple(tuning.values))
     hop = stated_unknowns(upright.model, lowest_of_family(upright, family, method_of(upright.model)))
     own = {name: value for name, value in hop.items() if name != "unfolding"}
     found = run_start(bare, equations, own, at)
-    return {name: value * (units.of(name) if units else 1.0) for name, value in found.items()}
+    faster = (1.0,) if any(name in at for name in OF_STEPS) else FASTER_STARTS
+    return [
+        {name: x * (units.of(name) if units else 1.0) * (1.0 if name in own else by) for name, x in found.items()}
+        for by in faster
+    ]
 
 
 def check_start(machine: Machine, start: object) -> None:
@@ -395,7 +424,7 @@ def check_start(machine: Machine, start: object) -> None:
     if start is None and model.conservative and not (model.is_guessed or model.search):
         raise InputError(
             f"the families of a {model.name} are not guessed: give start= an orbit of it"
-            + ("" if model.one_speed else ", such as one of find_all(machine, starts(machine))")
+            + ("" if model.one_speed or model.sticks else ", such as one of find_all(machine, starts(machine))")
         )
 
 

@@ -136,7 +136,8 @@ def quantities_of_motion(machine: Machine) -> list[str]:
     """The quantities of a machine's orbits that are found from its whole motion, as extremes are."""
     of_motion = ("stroke", "clearance", "smallest_separation", "smallest_contact_force", "largest_contact_force")
     without = () if machine.model.separation(machine.values) is not None else ("smallest_separation",)
-    names = [*of_motion, "landing_jerk", *machine.model.rises(machine.values)]
+    across = ["friction_needed"] if machine.model.planar else []
+    names = [*of_motion, "landing_jerk", *across, *machine.model.rises(machine.values)]
     return [name for name in names if name not in without]
 
 
@@ -240,7 +241,8 @@ def _along_way(
         x, evaluation = equations.newton(x, p_at(0.0))
     except NoOrbit as error:
         tuned, all_of = ", ".join(equations.statement.tuned), ", ".join(names)
-        raise NoOrbit(f"{all_of or 'the orbit'} may not depend on {tuned}: tune another number ({error})") from None
+        remedy = "tune another number, or begin elsewhere"
+        raise NoOrbit(f"{all_of or 'the orbit'} may not depend on {tuned}: {remedy} ({error})") from None
     while reached < 1:
         jacobian = equations.evaluate(x, p_at(reached), tuple(names)).jacobian
         tangent = -solve(jacobian[:, : len(x)], jacobian[:, len(x) :] @ (there - here))
@@ -331,12 +333,11 @@ def with_extremes(
 
 def _by_moving(machine, moved, rest, targets, first, near) -> tuple[Orbit, dict[str, float]]:
     """`with_extremes` for the parameters that are `moved` in steps."""
-    wanted, x, last = np.array([*targets.values()]), np.array([machine.values[name] for name in moved]), np.inf
+    wanted, x, last = np.array([*targets.values()]), np.array([first.source.values[name] for name in moved]), np.inf
     sizes, slopes = np.maximum(np.abs(wanted), SMALLEST), np.zeros((len(x), len(x)))
 
     def solved(values: np.ndarray, known: Orbit) -> tuple[Orbit, dict[str, float], np.ndarray]:
-        values_now = getattr(known, "source", machine).values
-        others = {name: values_now[name] for name in rest.names}
+        others = {name: known.source.values[name] for name in rest.names}
         here = machine.with_values(**others, **dict(zip(moved, values.tolist(), strict=True)))
         orbit, errors = near(here, known, rest)
         return orbit, errors, np.array([quantity_of(orbit, name) for name in targets])
