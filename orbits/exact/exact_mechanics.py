@@ -304,8 +304,9 @@ class ExactMechanics:
     @property
     def functions(self) -> Column:
         """What the motion and its conditions are functions of: the entries of inertia and forces, the extensions that
-        count and that separate, and the heights."""
+        count and that separate, the friction, and the heights."""
         extensions = [self.counts, *([] if self.separation is None else [self.separation])]
+        extensions += [self.formula(self.stated.friction)] if self.sticks and self.stated.friction is not None else []
         return [
             *extensions,
             *(height for _, height in self.heights),

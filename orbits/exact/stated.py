@@ -147,7 +147,9 @@ class StatedMachine:
         return bool(self.reversor or self.symmetry or self.gaps)
 
     def refuse_steps(self, what: str) -> None:
-        """Raise `Unproved` where maps are stated."""
+        """Raise `Unproved` where maps are stated, or parameters are unknowns."""
+        if self.tuned:
+            raise Unproved(f"{what} is proved only of machines whose numbers are all stated: with tune=()")
         if self.steps:
             raise Unproved(f"{what} is proved only of machines that state no reversor, symmetry or further gap")
 

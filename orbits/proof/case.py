@@ -297,6 +297,9 @@ def wrong_numbers(found: ProvedExistence, claim: Claim) -> list[str]:
     for name, claimed_time in (("flight_time", claim.flight_time), ("contact_time", claim.contact_time)):
         if name in balls and claimed_time is not None and not _agrees(balls[name], claimed_time, claim):
             reasons.append(f"{name}: the orbit says {claimed_time!r}, outside the enclosure {found.unknowns[name]}")
+    for name in claim.tuned:
+        if not _agrees(balls[name], value := claim.unknowns[name], claim):
+            reasons.append(f"{name}: the orbit says {value!r}, outside the enclosure {found.unknowns[name]}")
     return reasons
 
 

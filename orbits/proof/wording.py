@@ -40,18 +40,21 @@ def root_sentence(
     unknowns: Mapping[str, Enclosure], uniqueness: str, wide: bool, stated: StatedMachine | None = None
 ) -> str:
     """The sentences on existence and uniqueness; for a machine with tuned parameters, of these too."""
-    values = "For each value of the parameters in their intervals the" if wide else "The"
     names = ", ".join(name.replace("_", " ") for name in unknowns)
     others = f"No other solution has all of these ({names}) within {uniqueness} of these enclosures"
-    solved = f"{values} {equations_words(unknowns)} have a solution"
-    if stated is not None and stated.tuned:
-        exact = " and ".join(f"{name.replace('_', ' ')} = {decimal_text(value)}" for name, value in stated.prescribed)
-        tuned, *more = (name.replace("_", " ") for name in stated.tuned)
-        there = f"are numbers {', '.join((tuned, *more))}" if more else f"is a number {tuned}"
-        start = "For each value of the parameters in their intervals there" if wide else "There"
-        whose = f" with {exact}, exactly," if exact else ""
-        solved = f"{start} {there} for which the {equations_words(unknowns)}{whose} have a solution"
-    return f"{solved} with {enclosed_words(unknowns)}. {others}."
+    return f"{solved_words(unknowns, wide, stated)}. {others}."
+
+
+def solved_words(unknowns: Mapping[str, Enclosure], wide: bool, stated: StatedMachine | None = None) -> str:
+    """The statement that there is a solution, and for a machine with tuned parameters that there are such numbers."""
+    each, solution = "For each value of the parameters in their intervals", f"with {enclosed_words(unknowns)}"
+    if stated is None or not stated.tuned:
+        return f"{f'{each} the' if wide else 'The'} {equations_words(unknowns)} have a solution {solution}"
+    exact = " and ".join(f"{name.replace('_', ' ')} = {decimal_text(value)}" for name, value in stated.prescribed)
+    tuned, *more = (name.replace("_", " ") for name in stated.tuned)
+    there = f"are numbers {', '.join((tuned, *more))}" if more else f"is a number {tuned}"
+    equations = f"{equations_words(unknowns)}{f' with {exact}, exactly,' if exact else ''}"
+    return f"{f'{each} there' if wide else 'There'} {there} for which the {equations} have a solution {solution}"
 
 
 def equations_words(unknowns: Mapping[str, Enclosure]) -> str:

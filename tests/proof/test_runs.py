@@ -277,7 +277,7 @@ class TestRun:
         elif name == "separation":
             m.separation = value * m.separation
         elif name == "heights":  # the body's, raised
-            m.heights = [(each, height + value) for each, height in m.heights]
+            m.heights = [(each, height + value if each == "body" else height) for each, height in m.heights]
         elif name == "contact_force":
             m.contact_force = [value * each for each in m.contact_force]
         else:
