@@ -13,6 +13,7 @@ from ..model.machine import MACHINE_FIELDS, Machine
 from ..model.model import STEP_LENGTH
 from ..periodic.find import find
 from ..periodic.orbit import Orbit
+from .formulas import exact_fraction
 from .stated import Decimals, ExactNumber, StatedMachine, stated_machine
 
 # The quantities that equations of half an orbit may prescribe; the others are those of its whole motion.
@@ -115,7 +116,8 @@ def claim_of(
     return Claim(
         machine, orbit.alpha, orbit.error, orbit.family, orbit.violations, unknowns,
         {name: place for name, place in places.items() if not name.endswith("'")}, orbit.liftoff_extension,
-        (*_contradictions(orbit.machine, machine.describe(), varied), *_wrong_measurements(orbit, machine)),
+        (*_contradictions(orbit.machine, machine.describe(), varied),
+         *_wrong_measurements(orbit, machine, tuned, prescribed)),
         tuned, prescribed, orbit.certificate.friction_needed,
     )  # fmt: skip
 
@@ -152,12 +154,15 @@ def _contradictions(claimed: Mapping[str, Any], described: Mapping[str, Any], va
     return [f"{name}: the orbit says {own!r}, and the machine {true!r}" for name, own, true in pairs if own != true]
 
 
-def _wrong_measurements(orbit: Orbit, machine: Machine) -> list[str]:
+def _wrong_measurements(
+    orbit: Orbit, machine: Machine, tuned: Sequence[str], prescribed: Mapping[str, ExactNumber]
+) -> list[str]:
     """The claims of an orbit about its motion that contradict the same orbit measured anew, in words."""
+    sticks = machine.model.sticks  # whose orbits are found with tuned numbers alone
+    names = [name for name in tuned if name != STEP_LENGTH] if sticks else None
+    at = {name: float(exact_fraction(name, value)) for name, value in prescribed.items()} if sticks else None
     try:
-        names = [name for name in orbit.tuned if name != STEP_LENGTH]
-        tuned = bool(machine.model.sticks)
-        anew = find(machine, start=orbit, tune=names if tuned else None, at=orbit.prescribed if tuned else None)
+        anew = find(machine, start=orbit, tune=names, at=at)
     except (NoOrbit, InputError) as error:
         return [f"the orbit cannot be measured anew: {error}"]
     claimed, true = orbit.certificate, anew.certificate
