@@ -2,14 +2,14 @@
 
 It reads the formulas of the stated machine (`parse`), derives Lagrange's equations from them (`Machine`, `Field`), and
 follows motions by Taylor series in Arb's balls with direct bounds (`Part`): a box B that holds the motion over a step
-by Picard's inclusion X + [0, h] f(B) in B, the Taylor coefficients from the box X at its start, and the next one over B
-as remainder. So are the derivatives by the start; over several steps they are P (1 + E) with a rounded matrix P and a
-small E (`Passage`), so that the errors of the steps add and do not multiply. By the mean value theorem the states of a
-set are those of its centre and the derivatives times the deviations. Existence and uniqueness follow from Krawczyk's
-test (`Solution`), on the stated enclosures and on these with the radius of uniqueness around them. Signs along the
-motion are those of functions, and of their derivatives by time, on stretches of it (`signs`). Where a law has pieces,
-a step stays on one of them, or crosses to the next one in the hull of both (`in_pieces`). Nothing of the prover and of
-CasADi is used. What is verified is what the file says in its fields, but for `about`.
+by Picard's inclusion X + [0, h] f(B) in B, the Taylor coefficients from the box X at its start, and the next one over
+B as remainder. So are the derivatives by the start; over several steps they are P + Q E with a rounded matrix P, a
+nearly orthogonal Q and a small E (`Passage`), so that errors grow as the motions spread. By the mean value theorem the
+states of a set are those of its centre and the derivatives times the deviations. Existence and uniqueness follow from
+Krawczyk's test (`Solution`), on the stated enclosures and on these with the radius of uniqueness around them. Signs
+along the motion are those of functions, and of their derivatives by time, on stretches of it (`signs`). Where a law
+has pieces, a step stays on one of them, or crosses to the next one in the hull of both (`in_pieces`). Nothing of the
+prover and of CasADi is used. What is verified is what the file says in its fields, but for `about`.
 """
 
 import ast
@@ -27,8 +27,8 @@ from flint import Ordering, arb, arb_mat, arb_poly, arb_series, ctx, fmpq, fmpq_
 ORDER_PER_BIT, DERIVED_ORDER, MOST_SPLITS = 0.3, 14, 3
 # The first and the shortest step as shares of half a phase, and the largest whole power.
 FIRST, SHORTEST, MOST_POWER = Fraction(1, 8), Fraction(1, 2**14), 2**16
-# Bits beside those of the enclosures, those for uniqueness, and what a step's remainder may be in a derivative.
-GUARD_BITS, BITS_OF_UNIQUENESS, COARSE = 64, 90, 2.0**-36
+# Bits beside those of the enclosures, and those for uniqueness.
+GUARD_BITS, BITS_OF_UNIQUENESS = 64, 90
 # The derivatives of functions of x, and functions that these define.
 SLOPES = {"exp": "exp(x)", "log": "1/x", "sqrt": ".5/sqrt(x)", "sin": "cos(x)", "cos": "-sin(x)", "atan": "1/(1 + x*x)"}
 DEFINED = {
@@ -49,6 +49,8 @@ FIELDS = [{*names.split()} for names in (
 )]  # fmt: skip
 # What the file says besides of a machine that steps, and the most names and terms of polynomials that are compared.
 MAPS, MOST_NAMES, MOST_TERMS = ("reversor", "symmetry", "gaps"), 60, 3000
+# What it says besides of a machine that sticks to the ground, or has parameters that are unknowns.
+MORE = {"sticks", "heights", "friction", "tuned", "prescribed", "centre"}
 
 
 class Unverified(Exception):
@@ -227,6 +229,29 @@ def solved(matrix: list[list[Tree]], *right: Sequence[Tree]) -> tuple[list[Tree]
     return pivots, [[row[len(rows) + j] for row in rows] for j in range(len(right))]
 
 
+def solved_apart(matrix: list[list[Tree]], right: Sequence[Tree]) -> list[Tree] | None:
+    """The solution of a linear system: by entries that are numbers, as long as there are some, and for at most two
+    unknowns that are left by Cramer's rule; None for more."""
+    rows, left, known = [[*row, each] for row, each in zip(matrix, right, strict=True)], [*range(len(right))], {}
+    while place := next(((i, j) for i, row in enumerate(rows) for j in left if row[j].kind == "number"
+                         and row[j] is not ZERO), None):  # fmt: skip
+        i, j = place
+        known[j] = pivot = [each / row[j] for row in [rows.pop(i)] for each in row]
+        rows = [[a - row[j] * b for a, b in zip(row, pivot, strict=True)] for row in rows]
+        left.remove(j)
+    if len(left) > 2:
+        return None
+    found = [ZERO] * len(right)
+    if len(left) == 1:
+        found[left[0]] = rows[0][-1] / rows[0][left[0]]
+    if len(left) == 2:
+        (a, b, p), (c, d, q) = ([row[left[0]], row[left[1]], row[-1]] for row in rows)
+        found[left[0]], found[left[1]] = (p * d - b * q) / (a * d - b * c), (a * q - p * c) / (a * d - b * c)
+    for j, row in reversed(known.items()):
+        found[j] = row[-1] - dot([*row[:j], ZERO, *row[j + 1 : -1]], found)
+    return found
+
+
 class Values(dict[Tree, Any]):
     """Balls, or power series of balls, that enclose trees, each computed once, where names have such values and states
     are on these pieces of a law; raises `Unverified` where an operation has no finite value."""
@@ -310,9 +335,8 @@ class Turn:
             raise Unverified("a coordinate is taken to neither itself nor its negative, up to an amount")
         self.shifts = [replaced(each, dict.fromkeys(names, ZERO)) for each in images]
         each = list(zip(self.signs, self.shifts, states[:n], states[n : 2 * n], strict=True))
-        self.places = dict(
-            zip((x.value for x in states), [*images, *(number(-sign) * v for sign, *_, v in each)], strict=False)
-        )
+        rates = [number(-sign) * v for sign, *_, v in each]
+        self.places = dict(zip((x.value for x in states), [*images, *rates], strict=False))
         self.fixed = [v if sign > 0 else y - shift / number(2) for sign, shift, y, v in each]
 
     def of(self, tree: Tree) -> Tree:
@@ -326,9 +350,7 @@ class Turn:
         same = [all(is_zero(replaced(self.of(a) - b, closed)) for a, b in zip(m.edges, e, strict=True)) for e in ends]
         self.flips, signs = not same[0], [self.signs[i] for i in free]
         inertia = [[dot(a, [dot(row, b) for row in m.inertia]) for b in along] for a in along]
-        pairs = [
-            (s * r, each) for s, row in zip(signs, inertia, strict=True) for r, each in zip(signs, row, strict=True)
-        ]
+        pairs = [(s * r, x) for s, row in zip(signs, inertia, strict=True) for r, x in zip(signs, row, strict=True)]
         pairs += [(s, dot(a, m.forces)) for s, a in zip(signs, along, strict=True)]
         zeros = [replaced(self.of(each) - number(sign) * each, closed) for sign, each in pairs]
         zeros += [self.shifts[i] for i in free if self.signs[i] > 0]
@@ -339,11 +361,16 @@ class Turn:
 class Machine:
     """Lagrange's equations of a stated machine, with exact bounds of its parameters.
 
-    states : the n coordinates, their rates, half a phase's time, and parameters' places in their intervals
+    states : the n coordinates, their rates, half a phase's time, and constants: parameters that are unknowns, and
+        the places of others in their intervals
     inertia, forces, needed : M (n, n), what M y'' is without contact, and what has to have a value
+    loads, squares : the same without the terms of the rates, and masses, gradients of places, and what the second
+        derivatives by time of these are without accelerations, where the kinetic energy is half the sum of masses times
+        squares of speeds and M varies
     weights : of the coordinates in the gap
     unknowns : the names of the places and the rates at the launch of the contact's coordinates, by their numbers
-    out, embedded : the coordinate that the closed gap determines, and the matrix (n, n - 1) from the others to all
+    out, sticks : the coordinate that the closed gap determines, and those that are 0 in contact too
+    embedded : the matrix from the others to all
     launch : of all coordinates and of their rates at the launch, the weights of the unknowns
     edges : functions that end the pieces of a spring's law, see `law_of`
     steps, back, again : whether maps are stated, and the reversors of the flight and of the contact
@@ -353,20 +380,23 @@ class Machine:
     def __init__(self, stated: Mapping[str, Any], bounds: Bounds):
         names, needed = list(stated["coordinates"]), list[Tree]()
         n, wide = len(names), [name for name, (low, high) in bounds.items() if low < high]
-        states = [*names, *(f"{name}'" for name in names), "half time", *(f"place of {name}" for name in wide)]
+        self.tuned = list(stated.get("tuned", ()))
+        rates, places = [f"{name}'" for name in names], [f"place of {name}" for name in wide]
+        states = [*names, *rates, "half time", *self.tuned, *places]
         self.names, self.needed, self.states = names, needed, [tree("name", value=each) for each in states]
-        self.rates, self.places = self.states[n : 2 * n], self.states[2 * n + 1 :]
-        if len({*names, *bounds, "pi"}) <= n + len(bounds) or not all(map(str.isidentifier, names)):
+        self.rates, self.constants = self.states[n : 2 * n], self.states[2 * n + 1 :]
+        self.places = self.constants[len(self.tuned) :]
+        one = {*names, *bounds, *self.tuned, "pi"}
+        if len(one) <= n + len(bounds) + len(self.tuned) or not all(map(str.isidentifier, [*names, *self.tuned])):
             raise Unverified("a name stands for two things, or is none")
         known = {name: number((low + high) / 2) for name, (low, high) in bounds.items()}
         for name, place in zip(wide, self.places, strict=True):
             known[name] += number((bounds[name][1] - bounds[name][0]) / 2) * place
+        known |= dict(zip(self.tuned, self.constants, strict=False))
         known["pi"], v = parse("4*atan(1)", {}, []), self.rates
         both = {**dict(zip(names, self.states, strict=False)), **known}
-        masses, weights, inerters = (
-            [(parse(size, known, needed), parse(place, both, needed)) for place, size in stated[kind]]
-            for kind in ("masses", "weights", "inerters")
-        )
+        masses, weights, inerters = ([(parse(m, known, needed), parse(h, both, needed)) for h, m in stated[kind]]
+                                     for kind in ("masses", "weights", "inerters"))  # fmt: skip
         rows = [[parse(entry, both, needed) for entry in row] for row in stated["inertia"]] or [[ZERO] * n] * n
         if any(rows[i][j] is not rows[j][i] for i, j in product(range(n), repeat=2)):
             raise Unverified("the stated inertia is not plainly symmetric")
@@ -390,8 +420,16 @@ class Machine:
             if len(edges) > 2 < len(self.edges):
                 raise Unverified("more than one spring has a law in pieces")
             self.edges = max(self.edges, edges, key=len)
-        loads = [sum((LESS * size * slope(at, y) for size, at in along), ZERO) for y in names]
-        self.forces = [load - each for load, each in zip(loads, turning, strict=True)]
+        self.loads = [sum((LESS * size * slope(at, y) for size, at in along), ZERO) for y in names]
+        alone = all(rows[i][j] is ZERO or i == j for i, j in product(range(n), repeat=2))
+        squares = masses + inerters + [(rows[i][i], self.states[i]) for i in range(n) if rows[i][i] is not ZERO]
+        fixed = all(slope(mass, y) is ZERO for mass, _ in squares for y in names)
+        varies = any(slope(each, y) is not ZERO for each in chain(*self.inertia) for y in names)
+        self.squares = [(mass, [slope(place, y) for y in names], rate(rate(place)))
+                        for mass, place in squares if alone and fixed and varies]  # fmt: skip
+        if self.squares:  # the same, without terms that cancel
+            turning = [sum((mass * to[i] * bend for mass, to, bend in self.squares), ZERO) for i in range(n)]
+        self.forces = [load - each for load, each in zip(self.loads, turning, strict=True)]
         self.gap, self.counts = (parse(stated[name], both, needed) for name in ("gap", "counts"))
         self.separation = ONE if stated["separation"] is None else parse(stated["separation"], both, needed)
         self.weights = [slope(self.gap, name) for name in names]
@@ -401,7 +439,10 @@ class Machine:
         out, launch = names.index(stated["eliminated"]), names.index(stated["launch"])
         if self.weights[out] is ZERO or launch == out:
             raise Unverified("the gap does not determine the coordinate that it is said to")
-        self.unknowns = {i: (name, f"{name}'") for i, name in enumerate(names) if i != out}
+        self.sticks = [names.index(name) for name in stated.get("sticks", ())]
+        if out in self.sticks or launch in self.sticks or any(self.weights[i] is not ZERO for i in self.sticks):
+            raise Unverified("what sticks is the gap, or what is launched")
+        self.unknowns = {i: (name, f"{name}'") for i, name in enumerate(names) if i not in (out, *self.sticks)}
         self.unknowns[launch] = "liftoff", "alpha"
         embedded = [[Fraction(int(i == j)) for j in self.unknowns] for i in range(n)]
         embedded[out] = [-self.weights[j].value / self.weights[out].value for j in self.unknowns]
@@ -414,7 +455,17 @@ class Machine:
         first, then = ([parse(each.get(name, name), both, needed) for name in names] for each in maps)
         self.back, self.steps = Turn(names, self.states, first), any(kind in stated for kind in MAPS)
         self.again = Turn(names, self.states, [replaced(each, self.back.places) for each in then])
-        self.landing = self.back.of(self.gap)
+        self.landing, sticks = self.back.of(self.gap), [names[i] for i in self.sticks]
+        self.friction = parse(stated["friction"], known, needed) if self.sticks else None
+        heights = [parse(height, both, needed) for _, height in stated.get("heights", ())]
+        self.above = [each for each in heights if not is_zero(each - self.gap)]
+        moving = [*chain(*self.inertia), *self.forces, self.counts, self.separation, *heights]
+        if any(not is_zero(slope(each, x), k) for each in moving for x in sticks for k in range(len(self.edges) - 1)):
+            raise Unverified("something depends on the place of what sticks")
+        self.prescribed = [self._off(name, number(Fraction(value)), stated, both)
+                           for name, value in stated.get("prescribed", ())]  # fmt: skip
+        if self.sticks and not self.steps:
+            raise Unverified("no maps are stated of a machine that sticks")
         if self.steps:
             self._check_steps([parse(gap, both, needed) for _, gap in stated.get("gaps", ())])
 
@@ -422,21 +473,49 @@ class Machine:
         """Whether a tree is 0 in contact, on each piece of the law."""
         return all(is_zero(replaced(of, self.closed), k) for k in range(len(self.edges) - 1))
 
+    def _off(self, name: str, value: Tree, stated: Mapping[str, Any], both: Names) -> list[Tree]:
+        """Functions of the states at the starts of flight and contact whose sum is 0 where a quantity has a value."""
+        twice = number(2) * self.states[2 * len(self.names)]
+        match name:
+            case "alpha":
+                return [self.rates[self.names.index(stated["launch"])] - value, ZERO]
+            case "liftoff_extension":
+                return [self.counts - value, ZERO]
+            case "flight_time":
+                return [twice - value, ZERO]
+            case "contact_time":
+                return [ZERO, twice - value]
+            case "period":
+                return [twice - value, twice]
+            case "frequency" if value is not ZERO:
+                return [twice - ONE / value, twice]
+            case "speed":
+                centre = parse(stated["centre"], both, self.needed)
+                return [dot([slope(centre, name) for name in self.names], self.rates) - value, ZERO]
+            case "step" if self.sticks and "step" in self.tuned:
+                return [both["step"] - value, ZERO]
+            case "mean_speed" if self.sticks and "step" in self.tuned:
+                return [both["step"] - value * twice, LESS * value * twice]
+        raise Unverified(f"this program does not verify that '{name}' is prescribed")
+
     def _check_steps(self, gaps: Sequence[Tree]) -> None:
         """See that the stated maps turn the motions back, and that the stated gaps are images of one another."""
         n, columns, again = len(self.names), list(map(list, zip(*self.embedded, strict=True))), self.again.of(self.gap)
-        self.closed = {each[self.out].value: dot(self.embedded[self.out], [each[j] for j in self.unknowns])
-                       for each in (self.states, self.rates)}  # fmt: skip
+        self.closed = {each[i].value: dot(self.embedded[i], [each[j] for j in self.unknowns])
+                       for i in (self.out, *self.sticks) for each in (self.states, self.rates)}  # fmt: skip
         self.back.check(self, [[number(int(i == j)) for j in range(n)] for i in range(n)], range(n), {})
         self.again.check(self, columns, [*self.unknowns], self.closed)
         zeros = [each - own for each, own in zip(gaps, (self.gap, self.landing), strict=False)]
         if len(gaps) > 2 or not all(map(is_zero, zeros)) or not any(map(is_zero, (again - self.gap, again + self.gap))):
             raise Unverified("the gaps are not taken to one another")
+        if not all(is_zero(self.again.shifts[i]) for i in self.sticks):
+            raise Unverified("what sticks is not taken to where it sticks")
 
 
 class Field:
     """The motion of the states in half a phase, with time scaled such that it lasts from 0 to 1; the first 2 n move.
-    `force` is the contact force that keeps the gap's acceleration 0, `slopes` the derivatives of `rates` by all states.
+    `force` is the contact force that keeps the gap's acceleration 0, `held` are those that do so for what sticks, and
+    `slopes` the derivatives of `rates` by all states.
     """
 
     def __init__(self, machine: Machine, contact: bool):
@@ -448,11 +527,30 @@ class Field:
         self.pivots, (free,) = solved(m.inertia, m.forces)
         reduced = [[dot(a, [dot(row, b) for row in m.inertia]) for b in along] for a in along]
         _, (inside,) = solved(reduced, [dot(a, m.forces) for a in along])
+        one = [[number(int(i == j)) for j in range(len(m.names))] for i in range(len(m.names))]
+        simple = self._of_squares(m, one), self._of_squares(m, along)
+        if simple[0] and simple[1]:  # with positive masses M is positive definite where these have values
+            (free, inside), self.pivots = simple, [mass for mass, *_ in m.squares]
         held = [dot(row, inside) for row in m.embedded]
         self.force = (dot(m.inertia[out], held) - m.forces[out]) / m.weights[out]
+        self.held = [dot(m.inertia[i], held) - m.forces[i] for i in m.sticks]
         self.rates = [time * each for each in (*m.rates, *(held if contact else free))]
         self.rates += [ZERO] * (len(m.states) - len(self.rates))
         self.slopes = [self.gradient(each) for each in self.rates]
+
+    @staticmethod
+    def _of_squares(m: Machine, along: Sequence[Sequence[Tree]]) -> list[Tree] | None:
+        """The accelerations y'' along directions: G' D (G y'' + bends) = loads, with the gradients G of as many squares
+        as there are directions and their masses D; None where there are others, or this is not solved easily."""
+        squares = [(mass, [dot(to, a) for a in along], bend) for mass, to, bend in m.squares]
+        squares = [each for each in squares if any(x is not ZERO for x in each[1])]
+        rows = [to for _, to, _ in squares]
+        if len(rows) != len(along):
+            return None
+        pulls = solved_apart([list(row) for row in zip(*rows, strict=True)], [dot(a, m.loads) for a in along])
+        if pulls is None:
+            return None
+        return solved_apart(rows, [pull / mass - bend for pull, (mass, _, bend) in zip(pulls, squares, strict=True)])
 
     def gradient(self, of: Tree) -> list[Tree]:
         """The derivatives of a tree by all states."""
@@ -470,8 +568,7 @@ class Field:
 
     def pieces_of(self, x: Sequence[arb]) -> tuple[int, ...]:
         """The pieces of a law that states may be on."""
-        values = self.values(x)
-        ends = enumerate(pairwise([values[edge] for edge in self.edges]))
+        ends = enumerate(pairwise(map(self.values(x).__getitem__, self.edges)))
         return tuple(k for k, (low, high) in ends if not (low < 0 or high > 0))
 
     def linear(self, end: tuple[list[arb], list[arb], arb_mat], of: Tree) -> tuple[arb, list[arb]]:
@@ -487,8 +584,7 @@ class Field:
     def step(self, rows: list[list[Any]], length: Fraction, order: int) -> "Part":
         """A step from rows, at most as long as said: on the piece that they are on, up to its end, or across that.
         Raises `Unverified` where it is too long."""
-        start = [row[0] for row in rows]
-        pieces = self.pieces_of(start)
+        pieces = self.pieces_of(start := [row[0] for row in rows])
         edge = max(pieces)
         if len(pieces) == 1:
             part = Part(self, pieces, rows, length, order)
@@ -587,34 +683,43 @@ def moved(values: Sequence[arb], matrix: arb_mat, deviations: Sequence[arb]) -> 
     return [value + dot(row, deviations, arb(0)) for value, row in zip(values, matrix.tolist(), strict=True)]
 
 
+def orthogonal(matrix: arb_mat) -> arb_mat:
+    """About the columns of a matrix made orthogonal in turn, by Gram and Schmidt's method."""
+    found = list[list[arb]]()
+    for row in matrix.mid().transpose().tolist():
+        for other in found:
+            row = moved(row, arb_mat([[-x] for x in other]), [dot(row, other, arb(0))])
+        found.append([(x / dot(row, row, arb(0)).sqrt()).mid() for x in row])
+    return arb_mat(found).transpose()
+
+
 class Passage:
     """The motions of a field over the scaled times from 0 to 1, from the starts c + S w with deviations w in a box:
-    steps, and at either end enclosures of the motion from c, of all motions, and of the derivatives by w of all."""
+    steps, and at either end enclosures of the motion from c, of all motions, and of the derivatives by w of all.
+    A step with the derivatives T takes P + Q E to T P + (T Q) E. The next Q is T Q made orthogonal (Lohner): E
+    grows by a matrix that is nearly triangular, as the motions spread, and not by products of absolute values."""
 
     def __init__(self, field: Field, centre: Sequence[arb], seeds: arb_mat, reach: Sequence[arb]):
         n = len(centre)
-        one, rounded, error, slopes = arb_mat(n, n, 1), arb_mat(n, n, 1), arb_mat(n, n, 0), seeds
+        one, rounded, frame, error = arb_mat(n, n, 1), arb_mat(n, n, 1), arb_mat(n, n, 1), arb_mat(n, n, 0)
         self.field, self.parts, box = field, list[Part](), moved(centre, seeds, reach)
-        self.start, left, length = (list(centre), box, seeds), Fraction(1), FIRST
+        self.start, slopes, left, length = (list(centre), box, seeds), seeds, Fraction(1), FIRST
         while left:
             length = min(length, left)
             try:
                 rows = [[x, *row] for x, row in zip(box, one.tolist(), strict=True)]
                 part = field.step(rows, length, DERIVED_ORDER)
-                rests = (each[DERIVED_ORDER] * part.h**DERIVED_ORDER for row in part.polynomials for each in row[1:])
-                if not all(abs(each) < COARSE for each in rests):
-                    raise Unverified("the step is too long")
-                ends = field.end(centre, part.time)
+                centre = field.end(centre, part.time)
             except Unverified as reason:
                 if length < SHORTEST:
                     raise Unverified(f"the motion is not enclosed: {reason}") from None
                 length /= 2
                 continue
             transition = arb_mat([[each(part.h) for each in row[1:]] for row in part.polynomials])
-            before, rounded = rounded, (transition.mid() * rounded).mid()
-            error = rounded.inv() * (transition * before) * (one + error) - one
-            slopes, centre = rounded * (one + error) * seeds, ends
-            box = moved(centre, slopes, reach)
+            whole, turned, rounded = transition * rounded, transition * frame, (transition * rounded).mid()
+            back = (frame := orthogonal(turned)).inv()
+            error = back * (whole - rounded) + (back * turned) * error
+            box = moved(centre, slopes := rounded * seeds + frame * (error * seeds), reach)
             self.parts.append(part)
             left, length = left - part.time, length * Fraction(5, 4)
         self.end = list(centre), box, slopes
@@ -678,25 +783,30 @@ class Solution:
         centre = [each.mid() for each in box.values()]
         reach = [each - c for each, c in zip(box.values(), centre, strict=True)]
         self.passages, phases = list[Passage](), [name for name in PHASES if name in names]
-        at_centre, at_all = (Values((each, at[names.index(each.value)]) for each in machine.places)
+        at_centre, at_all = (Values((each, at[names.index(each.value)]) for each in machine.constants)
                              for at in (centre, [*box.values()]))  # fmt: skip
         for phase, turn in zip(phases, (None, machine.again), strict=False):
             signs = [*turn.signs, *(-sign for sign in turn.signs)] if turn else [1] * (2 * len(machine.names))
-            rows = [
-                {n: sign * w for n, w in row.items()} for sign, row in zip(signs, chain(*machine.launch), strict=True)
-            ]
-            rows += [{phase: Fraction(1, 2)}, *({place.value: Fraction(1)} for place in machine.places)]
+            rows = [{n: s * w for n, w in row.items()} for s, row in zip(signs, chain(*machine.launch), strict=True)]
+            rows += [{phase: Fraction(1, 2)}, *({each.value: Fraction(1)} for each in machine.constants)]
             seeds = [[ball(row.get(name, Fraction(0))) for name in names] for row in rows]
             start = moved([arb(0)] * len(rows), arb_mat(seeds), centre)
             for i, shift in enumerate(turn.shifts if turn else ()):
                 start[i] += at_centre[shift]
                 seeds[i] = [each + at_all[slope(shift, name)] for each, name in zip(seeds[i], names, strict=True)]
             self.passages.append(Passage(Field(machine, turn is not None), start, arb_mat(seeds), reach))
-        equations = [self.passages[0].field.linear(self.passages[0].start, self.passages[0].field.force)]
+        first = self.passages[0].field
+        equations = [first.linear(self.passages[0].start, each) for each in (first.force, *first.held)]
         ends = machine.back.fixed, [machine.again.fixed[i] for i in machine.unknowns]
         for passage, those in zip(self.passages, ends, strict=False):
             equations += [passage.field.linear(passage.end, each) for each in those]
+        for each in machine.prescribed:
+            pairs = [p.field.linear(p.start, off) for p, off in zip(self.passages, each, strict=True)]
+            (value, row), (other, more) = pairs
+            equations.append((value + other, [a + b for a, b in zip(row, more, strict=True)]))
         by_all, count = arb_mat([row for _, row in equations]), len(equations)
+        if count != len(names) - len(machine.places):
+            raise Unverified("there are more or fewer equations than unknowns")
         try:
             inverse = arb_mat([row[:count] for row in by_all.tolist()]).mid().inv().mid()
         except ZeroDivisionError:
@@ -742,12 +852,17 @@ def _check_said(document: Mapping[str, Any]) -> None:
     machine, parts, again = document["machine"], document["parts"], dict.fromkeys(("alpha", *PHASES, "bounce_side"))
     said, parameters = ({name: {"low": low, "high": high} for name, (low, high) in pairs.items()}
                         for pairs in (document["enclosures"], machine["parameters"]))  # fmt: skip
+    said = {name: each for name, each in said.items() if name not in machine.get("tuned", ())}
     radius = parts[0]["uniqueness_radius"] if len(parts) == 1 else None
     again |= {**said, "parameters": parameters, "units": machine["units"], "uniqueness_radius": radius, "reasons": []}
     if false := [name for name, value in again.items() if document.get(name) != value]:
         raise Unverified(f"'{false[0]}' is not what the file says elsewhere, or this program does not verify it")
     springs = [{"rows": [], **spring} for spring in machine["springs"]]
-    own = machine.keys() - {*MAPS}
+    speed, own = dict(machine.get("prescribed", ())).get("speed"), machine.keys() - {*MAPS, *MORE}
+    if not ("friction" in machine) == ("heights" in machine) == ("sticks" in machine) or ("centre" in machine) != (
+        speed is not None
+    ):
+        raise Unverified("the machine states friction of nothing that sticks, or a centre of mass without its speed")
     groups = [own], springs, parts, [document.keys() - again.keys() - {"attraction_radius", "digest"}]
     if any({*each} != names for group, names in zip(groups, FIELDS, strict=True) for each in group):
         raise Unverified("the file says more than this program verifies, or less")
@@ -759,10 +874,12 @@ def _check_parts(document: Mapping[str, Any]) -> None:
     parts = [(bounds_of(part["parameters"]), bounds_of(part["unknowns"]), part) for part in document["parts"]]
     motion, stated = document["motion"], document["machine"]["separation"] is not None
     conditions = [*(["separation"] if stated else []), "clearance", "contact_force", "contact_end"] if motion else []
+    conditions += ["heights", "friction"] if motion and document["machine"].get("sticks") else []
+    main = "alpha", *PHASES, *document["machine"].get("tuned", ())
     if document["conditions"] != dict.fromkeys(conditions, "proved") or (document["family"] is not None) != motion:
         raise Unverified("not all conditions of a motion are said to be proved, or others are")
     for box, unknowns, _ in parts:
-        same = {name: unknowns[name] for name in ("alpha", *PHASES) if name in unknowns}
+        same = {name: unknowns[name] for name in main if name in unknowns}
         if said.keys() != {*same, *(ENDS if motion else ())}:
             raise Unverified(f"other quantities are enclosed than this program verifies: {', '.join(said)}")
         if 2 * Fraction(document["radius"]) < said["alpha"][1] - said["alpha"][0]:
@@ -801,8 +918,9 @@ def _solution(document: Mapping[str, Any], claims: Bounds, radius: Fraction, cel
     """The solution that is claimed within bounds, shown to exist there and to be the only one within a radius."""
     machine = Machine(document["machine"], cell)
     phases = [name for name in PHASES if name in claims]
-    names = [name for pair in machine.unknowns.values() for name in pair] + phases
-    other = claims.keys() != {*names} or ((len(machine.names) > 2 or document["motion"]) and len(phases) < 2)
+    names = [name for pair in machine.unknowns.values() for name in pair] + phases + machine.tuned
+    both = len(machine.names) > 2 or document["motion"] or machine.tuned
+    other = claims.keys() != {*names} or len(claims) != len(names) or (both and len(phases) < 2)
     if other or any(claims[name][0] <= 0 for name in ("alpha", *phases)):
         raise Unverified("other unknowns are enclosed than the equations have, or the speed or a time is not positive")
     stated, around = ({name: ball(claims[name][0] - more).union(ball(claims[name][1] + more)) for name in names}
@@ -825,6 +943,7 @@ def _solution(document: Mapping[str, Any], claims: Bounds, radius: Fraction, cel
 def _check_motion(document: Mapping[str, Any], solution: Solution) -> None:
     """See that what is said of the motion holds."""
     machine, passages, said = solution.machine, solution.passages, bounds_of(document["enclosures"])
+    held, force = passages[1].field.held, passages[1].field.force
     flight, contact = (each.parts for each in passages)
     back, again, middle = machine.back, machine.again, machine.again.fixed[1 - machine.out]
     if str(document["family"]) != str(turns(flight, machine.counts, is_zero(back.of(machine.counts) - machine.counts))):
@@ -836,10 +955,17 @@ def _check_motion(document: Mapping[str, Any], solution: Solution) -> None:
     else:
         check_positive("that the point that has landed pushes", contact, landed, at_start=1)
         check_positive("that the point that opens pushes", contact, None)
-    for each in {machine.separation, back.of(machine.separation)}:
-        check_positive("that the separation is positive in flight", flight, each)
-    for each in {machine.separation, again.of(machine.separation)}:
-        check_positive("that the separation is positive in contact", contact, each)
+    for each in held:
+        images = again.of(each) - each, again.of(each) + each
+        if not machine.is_zero(landed - force) or not any(map(machine.is_zero, images)):
+            raise Unverified("the forces of the ground are not the same, or the negative, at the image of a state")
+        for other in (each, LESS * each):
+            check_positive("that what sticks does not slide", contact, machine.friction * force + other, at_start=1)
+    for what, of in [("separation is", machine.separation), *(("height is", each) for each in machine.above)]:
+        for each in {of, back.of(of)}:
+            check_positive(f"that the {what} positive in flight", flight, each)
+        for each in {of, again.of(of)}:
+            check_positive(f"that the {what} positive in contact", contact, each)
     if not is_zero(machine.landing - machine.gap):
         check_positive("that the gap that lands stays open in flight", flight, machine.landing)
         for each in {machine.landing, again.of(machine.landing)}:
@@ -849,6 +975,5 @@ def _check_motion(document: Mapping[str, Any], solution: Solution) -> None:
         check_positive("that the contact first rests midway", contact, number(sign) * middle, at_end=1)
     for name, end in zip(ENDS, (passages[0].start, passages[0].end), strict=True):
         value, row = passages[0].field.linear(end, machine.counts)
-        value += dot(row, solution.moved, arb(0))
-        if not (ball(said[name][0]) <= value <= ball(said[name][1])):
+        if not ball(said[name][0]) <= value + dot(row, solution.moved, arb(0)) <= ball(said[name][1]):
             raise Unverified(f"{name} is not shown to lie in its enclosure")

@@ -10,10 +10,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 
+import numpy as np
 from flint import arb, arb_mat
 
 from ..exact.exact_mechanics import place_of
-from ..exact.expressions import ZERO, ExactExpression, exact_number, in_order, jacobian, substitute, symbol, total
+from ..exact.expressions import ZERO, ExactExpression, exact_number, jacobian, substitute, symbol, symbols_in, total
 from ..exact.refusal import Unproved
 from ..exact.stated import Bounds
 from ..exact.statement import ExactArc, ExactStatement
@@ -57,7 +58,8 @@ class IntervalParameters:
 class BallLeg:
     """An arc as programs, for interval parameters with these symbols.
 
-    state : symbols of the m moving states, of the duration, and of the interval parameters: n in all
+    state : symbols of the m moving states, of the duration, of the arc's constants, and of the interval parameters: n
+        in all
     rates : (laws, n), for a leg that lasts from 0 to 1
     start : (unknowns, interval parameters, states at the end of the leg before) -> the states of this leg
     conditions : for each law at the start, (the same without the last, states at the start, states at the end) ->
@@ -67,11 +69,11 @@ class BallLeg:
     def __init__(self, arc: ExactArc, unknowns: Sequence[ExactExpression], intervals: Sequence[ExactExpression]):
         self.arc, self.moving = arc, arc.states
         self.duration = symbol("duration of the leg")
-        self.state = [*arc.states, self.duration, *intervals]
+        self.state = [*arc.states, self.duration, *arc.constants, *intervals]
         constant_rates = [ZERO] * (len(self.state) - len(arc.states))
         self.rates = [[*(self.duration * rate for rate in law), *constant_rates] for law in arc.rates]
         inputs = [*unknowns, *intervals, *arc.before]
-        start = [*arc.start, arc.duration, *intervals]
+        start = [*arc.start, arc.duration, *arc.constants, *intervals]
         self.start, self.start_slopes = BallProgram(inputs, start), _dense_program(start, inputs)
         first, last = ([symbol(f"{end} {each.value}") for each in arc.states] for end in ("first", "last"))
         inputs = [*unknowns, *intervals, *first, *last]
@@ -88,7 +90,8 @@ class BallLeg:
         """The system of the leg with its variational equations."""
         m, n = len(self.moving), len(self.state)
         varied = [[symbol(f"d {i} {j}") for j in range(n)] for i in range(m)]
-        rows = [*varied, *([exact_number(int(i == j)) for j in range(n)] for i in range(m, n))]
+        moves = self._influence()
+        rows = [[varied[i][j] if moves[i, j] else exact_number(int(i == j)) for j in range(n)] for i in range(n)]
         states = [*self.state, *(each for row in varied for each in row)]
 
         def varied_system(law: int) -> System:
@@ -101,6 +104,19 @@ class BallLeg:
             return system_of(states, [*self.rates[law], *changes])
 
         return Variation(n, m, OfLaws(lambda law: system_of(self.state, self.rates[law])), OfLaws(varied_system))
+
+    def _influence(self) -> np.ndarray:
+        """Whether (n, n) the derivative of each state by the start of each changes along the motion: where that acts on
+        it through a chain of rates. Of laws in pieces, which pass from one to another, each is taken to change."""
+        n, m = len(self.state), len(self.moving)
+        acts = np.ones((n, n), dtype=bool)
+        if len(self.rates) == 1:
+            contained = symbols_in(self.rates[0])
+            acts = np.array([[state in contained[rate] for state in self.state] for rate in self.rates[0]])
+            for _ in range(n.bit_length()):
+                acts = acts | (acts @ acts)
+        acts[m:] = False
+        return acts
 
     def breakpoints(self, intervals: Sequence[arb]) -> Breakpoints:
         """The breakpoints of the law, for enclosures of the interval parameters."""
@@ -142,7 +158,8 @@ def system_of(states: list[ExactExpression], rates: list[ExactExpression]) -> Sy
     moving = [i for i, rate in enumerate(rates) if rate is not ZERO]
     parts = list[StatesOfPart]()
     # Not the derivatives, one of which may vanish where the state does not cancel in the expression itself.
-    contained = [{*in_order([rate])} for rate in rates]
+    known = symbols_in(rates)
+    contained = [known[rate] for rate in rates]
     needs = [(i, j) for i in moving for j, state in enumerate(states) if state in contained[i]]
     for own in _halves(moving, needs) or [moving]:
         inputs = sorted({j for i, j in needs if i in own})

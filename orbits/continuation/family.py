@@ -248,6 +248,10 @@ class Family(
         Returns one `Proof` for each point, or that of the curve. Raises `InputError` without python-flint, for another
         machine, for a family of another method than the simplest, and for one that cannot be a curve.
         """
+        if self.settings.get("tune"):
+            raise InputError(
+                "of a family with tuned numbers single orbits are proved: prove(orbit_at(...), tune=..., at=...)"
+            )
         check_parameters(machine, *self._along)
         if continuous:
             seconds = LIMIT_OF_BRANCH if limit is None else limit

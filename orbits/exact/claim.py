@@ -1,16 +1,26 @@
 """The claims of an orbit, which a proof has to confirm: numbers that are not trusted."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from decimal import ROUND_CEILING, Context
 from typing import Any
 
 import numpy as np
 
+from ..consistency.accepted import check_parameters
 from ..errors import InputError, NoOrbit
 from ..model.machine import MACHINE_FIELDS, Machine
+from ..model.model import STEP_LENGTH
 from ..periodic.find import find
 from ..periodic.orbit import Orbit
+from .formulas import exact_fraction
+from .stated import Decimals, ExactNumber, StatedMachine, stated_machine
 
+# The quantities that equations of half an orbit may prescribe; the others are those of its whole motion.
+QUANTITIES = (
+    *("alpha", "liftoff_extension", "flight_time", "contact_time", "period", "frequency"),
+    *("speed", "mean_speed", STEP_LENGTH),
+)
 # The unknowns that are half the times of the two phases.
 FLIGHT_DURATION, CONTACT_DURATION = "duration", "contact_duration"
 # The fields of a machine that determine its lossless orbits, without parameters and units, which are compared apart.
@@ -21,6 +31,8 @@ LENGTHS, FORCES = ("clearance", "smallest_separation"), ("smallest_contact_force
 OTHERS = ("landing_jerk", "loss_coefficient", "stable_side", "bounce_side")
 # The share of themselves, or of the sizes below, to which they are correct; for motions, of the largest state.
 MEASURED_TO, MOTION_TO, COMPARED_TIMES = 1e-6, 1e-6, 17
+# The digits of a coefficient of friction that is proved to suffice, and by which share at least it is above what does.
+FRICTION_DIGITS, FRICTION_ROOM = 4, 1e-4
 
 
 @dataclass(frozen=True)
@@ -34,6 +46,8 @@ class Claim:
     places : the coordinates in mid-flight, by name; empty where they are not claimed
     liftoff_extension : at lift-off, None where it is not claimed
     contradictions : in words, the claims that contradict the machine
+    tuned, prescribed : the machine's parameters that are unknowns, and exact values of quantities of the orbit
+    friction : the coefficient of friction that it needs, None where that is not claimed
     """
 
     machine: Machine
@@ -45,6 +59,17 @@ class Claim:
     places: Mapping[str, float] = field(default_factory=dict)
     liftoff_extension: float | None = None
     contradictions: tuple[str, ...] = ()
+    tuned: tuple[str, ...] = ()
+    prescribed: Mapping[str, ExactNumber] = field(default_factory=dict)
+    friction: float | None = None
+
+    def stated(self, parameters: Mapping[str, Decimals]) -> StatedMachine:
+        """What a theorem about it states of the machine, with exact values of some of its parameters; where the machine
+        states no friction, a coefficient a little above what the orbit needs. Raises the errors of `stated_machine`."""
+        found = stated_machine(self.machine, parameters).with_tuned(self.tuned, self.prescribed)
+        if found.sticks and found.friction is None and self.friction is not None:
+            return replace(found, friction=rounded_up(self.friction))
+        return found
 
     @property
     def flight_time(self) -> float:
@@ -58,9 +83,19 @@ class Claim:
         return None if half is None else 2 * half
 
 
-def claim_of(orbit: Orbit, machine: Machine | None, varied: Sequence[str] = ()) -> Claim:
+def rounded_up(friction: float) -> str:
+    """A decimal of few digits that is a little above a coefficient of friction, which so may be proved to be less."""
+    above = Context(prec=FRICTION_DIGITS, rounding=ROUND_CEILING).create_decimal(friction * (1 + FRICTION_ROOM))
+    return format(above, "f")
+
+
+def claim_of(
+    orbit: Orbit, machine: Machine | None, varied: Sequence[str] = (), tune: Iterable[str] | None = None,
+    at: Mapping[str, ExactNumber] | None = None,
+) -> Claim:  # fmt: skip
     """The claims of an orbit about a machine, None for the one that it was found for, with other values of some
-    parameters; raises `InputError` where the machine is not known, and for an orbit of another kind of machine."""
+    parameters; `tune` and `at` are as in `prove`. Raises `InputError` where the machine is not known, and for an orbit
+    of another kind of machine."""
     if not isinstance(orbit, Orbit):
         raise InputError(f"a {type(orbit).__name__} is no orbit to prove: give prove(find(machine))")
     machine = machine or orbit.source
@@ -74,11 +109,36 @@ def claim_of(orbit: Orbit, machine: Machine | None, varied: Sequence[str] = ()) 
     if orbit.contact_time is not None:
         unknowns[CONTACT_DURATION] = orbit.contact_time / 2
     places = dict(zip(states, orbit.state_mid_flight.tolist(), strict=False))
+    tuned, prescribed = _tuning_of(orbit, machine, varied, tune, at)
+    unknowns |= {name: machine.values[name] for name in tuned}
+    if machine.model.sticks:
+        unknowns[STEP_LENGTH] = 2 * places[machine.model.sticks[0]]
     return Claim(
         machine, orbit.alpha, orbit.error, orbit.family, orbit.violations, unknowns,
         {name: place for name, place in places.items() if not name.endswith("'")}, orbit.liftoff_extension,
-        (*_contradictions(orbit.machine, machine.describe(), varied), *_wrong_measurements(orbit, machine)),
+        (*_contradictions(orbit.machine, machine.describe(), varied),
+         *_wrong_measurements(orbit, machine, tuned, prescribed)),
+        tuned, prescribed, orbit.certificate.friction_needed,
     )  # fmt: skip
+
+
+def _tuning_of(
+    orbit: Orbit, machine: Machine, varied: Sequence[str], tune: Iterable[str] | None,
+    at: Mapping[str, ExactNumber] | None,
+) -> tuple[tuple[str, ...], Mapping[str, ExactNumber]]:  # fmt: skip
+    """The names of the parameters that are unknowns, and the exact values of quantities: by default those of the orbit,
+    but for quantities that no equation of half an orbit prescribes and as many of its last parameters, which have their
+    numbers. The step is always unknown where a coordinate sticks."""
+    if not isinstance(at or {}, Mapping):
+        raise InputError(f"at = {at!r}; it is a mapping of quantities to values, as at={{'speed': '0.4'}}")
+    known = {name: value for name, value in orbit.prescribed.items() if name in QUANTITIES}
+    own = [name for name in orbit.tuned if name != STEP_LENGTH]
+    own = own[: len(own) - (len(orbit.prescribed) - len(known))]
+    names = (tune,) if isinstance(tune, str) else tuple(own if tune is None else tune)
+    check_parameters(machine, *names)
+    if both := {*names} & {*varied}:
+        raise InputError(f"'{min(both)}' is tuned: it has no value of its own")
+    return (*names, *([STEP_LENGTH] if machine.model.sticks else [])), dict(known if at is None else at)
 
 
 def _contradictions(claimed: Mapping[str, Any], described: Mapping[str, Any], varied: Sequence[str]) -> list[str]:
@@ -94,10 +154,15 @@ def _contradictions(claimed: Mapping[str, Any], described: Mapping[str, Any], va
     return [f"{name}: the orbit says {own!r}, and the machine {true!r}" for name, own, true in pairs if own != true]
 
 
-def _wrong_measurements(orbit: Orbit, machine: Machine) -> list[str]:
+def _wrong_measurements(
+    orbit: Orbit, machine: Machine, tuned: Sequence[str], prescribed: Mapping[str, ExactNumber]
+) -> list[str]:
     """The claims of an orbit about its motion that contradict the same orbit measured anew, in words."""
+    sticks = machine.model.sticks  # whose orbits are found with tuned numbers alone
+    names = [name for name in tuned if name != STEP_LENGTH] if sticks else None
+    at = {name: float(exact_fraction(name, value)) for name, value in prescribed.items()} if sticks else None
     try:
-        anew = find(machine, start=orbit)
+        anew = find(machine, start=orbit, tune=names, at=at)
     except (NoOrbit, InputError) as error:
         return [f"the orbit cannot be measured anew: {error}"]
     claimed, true = orbit.certificate, anew.certificate

@@ -5,13 +5,14 @@ With the kinetic energy v' M(y) v/2 and the forces Q(y) of springs, weights and 
     M y'' = Q - C,    C = (d(M v)/dy) v - grad(v' M v)/2,
 
 in contact with + lambda g, g the gap's gradient, and g y'' = 0: the closed gap determines one coordinate, y = E s.
+Coordinates that stick are 0 in contact too, with a force on each of them.
 
 All is in units of length and time that suit the motion, powers of 2: with y = L q and t = T u, the same equations
 hold of q and u with the forces L T^2 Q.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -20,6 +21,7 @@ from .expressions import (
     ONE,
     ZERO,
     ExactExpression,
+    along,
     depends_on,
     derivative_by,
     exact_number,
@@ -53,11 +55,11 @@ class Scale:
     def of(cls, speed: float, time: float, swings: int = 1) -> "Scale":
         """The units of a motion with this launch speed and half time of flight, in which the extension swings to and
         fro `swings` times; powers of 2, as any units would do."""
-        unit = _power_of_two(time / (3 * swings))
-        return cls(_power_of_two(speed * float(unit) / 3), unit)
+        unit = power_of_two(time / (3 * swings))
+        return cls(power_of_two(speed * float(unit) / 3), unit)
 
 
-def _power_of_two(value: float) -> Fraction:
+def power_of_two(value: float) -> Fraction:
     """The power of 2 that is nearest to a number above 0; 1 for any other value."""
     if not 0 < value < math.inf:
         return Fraction(1)
@@ -90,20 +92,34 @@ class LoneExtension:
     domains: list[Domains]
 
 
+@dataclass(frozen=True)
+class Square:
+    """The square of a speed in a kinetic energy: the gradient (n,) of a place whose second derivative by time is the
+    gradient times the accelerations and the bend."""
+
+    mass: ExactExpression
+    gradient: Column
+    bend: ExactExpression
+
+
 class ExactMechanics:
     """The equations of motion of a stated machine.
 
     free : the name of a parameter that is an unknown
+    squares : the kinetic energy as a sum of squares, where the inertia varies and it is one
+    tuned : the symbols by name of those parameters that are unknowns of the orbit, and `tuned_units` their units
     y, v : symbols (n,) of the coordinates and their rates, in the units of `scale`
     parameters : the expression of each name: a number, a function of the `share` of an interval, or the symbol of an
         unknown
     inertia : M (n, n)
     gap : its weights (n,), exact, the largest of which is 1
-    independent, embed : the coordinates of the contact, and the exact matrix (n, n - 1) from these to all
+    sticks : the coordinates that stick
+    independent, embed : the coordinates of the contact, and the exact matrix (n, n - 1 - sticks) from these to all
     conservative, forces : (laws, n), Q and Q - C
     accelerations : (laws, n) in flight
-    s, w : symbols (n - 1,) of the coordinates of the contact and their rates
-    contact_accelerations, contact_force : (laws, n - 1) and (laws,) in contact, as functions of s and w
+    s, w : symbols of the coordinates of the contact and their rates
+    contact_accelerations, contact_force : (laws, contact's coordinates) and (laws,) in contact, as functions of s and w
+    holding_forces : (laws, sticks), the forces on what sticks
     reversor, contact_reversor : of y and v in flight, and of s and w in contact; without stated maps both reverse time
         alone
     order, contact_order : 1 where these leave the pieces of a law in order, -1 where they are in the opposite order
@@ -111,10 +127,15 @@ class ExactMechanics:
     law_domains : the conditions of each law of a machine in pieces; one entry where there are no pieces
     """
 
-    def __init__(self, stated: StatedMachine, scale: Scale, free: str | None = None):
+    def __init__(
+        self, stated: StatedMachine, scale: Scale, free: str | None = None, units: Mapping[str, Fraction] | None = None
+    ):
         self.stated, self.size, self.scale = stated, len(stated.coordinates), scale
         bounds = stated.parameters.items()
         self.parameters = {name: symbol(name) if name == free else parameter_of(name, *ends) for name, ends in bounds}
+        self.tuned = {name: unknown(name) for name in stated.tuned}
+        self.tuned_units = {name: (units or {}).get(name, Fraction(1)) for name in self.tuned}
+        self.parameters |= {name: self.tuned_units[name] * each for name, each in self.tuned.items()}
         self.y = [symbol(name) for name in stated.coordinates]
         self.v = [symbol(f"{name}'") for name in stated.coordinates]
         places = [scale.length * each for each in self.y]
@@ -123,21 +144,30 @@ class ExactMechanics:
         self.inertia = self._inertia()
         self.gap = self._gap()
         self.eliminated = max(range(self.size), key=lambda i: self.gap[i])
-        self.independent = [i for i in range(self.size) if i != self.eliminated]
+        self.sticks = [stated.coordinates.index(name) for name in stated.sticks]
+        self.independent = [i for i in range(self.size) if i not in (self.eliminated, *self.sticks)]
         if stated.launch not in [stated.coordinates[i] for i in self.independent]:
             raise Unproved(f"'{stated.launch}' is no coordinate of the contact")
         self.launched = [stated.coordinates[i] for i in self.independent].index(stated.launch)
         rows = {i: [Fraction(int(i == j)) for j in self.independent] for i in self.independent}
         rows[self.eliminated] = [-self.gap[j] for j in self.independent]
+        rows |= {i: [Fraction(0)] * len(self.independent) for i in self.sticks}
         self.embed = [rows[i] for i in range(self.size)]
         self.counts = self.formula(stated.counts)
         self.separation = None if stated.separation is None else self.formula(stated.separation)
+        self.heights = [(name, self.formula(height)) for name, height in stated.heights]
         self.pieces, self.law_domains, self.conservative = self._forces()
+        self.squares = self._squares() if depends_on([each for row in self.inertia for each in row], self.y) else []
         centrifugal = self._centrifugal()
         self.forces = [[q - c for q, c in zip(force, centrifugal, strict=True)] for force in self.conservative]
-        self.accelerations = [solved(self.inertia, force) for force in self.forces]
+        self.accelerations = [
+            of_squares(self.squares, loads) or solved(self.inertia, force)
+            for loads, force in zip(self.conservative, self.forces, strict=True)
+        ]
         self.s, self.w = [self.y[i] for i in self.independent], [self.v[i] for i in self.independent]
-        self.contact_accelerations, self.contact_force = self._contact()
+        self.contact_accelerations, self.contact_force, self.holding_forces = self._contact()
+        if depends_on(self.functions, [self.y[i] for i in self.sticks]):
+            raise Unproved("something depends on the place of a coordinate that sticks")
         self.reversor, whole = self._reversors()
         self.contact_reversor, self.order, self.contact_order = whole.on(self.independent), 1, 1
         if stated.steps:
@@ -186,7 +216,25 @@ class ExactMechanics:
             raise Unproved(f"gap '{self.stated.gap}' is closed by no coordinate that rises")
         return [each.value / largest for each in weights]
 
+    def _squares(self) -> list["Square"]:
+        """The kinetic energy as a sum of squares of speeds; empty where it is stated otherwise."""
+        s, square, found = self.stated, self.scale.length**2, list[Square]()
+        for i, row in enumerate(s.inertia):
+            entries = [square * self.formula(entry) for entry in row]
+            if depends_on(entries, self.y) or not all(each.is_(0) for j, each in enumerate(entries) if j != i):
+                return []
+            if not entries[i].is_(0):
+                found.append(Square(entries[i], [ONE if j == i else ZERO for j in range(self.size)], ZERO))
+        for place, size in (*s.masses, *s.inerters):
+            gradient = self.gradient(self.formula(place))
+            bend = along(along(self.formula(place), self.y, self.v), self.y, self.v)
+            found.append(Square(self._of_parameters(size), gradient, bend))
+        return found
+
     def _centrifugal(self) -> Column:
+        if self.squares:
+            bends = [(each.mass * each.bend, each.gradient) for each in self.squares]
+            return [total(bend * gradient[i] for bend, gradient in bends) for i in range(self.size)]
         momentum = [total(m * v for m, v in zip(row, self.v, strict=True)) for row in self.inertia]
         energy = total(v * p for v, p in zip(self.v, momentum, strict=True)) / 2
         turned = [total(s * v for s, v in zip(row, self.v, strict=True)) for row in jacobian(momentum, self.y)]
@@ -253,8 +301,21 @@ class ExactMechanics:
                 raise Unproved("the spring's force is not plainly continuous at a breakpoint")
         return ExactPieces(tuple(each.value for each in weights), breaks)
 
-    def _contact(self) -> tuple[ExactRows, Column]:
-        """Accelerations in contact and contact force, for each law, as functions of s and w."""
+    @property
+    def functions(self) -> Column:
+        """What the motion and its conditions are functions of: the entries of inertia and forces, the extensions that
+        count and that separate, the friction, and the heights."""
+        extensions = [self.counts, *([] if self.separation is None else [self.separation])]
+        extensions += [self.formula(self.stated.friction)] if self.sticks and self.stated.friction is not None else []
+        return [
+            *extensions,
+            *(height for _, height in self.heights),
+            *(each for row in (*self.inertia, *self.forces) for each in row),
+        ]
+
+    def _contact(self) -> tuple[ExactRows, Column, ExactRows]:
+        """Accelerations in contact, contact force, and the forces on what sticks, for each law, as functions of s and
+        w."""
         places = {**dict(zip(self.y, self.embedded(self.s), strict=True))}
         places |= dict(zip(self.v, self.embedded(self.w), strict=True))
         inertia = [substitute(row, places) for row in self.inertia]
@@ -262,15 +323,20 @@ class ExactMechanics:
         projected = [[total(row[i] * self.embed[i][j] for i in range(self.size)) for j in count] for row in inertia]
         reduced = [[total(self.embed[i][k] * projected[i][j] for i in range(self.size)) for j in count] for k in count]
         self._reduced = reduced, [self.along(substitute(force, places)) for force in self.forces]
-        accelerations, contact_force = list[Column](), list[ExactExpression]()
-        for force in self.forces:
+        accelerations, contact_force, holding = list[Column](), list[ExactExpression](), list[Column]()
+        squares = [
+            Square(each.mass, self.along(substitute(each.gradient, places)), substitute([each.bend], places)[0])
+            for each in self.squares
+        ]
+        squares = [each for each in squares if not all(x.is_(0) for x in each.gradient)]
+        for loads, force in zip(self.conservative, self.forces, strict=True):
             inside = substitute(force, places)
-            rates = solved(reduced, self.along(inside))
-            row = projected[self.eliminated]
-            carried = total(m * rate for m, rate in zip(row, rates, strict=True))
+            rates = of_squares(squares, self.along(substitute(loads, places))) or solved(reduced, self.along(inside))
+            held = [inner_product(projected[i], rates) - inside[i] for i in (self.eliminated, *self.sticks)]
             accelerations.append(rates)
-            contact_force.append(carried - inside[self.eliminated])
-        return accelerations, contact_force
+            contact_force.append(held[0])
+            holding.append([each - self.gap[i] * held[0] for i, each in zip(self.sticks, held[1:], strict=True)])
+        return accelerations, contact_force, holding
 
     def _reversors(self) -> tuple[ExactReversor, ExactReversor]:
         """The reversor of the flight, and that of the contact for all coordinates."""
@@ -288,6 +354,8 @@ class ExactMechanics:
                 raise Unproved(f"the gap of the {name}, {formula}, is not the one that opens or its image")
         if len(self.stated.gaps) > 2 or not (vanishes(again - gap) or vanishes(again + gap)):
             raise Unproved("the reversor and the symmetry do not take the closed gap to itself")
+        if not all(vanishes(whole.shifts[i]) for i in self.sticks):
+            raise Unproved("the reversor and the symmetry do not take what sticks to where it sticks")
         weights, breaks = (self.pieces.weights, self.pieces.breaks) if self.pieces else ([Fraction(0)] * self.size, ())
         self.order = back.check_turns("the reversor", self.y, self.v, self.inertia, self.forces, weights, breaks)
         self.contact_order = own.check_turns(
@@ -371,6 +439,11 @@ def polynomial_between(rows: Sequence[Sequence[str]], r: ExactExpression) -> Exa
     return first[0] + u * (first[1] + u * (first[2] + u * (g[0] + v * (g[1] + v * g[2]))))
 
 
+def unknown(name: str) -> ExactExpression:
+    """The symbol of an unknown."""
+    return symbol(f"unknown {name}")
+
+
 def place_of(name: str) -> ExactExpression:
     """The symbol of a parameter's place in its interval, from -1 to 1."""
     return symbol(f"share of {name}")
@@ -384,6 +457,44 @@ def parameter_of(name: str, low: Fraction, high: Fraction) -> ExactExpression:
 def inner_product(a: Sequence[ExactExpression], b: Sequence[ExactExpression]) -> ExactExpression:
     """The sum of products."""
     return total(x * y for x, y in zip(a, b, strict=True))
+
+
+def of_squares(squares: Sequence[Square], loads: Column) -> Column | None:
+    """The accelerations under loads (n,) of a kinetic energy that is a sum of n squares, with the gradients G as rows
+    and the masses D: G' D (G y'' + bends) = loads. None for other numbers of squares, and where G is not easily solved.
+    """
+    if len(squares) != len(loads):
+        return None
+    rows = [each.gradient for each in squares]
+    pulls = solved_by_parts([list(column) for column in zip(*rows, strict=True)], loads)
+    if pulls is None:
+        return None
+    return solved_by_parts(rows, [pull / each.mass - each.bend for pull, each in zip(pulls, squares, strict=True)])
+
+
+def solved_by_parts(matrix: ExactRows, right: Sequence[ExactExpression]) -> Column | None:
+    """The solution of a linear system, of which entries that are numbers are eliminated first; None where more than
+    two unknowns are left."""
+    rows, known = [[*row, each] for row, each in zip(matrix, right, strict=True)], list[tuple[int, Column]]()
+    columns = list(range(len(rows)))
+    while pivot := next(((row, j) for row in rows for j in columns if row[j].is_number and not row[j].is_(0)), None):
+        chosen, j = pivot
+        rows = [row for row in rows if row is not chosen]
+        columns.remove(j)
+        known.append((j, [each / chosen[j] for each in chosen]))
+        rows = [[a - row[j] * b for a, b in zip(row, known[-1][1], strict=True)] for row in rows]
+    if len(columns) > 2:
+        return None
+    found = [ZERO] * len(right)
+    if len(columns) == 1:
+        found[columns[0]] = rows[0][-1] / rows[0][columns[0]]
+    elif columns:
+        (a, b, u), (c, d, w) = ([row[j] for j in (*columns, -1)] for row in rows)
+        determinant = a * d - b * c
+        found[columns[0]], found[columns[1]] = (u * d - b * w) / determinant, (a * w - u * c) / determinant
+    for j, row in reversed(known):
+        found[j] = row[-1] - total(row[k] * found[k] for k in range(len(found)) if k != j)
+    return found
 
 
 def _eliminated(matrix: ExactRows) -> tuple[ExactRows, ExactRows]:

@@ -224,8 +224,14 @@ def in_order(outputs: Iterable[ExactExpression]) -> list[ExactExpression]:
 
 def derivative_by(of: ExactExpression, by: ExactExpression) -> ExactExpression:
     """The derivative by a symbol."""
-    for each in in_order([of]):
-        if by not in each._slopes:
+    waiting = [of]
+    while waiting:
+        each = waiting[-1]
+        if by in each._slopes:
+            waiting.pop()
+        elif missing := [part for part in each.parts if by not in part._slopes]:
+            waiting += missing
+        else:
             each._slopes[by] = _derivative_of(each, by)
     return of._slopes[by]
 
@@ -253,11 +259,17 @@ def _derivative_of(of: ExactExpression, by: ExactExpression) -> ExactExpression:
 
 def jacobian(outputs: Sequence[ExactExpression], inputs: Sequence[ExactExpression]) -> list[list[ExactExpression]]:
     """The derivatives (outputs, inputs) by symbols."""
-    rows = list[list[ExactExpression]]()
-    for output in outputs:
-        contained = {*in_order([output])}  # most outputs contain few of the symbols of a large system
-        rows.append([derivative_by(output, each) if each in contained else ZERO for each in inputs])
-    return rows
+    contained = symbols_in(outputs)  # most outputs contain few of the symbols of a large system
+    return [[derivative_by(each, x) if x in contained[each] else ZERO for x in inputs] for each in outputs]
+
+
+def symbols_in(outputs: Iterable[ExactExpression]) -> dict[ExactExpression, frozenset[ExactExpression]]:
+    """The symbols that some expressions, and all of their subexpressions, contain."""
+    found = dict[ExactExpression, frozenset[ExactExpression]]()
+    for each in in_order(outputs):
+        own = [found[part] for part in each.parts]
+        found[each] = frozenset([each]) if each.kind == "symbol" else own[0].union(*own[1:]) if own else frozenset()
+    return found
 
 
 def along(of: ExactExpression, places: Sequence[ExactExpression], rates: Sequence[ExactExpression]) -> ExactExpression:

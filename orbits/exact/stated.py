@@ -3,11 +3,12 @@
 A proof reads only these texts of the machine: no expression that the engine built from them, and no float.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from decimal import Decimal
 from fractions import Fraction
 from numbers import Rational
+from typing import Any
 
 from ..errors import InputError
 from ..io import Document
@@ -16,6 +17,7 @@ from ..mechanics.derived import derived_launch
 from ..mechanics.elements import Inerter, Mass, Potential, Scalar, Spring, Weight
 from ..mechanics.mechanism import Mechanism
 from ..model.machine import Machine, free_parameters
+from ..model.model import STEP_LENGTH
 from ..symbolic.formula import parse
 from ..symbolic.tracing import traced_of_places
 from .formulas import exact_fraction
@@ -95,6 +97,12 @@ class StatedMachine:
     counts : the extension whose stationary points count the family
     reversor, symmetry : the coordinates that are not left as they are, and what they are taken to, see `Mechanism`
     gaps : names and formulas of the gap that opens and that which closes; empty where they have no names
+    sticks : the coordinates that are 0 in contact beside the gap, each held there by a force
+    heights : names and formulas of the heights of a machine that sticks
+    centre : formula of the place of the centre of mass along the ground; None where no masses move along it
+    friction : formula of the coefficient of friction, which the forces on what sticks are compared with; None without
+    tuned : names of parameters that are unknowns; they have no bounds
+    prescribed : names and exact values of quantities of the orbit
     """
 
     name: str
@@ -116,6 +124,22 @@ class StatedMachine:
     reversor: tuple[Sized, ...] = ()
     symmetry: tuple[Sized, ...] = ()
     gaps: tuple[Sized, ...] = ()
+    sticks: tuple[str, ...] = ()
+    heights: tuple[Sized, ...] = ()
+    centre: str | None = None
+    friction: str | None = None
+    tuned: tuple[str, ...] = ()
+    prescribed: tuple[tuple[str, Fraction], ...] = ()
+
+    def with_tuned(self, tuned: Sequence[str], prescribed: Mapping[str, ExactNumber]) -> "StatedMachine":
+        """The same machine with parameters that are unknowns, where quantities have these values; raises `InputError`
+        for values that are no decimals, and `Unproved` for a name that would stand for two things."""
+        values = tuple((name, exact_bounds(name, value)[0]) for name, value in prescribed.items())
+        named = {name for name, _ in values if name != STEP_LENGTH} & {*self.coordinates, *self.parameters}
+        if named:
+            raise Unproved(f"the name '{min(named)}' stands for a quantity of the orbit: call it something else")
+        bounds = {name: each for name, each in self.parameters.items() if name not in tuned}
+        return replace(self, parameters=bounds, tuned=tuple(tuned), prescribed=values)
 
     @property
     def steps(self) -> bool:
@@ -123,7 +147,9 @@ class StatedMachine:
         return bool(self.reversor or self.symmetry or self.gaps)
 
     def refuse_steps(self, what: str) -> None:
-        """Raise `Unproved` where maps are stated."""
+        """Raise `Unproved` where maps are stated, or parameters are unknowns."""
+        if self.tuned:
+            raise Unproved(f"{what} is proved only of machines whose numbers are all stated: with tune=()")
         if self.steps:
             raise Unproved(f"{what} is proved only of machines that state no reversor, symmetry or further gap")
 
@@ -153,6 +179,11 @@ class StatedMachine:
             **{name: getattr(self, name) for name in ("surface_gravity", "gravity", "gap", "launch", "counts")},
             "separation": self.separation,
             **{name: [list(each) for each in pairs] for name, pairs in self._maps.items() if pairs},
+            **{name: list(each) for name, each in (("sticks", self.sticks), ("tuned", self.tuned)) if each},
+            **({"prescribed": [[n, decimal_text(value)] for n, value in self.prescribed]} if self.prescribed else {}),
+            **({"centre": self.centre} if "speed" in dict(self.prescribed) else {}),
+            **({"heights": [list(each) for each in self.heights]} if self.sticks else {}),
+            **({"friction": self.friction} if self.sticks and self.friction is not None else {}),
         }
 
     @property
@@ -173,13 +204,21 @@ class StatedMachine:
         parts += [f"the potential energy {each}" for each in self.potentials]
         parts.append(f"the acceleration of gravity ({self.surface_gravity})*({self.gravity}) at the height z")
         parts += self._gaps_in_words()
+        parts += [f"the coordinate {x}, which sticks: it is 0 in contact, held by a force of the ground"
+                  for x in self.sticks]  # fmt: skip
+        parts += [f"the height {formula} of the {name}" for name, formula in self.heights]
+        if self.sticks and self.friction is not None:
+            parts.append(f"the coefficient of friction {self.friction}")
         if self.separation is not None:
             parts.append(f"the separation {self.separation}")
-        named = ", ".join(f"{name} {range_text(bounds)}" for name, bounds in self.parameters.items() if name != free)
+        known = [f"{name} {range_text(bounds)}" for name, bounds in self.parameters.items() if name != free]
+        named = ", ".join([*known, *(f"{name} to be found" for name in self.tuned)])
         units = "in SI" if self.units == "SI" else "dimensionless"
         numbers = f", with {named}" if named else ""
         launch = f"{self.launch} and its rate at lift-off are called liftoff and alpha"
         turns = f"{self.counts} is stationary between lift-off and mid-flight as often as the number of its family says"
+        if "speed" in dict(self.prescribed):
+            turns += f"; speed is the rate of {self.centre} at lift-off"
         maps = self._maps_in_words() if self.steps else ""
         return f"Let the {self.name} have {'; '.join(parts)}{numbers}; all is {units}. {maps}{launch}; {turns}."
 
@@ -193,8 +232,10 @@ class StatedMachine:
         back, anew = (", ".join(f"{name} to {image}" for name, image in pairs) or "each coordinate to itself"
                       for pairs in (self.reversor, self.symmetry))  # fmt: skip
         maps = f"Let R reverse time and take {back}, and let S take {anew}; coordinates without a formula stay"
-        orbit = "A lossless orbit is launched in a state x and lands in R x; its contact, whose coordinates are counted"
-        return f"{maps}. {orbit} anew by S, leads from S R x to x. "
+        x = next(letter for letter in ("x", "q", "X", "Q", "state") if letter not in self.coordinates)
+        vanish = ", in which all forces of the ground vanish," if self.sticks else ""
+        orbit = f"A lossless orbit is launched in a state {x}{vanish} and lands in R {x}; its contact, whose"
+        return f"{maps}. {orbit} coordinates are counted anew by S, leads from S R {x} to {x}. "
 
 
 def range_text(bounds: Bounds) -> str:
@@ -227,8 +268,6 @@ def stated_machine(machine: Machine, parameters: Mapping[str, Decimals]) -> Stat
     if not callable(getattr(machine, "stated", None)):
         raise InputError(f"a {machine.model.name} states no mechanics that a proof could read: state a Mechanism")
     mechanism: Mechanism = machine.stated()  # type: ignore[attr-defined]
-    if mechanism.sticks:
-        raise Unproved(f"{mechanism.sticks[0]} sticks in contact, and theorems state contacts that hold a gap alone")
     free = free_parameters(machine)
     for name in parameters:
         if name not in free:
@@ -261,13 +300,14 @@ def _of_mechanism(mechanism: Mechanism, values: Mapping[str, Bounds]) -> StatedM
         return _text_of(expression, tuple(mechanism.coordinates), names)
 
     kinds: dict[type, list[Sized]] = {Mass: [], Weight: [], Inerter: []}
-    springs, potentials = list[StatedSpring](), list[str]()
+    springs, potentials, masses = list[StatedSpring](), list[str](), list[Sized]()
     for element in mechanism.elements:
         match element:
             case Mass(place, size) | Weight(place, size) | Inerter(place, size):
                 kinds[type(element)].append((text(place), text(size)))
                 if isinstance(element, Mass) and element.across is not None:  # inertia without weight
                     kinds[Inerter].append((text(element.across), text(size)))
+                    masses.append(kinds[Inerter][-1])
             case Spring(extension, law):
                 springs.append(_stated_spring(text(extension), law))
             case Potential(energy):
@@ -278,6 +318,10 @@ def _of_mechanism(mechanism: Mechanism, values: Mapping[str, Bounds]) -> StatedM
     if gravity.written is None or gravity.written.potential:
         raise Unproved(f"gravity '{gravity.text}' is no formula that a theorem could state")
     separation = mechanism.separation
+    maps: dict[str, Any] = {
+        name: tuple((key, text(value)) for key, value in dict(getattr(mechanism, name) or {}).items())
+        for name in ("reversor", "symmetry", "gaps")
+    }
     return StatedMachine(
         name=mechanism.name,
         units="SI" if mechanism.in_si else "dimensionless",
@@ -295,9 +339,12 @@ def _of_mechanism(mechanism: Mechanism, values: Mapping[str, Bounds]) -> StatedM
         launch=derived_launch(structure),
         counts=text(structure.counts),
         separation=None if separation is None else text(separation),
-        **{name: tuple((key, text(value)) for key, value in dict(getattr(mechanism, name) or {}).items())
-           for name in ("reversor", "symmetry", "gaps")},
-    )  # fmt: skip
+        sticks=tuple(mechanism.sticks),
+        heights=tuple((name, text(each)) for name, each in (mechanism.heights or {}).items() if mechanism.sticks),
+        centre=_centre_of_mass(masses) if masses and len(masses) == len(kinds[Mass]) else None,
+        friction=None if mechanism.friction is None else text(mechanism.friction),
+        **maps,
+    )
 
 
 def _text_of(expression: Scalar, coordinates: tuple[str, ...], names: tuple[str, ...]) -> str:
@@ -313,6 +360,12 @@ def _text_of(expression: Scalar, coordinates: tuple[str, ...], names: tuple[str,
         above, below = int(expression.numerator), int(expression.denominator)
         return str(above) if below == 1 else f"{above}/{below}"
     return str(expression) if isinstance(expression, Decimal) else repr(float(expression))
+
+
+def _centre_of_mass(masses: Sequence[Sized]) -> str:
+    """The formula of the place along the ground of the centre of masses at places along it."""
+    moments = " + ".join(f"({mass})*({place})" for place, mass in masses)
+    return f"({moments})/({' + '.join(f'({mass})' for _, mass in masses)})"
 
 
 def _stated_spring(extension: str, law: object) -> StatedSpring:

@@ -10,8 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
+from ..model.model import STEP_LENGTH
 from .claim import CONTACT_DURATION, FLIGHT_DURATION
-from .exact_mechanics import Column, ExactMechanics, LoneExtension, inner_product
+from .exact_mechanics import Column, ExactMechanics, LoneExtension, inner_product, unknown
 from .exact_symmetry import ExactReversor
 from .expressions import (
     ONE,
@@ -26,6 +27,7 @@ from .expressions import (
     vanishes,
 )
 from .formulas import Domain, Domains
+from .refusal import Unproved
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,7 @@ class ExactArc:
     guards : (laws, g), functions of unknowns and states that vanish at the start
     conditions : functions of unknowns and states that vanish at the end
     domains : for each law, the conditions of its formulas along the motion
+    constants : symbols of unknowns that the rates, the domains, or what is asked of the motion depend on
     """
 
     states: Column
@@ -53,6 +56,7 @@ class ExactArc:
     before: tuple[ExactExpression, ...] = ()
     weights: tuple[Fraction, ...] = ()
     breaks: tuple[ExactExpression, ...] = ()
+    constants: tuple[ExactExpression, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -65,11 +69,6 @@ class ExactStatement:
 
     unknowns: dict[str, ExactExpression]
     arcs: tuple[ExactArc, ...]
-
-
-def unknown(name: str) -> ExactExpression:
-    """The symbol of an unknown."""
-    return symbol(f"unknown {name}")
 
 
 class HalfOrbit:
@@ -93,12 +92,19 @@ class HalfOrbit:
             self.lone = None  # whether formulas have values is checked along the motion of all coordinates
         if mechanics.stated.steps:
             self.lone = None  # what moves with the extension alone decides neither where a step lands nor what it meets
+        if mechanics.tuned:
+            self.lone = None
+        places = (each.place for own in (mechanics.domains, *mechanics.law_domains) for each in own)
+        used = [*mechanics.functions, *places]
+        self.constants = tuple(each for each in mechanics.tuned.values() if depends_on(used, [each]))
 
     def unit_of(self, name: str) -> Fraction:
         """The unit in which an unknown of this name is solved for."""
         scale = self.mechanics.scale
         if name in (FLIGHT_DURATION, CONTACT_DURATION):
             return scale.time
+        if name in self.mechanics.tuned:
+            return self.mechanics.tuned_units[name]
         return scale.speed if name == "alpha" or name.endswith("'") else scale.length
 
     @property
@@ -122,9 +128,14 @@ class HalfOrbit:
     @property
     def lifted(self) -> list[ExactExpression]:
         """The contact force at lift-off, for each law."""
+        return [each[0] for each in self.released]
+
+    @property
+    def released(self) -> list[Column]:
+        """The contact force and those on what sticks at lift-off, for each law."""
         m = self.mechanics
         at = dict(zip([*m.s, *m.w], [*self.places, *self.rates], strict=True))
-        return substitute(m.contact_force, at)
+        return [substitute([force, *held], at) for force, held in zip(m.contact_force, m.holding_forces, strict=True)]
 
     @property
     def half_flight(self) -> ExactExpression:
@@ -135,9 +146,9 @@ class HalfOrbit:
         return -inner_product(self.lone.thrown, self.mechanics.embedded(self.rates)) / self.lone.fall
 
     def statement(self, with_contact: bool) -> ExactStatement:
-        """The smallest statement of half an orbit, with half of the contact or, for machines of two coordinates,
-        without."""
-        with_contact = with_contact or self.mechanics.size > 2
+        """The smallest statement of half an orbit, with half of the contact or, for machines of two coordinates without
+        tuned parameters, without. Raises `Unproved` where it has more or fewer equations than unknowns."""
+        with_contact = with_contact or self.mechanics.size > 2 or bool(self.mechanics.tuned)
         unknowns = dict(self.launch_unknowns)
         if self.lone is None:
             unknowns[FLIGHT_DURATION] = self.half_flight
@@ -145,7 +156,40 @@ class HalfOrbit:
         if not with_contact:
             return ExactStatement(unknowns, (first,))
         unknowns[CONTACT_DURATION] = unknown(CONTACT_DURATION)
-        return ExactStatement(unknowns, (first, self._contact(len(first.states))))
+        unknowns |= self.mechanics.tuned
+        arcs = first, self._contact(len(first.states))
+        equations = sum(len(arc.guards[0]) + len(arc.conditions) for arc in arcs)
+        if equations != len(unknowns):
+            raise Unproved(
+                f"half an orbit has {equations} equations for {len(unknowns)} unknowns: tune as many numbers of the "
+                "machine as there are conditions and prescribed quantities too many"
+            )
+        return ExactStatement(unknowns, arcs)
+
+    def _off(self) -> Column:
+        """What vanishes where the quantities have their prescribed values, in the machine's units."""
+        return [self._quantity(name) - value for name, value in self.mechanics.stated.prescribed]
+
+    def _quantity(self, name: str) -> ExactExpression:
+        """A quantity of the orbit as a function of the unknowns; raises `Unproved` for one that is none."""
+        m, pace, time = self.mechanics, self.mechanics.scale.speed, self.mechanics.scale.time
+        flight, contact = (2 * time * unknown(each) for each in (FLIGHT_DURATION, CONTACT_DURATION))
+        if name == "alpha":
+            return pace * self.launch_unknowns["alpha"]
+        if name == "liftoff_extension":
+            return substitute([m.counts], dict(zip(_by_turns(m.y, m.v), self.launch, strict=True)))[0]
+        times = {"flight_time": flight, "contact_time": contact, "period": flight + contact}
+        if name in times:
+            return times[name]
+        if name == "frequency":
+            return 1 / (flight + contact)
+        if name in (STEP_LENGTH, "mean_speed") and m.sticks:
+            step = m.parameters[STEP_LENGTH]
+            return step if name == STEP_LENGTH else step / (flight + contact)
+        if name == "speed" and m.stated.centre:
+            rate = inner_product(m.gradient(m.formula(m.stated.centre)), m.v) / time
+            return substitute([rate], dict(zip(_by_turns(m.y, m.v), self.launch, strict=True)))[0]
+        raise Unproved(f"no equation of half an orbit says '{name}': prescribe another quantity, or tune fewer numbers")
 
     def flight(self) -> ExactStatement:
         """The half flight in all of its states, without conditions."""
@@ -165,9 +209,11 @@ class HalfOrbit:
             (_by_turns(m.pieces.weights, [Fraction(0)] * m.size), m.pieces.breaks) if m.pieces else ((), ())
         )
         domains = self._mirrored([[*m.domains, *own] for own in m.law_domains], m.reversor, m.order, (m.y, m.v))
-        guards = [[each] for each in self.lifted]
         ends = m.reversor.fixed(m.y, m.v)
-        return ExactArc(states, rates, self.launch, self.half_flight, guards, ends, domains, (), tuple(weights), breaks)
+        return ExactArc(
+            states, rates, self.launch, self.half_flight, self.released, ends, domains, (), tuple(weights), breaks,
+            self.constants,
+        )  # fmt: skip
 
     def _lone_flight(self, lone: LoneExtension) -> ExactArc:
         m, r, rate = self.mechanics, lone.place, symbol("rate of the lone extension")
@@ -201,9 +247,10 @@ class HalfOrbit:
             weights, breaks = tuple(_by_turns(along_contact, [Fraction(0)] * len(m.s))), m.pieces.breaks
         each_law = [self._in_contact([*m.domains, *own]) for own in m.law_domains]
         domains = self._mirrored(each_law, back, m.contact_order, (m.s, m.w))
+        ends = [*back.fixed(m.s, m.w), *self._off()]
         return ExactArc(
-            states, rates, start, unknown(CONTACT_DURATION), [[] for _ in rates], back.fixed(m.s, m.w), domains,
-            tuple(symbols("before", before)), weights, breaks,
+            states, rates, start, unknown(CONTACT_DURATION), [[] for _ in rates], ends, domains,
+            tuple(symbols("before", before)), weights, breaks, self.constants,
         )  # fmt: skip
 
     def _mirrored(

@@ -64,6 +64,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
         fast its centre of mass moves along the ground in flight; None for another
     source : the machine that it was found for; None for an orbit from a file or another process, and for a copy
     tuned : bounds on the errors of those of the machine's parameters that were tuned, by name
+    prescribed : the values of quantities that they were tuned to, by name
 
     >>> from orbits import find
     >>> from problems import Hopper
@@ -93,6 +94,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
     speed: float | None = None
     source: Machine | None = field(default=None, repr=False)
     tuned: Mapping[str, float] = field(default_factory=dict)
+    prescribed: Mapping[str, float] = field(default_factory=dict)
 
     def __getstate__(self) -> dict[str, Any]:
         """The fields without the machine, which another process may not be able to read."""
@@ -114,9 +116,11 @@ class Orbit(Result, what="orbit", printed_digits=15):
             each.pop("seconds", None)
         return to_json(document)
 
-    def with_tuned(self, errors: Mapping[str, float]) -> "Orbit":
-        """The same orbit, whose parameters of these names were tuned, with these bounds on their errors."""
-        return replace(self, tuned=dict(errors), bare=self.bare and replace(self.bare, tuned=dict(errors)))
+    def with_tuned(self, errors: Mapping[str, float], prescribed: Mapping[str, float]) -> "Orbit":
+        """The same orbit, whose parameters of these names were tuned, with these bounds on their errors, so that
+        quantities have prescribed values."""
+        bare = self.bare and replace(self.bare, tuned=dict(errors))
+        return replace(self, tuned=dict(errors), prescribed=dict(prescribed), bare=bare)
 
     def dimensionless(self) -> "Orbit":
         """The orbit in its machine's dimensionless units; the orbit itself if it has no other units."""
@@ -254,7 +258,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
         document = {**self.machine, **{name: figures[name] for name in DOCUMENT_FIELDS}}
         document |= {name: figures[name] for name in FIELDS_OF_STEPS} if self.shape.steps else {}
         document |= {} if self.step is None else {name: getattr(self, name) for name in FIELDS_OF_RUNS}
-        document |= {"tuned": dict(self.tuned)} if self.tuned else {}
+        document |= {"tuned": dict(self.tuned), "prescribed": dict(self.prescribed)} if self.tuned else {}
         if not self.scales:
             return document
         units = {name: unit for name, unit in self.scales.texts().items() if name in document}

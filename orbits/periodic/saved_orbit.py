@@ -26,7 +26,10 @@ FIELDS_OF_STEPS = ("bounce_factor", "friction_needed", "friction_error", "fricti
 # And of one that moves on along the ground.
 FIELDS_OF_RUNS = (*OF_RUNS, "cost_of_transport")
 # The fields of an orbit's file besides those of the machine.
-OTHER_FIELDS = {*DOCUMENT_FIELDS, *FIELDS_OF_STEPS, *FIELDS_OF_RUNS, "format", "motion", "units", "si", "bare", "tuned"}
+OTHER_FIELDS = {
+    *(*DOCUMENT_FIELDS, *FIELDS_OF_STEPS, *FIELDS_OF_RUNS),
+    *("format", "motion", "units", "si", "bare", "tuned", "prescribed"),
+}
 
 
 class SavedMotion(TypedDict):
@@ -61,6 +64,7 @@ class SavedOrbit(SavedLaws):
     step: NotRequired[float]
     speed: NotRequired[float]
     tuned: NotRequired[Mapping[str, float]]
+    prescribed: NotRequired[Mapping[str, float]]
     units: NotRequired[Mapping[str, str]]
     bare: NotRequired[Mapping[str, Any]]
     motion: SavedMotion
@@ -83,6 +87,7 @@ def stated_fields(data: Mapping[str, Any]) -> dict[str, Any]:
         seconds=data["seconds"],
         **{name: data.get(name) for name in ("known_in_family", "step", "speed")},
         tuned=data.get("tuned", {}),
+        prescribed=data.get("prescribed", {}),
     )
 
 

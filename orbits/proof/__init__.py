@@ -71,6 +71,15 @@ phase for the function and for its image: both gaps in flight, the second one in
 that opens and on the one that has landed, of which the second is 0 at landing to first order. That S is how the machine
 stands after a landing, and that its hinges in flight hold, is part of the statement.
 
+Coordinates that stick (`exact_mechanics`) are 0 in contact beside the gap, each held by a force that vanishes at lift-
+off too. It is decided exactly that inertia, forces, extensions and heights do not depend on their places, which R
+takes to a step less the place and S to the place less that step: so Rc takes 0 to 0. The conditions are then more than
+the unknowns of a launch and the times. Parameters that are tuned, the step among them, are further unknowns of the
+same statement: they are constant states of each phase, so that Lemmas 1 to 3 hold as they are, and the theorem is that
+there are such numbers. Prescribed quantities are further equations. Friction: with the contact force F and the force T
+on what sticks, mu F + T and mu F - T vanish at landing, as Rc takes F to itself and T to itself or its negative; both
+are positive inside the half contact, their first derivatives at landing too.
+
 Lemma 5, signs (`motion`). A function g of the states is positive where its enclosure is, also by g(m) + g'(T)(T - m).
 At lift-off the gap, its speed and its acceleration are 0: the first two as the launch is a state of the contact, the
 third by the equation of lift-off. If its third derivative is positive on [0, a], then by Taylor's formula the gap is

@@ -16,7 +16,7 @@ from ..balls.root import FIRST_BITS, ProvedRoot, evaluated_on, prove_root
 from ..errors import InputError
 from ..exact.bounds import Enclosure
 from ..exact.claim import CONTACT_DURATION, FLIGHT_DURATION, Claim
-from ..exact.exact_mechanics import ExactMechanics, Scale
+from ..exact.exact_mechanics import ExactMechanics, Scale, power_of_two
 from ..exact.expressions import ExactExpression, substitute, vanishes
 from ..exact.outward_decimals import bounds_of_fractions, decimal_text, enclosure_of, lower_decimal, radius_of
 from ..exact.refusal import Unproved
@@ -37,13 +37,14 @@ ERRORS_OF_ALPHA, CLAIM_ROUNDINGS = 2.0, 8 * 2.0**-52
 # Its other numbers are correct to this share of them plus this multiple of its error: the orbit bounds no errors of
 # theirs, and they are correct to some roundings.
 SHARE_OF_OTHERS, ERRORS_OF_OTHERS = 1e-11, 1e3
-# Flights beside an upright position spread fast: the box about a numerical solution that is tried first, as a share of
-# the unknowns, is one that the second program can follow too.
-SHARE_OF_STEPS = 2.0**-34
+# The equations of runs with tuned numbers are ill-conditioned: no wider box is proved, as a share of the unknowns.
+SHARE_OF_RUNS = 2.0**-34
 NO_CONTACT = "the orbit has no contact that ends, of which anything could be proved"
 PROVED, REFUTED, UNDECIDED = "proved", "refuted", "undecided"
 MAIN_UNKNOWNS = ("alpha", "flight_time", "contact_time")
 CONDITIONS = ("clearance", "separation", "contact_force", "contact_end")
+# Those of machines that stick besides.
+CONDITIONS_OF_RUNS = ("heights", "friction")
 
 
 def checked_digits(digits: int | None) -> int | None:
@@ -122,6 +123,7 @@ def whole_proof(
     which hold only for the part of an interval with the machine's own values."""
     began, found, verdicts = time.perf_counter(), None, Verdicts()
     names = [name for name in CONDITIONS if name != "separation" or stated.separation is not None]
+    names += CONDITIONS_OF_RUNS if stated.sticks else ()
     undecided = dict.fromkeys(names if motion else (), UNDECIDED)
     with ctx.workprec(FIRST_BITS):
         try:
@@ -143,12 +145,12 @@ def whole_proof(
             seconds=time.perf_counter() - began,
         )  # fmt: skip
     radius = found.uniqueness_radius
-    enclosures = {name: each for name, each in found.unknowns.items() if name in MAIN_UNKNOWNS}
+    enclosures = {name: each for name, each in found.unknowns.items() if name in (*MAIN_UNKNOWNS, *stated.tuned)}
     enclosures |= verdicts.enclosures
     reasons = (*(claim.contradictions if about_claim else ()), *verdicts.reasons)
     sentences = [
         stated.words(),
-        root_sentence(found.unknowns, radius, bool(stated.wide)),
+        root_sentence(found.unknowns, radius, bool(stated.wide), stated),
         motion_sentence(verdicts.family, verdicts.conditions, verdicts.enclosures, stated.steps),
     ]
     # There are hops beside the orbit only if it is a motion.
@@ -180,13 +182,15 @@ def whole_proof(
 
 def existence_of(claim: Claim, stated: StatedMachine, with_contact: bool, digits: int | None) -> ProvedExistence:
     """The proved solution near an orbit's claim; raises `Unproved`."""
-    half = HalfOrbit(ExactMechanics(stated, Scale.of(claim.alpha, claim.flight_time / 2, max(claim.family, 1))))
+    scale = Scale.of(claim.alpha, claim.flight_time / 2, max(claim.family, 1))
+    sizes = {name: power_of_two(abs(claim.unknowns[name])) for name in stated.tuned if name in claim.unknowns}
+    half = HalfOrbit(ExactMechanics(stated, scale, units=sizes))
     statement = half.statement(with_contact)
     if missing := [name for name in statement.unknowns if name not in claim.unknowns]:
         raise Unproved(f"the orbit has no {missing[0]}")
     equations = Equations(statement, IntervalParameters(stated.parameters))
     guess = [claim.unknowns[name] / float(half.unit_of(name)) for name in statement.unknowns]
-    boxes = [[arb(SHARE_OF_STEPS) * (1 + abs(each)) for each in guess]] if stated.steps else []
+    boxes = [[arb(SHARE_OF_RUNS) * (1 + abs(each)) for each in guess]] if stated.sticks else []
     root = prove_root(equations, guess, bits_of_digits(digits), boxes)
     equations.check_domains(root.evaluated.passages)
     with ctx.workprec(bits_of_digits(digits) + FIRST_BITS):
@@ -292,6 +296,9 @@ def wrong_numbers(found: ProvedExistence, claim: Claim) -> list[str]:
     for name, claimed_time in (("flight_time", claim.flight_time), ("contact_time", claim.contact_time)):
         if name in balls and claimed_time is not None and not _agrees(balls[name], claimed_time, claim):
             reasons.append(f"{name}: the orbit says {claimed_time!r}, outside the enclosure {found.unknowns[name]}")
+    for name in claim.tuned:
+        if not _agrees(balls[name], value := claim.unknowns[name], claim):
+            reasons.append(f"{name}: the orbit says {value!r}, outside the enclosure {found.unknowns[name]}")
     return reasons
 
 
@@ -359,6 +366,8 @@ def motion_conditions(
         "separation": lambda: _check_separation(half, flight, contact),
         "contact_force": lambda: _check_force(half, _contact_that_ends(contact)),
         "contact_end": lambda: _check_end(half, _contact_that_ends(contact)),
+        "heights": lambda: _check_heights(half, flight, contact),
+        "friction": lambda: _check_friction(half, _contact_that_ends(contact)),
     }
     return verdicts_of({name: checks[name] for name in names})
 
@@ -415,11 +424,24 @@ def _check_in_contact(half: HalfOrbit, contact: Motion, function: ExactExpressio
 
 
 def _check_separation(half: HalfOrbit, flight: Motion, contact: Motion | None) -> None:
+    assert half.mechanics.separation is not None
+    _check_always(half, flight, contact, half.mechanics.separation)
+
+
+def _check_heights(half: HalfOrbit, flight: Motion, contact: Motion | None) -> None:
+    """The stated heights but for the gap itself."""
+    for name, height in half.mechanics.heights:
+        if not vanishes(height - half.gap * half.mechanics.scale.length):
+            with _about(name):
+                _check_always(half, flight, contact, height)
+
+
+def _check_always(half: HalfOrbit, flight: Motion, contact: Motion | None, function: ExactExpression) -> None:
+    """Prove that a function of the flight state is positive in both halves of flight and contact."""
     m = half.mechanics
-    assert m.separation is not None
-    for each in dict.fromkeys([m.separation, *m.reversor.turned([m.separation], m.y, m.v)]):
+    for each in dict.fromkeys([function, *m.reversor.turned([function], m.y, m.v)]):
         flight.check_positive(flight.chain([each] * len(flight.leg.rates), 1))
-    _check_in_contact(half, _contact_that_ends(contact), m.separation)
+    _check_in_contact(half, _contact_that_ends(contact), function)
 
 
 def _check_force(half: HalfOrbit, contact: Motion) -> None:
@@ -436,11 +458,35 @@ def _check_force(half: HalfOrbit, contact: Motion) -> None:
             contact.check_positive(contact.chain(m.contact_force, 1))
 
 
+def _check_friction(half: HalfOrbit, contact: Motion) -> None:
+    """The forces F_x on what sticks are below mu F_z in magnitude, F_z the contact force. The reversor of the contact
+    takes F_z to itself and F_x to itself or its negative: so mu F_z + F_x and mu F_z - F_x, which vanish at landing as
+    they do at lift-off, are positive in the other half where they are in this one; and where their derivatives are
+    positive at landing, so is the limit of mu - |F_x|/F_z there."""
+    m = half.mechanics
+    if m.stated.friction is None:
+        raise Unproved("no coefficient of friction is stated, and the orbit needs none that is known")
+    (mu,) = substitute([m.formula(m.stated.friction)], dict(zip(m.y, m.embedded(m.s), strict=True)))
+    if not all(vanishes(a - b) for a, b in zip(m.landed_force, m.contact_force, strict=True)):
+        raise Unproved("the contact force is not the same at the mirror image of a state")
+    for i, name in enumerate(m.stated.sticks):
+        along = [held[i] for held in m.holding_forces]
+        images = m.contact_reversor.turned(along[:: m.contact_order], m.s, m.w)
+        if not any(all(vanishes(a - sign * b) for a, b in zip(images, along, strict=True)) for sign in (1, -1)):
+            raise Unproved(f"the force on {name} is not the same, or the negative, at the mirror image of a state")
+        for sign in (1, -1):
+            left = [mu * force + sign * each for force, each in zip(m.contact_force, along, strict=True)]
+            room = contact.chain(left, 1)
+            if not contact.first(room, 0).contains(0):
+                raise Unproved(f"the force on {name} does not vanish at landing")
+            contact.check_positive(room, zero_at_start=1)
+
+
 def _check_end(half: HalfOrbit, contact: Motion) -> None:
     """Of a contact of one coordinate, what vanishes in mid-contact does so there first: its rate, or its place beside
     the centre where the reversor of the contact takes it to the other side; of several, the equations require all."""
     m, laws = half.mechanics, len(contact.leg.rates)
-    if m.size == 2:
+    if len(m.s) == 1:
         (middle,) = m.contact_reversor.fixed(m.s, m.w)
         value = contact.first(contact.chain([middle] * laws, 0), 0)
         if value.contains(0):

@@ -9,11 +9,11 @@ from ..exact.bounds import Enclosure
 from ..exact.claim import Claim
 from ..exact.outward_decimals import bounds_of_fractions, radius_of
 from ..exact.refusal import Unproved
-from ..exact.stated import Bounds, Decimals, StatedMachine, stated_machine
+from ..exact.stated import Bounds, Decimals, StatedMachine
 from ..running.time_limit import time_limit
 from .case import CONDITIONS, REFUTED, UNDECIDED, check_mirrored, not_stated, whole_proof
 from .theorem import Proof
-from .wording import enclosed_words, equations_words, motion_sentence
+from .wording import motion_sentence, solved_words
 
 # Intervals are halved at most this many times where they are too wide for one proof.
 HALVINGS_OF_INTERVALS = 4
@@ -34,13 +34,13 @@ def _proof_of(
 ) -> Proof:
     began = time.perf_counter()
     try:
-        stated = stated_machine(claim.machine, parameters)
+        stated = claim.stated(parameters)
     except Unproved as error:
         return not_stated(claim.machine, error, dict.fromkeys(CONDITIONS if motion else (), UNDECIDED))
     whole = whole_proof(claim, stated, digits, motion, loss, attraction)
     if whole.proved or not stated.wide or attraction or REFUTED in whole.conditions.values() or claim.contradictions:
         return whole
-    own = stated_machine(claim.machine, {}).parameters
+    own = claim.stated({}).parameters
     if not _contain(stated, own):
         return whole
     parts = _parts(claim, stated, own, (digits, motion, loss), HALVINGS_OF_INTERVALS)
@@ -95,8 +95,7 @@ def _joined(parts: Sequence[Proof], stated: StatedMachine) -> Proof:
     enclosures = {name: _union([part.enclosures[name] for part in parts]) for name in first.enclosures}
     unknowns = {name: _union([part.parts[0].unknowns[name] for part in parts]) for name in first.parts[0].unknowns}
     radius = min((part.uniqueness_radius or "0" for part in parts), key=Decimal)
-    each = "For each value of the parameters in their intervals"
-    solved = f"{each} the {equations_words(unknowns)} have a solution with {enclosed_words(unknowns)}"
+    solved = solved_words(unknowns, True, stated)
     alone = f"no other solution has all unknowns within {radius} of the enclosures that hold in that part"
     unique = f"In each of {len(parts)} parts of the intervals {alone}"
     same = {part.family for part in parts}

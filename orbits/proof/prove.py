@@ -4,7 +4,7 @@ All of them need python-flint, of the extra `proof`, which is imported when it i
 """
 
 import decimal
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from importlib.util import find_spec
@@ -37,6 +37,8 @@ def prove(
     motion: bool = True,
     loss: bool = False,
     attraction: bool = False,
+    tune: str | Iterable[str] | None = None,
+    at: Mapping[str, Decimal] | None = None,
     limit: float = LIMIT,
 ) -> Proof:
     """Prove an orbit by interval arithmetic: that it exists, that no other is nearby, that the error of its alpha is at
@@ -52,6 +54,9 @@ def prove(
     loss : whether to enclose the loss coefficient too
     attraction : whether to prove too that each launch above alpha, up to a distance that is determined, converges to
         it by hopping; this encloses the loss coefficient, and the losses of those launches
+    tune : names of parameters that are unknowns of the theorem, which encloses them; None for those that the orbit was
+        tuned by, if there are equations for all that it was tuned to. Where a coordinate sticks, the step is one too
+    at : exact decimals of quantities by name, as {"speed": "0.4"}; None for what the orbit was tuned to
     limit : time limit in seconds; a statement not proved by then is reported as not proved
 
     The theorems, their lemmas and the trusted software are described in `orbits.proof`. If something is not proved, the
@@ -66,7 +71,7 @@ def prove(
     (True, 1, True)
     """
     need_flint()
-    claim = claim_of(orbit, machine, list(parameters or {}))
+    claim = claim_of(orbit, machine, list(parameters or {}), tune, at)
     check_machine(claim.machine)
     refuse_hysteresis(claim.machine.model)
     from .case import checked_digits

@@ -119,7 +119,7 @@ class Proof(Result, what="proof", document_is_whole=True, undrawn="a theorem has
 
     def document(self) -> Document:
         """The proof as a JSON document; proved bounds are decimals, as text."""
-        missing = dict.fromkeys(("alpha", "flight_time", "contact_time"))
+        missing, tuned = dict.fromkeys(("alpha", "flight_time", "contact_time")), self.stated.get("tuned", ())
         return {
             "format": self.form(),
             "kind": self.kind,
@@ -130,7 +130,7 @@ class Proof(Result, what="proof", document_is_whole=True, undrawn="a theorem has
             "parts": [part.document() for part in self.parts],
             "enclosures": {name: [each.low, each.high] for name, each in self.enclosures.items()},
             **missing,
-            **{name: each.document() for name, each in self.enclosures.items()},
+            **{name: each.document() for name, each in self.enclosures.items() if name not in tuned},
             "radius": self.radius,
             "uniqueness_radius": self.uniqueness_radius,
             "family": self.family,

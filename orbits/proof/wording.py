@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 
 from ..exact.bounds import Enclosure
+from ..exact.outward_decimals import decimal_text
+from ..exact.stated import StatedMachine
 from .attraction import Attraction
 
 # The statement of each condition of a motion, where it is proved.
@@ -18,6 +20,9 @@ CONDITIONS_OF_STEPS = {
     "opens, throughout the contact",
     "contact_force": "each point that stands in contact pushes throughout the open contact",
     "contact_end": "the contact comes to its middle, and ends in a lift-off that is the image of the landing",
+    "heights": "each height, but for that of the contact point, stays positive over the whole cycle",
+    "friction": "the force on what sticks is below the coefficient of friction times the contact force throughout the "
+    "open contact, and so are their derivatives where both vanish, at its two ends",
 }
 
 
@@ -31,12 +36,25 @@ def enclosed_words(enclosures: Mapping[str, Enclosure]) -> str:
     return "; ".join(f"{name.replace('_', ' ')} in {value}" for name, value in enclosures.items())
 
 
-def root_sentence(unknowns: Mapping[str, Enclosure], uniqueness: str, wide: bool) -> str:
-    """The sentences on existence and uniqueness."""
-    values = "For each value of the parameters in their intervals the" if wide else "The"
+def root_sentence(
+    unknowns: Mapping[str, Enclosure], uniqueness: str, wide: bool, stated: StatedMachine | None = None
+) -> str:
+    """The sentences on existence and uniqueness; for a machine with tuned parameters, of these too."""
     names = ", ".join(name.replace("_", " ") for name in unknowns)
     others = f"No other solution has all of these ({names}) within {uniqueness} of these enclosures"
-    return f"{values} {equations_words(unknowns)} have a solution with {enclosed_words(unknowns)}. {others}."
+    return f"{solved_words(unknowns, wide, stated)}. {others}."
+
+
+def solved_words(unknowns: Mapping[str, Enclosure], wide: bool, stated: StatedMachine | None = None) -> str:
+    """The statement that there is a solution, and for a machine with tuned parameters that there are such numbers."""
+    each, solution = "For each value of the parameters in their intervals", f"with {enclosed_words(unknowns)}"
+    if stated is None or not stated.tuned:
+        return f"{f'{each} the' if wide else 'The'} {equations_words(unknowns)} have a solution {solution}"
+    exact = " and ".join(f"{name.replace('_', ' ')} = {decimal_text(value)}" for name, value in stated.prescribed)
+    tuned, *more = (name.replace("_", " ") for name in stated.tuned)
+    there = f"are numbers {', '.join((tuned, *more))}" if more else f"is a number {tuned}"
+    equations = f"{equations_words(unknowns)}{f' with {exact}, exactly,' if exact else ''}"
+    return f"{f'{each} there' if wide else 'There'} {there} for which the {equations} have a solution {solution}"
 
 
 def equations_words(unknowns: Mapping[str, Enclosure]) -> str:

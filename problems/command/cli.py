@@ -81,10 +81,7 @@ def orbits() -> None:
 @click.option("--method", metavar="NAME", help="Use 'closed form', 'relative', 'half orbit' or 'shooting'.")
 @options.start_option
 @options.tune_option
-@click.option(
-    "--at", "prescribed", metavar="NAME=VALUE", multiple=True,
-    help="The value of a quantity of the orbit, as period, frequency, alpha, clearance or body_rise; repeatable.",
-)  # fmt: skip
+@options.at_option
 @click.option("--allow-inadmissible", is_flag=True, help="Exit with 0 even if the orbit is not a motion.")
 @options.limit_option
 @options.json_option
@@ -137,13 +134,15 @@ def find_command(
 @click.option("--along", metavar="NAME", help="Prove the family along a parameter as one curve, with its folds.")
 @click.option("--from", "start", type=float, metavar="A", help="The parameter's first value; default: that of --set.")
 @click.option("--to", "stop", type=float, metavar="B", help="The parameter's last value.")
+@options.tune_option
+@options.at_option
 @options.limit_option
 @options.json_option
 @options.file_option("--save", "result", "Save the proof (.json).")
 def prove_command(
     family: int, hop: str | None, intervals: tuple[str, ...], digits: int | None, loss: bool, attraction: bool,
-    inject: str | None, near: float | None, along: str | None, start: float | None, stop: float | None, limit: float,
-    as_json: bool, save: str | None, **stated: Any,
+    inject: str | None, near: float | None, along: str | None, start: float | None, stop: float | None,
+    tune: tuple[str, ...], prescribed: tuple[str, ...], limit: float, as_json: bool, save: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Prove by interval arithmetic that a lossless orbit exists, that no other is nearby, and that it is a motion.
 
@@ -151,16 +150,20 @@ def prove_command(
 
     The numbers of --set and --between are the exact decimals that are written; other numbers are the shortest decimals
     of floats. With --between the theorem holds for each value of a parameter between two decimals; with --along the
-    orbits between two values of a parameter are proved to be one curve. Needs python-flint:
+    orbits between two values of a parameter are proved to be one curve. With --tune and --at, numbers of the machine
+    are unknowns of the theorem, and quantities have exactly the decimals that are written. Needs python-flint:
     pip install 'persistent-orbits[proof]'.
     """
     from orbits.errors import InputError
+    from orbits.exact.claim import QUANTITIES
     from orbits.periodic.find import find
     from orbits.proof.prove import prove
     from orbits.return_map.proofs import prove_fixed_point
 
     if (inject is None) != (near is None) or ((loss or attraction) and inject is not None):
         raise InputError("--inject EPS and --near ALPHA go together, and without --loss and --attraction")
+    if (tune or prescribed) and (inject is not None or along is not None):
+        raise InputError("--tune and --at are for one orbit: they go with neither --along nor --inject")
     if hop is not None and (inject is not None or along is not None):
         raise InputError("--start is for one orbit: it goes with neither --along nor --inject")
     exact = options.exact_parameters(stated["settings"], intervals)
@@ -175,11 +178,19 @@ def prove_command(
         machine = options.machine_of(**options.with_middles(stated, intervals))
         proof = prove_fixed_point(machine, near, inject, digits=digits, parameters=exact, limit=limit)
     else:
+        stated, tuned = options.with_tuned(stated, tune)
         machine = options.machine_of(**options.with_middles(stated, intervals))
+        at = options.named_values(prescribed, "--at")
         with options.progress() as report:
             first = options.started(machine, hop)
-            orbit = find(machine, None if first else family, start=first, progress=report, limit=limit)
-        proof = prove(orbit, digits, parameters=exact, loss=loss, attraction=attraction, limit=limit)
+            orbit = find(
+                machine, None if first else family, start=first, progress=report, limit=limit, tune=tuned, at=at or None
+            )
+        exact = {name: value for name, value in exact.items() if name not in (tuned or ())}
+        decimals = {name: options.exact_parameters(prescribed, ())[name] for name in at if name in QUANTITIES}
+        proof = prove(
+            orbit, digits, parameters=exact, loss=loss, attraction=attraction, at=decimals or None, limit=limit
+        )
     options.write(proof, as_json, save=save)
     if not proof.proved:
         raise click.exceptions.Exit(1)

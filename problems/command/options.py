@@ -94,6 +94,12 @@ tune_option = click.option(
 )  # fmt: skip
 
 
+at_option = click.option(
+    "--at", "prescribed", metavar="NAME=VALUE", multiple=True,
+    help="The value of a quantity of the orbit, as period, frequency, alpha, clearance or body_rise; repeatable.",
+)  # fmt: skip
+
+
 def family_option(text: str) -> Callable:
     """The option that selects a family."""
     return click.option("--family", type=click.IntRange(1), default=1, show_default=True, metavar="N", help=text)
