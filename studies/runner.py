@@ -120,8 +120,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, object]:
                                                       strict=True))  # fmt: skip
         least.plot([*numbers[f"friction {foot_mass:g}"]], frictions, "o-", ms=3, lw=0.8, color=colour,
                    label=f"foot {foot_mass:g}")  # fmt: skip
-        if runs:
-            print(f"  foot {foot_mass:g}, speed {SPEED:g}: friction {min(frictions):.4f} is the least of {len(runs)} legs")
+        print(f"  foot {foot_mass:g}, speed {SPEED:g}: the least friction of {len(runs)} legs is {min(frictions):.4f}")
     least.set(xlabel="rest length of the leg", ylabel="friction needed", title=f"at the speed {SPEED:g}")
     for axes in np.ravel(panels):
         legend_below(axes)
@@ -129,9 +128,8 @@ def main(folder: Path, quick: bool = False) -> dict[str, object]:
     print(f"  figure: {save_figure(where, folder / 'runner.png')}\n")
     heavy = numbers["in SI"] = in_si()
     tuned = heavy.source.values
-    print(f"  60 kg on a leg of 1 m: {heavy.speed:.4f} m/s in flight, {heavy.mean_speed:.4f} m/s on the whole, steps of")
-    print(f"  {heavy.step:.4f} m, inertia {tuned['inertia']:.4f} kg m^2, hip {tuned['hip_stiffness']:.2f} N m, friction"
-          f" {heavy.certificate.friction_needed:.4f}")  # fmt: skip
+    print(f"  60 kg on a leg of 1 m: {heavy.speed:.4f} m/s in flight, {heavy.mean_speed:.4f} m/s on the whole;")
+    print(f"  step {heavy.step:.4f} m, inertia {tuned['inertia']:.4f} kg m^2, hip {tuned['hip_stiffness']:.2f} N m")
     run = numbers["run"] = find(runner(), tune=TUNED, at={"speed": SPEED})
     print(f"  animation: {in_few_colours(run.animate(folder / 'runner.gif', frames=4 if quick else 84))}")
     return numbers
