@@ -205,12 +205,11 @@ def shuttle(
     """
     stated = {"inertia": inertia, "body_inertia": body_inertia, "stiffness": stiffness}
     if own := _in_si("shuttle", stated, (inertia_ratio, gravity_ratio)):
-        own |= {
-            "angle": _positive("angle", angle, pi / 2),
-            "mass": mass,
-            "length": length,
-            "surface_gravity": surface_gravity,
-        }
+        for name, value in (("mass", mass), ("length", length)):
+            if number(name, value) < 0:
+                raise InputError(f"{name} = {value:g} is below 0; it is 0 for a shuttle in balance")
+        own |= {"angle": _positive("angle", angle, pi / 2), "mass": mass, "length": length}
+        own["surface_gravity"] = surface_gravity
         force: Element = Weight(HUB, "mass")
         heights: dict[str, str] | None = {"end": HUB}
         turned, gravity = "inertia", "surface_gravity"

@@ -108,7 +108,7 @@ class LawFigure:
         style = {"size": 9, "fill_color": COLOURS[1], "line_color": "white"}
         dot = figure.scatter("extension", "force", source=self._liftoff, **style)
         item = models.LegendItem
-        named = {"spring": line, "used by the hop": strip, "lift-off": dot}
+        named = {"spring": line, "used": strip, "lift-off": dot}
         legend_above(figure, *(item(label=name, renderers=[renderer]) for name, renderer in named.items()))
         tips = [("extension", "@extension{%.5g}"), ("force", "@force{%.5g}")]
         figure.add_tools(hover([line], tips, mode="vline"))
