@@ -24,6 +24,7 @@ TIMES_IN_PLANE = 60  # of a cycle, for a page
 MOST_CYCLES, ALIKE = 12, 1e-6  # cycles on a page until a machine looks as at first, and its change, for its size
 BEHIND = 2  # cycles whose path is drawn behind a machine on a page
 EDGE, WALL = "#4c4c4c", "#8c8c8c"  # colours of the ground's edge and of what is fixed
+LEGEND_WIDTH = 4.5  # inches that three names in a row need
 GAP = 1.2  # between instants side by side, in widths of the machine
 
 
@@ -203,7 +204,7 @@ def plot_in_plane(orbit: "Orbit", axes: Axes | None = None) -> Axes:
         for each in moved:
             label = None if each.outline.name in named or each.outline.fixed else plain(each.outline.name)
             named.add(each.outline.name)
-            _artist(axes, each, _at(each, i), label)
+            _artist(axes, each, _drawn_points(each, i), label)
     middles = 0.5 * (ranges[:, 1].max(0) + ranges[:, 0].min(0)) + aside
     for x, (time, words) in zip(middles, instants.items(), strict=True):
         text = f"{words}\nt = {time:.3g}{seconds.replace('(', '').replace(')', '')}"
@@ -231,15 +232,16 @@ def animate_in_plane(
     for each in paths:
         label = None if each.outline.name in named or each.outline.fixed else plain(each.outline.name)
         named.add(each.outline.name)
-        artists.append(_artist(axes, each, _at(each, 0), label))
+        artists.append(_artist(axes, each, _drawn_points(each, 0), label))
     label = axes.set_title("contact", fontsize="small")
-    axes.legend(frameon=False, fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.02), ncols=3)
+    columns = 3 if wide > LEGEND_WIDTH else 2
+    axes.legend(frameon=False, fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.02), ncols=columns)
     axes.figure.canvas.draw()
     axes.figure.set_layout_engine("none")  # the layout is made once, not again for every frame
 
     def draw(i: int) -> tuple:
         for each, artist in zip(paths, artists, strict=True):
-            _move(artist, each, _at(each, i))
+            _move(artist, each, _drawn_points(each, i))
         label.set_text(words[i])
         return *artists, label
 
@@ -283,7 +285,7 @@ def _draw_ground(axes: Axes, machine: Any, across: tuple[float, float], low: flo
         axes.plot(*line.T, color=EDGE, lw=1.5, zorder=1)
 
 
-def _at(path: PlanePath, i: int) -> np.ndarray:
+def _drawn_points(path: PlanePath, i: int) -> np.ndarray:
     """The points that are drawn of an outline at the time of a number."""
     return path.points[: i + 1, 0] if path.outline.traced else path.points[i]
 

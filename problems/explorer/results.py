@@ -28,8 +28,8 @@ COBWEB = 80  # hops
 # The map of a machine that steps is drawn from and to these multiples of the range that leads to its lossless step, by
 # whether landings bounce above it, not below; at a few launches and then at more, each of which takes some 10 ms, and
 # 500 ms where feet take over from each other often.
-BESIDE, SAMPLES_BESIDE = {True: (-1.0, 1.5), False: (-0.1, 1.5)}, (13, 61)
-ROUNDED = 1e-12  # a range that is a smaller share of the launch speed is lost in rounding
+RANGE_BESIDE, SAMPLES_BESIDE = {True: (-1.0, 1.5), False: (-0.1, 1.5)}, (13, 61)
+HIDDEN = 1e-12  # a range that is a smaller share of the launch speed is lost in rounding
 WITH_BOUNCE = 10.0  # the factor of a loss with one bounce
 
 
@@ -212,8 +212,8 @@ def _map_of_steps(step: ReturnMap, orbit: Orbit, launch: float | None, samples: 
         raise InputError("the loss beside this step has no coefficient, as where a landing with a speed loses nothing")
     above = found.bounce_side == "above"
     factor = (found.bounce_factor or WITH_BOUNCE) if above else 1.0
-    low, high = (share / (factor * found.loss_coefficient) ** 3 for share in BESIDE[above])
-    if high < ROUNDED * orbit.alpha:
+    low, high = (share / (factor * found.loss_coefficient) ** 3 for share in RANGE_BESIDE[above])
+    if high < HIDDEN * orbit.alpha:
         raise InputError(f"launches that come back to this step are at most {high:.2g} faster, which rounding hides")
     data = map_data(step, low, high, centre=orbit.alpha, start=launch, hops=COBWEB, samples=samples)
     faster = data.alpha > 0

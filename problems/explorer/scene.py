@@ -229,7 +229,7 @@ class Scene:
 
     def _complete_steps(self) -> "Scene":
         """The same of a machine that steps."""
-        free = (*OPTIONAL_OF_STEPS, *(() if self.si else ("angle",)))  # without units no angle is for small ones
+        free = (*(() if self.si else ("angle",)), *OPTIONAL_OF_STEPS)  # without units no angle is for small ones
         own = BEGINNINGS[self.machine, self.si]["numbers"]
         needed = {name: value for name, value in own.items() if name not in free}
         needed |= {name: value for name, value in _names_in(self.spring).items() if name not in own}
@@ -240,17 +240,7 @@ class Scene:
     def statement(self) -> dict[str, Any]:
         """The scene's machine as a machine file states one, with a file's name in place of measured rows."""
         if self.steps:
-            own = SI_KEYS_OF_STEPS[self.machine] if self.si else []
-            whole = {
-                name: int(value) for name, value in self.numbers.items() if name == "spokes" and value.is_integer()
-            }
-            numbers = {**self.numbers, **whole}
-            si = {name: numbers[name] for name in own if name in numbers}
-            others = {name: value for name, value in numbers.items() if name not in si}
-            stated = {"si": si, "parameters": others}
-            plain = self.spring.replace(" ", "") == BEGINNINGS[self.machine, self.si]["spring"]
-            words = {"machine": self.machine} | ({} if plain else {"spring": self.spring})
-            return words | {name: values for name, values in stated.items() if values}
+            return self._statement_of_steps()
         numbers, masses = dict(self.numbers), MASSES[self.machine]
         own = (*masses, *SI_KEYS[:-1]) if self.si else ("mass_ratio", "rest_length")
         stated = {name: numbers.pop(name) for name in own if name in numbers}
@@ -264,6 +254,17 @@ class Scene:
         words: dict[str, object] = {"machine": self.machine, **laws, **losses}
         words |= {"si": stated} if self.si else stated
         return words | ({"parameters": numbers} if numbers else {})
+
+    def _statement_of_steps(self) -> dict[str, Any]:
+        """The same of a machine that steps."""
+        numbers: dict[str, float] = {**self.numbers}
+        if (spokes := numbers.get("spokes", 0.5)).is_integer():
+            numbers["spokes"] = int(spokes)
+        names = SI_KEYS_OF_STEPS[self.machine] if self.si else []
+        si = {name: numbers.pop(name) for name in names if name in numbers}
+        plain = self.spring.replace(" ", "") == BEGINNINGS[self.machine, self.si]["spring"]
+        words: dict[str, Any] = {"machine": self.machine} | ({} if plain else {"spring": self.spring})
+        return words | ({"si": si} if self.si else {}) | ({"parameters": numbers} if numbers else {})
 
     def build(self, python_machine: Any = None) -> Any:
         """The machine of the scene, which is `python_machine` with other numbers where no statement makes it; raises

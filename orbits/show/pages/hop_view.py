@@ -93,7 +93,9 @@ def hop_data(orbit: "Orbit") -> HopData:
         time = np.append(time, np.linspace(orbit.flight_time, orbit.period, count // 2)[1:])
         try:
             force, why = orbit.contact_force(time), ""
-            if LANDED_FORCE in orbit.contact.names:  # at the end of the contact, before the points change their names
+            if (
+                orbit.contact is not None and LANDED_FORCE in orbit.contact.names
+            ):  # at the end of the contact, before the points change their names
                 landed = orbit.contact_force(np.minimum(time, np.nextafter(orbit.period, 0)), landed=True)
         except InputError as error:
             why = str(error)
