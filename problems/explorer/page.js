@@ -133,6 +133,7 @@ window.startExplorer = (bridge, figures) => {
       $("certificate").innerHTML = state.table;
     }
     for (const id of ["machine-text", "family-text", "map-text", "link-text", "python", "file"]) write(id, state[id]);
+    $("map-hint").hidden = !figures.map.visible;
     $("undo").disabled = !state.undo;
     $("lowest").hidden = !state.lowest;
     $("save-rows").hidden = !state.scene.rows;

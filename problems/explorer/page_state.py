@@ -154,7 +154,10 @@ def _about_the_picture(hop: HopResult | None) -> str:
     if plane is not None:
         return "It touches on one side and then on the other, and never lands with a speed."
     if turns:
-        return "For small angles there is no picture in the plane: the angles are in units of that one."
+        return (
+            "For small angles there is no picture in the plane. Angles are in units of half that between two spokes or "
+            "walls, and of a block in units of its width over its height."
+        )
     return "The foot comes to the ground with neither a speed nor an acceleration, and so loses nothing."
 
 
