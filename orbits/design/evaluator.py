@@ -1,8 +1,8 @@
 """The outputs of a design at many points together, with exact derivatives.
 
 The unknowns u of the simplest statement of an orbit are functions of the parameters theta by its equations. All else
-follows: an extreme is stationary at its place, and the middle of the contact is where its speed vanishes, or half its
-time is one of the unknowns, so that derivatives of states at fixed times suffice.
+follows: an extreme is stationary at its place, and in the middle of the contact its speed or its place vanishes, or
+half its time is one of the unknowns, so that derivatives of states at fixed times suffice.
 """
 
 from collections.abc import Callable

@@ -61,7 +61,7 @@ def orbit_function(
         launch     (j,)    unknowns of the launch, named by `machine.model.launch_unknowns`: "liftoff", "alpha", ...
         durations  (2,)    of flight and contact
         quantities (q,)    unless there are none
-        states     (n, m)  flight states at the times, unless m is 0
+        states     (n, m)  flight states at the times, unless m is 0; of a machine that steps as `Orbit` has them
 
     in the machine's units. Each call finds and certifies an orbit, which need not be admissible: bound quantities such
     as "clearance" and "smallest_contact_force" where it has to be. Where it cannot be followed, the call raises
