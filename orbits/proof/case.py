@@ -37,9 +37,6 @@ ERRORS_OF_ALPHA, CLAIM_ROUNDINGS = 2.0, 8 * 2.0**-52
 # Its other numbers are correct to this share of them plus this multiple of its error: the orbit bounds no errors of
 # theirs, and they are correct to some roundings.
 SHARE_OF_OTHERS, ERRORS_OF_OTHERS = 1e-11, 1e3
-# Flights beside an upright position spread fast: the box about a numerical solution that is tried first, as a share of
-# the unknowns, is one that the second program can follow too.
-SHARE_OF_STEPS = 2.0**-34
 NO_CONTACT = "the orbit has no contact that ends, of which anything could be proved"
 PROVED, REFUTED, UNDECIDED = "proved", "refuted", "undecided"
 MAIN_UNKNOWNS = ("alpha", "flight_time", "contact_time")
@@ -186,8 +183,7 @@ def existence_of(claim: Claim, stated: StatedMachine, with_contact: bool, digits
         raise Unproved(f"the orbit has no {missing[0]}")
     equations = Equations(statement, IntervalParameters(stated.parameters))
     guess = [claim.unknowns[name] / float(half.unit_of(name)) for name in statement.unknowns]
-    boxes = [[arb(SHARE_OF_STEPS) * (1 + abs(each)) for each in guess]] if stated.steps else []
-    root = prove_root(equations, guess, bits_of_digits(digits), boxes)
+    root = prove_root(equations, guess, bits_of_digits(digits))
     equations.check_domains(root.evaluated.passages)
     with ctx.workprec(bits_of_digits(digits) + FIRST_BITS):
         units = [ball_of_fraction(half.unit_of(name)) for name in statement.unknowns]
