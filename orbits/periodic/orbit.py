@@ -20,7 +20,7 @@ from ..numerics.polynomial_roots import lowest
 from ..result import TABLE_ROWS, Axes, Report, Result, Row, is_of, shown
 from ..tables import VIOLATED, machine_numbers
 from ..units import Units, in_units, saved_units
-from .certificate import LIFTS, Certificate
+from .certificate import Certificate
 from .cycle_shape import Shape, mirrored
 from .quantities import QUANTITIES
 from .saved_orbit import (
@@ -328,7 +328,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
                 "{}   +- {:.1e}",
             )
             yield Row("friction needed", numbers, (text,))
-        elif (least := c.smallest_stance_force) is not None and least <= 0 and LIFTS not in " ".join(c.violations):
+        elif (least := c.smallest_stance_force) is not None and least <= 0 and c.stance_judged is False:
             remedy = "; state share=" if "share" in self.machine.get("parameters", {}) else ""
             text = f"not judged (smallest force {{:.3g}}){remedy}"
             yield Row("standing foot", {"smallest_stance_force": least}, (text,))

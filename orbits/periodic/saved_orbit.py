@@ -22,7 +22,10 @@ DOCUMENT_FIELDS = (
     "seconds",
 )
 # Further fields of the orbit of a machine whose points of contact take turns.
-FIELDS_OF_STEPS = ("bounce_factor", "friction_needed", "friction_error", "friction_time", "smallest_stance_force")
+FIELDS_OF_STEPS = (
+    *("bounce_factor", "friction_needed", "friction_error", "friction_time"),
+    *("smallest_stance_force", "stance_judged"),
+)
 # The fields of an orbit's file besides those of the machine.
 OTHER_FIELDS = {*DOCUMENT_FIELDS, *FIELDS_OF_STEPS, "format", "motion", "units", "si", "bare"}
 
