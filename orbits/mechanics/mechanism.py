@@ -94,7 +94,7 @@ class Mechanism(Stated):
     bounds : the least and the largest value of parameters, by name, that such machines have
     drawing : a `Drawing` of the machine in the plane, for figures; None for masses on one vertical line
     words : the name of the "liftoff" force in messages, the texts of a violated "gap", "pull", "separation" and "end",
-        where points take turns also those of a violated "landing gap", "landed pull" and "stance", "" for a "stance"
+        of a machine that steps also those of a violated "landing gap", "landed pull" and "stance", "" for a "stance"
         that is not judged, and the text to look after where a search finds "none"
 
     Raises `InputError` for an unknown name, for statements that do not describe a mechanism, and for masses, inertias,

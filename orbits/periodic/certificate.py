@@ -70,8 +70,8 @@ class Certificate:
         deviation of a row's force; else None
     bounce_side : "above" or "below", the side of alpha on which hops land with a bounce; None where the loss is not
         known to differ from 0
-    bounce_factor : what a hop loses on that side over what it loses on the other, where feet take over from each other
-        at a landing with a speed; None for 10, where none does
+    bounce_factor : what a hop loses on that side over what it loses on the other, where a landing with a speed is a
+        hand-over; None for 10, where it is not
     friction_needed : the largest share of the force across the ground in that along it, over the phases in which
         something stands; None where the machine does not state where its masses are across, and where a foot lifts
     friction_error, friction_time : an estimate of its error, and the time in the cycle at which it is needed first

@@ -42,8 +42,8 @@ BOUNCES = {"below": "   ({} C below)", "above": "   ({} C above)"}  # where it i
 class Orbit(Result, what="orbit", printed_digits=15):
     """A lossless periodic motion: flight from time 0 to `flight_time`, then contact to `period`.
 
-    Where its points of contact take turns, the motion is periodic up to the relabelling after each landing, and the
-    states are in the labels of the present stance: they jump at the landing, see `unrolled`.
+    Of a machine that steps, the motion is periodic up to the relabelling after each landing, and the states are in the
+    labels of the present stance: they jump at the landing, see `unrolled`.
 
     alpha : launch speed
     liftoff_extension : of the spring, at lift-off and landing
@@ -142,8 +142,8 @@ class Orbit(Result, what="orbit", printed_digits=15):
     def rises(self) -> dict[str, float]:
         """The largest rise of each of the shape's heights above its value at lift-off in flight, by name."""
         halves, found = [self.flight.coefficients], dict[str, float]()
-        if self.shape.steps and self.shape.reversor:
-            back = SignedShift(self.shape.reversor, lambda p: self.shape.shifts[0] or ())
+        if (steps := self.shape.steps) and self.shape.reversor:
+            back = SignedShift(self.shape.reversor, lambda p: steps.reversor_shift)
             halves.append(back.rows(halves[0], {}))
         for name, height in self.shape.heights.items():
             each = [height.series(c) for c in halves]
@@ -168,22 +168,23 @@ class Orbit(Result, what="orbit", printed_digits=15):
         if not np.isfinite(times).all():
             raise InputError("times must be finite numbers")
         shape = self.shape
+        back, there = (shape.steps.reversor_shift, shape.steps.contact_shift) if shape.steps else (None, None)
         if self.contact is None or self.contact_time is None:
             # The end of the flight may be requested by a rounded time.
             if times.size and not (times.min() >= 0 and times.max() <= self.flight_time * (1 + 1e-12)):
                 unit = " s" if self.scales else ""
                 raise InputError(f"the contact never ends: times lie between 0 and {self.flight_time:g}{unit}")
-            return mirrored(self.flight, times, self.flight_time, shape.reversor, shape.shifts[0])
+            return mirrored(self.flight, times, self.flight_time, shape.reversor, back)
         times = np.mod(times, self.period)
-        flying = mirrored(self.flight, times, self.flight_time, shape.reversor, shape.shifts[0])
-        signs, shift = shape.contact_reversor, shape.shifts[1]
-        standing = mirrored(self.contact, times - self.flight_time, self.contact_time, signs, shift)
+        flying = mirrored(self.flight, times, self.flight_time, shape.reversor, back)
+        since = times - self.flight_time
+        standing = mirrored(self.contact, since, self.contact_time, shape.contact_reversor, there)
         standing = standing[..., : shape.embed.shape[1]] @ shape.embed.T
         return np.where((times <= self.flight_time)[..., None], flying, standing)
 
     def unrolled(self, t: ArrayLike) -> np.ndarray:
-        """Flight states (..., n) at times `t` (...) in the labels of the first flight: of a machine whose points of
-        contact take turns they go on smoothly from step to step. Raises `InputError` as a call does."""
+        """Flight states (..., n) at times `t` (...) in the labels of the first flight: of a machine that steps they go
+        on smoothly from step to step. Raises `InputError` as a call does."""
         states, times = self(t), np.asarray(t, dtype=float)
         if self.contact_time is None:
             return states
@@ -193,8 +194,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
     def contact_force(self, t: ArrayLike, *, landed: bool = False) -> np.ndarray:
         """The contact force (...) at times `t` (...), positive where it presses; 0 in flight.
 
-        landed : whether that on the point that has landed, of a machine whose points take turns, not that on the one
-            that opens next
+        landed : whether that on the point that has landed, of a machine that steps, not that on the one that opens next
 
         Raises `InputError` for times at which the orbit has no states, and for a motion that was saved without its
         force.

@@ -21,7 +21,7 @@ DOCUMENT_FIELDS = (
     *("stable_side", "bounce_side", "unfolding", "liftoff_extension", "state_mid_flight", "method", "skipped"),
     "seconds",
 )
-# Further fields of the orbit of a machine whose points of contact take turns.
+# Further fields of the orbit of a machine that steps.
 FIELDS_OF_STEPS = (
     *("bounce_factor", "friction_needed", "friction_error", "friction_time"),
     *("smallest_stance_force", "stance_judged"),

@@ -41,8 +41,8 @@ STATUSES = {
     "out_of_range": "a law is needed where it is not defined, as outside a measured table",
     "lost": "the motion could not be followed, as when it takes too many steps",
     "cap": "there are too many impacts in one hop",
-    "rattles": "feet take over without a loss, as with small angles, and no contact ever holds: state the angle",
-    "unstated": "a foot lands with a speed, and how it takes over takes masses in the plane: state their Mass(across=)",
+    "rattles": "hand-overs lose nothing, as with small angles, and no contact ever holds: state the angle",
+    "unstated": "a foot lands with a speed, and a hand-over needs masses in the plane: state their Mass(across=)",
     "undecided": "after many bounces rounding decides how the hop ends",
     "invalid": "the launch speed is not a number above 0, or no launch has these numbers",
 }

@@ -160,7 +160,7 @@ def _build(statement: dict[str, Any]) -> MachineOfFile:
 
 
 def _stepping_machine(kind: str, statement: dict[str, Any]) -> Mechanism:
-    """A machine whose points of contact take turns."""
+    """A machine that steps."""
     if other := [name for name in statement if name in KEYS and name not in KEYS_OF_STEPS]:
         raise InputError(f"'{other[0]}' is of machines that hop: a {kind} has {', '.join(RATIOS)} and a spring")
     values, own = dict(statement.get("parameters", {})), statement.get("si")

@@ -172,9 +172,9 @@ def test_landings_without_a_law_end_the_motion():
     assert np.isnan(run.events[-1].loss)
     with pytest.raises(InputError, match="both feet of a wheel would be in the air"):
         simulate(wheel(MU, KAPPA, A, restitution=0.3), 0.35, hops=1)
-    with pytest.raises(InputError, match="take turns, but a spring with hysteresis"):
+    with pytest.raises(InputError, match="to another, but a spring with hysteresis"):
         simulate(wheel(MU, KAPPA, A, law=springs.lossy("r", loss_factor=0.01)), 0.35, hops=1)
-    with pytest.raises(InputError, match="take turns, but a schedule"):
+    with pytest.raises(InputError, match="to another, but a schedule"):
         simulate(wheel(MU, KAPPA, A), 0.35, hops=1, schedule=([0.0, 1.0], {"kappa": [0.5]}))
 
 
