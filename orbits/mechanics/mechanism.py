@@ -348,8 +348,9 @@ class Mechanism(Stated):
 
     @property
     def rest_length(self) -> float | None:
-        """The distance that must stay positive, where the machine rests with its springs unloaded; None without one."""
-        if self.separation is None:
+        """The distance that must stay positive, where the machine rests with its springs unloaded; None without one,
+        and of a machine that steps, where that is no length of a spring."""
+        if self.separation is None or not self.model.plain:
             return None
         at_rest = self.model.rest(self.values) if self.model.rest else np.zeros(len(self.model.flight.states))
         return float(self.model.separation(self.values)(at_rest))
@@ -357,7 +358,7 @@ class Mechanism(Stated):
     def describe(self) -> dict[str, Any]:
         """The machine as JSON-ready data."""
         springs = [element.force.text for element in self.elements if isinstance(element, Spring)]
-        length = {} if self.separation is None else {"rest_length": unit_text(LENGTH)}
+        length = {} if self.rest_length is None else {"rest_length": unit_text(LENGTH)}
         return {
             "machine": self.name,
             "spring": ", ".join(dict.fromkeys(springs)),

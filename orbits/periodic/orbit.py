@@ -13,7 +13,7 @@ from ..errors import InputError
 from ..flow.forces import spring_forces, units_of_springs
 from ..flow.trajectory import Trajectory
 from ..io import DIGEST, Changed, Document, has_digest, read_file, to_json, unsealed
-from ..model.machine import Machine, machine_in_words
+from ..model.machine import Machine, machine_in_words, title_of_machine
 from ..model.model import CONTACT_FORCE, LANDED_FORCE
 from ..model.symmetry import SignedShift
 from ..numerics.polynomial_roots import lowest
@@ -289,9 +289,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
         return {"machine": self.machine["machine"], **shown}
 
     def title(self) -> str:
-        machine = self.machine
-        laws = f"spring {machine['spring']}, gravity {machine['gravity']}"
-        return f"lossless orbit of family {self.family}: {machine['machine']}, {laws}"
+        return f"lossless orbit of family {self.family}: {title_of_machine(self.machine)}"
 
     def _rows(self) -> Iterator[Row]:
         """The machine, then the certificate: speed, times, distances, forces, the loss of a neighbouring hop, errors,
