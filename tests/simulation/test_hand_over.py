@@ -178,6 +178,12 @@ def test_landings_without_a_law_end_the_motion():
         simulate(wheel(MU, KAPPA, A), 0.35, hops=1, schedule=([0.0, 1.0], {"kappa": [0.5]}))
 
 
+def test_the_flight_of_a_block_that_has_fallen_over_does_not_end():
+    """A slow launch comes to rest on both edges, a fast one topples the block."""
+    found = ReturnMap(rocker(1.0, 0.5, 0.3))([0.3, 3.0])
+    assert found.status.tolist() == ["rests", "carried_off"]
+
+
 def test_a_slope_pays_for_the_losses_of_a_walk():
     steps = ReturnMap(downhill(1e-6, 0.8))
     lossless = find(wheel(MU, KAPPA, A, share=0.8)).alpha
