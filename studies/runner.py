@@ -23,7 +23,7 @@ from studies.walker import in_few_colours
 
 TUNED = ("inertia", "hip_stiffness")
 REGION = {"inertia": (0.5, 20.0), "hip_stiffness": (0.5, 20.0)}
-FOOT_MASSES = (0.05, 0.1, 0.2)
+FOOT_MASSES = (0.05, 0.1, 0.15)
 REST_LENGTHS = (3.7, 4.3, 5.2)
 SPEED, FIRST, FASTEST = 0.4, 0.05, 2.0
 # Of a runner in SI: 60 kg on a leg of 1 m, a foot of 6 kg, and the leg's stiffness that makes it the one of the paper's
