@@ -154,9 +154,7 @@ def _regulator(matrix: np.ndarray, effects: np.ndarray, effort: float) -> np.nda
     values, vectors = np.linalg.eig(matrix.T)
     reach = np.abs(vectors.T @ effects).max(1) / np.abs(effects).max()
     if (lost := (np.abs(values) > 1 - OUT_OF_REACH) & (reach < OUT_OF_REACH)).any():
-        raise NoOrbit(
-            f"the force does not change what grows with the multiplier {values[lost][0]:.6g}: no gain holds it"
-        )
+        raise NoOrbit(f"the force does not change what grows with the multiplier {values[lost][0]:.6g}: no gain holds it")
     cost = solve_discrete_are(matrix, effects, np.eye(len(matrix)), effort * np.eye(effects.shape[1]))
     return np.linalg.solve(effort * np.eye(effects.shape[1]) + effects.T @ cost @ effects, effects.T @ cost @ matrix)
 

@@ -100,9 +100,7 @@ def simulate(
         raise InputError(f"alpha = {alpha:g}; a launch speed is above 0")
     inputs = None if schedule is None else parsed_schedule(schedule)
     if feedback is not None and (inputs is not None or machine.model.one_speed):
-        wrong = (
-            "a launch that is a speed has none" if inputs is None else "a schedule and a feedback exclude each other"
-        )
+        wrong = "a launch that is a speed has none" if inputs is None else "a schedule and a feedback exclude each other"
         raise InputError(f"feedback: {wrong}")
     state = None if state is None else _checked_state(machine, state)
     return _simulated(machine, alpha, state, hops, float(time), inject, cap, inputs, feedback)
