@@ -16,7 +16,7 @@ from ..shooting.single_shooting import Shooting
 
 # The shortest step, as a share of that from one value to the next; and the largest change of an unknown by the
 # corrector, as a share of the largest unknown.
-SHORTEST_ADVANCE, FARTHEST_CORRECTED = 0.01, 0.1
+SHORTEST_ADVANCE, FARTHEST_CORRECTED = 0.05, 0.1
 
 
 @exclusive

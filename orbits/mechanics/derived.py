@@ -100,9 +100,15 @@ def linear_equations(structure: Structure, p: Parameters) -> LinearEquations:
 @exclusive
 def refuse_uneven_tables(structure: Structure, p: Parameters) -> None:
     """Raise `InputError` for a law in pieces that a step turns into another one."""
+    if _needs_odd_tables(structure):
+        refuse_uneven(_parts_of(structure).mechanics, p)
+
+
+@lru_cache(maxsize=64)
+def _needs_odd_tables(structure: Structure) -> bool:
+    """Whether a step turns motions back where laws in pieces are odd alone, which is decided once for all numbers."""
     parts = _parts_of(structure)
-    if parts.steps and parts.steps.reversible and parts.steps.refuse_forces(parts.mechanics):
-        refuse_uneven(parts.mechanics, p)
+    return bool(parts.steps and parts.steps.reversible and parts.steps.refuse_forces(parts.mechanics))
 
 
 def _parts_of(structure: Structure) -> "Parts":
