@@ -171,11 +171,12 @@ def _tangential(impacts: Impacts, start: tuple, lasted: float, landing: tuple, t
     exact = lasted - late - 0.5 * snap / jerk * late**2
     path, variations = impacts.flight.run(start[0], impacts.p, exact, seeds=start[1])
     x = path.end[: impacts.flight.size]
+    jerks = [each.rates(x[None], impacts.p)[0, 0] for each in (foot, *impacts.footing.held)]
+    shares = np.array(jerks) / jerks[0]
     if foot.labels:
         x, variations = foot.labels(x, impacts.values), np.array(foot.labels.signs)[:, None] * variations
     data = impacts.flight.data(x[None], impacts.p)[0]
     away, commutators = (each.full() for each in impacts.directions_of_landing(x, data))
-    shares = [1.0, *(float(each.rates(x[None], impacts.p)[0, 0] / jerk) for each in impacts.footing.held)]
     weights, speeds = np.array(impacts.gap.weights), [each.speed for each in impacts.footing.held]
     basis, rows = np.column_stack([away, commutators @ shares]), np.vstack([weights, gap_speed, *speeds])
     project = np.eye(len(x)) - basis @ np.linalg.solve(rows @ basis, rows)
