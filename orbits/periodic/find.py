@@ -1,7 +1,7 @@
 """Find one lossless orbit: the simplest statement that the machine allows, solved, measured and certified."""
 
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -21,7 +21,7 @@ from .certified import Solved, certified_orbit, corrector, known_solutions, solv
 from .family_search import Cells, Lateness
 from .homotopy import solve_by_homotopy
 from .orbit import Orbit, orbit_of, start_in_file
-from .run_start import run_start
+from .run_start import SLOW_SHARE, run_start
 from .tuned import (
     OF_STEPS,
     Tuning,
@@ -121,7 +121,7 @@ def _tuned_from(
     if not machine.model.sticks:
         start = _found_from(machine, family, start, method, progress)
     elif start is None:
-        start = starts_of_run(machine, family or 1, tuning)
+        start = _starts_of_run(machine, family or 1, tuning)
     if machine.model.sticks and tuning.extremes:  # other quantities are those of the start at first
         free = [name for name in ("speed", "alpha", "flight_time") if name not in tuning.values]
         values = {**tuning.values, **dict.fromkeys(free[: len(tuning.extremes)])}
@@ -161,7 +161,7 @@ def _solved_from(machine: Machine, tuning: Tuning, known: Any) -> Solved:
     """The solution with tuned parameters to which an orbit or a start leads, or the first of several starts that does;
     raises the error of the first where none does."""
     first: NoOrbit | None = None
-    for start in known if isinstance(known, list) else [known]:
+    for start in known if isinstance(known, Iterator) else [known]:
         bare = machine.units.dimensionless("start", start) if machine.units else start
         try:
             return solve_tuned(machine, tuning, stated_unknowns(machine.model, bare))
@@ -182,7 +182,7 @@ def first_tuned(
         known = _found_from(machine, family if known is None else None, known, method_of(machine.model), None)
     tuning = Tuning(tuned, values, {})
     if machine.model.sticks and known is None:
-        known = starts_of_run(machine, family, tuning)
+        known = _starts_of_run(machine, family, tuning)
     with without_units(machine.units):
         solved = _solved_from(machine, tuning, known)
     return None if machine.model.sticks else known.family, solved
@@ -398,21 +398,32 @@ def _same(a: Orbit, b: Orbit) -> bool:
     return np.allclose(x, y, rtol=SAME_ORBIT, atol=SAME_ORBIT * max(map(abs, x)))
 
 
-def starts_of_run(machine: Any, family: int, tuning: Tuning) -> list[dict[str, float]]:
+def _starts_of_run(machine: Any, family: int, tuning: Tuning) -> Iterator[dict[str, float]]:
+    """The starts of a run, slow ones first: from there the way to a faster run stays on its sheet, and one whose speed
+    is not prescribed may begin at any of them."""
+    direct = start_of_run(machine, family, tuning)
+    asked = any(tuning.values.get(name) for name in OF_STEPS)
+    for faster in FASTER_STARTS[: 1 if asked else None]:
+        slow = start_of_run(machine, family, tuning, np.copysign(faster, direct[STEP_LENGTH]))
+        yield min(slow, direct, key=lambda start: abs(start[STEP_LENGTH])) if asked else slow
+    yield direct
+
+
+def start_of_run(machine: Any, family: int, tuning: Tuning, faster: float | None = None) -> dict[str, float]:
     """The unknowns of a half orbit by name, with the step, where the search for a run of a machine begins: beside its
-    vertical hop of a family. Where nothing says how fast it is, several of them, the slowest first. All is in the
-    machine's units."""
+    vertical hop of a family. All is in the machine's units.
+
+    faster : the multiple of a slow speed at which it begins; None for what the tuning says, or 1
+    """
     units, bare = machine.units, dimensionless(machine)
     at = {name: value / (units.of(name) if units else 1.0) for name, value in tuning.values.items() if value}
     upright, equations = bare.upright(), tuned_equations(machine, tuning.names, tuple(tuning.values))
     hop = stated_unknowns(upright.model, lowest_of_family(upright, family, method_of(upright.model)))
     own = {name: value for name, value in hop.items() if name != "unfolding"}
+    if faster is not None or not at.keys() & OF_STEPS.keys():
+        at = {"speed": (faster or 1.0) * SLOW_SHARE * abs(own["alpha"])}
     found = run_start(bare, equations, own, at)
-    faster = (1.0,) if any(name in at for name in OF_STEPS) else FASTER_STARTS
-    return [
-        {name: x * (units.of(name) if units else 1.0) * (1.0 if name in own else by) for name, x in found.items()}
-        for by in faster
-    ]
+    return {name: value * (units.of(name) if units else 1.0) for name, value in found.items()}
 
 
 def check_start(machine: Machine, start: object) -> None:
@@ -445,7 +456,8 @@ def stated_unknowns(model: Model, start: Orbit | Mapping[str, float]) -> dict[st
         unknowns["duration"] = start.flight_time / (2 if start.shape.reversor else 1)
         unknowns["unfolding"] = start.certificate.unfolding or 0.0
         if model.sticks:
-            unknowns[STEP_LENGTH] = dict(zip(model.flight.states, start.shape.shifts[0], strict=True))[model.sticks[0]]
+            shifts = zip(model.flight.states, start.shape.shifts[0] or (), strict=True)
+            unknowns[STEP_LENGTH] = dict(shifts)[model.sticks[0]]
         return unknowns | ({} if start.contact_time is None else {"contact_duration": start.contact_time / 2})
     if not isinstance(start, Mapping):
         raise InputError(f"start = {start!r}; it is an orbit, or a mapping of unknowns to numbers")

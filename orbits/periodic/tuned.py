@@ -337,6 +337,7 @@ def _by_moving(machine, moved, rest, targets, first, near) -> tuple[Orbit, dict[
     sizes, slopes = np.maximum(np.abs(wanted), SMALLEST), np.zeros((len(x), len(x)))
 
     def solved(values: np.ndarray, known: Orbit) -> tuple[Orbit, dict[str, float], np.ndarray]:
+        assert known.source is not None
         others = {name: known.source.values[name] for name in rest.names}
         here = machine.with_values(**others, **dict(zip(moved, values.tolist(), strict=True)))
         orbit, errors = near(here, known, rest)
@@ -379,12 +380,12 @@ def quantity_of(orbit: Orbit, name: str) -> float:
     """A quantity of an orbit's whole motion, in the orbit's units; raises `NoOrbit` where it has none."""
     if name in Certificate.__dataclass_fields__:
         value = getattr(orbit.certificate, name)
-    elif orbit.dimensionless().contact_time is None:
+    elif (time := orbit.dimensionless().contact_time) is None:
         value = None
     else:
         machine, bare = orbit.source, orbit.dimensionless()
         assert machine is not None
-        model, times = machine.model, {"duration": bare.flight_time / 2, "contact_duration": bare.contact_time / 2}
+        model, times = machine.model, {"duration": bare.flight_time / 2, "contact_duration": time / 2}
         known = model.launch_at(bare.flight.coefficients[0, :, 0].tolist()) | times | {"alpha": bare.alpha}
         us, ps = vector({each: known[each] for each in model.half_unknowns})[None], vector(machine.values)[None]
         cycles = known_solutions(model, METHOD, tuple(machine.values), us, ps, np.array([bare.error])).cycles
