@@ -349,7 +349,8 @@ def check_followed(machine: Machine, *names: str) -> None:
 def tuned_at(machine: Machine, point: Point, along: str) -> tuple[str, ...]:
     """The tuned parameters of the family along a name that a point belongs to."""
     square = len({*counts(machine.model, tuple(machine.values))}) == 1
-    return () if square and not is_quantity(machine, along) else tuple(point.also)
+    own = () if square and not is_quantity(machine, along) else point.also
+    return tuple(name for name in own if name not in machine.model.fixed)
 
 
 def values_at(machine: Machine, point: Point, along: str) -> dict[str, float]:

@@ -17,13 +17,13 @@ from ..model.machine import Machine
 from ..periodic.certified import orbit_from
 from ..periodic.orbit import Orbit
 from ..periodic.saved_orbit import SavedLaws, with_note
-from ..periodic.tuned import QUANTITIES_ALONG
+from ..periodic.tuned import OF_STEPS, PRESCRIBED, QUANTITIES_ALONG
 from ..proof.branch_claim import BranchClaim
 from ..proof.prove import prove_branch, prove_claims
 from ..proof.theorem import Proof
 from ..result import ENDINGS, Axes, Report, Result, Row, is_of, reported, shown
 from ..running.time_limit import LIMIT
-from ..units import saved_units
+from ..units import saved_units, unit_text
 from .point import KNOWN, SIDES, End, Event, Point, check_points, json_line, numbers_at, point_in_units
 from .proved_curve import branch_claim
 from .table import names_of_motions, numbers_of_motions
@@ -158,6 +158,11 @@ class Family(
                 f"a family's orbits have no quantity '{name}'; they have {', '.join([*numbers, *further])}"
             )
         return self._of_motions(self.source, points)[name] if points else np.zeros(0)
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        own, along = super().units, {**PRESCRIBED, **OF_STEPS}.get(self.name)
+        return {self.name: unit_text(along.dimension), **own} if own and along else own
 
     @property
     def _along(self) -> tuple[str, ...]:

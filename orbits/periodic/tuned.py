@@ -26,7 +26,6 @@ from ..symbolic.formula import suggest
 from ..units import DIMENSIONS, LENGTH, SPEED, Dimension
 from .certificate import Certificate
 from .certified import Solved, known_solutions
-from .homotopy import MAX_CORRECTION
 from .orbit import Orbit
 from .quantities import numbers_of
 
@@ -34,6 +33,8 @@ from .quantities import numbers_of
 METHOD = "half orbit"
 # With a step below this share of the way to the prescribed values, the orbit cannot be followed there.
 SHORTEST_WAY = 1e-4
+# A corrector that changes an unknown by a larger share of its size may have jumped to another orbit.
+FARTHEST_CORRECTED = 0.03
 # Newton's method with differences: the share of a parameter by which it is changed for them, the largest step, steps
 # below which the slopes stay, the smallest step, and the number of steps; each relative to the parameters.
 CHANGED_BY, LARGEST_TUNING, SAME_SLOPES, SMALLEST_MOVE, MOST_MOVES = 1e-6, 0.5, 1e-4, 1e-14, 40
@@ -272,7 +273,7 @@ def _solved_near(
     machine.with_values(**tuned_values(equations, guess))
     found, evaluation = equations.newton(guess, p)
     sizes = np.maximum(np.abs(found[:own]), 0.1 * np.abs(found[:own]).max())
-    if np.max(np.abs(found - guess)[:own] / sizes) > MAX_CORRECTION:
+    if np.max(np.abs(found - guess)[:own] / sizes) > FARTHEST_CORRECTED:
         raise NoOrbit("the corrector ends far from the predicted orbit")
     machine.with_values(**tuned_values(equations, found))
     return found, evaluation
