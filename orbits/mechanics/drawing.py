@@ -23,6 +23,7 @@ class Outline:
     ends : whether its ends are drawn as dots
     repeat : how many there are, a formula of the parameters, which is rounded
     fixed : whether it stays where it is, as a wall
+    traced : whether the path that its first point has come along is drawn in its place
     """
 
     name: str
@@ -31,6 +32,7 @@ class Outline:
     ends: bool = False
     repeat: Scalar = 1.0
     fixed: bool = False
+    traced: bool = False
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,10 @@ if TYPE_CHECKING:
 # An animation shows so many cycles of a machine that goes on, and two of one that comes back.
 CYCLES_ONWARD = 4
 TIMES_IN_PLANE = 60  # of a cycle, for a page
+MOST_CYCLES, ALIKE = 12, 1e-6  # cycles on a page until a machine looks as at first, and its change, for its size
+BEHIND = 2  # cycles whose path is drawn behind a machine on a page
 EDGE, WALL = "#4c4c4c", "#8c8c8c"  # colours of the ground's edge and of what is fixed
+LEGEND_WIDTH = 4.5  # inches that three names in a row need
 GAP = 1.2  # between instants side by side, in widths of the machine
 
 
@@ -62,7 +65,7 @@ def plane_paths(machine: Any, states: np.ndarray, landings: np.ndarray) -> list[
     drawing, p, found = machine.drawing, machine.values, list[PlanePath]()
     place: dict[str, Any] = dict(zip(machine.coordinates, states[:, : 2 * len(machine.coordinates) : 2].T, strict=True))
     place[LANDINGS] = landings.astype(float)
-    names = dict.fromkeys(outline.name for outline in drawing.outlines if not outline.fixed)
+    names = dict.fromkeys(outline.name for outline in drawing.outlines if not (outline.fixed or outline.traced))
     colours = {name: COLOURS[i % len(COLOURS)] for i, name in enumerate(names)}
     for outline in drawing.outlines:
         for i in range(max(round(float(value_of(outline.repeat, {}, p))), 0)):
@@ -71,7 +74,7 @@ def plane_paths(machine: Any, states: np.ndarray, landings: np.ndarray) -> list[
             points = np.stack(np.broadcast_arrays(*each, landings)[:-1], axis=1).reshape(len(landings), -1, 2)
             if not outline.fixed:
                 points = _led_on(drawing, points.astype(float), landings, p)
-            colour = WALL if outline.fixed else colours[outline.name]
+            colour = colours.get(outline.name, WALL)
             found.append(PlanePath(outline, colour, _tilted(points, drawing, p)))
     return found
 
@@ -109,7 +112,12 @@ class PlaneMotion:
     """A machine in the plane over several cycles, for a page, as seen by one who goes on with it.
 
     points : flat, of each outline its points one time after the other, (cycles * times, size, 2)
-    outlines : columns by name, one entry for each outline: "size", "name", "colour", "closed" and "ends"
+    outlines : columns by name, one entry for each outline: "size", which is 0 of one that is traced, "name", "colour",
+        "closed" and "ends"
+    trails : flat, of each outline that is traced its points, not seen as one who goes on sees them, over `BEHIND`
+        cycles and then those shown
+    advance : of a cycle, across
+    marks : places across of the feet that stand beside the trails
     cycles : after which it begins again
     middle : of the picture, across
     ground : whether there is ground
@@ -118,6 +126,9 @@ class PlaneMotion:
 
     points: np.ndarray
     outlines: dict[str, list]
+    trails: np.ndarray
+    advance: float
+    marks: list[float]
     cycles: int
     middle: float
     ground: bool
@@ -129,20 +140,43 @@ def motion_in_plane(orbit: "Orbit") -> PlaneMotion | None:
     machine: Any = orbit.source
     if (drawing := drawing_of(machine)) is None or orbit.contact_time is None:
         return None
-    cycles = 2 if comes_back(drawing, machine.values) else CYCLES_ONWARD
+    advance = np.zeros(2) if comes_back(drawing, machine.values) else _after_landing(drawing, machine.values)[1]
+    cycles = _cycles_alike(orbit, advance)
     t = np.linspace(0, cycles * orbit.period, cycles * TIMES_IN_PLANE)
-    advance = _after_landing(drawing, machine.values)[1] * (cycles == CYCLES_ONWARD)
     along = (t / orbit.period)[:, None, None] * advance
     paths = plane_paths(machine, orbit(t), landings_of(orbit, t))
-    paths = [PlanePath(each.outline, each.colour, each.points - along) for each in paths]
+    moving = [PlanePath(each.outline, each.colour, each.points - along) for each in paths if not each.outline.traced]
     columns: dict[str, list] = {
-        "size": [each.points.shape[1] for each in paths],
+        "size": [0 if each.outline.traced else each.points.shape[1] for each in paths],
         "colour": [each.colour for each in paths],
         **{name: [getattr(each.outline, name) for each in paths] for name in ("name", "closed", "ends")},
     }
-    points = np.concatenate([each.points.ravel() for each in paths]).astype(np.float32)
-    across, span = _extent_of(paths)
-    return PlaneMotion(points, columns, cycles, sum(across) / 2, drawing.ground, span)
+    points = np.concatenate([each.points.ravel() for each in moving]).astype(np.float32)
+    # The path behind a machine that goes on is that of its last cycles, so many cycles earlier.
+    last, back = -BEHIND * TIMES_IN_PLANE, cycles * advance
+    traced = [each.points[:, 0] for each in paths if each.outline.traced]
+    trails = [np.concatenate([each[last:] - back, each]).ravel() for each in traced]
+    marks = [k * float(advance[0]) for k in range(-BEHIND - 1, cycles + BEHIND + 1)] if advance.any() else []
+    across, span = _extent_of(moving)
+    trail = np.concatenate([*trails, np.zeros(0)]).astype(np.float32)
+    return PlaneMotion(points, columns, trail, float(advance[0]), marks, cycles, sum(across) / 2, drawing.ground, span)
+
+
+def _cycles_alike(orbit: "Orbit", advance: np.ndarray) -> int:
+    """The number of cycles after which a machine looks as at first to one who goes on with it, `CYCLES_ONWARD` where it
+    takes too many."""
+    t = (np.arange(MOST_CYCLES + 1) + 0.1) * orbit.period
+    parts: dict[str, list[np.ndarray]] = {}
+    for each in plane_paths(orbit.source, orbit(t), landings_of(orbit, t)):
+        if not each.outline.traced:
+            parts.setdefault(each.outline.name, []).append(each.points - (t / orbit.period)[:, None, None] * advance)
+    apart = np.zeros(MOST_CYCLES + 1)
+    for paths in parts.values():
+        points = np.concatenate(paths, axis=1)
+        far = np.linalg.norm(points[:, :, None] - points[0], axis=3).min(2).max(1) / np.ptp(points[0], axis=0).max()
+        apart = np.maximum(apart, far)
+    alike = BEHIND + np.flatnonzero(apart[BEHIND:] < ALIKE)  # so that there is a path behind it
+    return int(alike[0]) if len(alike) else CYCLES_ONWARD
 
 
 def plot_in_plane(orbit: "Orbit", axes: Axes | None = None) -> Axes:
@@ -155,6 +189,7 @@ def plot_in_plane(orbit: "Orbit", axes: Axes | None = None) -> Axes:
         instants[flight + orbit.contact_time / 2] = "mid-contact"
     t = np.array([*instants])
     paths, (metres, seconds, _) = plane_paths(machine, orbit(t), landings_of(orbit, t)), unit_labels(orbit.scales)
+    paths = [each for each in paths if not each.outline.traced]
     ranges = np.array([[each.points[..., 0].min(1), each.points[..., 0].max(1)] for each in paths])
     width = (ranges[:, 1].max(0) - ranges[:, 0].min(0)).max()
     aside = GAP * width * np.arange(len(t))
@@ -169,7 +204,7 @@ def plot_in_plane(orbit: "Orbit", axes: Axes | None = None) -> Axes:
         for each in moved:
             label = None if each.outline.name in named or each.outline.fixed else plain(each.outline.name)
             named.add(each.outline.name)
-            _artist(axes, each, each.points[i], label)
+            _artist(axes, each, _drawn_points(each, i), label)
     middles = 0.5 * (ranges[:, 1].max(0) + ranges[:, 0].min(0)) + aside
     for x, (time, words) in zip(middles, instants.items(), strict=True):
         text = f"{words}\nt = {time:.3g}{seconds.replace('(', '').replace(')', '')}"
@@ -197,15 +232,16 @@ def animate_in_plane(
     for each in paths:
         label = None if each.outline.name in named or each.outline.fixed else plain(each.outline.name)
         named.add(each.outline.name)
-        artists.append(_artist(axes, each, each.points[0], label))
+        artists.append(_artist(axes, each, _drawn_points(each, 0), label))
     label = axes.set_title("contact", fontsize="small")
-    axes.legend(frameon=False, fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.02), ncols=3)
+    columns = 3 if wide > LEGEND_WIDTH else 2
+    axes.legend(frameon=False, fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.02), ncols=columns)
     axes.figure.canvas.draw()
     axes.figure.set_layout_engine("none")  # the layout is made once, not again for every frame
 
     def draw(i: int) -> tuple:
         for each, artist in zip(paths, artists, strict=True):
-            _move(artist, each, each.points[i])
+            _move(artist, each, _drawn_points(each, i))
         label.set_text(words[i])
         return *artists, label
 
@@ -249,14 +285,19 @@ def _draw_ground(axes: Axes, machine: Any, across: tuple[float, float], low: flo
         axes.plot(*line.T, color=EDGE, lw=1.5, zorder=1)
 
 
+def _drawn_points(path: PlanePath, i: int) -> np.ndarray:
+    """The points that are drawn of an outline at the time of a number."""
+    return path.points[: i + 1, 0] if path.outline.traced else path.points[i]
+
+
 def _artist(axes: Axes, path: PlanePath, points: np.ndarray, label: str | None) -> Any:
     """What draws an outline."""
     outline = path.outline
     if outline.closed:
         (polygon,) = axes.fill(*points.T, fc=path.colour + "55", ec=path.colour, lw=1.8, label=label, zorder=2)
         return polygon
-    style = {"marker": "o", "ms": 7} if outline.ends else {}
-    width = 4.0 if outline.fixed else 3.0 if outline.ends else 2.2
+    style: dict[str, object] = {"marker": "o", "ms": 7} if outline.ends else {"ls": ":"} if outline.traced else {}
+    width = 4.0 if outline.fixed else 3.0 if outline.ends else 1.6 if outline.traced else 2.2
     (line,) = axes.plot(*points.T, color=path.colour, lw=width, label=label, solid_capstyle="round", zorder=3, **style)
     return line
 

@@ -109,6 +109,13 @@ def unit_labels(units: Units | None) -> tuple[str, str, str]:
     return ("", "", "") if units is None else (" (m)", " (s)", " (m/s)")
 
 
+def angles_shown(orbit: "Orbit", drawn: bool = False) -> tuple[str, ...]:
+    """The coordinates of an orbit whose machine turns and is shown by its angles: where these are its heights, or where
+    it is `drawn` beside them; none of another."""
+    own, angles = (getattr(orbit.source, name, ()) for name in ("coordinates", "angles"))
+    return tuple(reversed(own)) if {*(own if drawn else orbit.shape.heights)} <= {*angles} else ()
+
+
 def plot_orbit(orbit: "Orbit", axes: Axes | None = None) -> Axes:
     """Plot heights of the masses against time over a cycle, contact shaded, as in Fig. 3 of the paper; return the axes.
 
@@ -122,7 +129,7 @@ def plot_orbit(orbit: "Orbit", axes: Axes | None = None) -> Axes:
         axes.axvspan(orbit.flight_time, t[-1], fc=SHADE, ec="0.7", lw=0.5, label="contact", zorder=0)
     axes.axhline(0, color="0.4", lw=0.8)
     axes.set_title(plain(title(orbit)), fontsize="medium", wrap=True)
-    label = vertical(orbit.certificate.smallest_separation) + metres
+    label = "angle" if angles_shown(orbit) else vertical(orbit.certificate.smallest_separation) + metres
     return finished(axes, xlim=(0, t[-1]), xlabel="time" + seconds, ylabel=label)
 
 

@@ -627,7 +627,7 @@ def control_command(
 @click.option("--no-browser", is_flag=True, help="Serve the page without opening a browser.")
 @click.option("--port", type=click.IntRange(0, 65535), default=5007, show_default=True, help="0 for any free port.")
 def explore_command(family: int, no_browser: bool, port: int, **stated: object) -> None:
-    """Show a hop on a page with sliders in the browser: the moving machine, its family and its return map.
+    """Show a hop or a step on a page with sliders in the browser: the moving machine, its family and its return map.
 
     The page is served to this computer only, and needs no network.
     """

@@ -441,19 +441,13 @@ def statement_of(
 def first_scene(family: int = 1, **stated: Any) -> "Scene":
     """The scene of the command line's options, of a hopper with a cubic spring where they say nothing; raises
     `InputError` for a machine that cannot be."""
-    from orbits.errors import InputError
-
     from ..explorer.forms import scene_of_statement
     from ..explorer.scene import beginning
-    from ..machines.files import STEPPING, build
+    from ..machines.files import build
 
     if not any(value for value in stated.values()):
         return replace(beginning("hopper"), family=family)
     statement, where = statement_of(**stated)
-    if statement["machine"] in STEPPING:
-        raise InputError(
-            f"the live page shows machines that hop: a {statement['machine']} is found, followed and swept"
-        )
     build(statement, where)
     return scene_of_statement(statement, family)
 

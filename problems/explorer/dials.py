@@ -1,7 +1,9 @@
 """The sliders of a machine's parameters: the ends of each, and whether its scale is logarithmic."""
 
 import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import TypeAlias
 
 from orbits.errors import OrbitsError
 from orbits.model.machine import Machine, free_parameters, machine_in_words
@@ -11,6 +13,12 @@ from .scene import Scene
 SPAN = 10.0  # the slider of a scale parameter reaches this factor down and up
 LARGE = 20.0  # a larger number is taken for a scale parameter too
 # Sliders with ends of their own, and whether they are logarithmic.
+# Those of machines that step, and their units.
+WAYS_OF_STEPS = {"angle": (0.05, 1.0, False), "spokes": (3.0, 24.0, False), "friction": (0.05, 2.0, False)}
+WAYS_OF_STEPS |= {"share": (0.05, 1.0, False), "slope": (-0.1, 0.1, False)}
+UNITS_OF_STEPS = {"mass": "kg", "stiffness": "N m/rad", "surface_gravity": "m/s^2", "angle": "rad", "slope": "rad"}
+UNITS_OF_STEPS |= dict.fromkeys(("length", "half_width", "half_height"), "m")
+UNITS_OF_STEPS |= dict.fromkeys(("inertia", "body_inertia"), "kg m^2")
 WAYS = {"mass_ratio": (0.01, 100.0, True), "link": (0.1, 1.0, True), "rest_angle": (0.5, 3.0, False)}
 
 
@@ -21,6 +29,7 @@ class Dial:
     name, value, unit : of the parameter; the unit is "" where it is unknown
     low, high : the slider's ends; a number that is typed may lie beyond
     factors : whether equal steps of the slider are equal factors, not equal differences
+    whole : whether it is a whole number
     """
 
     name: str
@@ -29,28 +38,49 @@ class Dial:
     low: float
     high: float
     factors: bool
+    whole: bool = False
 
 
 def dials_of(machine: Machine, scene: Scene) -> list[Dial]:
     """The sliders of a machine's parameters, with ends at which the machine still exists."""
+
+    def exists(name: str, value: float) -> bool:
+        """Whether the machine can have this value of a parameter."""
+        try:
+            if scene.steps:  # the scene's numbers are others than the machine's parameters
+                scene.with_numbers(**{name: value}).build()
+            else:
+                machine.with_values(**{name: value})
+        except OrbitsError:
+            return False
+        return True
+
+    if scene.steps:
+        units = UNITS_OF_STEPS
+        return [_dial(exists, name, value, units.get(name, ""), WAYS_OF_STEPS) for name, value in scene.numbers.items()]
     units, values = machine_in_words(machine).get("units", {}), machine.values
     names = [name for name in free_parameters(machine) if name in values]
-    dials = [_dial(machine, name, values[name], units.get(name, "")) for name in names]
+    dials = [_dial(exists, name, values[name], units.get(name, ""), WAYS) for name in names]
+    if scene.fixed_laws:
+        return dials
     return [*dials, Dial("restitution", float(scene.numbers.get("restitution", 0.0)), "", 0.0, 1.0, False)]
 
 
-def _dial(machine: Machine, name: str, value: float, unit: str) -> Dial:
-    if name in WAYS:
-        low, high, factors = WAYS[name]
-        return Dial(name, value, unit, min(low, value), max(high, value), factors and value > 0)
-    positive = not _exists(machine, name, -(abs(value) or 1.0))
+Exists: TypeAlias = Callable[[str, float], bool]
+
+
+def _dial(exists: Exists, name: str, value: float, unit: str, ways: Mapping[str, tuple[float, float, bool]]) -> Dial:
+    if name in ways:
+        low, high, factors = ways[name]
+        return Dial(name, value, unit, min(low, value), max(high, value), factors and value > 0, name == "spokes")
+    positive = not exists(name, -(abs(value) or 1.0))
     if value > 0 and (positive or value > LARGE):
         low, high = value / SPAN, value * SPAN
-        return Dial(name, value, unit, _edge(machine, name, value, low), _edge(machine, name, value, high), True)
+        return Dial(name, value, unit, _edge(exists, name, value, low), _edge(exists, name, value, high), True)
     reach = _rounded_up(4 * abs(value)) if value else 1.0
     low, high = (-reach, reach) if value == 0 else (-reach / 4, reach) if value > 0 else (-reach, reach / 4)
-    low = _edge(machine, name, value, 0.0 if positive else low)
-    return Dial(name, value, unit, low, _edge(machine, name, value, high), False)
+    low = _edge(exists, name, value, 0.0 if positive else low)
+    return Dial(name, value, unit, low, _edge(exists, name, value, high), False)
 
 
 def _rounded_up(value: float) -> float:
@@ -59,20 +89,11 @@ def _rounded_up(value: float) -> float:
     return next(step * power for step in (1, 2, 5, 10) if step * power >= value * (1 - 1e-12))
 
 
-def _edge(machine: Machine, name: str, inside: float, end: float) -> float:
+def _edge(exists: Exists, name: str, inside: float, end: float) -> float:
     """The end of a slider, or the last value found before it that the machine can have."""
-    if _exists(machine, name, end):
+    if exists(name, end):
         return end
     for _ in range(12):
         middle = (inside + end) / 2
-        inside, end = (middle, end) if _exists(machine, name, middle) else (inside, middle)
+        inside, end = (middle, end) if exists(name, middle) else (inside, middle)
     return inside
-
-
-def _exists(machine: Machine, name: str, value: float) -> bool:
-    """Whether the machine can have this value of a parameter."""
-    try:
-        machine.with_values(**{name: value})
-    except OrbitsError:
-        return False
-    return True

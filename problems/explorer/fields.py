@@ -11,7 +11,7 @@ from orbits.errors import InputError
 
 from ..laws import gravity as gravities, springs
 from .dials import Dial
-from .scene import PYTHON_MACHINE, DroppedRows, Scene, beginning
+from .scene import BEGINNINGS, PYTHON_MACHINE, DroppedRows, Scene, beginning
 
 KINDS_IN_WORDS = {
     "hopper": "hopper",
@@ -20,6 +20,12 @@ KINDS_IN_WORDS = {
     "juggler si": "juggler, in SI",
     "inerter_hopper": "hopper with an inerter",
     "knee_hopper": "hopper with a knee, in SI",
+    "wheel": "rimless wheel",
+    "rocker": "rocking block",
+    "shuttle": "shuttle",
+    "wheel si": "rimless wheel, in SI",
+    "rocker si": "rocking block, in SI",
+    "shuttle si": "shuttle, in SI",
 }
 OFFERED_FAMILIES = 12
 REST_LENGTHS = {False: 10.0, True: 1.0}  # defaults for a spring without one, by whether it is in SI
@@ -31,11 +37,11 @@ def shown_fields(scene: Scene, dials: list[Dial], has_python_machine: bool) -> d
     dials : of its parameters; their values may be older than the scene
     has_python_machine : whether the page has a machine that was made in Python
     """
-    rows, fixed = scene.rows, scene.fixed_laws
+    rows, fixed, free = scene.rows, scene.fixed_laws, _free_number(scene)
     shown = [_with_value(dial, scene.numbers.get(dial.name, dial.value)) for dial in dials]
     families = sorted({*range(1, OFFERED_FAMILIES + 1), scene.family})
     kinds = KINDS_IN_WORDS | ({PYTHON_MACHINE: "the machine of the Python call"} if has_python_machine else {})
-    names = [dial.name for dial in dials if dial.name != "restitution"]
+    names = [dial.name for dial in dials if dial.name != "restitution" and not dial.whole]
     return {
         "scene": {
             "kind": scene.machine + (" si" if scene.si else ""),
@@ -43,7 +49,8 @@ def shown_fields(scene: Scene, dials: list[Dial], has_python_machine: bool) -> d
             "spring": "" if rows else scene.spring,
             "gravity": scene.gravity,
             "fixed": fixed,
-            "floating": None if fixed else "rest_length" not in scene.numbers,
+            "steps": scene.steps,
+            "floating": None if free is None else free not in scene.numbers,
             "rows": rows and {"name": rows.name, "branch": rows.branch or "", "noise": rows.noise},
             "along": scene.along,
             "launch": scene.launch,
@@ -55,6 +62,11 @@ def shown_fields(scene: Scene, dials: list[Dial], has_python_machine: bool) -> d
         "springs": list(springs.NAMED),
         "gravities": list(gravities.NAMED),
     }
+
+
+def _free_number(scene: Scene) -> str | None:
+    """The number that a machine may be without, as one with a spring that is long enough, or with small angles."""
+    return None if scene.fixed_laws or (scene.steps and scene.si) else "angle" if scene.steps else "rest_length"
 
 
 def dial_label(name: str) -> str:
@@ -95,9 +107,12 @@ def _to_machine(scene: Scene, data: Mapping[str, object]) -> Scene:
 
 
 def _to_floating(scene: Scene, data: Mapping[str, object]) -> Scene:
-    numbers = {name: value for name, value in scene.numbers.items() if name != "rest_length"}
+    free = _free_number(scene)
+    if free is None:
+        raise InputError("this machine needs all of its numbers")
+    numbers = {name: value for name, value in scene.numbers.items() if name != free}
     if data.get("value") is not True:
-        numbers["rest_length"] = REST_LENGTHS[scene.si]
+        numbers[free] = BEGINNINGS[scene.machine, False]["numbers"][free] if scene.steps else REST_LENGTHS[scene.si]
     return replace(scene, numbers=numbers)
 
 

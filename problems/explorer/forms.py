@@ -4,6 +4,8 @@ import base64
 import json
 import zlib
 from collections.abc import Mapping
+from dataclasses import replace
+from inspect import signature
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
@@ -11,8 +13,18 @@ from urllib.parse import urlencode
 from orbits.errors import InputError
 
 from ..laws.springs import HYSTERETIC_KINDS
-from ..machines.files import MASSES, SI_KEYS
-from .scene import LARGEST_ROWS, LINEAR_IN_SI, LOSSES, PYTHON_MACHINE, DroppedRows, Scene, with_surroundings
+from ..machines.files import MASSES, SI_KEYS, SI_KEYS_OF_STEPS, STEPPING
+from ..machines.steps import RATIOS
+from .scene import (
+    LARGEST_ROWS,
+    LINEAR_IN_SI,
+    LOSSES,
+    PYTHON_MACHINE,
+    DroppedRows,
+    Scene,
+    beginning,
+    with_surroundings,
+)
 
 # Characters of packed measured rows in a link; browsers and servers accept addresses of some 60,000.
 LONGEST_ROWS_IN_LINK = 8000
@@ -127,6 +139,8 @@ def scene_of_statement(stated: Mapping[str, Any], family: int = 1) -> Scene:
     """
     si = stated.get("si")
     machine, spring = stated.get("machine", "hopper"), stated.get("spring")
+    if machine in STEPPING:
+        return _scene_of_steps(machine, si, spring, stated.get("parameters", {}), family)
     if "ground" in stated:
         raise InputError("the page shows hops on rigid ground, which have a family: leave [ground] out")
     if isinstance(spring, str) and spring.partition(":")[0] in HYSTERETIC_KINDS:
@@ -146,6 +160,21 @@ def scene_of_statement(stated: Mapping[str, Any], family: int = 1) -> Scene:
         str(machine), si is not None, plain if spring is None or rows else str(spring), gravity, rows, numbers, family
     )
     return with_surroundings(scene.complete())
+
+
+def _scene_of_steps(
+    machine: str, si: Mapping[str, float] | None, spring: str | None, parameters: Mapping[str, float], family: int
+) -> Scene:
+    """The scene of a statement of a machine that steps; the page begins with a usual one where nothing is stated."""
+    if si is None and spring is None and not parameters:
+        return replace(beginning(machine), family=family)
+    numbers = dict(parameters)
+    if si is not None:
+        defaults = {name: each.default for name, each in signature(STEPPING[machine]).parameters.items()}
+        usual = {name: defaults[name] for name in SI_KEYS_OF_STEPS[machine] if isinstance(defaults[name], float)}
+        numbers |= {name: value for name, value in (usual | dict(si)).items() if (name, value) != ("slope", 0.0)}
+    law = spring or (LINEAR_IN_SI if si is not None else "r")
+    return with_surroundings(Scene(machine, si is not None, law, numbers=numbers, family=family).complete())
 
 
 def _rows_from_file(spring: str) -> DroppedRows:
@@ -174,7 +203,7 @@ def machine_file(scene: Scene) -> str:
 
 def _toml(value: Any) -> str:
     """A string or a number as TOML; a JSON string is a TOML string too."""
-    return json.dumps(value) if isinstance(value, str) else repr(float(value))
+    return json.dumps(value) if isinstance(value, str) else repr(value)
 
 
 def python_lines(scene: Scene) -> str:
@@ -195,7 +224,13 @@ def python_lines(scene: Scene) -> str:
     kind = stated["machine"]
     maker = f"{kind}_in_si" if si is not None else kind.capitalize()
     arguments = []
-    if si is not None:
+    if scene.steps:
+        maker, parameters = STEPPING[kind].__name__, parameters or {}
+        own = si or {name: parameters[name] for name in (*RATIOS, "friction") if name in parameters}
+        parameters = {name: value for name, value in parameters.items() if name not in own}
+        arguments += [f"{name}={value!r}" for name, value in own.items()]
+        arguments += [f"spring={stated['spring']!r}"] if "spring" in stated else []
+    elif si is not None:
         arguments += [repr(si[name]) for name in MASSES[kind]]
         arguments += [f"force={stated['spring']!r}"] if "spring" in stated else []
         arguments += [f"{name}={si[name]!r}" for name in SI_KEYS if name in si]

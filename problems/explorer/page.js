@@ -23,7 +23,7 @@ window.startExplorer = (bridge, figures) => {
   const value_at = (dial, place) => {
     const share = place / STEPS;
     const value = dial.factors ? dial.low * (dial.high / dial.low) ** share : dial.low + (dial.high - dial.low) * share;
-    return Number(value.toPrecision(5));
+    return dial.whole ? Math.round(value) : Number(value.toPrecision(5));
   };
   const place_of = (dial, value) => Math.round(STEPS * Math.min(Math.max(dial.factors
     ? Math.log(value / dial.low) / Math.log(dial.high / dial.low) : (value - dial.low) / (dial.high - dial.low), 0), 1));
@@ -99,6 +99,7 @@ window.startExplorer = (bridge, figures) => {
     $("floating-line").hidden = scene.floating == null;
     $("floating").checked = Boolean(scene.floating);
     $("laws").hidden = scene.fixed;
+    for (const part of document.querySelectorAll("[data-steps]")) part.hidden = (part.dataset.steps == "yes") != scene.steps;
     write_field("spring", scene.spring, problems.spring);
     write_field("gravity", scene.gravity, problems.gravity);
     $("spring").disabled = Boolean(scene.rows);
@@ -131,7 +132,8 @@ window.startExplorer = (bridge, figures) => {
       $("certificate").dataset.sent = state.table;
       $("certificate").innerHTML = state.table;
     }
-    for (const id of ["family-text", "map-text", "link-text", "python", "file"]) write(id, state[id]);
+    for (const id of ["machine-text", "family-text", "map-text", "link-text", "python", "file"]) write(id, state[id]);
+    $("map-hint").hidden = !figures.map.visible;
     $("undo").disabled = !state.undo;
     $("lowest").hidden = !state.lowest;
     $("save-rows").hidden = !state.scene.rows;

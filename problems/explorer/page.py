@@ -161,7 +161,8 @@ class Explorer:
         try:
             scene = changed(self._requested.scene, act, message)
         except InputError as error:
-            self._requested = replace(self._requested, refused={_place_of_fault(act): str(error)})
+            place = _place_of_fault(act, self._requested.scene)
+            self._requested = replace(self._requested, refused={place: str(error)})
             return
         self._go(scene, f"{act} {message.get('name', '')}" if act == "number" else act)
 
@@ -228,8 +229,9 @@ class Explorer:
         self._go(replace(scene, start=family.starts[place]), "family point")
 
     def _map_clicked(self, event: Tap | Press) -> None:
-        if event.x is not None and event.x > 0:
-            self._change("launch", {"value": float(f"{event.x:.6g}")})
+        centre = self._computed.map_centre
+        if event.x is not None and centre + event.x > 0:
+            self._change("launch", {"value": centre + float(f"{event.x:.6g}")})
             self._send_state()
 
     # ---- results
@@ -246,7 +248,7 @@ class Explorer:
             self._computed = replace(self._computed, dials=dials)
             newest = False  # the hop comes after them
         elif newest and isinstance(result, Failure):
-            place = _place_of_fault(self._requested.cause)
+            place = _place_of_fault(self._requested.cause, self._requested.scene)
             refused = {name: why for name, why in self._requested.refused.items() if name != place}
             self._requested = replace(self._requested, refused=refused)
             self._computed = replace(self._computed, failed={place: result.reason})
@@ -290,6 +292,7 @@ class Explorer:
         if law is not None:
             self._figures.law.show(law)
         self._follow()
+        self._computed = replace(self._computed, map_text="The map is being computed.")
         self._request("map", self._computed.scene)
         self._send_state()
 
@@ -333,10 +336,7 @@ class Explorer:
         elif isinstance(result, MapData):
             self._figures.map.figure.visible = True
             self._figures.map.show(result)
-            share = result.share
-            found = f"{share or 0:.1%} of these launches come to a lossless hop."
-            text = "The basin is being found." if share is None else found
-            self._computed = replace(self._computed, map_text=text)
+            self._computed = replace(self._computed, map_text=_text_of_map(result), map_centre=result.centre)
         self._send_state()
 
     def _send_state(self) -> None:
@@ -346,6 +346,16 @@ class Explorer:
         self._bridge.page_state = json.dumps(state)
 
 
-def _place_of_fault(act: str) -> str:
-    """The place on the page where the fault of a change is shown."""
-    return act if act in ("spring", "gravity", "rows") else "page"
+def _text_of_map(data: MapData) -> str:
+    """What a return map shows, in words."""
+    if data.basin is None:
+        return "The basin is being found."
+    if not data.centre:
+        return f"{data.share or 0:.1%} of these launches come to a lossless hop."
+    top = f"{data.basin.max():.2g}" + (f" {data.unit}" if data.unit else "")
+    return f"Launches up to {top} faster than the lossless step come back to it; others near it lead away from it."
+
+
+def _place_of_fault(act: str, scene: Scene) -> str:
+    """The place on the page where the fault of a change of a scene is shown."""
+    return act if act in (("spring",) if scene.steps else ("spring", "gravity", "rows")) else "page"

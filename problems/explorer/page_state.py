@@ -71,7 +71,7 @@ class Computed:
     dials : the sliders that are known, by the `kind_of` their scenes
     family, family_text : the family that is drawn, None without one; its extent, or why there is none, in words
     pieces : the newest families that were drawn, the last one last, each after the key by which the tab refers to it
-    map_text : the status of the map, in words
+    map_text, map_centre : the status of the map, in words, and the launch speed from which it counts all others
     """
 
     scene: Scene
@@ -83,6 +83,7 @@ class Computed:
     family_text: str = ""
     pieces: tuple[tuple[str, FamilyResult], ...] = ()
     map_text: str = ""
+    map_centre: float = 0.0
 
     def dials_for(self, scene: Scene) -> list[Dial]:
         """The sliders of a scene; none where they are not known yet."""
@@ -117,14 +118,16 @@ def tab_state(requested: Requested, computed: Computed, idle: bool, has_python_m
         file = str(error)
     rows = hop.rows if hop else []
     dials = computed.dials_for(requested.scene) or computed.dials_for(scene)
-    failing = "" if hop is None or hop.admissible else ", which is no motion"
+    failing = f", which is no motion: {'; '.join(hop.violations)}" if hop and hop.violations else ""
+    kind = "step" if scene.steps else "hop"
     return {
         "n": requested.message,
         "shown": computed.count,
         "idle": idle,
-        "status": f"A hop of family {scene.family}, alpha = {hop.alpha:.8g}{failing}." if hop else "",
+        "status": f"A {kind} of family {scene.family}, alpha = {hop.alpha:.8g}{failing}." if hop else "",
         "title": hop.data.title if hop else "",
         "problems": {**computed.failed, **requested.refused},
+        "machine-text": _about_the_picture(hop),
         "table": html_table(rows, "Certificate"),
         "undo": requested.can_undo(scene),
         "lowest": scene.start is not None,
@@ -137,6 +140,25 @@ def tab_state(requested: Requested, computed: Computed, idle: bool, has_python_m
         "file": file,
         **shown_fields(requested.scene, dials, has_python_machine),
     }
+
+
+def _about_the_picture(hop: HopResult | None) -> str:
+    """What the animated machine shows, in words."""
+    if hop is None:
+        return ""
+    plane, turns = hop.data.plane, hop.data.turns
+    if plane is not None and plane.marks:
+        return (
+            "As one sees it who walks beside it: dots on the ground are where feet stand, and none lands with a speed."
+        )
+    if plane is not None:
+        return "It touches on one side and then on the other, and never lands with a speed."
+    if turns:
+        return (
+            "For small angles there is no picture in the plane. Angles are in units of half that between two spokes or "
+            "walls, and of a block in units of its width over its height."
+        )
+    return "The foot comes to the ground with neither a speed nor an acceleration, and so loses nothing."
 
 
 def _place(computed: Computed, scene: Scene) -> dict[str, object] | None:

@@ -25,6 +25,12 @@ FIRST_PIECE, PIECE, LONGEST_FAMILY = 12, 60, 2000  # points of a family when it 
 BEYOND = 2.0  # the map is drawn up to this multiple of the hop's launch speed
 SLOWEST_DRAWN = 1e-3  # and from this multiple on
 COBWEB = 80  # hops
+# The map of a machine that steps is drawn from and to these multiples of the range that leads to its lossless step, by
+# whether landings bounce above it, not below; at a few launches and then at more, each of which takes some 10 ms, and
+# 500 ms where feet take over from each other often.
+RANGE_BESIDE, SAMPLES_BESIDE = {True: (-1.0, 1.5), False: (-0.1, 1.5)}, (13, 61)
+HIDDEN = 1e-12  # a range that is a smaller share of the launch speed is lost in rounding
+WITH_BOUNCE = 10.0  # the factor of a loss with one bounce
 
 
 @dataclass(frozen=True)
@@ -42,7 +48,7 @@ class HopResult:
     data, law : what the figures show; law is None for a machine whose spring's force is not known on its own
     rows : the certificate, as names and texts
     alpha : launch speed
-    admissible : whether the hop is a motion
+    violations : why the hop is no motion, in words; none where it is one
     """
 
     scene: Scene
@@ -50,7 +56,7 @@ class HopResult:
     law: LawData | None
     rows: list[tuple[str, ...]]
     alpha: float
-    admissible: bool
+    violations: tuple[str, ...]
 
 
 def hop_results(python_machine: object, scene: Scene, with_dials: bool) -> Iterator[DialsResult | HopResult]:
@@ -66,7 +72,7 @@ def hop_results(python_machine: object, scene: Scene, with_dials: bool) -> Itera
     except InputError:
         law = None
     rows = [row for row in orbit.rows() if row[0] != "machine"]  # the fields of the page have its numbers
-    yield HopResult(scene, hop_data(orbit), law, rows, orbit.alpha, orbit.admissible)
+    yield HopResult(scene, hop_data(orbit), law, rows, orbit.alpha, orbit.violations)
 
 
 def start_of(orbit: Orbit | Point) -> tuple[float, float, float]:
@@ -177,7 +183,13 @@ def _family_result(scene: Scene, parts: dict[str, Family], ways: int) -> FamilyR
 def map_results(python_machine: object, scene: Scene) -> Iterator[MapData]:
     """The return map around a scene's hop with its cobweb, then the same with the basin of lossless hops."""
     plain = replace(scene, launch=None, along="")
-    step, low, high = _map_of(python_machine, plain)
+    machine = scene.build(python_machine)
+    orbit = _orbit_of_scene(machine, plain)
+    if orbit.shape.steps:
+        for samples in SAMPLES_BESIDE:
+            yield _map_of_steps(ReturnMap(machine), orbit, scene.launch, samples)
+        return
+    step, low, high = ReturnMap(machine), SLOWEST_DRAWN * orbit.alpha, BEYOND * orbit.alpha
     known = _last_basin[0][1] if _last_basin and _last_basin[0][0] == plain else None
     yield map_data(step, low, high, basin=known, start=scene.launch, hops=COBWEB)
     if known is None and step.machine.model.conservative:
@@ -189,11 +201,25 @@ def map_results(python_machine: object, scene: Scene) -> Iterator[MapData]:
 _last_basin: list[tuple[Scene, list[tuple[float, float]]]] = []
 
 
-def _map_of(python_machine: object, scene: Scene) -> tuple[ReturnMap, float, float]:
-    """The return map of a scene's machine, and the range of launch speeds in which it is drawn."""
-    machine = scene.build(python_machine)
-    alpha = _orbit_of_scene(machine, scene).alpha
-    return ReturnMap(machine), SLOWEST_DRAWN * alpha, BEYOND * alpha
+def _map_of_steps(step: ReturnMap, orbit: Orbit, launch: float | None, samples: int) -> MapData:
+    """The return map of a machine that steps beside its lossless step, as far as launches lead back to that.
+
+    A launch that is faster by d loses K C d^(4/3), or C d^(4/3), and so comes to the lossless step from d <= (K C)^-3;
+    launches that are farther away end in many ways within a small range.
+    """
+    found = orbit.certificate
+    if not found.loss_coefficient:
+        raise InputError("the loss beside this step has no coefficient, as where a landing with a speed loses nothing")
+    above = found.bounce_side == "above"
+    factor = (found.bounce_factor or WITH_BOUNCE) if above else 1.0
+    low, high = (share / (factor * found.loss_coefficient) ** 3 for share in RANGE_BESIDE[above])
+    if high < HIDDEN * orbit.alpha:
+        raise InputError(f"launches that come back to this step are at most {high:.2g} faster, which rounding hides")
+    data = map_data(step, low, high, centre=orbit.alpha, start=launch, hops=COBWEB, samples=samples)
+    faster = data.alpha > 0
+    d, left = data.alpha[faster], data.following[faster]
+    good = np.logical_and.accumulate((left >= 0) & (left < d))
+    return replace(data, basin=np.array([[0.0, d[good].max(initial=0.0)]]))
 
 
 # The functions of tasks by name; each takes the page's machine that was made in Python and the task's arguments.

@@ -10,6 +10,7 @@ import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from math import pi
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from orbits.model.machine import Machine, free_parameters
 from orbits.symbolic.formula import parse, suggest
 
 from ..laws import gravity as gravities, springs
-from ..machines.files import KINDS, MASSES, SI_KEYS, SI_PARAMETERS, build
+from ..machines.files import KINDS, MASSES, SI_KEYS, SI_KEYS_OF_STEPS, SI_PARAMETERS, STEPPING, build
 from ..machines.in_si import AnyMachine, MachineInSI
 
 # A machine passed to `explore` that no statement makes.
@@ -29,6 +30,8 @@ WITH_FIXED_LAWS = ("inerter_hopper", "knee_hopper")
 # The spring of a machine in SI whose stiffness is a parameter of its own.
 LINEAR_IN_SI = "stiffness*r"
 LOSSES = ("restitution", "damping", "drag")
+# Numbers of a machine that steps that it may be without; none of them changes a lossless step.
+OPTIONAL_OF_STEPS = ("friction", "share", "slope")
 MOST_NUMBERS, LARGEST_SHOWN_FAMILY, LONGEST_LAW = 40, 1000, 2000
 LARGEST_ROWS = 1 << 20  # characters of a dropped table
 NAME = re.compile(r"[A-Za-z_]\w{0,39}", re.ASCII)
@@ -51,6 +54,39 @@ BEGINNINGS: dict[tuple[str, bool], dict[str, Any]] = {
         "spring": LINEAR_IN_SI,
         "along": "ball_mass",
         "numbers": {"ball_mass": 0.1, "hand_mass": 0.2, "surface_gravity": 9.80665, "stiffness": 50.0},
+    },
+    ("wheel", False): {
+        "spring": "r",
+        "along": "angle",
+        "numbers": {"inertia_ratio": 1.0, "gravity_ratio": 0.5, "angle": pi / 8},
+    },
+    ("rocker", False): {
+        "spring": "r",
+        "along": "gravity_ratio",
+        "numbers": {"inertia_ratio": 1.0, "gravity_ratio": 0.5, "angle": 0.3},
+    },
+    ("shuttle", False): {
+        "spring": "r",
+        "along": "inertia_ratio",
+        "numbers": {"inertia_ratio": 1.0, "gravity_ratio": 0.5, "angle": 0.3},
+    },
+    ("wheel", True): {
+        "spring": LINEAR_IN_SI,
+        "along": "body_inertia",
+        "numbers": {"mass": 2.0, "length": 0.4, "spokes": 8.0, "inertia": 0.5, "body_inertia": 0.5, "stiffness": 20.0}
+        | {"surface_gravity": 9.81, "friction": 0.5},
+    },
+    ("rocker", True): {
+        "spring": LINEAR_IN_SI,
+        "along": "stiffness",
+        "numbers": {"mass": 2.0, "half_width": 0.1, "half_height": 0.2, "inertia": 0.15, "body_inertia": 0.15}
+        | {"stiffness": 20.0, "surface_gravity": 9.81, "friction": 0.8},
+    },
+    ("shuttle", True): {
+        "spring": LINEAR_IN_SI,
+        "along": "body_inertia",
+        "numbers": {"inertia": 0.5, "body_inertia": 0.5, "stiffness": 20.0, "angle": 0.3, "mass": 2.0, "length": 0.4}
+        | {"surface_gravity": 9.81},
     },
 }
 
@@ -99,8 +135,8 @@ def _law_of_rows(name: str, text: str, branch: str | None, noise: float | None, 
 class Scene:
     """The scene that the page shows.
 
-    machine : "hopper", "juggler", one of `WITH_FIXED_LAWS`, or `PYTHON_MACHINE`
-    si : whether a hopper or a juggler is stated in SI
+    machine : "hopper", "juggler", one of `STEPPING`, one of `WITH_FIXED_LAWS`, or `PYTHON_MACHINE`
+    si : whether a machine is stated in SI
     spring, gravity : formulas or names of laws; ignored where the laws are fixed
     rows : a measured spring, which replaces `spring`
     numbers : the parameters by name, those of the formulas among them
@@ -123,7 +159,7 @@ class Scene:
     launch: float | None = None
 
     def __post_init__(self) -> None:
-        known = (*KINDS, *WITH_FIXED_LAWS, PYTHON_MACHINE)
+        known = (*KINDS, *STEPPING, *WITH_FIXED_LAWS, PYTHON_MACHINE)
         if self.machine not in known:
             raise InputError(f"unknown machine {str(self.machine)[:40]!r}{suggest(str(self.machine)[:40], known)}")
         for name in ("spring", "gravity"):
@@ -132,6 +168,8 @@ class Scene:
                 raise InputError(f"the {name} is a formula of at most {LONGEST_LAW} characters")
             if text.strip().partition(":")[0].strip() == "table":
                 raise InputError(f"{name} {text[:40]!r}: a table comes onto the page as a file dropped there")
+        if self.steps and (self.rows or self.gravity != "1"):
+            raise InputError("measured rows and a gravity that varies are of machines that hop: choose one of them")
         self._check_numbers()
         whole_number("family", self.family, most=LARGEST_SHOWN_FAMILY)
 
@@ -155,7 +193,12 @@ class Scene:
     @property
     def fixed_laws(self) -> bool:
         """Whether the page does not change the machine's laws."""
-        return self.machine not in KINDS
+        return self.machine not in (*KINDS, *STEPPING)
+
+    @property
+    def steps(self) -> bool:
+        """Whether formulas state a machine that steps."""
+        return self.machine in STEPPING
 
     @property
     def hop(self) -> "Scene":
@@ -173,6 +216,8 @@ class Scene:
         """
         if self.fixed_laws:
             return self
+        if self.steps:
+            return self._complete_steps()
         needed = _own_numbers(self) | _names_in_gravity(self.gravity) | ({} if self.rows else _names_in(self.spring))
         optional = {name: self.numbers[name] for name in (*LOSSES, "rest_length") if name in self.numbers}
         # For a spring without a slope at rest, the stiffness sets the units.
@@ -182,8 +227,20 @@ class Scene:
         along = self.along if self.along in numbers else ""
         return replace(self, numbers=numbers, along=along)
 
+    def _complete_steps(self) -> "Scene":
+        """The same of a machine that steps."""
+        free = (*(() if self.si else ("angle",)), *OPTIONAL_OF_STEPS)  # without units no angle is for small ones
+        own = BEGINNINGS[self.machine, self.si]["numbers"]
+        needed = {name: value for name, value in own.items() if name not in free}
+        needed |= {name: value for name, value in _names_in(self.spring).items() if name not in own}
+        known = {name: self.numbers.get(name, value) for name, value in needed.items()}
+        numbers = known | {name: self.numbers[name] for name in free if name in self.numbers}
+        return replace(self, numbers=numbers, along=self.along if self.along in numbers else "")
+
     def statement(self) -> dict[str, Any]:
         """The scene's machine as a machine file states one, with a file's name in place of measured rows."""
+        if self.steps:
+            return self._statement_of_steps()
         numbers, masses = dict(self.numbers), MASSES[self.machine]
         own = (*masses, *SI_KEYS[:-1]) if self.si else ("mass_ratio", "rest_length")
         stated = {name: numbers.pop(name) for name in own if name in numbers}
@@ -198,10 +255,21 @@ class Scene:
         words |= {"si": stated} if self.si else stated
         return words | ({"parameters": numbers} if numbers else {})
 
+    def _statement_of_steps(self) -> dict[str, Any]:
+        """The same of a machine that steps."""
+        numbers: dict[str, float] = {**self.numbers}
+        if (spokes := numbers.get("spokes", 0.5)).is_integer():
+            numbers["spokes"] = int(spokes)
+        names = SI_KEYS_OF_STEPS[self.machine] if self.si else []
+        si = {name: numbers.pop(name) for name in names if name in numbers}
+        plain = self.spring.replace(" ", "") == BEGINNINGS[self.machine, self.si]["spring"]
+        words: dict[str, Any] = {"machine": self.machine} | ({} if plain else {"spring": self.spring})
+        return words | ({"si": si} if self.si else {}) | ({"parameters": numbers} if numbers else {})
+
     def build(self, python_machine: Any = None) -> Any:
         """The machine of the scene, which is `python_machine` with other numbers where no statement makes it; raises
         `InputError` that names the invalid part."""
-        if self.machine in KINDS:
+        if not self.fixed_laws:
             statement = self.statement()
             return build({**statement, "spring": self.rows.law(self.si)} if self.rows else statement, "this machine")
         if self.machine == PYTHON_MACHINE and python_machine is None:
@@ -223,7 +291,8 @@ def beginning(machine: str, si: bool = False) -> Scene:
     if machine in WITH_FIXED_LAWS:
         return scene_with_fixed_laws(_with_its_own_laws(machine), machine)
     if (machine, si) not in BEGINNINGS:
-        raise InputError(f"unknown machine {machine[:40]!r}{suggest(machine[:40], (*KINDS, *WITH_FIXED_LAWS))}")
+        known = (*KINDS, *STEPPING, *WITH_FIXED_LAWS)
+        raise InputError(f"unknown machine {machine[:40]!r}{suggest(machine[:40], known)}")
     return Scene(machine, si, **BEGINNINGS[machine, si])
 
 
@@ -234,8 +303,11 @@ def scene_with_fixed_laws(machine: Machine, name: str = PYTHON_MACHINE) -> Scene
 
 def with_surroundings(scene: Scene) -> Scene:
     """A scene with a parameter along which the family is followed: the last one of its laws where these have any, and
-    a rest length only if there is no other, as it changes no hop under a constant gravity."""
-    names = [name for name in scene.numbers if name not in LOSSES]
+    a rest length only if there is no other, as it changes no hop under a constant gravity. That of a machine that
+    steps is the one that the page begins with."""
+    names = [name for name in scene.numbers if name not in (*LOSSES, *OPTIONAL_OF_STEPS)]
+    if scene.steps and (usual := BEGINNINGS[scene.machine, scene.si]["along"]) in names:
+        names = [usual]
     names.sort(key=lambda name: (name not in {"mass_ratio", *SI_PARAMETERS}, name != "rest_length"))
     return replace(scene, along=names[-1]) if names and not scene.along else scene
 

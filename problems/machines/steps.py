@@ -205,12 +205,11 @@ def shuttle(
     """
     stated = {"inertia": inertia, "body_inertia": body_inertia, "stiffness": stiffness}
     if own := _in_si("shuttle", stated, (inertia_ratio, gravity_ratio)):
-        own |= {
-            "angle": _positive("angle", angle, pi / 2),
-            "mass": mass,
-            "length": length,
-            "surface_gravity": surface_gravity,
-        }
+        for name, value in (("mass", mass), ("length", length)):
+            if number(name, value) < 0:
+                raise InputError(f"{name} = {value:g} is below 0; it is 0 for a shuttle in balance")
+        own |= {"angle": _positive("angle", angle, pi / 2), "mass": mass, "length": length}
+        own["surface_gravity"] = surface_gravity
         force: Element = Weight(HUB, "mass")
         heights: dict[str, str] | None = {"end": HUB}
         turned, gravity = "inertia", "surface_gravity"
@@ -285,6 +284,7 @@ def _wheel_drawn(own: Mapping[str, float], tilt: str | float) -> Drawing | None:
         [
             Outline("wheel", spoke, repeat="pi/angle"),
             _bar(hub, "phi - angle + 2*angle*steps", f"{length}/2"),
+            Outline("path of the hub", [hub], traced=True),
         ],
         onward={"x": f"x + 2*{length}*sin(angle)"},
         tilt=tilt,
@@ -300,7 +300,12 @@ def _block_drawn(own: Mapping[str, float]) -> Drawing | None:
     edges = [*left, *(_aslant(place, "theta", f"2*{high}") for place in reversed(left))]
     centre = _aslant(_aslant(("0", "0"), "theta - pi/2", wide), "theta", high)
     return Drawing(
-        [Outline("block", edges, closed=True), _bar(centre, "phi", f"{high}/2")], onward={"x": f"-x - 2*{wide}"}
+        [
+            Outline("block", edges, closed=True),
+            _bar(centre, "phi", f"{high}/2"),
+            Outline("path of the centre", [centre], traced=True),
+        ],
+        onward={"x": f"-x - 2*{wide}"},
     )
 
 
@@ -310,12 +315,15 @@ def _shuttle_drawn(own: Mapping[str, float]) -> Drawing | None:
         return None
     length = "length" if own.get("length", 0.0) > 0 else "1"
     end, hinge = _aslant(("0", "0"), "theta - angle", length), ("0", "0")
+    path = Outline("path of the end", [end], traced=True)
     walls = [
         Outline("walls", [_aslant(hinge, f"{sign}angle", f"{share}*{length}") for share in (0.85, 1.15)], fixed=True)
         for sign in ("", "-")
     ]
     return Drawing(
-        [*walls, Outline("pendulum", [hinge, end]), _bar(end, "phi - angle", f"{length}/4")], {"x": "-x"}, ground=False
+        [*walls, Outline("pendulum", [hinge, end]), _bar(end, "phi - angle", f"{length}/4"), path],
+        {"x": "-x"},
+        ground=False,
     )
 
 

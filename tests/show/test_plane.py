@@ -35,7 +35,7 @@ def test_a_wheel_rolls_on_from_spoke_to_spoke(walk):
     the step stood, or a step farther."""
     period, step = walk.period, 2 * LENGTH * math.sin(ANGLE)
     t = np.concatenate([np.linspace(0, 3.9 * period, 200), walk.flight_time + period * np.arange(3) + 1e-9])
-    *spokes, body = paths_at(walk, t)
+    *spokes, body, path = paths_at(walk, t)
     assert len(spokes) == 8
     hub, tips = spokes[0].points[:, 0], np.stack([each.points[:, 1] for each in spokes], axis=1)
     assert np.hypot(*(tips - hub[:, None]).T) == pytest.approx(LENGTH)
@@ -45,6 +45,7 @@ def test_a_wheel_rolls_on_from_spoke_to_spoke(walk):
         feet = np.sort(places[places[:, 1] < 1e-6, 0])
         assert feet == pytest.approx([k * step, (k + 1) * step], abs=1e-6)
     assert body.points.mean(1) == pytest.approx(hub)
+    assert np.array_equal(path.points[:, 0], hub)
     turned = np.unwrap(np.arctan2(*(tips[:200, 0] - hub[:200]).T))
     assert np.abs(np.diff(turned)).max() < 0.1  # each spoke is the same one from step to step
 
@@ -62,8 +63,8 @@ def test_what_stands_does_not_slide(walk, rock):
 def test_a_block_rocks_to_both_sides(rock):
     """A cycle on it is its mirror image about the middle of its base."""
     t = np.linspace(0, rock.period, 60)[:-1]
-    block, body = paths_at(rock, t)
-    later, body_later = paths_at(rock, t + rock.period)
+    block, body, _ = paths_at(rock, t)
+    later, body_later, _ = paths_at(rock, t + rock.period)
     middle = -math.sin(0.3)
     for one, other in ((block, later), (body, body_later)):
         assert other.points[..., 0] == pytest.approx(2 * middle - one.points[..., 0], abs=1e-12)
@@ -76,7 +77,7 @@ def test_a_block_rocks_to_both_sides(rock):
 def test_a_shuttle_touches_both_walls():
     orbit = find(shuttle(angle=0.4))
     t = np.array([0.0, orbit.flight_time]) + 1e-9
-    wall, other, rod, _ = paths_at(orbit, t)
+    wall, other, rod, *_ = paths_at(orbit, t)
     ends = rod.points[:, 1]
     assert np.arctan2(*ends.T) == pytest.approx([-0.4, 0.4], abs=1e-6)
     assert {each.colour for each in (wall, other)} == {wall.colour} != {rod.colour}
@@ -113,9 +114,26 @@ def test_a_page_shows_cycles_after_which_it_looks_as_at_first(walk, rock):
     assert (wheel.cycles, block.cycles) == (4, 2)  # half a turn of eight spokes; both sides
     for motion, total in ((wheel, 18), (block, 6)):
         sizes, names = motion.outlines["size"], motion.outlines["name"]
-        assert (sum(sizes), names[-1], sizes[-1]) == (total, "inner body", 2)
+        assert (sum(sizes), names[-2], sizes[-2], sizes[-1]) == (total, "inner body", 2, 0)
         last = motion.points[-len(motion.points) * 2 // total :].reshape(-1, 2, 2)
         assert np.sort(last[0], axis=0) == pytest.approx(np.sort(last[-1], axis=0), abs=1e-5)
+
+
+@pytest.mark.parametrize(("spokes", "cycles"), [(6, 3), (7, 7)])
+def test_half_a_turn_or_a_whole_one_leads_back(spokes, cycles):
+    assert motion_in_plane(find(rimless_wheel(2.0, LENGTH, spokes, 0.5, 0.5, 20.0))).cycles == cycles
+
+
+def test_the_path_on_a_page_is_of_arcs_about_the_feet(walk, rock):
+    wheel, block = motion_in_plane(walk), motion_in_plane(rock)
+    assert wheel.advance == pytest.approx(2 * LENGTH * math.sin(ANGLE))
+    feet = np.array([[x, 0.0] for x in wheel.marks])
+    path = wheel.trails.reshape(-1, 2)
+    far = np.hypot(*(path[:, None] - feet).transpose(2, 0, 1))
+    assert np.sort(far, axis=1)[:, 0] == pytest.approx(LENGTH, rel=1e-6)
+    assert (np.diff(path[:, 0]) > -1e-6).all()  # it never goes back
+    assert path[-1, 0] - path[0, 0] == pytest.approx(6 * wheel.advance, rel=1e-2)
+    assert (block.advance, block.marks) == (0.0, [])
 
 
 def test_machines_without_a_drawing_are_drawn_as_ever():

@@ -68,8 +68,8 @@ def family_data(family: Any, quantity: str = "alpha") -> FamilyData:
     speeds = [number_text(point.alpha, speed_in) for point, _ in along]
     points = {"value": value, "quantity": whole, "alpha": speeds, "note": texts}
     events = {"value": value[marked], "quantity": whole[marked], "kind": kinds}
-    labels = family.heading(family.name), family.heading(quantity).replace("_", " ")
-    return FamilyData(value, motions, others, points, events, labels)
+    across, up = (family.heading(name).replace("_", " ") for name in (family.name, quantity))
+    return FamilyData(value, motions, others, points, events, (across, up))
 
 
 def ending(family: "Family") -> str:

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import InputError
-from ...units import FORCE
+from ...model.model import LANDED_FORCE
 from ..animation import drawn_heights, drawn_range
 from ..plane import PlaneMotion, motion_in_plane
-from ..plot import COLOURS, SHADE, masses_at, states_to_show, title, unit_labels, vertical
+from ..plot import COLOURS, SHADE, angles_shown, masses_at, states_to_show, title, unit_labels, vertical
 from .bokeh_figures import (
     GREY,
     INK,
@@ -24,6 +24,7 @@ from .bokeh_figures import (
     legend_above,
     new_figure,
     range_changes,
+    tip,
 )
 from .player import new_player
 
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
 # The number of times at which a hop of family n is sampled: a constant, plus a multiple of n, up to a bound.
 TIMES, TIMES_EACH, MOST_TIMES = 160, 40, 1200
 CENTRE_OF_MASS = "centre of mass"
+IN_PLANE = ("points", "trails", "advance", "marks", "cycles", "middle")  # columns of one motion in the plane
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,11 +42,13 @@ class HopData:
     """The data of the figures of a hop, as arrays and texts that can be sent to another process.
 
     title : machine, family, speed and laws in two lines
-    names : of the m masses, the upper before the lower
+    names : of the m masses, the upper before the lower, or of the angles of a machine that turns
     time : (k,) over a cycle, or over the flight of an orbit whose contact never ends
-    height, speed, drawn : (m, k) of the masses; `drawn` are heights with room for springs of unknown rest length
+    height, speed, drawn : (m, k) of the masses; `drawn` are heights with room for springs of unknown rest length. Of a
+        machine that turns they are its angles, and their rates
     centre : (k,) the height of the centre of mass; None where there is none
-    force : (k,) the contact force; None where there is none
+    force : (k,) the contact force, that on the point that opens next of those that take turns; None where there is none
+    landed : (k,) that on the point that has landed; None where only one point holds
     why : in words, why there is no contact force
     flight_time : of the hop
     floating : whether `drawn` are no true heights
@@ -52,6 +56,7 @@ class HopData:
     knees : such numbers with the length of each of the two links
     span : the lowest and the highest height that is drawn
     labels : of the axes, by "time", "height", "drawn" (the animation's), "speed" and "force", with units
+    turns : whether the machine turns
     plane : the motion of a machine that states its drawing in the plane; None for masses on one vertical line
     """
 
@@ -63,6 +68,7 @@ class HopData:
     drawn: np.ndarray
     centre: np.ndarray | None
     force: np.ndarray | None
+    landed: np.ndarray | None
     why: str
     flight_time: float
     floating: bool
@@ -70,6 +76,7 @@ class HopData:
     knees: tuple[tuple[int, int, float], ...]
     span: tuple[float, float]
     labels: dict[str, str]
+    turns: bool = False
     plane: PlaneMotion | None = None
 
     @property
@@ -81,41 +88,52 @@ class HopData:
 def hop_data(orbit: "Orbit") -> HopData:
     """The data of an `Orbit` for its figures, in SI for a machine that is stated in SI."""
     count = min(TIMES + TIMES_EACH * orbit.family, MOST_TIMES)
-    time, force, why = np.linspace(0, orbit.flight_time, count), None, "the contact never ends"
+    time, force, landed, why = np.linspace(0, orbit.flight_time, count), None, None, "the contact never ends"
     if orbit.contact_time is not None:
         time = np.append(time, np.linspace(orbit.flight_time, orbit.period, count // 2)[1:])
         try:
             force, why = orbit.contact_force(time), ""
+            if (
+                orbit.contact is not None and LANDED_FORCE in orbit.contact.names
+            ):  # at the end of the contact, before the points change their names
+                landed = orbit.contact_force(np.minimum(time, np.nextafter(orbit.period, 0)), landed=True)
         except InputError as error:
             why = str(error)
     states, shape, floating = states_to_show(orbit, time), orbit.shape, orbit.certificate.smallest_separation is None
-    masses = masses_at(orbit, states)
+    plane = motion_in_plane(orbit)
+    angles, masses = angles_shown(orbit, plane is not None), masses_at(orbit, states)
+    if angles:
+        names, states = orbit.flight.names, orbit.unrolled(time)
+        masses = {name: (states[:, names.index(name)], states[:, names.index(name + "'")]) for name in angles}
     heights, floating = drawn_heights(states, shape.heights, (shape.springs, shape.knees, shape.embed), floating)
     places = {None: -1} | {name: i for i, name in enumerate(masses)}
     metres, seconds, speeds_in = unit_labels(orbit.scales)
-    centre, plane = shape.heights.get(CENTRE_OF_MASS), motion_in_plane(orbit)
+    centre = shape.heights.get(CENTRE_OF_MASS)
+    height, speed = vertical(orbit.certificate.smallest_separation), "speed" + speeds_in
     return HopData(
         title=title(orbit),
         names=tuple(masses),
         time=time,
         height=np.array([height for height, _ in masses.values()]),
         speed=np.array([speed for _, speed in masses.values()]),
-        drawn=np.array([heights[name] for name in masses]),
+        drawn=np.array([masses[name][0] if angles else heights[name] for name in masses]),
         centre=None if centre is None else np.asarray(centre(states)),
         force=force,
+        landed=landed,
         why=why,
         flight_time=orbit.flight_time,
-        floating=floating and plane is None,
+        floating=floating and plane is None and not angles,
         springs=tuple((places[lower], places[upper]) for lower, upper in shape.springs),
         knees=tuple((places[lower], places[upper], link) for lower, upper, link in shape.knees),
         span=plane.span if plane else drawn_range(heights, shape.knees),
         labels={
             "time": "time" + seconds,
-            "height": vertical(orbit.certificate.smallest_separation) + metres,
-            "drawn": ("height" if plane else vertical(orbit.certificate.smallest_separation)) + metres,
-            "speed": "speed" + speeds_in,
-            "force": "contact force" + (f" ({orbit.scales.text(FORCE)})" if orbit.scales else ""),
+            "height": ("angle" + (" (rad)" if orbit.scales else "")) if angles else height + metres,
+            "drawn": ("height" if plane else height) + metres,
+            "speed": ("rate" + (" (rad/s)" if orbit.scales else "")) if angles else speed,
+            "force": "contact force" + (f" ({orbit.units['contact force']})" if orbit.scales else ""),
         },
+        turns=bool(angles),
         plane=plane,
     )
 
@@ -135,15 +153,19 @@ class HopFigures:
         masses, joints, paths = ("time", "height", "speed", "colour", "name"), ("lower", "upper"), ("xs", "ys")
         self._masses, self._centre = new(empty_columns(*masses)), new(empty_columns("time", "height"))
         self._force, self._contact = new(empty_columns("time", "force")), new(empty_columns("start", "end"))
+        self._landed = new(empty_columns("time", "force"))
         self._motion = new(empty_columns("drawn"))
         self._springs, self._knees = new(empty_columns(*joints, *paths)), new(empty_columns(*joints, "link", *paths))
         self._bodies = new(empty_columns(*masses, "x", "y", "marker", "size", "aside", "align", "force"))
-        self._plane = new(empty_columns("points", "cycles", "middle"))
+        self._plane = new(empty_columns(*IN_PLANE))
         self._outlines = new(empty_columns("size", "colour", "closed", "ends", "name", "line", "fill", *paths))
-        self._dots, self._parts = new(empty_columns("x", "y", "colour")), new(empty_columns("x", "y", "colour", "name"))
+        self._dots, self._parts = (
+            new(empty_columns("x", "y", "colour", "size")),
+            new(empty_columns("x", "y", "colour", "name")),
+        )
         self.machine = self._new_machine()
         self.heights, self._centre_item, self._contact_item = self._new_heights()
-        self.portrait, self.force = self._new_portrait(), self._new_force()
+        self.portrait, (self.force, self._feet_items) = self._new_portrait(), self._new_force()
         shown = {"masses": self._masses, "motion": self._motion, "force": self._force, "bodies": self._bodies}
         self.player = new_player(
             self.machine,
@@ -165,13 +187,17 @@ class HopFigures:
     def changes(self, data: HopData, steady: bool = True) -> list[Change]:
         """The changes that `show` makes, in this order."""
         stands, nothing = data.end > data.flight_time, np.zeros(0)
-        force, centre = (nothing if row is None else row for row in (data.force, data.centre))
+        force, landed, centre = (nothing if row is None else row for row in (data.force, data.landed, data.centre))
         column = data.plane is None  # of masses on one vertical line
         changes: list[Change] = [
             (self._springs, "data", _joints(data.springs if column else (), "lower", "upper")),
             (self._knees, "data", _joints(data.knees if column else (), "lower", "upper", "link")),
             *self._changes_in_plane(data.plane),
             (self._force, "data", {"time": data.time[: len(force)], "force": force}),
+            (self._landed, "data", {"time": data.time[: len(landed)], "force": landed}),
+            *((item, "visible", data.landed is not None) for item in self._feet_items),
+            (self.machine, "visible", data.plane is not None or not data.turns),
+            (self.heights.title, "text", "Angles" if data.turns else "Heights"),
             (self._centre, "data", {"time": data.time[: len(centre)], "height": centre}),
             (self._contact, "data", {"start": [data.flight_time][:stands], "end": [data.end][:stands]}),
             (self.force.title, "text", f"Contact force: {data.why}" if data.why else "Contact force"),
@@ -184,6 +210,9 @@ class HopFigures:
         axes |= {"force": [self.force.yaxis]}
         changes += [(axis[0], "axis_label", data.labels[name]) for name, some in axes.items() for axis in some]
         changes += self._range_changes(data, steady)
+        place, rate = ("angle", "rate") if data.turns else ("height", "speed")
+        tips = (self._tip_of_heights, ("time", place)), (self._tip_of_portrait, (place, rate))
+        changes += [(tool, "tooltips", tip(_tip_entries(*names))) for tool, names in tips]
         *colours, of_centre = islice(cycle(COLOURS), len(data.names) + 1)
         changes.append((self._centre_item.renderers[0].glyph, "line_color", of_centre))
         rows = {"time": [data.time] * len(colours), "colour": colours, "name": list(data.names)}
@@ -194,7 +223,7 @@ class HopFigures:
         """The changes that show a machine in the plane, or none."""
         outlines, numbers = (
             {name: list[Any]() for name in self._outlines.data},
-            empty_columns("points", "cycles", "middle"),
+            empty_columns(*IN_PLANE),
         )
         parts, ground = empty_columns("x", "y", "colour", "name"), plane is None or plane.ground
         if plane:
@@ -202,7 +231,8 @@ class HopFigures:
             named = dict(zip(plane.outlines["name"], plane.outlines["colour"], strict=True))
             unseen: list[Any] = [[] for _ in plane.outlines["name"]]
             outlines = plane.outlines | {"xs": unseen, "ys": unseen}
-            outlines["line"] = [4.0 if ends else 2.5 for ends in plane.outlines["ends"]]
+            rows = zip(plane.outlines["ends"], plane.outlines["size"], strict=True)
+            outlines["line"] = [4.0 if ends else 2.5 if size else 1.2 for ends, size in rows]
             outlines["fill"] = [0.3 if closed else 0.0 for closed in plane.outlines["closed"]]
             parts = dict.fromkeys("xy", [np.nan] * len(named)) | {"colour": [*named.values()], "name": [*named]}
         changes: list[Change] = [(each, "visible", ground) for each in self._ground]
@@ -211,7 +241,7 @@ class HopFigures:
 
     def _range_changes(self, data: HopData, steady: bool) -> list[Change]:
         high, low = data.height.max(), min(data.height.min(), 0.0)
-        force = np.zeros(1) if data.force is None else data.force
+        force = np.concatenate([np.zeros(1) if row is None else row for row in (data.force, data.landed)])
         bounds = [
             (self.heights.x_range, 0.0, data.end, 0.0),
             (self.heights.y_range, low, high, MARGIN),
@@ -237,7 +267,7 @@ class HopFigures:
             "xs", "ys", source=self._outlines, fill_color="colour", fill_alpha="fill", line_color=None, **MOVING
         )
         figure.multi_line("xs", "ys", line_color="colour", line_width="line", **paths)
-        figure.scatter("x", "y", source=self._dots, size=12, color="colour", **MOVING)
+        figure.scatter("x", "y", source=self._dots, size="size", color="colour", **MOVING)
         parts = figure.scatter("x", "y", source=self._parts, size=12, color="colour")
         self._parts_item = models.LegendItem(label={"field": "name"}, renderers=[parts])
         legend_above(figure, self._parts_item)
@@ -263,30 +293,40 @@ class HopFigures:
         of_centre, of_contact = new(label=CENTRE_OF_MASS, renderers=[centre]), new(label="contact", renderers=[strip])
         named = new(label={"field": "name"}, renderers=[lines])
         legend_above(figure, named, of_centre, of_contact)
-        entries = [("", "@name"), ("time", "$snap_x{%.5g}"), ("height", "$snap_y{%.5g}")]
-        figure.add_tools(hover([lines], entries, mode="vline", line_policy="interp"))
+        self._tip_of_heights = hover([lines], _tip_entries("time", "height"), mode="vline", line_policy="interp")
+        figure.add_tools(self._tip_of_heights)
         return figure, of_centre, of_contact
 
     def _new_portrait(self) -> Any:
         figure = new_figure("Phase portrait", 300)
         lines = figure.multi_line("height", "speed", source=self._masses, line_color="colour", line_width=2.5)
         figure.scatter("height", "speed", source=self._bodies, size=9, color="colour", line_color="white", **MOVING)
-        entries = [("", "@name"), ("height", "$snap_x{%.5g}"), ("speed", "$snap_y{%.5g}")]
-        figure.add_tools(hover([lines], entries, line_policy="interp"))
+        self._tip_of_portrait = hover([lines], _tip_entries("height", "speed"), line_policy="interp")
+        figure.add_tools(self._tip_of_portrait)
         return figure
 
-    def _new_force(self) -> Any:
+    def _new_force(self) -> tuple[Any, list[Any]]:
+        """The figure of the contact force, and the items of its legend, which names points that take turns."""
         figure = new_figure("Contact force", 240, x_range=self.heights.x_range)
         self._shade(figure)
         line = figure.line("time", "force", source=self._force, line_color=INK, line_width=2.5)
+        other = figure.line("time", "force", source=self._landed, line_color=GREY, line_width=2.5, line_dash=[5, 3])
+        named = {"of the point that opens next": line, "of the point that landed": other}
+        items = [bokeh("models").LegendItem(label=name, renderers=[drawn]) for name, drawn in named.items()]
+        legend_above(figure, *items)
         figure.scatter("time", "force", source=self._bodies, size=9, color=INK, line_color="white", **MOVING)
         entries = [("time", "@time{%.5g}"), ("force", "@force{%.5g}")]
         figure.add_tools(hover([line], entries, mode="vline"))
-        return figure
+        return figure, items
 
     def _shade(self, figure: Any) -> object:
         """Shade the contact in a figure against time."""
         return figure.vstrip("start", "end", source=self._contact, fill_color=SHADE, line_color=None, level="underlay")
+
+
+def _tip_entries(across: str, up: str) -> list[tuple[str, str]]:
+    """The entries of a tooltip on a mass's curve, by the names of the axes."""
+    return [("", "@name"), (across, "$snap_x{%.5g}"), (up, "$snap_y{%.5g}")]
 
 
 def _joints(joints: tuple, *names: str) -> dict[str, list]:

@@ -10,7 +10,7 @@ from ...errors import InputError
 from ...model.machine import Machine, dimensionless
 from ...running.exclusive import exclusive
 from ...units import EXTENSION, FORCE, TORQUE
-from ..plot import COLOURS, SHADE
+from ..plot import COLOURS, SHADE, angles_shown
 from .bokeh_figures import GREY, Change, apply, bokeh, empty_columns, hover, legend_above, new_figure, range_changes
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def law_data(machine: Machine, orbit: "Orbit") -> LawData:
     beside = ON_EACH_SIDE * (high - low)
     places, forces = _forces(own, np.linspace(low - beside, high + beside, EXTENSIONS))
     start = _forces(own, np.array([bare.liftoff_extension]))[1]
-    turns = units is not None and "liftoff" in units.angles
+    turns = "liftoff" in units.angles if units else bool(angles_shown(orbit, True))
     title = f"Spring: {orbit.machine['spring']}"
     name, dimensions = ("torque", (EXTENSION, TORQUE)) if turns else ("force", (EXTENSION, FORCE))
     length, force = (units.of(each) if units else 1.0 for each in dimensions)
@@ -108,7 +108,7 @@ class LawFigure:
         style = {"size": 9, "fill_color": COLOURS[1], "line_color": "white"}
         dot = figure.scatter("extension", "force", source=self._liftoff, **style)
         item = models.LegendItem
-        named = {"spring": line, "used by the hop": strip, "lift-off": dot}
+        named = {"spring": line, "used": strip, "lift-off": dot}
         legend_above(figure, *(item(label=name, renderers=[renderer]) for name, renderer in named.items()))
         tips = [("extension", "@extension{%.5g}"), ("force", "@force{%.5g}")]
         figure.add_tools(hover([line], tips, mode="vline"))

@@ -30,6 +30,7 @@ MAP_SAMPLES, WEB_HOPS = 1500, 60
 class MapData:
     """The data of the figure of a return map, as arrays and texts that can be sent to another process.
 
+    centre : the launch speed from which all others are counted, 0.0 for none
     low, high : launch speeds between which the map is drawn
     alpha, following : (k,) launch speeds and the next ones, NaN where there is none or the map jumps
     basin : (b, 2) the intervals of launch speeds that come to a lossless hop; None where they are not known
@@ -37,6 +38,7 @@ class MapData:
     unit : of a launch speed, "" without units
     """
 
+    centre: float
     low: float
     high: float
     alpha: np.ndarray
@@ -56,6 +58,7 @@ def map_data(
     low: float,
     high: float,
     *,
+    centre: float = 0.0,
     basin: Any = None,
     start: float | None = None,
     samples: int = MAP_SAMPLES,
@@ -63,6 +66,7 @@ def map_data(
 ) -> MapData:
     """The data of a `ReturnMap` between two launch speeds for the figure.
 
+    low, high, centre : as in `MapData`
     basin : the intervals that `ReturnMap.basin` returned, None for none
     start, hops : launch speed from which a cobweb is drawn, None for no cobweb, and its number of hops
     """
@@ -70,7 +74,8 @@ def map_data(
     units = step.machine.units
     unit = units.text(LIFTOFF_SPEED) if units else ""
     intervals = None if basin is None else np.reshape(basin, (-1, 2))
-    return MapData(low, high, *sampled_map(step, low, high, samples), intervals, web, unit)
+    alpha, following = (each - centre for each in sampled_map(step, centre + low, centre + high, samples))
+    return MapData(centre, low, high, alpha, following, intervals, web - centre, unit)
 
 
 class MapFigure:
@@ -80,6 +85,7 @@ class MapFigure:
         models = bokeh("models")
         new = models.ColumnDataSource
         self.figure = figure = new_figure("Return map", 380)
+        figure.axis.formatter = models.CustomJSTickFormatter(code="return String(Number(tick.toPrecision(6)))")
         lines = (new(empty_columns("alpha", "following")) for _ in range(4))
         self._map, self._web, self._identity, self._start = lines
         self._basin = new(empty_columns("low", "high"))
@@ -90,7 +96,7 @@ class MapFigure:
         figure.scatter(
             "alpha", "following", source=self._start, color=COLOURS[1], line_color="white", size=10, **MOVING
         )
-        names = ("map", line), ("next = this", identity), ("cobweb", web), ("comes to a lossless hop", strips)
+        names = ("map", line), ("next = this", identity), ("cobweb", web), ("comes back to a lossless one", strips)
         self._items = {name: models.LegendItem(label=name, renderers=[drawn]) for name, drawn in names}
         legend_above(figure, *self._items.values(), columns=2)
         entries = [("launch speed", "@alpha{%.6g}"), ("next", "@following{%.6g}")]
@@ -113,9 +119,10 @@ class MapFigure:
         changes: list[Change] = [(source, "data", {"alpha": x, "following": y}) for source, x, y in lines]
         changes.append((self._basin, "data", {"low": basin[:, 0], "high": basin[:, 1]}))
         changes += range_changes(self.figure.x_range, data.low, data.high, steady, 0.0)
-        changes += range_changes(self.figure.y_range, 0.0, float(most), steady)
-        unit = f" ({data.unit})" if data.unit else ""
+        # Beside a launch speed, where the next one falls steeply, the map is drawn as far as the identity line.
+        changes += range_changes(self.figure.y_range, min(data.low, 0.0), float(most), steady)
+        unit = (f" - {data.centre:.9g}" if data.centre else "") + (f" ({data.unit})" if data.unit else "")
         changes += [(self.figure.xaxis[0], "axis_label", "launch speed" + unit)]
         changes += [(self.figure.yaxis[0], "axis_label", "next launch speed" + unit)]
-        shown = {"cobweb": data.web.size > 0, "comes to a lossless hop": len(basin) > 0}
+        shown = {"cobweb": data.web.size > 0, "comes back to a lossless one": len(basin) > 0}
         return [*changes, *((self._items[name], "visible", is_shown) for name, is_shown in shown.items())]

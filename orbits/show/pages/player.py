@@ -2,13 +2,16 @@
 
 from typing import Any
 
-from .bokeh_figures import bokeh
+from ..plane import BEHIND
+from .bokeh_figures import GREY, bokeh
 
 CYCLES_PER_SECOND = 0.4  # at first
 # One function for everything that calls it: `cause` is "layout", "data", "button" or "place". The state is on the
 # source of the motion. Glyphs that are redrawn in each frame are changed in place and not reported
 # to a server (`change.emit` and `sync: false`), or there would be a message for each frame.
-PLAY = """
+PLAY = (
+    f"const BEHIND = {BEHIND}, GREY = '{GREY}';"
+    + """
 const player = motion.player ??= {share: 0, lap: 0, last: null, drawn: 0, reported: 0, looping: false, place: 0};
 const ZIGZAG = [0, 0, ...Array(7).fill([9, -9]).flat(), 0, 0];
 
@@ -54,29 +57,41 @@ function draw() {
 
 function drawInPlane(up, pixel) {
   const [points] = plane.data.points, [cycles] = plane.data.cycles, [middle] = plane.data.middle;
-  const sizes = Array.from(outlines.data.size);
+  const sizes = Array.from(outlines.data.size), {ends, closed, colour} = outlines.data;
   const times = points.length / 2 / sizes.reduce((sum, size) => sum + size, 0);
   const place = ((player.lap % cycles) + player.share) / cycles * (times - 1);
   const low = Math.min(Math.floor(place), times - 2), weight = place - low;
-  let begin = 0;
+  let begin = 0, trail = 0;
+  const across = x => (x - middle) / up * pixel, moved = player.lap % cycles + player.share;
+  const [trails] = plane.data.trails, [advance] = plane.data.advance, [marks] = plane.data.marks;
+  const length = trails.length / sizes.filter(size => !size).length;
   const paths = sizes.map((size, i) => {
+    if (!size) {  // the path so far, as one who goes on sees it
+      const own = trails.slice(length * trail, length * ++trail), count = length / 2;
+      const last = Math.round((count - 1) * (BEHIND + moved) / (BEHIND + cycles));
+      const known = Array.from({length: last + 1}, (_, k) => [across(own[2 * k] - advance * moved), own[2 * k + 1]]);
+      const seen = known.filter(([x]) => Math.abs(x) < 1);
+      return [seen.map(([x]) => x), seen.map(([, y]) => y)];
+    }
     const from = begin + 2 * size * low, xs = [], ys = [];
     for (let k = 0; k < size; k++) {
       const [x, y] = [0, 1].map(j => {
         const now = from + 2 * k + j;
         return points[now] + weight * (points[now + 2 * size] - points[now]);
       });
-      xs.push((x - middle) / up * pixel);
+      xs.push(across(x));
       ys.push(y);
     }
     begin += 2 * size * times;
-    return outlines.data.closed[i] ? [[...xs, xs[0]], [...ys, ys[0]]] : [xs, ys];
+    return closed[i] ? [[...xs, xs[0]], [...ys, ys[0]]] : [xs, ys];
   });
   outlines.data.xs = paths.map(([xs]) => xs);
   outlines.data.ys = paths.map(([, ys]) => ys);
-  const ended = paths.flatMap(([xs, ys], i) => !outlines.data.ends[i] ? [] :
-    [0, xs.length - 1].map(k => [xs[k], ys[k], outlines.data.colour[i]]));
-  [dots.data.x, dots.data.y, dots.data.colour] = [0, 1, 2].map(k => ended.map(end => end[k]));
+  const ended = paths.flatMap(([xs, ys], i) => !ends[i] ? [] :
+    [0, xs.length - 1].map(k => [xs[k], ys[k], colour[i], 12]));
+  const feet = marks.map(x => across(x - advance * moved)).filter(x => Math.abs(x) < 1);
+  ended.push(...feet.map(x => [x, 0, GREY, 6]));
+  ["x", "y", "colour", "size"].forEach((name, k) => { dots.data[name] = ended.map(end => end[k]); });
 }
 
 function report(now) {
@@ -118,6 +133,7 @@ if (button.active && !player.looping) {
   requestAnimationFrame(step);
 }
 """
+)
 
 
 def new_player(machine: Any, **sources: Any) -> Any:

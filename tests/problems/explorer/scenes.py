@@ -27,6 +27,11 @@ SCENES = {
     "measured leg": replace(IN_SI, rows=ROWS).complete(),
     "around": replace(beginning("hopper"), launch=2.5, along="rest_length", start=(0.8290513811936318, 2.94, 2.9)),
 }
+SCENES |= {
+    "wheel": beginning("wheel", True),
+    "small rocker": Scene("rocker", numbers={"inertia_ratio": 0.7, "gravity_ratio": 0.5}, family=2),
+    "cubic shuttle": replace(beginning("shuttle"), spring="r + beta*r**3").complete(),
+}
 given = pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES)
 
 

@@ -4,7 +4,9 @@ import pytest
 
 from orbits import InputError
 from orbits.errors import LONGEST_MESSAGE
-from problems.explorer.fields import changed
+from problems import rimless_wheel
+from problems.explorer.fields import changed, shown_fields
+from problems.explorer.scene import beginning
 from tests.problems.explorer.scenes import SCENES
 
 
@@ -39,6 +41,29 @@ def test_fields_take_nothing_that_is_no_scene(act, told):
     with pytest.raises(InputError) as error:
         changed(SCENES["cubic"], act, told).build()
     assert len(str(error.value)) <= LONGEST_MESSAGE
+
+
+@pytest.mark.parametrize(
+    ("act", "value", "words"),
+    [
+        ("gravity", "exp(-z/10)", "are of machines that hop"),
+        ("rows", None, "are of machines that hop"),
+        ("floating", True, "all of its numbers"),
+        ("spring", "r + b*r**3", "no 'stiffness': write it with that"),
+        ("number", 7.5, "a whole number of them, from 3"),
+    ],
+)
+def test_what_no_machine_that_steps_has_is_refused(act, value, words):
+    change = {"name": "spokes", "value": value} if act != "rows" else {"name": "x.csv", "text": "extension,force\n"}
+    with pytest.raises(InputError, match=words):
+        changed(SCENES["wheel"], act, change).build()
+
+
+def test_small_angles_and_back():
+    scene = changed(beginning("wheel"), "floating", {"value": True})
+    assert scene.build().describe() == rimless_wheel(inertia_ratio=1.0, gravity_ratio=0.5).describe()
+    assert (scene.along, shown_fields(scene, [], False)["scene"]["floating"]) == ("", True)
+    assert changed(scene, "floating", {"value": False}).numbers == beginning("wheel").numbers
 
 
 def test_a_formula_brings_its_parameters_and_takes_the_old_ones_away():

@@ -131,6 +131,8 @@ def test_rows_that_are_too_many_stay_out_of_the_link():
         ({"spring": "r + beta*r**3", "rest_length": 30.0, "parameters": {"beta": 0.1}}, "beta"),
         ({"si": {"body_mass": 70.0, "foot_mass": 5.0, "stiffness": 2e4, "rest_length": 1.0}}, "stiffness"),
         ({"machine": "juggler"}, "mass_ratio"),
+        ({"machine": "wheel"}, "angle"),
+        ({"machine": "rocker", "parameters": {"inertia_ratio": 2.0}}, "gravity_ratio"),
     ],
 )
 def test_a_family_is_followed_along_what_changes_the_hop(stated, along):

@@ -10,7 +10,7 @@ pytest.importorskip("bokeh")
 
 from orbits import find, follow
 from orbits.show.plot import COLOURS
-from problems import Hopper
+from problems import Hopper, rimless_wheel, rocking_block
 from problems.explorer.forms import scene_of_link
 from problems.laws import springs
 from tests.browser import Page, chromium, wait_for
@@ -221,8 +221,32 @@ def click(page: Page, name: str, x: float, y: float) -> None:
     ActionChains(page.driver).move_to_element_with_offset(el, round(dx), round(dy)).click().perform()
 
 
+def test_a_wheel_walks_in_the_plane(page, address):
+    """Its hub keeps the length of a spoke from the foot on which it stands, and a friction that it lacks is told."""
+    page.open(address + "?machine=wheel&si=1&spring=stiffness*r&p.friction=0.3")
+    wheel = rimless_wheel(2.0, 0.4, 8, 0.5, 0.5, 20.0)
+    assert shown(page) == pytest.approx(find(wheel).alpha, rel=1e-6)
+    assert "no motion: it needs the friction 0.405608" in element(page, "status").text
+    assert not element(page, "drop").is_displayed()
+    page.resize(400)
+    assert is_not_blank(page, "machine")
+    paths = page.run("""
+        const figure = explorer.figures.machine, lines = figure.renderers.map(r => r.data_source.data);
+        const {xs, ys, size} = lines.find(data => data.size && data.closed);
+        return xs.map((_, i) => [size[i], xs[i], ys[i]]);
+    """)
+    *spokes, body, path = ([np.array(row) for row in (x, y)] for _, x, y in paths)
+    assert len(spokes) == 8
+    assert min(y[1] for _, y in spokes) == pytest.approx(0, abs=1e-6)
+    assert path[0][-1] == pytest.approx(spokes[0][0][0], abs=2e-2)  # the path ends at the hub
+    assert path[1].max() == pytest.approx(0.4, rel=1e-3)
+    assert body[1].mean() == pytest.approx(spokes[0][1][0], rel=1e-6)
+    page.run("const s = document.getElementById('machine'); s.value = 'rocker'; s.dispatchEvent(new Event('change'))")
+    assert shown(page) == pytest.approx(find(rocking_block(angle=0.3)).alpha, rel=1e-6)
+
+
 def test_a_click_in_the_map_launches_there(page):
-    page.wait("return explorer.state['map-text']", seconds=120)
+    page.wait("return explorer.figures.map.renderers.some(r => r.data_source.data.alpha?.length > 2)", seconds=120)
     click(page, "map", 2.0, 1.0)
     page.wait("return explorer.state.scene.launch > 0")
     assert page.run("return explorer.state.scene.launch") == pytest.approx(2.0, abs=0.1)

@@ -2,9 +2,10 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from orbits import follow
+from orbits import InputError, find, follow
 from problems import Hopper
 
 pytest.importorskip("bokeh")
@@ -58,6 +59,33 @@ def test_a_point_beyond_a_fold_is_come_back_to():
     assert moved.alpha == pytest.approx(high, rel=1e-6)  # constant gravity knows no rest length
     (other,) = hop_results(None, replace(scene, start=None), False)
     assert other.alpha < 0.9 * high
+
+
+def test_beside_a_lossless_step_the_map_is_as_its_loss_says():
+    """next - alpha = d - C |d|^(4/3) on the side without a bounce, and d - K C d^(4/3) on the other one."""
+    scene = beginning("wheel")
+    rough, data = map_results(None, scene)
+    assert len(rough.alpha) < len(data.alpha)
+    found = find(scene.build())
+    assert data.centre == found.alpha
+    below = data.alpha < 0
+    d, c = np.abs(data.alpha), found.certificate.loss_coefficient * np.where(below, 1.0, 20.085872927657135)
+    assert data.following == pytest.approx(data.alpha - c * d ** (4 / 3), abs=0.25 * data.high)
+    assert data.following[below] == pytest.approx((data.alpha - c * d ** (4 / 3))[below], rel=1e-2)
+    ((low, high),) = data.basin
+    assert low == 0
+    assert high == pytest.approx((20.085872927657135 * found.certificate.loss_coefficient) ** -3, rel=0.2)
+    (result,) = hop_results(None, beginning("wheel", True).with_numbers(friction=0.3), False)
+    assert "a foot slides" in result.violations[0]
+
+
+def test_where_no_map_can_be_drawn_the_reason_is_stated():
+    for scene, words in (
+        (replace(beginning("wheel"), numbers={"inertia_ratio": 1.0, "gravity_ratio": 0.5}), "loses nothing"),
+        (replace(beginning("wheel"), family=3), "which rounding hides"),
+    ):
+        with pytest.raises(InputError, match=words):
+            next(map_results(None, scene))
 
 
 def test_the_map_is_drawn_first_and_then_its_basin():

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from orbits import InputError
-from problems import Hopper, Juggler, explorer, hopper_in_si, inerter_hopper
+from problems import Hopper, Juggler, explorer, hopper_in_si, inerter_hopper, rocking_block, shuttle
 from problems.command.options import first_scene
 from problems.explorer.scene import beginning, scene_of_machine
 from problems.laws import springs
@@ -46,6 +46,14 @@ def test_the_command_lines_machine_is_what_the_page_begins_with(tmp_path):
     assert scene.build() == Juggler("sinh", mass_ratio=2.0, parameters={"b": 0.4})
     (tmp_path / "rows.csv").write_text(SHORT_ROWS.text, encoding="utf-8")
     assert first_scene(machine=None, spring=f"table:{tmp_path}/rows.csv").rows == SHORT_ROWS
+    assert first_scene(3, machine="wheel") == replace(beginning("wheel"), family=3)
+    small = first_scene(machine="rocker", settings=("gravity_ratio=0.4", "share=0.5"))
+    assert small.build().describe() == rocking_block(gravity_ratio=0.4, share=0.5).describe()
+    (tmp_path / "machine.toml").write_text(
+        'machine = "shuttle"\n[si]\ninertia = 0.5\nbody_inertia = 0.5\nstiffness = 20.0\nangle = 0.3', encoding="utf-8"
+    )
+    balanced = first_scene(machine=f"{tmp_path}/machine.toml").build()
+    assert balanced.describe() == shuttle(0.5, 0.5, 20.0, 0.3).describe()
     with pytest.raises(InputError, match="without a value"):
         first_scene(machine=None, spring="r + c*r**3")
 

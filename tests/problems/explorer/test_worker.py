@@ -73,7 +73,7 @@ def test_a_hop_is_that_of_find(made):
     orbit = find(Hopper("cubic", rest_length=8.0))
     assert isinstance(end, Done)
     assert [dial.name for dial in dials.dials] == ["mass_ratio", "rest_length", "beta", "restitution"]
-    assert (answer.alpha, answer.admissible, answer.scene) == (orbit.alpha, True, CUBIC)
+    assert (answer.alpha, answer.violations, answer.scene) == (orbit.alpha, (), CUBIC)
     assert answer.data.end == orbit.period
     assert worker.busy == 0.0
 

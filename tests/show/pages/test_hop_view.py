@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import trapezoid
 
 from orbits import InputError, Orbit, find
-from problems import Hopper, Juggler, hopper_in_si, knee_hopper
+from problems import Hopper, Juggler, hopper_in_si, knee_hopper, rimless_wheel, shuttle
 
 pytest.importorskip("bokeh")
 
@@ -68,6 +68,22 @@ def test_over_a_cycle_the_contact_carries_the_weight(machine, weight):
     assert trapezoid(orbit.contact_force(t), t) / orbit.period == pytest.approx(weight, rel=1e-6)
     assert hop_data(orbit).force.max() == pytest.approx(orbit.certificate.largest_contact_force, rel=1e-3)
     assert orbit.contact_force(t + 3 * orbit.period) == pytest.approx(orbit.contact_force(t), rel=1e-6, abs=1e-6)
+
+
+def test_a_machine_that_turns_is_shown_by_its_angles():
+    orbit = find(rimless_wheel(2.0, 0.4, 8, 0.5, 0.5, 20.0))
+    data = hop_data(orbit)
+    assert data.names == ("theta", "phi")
+    angles = ["time (s)", "angle (rad)", "height (m)", "rate (rad/s)", "contact force (N m)"]
+    assert list(data.labels.values()) == angles
+    step, first = np.pi / 4, orbit.liftoff_extension
+    assert data.height[:, [0, -1]] == pytest.approx(np.array([[0, step], [first, step + first]]), abs=1e-9)
+    stands = data.time > orbit.flight_time
+    assert data.landed[stands][:-1] == pytest.approx(data.force[stands][-2::-1], abs=1e-9)  # mirrored in time
+    assert data.landed.max() == pytest.approx(orbit.certificate.largest_contact_force, rel=1e-9)
+    hopping, swinging = hop_data(find(Hopper())), hop_data(find(shuttle()))
+    assert hopping.landed is swinging.landed is None
+    assert (hopping.turns, swinging.turns, swinging.plane) == (False, True, None)
 
 
 def test_a_hop_in_si_has_units(leg_hop):
