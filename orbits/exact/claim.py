@@ -17,7 +17,7 @@ from .formulas import exact_fraction
 from .stated import Decimals, ExactNumber, StatedMachine, stated_machine
 
 # The quantities that equations of half an orbit may prescribe; the others are those of its whole motion.
-QUANTITIES = (
+BY_EQUATIONS = (
     *("alpha", "liftoff_extension", "flight_time", "contact_time", "period", "frequency"),
     *("speed", "mean_speed", STEP_LENGTH),
 )
@@ -131,7 +131,7 @@ def _tuning_of(
     numbers. The step is always unknown where a coordinate sticks."""
     if not isinstance(at or {}, Mapping):
         raise InputError(f"at = {at!r}; it is a mapping of quantities to values, as at={{'speed': '0.4'}}")
-    known = {name: value for name, value in orbit.prescribed.items() if name in QUANTITIES}
+    known = {name: value for name, value in orbit.prescribed.items() if name in BY_EQUATIONS}
     own = [name for name in orbit.tuned if name != STEP_LENGTH]
     own = own[: len(own) - (len(orbit.prescribed) - len(known))]
     names = (tune,) if isinstance(tune, str) else tuple(own if tune is None else tune)

@@ -55,11 +55,11 @@ class Scale:
     def of(cls, speed: float, time: float, swings: int = 1) -> "Scale":
         """The units of a motion with this launch speed and half time of flight, in which the extension swings to and
         fro `swings` times; powers of 2, as any units would do."""
-        unit = power_of_two(time / (3 * swings))
-        return cls(power_of_two(speed * float(unit) / 3), unit)
+        unit = nearest_power_of_two(time / (3 * swings))
+        return cls(nearest_power_of_two(speed * float(unit) / 3), unit)
 
 
-def power_of_two(value: float) -> Fraction:
+def nearest_power_of_two(value: float) -> Fraction:
     """The power of 2 that is nearest to a number above 0; 1 for any other value."""
     if not 0 < value < math.inf:
         return Fraction(1)

@@ -341,7 +341,7 @@ def _of_mechanism(mechanism: Mechanism, values: Mapping[str, Bounds]) -> StatedM
         separation=None if separation is None else text(separation),
         sticks=tuple(mechanism.sticks),
         heights=tuple((name, text(each)) for name, each in (mechanism.heights or {}).items() if mechanism.sticks),
-        centre=_centre_of_mass(masses) if masses and len(masses) == len(kinds[Mass]) else None,
+        centre=_centre_formula(masses) if masses and len(masses) == len(kinds[Mass]) else None,
         friction=None if mechanism.friction is None else text(mechanism.friction),
         **maps,
     )
@@ -362,7 +362,7 @@ def _text_of(expression: Scalar, coordinates: tuple[str, ...], names: tuple[str,
     return str(expression) if isinstance(expression, Decimal) else repr(float(expression))
 
 
-def _centre_of_mass(masses: Sequence[Sized]) -> str:
+def _centre_formula(masses: Sequence[Sized]) -> str:
     """The formula of the place along the ground of the centre of masses at places along it."""
     moments = " + ".join(f"({mass})*({place})" for place, mass in masses)
     return f"({moments})/({' + '.join(f'({mass})' for _, mass in masses)})"

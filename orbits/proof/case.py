@@ -16,7 +16,7 @@ from ..balls.root import FIRST_BITS, ProvedRoot, evaluated_on, prove_root
 from ..errors import InputError
 from ..exact.bounds import Enclosure
 from ..exact.claim import CONTACT_DURATION, FLIGHT_DURATION, Claim
-from ..exact.exact_mechanics import ExactMechanics, Scale, power_of_two
+from ..exact.exact_mechanics import ExactMechanics, Scale, nearest_power_of_two
 from ..exact.expressions import ExactExpression, substitute, vanishes
 from ..exact.outward_decimals import bounds_of_fractions, decimal_text, enclosure_of, lower_decimal, radius_of
 from ..exact.refusal import Unproved
@@ -183,7 +183,7 @@ def whole_proof(
 def existence_of(claim: Claim, stated: StatedMachine, with_contact: bool, digits: int | None) -> ProvedExistence:
     """The proved solution near an orbit's claim; raises `Unproved`."""
     scale = Scale.of(claim.alpha, claim.flight_time / 2, max(claim.family, 1))
-    sizes = {name: power_of_two(abs(claim.unknowns[name])) for name in stated.tuned if name in claim.unknowns}
+    sizes = {name: nearest_power_of_two(abs(claim.unknowns[name])) for name in stated.tuned if name in claim.unknowns}
     half = HalfOrbit(ExactMechanics(stated, scale, units=sizes))
     statement = half.statement(with_contact)
     if missing := [name for name in statement.unknowns if name not in claim.unknowns]:

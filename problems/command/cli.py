@@ -155,7 +155,7 @@ def prove_command(
     pip install 'persistent-orbits[proof]'.
     """
     from orbits.errors import InputError
-    from orbits.exact.claim import QUANTITIES
+    from orbits.exact.claim import BY_EQUATIONS
     from orbits.periodic.find import find
     from orbits.proof.prove import prove
     from orbits.return_map.proofs import prove_fixed_point
@@ -187,7 +187,7 @@ def prove_command(
                 machine, None if first else family, start=first, progress=report, limit=limit, tune=tuned, at=at or None
             )
         exact = {name: value for name, value in exact.items() if name not in (tuned or ())}
-        decimals = {name: options.exact_parameters(prescribed, ())[name] for name in at if name in QUANTITIES}
+        decimals = {name: options.exact_parameters(prescribed, ())[name] for name in at if name in BY_EQUATIONS}
         proof = prove(
             orbit, digits, parameters=exact, loss=loss, attraction=attraction, at=decimals or None, limit=limit
         )
