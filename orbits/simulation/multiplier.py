@@ -113,7 +113,9 @@ def hop_derivative(impacts: Impacts, x: np.ndarray, change: np.ndarray) -> HopDe
             first = x, speed, np.array(feet[touches].gap.weights) @ change, feet[touches]
             # Later bounces may be arbitrarily slow.
             if abs(speed) < TANGENTIAL * launch_speed:
-                return _tangential(impacts, start, lasted, first, touches)
+                contact = tangential_landing(impacts, start, lasted, x, feet[touches])
+                liftoff, derivative = through_contact(impacts, *contact, grazes=True)
+                return HopDerivative(liftoff, derivative, True, *first)
         change = _at_landing(impacts, feet[touches], x, change)
         x, change, held, order, opens = _through_impact(impacts, x, change, touches)
         if held:
@@ -149,25 +151,27 @@ def _through_impact(
     return found.state[0], moved, held, order, foot
 
 
-def _tangential(impacts: Impacts, start: tuple, lasted: float, landing: tuple, touches: int) -> HopDerivative:
-    """The derivative of a hop whose landing is tangential after a flight of about the time `lasted`.
+def tangential_landing(
+    impacts: Impacts, start: tuple, lasted: float, landing: np.ndarray, foot: Foot
+) -> tuple[np.ndarray, np.ndarray]:
+    """The contact state (k,) after a landing that is tangential, in a flight state (n,), and the change (k, c) of it:
+    of a flight from a state and its change (n, c) for about the time `lasted`.
 
     The time of landing has no derivative there, and moves like the cube root s of the change of the gap. But flight
     and contact have the same rates at the landing, where the contact force vanishes, and differ only in the direction D
     of impacts. Over the time s, impacts change the speed of the gap by some s^2, and its height by s^3 in all. So up to
     s^4 the state is that of the flight, from which multiples of D and of its commutator W with the rates are taken that
-    close the gap and stop it: the derivative is this projection onto the contact. It is continuous there. What sticks is
-    stopped too, in its own direction, and while the gap closes it goes along by the ratio r of their jerks: the multiple
-    of W is one of W + r W_x.
+    close the gap and stop it: the derivative is this projection onto the contact. It is continuous there. What sticks
+    is stopped too, in its own direction, and while the gap closes it goes along by the ratio r of their jerks: the
+    multiple of W is one of W + r W_x.
     """
-    foot = impacts.feet[touches]
-    jerk, snap = foot.rates(landing[0][None], impacts.p)[:, 0]
-    data = impacts.flight.data(landing[0][None], impacts.p)[0]
+    jerk, snap = foot.rates(landing[None], impacts.p)[:, 0]
+    data = impacts.flight.data(landing[None], impacts.p)[0]
     gap_speed = impacts.gap_speed
     if not jerk < 0:
         raise NoOrbit("the gap closes without a jerk: the landing is tangential to a higher order")
     # The landing that rounding lets happen early or late is led to where the acceleration of the gap vanishes.
-    late = float(foot.speed @ impacts.flight.rates(landing[0], data)) / jerk
+    late = float(foot.speed @ impacts.flight.rates(landing, data)) / jerk
     exact = lasted - late - 0.5 * snap / jerk * late**2
     path, variations = impacts.flight.run(start[0], impacts.p, exact, seeds=start[1])
     x = path.end[: impacts.flight.size]
@@ -181,9 +185,7 @@ def _tangential(impacts: Impacts, start: tuple, lasted: float, landing: tuple, t
     basis, rows = np.column_stack([away, commutators @ shares]), np.vstack([weights, gap_speed, *speeds])
     project = np.eye(len(x)) - basis @ np.linalg.solve(rows @ basis, rows)
     closed = x - basis @ np.linalg.solve(rows @ basis, [impacts.gap(x), *(rows[1:] @ x)])
-    contact = impacts.onto_contact @ closed, impacts.onto_contact @ project @ variations
-    liftoff, derivative = through_contact(impacts, *contact, grazes=True)
-    return HopDerivative(liftoff, derivative, True, *landing)
+    return impacts.onto_contact @ closed, impacts.onto_contact @ project @ variations
 
 
 def _follow(flow: Flow, p, x, change, limit: float, stop) -> tuple[np.ndarray, np.ndarray, float]:

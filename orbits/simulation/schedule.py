@@ -35,28 +35,56 @@ class Schedule:
 
 
 class Feedback(Protocol):
-    """What decides at a lift-off how parameters change in the cycle that follows.
+    """What decides in each cycle, at some times after its lift-off, on the value of a parameter up to the next of them.
 
+    name : of the parameter, which is 0 otherwise
     times : (k + 1,), since the lift-off
     """
 
+    name: str
     times: np.ndarray
 
-    def inputs(self, launch: np.ndarray) -> Mapping[str, np.ndarray]:
-        """The values (k,) of parameters between these times, by name, after a launch with the free numbers (d,)."""
+    def input(self, index: int, state: np.ndarray) -> float:
+        """The value between two of these times, by the flight state (n,) at the first of them."""
         ...
 
 
-def joined_inputs(before: Inputs | None, after: Inputs, now: float) -> Inputs:
-    """Inputs up to the time `now`, at which others replace them; 0 is between both."""
-    if before is None:
-        return after
-    times, inputs = before
-    count = int(np.searchsorted(times, now))
-    ends = [*times[:count], now] if count < len(times) else [*times]
-    gap = [] if ends[-1] >= after[0][0] else [0.0]
-    joined = {name: np.array([*inputs[name][: len(ends) - 1], *gap, *after[1][name]]) for name in after[1]}
-    return np.array([*ends, *after[0][len(gap) == 0 :]]), joined
+class Decisions:
+    """The decisions of a feedback while a simulation goes on."""
+
+    def __init__(self, feedback: Feedback):
+        self.feedback, self.begun, self.now_in = feedback, np.inf, -1
+        self.values = np.zeros(len(feedback.times) - 1)
+        self.changes = list[tuple[float, float]]()
+
+    def lift_off(self, now: float) -> None:
+        """Begin a cycle."""
+        self.begun, self.now_in, self.values = now, -1, np.zeros(len(self.values))
+        self._change(now, 0.0)
+
+    def at(self, now: float, state: np.ndarray) -> Inputs | None:
+        """The inputs of this cycle, as far as they are decided; None where nothing is decided now."""
+        since = now - self.begun
+        if not np.isfinite(since):
+            return None
+        inside = int(np.searchsorted(self.feedback.times, since + SIMULTANEOUS * (1.0 + now), side="right")) - 1
+        if inside == self.now_in:
+            return None
+        self.now_in = inside
+        if 0 <= inside < len(self.values):
+            self.values[inside] = self.feedback.input(inside, state)
+        self._change(now, self.values[inside] if 0 <= inside < len(self.values) else 0.0)
+        return self.begun + self.feedback.times, {self.feedback.name: self.values.copy()}
+
+    def _change(self, now: float, value: float) -> None:
+        if self.changes and self.changes[-1][0] == now:
+            self.changes.pop()
+        self.changes.append((now, value))
+
+    def applied(self, end: float) -> Inputs:
+        """All that was decided up to the end of the motion, as a schedule."""
+        times, values = zip(*[change for change in self.changes if change[0] < end] or [(0.0, 0.0)], strict=True)
+        return np.array([*times, end]), {self.feedback.name: np.array(values)}
 
 
 def parsed_schedule(schedule: Any) -> Inputs:

@@ -201,7 +201,11 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
         """The notes on the whole motion."""
         speed, second, metre = (f" {self.unit_of(n)}".rstrip() for n in ("launches", "end", "smallest_separation"))
         speeds, why = ", ".join(f"{alpha:.10g}" for alpha in self.launches), f": {self.reason}" if self.reason else ""
-        notes = [f"launch speeds {speeds}{speed}", *self._way_in_words(), f"{self.status} at time {self.end:.9g}{second}{why}"]
+        notes = [
+            f"launch speeds {speeds}{speed}",
+            *self._way_in_words(),
+            f"{self.status} at time {self.end:.9g}{second}{why}",
+        ]
         if self.falls is not None:
             name, time = self.falls
             notes.append(f"the {name} falls to the ground at time {time:.9g}{second}: what follows is not its motion")
@@ -219,7 +223,10 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
             return []
         metre, speed = (f" {self.unit_of(name)}".rstrip() for name in ("distance", "mean_speed"))
         steps = len(self.footholds) - 1
-        return [f"{steps} steps, {self.distance:.10g}{metre} along the ground at the mean speed {self.mean_speed:.10g}{speed}"]
+        return [
+            f"{steps} steps, {self.distance:.10g}{metre} along the ground at the mean speed "
+            f"{self.mean_speed:.10g}{speed}"
+        ]
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Plot heights against time; returns the axes. See `orbits.show.plot.plot_simulation`."""

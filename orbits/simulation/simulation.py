@@ -45,7 +45,7 @@ from .impacts import (
     status_of_failure,
 )
 from .launch_section import LaunchSection
-from .schedule import Feedback, Inputs, Schedule, check_scheduled, joined_inputs, parsed_schedule
+from .schedule import Decisions, Feedback, Inputs, Schedule, check_scheduled, parsed_schedule
 from .simulated import ContactEvent, Leg, Simulation, run_in_units
 
 SLIPPED = 1e-9  # a spring that sticks moves slower, relative to the state, where its constant force keeps it
@@ -72,8 +72,8 @@ def simulate(
     cap : number of impacts in one hop after which the simulation ends
     schedule : (times (k + 1,), values (k,) of parameters by name): the piecewise constant inputs of an actuator; before
         and after these times the machine's own values hold
-    feedback : what decides at each lift-off how parameters change in the cycle that follows, such as a `Hold` of
-        `orbits.control.hold`
+    feedback : what decides in each cycle on a parameter, by the state at some times after the lift-off, such as a
+        `Hold` that `orbits.control.hold` finds
 
     All numbers are in the machine's units. A hop from a launch that is "undecided" in the `ReturnMap` ends the
     simulation with that status, at the landing after its many bounces. Raises `InputError` for invalid arguments, such
@@ -100,7 +100,9 @@ def simulate(
         raise InputError(f"alpha = {alpha:g}; a launch speed is above 0")
     inputs = None if schedule is None else parsed_schedule(schedule)
     if feedback is not None and (inputs is not None or machine.model.one_speed):
-        wrong = "a launch that is a speed has none" if inputs is None else "a schedule and a feedback exclude each other"
+        wrong = (
+            "a launch that is a speed has none" if inputs is None else "a schedule and a feedback exclude each other"
+        )
         raise InputError(f"feedback: {wrong}")
     state = None if state is None else _checked_state(machine, state)
     return _simulated(machine, alpha, state, hops, float(time), inject, cap, inputs, feedback)
@@ -157,7 +159,7 @@ def _simulated(
         start = sum(state[impacts.footing.sticks].tolist()) if state is not None and order != 0 else 0.0
         run = _Run(impacts, inject, hops, time, cap, known, feedback)
         found = run.simulate(x, order, launch_speed, foot, start)
-    return replace(found, schedule=run.applied if feedback else inputs)
+    return replace(found, schedule=run.decisions.applied(found.end) if run.decisions else inputs)
 
 
 def _initial_state(impacts: Impacts, p, alpha, state) -> tuple[np.ndarray, float | None, int | None, int]:
@@ -231,7 +233,7 @@ class _Run:
         self, impacts: Impacts, inject: float, hops: int | None, time: float, cap: int, inputs: Schedule,
         feedback: Feedback | None = None,
     ):  # fmt: skip
-        self.feedback, self.applied = feedback, None
+        self.decisions = Decisions(feedback) if feedback is not None else None
         self.impacts, self.inject, self.hops = impacts, inject, hops
         self.time, self.cap, self.inputs = time, cap, inputs
         self.legs, self.events, self.launches = list[Leg](), list[ContactEvent](), list[float]()
@@ -253,8 +255,8 @@ class _Run:
         self.launches += [] if alpha is None else [alpha]
         self.foot, status = foot, None
         self.foothold = start
-        if order == LIFTOFF_ORDER:
-            self.decide(x)
+        if self.decisions and order == LIFTOFF_ORDER:
+            self.decisions.lift_off(self.now)
         while status is None:
             if order is None:
                 status, x = self.contact(x)
@@ -267,7 +269,7 @@ class _Run:
     def flight(self, x, order: int) -> tuple[str | None, np.ndarray, int | None]:
         """Fly until a gap closes: the status at an end, the state after the impact, and the order of the zero of the
         gap there that opens, None where contact follows."""
-        until, closed = self.update_parameters(), False
+        until, closed = self.update_parameters(x), False
         self.launch = x if order == LIFTOFF_ORDER else self.launch
         last = self.now + float(self.impacts.longest_flight(x))
         if order == LIFTOFF_ORDER and not self.impacts.feet[self.foot].opens(x[None], self.impacts.p)[0]:
@@ -288,7 +290,7 @@ class _Run:
             x = path.end[: len(x)]
             self.foot = touches.which or 0
             closed |= bool(feet[self.foot].gap(x) <= 0)
-            until, order = self.update_parameters(), 0
+            until, order = self.update_parameters(x), 0
         return self.land(x)
 
     def land(self, x) -> tuple[str | None, np.ndarray, int | None]:
@@ -331,7 +333,7 @@ class _Run:
         """Stay in contact until lift-off: the status if the simulation ends, and the state after lift-off."""
         y, outcome = self.impacts.onto_contact @ x, None
         while outcome is None:
-            until = self.update_parameters()
+            until = self.update_parameters(self.impacts.model.embed @ y)
             path, outcome, self.reason = self.impacts.sustained_contact(y, min(self.time, until) - self.now)
             if path is None:
                 return self.slip(self.impacts.model.embed @ y) if outcome == SLIPS else outcome, x
@@ -340,7 +342,7 @@ class _Run:
             if status := self.add_leg("contact", path, ended, until if cut else None):
                 return self.slip(self.impacts.model.embed @ path.end[: len(y)]) if status == SLIPS else status, x
             y = path.end[: self.impacts.contact.size]
-            self.update_parameters()
+            self.update_parameters(self.impacts.model.embed @ y)
             if cut:  # The force may vanish by rounding, or because the new inputs make it vanish.
                 tolerance = TOUCHING * (1 + np.abs(y).max())
                 force, lifts_off = _force_at_start(self.impacts, self.impacts.exits[0], y, self.impacts.p, tolerance)
@@ -379,7 +381,8 @@ class _Run:
         has_speed = is_launch or driven or not impacts.model.one_speed
         self.launches.append(float(speed) if has_speed else np.nan)
         self.impact_count, self.liftoff_count = 0, self.liftoff_count + 1
-        self.decide(after)
+        if self.decisions:
+            self.decisions.lift_off(self.now)
         return ("done" if self.liftoff_count == self.hops else None), after
 
     def order_of_liftoff(self, x) -> int:
@@ -387,15 +390,11 @@ class _Run:
         pulls = len(self.inputs.times) > 0 and self.impacts.pressing(x[None])[0] < -TOUCHING * (1 + np.abs(x).max())
         return 2 if pulls else LIFTOFF_ORDER
 
-    def decide(self, x: np.ndarray) -> None:
-        """Let the feedback, if there is one, decide at a lift-off in a flight state how parameters change from now on."""
-        if self.feedback is not None:
-            launch = LaunchSection(self.impacts).free(self.impacts.onto_contact @ x)
-            own = self.now + self.feedback.times, self.feedback.inputs(launch)
-            self.applied, self.inputs = joined_inputs(self.applied, own, self.now), Schedule(self.machine, own)
-
-    def update_parameters(self) -> float:
-        """Use the parameters that the schedule sets now; returns the time until which they are in force."""
+    def update_parameters(self, x: np.ndarray) -> float:
+        """Use the parameters that the schedule sets now, or a feedback by the flight state; returns the time until
+        which they are in force."""
+        if self.decisions and (inputs := self.decisions.at(self.now, x)):
+            self.inputs = Schedule(self.machine, inputs)
         p, until = self.inputs(self.now)
         if (p != self.impacts.p).any():
             self.impacts = Impacts(self.impacts.machine, dict(zip(self.impacts.values, p.tolist(), strict=True)))
@@ -403,8 +402,7 @@ class _Run:
 
     def add_leg(self, phase: str, path: Trajectory, status: str | None, until: float | None = None) -> str | None:
         """Store a leg, which ends at `until` if not None; returns "done" at the end of the time, else `status`."""
-        own = {"branch": self.branch, "stance": self.stance, "foothold": self.foothold}
-        self.legs.append(Leg(phase, self.now, path, **own))
+        self.legs.append(Leg(phase, self.now, path, branch=self.branch, stance=self.stance, foothold=self.foothold))
         if phase == "flight":
             for when, kind in unheld(self.impacts.model, path, self.impacts.values):
                 state = path(when)[: self.impacts.flight.size]

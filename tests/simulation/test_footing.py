@@ -13,7 +13,7 @@ from orbits.simulation.impacts import STATUSES, Impacts
 from orbits.simulation.launch_section import LaunchSection
 from problems import runner
 
-# The four multipliers beside that of the energy, by differences of flows by DOP853 or by another program, and how exact.
+# The four multipliers beside that of the energy, by differences of flows by DOP853 or by another program, with errors.
 SPEEDS = {
     0.1: ((11.78703, 1.32378, 0.76288, 0.07213), 6e-6),
     0.4: ((14.29529282, 2.23596051, 0.46938431, 0.05572022), 5e-8),
@@ -47,10 +47,10 @@ def cartesian(machine, start, until, damping=0.0):
     p = machine.values
 
     def forces(y):
-        a, b, l = y[4] - y[0], y[6] - y[2], np.hypot(y[4] - y[0], y[6] - y[2])
-        rate = (a * (y[5] - y[1]) + b * (y[7] - y[3])) / l
-        pull, torque = l - p["rest_length"] + damping * rate, p["hip_stiffness"] * (y[8] - np.arctan2(a, b))
-        return -pull * a / l + torque * b / l**2, -pull * b / l - torque * a / l**2, torque
+        a, b, leg = y[4] - y[0], y[6] - y[2], np.hypot(y[4] - y[0], y[6] - y[2])
+        rate = (a * (y[5] - y[1]) + b * (y[7] - y[3])) / leg
+        pull, torque = leg - p["rest_length"] + damping * rate, p["hip_stiffness"] * (y[8] - np.arctan2(a, b))
+        return -pull * a / leg + torque * b / leg**2, -pull * b / leg - torque * a / leg**2, torque
 
     def rates(t, y, contact):
         fx, fz, torque = forces(y)
@@ -65,9 +65,11 @@ def cartesian(machine, start, until, damping=0.0):
 
     for event in (gap, press):
         event.terminal, event.direction = True, -1.0
-    x, dx, z, dz, l, dl, th, dth, ph, dph = start
+    x, dx, z, dz, leg, dl, th, dth, ph, dph = start
     s, c = np.sin(th), np.cos(th)
-    y = np.array([x, dx, z, dz, x + l * s, dx + dl * s + l * c * dth, z + l * c, dz + dl * c - l * s * dth, ph, dph])
+    y = np.array(
+        [x, dx, z, dz, x + leg * s, dx + dl * s + leg * c * dth, z + leg * c, dz + dl * c - leg * s * dth, ph, dph]
+    )
     t, contact, found = 0.0, False, []
     while t < until:
         if not contact:
@@ -85,9 +87,9 @@ def cartesian(machine, start, until, damping=0.0):
 
 
 def in_cartesian(event, foothold):
-    _, _, _, _, l, dl, th, dth, ph, dph = event.after
+    _, _, _, _, leg, dl, th, dth, ph, dph = event.after
     s, c = np.sin(th), np.cos(th)
-    return [event.time, l * s, l * c, dl * s + l * c * dth, dl * c - l * s * dth, ph, dph, foothold]
+    return [event.time, leg * s, leg * c, dl * s + leg * c * dth, dl * c - leg * s * dth, ph, dph, foothold]
 
 
 def test_a_run_is_followed_for_some_steps(run):
@@ -140,8 +142,8 @@ def test_damping(run):
             Mass(hip[1], 1.0, across=hip[0]), Mass("z", 0.1, across="x"), Spring("l - rest_length", "r"),
             Spring("phi - theta", "hip_stiffness*r"), Damper("l", 0.01),
         ],
-        gap="z", sticks=("x",), inertia={"phi": "inertia"}, counts="l", heights={"body": hip[1], "foot": "z"}, launch="l", angles=("theta", "phi"),
-        reversor=None, rest={"l": "rest_length"},
+        gap="z", sticks=("x",), inertia={"phi": "inertia"}, counts="l", heights={"body": hip[1], "foot": "z"},
+        launch="l", angles=("theta", "phi"), reversor=None, rest={"l": "rest_length"},
         parameters={name: p[name] for name in ("rest_length", "hip_stiffness", "inertia")},
     )  # fmt: skip
     motion = simulate(damped, disturbed(run, alpha=0.1), hops=1)
@@ -153,7 +155,6 @@ def test_damping(run):
 
 
 def test_restitution_is_along_the_gap_alone(run):
-
 
     bouncy = replace(run.source, restitution=0.2)
     first = simulate(bouncy, disturbed(run, alpha=0.1), hops=1).events[0]

@@ -1,0 +1,221 @@
+"""Feedback that holds an orbit: a force between two parts of the machine that is constant in parts of each cycle.
+
+An unstable lossless orbit is one that a machine leaves, by the multipliers outside the unit circle. A force between two
+of its parts, as the torque of a motor at the hip, brings it back. Flight and contact each have some intervals, away
+from lift-off and landing, in which the force u is constant and decided where the interval begins: u = -K (x - x*), with
+x* the state of the orbit as long after lift-off. The change of the state is carried from one interval to the next by a
+matrix A, and the force adds B u. The gains K minimise the sum of |y|^2 of the launches y, counted from that of the
+orbit, of r u^2 of the forces, and of the square of the gap where the foot should land, over all cycles to come: the
+linear quadratic regulator of a periodic system, by its Riccati recursion backwards in time. At a fixed time after
+lift-off the state depends smoothly on the launch, although the time of a tangential landing does not. On the orbit
+itself u = 0: the feedback costs nothing there.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+
+from ..errors import InputError, NoOrbit, finite_number, whole_number
+from ..flow.flow import Flow
+from ..io import Document
+from ..laws.law import Algebraic, Parameters
+from ..mechanics.elements import Force
+from ..mechanics.mechanism import Mechanism
+from ..periodic.orbit import Orbit
+from ..result import Result, Row, stored
+from ..running.exclusive import exclusive
+from ..simulation.impacts import Impacts
+from ..simulation.launch_section import LaunchSection
+from ..simulation.multiplier import tangential_landing, through_contact
+
+INPUT = "hold"  # the parameter of the force that holds an orbit
+# The shares of each phase between which its intervals lie, so that lift-off and landing are those without the force.
+BEGINS, ENDS = 0.1, 0.9
+# The recursion has settled once the cost of a launch changes by this share in a cycle; a cost that grows on and on is
+# that of a direction that the force does not reach.
+SETTLED, MOST_CYCLES, LARGEST_COST = 1e-13, 2000, 1e14
+
+
+class _Stage(NamedTuple):
+    """A part of the cycle.
+
+    carry, effect : the matrix A, and B (a,) of the force, None where there is none
+    gap : the derivatives (a,) of the gap at a landing in it, None where there is none
+    """
+
+    carry: np.ndarray
+    effect: np.ndarray | None
+    gap: np.ndarray | None = None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Hold(Result, what="feedback", in_line=("along",), document_is_whole=True):
+    """A feedback that holds an orbit, to be passed to `simulate(held.machine, launch, feedback=held)`.
+
+    machine : that of the orbit with the force `name` along the extension, which is 0 unless the feedback sets it
+    along, name : the extension along which the force acts, and the parameter that it is
+    names : of the numbers of a launch (d,)
+    times : (k + 1,), since lift-off, between which the force is constant
+    states, gains : (k, n), the orbit's flight states at the first k of these times, and the force per change of them
+        with the opposite sign; 0 between flight and contact
+    multipliers, held_multipliers : (d,) without and with the feedback, by falling modulus
+    """
+
+    machine: Mechanism
+    along: str
+    names: tuple[str, ...]
+    times: np.ndarray
+    states: np.ndarray
+    gains: np.ndarray
+    multipliers: np.ndarray
+    held_multipliers: np.ndarray
+    name: str = INPUT
+
+    def input(self, index: int, state: np.ndarray) -> float:
+        """The force between two times, by the flight state (n,) at the first of them."""
+        return float(-self.gains[index] @ (state - self.states[index]))
+
+    def title(self) -> str:
+        return f"feedback along {self.along} that holds an orbit of a {self.machine.name}"
+
+    def heads(self) -> list[str]:
+        return ["multiplier", "modulus", "with the feedback", "modulus with the feedback"]
+
+    def _rows(self) -> Iterator[Row]:
+        for i, (own, held) in enumerate(zip(self.multipliers, self.held_multipliers, strict=True)):
+            values = {
+                f"modulus {i}": float(abs(own)),
+                f"held {i}": f"{held:.6g}",
+                f"held modulus {i}": float(abs(held)),
+            }
+            yield Row(f"{own:.6g}", values, ("{:.6g}", "{}", "{:.6g}"))
+
+    def _notes(self) -> list[str]:
+        return ["on the orbit itself the force is 0, and the feedback costs nothing"]
+
+    def document(self) -> Document:
+        own = {**stored(self), "machine": self.machine.describe()}
+        for name in ("multipliers", "held_multipliers"):
+            values = getattr(self, name)
+            own[name] = {"real": values.real.tolist(), "imaginary": values.imag.tolist()}
+        return own
+
+
+@exclusive
+def hold(orbit: Orbit, along: str, *, effort: float = 1e-2, landing: float = 10.0, parts: int = 3) -> Hold:
+    """A feedback that holds a lossless orbit by a force along an extension.
+
+    orbit : of a `Mechanism` whose launch is more than a speed, such as a runner
+    along : a formula of the coordinates, as "phi - theta" of a hip, whose rate times the force is its power
+    effort : the weight r of the force's square against that of the launch's change, in the machine's units
+    landing : the weight of the square of the gap where the foot should land, whose power 4/3 a landing loses
+    parts : the number of intervals in each phase
+
+    Raises `NoOrbit` where the force does not reach what grows, and `InputError` for other machines.
+
+    >>> from orbits import find, simulate
+    >>> from orbits.control import hold
+    >>> from problems import runner
+    >>> run = find(runner(), tune=("inertia", "hip_stiffness"), at={"speed": 0.4})
+    >>> held = hold(run, "phi - theta")
+    >>> abs(held.multipliers).max().round(4), bool(abs(held.held_multipliers).max() < 1)
+    (14.2953, True)
+    """
+    parts = whole_number("parts", parts, "intervals")
+    if not (finite_number("effort", effort) > 0 and finite_number("landing", landing) >= 0):
+        raise InputError(
+            f"effort = {effort:g}, landing = {landing:g}; weights lie above 0, that of the landing may be 0"
+        )
+    machine = _driven(orbit, along)
+    impacts = Impacts(machine)
+    section, x = LaunchSection(impacts), orbit(0.0)
+    y, stated = impacts.onto_contact @ x, cast(Mechanism, orbit.source)
+    landed = np.array(stated.model.contact_reversal.image(y.tolist(), stated.values), dtype=float)
+    flight, contact = orbit.flight_time, float(orbit.contact_time or 0.0)
+    marks = np.linspace(BEGINS, ENDS, parts + 1)
+    flying, flown = _intervals(impacts, impacts.flight, x, np.append(marks * flight, flight))
+    standing, stood = _intervals(impacts, impacts.contact, landed, marks * contact)
+    embed, tangent = impacts.model.embed, impacts.model.embed @ section.tangent(y)
+    # The last part of the flight leads to the landing, and on to the first interval in contact.
+    lasts = (1 - ENDS) * flight
+    touched = np.array(orbit(flight * (1 - 1e-16)))
+    _, change = tangential_landing(impacts, (flown[-2], np.eye(len(x))), lasts, touched, impacts.feet[0])
+    gap = np.array(impacts.gap.weights) @ flying[-1].carry
+    _, rest = through_contact(impacts, stood[-1], np.eye(len(y)), grazes=False)
+    stages = [
+        _Stage(flying[0].carry @ tangent, None), *flying[1:-1],
+        _Stage(standing[0].carry @ change, None, gap), *standing[1:],
+        _Stage(section.free(rest.T).T, None),
+    ]  # fmt: skip
+    gains, held = _regulator(stages, effort, landing)
+    none = np.zeros((1, len(x)))
+    rows = np.concatenate([gains[:parts], none, np.array(gains[parts:]) @ impacts.onto_contact])
+    states = np.concatenate([flown[:parts], none, np.array(stood[:parts]) @ embed.T])
+    times = np.concatenate([marks * flight, flight + marks * contact])
+    free = np.linalg.multi_dot([stage.carry for stage in reversed(stages)])
+    return Hold(machine, along, section.names, times, states, rows, _by_modulus(free), _by_modulus(held))
+
+
+def _driven(orbit: Orbit, along: str) -> Mechanism:
+    """The machine of an orbit with the force along an extension; raises `InputError` for those that are not held."""
+    machine = orbit.source
+    if not isinstance(machine, Mechanism) or machine.model.one_speed or machine.model.changes_contact:
+        stated = "stands on one foot, and whose launch is more than a speed"
+        raise InputError(f"hold takes a mechanism that {stated}, not a {orbit.machine['machine']}")
+    if INPUT in machine.names:
+        raise InputError(f"'{INPUT}' is the name of the force, and a parameter of the machine: rename it")
+    if not orbit.contact_time or machine.restitution or machine.model.reversor is None:
+        raise InputError("hold takes lossless orbits with a contact, of machines that are turned back in time")
+    parameters, elements = {**machine.parameters, INPUT: 0.0}, [*machine.elements, Force(along, _force)]
+    return replace(machine, elements=elements, parameters=parameters, reversor=None)
+
+
+def _force(y: Parameters, v: Parameters, p: Parameters) -> Algebraic:
+    return p[INPUT]
+
+
+def _intervals(impacts: Impacts, flow: Flow, x: np.ndarray, times: np.ndarray) -> tuple[list[_Stage], list[np.ndarray]]:
+    """The stages of a phase from a state to the first time, and between times, and the states at these times."""
+    seeds, stages, states, before = np.zeros((len(impacts.p), flow.size + 1)), list[_Stage](), list[np.ndarray](), 0.0
+    seeds[list(impacts.values).index(INPUT), -1] = 1.0
+    start = np.eye(flow.size, flow.size + 1)
+    for time in times.tolist():
+        path, change = flow.run(x, impacts.p, time - before, seeds=start, parameter_seeds=seeds)
+        x, before = path.end[: flow.size], time
+        stages.append(_Stage(change[:, :-1], change[:, -1]))
+        states.append(x)
+    return stages, states
+
+
+def _regulator(stages: list[_Stage], effort: float, landing: float) -> tuple[list[np.ndarray], np.ndarray]:
+    """The gains of the stages with a force, and the matrix (d, d) of a cycle with them; raises `NoOrbit` where the
+    force does not reach what grows."""
+    size = stages[0].carry.shape[1]
+    cost, last = np.eye(size), np.inf
+    for _ in range(MOST_CYCLES):
+        gains, matrix = list[np.ndarray](), np.eye(size)
+        weights = np.eye(size) + cost
+        for carry, effect, gap in reversed(stages):
+            if effect is not None:
+                gain = effect @ weights @ carry / (effort + effect @ weights @ effect)
+                gains.insert(0, gain)
+                weights = carry.T @ weights @ (carry - np.outer(effect, gain))
+                matrix = matrix @ (carry - np.outer(effect, gain))
+            else:
+                weights, matrix = carry.T @ weights @ carry, matrix @ carry
+            if gap is not None:
+                weights += landing * np.outer(gap, gap)
+        cost = 0.5 * (weights + weights.T)
+        if abs((largest := np.abs(cost).max()) - last) <= SETTLED * largest:
+            return gains, matrix
+        if largest > LARGEST_COST:
+            break
+        last = largest
+    raise NoOrbit("the force does not reach all that grows, and no feedback along this extension holds the orbit")
+
+
+def _by_modulus(matrix: np.ndarray) -> Any:
+    values = np.linalg.eigvals(matrix)
+    return values[np.lexsort((-values.imag, -np.abs(values).round(12)))]

@@ -1,0 +1,105 @@
+"""Feedback that holds a run, against SciPy's regulator and simulations."""
+
+import numpy as np
+import pytest
+from scipy.linalg import solve_discrete_are
+
+from orbits import find, multipliers, simulate
+from orbits.control import hold
+from orbits.control.holding import _regulator, _Stage
+from orbits.errors import InputError, NoOrbit
+from problems import Hopper, runner
+
+
+@pytest.fixture(scope="module")
+def run():
+    return find(runner(foot_mass=0.1, rest_length=3.7), tune=("inertia", "hip_stiffness"), at={"speed": 0.4})
+
+
+@pytest.fixture(scope="module")
+def held(run):
+    return hold(run, "phi - theta")
+
+
+def disturbed(run, size):
+    way = {"alpha": 0.3, "theta": -0.4, "theta'": 0.5, "phi": 0.4, "phi'": -0.6}
+    launch = run.source.model.launch_at(run(0.0))
+    return {name: launch[name] + size * change for name, change in way.items()}
+
+
+def distances(run, motion):
+    """How far each launch is from that of the run."""
+    model, own = run.source.model, run.source.model.launch_at(run(0.0))
+    found = [model.launch_at(event.after) for event in motion.events if event.kind == "lift-off"]
+    return np.array([max(abs(launch[name] - own[name]) for name in own) for launch in found])
+
+
+def test_the_regulator_against_that_of_the_whole_cycle():
+    """The cost of a cycle whose forces are decided one after the other is that of all of them decided at once."""
+    rng = np.random.default_rng(0)
+    shapes = ((4, 3), (4, 4), (2, 4), (3, 2))
+    stages = [_Stage(rng.standard_normal(shape), None) for shape in shapes]
+    stages[1] = stages[1]._replace(effect=rng.standard_normal(4))
+    stages[3] = stages[3]._replace(effect=rng.standard_normal(3))
+    gap = rng.standard_normal(4)
+    stages[2] = stages[2]._replace(gap=gap)
+    _, matrix = _regulator(stages, 0.3, 2.0)
+    first, second, third, last = (stage.carry for stage in stages)
+    a = last @ third @ second @ first
+    b = np.column_stack([last @ third @ stages[1].effect, stages[3].effect])
+    z, w = gap @ second @ first, np.array([gap @ stages[1].effect, 0.0])
+    q, r, s = np.eye(3) + 2 * np.outer(z, z), 0.3 * np.eye(2) + 2 * np.outer(w, w), 2 * np.outer(z, w)
+    # The cost counts the launch after each cycle, whose sum differs by a constant.
+    cost = solve_discrete_are(a, b, q, r, s=s)
+    gain = np.linalg.solve(r + b.T @ cost @ b, b.T @ cost @ a + s.T)
+    assert np.abs(matrix - (a - b @ gain)).max() < 1e-9 * np.abs(matrix).max()
+    with pytest.raises(NoOrbit, match="does not reach all that grows"):
+        _regulator([_Stage(np.diag([2.0, 0.5]), np.array([0.0, 1.0]))], 1.0, 0.0)
+
+
+def test_a_run_is_held(run, held):
+    assert held.multipliers == pytest.approx(multipliers(run.source, run).values, rel=1e-8)
+    assert np.abs(held.held_multipliers).max() < 0.5
+    motion = simulate(held.machine, disturbed(run, 1e-3), hops=9, feedback=held)
+    far = distances(run, motion)
+    assert motion.status == "done"
+    assert far[-1] < 1e-6 < 1e-3 < far[0]
+    free = distances(run, simulate(held.machine, disturbed(run, 1e-3), hops=3))
+    assert free[-1] > 0.05
+    times, inputs = motion.schedule
+    assert len(times) == len(inputs["hold"]) + 1
+    assert 1e-3 < np.abs(inputs["hold"]).max() < 1.0
+    assert np.abs(inputs["hold"][-8:]).max() < 1e-4
+    again = simulate(held.machine, disturbed(run, 1e-3), hops=9, schedule=motion.schedule)
+    assert np.abs(distances(run, again)[:2] - far[:2]).max() < 1e-9
+
+
+def test_a_run_that_is_held_goes_on(run, held):
+    """On the orbit the force is that of roundings, for many more steps than it stays without."""
+    motion = simulate(held.machine, run, hops=20, feedback=held)
+    assert abs(motion.distance - 20 * run.step) < 1e-7
+    assert np.abs(motion.schedule[1]["hold"]).max() < 1e-7
+    energies = np.array([event.energy for event in motion.events])
+    assert np.ptp(energies) < 1e-8
+
+
+def test_words_and_files(held):
+    assert "feedback along phi - theta that holds an orbit of a runner" in str(held)
+    assert "the feedback costs nothing" in str(held)
+    document = held.document()
+    assert document["multipliers"]["real"][0] == held.multipliers[0].real
+    assert len(document["gains"]) == len(held.times) - 1
+
+
+def test_what_is_not_held(run, held):
+    with pytest.raises(
+        InputError,
+        match="hold takes a mechanism that stands on one foot, and whose launch is more than a speed, not a hopper",
+    ):
+        hold(find(Hopper()), "body - foot")
+    with pytest.raises(InputError, match="effort = 0, landing = 10; weights lie above 0"):
+        hold(run, "phi - theta", effort=0.0)
+    with pytest.raises(InputError, match="a schedule and a feedback exclude each other"):
+        simulate(held.machine, run, hops=1, feedback=held, schedule=([0.0, 1.0], {"hold": [0.0]}))
+    with pytest.raises(InputError, match="feedback: a launch that is a speed has none"):
+        simulate(Hopper(), 4.6, hops=1, feedback=held)
