@@ -119,8 +119,8 @@ class Orbit(Result, what="orbit", printed_digits=15):
     def with_tuned(self, errors: Mapping[str, float], prescribed: Mapping[str, float]) -> "Orbit":
         """The same orbit, whose parameters of these names were tuned, with these bounds on their errors, so that
         quantities have prescribed values."""
-        bare = self.bare and replace(self.bare, tuned=dict(errors))
-        return replace(self, tuned=dict(errors), prescribed=dict(prescribed), bare=bare)
+        tuned: dict[str, Any] = {"tuned": dict(errors), "prescribed": dict(prescribed)}
+        return replace(self, **tuned, bare=self.bare and replace(self.bare, **tuned))
 
     def dimensionless(self) -> "Orbit":
         """The orbit in its machine's dimensionless units; the orbit itself if it has no other units."""
