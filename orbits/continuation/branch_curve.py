@@ -16,7 +16,7 @@ from ..shooting.single_shooting import Shooting
 
 # The shortest step, as a share of that from one value to the next; and the largest change of an unknown by the
 # corrector, as a share of the largest unknown.
-SHORTEST_ADVANCE, FARTHEST_CORRECTED = 0.05, 0.1
+SHORTEST_ADVANCE, MOST_CORRECTED = 0.05, 0.1
 
 
 @exclusive
@@ -75,7 +75,7 @@ def _led(equations: Shooting, u: np.ndarray, p: np.ndarray, place: int, value: f
             guess = u + (ahead[place] - here[place]) * tangent
             try:
                 found, _ = equations.newton(guess, ahead, MOST_NEWTON_STEPS)
-                if np.abs(found - guess).max() > FARTHEST_CORRECTED * np.abs(found).max():
+                if np.abs(found - guess).max() > MOST_CORRECTED * np.abs(found).max():
                     raise NoOrbit("the corrector ends far from the predicted branch point")
                 break
             except (NoOrbit, FlowError):

@@ -456,8 +456,8 @@ def stated_unknowns(model: Model, start: Orbit | Mapping[str, float]) -> dict[st
         unknowns["duration"] = start.flight_time / (2 if start.shape.reversor else 1)
         unknowns["unfolding"] = start.certificate.unfolding or 0.0
         if model.sticks:
-            shifts = zip(model.flight.states, start.shape.steps.reversor_shift if start.shape.steps else (), strict=True)
-            unknowns[STEP_LENGTH] = dict(shifts)[model.sticks[0]]
+            assert start.shape.steps is not None
+            unknowns[STEP_LENGTH] = start.shape.steps.reversor_shift[model.flight.states.index(model.sticks[0])]
         return unknowns | ({} if start.contact_time is None else {"contact_duration": start.contact_time / 2})
     if not isinstance(start, Mapping):
         raise InputError(f"start = {start!r}; it is an orbit, or a mapping of unknowns to numbers")

@@ -8,7 +8,7 @@ import pytest
 from runners import FAST, NAMES, energy_by_hand, fast_runner, rates_by_hand
 from scipy.integrate import solve_ivp
 
-from orbits import InputError, NoOrbit, Orbit, ReturnMap, check, find, simulate
+from orbits import InputError, NoOrbit, Orbit, ReturnMap, check, find
 from orbits.model.state_formula import StateFormula
 from orbits.periodic.certificate import certify
 from orbits.periodic.find import stated_unknowns
@@ -212,10 +212,8 @@ def test_no_runner(stated, message):
         runner(**stated).model  # noqa: B018
 
 
-def test_what_is_refused_of_runs(fast):
+def test_a_runner_has_no_map_and_without_tuned_numbers_no_run():
     with pytest.raises(InputError, match="x of a runner sticks in contact"):
-        simulate(fast.source, fast, hops=1)
-    with pytest.raises(InputError, match="x of a runner sticks in contact"):
-        ReturnMap(fast.source)
+        ReturnMap(fast_runner())
     with pytest.raises((InputError, NoOrbit)):
         find(fast_runner())
