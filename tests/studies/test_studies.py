@@ -48,6 +48,7 @@ from studies import (
     proved_steps,
     robot_leg,
     rocker,
+    runner,
     series,
     spring_families,
     start_up,
@@ -65,7 +66,7 @@ STUDIES = {
     study.__name__.rpartition(".")[2]: study
     for study in (
         *(asteroid, attraction, bifurcations, chain, chain_hand, damped_hopper, design, existence, figure_8),
-        *(gravity_families, inerter, knee, plate, robot_leg, rocker, series, spring_families, start_up, theorems),
+        *(gravity_families, inerter, knee, plate, robot_leg, rocker, runner, series, spring_families, start_up, theorems),
         *(tolerances, tutorial, walker),
     )
 }
@@ -559,6 +560,25 @@ def test_series(tmp_path, capsys):
     assert numbers["largest vibration"] < 1.0
     assert (tmp_path / "series.png").stat().st_size > 10_000
     assert "the ground would have to pull" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_runner(tmp_path):
+    """A run in SI is that in units of m g/k; friction is least where DOP853 finds it; a branch point is that of 34
+    digits."""
+    numbers = runner.main(tmp_path, quick=True)
+    run, heavy = numbers["run"], numbers["in SI"]
+    length = run.source.values["rest_length"]  # of a leg of 1 m, in units of m g/k
+    assert run.step == pytest.approx(1.5909532388282215, rel=1e-11)
+    assert heavy.step == pytest.approx(run.step / length, rel=1e-10)
+    inertia, stiffness = (run.source.values[name] for name in runner.TUNED)
+    assert heavy.source.values["inertia"] == pytest.approx(inertia * runner.BODY / length**2, rel=1e-10)
+    tuned = stiffness * runner.BODY * runner.EARTH / length
+    assert heavy.source.values["hip_stiffness"] == pytest.approx(tuned, rel=1e-10)
+    assert numbers["friction 0.1"][3.7] == pytest.approx(0.25404979012958, rel=1e-11)
+    assert numbers["end 3.7"] == ("reached", 0.5)
+    for name in ("runner.png", "runner.gif"):
+        assert (tmp_path / name).stat().st_size > 10_000
 
 
 @pytest.mark.slow
