@@ -30,7 +30,7 @@ _Outcome = TypeVar("_Outcome")
 
 LENGTH, TIME, FORCE, ENERGY = (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, 0, 1)
 SPEED, ACCELERATION, JERK = (1, -1, 0), (1, -2, 0), (1, -3, 0)
-MASS, STIFFNESS = (-1, 2, 1), (-1, 0, 1)
+MASS, STIFFNESS, INERTIA = (-1, 2, 1), (-1, 0, 1), (1, 2, 1)
 EXTENSION, LIFTOFF_SPEED, LIFTOFF_SPEED_SQUARED = (0, 0, 0, 0, 1), (0, -1, 0, 0, 1), (0, -2, 0, 0, 2)
 TORQUE = (1, 0, 1)  # of a force against an angle
 ANGLE, ANGULAR_SPEED = (0, 0, 0, 0, 0, 1), (0, -1, 0, 0, 0, 1)
@@ -71,7 +71,7 @@ LARGEST_DENOMINATOR, SAME_POWER = 12, 2e-9
 # The powers of a unit in a file, of which there are few, stay far from the bounds of numbers.
 SMALLEST_SAVED = 1e-50
 # Names of composed dimensions.
-_NAMES: dict[Dimension, str] = {(0, 0, 0, 0, 0): "", (*MASS, 0, 0): "kg", (*ENERGY, 0): "J"}
+_NAMES: dict[Dimension, str] = {(0, 0, 0, 0, 0): "", (*MASS, 0, 0): "kg", (*INERTIA, 0, 0): "kg m^2", (*ENERGY, 0): "J"}
 
 
 @dataclass(frozen=True)

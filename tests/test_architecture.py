@@ -49,7 +49,6 @@ TESTED_WITH = {
     "balls/curve_motion": "proof/test_branch",
     "balls/equations": "balls/test_enclosure",
     "consistency/draws": "consistency/test_verdict",
-    "consistency/shapes": "consistency/test_verdict",
     "design/evaluator": "design/test_sensitivities",
     "design/extremes": "design/test_design_quantities",
     "exact/refusal": "proof/test_prove",

@@ -9,13 +9,15 @@ import numpy as np
 
 from ..errors import OrbitsError
 from ..laws.law import Parameters, Scalars
-from ..model.model import CONTACT_FORCE, Model
+from ..model.model import CONTACT_FORCE, LANDED_FORCE, Model
 from ..model.phase import Affine, Phase
 from ..model.relative import Relative
 from ..model.state_formula import StateFormula
+from ..model.symmetry import SignedShift
 
-# The four reasons that every model has words for.
+# The four reasons that every model has words for, and those of models with such a field or such a force.
 REASONS_IN_WORDS = ("gap", "pull", "separation", "end")
+OF_LANDING_GAP, OF_LANDED_FORCE = "landing gap", "landed pull"
 
 
 def malformed(model: Model, values: Mapping[str, float]) -> dict[str, str]:
@@ -51,7 +53,7 @@ def _form_checks(model: Model, p: Mapping[str, float]) -> Iterator[tuple[str, Ca
     yield "tension", lambda: _scalars([model.tension(*flown)], 1) if model.tension else ""
     yield "impact", lambda: _scalars(model.impact(*flown[:2]), n)
     yield "impact_mass", lambda: _scalars([model.impact_mass(*flown[:2])], 1)
-    yield "reversor", lambda: _signs(model.reversor, n)
+    yield from _form_checks_of_maps(model, p)
     yield "embed", lambda: _array_of(model.embed, (n, m))
     yield "extension", lambda: _affine(model.extension, n)
     yield "gap", lambda: _affine(model.gap(p), n)
@@ -60,7 +62,7 @@ def _form_checks(model: Model, p: Mapping[str, float]) -> Iterator[tuple[str, Ca
     yield "springs", lambda: _pairs(model.springs, model.heights(p))
     yield "knees", lambda: _knees(model.knees(p), model.heights(p)) if model.knees else ""
     yield "rest", lambda: _array_of(model.rest(p), (n,)) if model.rest else ""
-    yield "violations", lambda: "".join(f"it has no words for '{name}'" for name in REASONS_IN_WORDS
+    yield "violations", lambda: "".join(f"it has no words for '{name}'" for name in _conditions_in_words(model)
                                         if not isinstance(model.violations.get(name), str))  # fmt: skip
     yield "release", lambda: _array_of(np.nan_to_num(model.release(np.ones(2), p)), (2,)) if model.one_speed else ""
     for name, stated in (("homotopy", model.homotopy), ("gauge", model.gauge)):
@@ -77,6 +79,27 @@ def _form_checks_of_phase(
     yield f"{where}.field", lambda: _scalars(phase.field(*arguments), len(phase.states))
     yield f"{where}.watch", lambda: _scalars(values := [each(*arguments) for each in phase.watch.values()], len(values))
     yield f"{where}.pieces", lambda: _pieces(phase, arguments[1])
+
+
+def _form_checks_of_maps(model: Model, p: Mapping[str, float]) -> Iterator[tuple[str, Callable[[], str]]]:
+    """The form checks of time reversal, of the relabelling after a landing, and of what follows from both."""
+    n, maps = len(model.flight.states), {"reversor": model.reversor, "symmetry": model.symmetry}
+    faults = {name: _signs(signs, n) for name, signs in maps.items()}
+    yield from ((name, partial(str, text)) for name, text in faults.items())
+    for name, shift in (("reversor", model.reversor_shift), ("symmetry", model.symmetry_shift)):
+        yield f"{name}_shift", partial(_shift, name, maps[name], shift, model.flight, p)
+    if model.reversor and (model.reversor_shift or model.symmetry_shift) and not any(faults.values()):
+        yield "reversor_shift", lambda: _undone("it", model.reversal, model.flight, p)
+        whole = "the symmetry after the reversor"
+        yield "symmetry_shift", lambda: _undone(whole, model.contact_reversal, model.contact, p)
+    yield "landing_gap", lambda: _affine(model.landing_gap(p), n) if model.landing_gap else ""
+    yield "feet", lambda: "" if len(model.feet) <= 2 else f"it has {len(model.feet)} names, not one or two"
+
+
+def _conditions_in_words(model: Model) -> list[str]:
+    """The names of the conditions of a motion that a model has."""
+    landing = [OF_LANDING_GAP] if model.landing_gap else []
+    return [*REASONS_IN_WORDS, *landing, *([OF_LANDED_FORCE] if LANDED_FORCE in model.contact.watch else [])]
 
 
 def _scalar_symbols(count: int) -> list[ca.SX]:
@@ -143,6 +166,24 @@ def _signs(reversor: Sequence[int] | None, count: int) -> str:
     if len(reversor) != count:
         return f"it has {len(reversor)} signs, not {count}"
     return "" if {*reversor} <= {1, -1} else f"{tuple(reversor)} are not signs 1 and -1"
+
+
+def _shift(of: str, signs: object, shift: Callable | None, phase: Phase, p: Mapping[str, float]) -> str:
+    """The fault of what a map with these signs adds to the states."""
+    if shift is None:
+        return ""
+    if signs is None:
+        return f"there is no {of} whose images it moves: state its signs, 1 where it leaves a state as it is"
+    values = np.asarray(shift(p), dtype=float)
+    moved = [name for name, by in zip(phase.states, values.flat, strict=False) if name.endswith("'") and by != 0]
+    return _array_of(values, (len(phase.states),)) or (f"it adds to the speed {moved[0]}" if moved else "")
+
+
+def _undone(what: str, turn: SignedShift, phase: Phase, p: Mapping[str, float]) -> str:
+    """The fault of a map that should be its own inverse."""
+    each = zip(phase.states, turn.signs, turn.shifts(p), strict=True)
+    moved = [f"{name} to {name} + {shift:g}" for name, sign, shift in each if sign > 0 and shift != 0]
+    return f"{what} takes {moved[0]}, and is not its own inverse" if moved else ""
 
 
 def _height_function(value: object, phase: Phase) -> str:

@@ -13,7 +13,7 @@ from ..consistency.accepted import check_parameters
 from ..errors import InputError
 from ..exact.claim import CONTACT_DURATION, Claim
 from ..io import DIGEST, MEGABYTE, Document, conform, has_digest, sealed, to_json, unsealed, writing
-from ..model.machine import Machine
+from ..model.machine import Machine, title_of_machine
 from ..periodic.certified import orbit_from
 from ..periodic.orbit import Orbit
 from ..periodic.saved_orbit import SavedLaws, with_note
@@ -301,8 +301,7 @@ class Family(
     def title(self) -> str:
         if not self.points:
             return f"a family along {self.name} without orbits: {self.end.kind}, {self.end.reason}"
-        m = self.machine
-        head = f"family {self.points[0].family} of {m['machine']}, spring {m['spring']}, gravity {m['gravity']}"
+        head = f"family {self.points[0].family} of {title_of_machine(self.machine)}"
         return f"{head}, along {self.name}: {len(self)} orbits"
 
     def _rows(self) -> Iterator[Row]:

@@ -1,22 +1,25 @@
-"""Dimensions of the parameters of a mechanism in SI, as far as its elements determine them."""
+"""Dimensions of the parameters of a mechanism in SI, as far as its statement determines them."""
 
 import math
 from collections import defaultdict
 from collections.abc import Iterator
 from functools import lru_cache
+from itertools import product
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from ..laws.law import Key
 from ..running.exclusive import exclusive
-from ..units import ACCELERATION, ANGLE, FORCE, LENGTH, MASS, Dimension, unit_text
+from ..units import ACCELERATION, ANGLE, FORCE, INERTIA, LENGTH, MASS, Dimension, unit_text
 from .elements import Damper, Inerter, Mass, Spring, Weight, names_in, paths_of, value_of
 
 
 def dimensions_of_parameters(mechanism: Any) -> dict[str, Dimension]:
-    """Dimensions of the parameters of a `Mechanism` that alone are a mass, a length, a coefficient or gravity,
-    or that multiply a power of an extension in a spring's law; none of a parameter with two different dimensions."""
+    """Dimensions of the parameters of a `Mechanism` that alone are a mass, an inertia, a length, an angle, a
+    coefficient or gravity, or that multiply a function of angles in a length, or a power of an extension in a spring's
+    law; none of a parameter with two different dimensions."""
     found = defaultdict[object, dict[str, Dimension]](dict)
     for name, dimension in _stated_dimensions(mechanism):
         found[name][unit_text(dimension)] = dimension
@@ -38,6 +41,7 @@ def _stated_dimensions(mechanism: Any) -> Iterator[tuple[object, Dimension]]:
                 yield element.mass, MASS
                 for place in paths_of(element) if isinstance(element, Mass) else [element.height]:
                     yield from _lengths(place, coordinates).items()
+                    yield from _turned(place, frozenset(angles)).items()
             case Inerter(_, inertance) if kind is LENGTH:
                 yield inertance, MASS
             case Damper(_, coefficient) if kind is LENGTH:
@@ -46,6 +50,12 @@ def _stated_dimensions(mechanism: Any) -> Iterator[tuple[object, Dimension]]:
                 turned = kind is ANGLE
                 yield from ((name, _of_power(power, turned)) for name, power in powers_of_coefficients(law).items())
     yield from ((place, ANGLE if name in angles else LENGTH) for name, place in mechanism.rest.items())
+    for name, image in [*(mechanism.reversor or {}).items(), *mechanism.symmetry.items()]:
+        yield from ((amount, ANGLE if name in angles else LENGTH) for amount in names_in(image) - coordinates)
+    for (i, one), (j, other) in product(enumerate(mechanism.coordinates), repeat=2):
+        if mechanism.inertia and len({one, other} & angles) in (0, len({one, other})):
+            unit = INERTIA if one in angles else MASS
+            yield from ((name, unit) for name in _lengths(mechanism.inertia[i][j], coordinates))
     yield from ((length, LENGTH) for *_, length in mechanism.knees)
     yield mechanism.surface_gravity, ACCELERATION
     if mechanism.gravity.text in mechanism.gravity.names:
@@ -82,6 +92,31 @@ def _lengths(height: object, coordinates: set[str]) -> dict[str, Dimension]:
         return {}
     names = sorted(names_in(height) - coordinates)
     return {name: LENGTH for name in names if abs(_plain_slope(height, name)) == 1.0}
+
+
+@exclusive
+@lru_cache(maxsize=256)
+def _turned(place: object, angles: frozenset[str]) -> dict[str, Dimension]:
+    """The parameters in the formula of a length that are added to angles, and those that are lengths since a function
+    of angles alone multiplies them."""
+    if not isinstance(place, str) or not names_in(place) & angles:
+        return {}
+    symbols = {name: ca.SX.sym(name) for name in sorted(names_in(place))}
+    slopes = ca.jacobian(ca.SX(value_of(place, symbols, {})), ca.vertcat(*symbols.values()))
+    at = ca.Function("slopes", [*symbols.values()], [slopes])
+    values = np.array([at(*point).full()[0] for point in np.random.default_rng(0).uniform(0.3, 1.7, (3, len(symbols)))])
+    sizes = dict(zip(symbols, np.abs(values).T, strict=True))
+    found: dict[str, Dimension] = {
+        name: ANGLE for name in symbols.keys() - angles
+        if any(sizes[name].any() and np.allclose(sizes[name], sizes[each]) for each in symbols.keys() & angles)
+    }  # fmt: skip
+    others = [symbols[name] for name in symbols.keys() - angles - found.keys()]
+    turning = [symbols[name] for name in symbols.keys() & angles]
+    for name, slope in zip(symbols, ca.horzsplit(slopes), strict=True):
+        by_angles = ca.depends_on(slope, ca.vertcat(*turning)) and not ca.depends_on(slope, ca.vertcat(*others))
+        if by_angles and name not in angles | found.keys():
+            found[name] = LENGTH
+    return found
 
 
 @exclusive

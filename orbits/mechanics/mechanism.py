@@ -99,7 +99,7 @@ class Mechanism(Stated):
         slide. Nothing depends on the place of such a coordinate; it is 0 in contact, and a step moves it on by the
         amount "step", a number of each orbit that is not stated
     words : the name of the "liftoff" force in messages, the texts of a violated "gap", "pull", "separation" and "end",
-        where points take turns also those of a violated "landing gap", "landed pull" and "stance", "" for a "stance"
+        of a machine that steps also those of a violated "landing gap", "landed pull" and "stance", "" for a "stance"
         that is not judged, and the text to look after where a search finds "none"
 
     Raises `InputError` for an unknown name, for statements that do not describe a mechanism, and for masses, inertias,
@@ -369,8 +369,9 @@ class Mechanism(Stated):
 
     @property
     def rest_length(self) -> float | None:
-        """The distance that must stay positive, where the machine rests with its springs unloaded; None without one."""
-        if self.separation is None:
+        """The distance that must stay positive, where the machine rests with its springs unloaded; None without one,
+        and of a machine that steps, where that is no length of a spring."""
+        if self.separation is None or not self.model.plain:
             return None
         at_rest = self.model.rest(self.values) if self.model.rest else np.zeros(len(self.model.flight.states))
         return float(self.model.separation(self.values)(at_rest))
@@ -378,7 +379,7 @@ class Mechanism(Stated):
     def describe(self) -> dict[str, Any]:
         """The machine as JSON-ready data."""
         springs = [element.force.text for element in self.elements if isinstance(element, Spring)]
-        length = {} if self.separation is None else {"rest_length": unit_text(LENGTH)}
+        length = {} if self.rest_length is None else {"rest_length": unit_text(LENGTH)}
         return {
             "machine": self.name,
             "spring": ", ".join(dict.fromkeys(springs)),

@@ -38,7 +38,7 @@ class Parts:
         energy by the coordinates
     drawn : as `Model.springs`
     alone : the extension that moves alone, None where none does
-    steps : the maps by which points of contact take turns, None where one point lands and opens again
+    steps : the maps of a machine that steps, None where one point lands and opens again
     reactions : the forces of the ground, None where no mass states where it is across
     """
 

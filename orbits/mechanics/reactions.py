@@ -50,7 +50,7 @@ class Reactions(NamedTuple):
 
     flight, contact : the forces in these phases, of which some springs have no laws yet
     friction : as in `Mechanism`
-    handed : the speeds after a step forward and after one back, per speed before; None where nothing takes over
+    handed : the speeds after a step forward and after one back, per speed before; None without hand-overs
     travel : (1, n), the speed of the centre of mass along the ground per speed; None where nothing sticks
     """
 

@@ -21,8 +21,7 @@ USUAL_WORDS = {
 
 
 def words_of_gaps(names: Sequence[str]) -> dict[str, str]:
-    """The words of a machine whose points of contact take turns; the one that opens and the one that lands may have
-    names."""
+    """The words of a machine that steps; the point that opens and the one that lands may have names."""
     opens, lands = (f"the {name}" for name in (*names, *("point that opens", "point that lands")[len(names) :]))
     own = {"gap": f"{opens} touches in flight", "pull": f"{opens} would have to pull"} if names else {}
     landing = {"landing gap": f"{lands} touches in flight", "landed pull": f"{lands} would have to pull"}

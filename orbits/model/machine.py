@@ -79,6 +79,16 @@ def machine_in_words(machine: Machine) -> dict[str, Any]:
     return words | {"units": {**words.get("units", {}), **unusual}} if unusual else words
 
 
+def title_of_machine(words: Mapping[str, Any]) -> str:
+    """A machine in words as a title: its name and its laws, but not constant gravity."""
+    return f"{words['machine']}, {laws_in_words(words)}"
+
+
+def laws_in_words(words: Mapping[str, Any]) -> str:
+    """The laws of a machine in words, but not constant gravity."""
+    return f"spring {words['spring']}" + ("" if words["gravity"] == "1" else f", gravity {words['gravity']}")
+
+
 def dimensionless(machine: Any) -> Any:
     """The machine without its units; itself where it has none."""
     return machine if machine.units is None else machine.dimensionless()

@@ -263,9 +263,8 @@ class Model:
         return LANDED_FORCE in self.contact.watch
 
     def share_left(self, x: Scalars, p: Parameters) -> Algebraic:
-        """The share rho of the gap's speed that is left where another point takes over at a landing in the flight state
-        x, in the labels after it: all rates y' become y' - (1 - rho) g' D, with D the direction of impacts. NaN where
-        it is not known."""
+        """The share rho of the gap's speed that a hand-over leaves at a landing in the flight state x, in the labels
+        after it: all rates y' become y' - (1 - rho) g' D, with D the direction of impacts; NaN where it is unknown."""
         if self.planar is None or self.planar.handed_over is None:
             return np.nan
         # A hand-over is linear in the rates: of those in the direction of impacts, whose gap has the speed 1.
@@ -385,19 +384,19 @@ def refuse_hysteresis(model: Model) -> None:
 
 
 def refuse_one_way(model: Model) -> None:
-    """Raise `NoOrbit` for a model whose points of contact take turns and whose motions are not turned back."""
+    """Raise `NoOrbit` for a model that steps, and whose motions are not turned back."""
     if model.symmetry and model.reversor is None:
         why = model.violations.get("none") or "its motion is not turned back in time"
         raise NoOrbit(f"no lossless step of a {model.name} is found: {why}; `simulate` takes it")
 
 
 def refuse_steps(model: Model, what: str) -> None:
-    """Raise `InputError` for a model whose points of contact take turns, which `what` does not follow."""
+    """Raise `InputError` for a model that steps, which `what` does not follow."""
     if not model.plain:
         steps = f"a {model.name} moves on with each landing" if model.sticks else ""
-        steps = steps or f"the points of contact of a {model.name} take turns"
+        steps = steps or f"a {model.name} steps from one point of contact to another"
         raise InputError(
-            f"{steps}, but {what} follows one that lands and opens again: its orbits are found, followed and certified"
+            f"{steps}, but {what} follows one that opens again: its orbits are found, followed and certified"
         )
 
 

@@ -15,8 +15,8 @@ class Planar:
     stands : whether something stands on the ground in flight, when a gap is open; there is no force otherwise
     friction : p -> the largest share of the force across the ground that the force along it may have; None where no
         such number is stated
-    handed_over : (x, p) -> the flight state in the labels after a landing in the flight state x with a speed, where
-        the point that lands takes over, that is, only on it there is an impulse; None where nothing takes over
+    handed_over : (x, p) -> the flight state in the labels after a hand-over, a landing in the flight state x with a
+        speed in which an impulse acts on the point that lands alone; None where there are no hand-overs
     handed_back : the same of a landing of the point that opened last, which leads a step back
     travel : (x, p) -> the speed of the centre of mass along the ground in the flight state x; None where nothing sticks
     """

@@ -24,8 +24,6 @@ from ..symbolic.kernels import ElementwiseFunction
 from ..units import LENGTH, TIME, Message, Quantity
 from .loss_coefficient import MOST_LEFT, by_launch_speed, hand_over_factors, launch_power, loss_coefficient
 
-# What the text of the violation by a standing foot that lifts contains, before its force.
-LIFTS = "of the flight (force"
 # An energy drift beyond this share, and far beyond what rounding explains, shows that the steps have leapt over a
 # feature of a law.
 WORST_DRIFT = 1e-8
@@ -73,12 +71,13 @@ class Certificate:
         deviation of a row's force; else None
     bounce_side : "above" or "below", the side of alpha on which hops land with a bounce; None where the loss is not
         known to differ from 0
-    bounce_factor : what a hop loses on that side over what it loses on the other, where feet take over from each other
-        at a landing with a speed; None for 10, where none does
+    bounce_factor : what a hop loses on that side over what it loses on the other, where a landing with a speed is a
+        hand-over; None for 10, where it is not
     friction_needed : the largest share of the force across the ground in that along it, over the phases in which
         something stands; None where the machine does not state where its masses are across, and where a foot lifts
     friction_error, friction_time : an estimate of its error, and the time in the cycle at which it is needed first
     smallest_stance_force : the least force across the ground on what stands in flight, None where nothing does
+    stance_judged : whether it is a violation that this force is not positive, None where nothing stands in flight
     """
 
     family: int
@@ -103,6 +102,7 @@ class Certificate:
     friction_error: float | None = None
     friction_time: float | None = None
     smallest_stance_force: float | None = None
+    stance_judged: bool | None = None
 
     def __post_init__(self) -> None:
         if self.stable_side and self.bounce_side is None:
@@ -207,11 +207,9 @@ def _landing_states(model: Model, cycles: Cycles) -> np.ndarray:
     integrated from landing backwards."""
     first = cycles.halves.first[cycles.halves_per_flight - 1 :: cycles.halves_per_flight]
     states = cycles.halves.coefficients[first, : len(model.flight.states), 0].T
-    return (
-        states
-        if model.reversor is None
-        else np.array(np.broadcast_arrays(*model.reversal.image(list(states), cycles.p)))
-    )
+    if model.reversor is None:
+        return states
+    return np.array(np.broadcast_arrays(*model.reversal.image(list(states), cycles.p)))
 
 
 @cached
@@ -419,16 +417,15 @@ def _gaps(model: Model, cycles: Cycles, curves: Mapping[str, _Curve]) -> tuple[n
     for i in (jerk <= 0).nonzero()[0].tolist():
         text = "the gap opens the wrong way at landing (landing jerk {jerk:.3g}, must be negative)"
         violations.append((i, Message(text, jerk=Quantity(-jerk[i], "landing_jerk"))))
-    text = "{meets} at t = {time:.6g} of the flight (height {height:.3g})"
-    for i in (clearance <= 0).nonzero()[0].tolist():
-        time, height = Quantity(when[i], TIME), Quantity(clearance[i], "clearance")
-        violations.append((i, Message(text, meets=model.violations["gap"], time=time, height=height)))
+    lowest = {"gap": (clearance, when)}
     if landing := curves.get("landing gap"):  # which is open at the start, and is as wide as the gap in mid-flight
-        lowest, when = landing.lowest()
-        for i in (lowest <= 0).nonzero()[0].tolist():
-            time, height = Quantity(when[i], TIME), Quantity(lowest[i], "clearance")
-            violations.append((i, Message(text, meets=model.violations["landing gap"], time=time, height=height)))
+        lowest["landing gap"] = landing.lowest()
         clearance = np.minimum(clearance, landing.lowest(np.zeros(0, int))[0])
+    text = "{meets} at t = {time:.6g} of the flight (height {height:.3g})"
+    for name, (heights, times) in lowest.items():
+        for i in (heights <= 0).nonzero()[0].tolist():
+            time, height = Quantity(times[i], TIME), Quantity(heights[i], "clearance")
+            violations.append((i, Message(text, meets=model.violations[name], time=time, height=height)))
     return jerk, clearance, violations
 
 

@@ -18,7 +18,7 @@ from ..shooting.error_bound import by_pieces, error_bounds
 from ..shooting.formulations import Cycles, equations_of, interpret, refused_by_unfolding, vector
 from ..shooting.single_shooting import Evaluation, Shooting
 from .certificate import Certificate, certify
-from .cycle_shape import Shape
+from .cycle_shape import Shape, StepMaps
 from .friction import with_friction
 from .orbit import Orbit, orbit_of
 from .quantities import motion_numbers, run_numbers
@@ -159,9 +159,7 @@ def orbits_of(
         machine = machines[which]
         p, knees = machine.values, tuple(model.knees(machine.values)) if model.knees else ()
         mirror = model.mirror if model.reversor else None
-        maps = () if model.plain else (model.reversal, model.contact_reversal, model.relabelling)
-        shifts = [tuple(map(float, each.shifts(p))) for each in maps]
-        steps = (*shifts[:2], tuple(map(float, model.relabelling.signs)), shifts[2]) if shifts else None
+        steps = None if model.plain else _step_maps(model, p)
         orbits[which] = Orbit(
             machine=machine.describe(),
             **numbers[place],
@@ -175,6 +173,14 @@ def orbits_of(
             source=machine,
         )
     return orbits
+
+
+def _step_maps(model: Model, p: Mapping[str, float]) -> StepMaps:
+    """The maps of a model that steps, for values of its parameters."""
+    back, there, label = (
+        tuple(map(float, each.shifts(p))) for each in (model.reversal, model.contact_reversal, model.relabelling)
+    )
+    return StepMaps(back, there, tuple(map(float, model.relabelling.signs)), label)
 
 
 @exclusive

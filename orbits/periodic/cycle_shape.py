@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import NotRequired, TypedDict
+from typing import NamedTuple, NotRequired, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,6 +11,20 @@ from ..flow.trajectory import Trajectory
 from ..model.model import Knee
 from ..model.phase import Affine
 from ..model.state_formula import SavedHeight, StateFormula, height_of
+
+
+class StepMaps(NamedTuple):
+    """The maps of a machine that steps.
+
+    reversor_shift, contact_shift : what time reversal adds to flight states (n,) and to contact states (m,) after it
+        changed their signs
+    signs, shift : (n,), of the relabelling after a landing
+    """
+
+    reversor_shift: tuple[float, ...]
+    contact_shift: tuple[float, ...]
+    signs: tuple[float, ...]
+    shift: tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -22,8 +36,7 @@ class Shape:
     heights : names and functions of the flight state, the masses first
     springs : names of the heights, lower and upper, that springs join, None for the ground
     knees : such names with the length of each of the two links that join them
-    steps : of a machine whose points of contact take turns, what time reversal adds to flight states (n,) and to
-        contact states (m,) after it changed their signs, and signs and shifts (n,) of the relabelling after a landing
+    steps : the maps of a machine that steps, None for another one
     """
 
     reversor: tuple[int, ...] | None
@@ -32,12 +45,7 @@ class Shape:
     heights: Mapping[str, Affine | StateFormula]
     springs: tuple[tuple[str | None, str], ...]
     knees: tuple[Knee, ...] = ()
-    steps: tuple[tuple[float, ...], ...] | None = None
-
-    @property
-    def shifts(self) -> tuple[tuple[float, ...] | None, ...]:
-        """What time reversal adds to flight states and to contact states; None for nothing."""
-        return self.steps[:2] if self.steps else (None, None)
+    steps: StepMaps | None = None
 
     def saved(self) -> dict[str, object]:
         """The fields for a file; `steps` only where the machine steps."""
@@ -46,13 +54,15 @@ class Shape:
 
     def in_units(self, sizes: np.ndarray) -> "Shape":
         """The same shape, but for its heights, in units in which one old unit of the flight states is `sizes` (n,)."""
+        if self.steps is None:
+            return self
         own = sizes, sizes[(self.embed != 0).argmax(0)], np.ones(len(sizes)), sizes
-        turned = (tuple((unit * each).tolist()) for unit, each in zip(own, self.steps or (), strict=False))
-        return replace(self, steps=tuple(turned)) if self.steps else self
+        steps = (tuple((unit * np.array(each)).tolist()) for unit, each in zip(own, self.steps, strict=True))
+        return replace(self, steps=StepMaps(*steps))
 
     def unrolled(self, states: np.ndarray, landings: np.ndarray) -> np.ndarray:
         """Flight states (..., n) in the labels of before so many landings (...)."""
-        return states if self.steps is None else relabelled_back(states, landings, *self.steps[2:])
+        return states if self.steps is None else relabelled_back(states, landings, self.steps.signs, self.steps.shift)
 
 
 def relabelled_back(states: np.ndarray, steps: np.ndarray, signs: ArrayLike, shifts: ArrayLike) -> np.ndarray:
@@ -106,4 +116,4 @@ def shape_of(data: SavedShape, flight: Trajectory, contact: Trajectory | None) -
     knees = data.get("knees", ())
     if not fits or not {*sum(data["springs"], ()), *(name for *pair, _ in knees for name in pair)} <= known:
         raise ValueError("its shape does not fit its motion")
-    return Shape(*signs, embed, heights, data["springs"], knees, steps)
+    return Shape(*signs, embed, heights, data["springs"], knees, None if steps is None else StepMaps(*steps))

@@ -23,7 +23,7 @@ from ..shooting.formulations import Cycles, columns, vectors
 from ..symbolic.caches import cached
 from ..symbolic.kernels import ElementwiseFunction
 from ..units import FORCE, TIME, Message, Quantity
-from .certificate import LIFTS, Certificate, turns_and_zeros
+from .certificate import Certificate, turns_and_zeros
 from .loss_coefficient import by_launch_speed
 
 # Shares double their digits from round to round.
@@ -88,10 +88,12 @@ def with_friction(model: Model, cycles: Cycles, certificates: Records[Certificat
         parts.append(flight)
     if cycles.contacts:
         parts.append(_forces_of_ground(model.contact, cycles.contacts, cycles.with_contact, bool(model.sticks)))
-    lifts = stance <= 0
-    for i in lifts.nonzero()[0].tolist() if (words := model.violations.get("stance")) else ():
-        text, force = f"{{lifts}} at t = {{time:.6g}} {LIFTS} {{force:.3g}})", Quantity(stance[i], FORCE)
-        violations[i] += (Message(text, lifts=words, time=Quantity(ends[i], TIME), force=force),)
+    lifts, words = stance <= 0, model.violations.get("stance")
+    judged = np.full(len(cycles), bool(words) if planar.stands else None, dtype=object)
+    text = "{lifts} at t = {time:.6g} of the flight (force {force:.3g})"
+    for i in lifts.nonzero()[0].tolist() if words else ():
+        time, force = Quantity(ends[i], TIME), Quantity(stance[i], FORCE)
+        violations[i] += (Message(text, lifts=words, time=time, force=force),)
     needed, where, place = _largest(parts, len(cycles))
     known = ~lifts & np.isfinite(needed)
     known[[*cycles.without_contact]] = False
@@ -104,7 +106,8 @@ def with_friction(model: Model, cycles: Cycles, certificates: Records[Certificat
         violations[i] += (Message(text, **numbers),)
     found = {"friction_needed": needed, "friction_error": error, "friction_time": when}
     found = {name: np.where(known, values, NONE) for name, values in found.items()}
-    return certificates.replaced(**found, smallest_stance_force=stance, violations=violations)
+    found |= {"smallest_stance_force": stance, "stance_judged": judged}
+    return certificates.replaced(**found, violations=violations)
 
 
 def _forces_of_ground(phase: Phase, motions: Trajectories, which: np.ndarray, vanishing: bool = False) -> _OfGround:

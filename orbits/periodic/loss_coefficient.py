@@ -19,7 +19,7 @@ from ..laws.law import Algebraic
 
 # The sum of the losses of bounces ends where the square of their speed is below this.
 LEAST_LOSS = 1e-20
-# With a larger share of the speed left where another point takes over, bounces are too many to be counted: what they
+# With a larger share of the speed left by a hand-over, bounces are too many to be counted: what they
 # lose grows without bounds as the share tends to 1.
 MOST_LEFT = 0.999
 # The imaginary part of a complex step: so small that its square vanishes relative to any number.
@@ -38,12 +38,12 @@ def loss_coefficient(impact_mass: Algebraic, jerk: Algebraic, gap_slope: Algebra
 
 @cache
 def hand_over_factors(rho: float) -> tuple[float, float]:
-    """What a landing without and with a bounce loses, as multiples of C, where the point that lands takes over and the
-    share rho of the gap's speed is left, below 1; 1 and 10 where none is.
+    """What a landing without and with a bounce loses, as multiples of C, where a hand-over leaves the share rho of the
+    gap's speed, below 1; 1 and 10 where none is left.
 
-    The point that was left comes down again at once, since it is pressed down, and takes over: to the point that landed
-    this is a bounce with the restitution rho^2. Its height has the acceleration -tau in a scaled time, from impacts at
-    tau = 1 or -1 on, where a landing that is held loses 1/4.
+    The point that was left comes down again at once, since it is pressed down, in another hand-over: to the point that
+    landed this is a bounce with the restitution rho^2. Its height has the acceleration -tau in a scaled time, from
+    impacts at tau = 1 or -1 on, where a landing that is held loses 1/4.
     """
     e = rho * rho
     return _lost_in_bounces(1.0, e), _lost_in_bounces(-1.0, e)

@@ -13,14 +13,14 @@ from ..errors import InputError
 from ..flow.forces import spring_forces, units_of_springs
 from ..flow.trajectory import Trajectory
 from ..io import DIGEST, Changed, Document, has_digest, read_file, to_json, unsealed
-from ..model.machine import Machine, machine_in_words
+from ..model.machine import Machine, machine_in_words, title_of_machine
 from ..model.model import CONTACT_FORCE, LANDED_FORCE
 from ..model.symmetry import SignedShift
 from ..numerics.polynomial_roots import lowest
 from ..result import TABLE_ROWS, Axes, Report, Result, Row, is_of, shown
 from ..tables import VIOLATED, machine_numbers
 from ..units import Units, in_units, saved_units
-from .certificate import LIFTS, Certificate
+from .certificate import Certificate
 from .cycle_shape import Shape, mirrored
 from .quantities import OF_RUNS, QUANTITIES
 from .saved_orbit import (
@@ -43,8 +43,8 @@ BOUNCES = {"below": "   ({} C below)", "above": "   ({} C above)"}  # where it i
 class Orbit(Result, what="orbit", printed_digits=15):
     """A lossless periodic motion: flight from time 0 to `flight_time`, then contact to `period`.
 
-    Where its points of contact take turns, the motion is periodic up to the relabelling after each landing, and the
-    states are in the labels of the present stance: they jump at the landing, see `unrolled`.
+    Of a machine that steps, the motion is periodic up to the relabelling after each landing, and the states are in the
+    labels of the present stance: they jump at the landing, see `unrolled`.
 
     alpha : launch speed
     liftoff_extension : of the spring, at lift-off and landing
@@ -167,8 +167,8 @@ class Orbit(Result, what="orbit", printed_digits=15):
     def rises(self) -> dict[str, float]:
         """The largest rise of each of the shape's heights above its value at lift-off in flight, by name."""
         halves, found = [self.flight.coefficients], dict[str, float]()
-        if self.shape.steps and self.shape.reversor:
-            back = SignedShift(self.shape.reversor, lambda p: self.shape.shifts[0] or ())
+        if (steps := self.shape.steps) and self.shape.reversor:
+            back = SignedShift(self.shape.reversor, lambda p: steps.reversor_shift)
             halves.append(back.rows(halves[0], {}))
         for name, height in self.shape.heights.items():
             each = [height.series(c) for c in halves]
@@ -193,22 +193,23 @@ class Orbit(Result, what="orbit", printed_digits=15):
         if not np.isfinite(times).all():
             raise InputError("times must be finite numbers")
         shape = self.shape
+        back, there = (shape.steps.reversor_shift, shape.steps.contact_shift) if shape.steps else (None, None)
         if self.contact is None or self.contact_time is None:
             # The end of the flight may be requested by a rounded time.
             if times.size and not (times.min() >= 0 and times.max() <= self.flight_time * (1 + 1e-12)):
                 unit = " s" if self.scales else ""
                 raise InputError(f"the contact never ends: times lie between 0 and {self.flight_time:g}{unit}")
-            return mirrored(self.flight, times, self.flight_time, shape.reversor, shape.shifts[0])
+            return mirrored(self.flight, times, self.flight_time, shape.reversor, back)
         times = np.mod(times, self.period)
-        flying = mirrored(self.flight, times, self.flight_time, shape.reversor, shape.shifts[0])
-        signs, shift = shape.contact_reversor, shape.shifts[1]
-        standing = mirrored(self.contact, times - self.flight_time, self.contact_time, signs, shift)
+        flying = mirrored(self.flight, times, self.flight_time, shape.reversor, back)
+        since = times - self.flight_time
+        standing = mirrored(self.contact, since, self.contact_time, shape.contact_reversor, there)
         standing = standing[..., : shape.embed.shape[1]] @ shape.embed.T
         return np.where((times <= self.flight_time)[..., None], flying, standing)
 
     def unrolled(self, t: ArrayLike) -> np.ndarray:
-        """Flight states (..., n) at times `t` (...) in the labels of the first flight: of a machine whose points of
-        contact take turns they go on smoothly from step to step. Raises `InputError` as a call does."""
+        """Flight states (..., n) at times `t` (...) in the labels of the first flight: of a machine that steps they go
+        on smoothly from step to step. Raises `InputError` as a call does."""
         states, times = self(t), np.asarray(t, dtype=float)
         if self.contact_time is None:
             return states
@@ -218,8 +219,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
     def contact_force(self, t: ArrayLike, *, landed: bool = False) -> np.ndarray:
         """The contact force (...) at times `t` (...), positive where it presses; 0 in flight.
 
-        landed : whether that on the point that has landed, of a machine whose points take turns, not that on the one
-            that opens next
+        landed : whether that on the point that has landed, of a machine that steps, not that on the one that opens next
 
         Raises `InputError` for times at which the orbit has no states, and for a motion that was saved without its
         force.
@@ -317,9 +317,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
         return {"machine": self.machine["machine"], **shown}
 
     def title(self) -> str:
-        machine = self.machine
-        laws = f"spring {machine['spring']}, gravity {machine['gravity']}"
-        return f"lossless orbit of family {self.family}: {machine['machine']}, {laws}"
+        return f"lossless orbit of family {self.family}: {title_of_machine(self.machine)}"
 
     def _rows(self) -> Iterator[Row]:
         """The machine, then the certificate: speed, times, distances, forces, the loss of a neighbouring hop, errors,
@@ -366,7 +364,7 @@ class Orbit(Result, what="orbit", printed_digits=15):
                 "{}   +- {:.1e}",
             )
             yield Row("friction needed", numbers, (text,))
-        elif (least := c.smallest_stance_force) is not None and least <= 0 and LIFTS not in " ".join(c.violations):
+        elif (least := c.smallest_stance_force) is not None and least <= 0 and c.stance_judged is False:
             remedy = "; state share=" if "share" in self.machine.get("parameters", {}) else ""
             text = f"not judged (smallest force {{:.3g}}){remedy}"
             yield Row("standing foot", {"smallest_stance_force": least}, (text,))

@@ -21,8 +21,11 @@ DOCUMENT_FIELDS = (
     *("stable_side", "bounce_side", "unfolding", "liftoff_extension", "state_mid_flight", "method", "skipped"),
     "seconds",
 )
-# Further fields of the orbit of a machine whose points of contact take turns.
-FIELDS_OF_STEPS = ("bounce_factor", "friction_needed", "friction_error", "friction_time", "smallest_stance_force")
+# Further fields of the orbit of a machine that steps.
+FIELDS_OF_STEPS = (
+    *("bounce_factor", "friction_needed", "friction_error", "friction_time"),
+    *("smallest_stance_force", "stance_judged"),
+)
 # And of one that moves on along the ground.
 FIELDS_OF_RUNS = (*OF_RUNS, "cost_of_transport")
 # The fields of an orbit's file besides those of the machine.

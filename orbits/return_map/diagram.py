@@ -9,6 +9,7 @@ import numpy as np
 
 from ..continuation.point import End
 from ..io import Document, one_line
+from ..model.machine import title_of_machine
 from ..result import Axes, Result, Row, known, shown, stored
 
 BranchEnd = End  # both names can be imported
@@ -131,9 +132,9 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
 
     def title(self) -> str:
         unit, speed = (f" {self.unit_of(name)}".rstrip() for name in (self.along, "alpha"))
-        (low, high), (slow, fast), m = self.span, self.between, self.machine
+        (low, high), (slow, fast) = self.span, self.between
         ranges = f"along {self.along} from {low:g} to {high:g}{unit}, launch speeds {slow:g} to {fast:g}{speed}"
-        return f"return map of {m['machine']}, spring {m['spring']}, gravity {m['gravity']}, {ranges}"
+        return f"return map of {title_of_machine(self.machine)}, {ranges}"
 
     def _rows(self) -> Iterator[Row]:
         """Each branch with its stretches and ends, and each event."""

@@ -113,7 +113,7 @@ def periodic_hop(
         if np.abs(free[shorter] - free[0]).max() <= SAME_PERIODIC * (1 + np.abs(free[0]).max()):
             raise NoOrbit(f"from this launch Newton's method comes to hops of period {shorter}: start elsewhere")
     own, separation = found.as_result(machine), None
-    if machine.rest_length is not None:
+    if machine.model.separation(machine.values) is not None:
         u = {name: x * _unit_of(section, name) for name, x in section.unknowns_of(found.launches[0]).items()}
         launch, added = u["alpha"] if len(u) == 2 else u, inject * _unit_of(section, "alpha")
         separation = simulate(machine, launch, hops=period, inject=added, cap=cap).smallest_separation

@@ -23,7 +23,7 @@ from ..simulation.impacts import Impacts
 SLOWEST_LOSSLESS = 1e-3  # below this, in the units of the machine, no lossless launch is searched
 JUMP = 1e-6  # where the map changes by less than this share between neighbouring numbers, it is continuous there
 ROUNDED = 1e-13  # a smaller change of the launch speed by a hop, as a share of it, may be rounding
-MOST_FAMILIES = 12  # of machines whose points of contact take turns: their launch speeds converge
+MOST_FAMILIES = 12  # of machines that step: their launch speeds converge
 FURTHER = 3  # the search for lossless orbits ends after this many families in a row without one in the range
 PER_TURN, MOST_SAMPLES = 8, 2000  # launches in the grid searched for lossless orbits: per half oscillation, and at most
 SETTLED = 1e-5  # a basin, maybe of infinitely many intervals, is complete when a hop adds a smaller share of the range
@@ -122,9 +122,9 @@ def lossless_speeds(impacts: Impacts, low: float, high: float) -> list[float]:
 
 
 def _orbits_of_families(impacts: Impacts, low: float, high: float) -> Iterator[Orbit]:
-    """The orbit that `find` returns for each family, until several in a row lie beyond `high` or do not exist. Where
-    points of contact take turns, the launch speeds may fall with the family, and they converge: there until several
-    lie beyond `low` or `high`, of so many families at most."""
+    """The orbit that `find` returns for each family, until several in a row lie beyond `high` or do not exist. Of a
+    machine that steps the launch speeds may fall with the family, and they converge: there until several lie beyond
+    `low` or `high`, of so many families at most."""
     beyond, steps, last = 0, not impacts.model.plain, low
     for family in range(1, MOST_FAMILIES + 1) if steps else count(1):
         try:

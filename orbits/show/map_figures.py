@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InputError, finite_number
+from ..model.machine import title_of_machine
 from ..result import Axes
 from ..return_map.diagram import WORDS_OF_STABILITY
 from ..units import LIFTOFF_SPEED
-from .plot import COLOURS, cobweb, finished, new_axes, plain, sampled_map, title_of_machine
+from .plot import COLOURS, cobweb, finished, new_axes, plain, sampled_map
 
 if TYPE_CHECKING:
     from ..return_map.hops import FixedPoint, Hops

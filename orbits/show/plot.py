@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..io import check_path, writing
+from ..model.machine import laws_in_words, title_of_machine
 from ..model.phase import Affine
 from ..result import Axes
 from ..units import LIFTOFF_SPEED, Units
@@ -362,20 +363,11 @@ def _shade_contacts(run, axes):
         axes.axvspan(*ends, fc=SHADE, zorder=0, label=None if i else "contact")
 
 
-def title_of_machine(machine: Mapping) -> str:
-    """A machine's description as a title: its name and its laws, but not constant gravity."""
-    return f"{machine['machine']}, {_laws(machine)}"
-
-
-def _laws(machine: Mapping) -> str:
-    return f"spring {machine['spring']}" + ("" if machine["gravity"] == "1" else f", gravity {machine['gravity']}")
-
-
 def title(orbit: "Orbit") -> str:
     """The title of an orbit's plot: machine, family and speed in one line, the laws in another."""
     speed = f"alpha = {orbit.alpha:.6g}" + (f" {orbit.scales.text(LIFTOFF_SPEED)}" if orbit.scales else "")
     kind = "" if orbit.admissible else " (inadmissible)"
-    return f"{orbit.machine['machine']}, family {orbit.family}, {speed}{kind}\n{_laws(orbit.machine)}"
+    return f"{orbit.machine['machine']}, family {orbit.family}, {speed}{kind}\n{laws_in_words(orbit.machine)}"
 
 
 def vertical(separation: float | None) -> str:

@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InputError
+from ..model.machine import title_of_machine
 from ..result import Axes
-from .plot import COLOURS, finished, label_of, new_axes, plain, title_of_machine
+from .plot import COLOURS, finished, label_of, new_axes, plain
 
 if TYPE_CHECKING:
     from ..design.slopes import Sensitivities

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..model.machine import title_of_machine
 from ..result import Axes
 from .pages.sweep_view import MOTIONS
 from .plot import (
@@ -19,7 +20,6 @@ from .plot import (
     new_axes,
     new_row,
     plain,
-    title_of_machine,
 )
 
 MAP = "viridis"  # of colours; it is read in print and by colour-blind readers

@@ -1,7 +1,7 @@
 """The points by which a machine stands: which of them touches first in flight, and which opens at the end of a contact.
 
 A machine stands with its gap closed, after a landing in the labels that the model's relabelling S makes. A machine of
-one point has the gap alone. Where points take turns, that which lands is the gap itself, as of a block that rocks, or
+one point has the gap alone. Of one that steps, what closes at landing is the gap itself, as of a block that rocks, or
 another function, as of a wheel, whose gap may close again too; that is a landing on the point that was left, without
 a relabelling. Where another point lands than opens, two of them stand. A contact ends where the force on the first of
 them vanishes, or that on the second: a step back, which takes the labels S^-1.

@@ -1,4 +1,4 @@
-"""Landings of a machine that stands on one foot in flight: the foot that lands takes over from the other one.
+"""Landings of a machine that stands on one foot in flight: hand-overs from this foot to the one that lands.
 
 A hand-over is a plastic impact in which the foot that lands is caught and the other one is let go. In the labels in
 which the machine stands, with g' the speed of the gap there, D the direction of impacts and m their mass, it leads from

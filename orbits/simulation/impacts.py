@@ -37,12 +37,12 @@ STATUSES = {
     "no_launch": "the contact would not open, because a strong damper takes a slow launch back",
     "collapses": "the spring collapses, in contact or in flight",
     "stays": "the contact of a machine of several coordinates has not ended after many of its oscillations",
-    "carried_off": "the flight does not end",
+    "carried_off": "the flight does not end, as of a machine that steps and has fallen over",
     "out_of_range": "a law is needed where it is not defined, as outside a measured table",
     "lost": "the motion could not be followed, as when it takes too many steps",
-    "cap": "there are too many impacts in one hop",
-    "rattles": "feet take over without a loss, as with small angles, and no contact ever holds: state the angle",
-    "unstated": "a foot lands with a speed, and how it takes over takes masses in the plane: state their Mass(across=)",
+    "cap": "there are too many impacts in one hop, as of a wheel that rolls down a steep slope: simulate it for a time",
+    "rattles": "hand-overs lose nothing, as with small angles, and no contact ever holds: state the angle",
+    "unstated": "a foot lands with a speed, and a hand-over needs masses in the plane: state their Mass(across=)",
     "undecided": "after many bounces rounding decides how the hop ends",
     "invalid": "the launch speed is not a number above 0, or no launch has these numbers",
 }
@@ -70,6 +70,7 @@ class ImpactOptions:
     """The tolerances of impacts and contacts. Times are relative to the size of the state that a phase starts from."""
 
     longest_flight: float = 1e4  # a flight that lasts longer, in its ballistic times, does not end
+    longest_step: float = 500.0  # one of a machine that steps: nothing throws it up, and it has fallen over before
     longest_contact: float = 1e6  # a contact that lasts longer, which grows as sqrt(mass ratio), does not end
     batch_contact: float = 1e3  # contacts are integrated as a batch up to this time, unfinished ones then one by one
     # Bounces are summed as a geometric series once the pressing acceleration changes by less than this share while they
@@ -251,7 +252,8 @@ class Impacts:
     def longest_flight(self, x: np.ndarray) -> np.ndarray:
         """The time () or (m,) after which a flight from states (n,) or (m, n) counts as endless."""
         # NumPy takes nine times as long along the short axis.
-        return self.options.longest_flight * (1 + np.abs(x.T.copy()).max(0))
+        longest = self.options.longest_flight if self.model.plain else self.options.longest_step
+        return longest * (1 + np.abs(x.T.copy()).max(0))
 
     def longest_contact(self, y: np.ndarray) -> float:
         """The time after which a contact from a state (k,) counts as endless."""

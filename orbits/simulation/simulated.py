@@ -66,7 +66,7 @@ class Leg:
     """A flight or a contact: its phase's name, when it starts, and its motion from there.
 
     branch : of a spring with hysteresis, as `Branches.branch` has it; None without such a spring
-    stance : the number of steps so far, those back counted as -1, of a machine whose feet take turns
+    stance : the number of steps so far, those back counted as -1
     """
 
     phase: str
@@ -275,8 +275,8 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
         return rows_of_legs(self.legs, self.end, t, self._flight_states, self._second)
 
     def unrolled(self, t: ArrayLike) -> np.ndarray:
-        """Flight states (..., n) at times (...) in the labels of the first flight: where points of contact take turns,
-        places go on from step to step, while those of a call jump at a landing."""
+        """Flight states (..., n) at times (...) in the labels of the first flight: of a machine that steps, places go
+        on from step to step, while those of a call jump at a landing."""
         states, units, label = self(t), self.source.units, self.source.model.relabelling
         stances = np.array([leg.stance for leg in self.legs])[index_of_legs(self.legs, np.asarray(t, dtype=float))]
         shifts = np.array(label.shifts(self.source.values)) * (units.of_states(self._states) if units else 1.0)

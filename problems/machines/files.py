@@ -163,7 +163,7 @@ def _build(statement: dict[str, Any]) -> MachineOfFile:
 
 
 def _stepping_machine(kind: str, statement: dict[str, Any]) -> Mechanism:
-    """A machine whose points of contact take turns."""
+    """A machine that steps."""
     if other := [name for name in statement if name in KEYS and name not in KEYS_OF_STEPS]:
         names = SI_KEYS_OF_STEPS[kind] if kind == "runner" else RATIOS
         raise InputError(f"'{other[0]}' is of machines that hop: a {kind} has {', '.join(names)} and a spring")

@@ -3,7 +3,8 @@
 import pytest
 from mechanisms import VALUES, machine
 
-from orbits.mechanics import Damper, Spring, Weight
+from orbits import Mechanism
+from orbits.mechanics import Damper, Mass, Spring, Weight
 
 
 class TestDimensions:
@@ -34,3 +35,22 @@ class TestDimensions:
     def test_of_what_is_added_to_an_angle_are_none(self):
         turned = machine(Spring("body - r0", "c*r"), parameters={**VALUES, "c": 1.0, "r0": 0.3}, angles=("body",))
         assert "r0" not in turned.units_of_parameters()
+
+    @pytest.mark.parametrize(
+        ("across", "units"),
+        [
+            ("a*sin(turn + tilt)", {"a": "m", "tilt": "rad"}),
+            ("a*tilt*sin(turn)", {}),  # one of two factors is a length
+            ("a*turn + tilt", {"a": "m", "tilt": "m"}),
+            ("a*(1 - cos(turn))**2 + y*tilt", {"a": "m"}),
+        ],
+    )
+    def test_of_lengths_that_turn_and_of_inertias(self, across, units):
+        masses = [Mass("y", "m"), Mass("y + 1", "m", across=across), Spring("turn", "k*r")]
+        values = {"a": 0.3, "tilt": 0.1, "m": 2.0, "k": 3.0, "J": 0.5, "I": 0.1}
+        turned = Mechanism(
+            ("y", "turn"), masses, gap="y", parameters=values, angles=("turn",), in_si=True,
+            inertia={"y": "I", "turn": "J - m*a**2/9"}, launch="turn",
+        )  # fmt: skip
+        known = {"m": "kg", "k": "N m/rad", "J": "kg m^2", "I": "kg"}
+        assert turned.units_of_parameters() == known | units

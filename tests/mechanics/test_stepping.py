@@ -3,6 +3,8 @@
 import math
 
 import pytest
+from scipy.optimize import brentq
+from scipy.special import ellipj, ellipk
 from steps import SINES, TABLE, by_hand, start_of, stepping
 
 from orbits import InputError, Mechanism, find
@@ -81,6 +83,32 @@ def test_two_inner_bodies_step_together():
     )  # fmt: skip
     assert all(each.holds for each in algebraic_relations(machine.model, machine.values))
     assert not machine.model.one_speed
+
+
+def test_a_reversor_may_flip_some_places_and_not_others():
+    """A hopper beside a Duffing oscillator q'' = -(w q + q^3) that nothing drives: q passes 0 in mid-flight and in
+    mid-contact, so that its period is the cycle's (amplitude and motion by elliptic functions)."""
+    masses = [Mass("y", 1.0), Mass("z", 1.0), Spring("y - z", "r + 0.3*r**3")]
+    hop = find(Mechanism(("y", "z"), masses, gap="z", counts="y - z", launch="y"))
+    cycle = hop.flight_time + hop.contact_time
+    w = 0.8 * (2 * math.pi / cycle) ** 2
+    period = lambda a: 4 * ellipk(a * a / (2 * (w + a * a))) / math.sqrt(w + a * a)  # noqa: E731
+    size = brentq(lambda a: period(a) - cycle, 1e-3, 10.0, xtol=1e-15)
+    rate, m = math.sqrt(w + size**2), size**2 / (2 * (w + size**2))
+    sn, cn, dn, _ = ellipj(rate * hop.contact_time / 2 - ellipk(m), m)
+    both = Mechanism(
+        ("y", "q", "z"), [*masses, Spring("q", "w*r + r**3")], gap="z", counts="y - z", launch="y",
+        inertia={"q": 1.0}, parameters={"w": w}, reversor={"q": "-q"},
+    )  # fmt: skip
+    assert both.model.reversor == (1, -1, -1, 1, 1, -1)
+    start = {"liftoff": hop.liftoff_extension, "alpha": 1.01 * hop.alpha, "q": 0.95 * size * cn, "q'": 0.25}
+    times = {"duration": hop.flight_time / 2, "contact_duration": hop.contact_time / 2}
+    orbit = find(both, start=start | times)
+    assert (orbit.alpha, orbit.flight_time) == pytest.approx((hop.alpha, hop.flight_time), rel=1e-13)
+    assert orbit(0.0).tolist()[2:4] == pytest.approx([size * cn, -size * rate * sn * dn], rel=1e-11)
+    assert orbit(hop.flight_time / 2)[2] == pytest.approx(0.0, abs=1e-13)
+    assert orbit(hop.flight_time).tolist()[2:4] == pytest.approx([-size * cn, -size * rate * sn * dn], rel=1e-11)
+    assert orbit.admissible
 
 
 def test_the_forces_on_both_feet_on_a_slope():

@@ -85,7 +85,7 @@ def test_a_loss_beyond_all_numbers_is_refused():
 
 
 class TestSteps:
-    """Machines whose points of contact take turns: each of them is checked, and named."""
+    """Machines that step: each point of contact is checked, and named."""
 
     def test_both_feet_press_and_stay_above_the_ground(self):
         for kind in ("wheel", "rocker"):

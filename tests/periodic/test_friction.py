@@ -102,7 +102,7 @@ def test_files_have_the_friction_and_files_without_it_are_read(tmp_path):
     assert Orbit.load(tmp_path / "orbit.json") == orbit
     document = json.loads((tmp_path / "orbit.json").read_text())
     assert document["friction_needed"] == orbit.certificate.friction_needed
-    for name in ("friction_needed", "friction_error", "friction_time", "smallest_stance_force"):
+    for name in ("friction_needed", "friction_error", "friction_time", "smallest_stance_force", "stance_judged"):
         document.pop(name)
     assert Orbit.of_saved(document).certificate.friction_needed is None
 

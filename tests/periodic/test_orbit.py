@@ -234,7 +234,7 @@ def test_an_orbit_whose_contact_does_not_end_has_no_force(softening_family):
 
 
 class TestSteps:
-    """Machines whose points of contact take turns, against motions integrated by DOP853."""
+    """Machines that step, against motions integrated by DOP853."""
 
     @staticmethod
     def integrated(phase, start, time, p):

@@ -1,4 +1,4 @@
-"""Feet that take turns: lossless steps without end, their labels, and the feet named by events."""
+"""Machines that step: lossless steps without end, their labels, and the feet named by events."""
 
 import numpy as np
 import pytest

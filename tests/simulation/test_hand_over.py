@@ -172,10 +172,16 @@ def test_landings_without_a_law_end_the_motion():
     assert np.isnan(run.events[-1].loss)
     with pytest.raises(InputError, match="both feet of a wheel would be in the air"):
         simulate(wheel(MU, KAPPA, A, restitution=0.3), 0.35, hops=1)
-    with pytest.raises(InputError, match="take turns, but a spring with hysteresis"):
+    with pytest.raises(InputError, match="to another, but a spring with hysteresis"):
         simulate(wheel(MU, KAPPA, A, law=springs.lossy("r", loss_factor=0.01)), 0.35, hops=1)
-    with pytest.raises(InputError, match="take turns, but a schedule"):
+    with pytest.raises(InputError, match="to another, but a schedule"):
         simulate(wheel(MU, KAPPA, A), 0.35, hops=1, schedule=([0.0, 1.0], {"kappa": [0.5]}))
+
+
+def test_the_flight_of_a_block_that_has_fallen_over_does_not_end():
+    """A slow launch comes to rest on both edges, a fast one topples the block."""
+    found = ReturnMap(rocker(1.0, 0.5, 0.3))([0.3, 3.0])
+    assert found.status.tolist() == ["rests", "carried_off"]
 
 
 def test_a_slope_pays_for_the_losses_of_a_walk():

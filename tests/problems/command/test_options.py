@@ -276,7 +276,7 @@ def test_one_number_starts_from_a_file_too(tmp_path, orbits):
 
 
 class TestSteps:
-    """Machines whose points of contact take turns, by their ratios."""
+    """Machines that step, by their ratios."""
 
     @pytest.mark.parametrize(("kind", "numbers"), [(kind, numbers) for kind in TABLE for numbers in TABLE[kind]])
     def test_they_have_their_closed_forms(self, orbits, kind, numbers):

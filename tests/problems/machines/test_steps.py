@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from steps import SINES, TABLE, closed_form
 
-from orbits import InputError, NoOrbit, check, find, follow
+from orbits import InputError, NoOrbit, Orbit, check, find, follow
 from problems import rimless_wheel, rocking_block, shuttle
 
 KINDS = {"wheel": rimless_wheel, "rocker": rocking_block, "shuttle": shuttle}
@@ -198,14 +198,27 @@ def test_messages_and_rows_in_si_are_of_angles_and_torques():
         find(rimless_wheel(2.0, 0.4, 8, 0.5, 0.6, 20.0, spring="stiffness*r - 300*r**3"))
 
 
-def test_a_standing_foot_that_is_not_judged_is_told():
+def test_a_standing_foot_that_is_not_judged_is_in_the_table():
     numbers = {"inertia_ratio": 0.2, "gravity_ratio": 0.1, "angle": 0.3}
     open_, stated = find(rimless_wheel(**numbers)), find(rimless_wheel(**numbers, share=1.0))
     assert (open_.admissible, stated.admissible) == (True, False)
     assert open_.certificate.friction_needed is None
     telling = "standing foot           not judged (smallest force -0.123); state share="
+    assert [each.certificate.stance_judged for each in (open_, stated)] == [False, True]
     assert telling in str(open_)
+    assert telling in str(Orbit.of_saved(open_.saved()))
     assert "not judged" not in str(stated)
+
+
+def test_lengths_inertias_and_angles_have_units():
+    wheel = find(rimless_wheel(mass=2.0, length=0.4, spokes=8, inertia=0.5, body_inertia=0.3, stiffness=9.0))
+    row = next(line for line in str(wheel).splitlines() if line.startswith("  machine"))
+    numbers = "length = 0.4 m, inertia = 0.5 kg m^2, body_inertia = 0.3 kg m^2, angle = 0.392699 rad"
+    assert row.endswith(f"stiffness = 9 N m/rad, mass = 2 kg, {numbers}, surface_gravity = 9.81 m/s^2")
+    assert str(wheel).startswith("lossless orbit of family 1: rimless wheel, spring stiffness*r\n")
+    block = rocking_block(mass=5.0, half_width=0.1, half_height=0.3, inertia=1.0, body_inertia=0.5, stiffness=20.0)
+    assert block.rest_length is None  # its separation is no length of the spring
+    assert block.units_of_parameters()["half_height"] == "m"
 
 
 def test_springs_of_machines_in_si_have_torques():
