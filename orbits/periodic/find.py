@@ -456,7 +456,8 @@ def stated_unknowns(model: Model, start: Orbit | Mapping[str, float]) -> dict[st
         unknowns["duration"] = start.flight_time / (2 if start.shape.reversor else 1)
         unknowns["unfolding"] = start.certificate.unfolding or 0.0
         if model.sticks:
-            shifts = zip(model.flight.states, start.shape.shifts[0] or (), strict=True)
+            assert start.shape.steps is not None
+            shifts = zip(model.flight.states, start.shape.steps.reversor_shift, strict=True)
             unknowns[STEP_LENGTH] = dict(shifts)[model.sticks[0]]
         return unknowns | ({} if start.contact_time is None else {"contact_duration": start.contact_time / 2})
     if not isinstance(start, Mapping):
