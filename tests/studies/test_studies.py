@@ -66,8 +66,8 @@ STUDIES = {
     study.__name__.rpartition(".")[2]: study
     for study in (
         *(asteroid, attraction, bifurcations, chain, chain_hand, damped_hopper, design, existence, figure_8),
-        *(gravity_families, inerter, knee, plate, robot_leg, rocker, runner, series, spring_families, start_up, theorems),
-        *(tolerances, tutorial, walker),
+        *(gravity_families, inerter, knee, plate, robot_leg, rocker, runner, series, spring_families, start_up),
+        *(theorems, tolerances, tutorial, walker),
     )
 }
 WIDTH, SMALLEST = 900, 9  # pixels: of the figures in the README, and of their type
