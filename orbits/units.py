@@ -139,7 +139,7 @@ class Units:
 
     def of_states(self, names: Sequence[str], own: Mapping[str, Dimension] | None = None) -> np.ndarray:
         """The units (n,) of states, lengths or speeds, by their names; `own` has the dimensions of other rows."""
-        own = {name: FORCE for name in names if name.startswith("contact force")} | {**(own or {})}
+        own = {name: FORCE for name in names if name.startswith(("contact force", "holding force"))} | {**(own or {})}
         return np.array([self.of(own.get(name) or name) for name in names])
 
     def dimensionless(self, name: str, argument: object, dimension: Dimension = ()) -> Any:

@@ -149,7 +149,7 @@ class Family(
         Quantities of the motion, such as "stroke", are computed when they are needed; this works for a family that
         `follow` has returned. Raises `InputError` for an unknown name.
         """
-        numbers = [self.name, *(points[0].also if points else ()), *KNOWN]
+        numbers = self._numbers_of(points)
         if name in (*numbers, "value"):
             return numbers_at(points, "value" if name == self.name else name)
         further = names_of_motions(self.source) if self.source else ()
@@ -167,6 +167,10 @@ class Family(
     def _varied(self, point: Point) -> dict[str, float]:
         """The values of the parameters that vary along the family, at a point."""
         return {**point.also, **dict.fromkeys(self._along, point.value)}
+
+    def _numbers_of(self, points: Sequence[Point]) -> list[str]:
+        """The names of the numbers that points of the curve have."""
+        return list(dict.fromkeys((self.name, *(points[0].numbers if points else KNOWN))))
 
     def _of_motions(self, machine: Machine | None, points: Sequence[Point]) -> dict[str, np.ndarray]:
         """The quantities of the motions at points of the curve, by name; empty without the machine."""
@@ -191,8 +195,7 @@ class Family(
                 rows.pop()
             rows.append((point, event.kind if event else ""))
         points = [point for point, _ in rows]
-        names = dict.fromkeys((self.name, *(points[0].also if points else ()), *KNOWN))
-        data: dict[str, Any] = {name: self.values_at(points, name) for name in names}
+        data: dict[str, Any] = {name: self.values_at(points, name) for name in self._numbers_of(points)}
         data |= {"admissible": data["admissible"] == 1, "family": data["family"].astype(int)}
         data |= {name: values for name, values in self._of_motions(machine, points).items() if name not in data}
         data |= {name: [getattr(point, name) for point in points] for name in SIDES}

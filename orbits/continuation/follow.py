@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -281,8 +282,9 @@ def _begin_tuned(machine, along, orbit, start, stop, family, method, options, tu
     behind, stop = bounds_of(along, value, stop, options.at)
     x = np.append(solved.us[0], value)
     tracer = start_tracer(TunedCurve(machine, along, tuned, abs(stop - behind), x), x, value, behind, stop, options)
-    if tracer.first.point.family != (first or family) and (first or orbit is None):
-        raise NoOrbit(another_family(first, tracer.first.point.family))
+    wanted: Any = first or (family if orbit is None else None)
+    if wanted not in (None, tracer.first.point.family):
+        raise NoOrbit(another_family(wanted, tracer.first.point.family))
     return tracer
 
 

@@ -10,6 +10,7 @@ from .curve import Curve, CurvePoint, CurvePoints
 from .events import Segment
 from .point import End, Point
 from .step_control import Options
+from .tuned_curve import TunedCurve
 
 # A limit is extrapolated from the last points, over the first of these factors of alpha that holds enough of them.
 WIDTHS = (2.0, 4.0, 16.0)
@@ -18,6 +19,8 @@ WIDTHS = (2.0, 4.0, 16.0)
 CLEAR, ARRIVED = 0.1, 1e-6
 # Powers of the scale in the series of a parameter: some curves have a first power of 1/alpha and some have none.
 POWERS = ([0, 1, 2, 3, 4, 5], [0, 2, 3, 4, 5, 6])
+# A parameter has settled where it will change by less than this share of its range.
+SETTLED_SHARE = 1e-4
 # The error is taken as this many times the change by the last term, since the terms left out may be larger.
 CAUTION = 3
 # A flight shrinks to nothing with the launch speed if it lasts less than this share of its first time when the speed is
@@ -83,6 +86,8 @@ class Endings:
         ends |= self._passed(np.concatenate([before.x[None], points.xs[:-1]]), points.xs) > 0
         speed = np.abs(alpha / first.alpha)
         ends |= (speed > ratio) | (time > ratio * first.flight_time) | (speed < 1 / ratio)
+        if isinstance(self.curve, TunedCurve):
+            ends |= (self.curve.growth(points.xs) > ratio).any(1)
         ends |= points.evaluation.amplification[points.places] > self.control.largest_amplification
         return ends | (self.stop_inadmissible & np.array([*map(bool, orbits.column("violations"))], bool))
 
@@ -137,6 +142,8 @@ class Endings:
         if last.amplification > self.control.largest_amplification:
             growth = f"{last.amplification:.0e}-fold"
             return self.lost(f"small changes grow {growth} over the flight, and rounding decides", last, history)
+        if isinstance(self.curve, TunedCurve) and (away := self._tuned_away(self.curve, last)):
+            return away
         speed, time = abs(orbit.alpha / first.alpha), orbit.flight_time / first.flight_time
         if speed > ratio or time > ratio:
             if not (found := limit(history, self.bounds, -1)):
@@ -152,6 +159,18 @@ class Endings:
         if ends and (found := limit(history, self.bounds, 1)):
             what = "flight shrinks" if shrunk else "launch speed falls"
             return End("degenerate", f"the {what} to nothing {place}", *found)
+        return None
+
+    def _tuned_away(self, curve: TunedCurve, last: CurvePoint) -> End | None:
+        """The end of a curve along which a tuned parameter grows without bound, while that of the curve settles."""
+        (growths,), equations = curve.growth(last.x[None]), curve.equations
+        for i in (growths > self.control.escape_ratio).nonzero()[0].tolist():
+            # It settles by this much where its distance to the limit falls as the inverse of the tuned parameter.
+            x, by = last.x[equations.own + i], last.tangent[equations.own + i]
+            left = float(last.tangent[-1] * x / by) if by else np.inf
+            if abs(left) < SETTLED_SHARE * curve.span:
+                name = equations.statement.tuned[i]
+                return End("escaped", f"{name} grows without bound", last.value + left, abs(left))
         return None
 
     def lost(self, error: OrbitsError | str, last: CurvePoint, history: History) -> End:

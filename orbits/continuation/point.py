@@ -9,7 +9,7 @@ import numpy as np
 from ..io import fields_in_line, to_json
 from ..periodic.certificate import Certificate
 from ..periodic.orbit import certificate_in_units
-from ..periodic.quantities import CERTIFIED, QUANTITIES
+from ..periodic.quantities import CERTIFIED, OF_CERTIFICATE, PLANAR, QUANTITIES
 from ..records import Records, numbers_or_nan
 from ..units import Units
 
@@ -48,6 +48,16 @@ class Point:
         """The time of a whole cycle; None when the contact never ends."""
         return None if self.contact_time is None else self.flight_time + self.contact_time
 
+    @property
+    def of_stance(self) -> tuple[str, ...]:
+        """Further columns of a machine that stands in flight, and whose masses have places across."""
+        return () if self.certificate.smallest_stance_force is None else PLANAR_NUMBERS
+
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """The names of the numbers of a table, after the parameter's own."""
+        return *self.also, *KNOWN, *self.of_stance
+
     def __getattr__(self, name: str) -> Any:
         if name in Certificate.__dataclass_fields__:
             return getattr(self.certificate, name)
@@ -58,7 +68,8 @@ class Point:
 
     def row(self) -> dict[str, Any]:
         """The columns of a table at this point, ready for JSON."""
-        return {**self.also, **{name: getattr(self, name) for name in COLUMNS}, "violations": list(self.violations)}
+        names = *COLUMNS, *self.of_stance
+        return {**self.also, **{name: getattr(self, name) for name in names}, "violations": list(self.violations)}
 
 
 # Columns of a table of points, after the parameter's own: numbers of the motion, of the certificate, and words.
@@ -70,8 +81,9 @@ NUMBERS = (
 SIDES = ("stable_side", "bounce_side")
 COLUMNS = (*NUMBERS, *SIDES)
 KNOWN = (*NUMBERS, "period")  # at every point; further quantities of its motion are in `table`
+PLANAR_NUMBERS = tuple(name for name in OF_CERTIFICATE if name in PLANAR)
 # Names that no parameter can have, since a table or a document has columns of these names.
-RESERVED_NAMES = (*COLUMNS, "value", "kind", "after", "violations", "point", "event")
+RESERVED_NAMES = (*COLUMNS, *PLANAR_NUMBERS, "value", "kind", "after", "violations", "point", "event")
 
 
 def numbers_at(points: Sequence[Point], name: str) -> np.ndarray:

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..model.machine import Machine
 from ..periodic.certified import known_solutions
-from ..periodic.quantities import names_of_many, numbers_of
+from ..periodic.quantities import PLANAR, names_of_many, numbers_of
 from ..running.exclusive import exclusive
 from .point import KNOWN
 
@@ -17,7 +17,7 @@ AT_ONCE_IN_TABLE = 500  # orbits whose motions are in memory together
 def names_of_motions(machine: Machine) -> tuple[str, ...]:
     """The quantities that are computed from the motions of a machine's orbits."""
     model = machine.model
-    return (*(name for name in names_of_many(model) if name not in KNOWN), *model.rises(machine.values))
+    return (*(name for name in names_of_many(model) if name not in (*KNOWN, *PLANAR)), *model.rises(machine.values))
 
 
 @exclusive

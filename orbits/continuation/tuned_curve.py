@@ -33,8 +33,9 @@ class TunedCurve(Curve):
         self.machine, self.along, self.method, self.span = machine, along, METHOD, span
         self.tuned = tuple(tuned)
         self.equations = self.equations_of_orbits = tuned_equations(machine, self.tuned, self.prescribed)
-        self.names, own = self.equations.parameters, machine.values
-        self.parameters, self.place = np.array([own.get(name, 0.0) for name in self.names]), self.names.index(along)
+        self.names = self.equations.parameters
+        self.parameters = np.array([machine.values.get(name, 0.0) for name in self.names])
+        self.place = self.names.index(along)
         jacobian, own = self.evaluate(x[None]).jacobian[0], self.equations.own
         changes = solve(jacobian[:, :-1], jacobian[:, -1])[own:] * span
         # The unit of a parameter that passes zero.
@@ -45,6 +46,10 @@ class TunedCurve(Curve):
         size = super().size(np.concatenate([x[..., :own], x[..., -1:]], axis=-1))
         tuned = np.maximum(np.abs(x[..., own:-1]), self.least)
         return np.concatenate([size[..., :-1], tuned, size[..., -1:]], axis=-1)
+
+    def growth(self, xs: np.ndarray) -> np.ndarray:
+        """The sizes (m, t) of the tuned parameters at points (m, n + 1), as multiples of the first ones."""
+        return np.abs(xs[:, self.equations.own : -1]) / (10 * self.least)
 
     def parameters_at(self, xs: np.ndarray) -> np.ndarray:
         return self.equations.with_tuned(xs, super().parameters_at(xs))

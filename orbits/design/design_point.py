@@ -18,9 +18,10 @@ from ..model.model import Model
 from ..numerics.polynomial_roots import TINY
 from ..numerics.roots import Array
 from ..periodic.orbit import Orbit
+from ..periodic.quantities import dimension_of
 from ..shooting.formulations import vector
 from ..symbolic.quadratic_models import QuadraticModels
-from ..units import DIMENSIONS, Message, Units, in_units
+from ..units import Message, Units, in_units
 from .design_quantities import ABSENT, base_statement, extremes_of
 from .evaluator import DesignPoints, Evaluator, Varied, evaluator
 from .extremes import Kind, Place, place_near, places_of
@@ -98,7 +99,7 @@ class DesignPoint:
     def sizes(self) -> list[float]:
         """The units of the dimensionless landing jerk and demands; 1 for a dimensionless machine."""
         units = self.machine.units or Units(1.0, 1.0, 1.0)
-        return [units.of(DIMENSIONS[name]) for name in ("landing_jerk", *self.demands)]
+        return [units.of(dimension_of(name)) for name in ("landing_jerk", *self.demands)]
 
 
 def no_motion(machine: Machine, orbit: Orbit) -> NoOrbit:
@@ -121,6 +122,11 @@ def by_logarithm(model: Model) -> Array:
     statement = base_statement(model)
     positive = statement.unknowns[1:] if model.one_speed else statement.durations
     return np.isin(statement.unknowns, positive)
+
+
+def has_loss(model: Model, orbit: Orbit) -> bool:
+    """Whether there is a loss coefficient: where another point takes over at a landing, only if that loses enough."""
+    return not model.changes_contact or orbit.certificate.loss_coefficient is not None
 
 
 def design_points(cases: Sequence[Case], problem: DesignProblem | None = None) -> list[DesignPoint | NoOrbit]:
@@ -156,8 +162,10 @@ def _placed(case: Case, own: Mapping[str, Place | None]) -> tuple[Case, dict[Kin
     those that are tied to them; raises `NoOrbit` where one is missing."""
     demands = tuple(name for name in case.outputs.demands if own[extremes_of(name)[0]])
     case = case._replace(outputs=replace(case.outputs, demands=demands))
-    held = dict[Kind, Place]()
-    for extreme in case.outputs.extremes(case.machine.model, case.machine.values):
+    model, p, held = case.machine.model, case.machine.values, dict[Kind, Place]()
+    if "loss_coefficient" in case.outputs.quantities(model, p) and not has_loss(model, case.orbit):
+        raise NoOrbit(f"the orbit has no {ABSENT['loss']}")
+    for extreme in case.outputs.extremes(model, p):
         if not (place := own[extreme]):
             raise NoOrbit(f"the orbit has no {ABSENT[extreme]}")
         held[place.kind] = place

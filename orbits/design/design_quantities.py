@@ -12,14 +12,17 @@ from typing import Any
 import casadi as ca
 
 from ..errors import InputError
-from ..model.model import Model, refuse_steps
+from ..model.model import CONTACT_FORCE, LANDED_FORCE, Model
 from ..model.phase import Arc, Phase, Statement
+from ..model.planar import NORMAL_FORCE, TANGENTIAL_FORCE
 from ..periodic.loss_coefficient import by_launch_speed, launch_power, loss_coefficient
-from ..periodic.quantities import DESIGNED
+from ..periodic.quantities import DESIGNED, PLANAR
 from ..shooting.formulations import half_orbit
 
 VARIATIONAL = ("landing_sensitivity", "loss_coefficient")  # these need the variation of the flight with alpha
-# The extremes whose sum is a quantity, each with its sign; a rise has one extreme, of its own name.
+FRICTION_LEFT = "friction_left"  # the stated friction less that which is needed
+# The extremes whose sum is a quantity, each with its sign; a rise has one extreme, of its own name. To what is left of
+# friction the stated one is added.
 COMPOSITION = {
     "stroke": {"longest": 1, "shortest": 1},
     "clearance": {"gap": -1},
@@ -27,11 +30,18 @@ COMPOSITION = {
     "smallest_contact_force": {"force": -1},
     "largest_contact_force": {"peak": 1},
     "largest_spring_force": {"tension": 1},
+    "friction_needed": {"slip": 1},
+    FRICTION_LEFT: {"slip": -1},
+    "smallest_stance_force": {"stance": -1},
 }
-# Extremes for which only local maxima after the start count, and the text of the error for an orbit without one.
+# Extremes for which only local maxima after the start count.
+LOCAL = ("gap", "force")
+# The text of the error for an orbit without an extreme.
 ABSENT = {
     "gap": "clearance: the gap has no lowest point inside the flight",
     "force": "smallest_contact_force: the force has no lowest value inside the contact",
+    "slip": "friction_needed: the standing foot lifts",
+    "loss": "loss_coefficient: a landing with a speed leaves nearly all of it, or what it leaves is not stated",
 }
 
 
@@ -39,6 +49,8 @@ def quantity_names(model: Model, p: Mapping) -> list[str]:
     """The quantities of a model's orbits."""
     missing = [*([] if model.tension else ["largest_spring_force"]), *(() if model.one_speed else VARIATIONAL)]
     missing += [] if model.separation(p) is not None else ["smallest_separation"]
+    missing += [] if model.planar and model.planar.stands else PLANAR
+    missing += [] if model.planar and model.planar.friction else [FRICTION_LEFT]
     return [name for name in DESIGNED if name not in missing] + list(model.rises(p))
 
 
@@ -50,24 +62,50 @@ def extremes_of(name: str) -> tuple[str, ...]:
 @lru_cache(maxsize=256)
 def extreme_of(model: Model, name: str) -> tuple[tuple[str, Callable], ...]:
     """The functions of the state whose largest value over the cycle an extreme is, each (x, p, q) -> value with its
-    phase; the extreme is one of those in `COMPOSITION`, or a rise."""
+    phase; the extreme is one of those in `COMPOSITION`, or a rise.
+
+    The motions are the first halves of the phases. A function that has other values in the second half of one occurs
+    a second time, of the image of the state.
+    """
+
+    def in_flight(function: Callable) -> tuple:
+        """A function of the flight state, over the flight."""
+        back = None if model.plain else model.reversal
+        return ("flight", function), *([("flight", lambda x, p, q: function(back.image(x, p), p, q))] if back else [])
 
     def over_cycle(function: Callable) -> tuple:
-        """A function of the flight state, over flight and contact."""
+        """The same over flight and contact."""
         embedded = lambda x: [sum((w * v for w, v in zip(row, x, strict=False) if w), 0.0) for row in model.embed]  # noqa: E731
-        return ("flight", function), ("contact", lambda x, p, q: function(embedded(x), p, q))
+        inside, back = lambda x, p, q: function(embedded(x), p, q), None if model.plain else model.contact_reversal
+        image = [("contact", lambda x, p, q: inside(back.image(x, p), p, q))] if back else []
+        return *in_flight(function), ("contact", inside), *image
 
-    force, tension = model.contact.watch["contact force"], model.tension or (lambda x, p, q: 0.0)
+    def negative(functions: tuple) -> tuple:
+        return tuple((phase, lambda x, p, q, of=of: -of(x, p, q)) for phase, of in functions)
+
+    gaps = [each for each in (model.gap, model.landing_gap) if each]
+    watched = [model.contact.watch.get(each) for each in (CONTACT_FORCE, LANDED_FORCE)]
+    forces = tuple(("contact", force) for force in watched if force)
+    tensions = over_cycle(model.tension or (lambda x, p, q: 0.0))
+    # The forces of a law in pieces in the second half of a step are those in the first, or their negatives.
+    tensions = tensions[::2] if model.flight.pieces and not model.plain else tensions
+    ground = {phase: getattr(model, phase).watch for phase in ("flight", "contact") if model.planar}
+    slips = tuple(
+        (phase, lambda x, p, q, on=on: on[TANGENTIAL_FORCE](x, p, q) / on[NORMAL_FORCE](x, p, q))
+        for phase, on in ground.items()
+    )
     functions = {
         "longest": over_cycle(lambda x, p, q: model.extension.at(x)),
         "shortest": over_cycle(lambda x, p, q: -model.extension.at(x)),
-        "gap": (("flight", lambda x, p, q: -model.gap(p).at(x)),),
+        "gap": tuple(("flight", lambda x, p, q, gap=gap: -gap(p).at(x)) for gap in gaps),
         "separation": over_cycle(lambda x, p, q: -model.separation(p).at(x)),
-        "force": (("contact", lambda x, p, q: -force(x, p, q)),),
-        "peak": (("contact", force),),
-        "tension": over_cycle(tension) + over_cycle(lambda x, p, q: -tension(x, p, q)),
+        "force": negative(forces),
+        "peak": forces,
+        "tension": tensions + negative(tensions),
+        "slip": slips + negative(slips),
+        "stance": (("flight", lambda x, p, q: -ground["flight"][NORMAL_FORCE](x, p, q)),),
     }
-    return functions.get(name) or (("flight", lambda x, p, q: model.rises(p)[name].at(x)),)
+    return functions.get(name) or in_flight(lambda x, p, q: model.rises(p)[name].at(x))
 
 
 def base_statement(model: Model) -> Statement:
@@ -75,7 +113,6 @@ def base_statement(model: Model) -> Statement:
     mirror images."""
     if not model.reversor:
         raise InputError("a design needs a machine whose motion is its own mirror image in time: leave out the damping")
-    refuse_steps(model, "a design")
     return model.reduction.statement if model.reduction else half_orbit(model)
 
 
@@ -112,7 +149,7 @@ def _reversor(model):
 def _gap_weights(model, n, p):
     """Derivatives of the gap at landing by the state of the simplest statement there."""
     if not model.reduction:
-        return list(model.gap(p).weights)
+        return list((model.landing_gap or model.gap)(p).weights)
     slope, zero = model.reduction.gap_slope, [0.0] * n
     return [slope(0.0, [float(i == j) for j in range(n)], p) - slope(0.0, zero, p) for i in range(n)]
 
@@ -136,33 +173,42 @@ def landing_sensitivity(model: Model, half: Any, end: Sequence, p: Mapping) -> A
     return carried + (model.reduction.gap_slope(2 * half, [0.0] * n, p) if model.reduction else 0.0)
 
 
+def left_at_landing(model: Model, u: Mapping, p: Mapping) -> Any:
+    """The share of the gap's speed that is left where another point takes over at landing."""
+    return model.share_left(model.relabelling.image(model.reversal.image(model.launch(u, p), p), p), p)
+
+
 def _loss(model, jerk, slope, u, p, q):
     """C of the map alpha + d -> alpha + d - C d**(4/3), from the landing jerk and the landing sensitivity."""
     gradient = model.flight_gradient(model.launch(u, p), p, q)
     liftoff = model.liftoff_slope(u, p) if model.liftoff_slope else None
     power = launch_power(gradient, by_launch_speed(lambda u: model.launch(u, p), u, liftoff))
-    at_landing = [sign * x for sign, x in zip(model.reversor, model.launch(u, p), strict=True)]
+    at_landing = model.reversal.image(model.launch(u, p), p)
     return loss_coefficient(model.impact_mass(at_landing, p), -jerk, ca.fabs(slope), power)
 
 
 def expressions(
-    model: Model, names: Sequence[str], extremes: Mapping[str, Any], u: Mapping, slope: Any, p: Mapping, q: Sequence
-) -> dict[str, Any]:
+    model: Model, names: Sequence[str], extremes: Mapping[str, Any], u: Mapping, slope: Any, late: Any, p: Mapping,
+    q: Sequence,
+) -> dict[str, Any]:  # fmt: skip
     """The quantities of these names as expressions.
 
     extremes : values of the extremes that they are made of, by name
     u : the unknowns of the simplest statement, and "contact", half the contact time
-    slope : the landing sensitivity, for the quantities that need it
+    slope, late : the landing sensitivity, and what a landing without a bounce loses as a multiple of C, see
+        `hand_over_factors`, for the quantities that need them
     q : the data of the piece at launch
     """
     half, contact, jerk = base_statement(model).arcs[0].duration(u, p), u["contact"], _landing_jerk(model, u, p, q)
     values = {"alpha": u["alpha"], "liftoff_extension": model.liftoff_extension(u, p), "landing_jerk": jerk}
     values |= {"flight_time": 2 * half, "contact_time": 2 * contact, "period": 2 * (half + contact)}
     if any(name in VARIATIONAL for name in names):
-        values |= {"landing_sensitivity": slope, "loss_coefficient": _loss(model, jerk, slope, u, p, q)}
+        values |= {"landing_sensitivity": slope, "loss_coefficient": late * _loss(model, jerk, slope, u, p, q)}
     for name in names:
         if name in COMPOSITION:
             values[name] = sum(sign * extremes[extreme] for extreme, sign in COMPOSITION[name].items())
         elif name not in values:
             values[name] = extremes[name] - model.rises(p)[name].at(model.launch(u, p))
+        if name == FRICTION_LEFT and model.planar and model.planar.friction:
+            values[name] += model.planar.friction(p)
     return {name: values[name] for name in names}

@@ -1,12 +1,12 @@
 """The outputs of a design at many points together, with exact derivatives.
 
 The unknowns u of the simplest statement of an orbit are functions of the parameters theta by its equations. All else
-follows: an extreme is stationary at its place, and the middle of the contact is where its speed vanishes, or half its
-time is one of the unknowns, so that derivatives of states at fixed times suffice.
+follows: an extreme is stationary at its place, and in the middle of the contact its speed or its place vanishes, or
+half its time is one of the unknowns, so that derivatives of states at fixed times suffice.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -16,15 +16,18 @@ from ..flow.flow import flow_of
 from ..model.model import Model
 from ..model.phase import Phase
 from ..numerics.roots import Array, solve
+from ..periodic.loss_coefficient import late_factor
+from ..periodic.quantities import dimension_of
 from ..symbolic.caches import cached
 from ..symbolic.calls import MappedFunction
-from ..units import DIMENSIONS, LENGTH, Units
+from ..units import Units
 from .design_quantities import (
     VARIATIONAL,
     base_statement,
     expressions,
     extreme_of,
     landing_sensitivity,
+    left_at_landing,
     variational_arc,
 )
 from .extremes import Kind, extreme_function
@@ -49,6 +52,28 @@ class Varied(NamedTuple):
     def only(self, rows: list[int]) -> "Varied":
         """Some of the rows."""
         return Varied(self.values[:, rows], self.by[:, rows])
+
+    def plus(self, other: "Varied", share: Any = 1.0) -> "Varied":
+        """The sum with a share, a number or (m, 1), of other numbers."""
+        return Varied(self.values + share * other.values, self.by + np.reshape(share, (-1, 1, 1)) * other.by)
+
+    def times(self, other: "Varied") -> "Varied":
+        """The products with other numbers."""
+        by = self.by * other.values[..., None] + self.values[..., None] * other.by
+        return Varied(self.values * other.values, by)
+
+
+class VariedOrbit(NamedTuple):
+    """Orbits at points (m,), varied by the parameters theta: the parameters, the unknowns, half the times of flight and
+    contact, the landing sensitivities where they are in use, and the states in which flight, contact and the motions of
+    the simplest statement begin, by name."""
+
+    p: Varied
+    u: Varied
+    half: Varied
+    contact: Varied
+    slope: Varied
+    begins: dict[str, Varied]
 
 
 class Evaluator:
@@ -79,9 +104,9 @@ class Evaluator:
         begun, launched = [_data_of(phases[half]) for half in self.halves], _data_of(phases["flight"])
         begins = model.launch(unknowns, values), model.touchdown(unknowns, values), longer.start(unknowns, [], values)
         self.flows = {name: flow_of(phase, names) for name, phase in phases.items()}
-        self.begins = {name: _of_varied([u, p], begin) for name, begin in zip(phases, begins, strict=True)}
-        self.durations = _of_varied([u, p], [arc.duration(unknowns, values) for arc in arcs])
-        half, contact, slope = (ca.SX.sym(name) for name in ("half", "contact", "slope"))
+        self.begins = {name: of_varied([u, p], begin) for name, begin in zip(phases, begins, strict=True)}
+        self.durations = of_varied([u, p], [arc.duration(unknowns, values) for arc in arcs])
+        half, contact, slope, late = (ca.SX.sym(name) for name in ("half", "contact", "slope", "late"))
         largest, states, before = ca.SX.sym("extremes", len(kinds)), ca.vertsplit(ends[0]), list[ca.SX]()
         equations = [landing_sensitivity(model, half, states, values) if self.variational else 0.0]
         for arc, end, data in zip(arcs, ends, begun, strict=True):
@@ -91,19 +116,24 @@ class Evaluator:
                 *arc.guard(unknowns, start, values, ca.vertsplit(data)),
                 *arc.conditions(unknowns, before, values),
             ]
-        self.closing = _of_varied([u, *ends, half, p, *begun], equations)
+        self.closing = of_varied([u, *ends, half, p, *begun], equations)
         of_extremes = {extreme: largest[i] for extreme, i in zip(extremes, first, strict=True)}
-        at, names_of_all = (unknowns | {"contact": contact}, slope, values), [*used, "landing_jerk"]
+        at, names_of_all = (unknowns | {"contact": contact}, slope, late, values), [*used, "landing_jerk"]
         found = expressions(model, names_of_all, of_extremes, *at, ca.vertsplit(launched))
         # Formulas and quantities are in SI for a model in SI, whose units vary with its parameters. A rise is a length.
         units = model.units(values) if model.units else Units(1.0, 1.0, 1.0)
-        stated = values | {name: found[name] * units.of(DIMENSIONS.get(name, LENGTH)) for name in used}
+        stated = values | {name: found[name] * units.of(dimension_of(name)) for name in used}
         results = [formula(**{name: stated[name] for name in formula.names}) for formula in outputs.formulas]
         results += [-found["landing_jerk"], *map(found.get, outputs.demands)]
         results += [largest[i] - largest[j] for j, i in enumerate(first) if i != j]
         self.modelled = slice(len(results))
         results += map(stated.get, used)
-        self.results = _of_varied([u, contact, largest, slope, p, launched], results)
+        self.results = of_varied([u, contact, largest, slope, late, p, launched], results)
+        # Of a landing with a speed, where another point takes over.
+        hands_over = model.changes_contact and "loss_coefficient" in used
+        self.share_left = of_varied([u, p], [left_at_landing(model, unknowns, values)]) if hands_over else None
+        middle = model.mid_contact(values)
+        self.middle = np.array([middle.weights], dtype=float), of_varied([p], [middle.offset])
 
     def __call__(self, points: DesignPoints) -> tuple[Varied, DesignPoints]:
         """The results at some points by the parameters theta, and the derivatives (m, ..., k) of the points, along
@@ -112,6 +142,25 @@ class Evaluator:
         The rows are those that are `modelled`, the formulas, minus the landing jerk, the demands, and the differences
         between two places of an extreme; and then the quantities in use.
         """
+        p, u, half, contact, slope, begins = self.orbit(points)
+        times = Varied(points.times, np.zeros((*points.times.shape, len(self.over))))
+        times.by[:, -1:] = contact.by
+        extremes = times.only([*range(len(self.kinds))])
+        for j, (extreme, index, where) in enumerate(self.kinds):
+            phase, _ = extreme_of(self.model, extreme)[index]
+            at = {"middle": half if phase == "flight" else contact, "inside": times.only([j])}.get(where)
+            x = self.after(phase, begins[phase], at, p) if at else begins[phase]
+            found = _of_extreme(self.model, self.names, extreme, index)(x, p, self._data(phase, x, p))
+            extremes.values[:, j], extremes.by[:, j] = found.values[:, 0], found.by[:, 0]
+            if where == "inside":  # The rate of the function along the motion stays zero.
+                times.by[:, j] = -found.by[:, 1] / found.values[:, 2:]
+        launched = self._data("flight", begins["flight"], p)
+        results = self.results(u, contact, extremes, slope, self._late(u, p), p, launched)
+        return results, DesignPoints(p.by, u.by, times.by)
+
+    def orbit(self, points: DesignPoints) -> VariedOrbit:
+        """The orbits at some points, varied by the parameters theta, along which their equations hold; raises
+        `FlowError` where a motion cannot be followed."""
         if self.variational:
             self._refuse_jumps(points.ps[0])
         m, k = len(points.ps), len(self.over)
@@ -121,36 +170,20 @@ class Evaluator:
             (half, begin, durations.only([i]), p)
             for i, (half, begin) in enumerate(zip(self.halves, begun, strict=True))
         ]
-        ends, data = [self._after(*part) for part in parts], [self._data(half, begin, p) for half, begin, _, _ in parts]
+        ends, data = [self.after(*part) for part in parts], [self._data(half, begin, p) for half, begin, _, _ in parts]
         closed = self.closing(u, *ends, durations.only([0]), p, *data)
         # From here on all derivatives are by theta.
         us_by = -solve(closed.by[:, 1:, k:], closed.by[:, 1:, :k]) if k else u.by
         along = np.concatenate([np.tile(np.eye(k), (m, 1, 1)), us_by], axis=1)[:, : u.by.shape[2]]
         p, u, durations, slope = (Varied(x, by @ along) for x, by in (p, u, durations, closed.only([0])))
         begins = {phase: begin(u, p) for phase, begin in self.begins.items()}
-        times = Varied(points.times, np.zeros((*points.times.shape, k)))
-        half, contact = durations.only([0]), times.only([-1])
-        if len(self.halves) > 1:
-            contact = durations.only([1])
-            times.by[:, -1:] = contact.by
-        else:  # The speed of the contact vanishes in its middle.
-            x, speed = (
-                self._after("contact", begins["contact"], contact, p),
-                np.array([self.model.contact_speed.weights]),
-            )
-            rates = self._rates("contact", x.values, p)
-            contact.by[:] = times.by[:, -1:] = -(speed @ x.by) / (speed @ rates[:, :, None])
-        extremes = times.only([*range(len(self.kinds))])
-        for j, (extreme, index, where) in enumerate(self.kinds):
-            phase, _ = extreme_of(self.model, extreme)[index]
-            at = {"middle": half if phase == "flight" else contact, "inside": times.only([j])}.get(where)
-            x = self._after(phase, begins[phase], at, p) if at else begins[phase]
-            found = _of_extreme(self.model, self.names, extreme, index)(x, p, self._data(phase, x, p))
-            extremes.values[:, j], extremes.by[:, j] = found.values[:, 0], found.by[:, 0]
-            if where == "inside":  # The rate of the function along the motion stays zero.
-                times.by[:, j] = -found.by[:, 1] / found.values[:, 2:]
-        launched = self._data("flight", begins["flight"], p)
-        return self.results(u, contact, extremes, slope, p, launched), DesignPoints(p.by, us_by, times.by)
+        contact = durations.only([-1])
+        if len(self.halves) < 2:  # A function of the contact vanishes in its middle.
+            contact = Varied(points.times[:, -1:], np.zeros((m, 1, k)))
+            x, (weights, offset) = self.after("contact", begins["contact"], contact, p), self.middle
+            rates = self.rates("contact", x.values, p)
+            contact = contact._replace(by=-(weights @ x.by + offset(p).by) / (weights @ rates[:, :, None]))
+        return VariedOrbit(p, u, durations.only([0]), contact, slope, begins)
 
     def _refuse_jumps(self, p: Array) -> None:
         """Raise `InputError` where the force jumps: the variation of the flight is then no motion without jumps."""
@@ -159,17 +192,25 @@ class Evaluator:
             remedy = f"the force jumps at the extension {jumps[0]:.6g}: round the law there"
             raise InputError(f"{' and '.join(VARIATIONAL)} need a continuous force, and {remedy}")
 
+    def _late(self, u: Varied, p: Varied) -> Varied:
+        """What a landing without a bounce loses as a multiple of C (m, 1)."""
+        if self.share_left is None:
+            return Varied(np.ones((len(p.values), 1)), 0.0 * p.by[:, :1])
+        shares = self.share_left(u, p)
+        factors, slopes = np.transpose([late_factor(share) for share in shares.values[:, 0].tolist()])[:, :, None]
+        return Varied(factors, slopes[:, :, None] * shares.by)
+
     def _data(self, phase: str, x: Varied, p: Varied) -> Varied:
         """The data (m, nq) of the pieces at states of a phase."""
         values, slopes = self.flows[phase].piece_data(x.values, p.values)
         return Varied(values, slopes @ p.by)
 
-    def _rates(self, phase: str, x: Array, p: Varied) -> Array:
+    def rates(self, phase: str, x: Array, p: Varied) -> Array:
         """The rates (m, size) at states (m, size) of a phase."""
         flow = self.flows[phase]
         return flow.fields(x, np.hstack([p.values, flow.data_of_pieces(x, p.values)]))[0]
 
-    def _after(self, phase: str, begin: Varied, time: Varied, p: Varied) -> Varied:
+    def after(self, phase: str, begin: Varied, time: Varied, p: Varied) -> Varied:
         """The states (m, size) of motions of a phase after times (m, 1)."""
         flow, (m, _, columns) = self.flows[phase], p.by.shape
         # Each column is a motion of its own, so that one stepper serves any number of them.
@@ -177,7 +218,7 @@ class Evaluator:
         seeds = [by.swapaxes(1, 2).reshape(len(lanes), by.shape[1], few) for _, by in (begin, p)]
         paths, slopes = flow.run_all(begin.values[lanes], p.values[lanes], time.values[lanes, 0], *seeds)
         ends = paths.finals[:: columns or 1, : flow.size]
-        rates = self._rates(phase, ends, p)[:, :, None]
+        rates = self.rates(phase, ends, p)[:, :, None]
         return Varied(ends, slopes.reshape(m, columns, flow.size).swapaxes(1, 2) + rates * time.by)
 
 
@@ -190,7 +231,7 @@ def _of_extreme(model: Model, names: tuple[str, ...], extreme: str, index: int) 
     """`extreme_function` of varied arguments."""
     function = extreme_function(model, names, extreme, index)
     arguments = function.sx_in()
-    return _of_varied(arguments, function.call(arguments))
+    return of_varied(arguments, function.call(arguments))
 
 
 def _data_of(phase: Phase) -> ca.SX:
@@ -198,7 +239,7 @@ def _data_of(phase: Phase) -> ca.SX:
     return ca.SX.sym("q", phase.pieces.size if phase.pieces else 0)
 
 
-def _of_varied(arguments: list[ca.SX], results: list) -> Callable[..., Varied]:
+def of_varied(arguments: list[ca.SX], results: list) -> Callable[..., Varied]:
     """The function from arguments, columns of symbols, to results, where both are varied."""
     value = ca.vertcat(*results)
     slopes = ca.jacobian(value, ca.vertcat(*arguments))

@@ -12,11 +12,12 @@ from ..model.machine import Machine
 from ..model.model import Model
 from ..numerics.polynomial_roots import evaluate, powers
 from ..numerics.roots import Array, enclosed_sign_changes
+from ..periodic.certificate import STATIONARY
 from ..periodic.orbit import Orbit
 from ..shooting.formulations import vector
 from ..symbolic.caches import cached
 from ..symbolic.kernels import ElementwiseFunction
-from .design_quantities import ABSENT, extreme_of
+from .design_quantities import LOCAL, extreme_of
 
 SAMPLES_PER_STEP = 24  # samples per step of a trajectory by which an extreme is bracketed before it is found exactly
 
@@ -47,10 +48,12 @@ def places_of(
     for extreme in extremes:
         for own in found:
             own[extreme] = None
-        largest = np.full(len(orbits), -np.inf)
+        # A foot that lifts needs no number of friction, however large.
+        lifts = [extreme == "slip" and orbit.certificate.friction_needed is None for orbit in orbits]
+        largest = np.where(lifts, np.inf, -np.inf)
         for index, (phase, _) in enumerate(extreme_of(model, extreme)):
             sampled = _Sampled(halves[phase], machines, extreme, index)
-            values = np.where(sampled.peaks, sampled.values, -np.inf) if extreme in ABSENT else sampled.values
+            values = np.where(sampled.peaks if extreme in LOCAL else ~sampled.goes_on, sampled.values, -np.inf)
             highest, sample = values.max(1), values.argmax(1)
             better = (highest > largest).nonzero()[0]
             for i, place in zip(better.tolist(), sampled.places(better, sample[better]), strict=True):
@@ -74,6 +77,9 @@ class _Sampled:
 
     values, rates : (m, samples) at equal shares of the steps, -inf beyond the end of each motion
     counts : (m,), the last sample of each motion
+    still : (m,), whether the function is stationary in the middle, as functions of positions are that have the same
+        values in both halves
+    goes_on : (m, samples), whether a sample is the middle, and the function rises beyond it
     """
 
     def __init__(self, paths: Trajectories, machines: Sequence[Machine], extreme: str, index: int):
@@ -93,6 +99,10 @@ class _Sampled:
         for table, column in zip(tables, columns, strict=False):
             table[:, :-1][inside] = column[:-count, 0]
             table[np.arange(count), self.counts] = column[-count:, 0]
+        rates, known = self.rates[np.arange(count), self.counts], np.isfinite(self.values)
+        sizes = np.abs(self.values, out=np.zeros_like(self.values), where=known).max(1)
+        self.still = machines[0].model.plain | (np.abs(rates) * paths.ends <= STATIONARY * sizes)
+        self.goes_on = (np.arange(tables.shape[2]) == self.counts[:, None]) & ~(self.still | (rates <= 0))[:, None]
 
     def _at(self, states: Array, ps: Array) -> list[Array]:
         """The results of the function at states (k, size) of machines with parameters (k, np)."""
@@ -103,12 +113,12 @@ class _Sampled:
         """Whether each value (m, samples) is larger than the one before and no less than the next."""
         with np.errstate(invalid="ignore"):
             rises = np.diff(self.values, axis=1) > 0
-        return np.pad(rises & ~np.pad(rises[:, 1:], ((0, 0), (0, 1))), ((0, 0), (1, 0)))
+        return np.pad(rises & ~np.pad(rises[:, 1:], ((0, 0), (0, 1))), ((0, 0), (1, 0))) & ~self.goes_on
 
     def places(self, which: Array, place: Array) -> list[Place]:
         """The places at which the function on motions (k,) is stationary beside samples (k,), unless these are the
-        first or in the middle, where all functions of positions are stationary."""
-        middle = place >= self.counts[which] - 1
+        first or in the middle where it is stationary."""
+        middle = (place >= self.counts[which] - 1) & self.still[which]
         where, times = np.where(middle, "middle", np.where(place > 0, "inside", "start")), np.zeros(len(place))
         inside = (where == "inside").nonzero()[0]
         which, place = which[inside], place[inside]

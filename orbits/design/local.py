@@ -21,6 +21,7 @@ from ..running import interrupts
 from ..shooting.single_shooting import SMALLEST_UNIT
 from ..symbolic.quadratic_models import Weights
 from .design_point import Case, DesignPoint, Ties, by_logarithm, design_points, no_motion, unknowns_of
+from .design_quantities import FRICTION_LEFT
 from .optimality import Design, optimum_at
 from .problem import DesignProblem, Outputs
 
@@ -31,6 +32,9 @@ MET, NEARLY_MET = 1e-8, 1e-3
 # they can be met at all.
 HELD, PENALISED = Weights(1.0, 0.0, NEARLY_MET), (Weights(1.0, 10.0), Weights(1e-3, 1.0), Weights(0.0, 1.0))
 MOST_ROUNDS = 250  # steps from one start, at most
+# After so many steps with one of the weights the next are taken: the objective is measured by its own value at each
+# step, so that steps may lead round and round where it changes by as much as the violations.
+MOST_PENALISED = 50
 # The trust region at first and at least: the largest change of a parameter as a share of its range, or nine times less
 # than the relative change of what is measured by its logarithm.
 REACH_AT_FIRST, LEAST_REACH = 0.5, 1e-7
@@ -217,14 +221,18 @@ def _case(
 ) -> Case:
     """The objective, the constraints and the demands at an orbit: those known, and those that it adds."""
     formulas = problem.formula, *(constraint.formula for constraint in problem.constraints)
-    return Case(machine, orbit, Outputs(formulas, problem.names, _demands(orbit, known)), ties or {})
+    return Case(machine, orbit, Outputs(formulas, problem.names, _demands(machine, orbit, known)), ties or {})
 
 
-def _demands(orbit: Orbit, known: Sequence[str]) -> tuple[str, ...]:
+def _demands(machine: Machine, orbit: Orbit, known: Sequence[str]) -> tuple[str, ...]:
     """The known demands, and the quantities of an orbit that are too small, or nearly so, for a motion."""
-    names = ("clearance", "smallest_separation", "smallest_contact_force")
-    margins = {name: getattr(orbit.certificate, name) for name in names if name not in known}
-    return (*known, *(name for name, x in margins.items() if x is not None and x < 2 * DEMAND_MARGIN))
+    model, names = machine.model, ["clearance", "smallest_separation", "smallest_contact_force"]
+    names += ["smallest_stance_force"] if model.violations.get("stance") else []
+    margins = {name: getattr(orbit.certificate, name) for name in names}
+    if (needed := orbit.certificate.friction_needed) is not None and model.planar and model.planar.friction:
+        margins[FRICTION_LEFT] = model.planar.friction(machine.values) - needed
+    small = [name for name, margin in margins.items() if margin is not None and margin < 2 * DEMAND_MARGIN]
+    return (*known, *(name for name in small if name not in known))
 
 
 def _ends(steps: Sequence[tuple[LocalSearch, DesignStep]], problem: DesignProblem) -> list[DesignPoint | NoOrbit]:
@@ -268,8 +276,9 @@ def _proposed(search: LocalSearch, left: int) -> tuple[LocalSearch, DesignStep] 
     if step is None or penalised:
         step = search.step(PENALISED[search.stage])
     settled = step.length <= UNCHANGED or 0.5 * search.length < step.length <= NEARLY_UNCHANGED
-    if penalised and violation > MET and (settled or step.gain <= STILL):
-        if search.stage + 1 == len(PENALISED):
+    last, spent = search.stage + 1 == len(PENALISED), MOST_ROUNDS - left >= MOST_PENALISED * (search.stage + 1)
+    if penalised and violation > MET and (settled or step.gain <= STILL or (spent and not last)):
+        if last:
             raise _infeasible(search)
         return replace(search, stage=search.stage + 1)
     if settled or abs(step.gain) <= SMALL_GAIN:
@@ -296,7 +305,7 @@ def _next(search: LocalSearch, step: DesignStep, end: DesignPoint | OrbitsError)
     if search.point.orbit.admissible and not (end.orbit.admissible or missed):
         # The step is refused, and the demands of its orbit hold from here on.
         refused = _refused(search, str(no_motion(end.machine, end.orbit)), step.share)
-        again = _again(refused, _demands(end.orbit, search.point.demands), search.ties)
+        again = _again(refused, _demands(end.machine, end.orbit, search.point.demands), search.ties)
         return replace(again, reach=search.reach) if again.point.demands != search.point.demands else again
     fall = search.merit(search.point.values, step.weights) - search.merit(results, step.weights)
     growth, stopped = 1.0, step.share > 0.999

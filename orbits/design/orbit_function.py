@@ -6,26 +6,26 @@ that at time t is the flow phi(x0, t), and then its mirror image R phi(x0, T - t
 contact. The states of a machine in SI are multiples of these, whose units depend on the parameters too.
 """
 
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from ..consistency.accepted import check_parameters
 from ..errors import InputError, NoOrbit, whole_number
-from ..flow.flow import flow_of
 from ..model.machine import Machine
-from ..model.model import Model, refuse_hysteresis, refuse_steps
-from ..model.phase import Phase
-from ..numerics.roots import Array, solve
+from ..model.model import Model, refuse_hysteresis
+from ..numerics.roots import Array
 from ..periodic.find import StartLike, find
 from ..periodic.orbit import Orbit
 from ..running.exclusive import exclusive
-from ..shooting.formulations import half_orbit, vector
-from ..shooting.single_shooting import shooting_equations
+from ..shooting.formulations import vector
 from ..symbolic.caches import cached
-from ..units import TIME
+from ..units import TIME, Units
+from .design_point import unknowns_of
+from .evaluator import DesignPoints, Evaluator, Varied, VariedOrbit, evaluator, of_varied
+from .problem import Outputs
 from .sensitivities import known_orbit, sensitivities
 
 # The number of times that the way from the known orbit to another one is halved before the other counts as lost.
@@ -37,13 +37,6 @@ SAME_BRANCH = 0.05
 SHARE_OF_START = 1e-12
 # CasADi refers to the Python objects that it calls without owning them: what a graph may call lives on here.
 _OF_CASADI: list[ca.Callback] = []
-
-
-class Along(NamedTuple):
-    """Numbers (..., rows), and their derivatives (..., rows, columns) by the parameters or times that are varied."""
-
-    values: Array
-    by: Array
 
 
 @exclusive
@@ -68,7 +61,7 @@ def orbit_function(
         launch     (j,)    unknowns of the launch, named by `machine.model.launch_unknowns`: "liftoff", "alpha", ...
         durations  (2,)    of flight and contact
         quantities (q,)    unless there are none
-        states     (n, m)  flight states at the times, unless m is 0
+        states     (n, m)  flight states at the times, unless m is 0; of a machine that steps as `Orbit` has them
 
     in the machine's units. Each call finds and certifies an orbit, which need not be admissible: bound quantities such
     as "clearance" and "smallest_contact_force" where it has to be. Where it cannot be followed, the call raises
@@ -89,7 +82,6 @@ def orbit_function(
     if not names or len({*names}) < len(names):
         raise InputError(f"over = {over!r}; it names the parameters of the function, each once")
     refuse_hysteresis(machine.model)
-    refuse_steps(machine.model, "a function of parameters")
     if machine.model.reversor is None:
         halves = "the second half of its orbits is no mirror image of the first, which is differentiated"
         raise InputError(f"a {machine.model.name} has no reversor: {halves}")
@@ -276,121 +268,74 @@ def _launch_and_durations(machine: Machine, orbit: Orbit) -> tuple[Array, Array]
 def _derivatives_of_motion(machine: Machine, orbit: Orbit, over: tuple[str, ...], t: Array) -> dict[str, Array]:
     """The derivatives of the launch, the durations and the states at times (m,), by the parameters and the times."""
     model, names, bare = machine.model, tuple(machine.values), orbit.dimensionless()
-    k, n, p = len(over), len(model.flight.states), vector(machine.values)
-    equations = shooting_equations(half_orbit(model), names)
-    known = model.launch_at(bare.flight.coefficients[0, :, 0].tolist()) | {"alpha": bare.alpha}
-    known |= {"duration": bare.flight_time / 2, "contact_duration": (bare.contact_time or np.nan) / 2}
-    unknowns = equations.statement.unknowns
-    u, dp = np.array([known[name] for name in unknowns]), np.zeros((len(names), k + len(t)))
-    dp[[names.index(name) for name in over], range(k)] = 1.0
-    slopes = equations.evaluate(u, p, over).jacobian
-    du = np.pad(-solve(slopes[:, : len(u)], slopes[:, len(u) :]), ((0, 0), (0, len(t))))
-    launch = _chosen_rows(u, du, [unknowns.index(name) for name in model.launch_unknowns])
-    numbers, by = (np.array(each) for each in _beginnings(model, names)(launch.values, p))
-    begins = Along(numbers.ravel(), by @ np.vstack([launch.by, dp]))
-    ends = np.cumsum([n, len(model.contact.states), len(launch.values), 1])
-    lifted, landed, of_launch, time, of_states = (
-        _chosen_rows(*begins, range(*ends_of)) for ends_of in zip([0, *ends], [*ends, len(begins.values)], strict=True)
-    )
-    half = _chosen_rows(u, du, [unknowns.index("duration")])
-    flight = _Half(model.flight, lifted, half, np.array(model.reversor))
-    contact = _Half(
-        model.contact, landed, Along(np.array([known["contact_duration"]]), 0 * half.by), np.array(model.mirror)
-    )
-    if "contact_duration" in unknowns:
-        contact = contact._replace(duration=_chosen_rows(u, du, [unknowns.index("contact_duration")]))
-    else:  # The contact is over half when its speed vanishes.
-        x, rates = contact.after(contact.duration, names, p, dp[:, :k])
-        weights = np.array(model.contact_speed.weights)
-        contact = contact._replace(
-            duration=contact.duration._replace(by=-(weights @ x.by[0] / (weights @ rates[0]))[None])
-        )
-    at = Along(t / time.values, np.eye(len(t), k + len(t), k) / time.values - t[:, None] / time.values**2 * time.by)
-    states = _on_cycle(at, flight, contact, np.array(model.embed), names, p, dp[:, :k])
-    durations = Along(
-        2 * np.concatenate([flight.duration.values, contact.duration.values]),
-        2 * np.concatenate([flight.duration.by, contact.duration.by]),
-    )
-    whole = _in_units_of(states, Along(of_states.values[None], of_states.by[None]))
+    evaluate, n, k = evaluator(model, names, Outputs((), over), ()), len(model.flight.states), len(over)
+    middle = np.array([[(bare.contact_time or np.nan) / 2]])
+    found = evaluate.orbit(DesignPoints(vector(machine.values)[None], unknowns_of(machine, bare)[None], middle))
+    sizes, j = _sizes_of_motion(model, names)(found.p), len(model.launch_unknowns)
+    of_launch, time, of_states = (sizes.only([*range(*ends)]) for ends in ((0, j), (j, j + 1), (j + 1, j + 1 + n)))
+    launch = found.begins["flight"].only([int(place) for place in model.launch_at(range(n)).values()])
+    durations = Varied(*(2 * np.concatenate(parts, axis=1) for parts in zip(found.half, found.contact, strict=True)))
+    at = Varied(t[:, None] / time.values, -t[:, None, None] / time.values[:, None] ** 2 * time.by)
+    states, rates = _states_on_cycle(evaluate, found, at)
+    by_time = np.zeros((len(t), n, len(t)))
+    by_time[range(len(t)), :, range(len(t))] = rates * of_states.values / time.values
+    still, moving = [(0, 0), (0, len(t))], states.times(of_states).by
     return {
-        "launch": _in_units_of(launch, of_launch).by,
-        "durations": _in_units_of(durations, time).by,
-        "states": whole.by.reshape(len(t) * n, k + len(t)),
+        "launch": np.pad(launch.times(of_launch).by[0], still),
+        "durations": np.pad(durations.times(time).by[0], still),
+        "states": np.dstack([moving, by_time]).reshape(len(t) * n, k + len(t)),
     }
 
 
-class _Half(NamedTuple):
-    """The first half of a phase: its start (n,), its duration (1,), and the signs (n,) of its mirror image."""
-
-    phase: Phase
-    start: Along
-    duration: Along
-    mirror: Array
-
-    def after(self, times: Along, names: tuple[str, ...], p: Array, dp: Array) -> tuple[Along, Array]:
-        """The states (m, n) after times (m,) from the start, and the rates (m, n) there."""
-        flow, k = flow_of(self.phase, names), dp.shape[1]
-        x, by = (np.repeat(each[None], len(times.values), 0) for each in self.start)
-        moved = times.values > SHARE_OF_START * self.duration.values
-        if moved.any():
-            count = int(moved.sum())
-            paths, slopes = flow.run_all(x[moved], np.tile(p, (count, 1)), times.values[moved], by[0, :, :k], dp)
-            x[moved], by[moved, :, :k] = paths.finals[:, : flow.size], slopes
-        rates = flow.field(x, p)[0]
-        return Along(x, by + rates[:, :, None] * times.by[:, None]), rates
-
-    def whole(self, times: Along, names: tuple[str, ...], p: Array, dp: Array) -> Along:
-        """The states (m, n) at times (m,) in the phase, in the second half those of the mirror image."""
-        late = times.values > self.duration.values
-        back = Along(2 * self.duration.values - times.values, 2 * self.duration.by - times.by)
-        since = Along(
-            np.where(late, *(each.values for each in (back, times))), np.where(late[:, None], back.by, times.by)
-        )
-        x, _ = self.after(since, names, p, dp)
-        signs = np.where(late[:, None], self.mirror, 1)
-        return Along(x.values * signs, x.by * signs[:, :, None])
+def _states_on_cycle(evaluate: Evaluator, orbit: VariedOrbit, at: Varied) -> tuple[Varied, Array]:
+    """The flight states (m, n) at any times (m, 1) since a lift-off, and their rates of change (m, n)."""
+    embed, (count, _, k) = np.array(evaluate.model.embed), at.by.shape
+    flight, whole = (Varied(*(2 * each for each in half)) for half in (orbit.half, orbit.half.plus(orbit.contact)))
+    since = at.plus(whole, -np.floor(at.values / whole.values))
+    flying = (since.values <= flight.values)[:, 0]
+    values, rates, by = *np.empty((2, count, len(embed))), np.empty((count, len(embed), k))
+    for phase, rows, half in (("flight", flying, orbit.half), ("contact", ~flying, orbit.contact)):
+        if rows.any():
+            inside = since if phase == "flight" else since.plus(flight, -1.0)
+            own = Varied(inside.values[rows], inside.by[rows])
+            x, p = _in_phase(evaluate, phase, orbit, half, own)
+            turned = embed if phase == "contact" else np.eye(len(embed))
+            values[rows], by[rows] = x.values @ turned.T, turned @ x.by
+            rates[rows] = evaluate.rates(phase, x.values, p) @ turned.T
+    return Varied(values, by), rates
 
 
-def _on_cycle(
-    times: Along, flight: _Half, contact: _Half, embed: Array, names: tuple[str, ...], p: Array, dp: Array
-) -> Along:
-    """The flight states (m, n) at any times (m,) since a lift-off."""
-    ends = 2 * flight.duration.values, 2 * (flight.duration.values + contact.duration.values)
-    cycles = np.floor(times.values / ends[1])
-    inside = Along(
-        times.values - cycles * ends[1], times.by - 2 * cycles[:, None] * (flight.duration.by + contact.duration.by)
-    )
-    flying = inside.values <= ends[0]
-    values, by = np.empty((len(cycles), len(embed))), np.empty((len(cycles), len(embed), times.by.shape[1]))
-    if flying.any():
-        values[flying], by[flying] = flight.whole(_chosen_rows(*inside, flying), names, p, dp)
-    if not flying.all():
-        since = Along(inside.values - ends[0], inside.by - 2 * flight.duration.by)
-        x = contact.whole(_chosen_rows(*since, ~flying), names, p, dp)
-        values[~flying], by[~flying] = x.values @ embed.T, embed @ x.by
-    return Along(values, by)
-
-
-def _chosen_rows(values: Array, by: Array, rows: Any) -> Along:
-    """Some of the rows of numbers with their derivatives."""
-    rows = list(rows) if isinstance(rows, range) else rows
-    return Along(values[rows], by[rows])
-
-
-def _in_units_of(numbers: Along, units: Along) -> Along:
-    """Numbers times units, which may depend on the parameters."""
-    by = numbers.by * units.values[..., None] + numbers.values[..., None] * units.by
-    return Along(numbers.values * units.values, by)
+def _in_phase(
+    evaluate: Evaluator, phase: str, orbit: VariedOrbit, half: Varied, since: Varied
+) -> tuple[Varied, Varied]:
+    """The states at times (m, 1) since the beginning of a phase, in its second half the images of those in the first;
+    and the parameters (m, np)."""
+    late = since.values > half.values
+    back = since.plus(half, -2.0)
+    since = Varied(np.where(late, -back.values, since.values), np.where(late[:, None], -back.by, since.by))
+    begin, p = (Varied(*(np.repeat(part, len(late), 0) for part in each)) for each in (orbit.begins[phase], orbit.p))
+    moved = (since.values > SHARE_OF_START * half.values)[:, 0]
+    x = Varied(begin.values, begin.by + evaluate.rates(phase, begin.values, p)[:, :, None] * since.by)
+    if moved.any():
+        own = (Varied(each.values[moved], each.by[moved]) for each in (begin, since, p))
+        x.values[moved], x.by[moved] = evaluate.after(phase, *own)
+    image = _turned_back(evaluate.model, evaluate.names, phase)(x, p)
+    return Varied(np.where(late, image.values, x.values), np.where(late[:, None], image.by, x.by)), p
 
 
 @cached
-def _beginnings(model: Model, names: tuple[str, ...]) -> ca.Function:
-    """The unknowns of a launch and the parameters -> the states at lift-off and after landing, and the units of the
-    unknowns, of time and of the flight states; with the derivatives by unknowns and parameters."""
-    u, p = ca.SX.sym("u", len(model.launch_unknowns)), ca.SX.sym("p", len(names))
-    launch = dict(zip(model.launch_unknowns, ca.vertsplit(u), strict=True))
+def _turned_back(model: Model, names: tuple[str, ...], phase: str) -> Callable[..., Varied]:
+    """(states, parameters) -> the images of states of flight or contact under time reversal."""
+    reversal = model.reversal if phase == "flight" else model.contact_reversal
+    x, p = ca.SX.sym("x", len(reversal.signs)), ca.SX.sym("p", len(names))
     values = dict(zip(names, ca.vertsplit(p), strict=True))
-    own = (*model.launch_unknowns, TIME, *model.flight.states)
-    units = [model.units(values).of(each) for each in own] if model.units else [1.0] * len(own)
-    whole = ca.vertcat(*model.launch(launch, values), *model.touchdown(launch, values), *units)
-    return ca.Function("beginnings", [u, p], [ca.densify(whole), ca.densify(ca.jacobian(whole, ca.vertcat(u, p)))])
+    return of_varied([x, p], reversal.image(ca.vertsplit(x), values))
+
+
+@cached
+def _sizes_of_motion(model: Model, names: tuple[str, ...]) -> Callable[..., Varied]:
+    """Parameters -> the units of the unknowns of a launch, of time and of the flight states."""
+    p = ca.SX.sym("p", len(names))
+    units = model.units(dict(zip(names, ca.vertsplit(p), strict=True))) if model.units else Units(1.0, 1.0, 1.0)
+    own: list[Any] = [*model.launch_unknowns, TIME, *model.flight.states]
+    return of_varied([p], [units.of(each) for each in own])

@@ -10,7 +10,7 @@ from ..periodic.find import StartLike, check_start, find
 from ..periodic.orbit import Orbit
 from ..running import interrupts
 from ..running.exclusive import exclusive
-from .design_point import Case, DesignPoint, design_points, no_motion
+from .design_point import Case, DesignPoint, design_points, has_loss, no_motion
 from .design_quantities import extremes_of, quantity_names
 from .extremes import places_of
 from .problem import Outputs, formula_names, known_formula, list_of_names
@@ -116,4 +116,5 @@ def _requested(machine: Machine, orbit: Orbit, names: Names) -> Sequence[str]:
     if bare.contact is None:
         raise no_motion(machine, bare)
     (places,) = places_of([machine], [bare], {extreme for name in known for extreme in extremes_of(name)})
+    known = [name for name in known if name != "loss_coefficient" or has_loss(machine.model, bare)]
     return [name for name in known if all(places[extreme] for extreme in extremes_of(name))]

@@ -1,7 +1,7 @@
 """Find one lossless orbit: the simplest statement that the machine allows, solved, measured and certified."""
 
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -21,8 +21,17 @@ from .certified import Solved, certified_orbit, corrector, known_solutions, solv
 from .family_search import Cells, Lateness
 from .homotopy import solve_by_homotopy
 from .orbit import Orbit, orbit_of, start_in_file
-from .run_start import run_start
-from .tuned import Tuning, errors_of_tuned, solve_tuned, tuned_equations, tuned_values, tuning_of, with_extremes
+from .run_start import SLOW_SHARE, run_start
+from .tuned import (
+    OF_STEPS,
+    Tuning,
+    errors_of_tuned,
+    solve_tuned,
+    tuned_equations,
+    tuned_values,
+    tuning_of,
+    with_extremes,
+)
 
 Progress: TypeAlias = Callable[[float], None] | None  # called with the share that is done
 # An orbit nearby, the unknowns of a half orbit by name, or the name of a file of an orbit.
@@ -30,6 +39,8 @@ StartLike: TypeAlias = Orbit | Mapping[str, float] | str | Path
 LARGEST_FAMILY = 10_000
 # Orbits whose launch speeds, times and states agree to this share are the same.
 SAME_ORBIT = 1e-9
+# Where nothing says how fast a run is, its search begins at these multiples of the slowest start.
+FASTER_STARTS = (1.0, 2.0, 3.0, 5.0)
 # A start with a longer time than this describes no machine in its own units, and would take long to integrate.
 LONGEST_START = 1e4
 
@@ -110,7 +121,11 @@ def _tuned_from(
     if not machine.model.sticks:
         start = _found_from(machine, family, start, method, progress)
     elif start is None:
-        start = start_of_run(machine, family or 1, tuning)
+        start = _starts_of_run(machine, family or 1, tuning)
+    if machine.model.sticks and tuning.extremes:  # other quantities are those of the start at first
+        free = [name for name in ("speed", "alpha", "flight_time") if name not in tuning.values]
+        values = {**tuning.values, **dict.fromkeys(free[: len(tuning.extremes)])}
+        start, _ = _tuned_near(machine, start, Tuning(tuning.names, values, {}), method)
     if tuning.extremes:
         orbit, errors = with_extremes(machine, tuning, start, lambda m, known, few: _tuned_near(m, known, few, method))
     else:
@@ -126,7 +141,7 @@ def _tuned_near(machine: Machine, known: Any, tuning: Tuning, method: str) -> tu
     if not (tuning.names or sticks):
         return _found_from(machine, known.family, known, method, None), {}
     with without_units(machine.units):
-        solved = solve_tuned(machine, tuning, start_of_tuned(machine, known))
+        solved = _solved_from(machine, tuning, known)
         errors, u = errors_of_tuned(solved), solved.us[0].tolist()
         tuned = machine.with_values(**tuned_values(solved.equations, solved.us[0]))
         if sticks:
@@ -141,10 +156,18 @@ def _tuned_near(machine: Machine, known: Any, tuning: Tuning, method: str) -> tu
     return _found_from(tuned, known.family, near, method, None), errors
 
 
-def start_of_tuned(machine: Machine, start: Any) -> dict[str, float]:
-    """The unknowns at which the search for an orbit with tuned parameters begins, from an orbit or from a start."""
-    bare = machine.units.dimensionless("start", start) if machine.units else start
-    return stated_unknowns(machine.model, bare)
+def _solved_from(machine: Machine, tuning: Tuning, known: Any) -> Solved:
+    """The solution with tuned parameters to which an orbit or a start leads, or the first of several starts that does;
+    raises the error of the first where none does."""
+    first: NoOrbit | None = None
+    for start in known if isinstance(known, Iterator) else [known]:
+        bare = machine.units.dimensionless("start", start) if machine.units else start
+        try:
+            return solve_tuned(machine, tuning, stated_unknowns(machine.model, bare))
+        except NoOrbit as error:
+            first = first or error
+    assert first is not None
+    raise first
 
 
 def first_tuned(
@@ -158,9 +181,9 @@ def first_tuned(
         known = _found_from(machine, family if known is None else None, known, method_of(machine.model), None)
     tuning = Tuning(tuned, values, {})
     if machine.model.sticks and known is None:
-        known = start_of_run(machine, family, tuning)
+        known = _starts_of_run(machine, family, tuning)
     with without_units(machine.units):
-        solved = solve_tuned(machine, tuning, start_of_tuned(machine, known))
+        solved = _solved_from(machine, tuning, known)
     return None if machine.model.sticks else known.family, solved
 
 
@@ -268,6 +291,7 @@ def _all_of_family(
     model, p = machine.model, machine.values
     if not (model.search and model.reversor):
         remedy = "give find_all starts" if model.one_speed else "find_all(machine, starts(machine)) finds its hops"
+        remedy = model.violations.get("none", "give find a start") if model.sticks else remedy
         raise InputError(f"the families of a {model.name} are not searched: {remedy}")
     if method == "closed form":
         only = _solved_for(machine, family, method)
@@ -373,14 +397,30 @@ def _same(a: Orbit, b: Orbit) -> bool:
     return np.allclose(x, y, rtol=SAME_ORBIT, atol=SAME_ORBIT * max(map(abs, x)))
 
 
-def start_of_run(machine: Any, family: int, tuning: Tuning) -> dict[str, float]:
+def _starts_of_run(machine: Any, family: int, tuning: Tuning) -> Iterator[dict[str, float]]:
+    """The starts of a run, slow ones first: from there the way to a faster run stays on its sheet, and one whose speed
+    is not prescribed may begin at any of them."""
+    direct = start_of_run(machine, family, tuning)
+    asked = any(tuning.values.get(name) for name in OF_STEPS)
+    for faster in FASTER_STARTS[: 1 if asked else None]:
+        slow = start_of_run(machine, family, tuning, np.copysign(faster, direct[STEP_LENGTH]))
+        yield min(slow, direct, key=lambda start: abs(start[STEP_LENGTH])) if asked else slow
+    yield direct
+
+
+def start_of_run(machine: Any, family: int, tuning: Tuning, faster: float | None = None) -> dict[str, float]:
     """The unknowns of a half orbit by name, with the step, where the search for a run of a machine begins: beside its
-    vertical hop of a family. All is in the machine's units."""
+    vertical hop of a family. All is in the machine's units.
+
+    faster : the multiple of a slow speed at which it begins; None for what the tuning says, or 1
+    """
     units, bare = machine.units, dimensionless(machine)
     at = {name: value / (units.of(name) if units else 1.0) for name, value in tuning.values.items() if value}
-    upright, equations = bare.upright(), tuned_equations(bare, tuning.names, tuple(tuning.values))
+    upright, equations = bare.upright(), tuned_equations(machine, tuning.names, tuple(tuning.values))
     hop = stated_unknowns(upright.model, lowest_of_family(upright, family, method_of(upright.model)))
     own = {name: value for name, value in hop.items() if name != "unfolding"}
+    if faster is not None or not at.keys() & OF_STEPS.keys():
+        at = {"speed": (faster or 1.0) * SLOW_SHARE * abs(own["alpha"])}
     found = run_start(bare, equations, own, at)
     return {name: value * (units.of(name) if units else 1.0) for name, value in found.items()}
 
@@ -394,7 +434,7 @@ def check_start(machine: Machine, start: object) -> None:
     if start is None and model.conservative and not (model.is_guessed or model.search):
         raise InputError(
             f"the families of a {model.name} are not guessed: give start= an orbit of it"
-            + ("" if model.one_speed else ", such as one of find_all(machine, starts(machine))")
+            + ("" if model.one_speed or model.sticks else ", such as one of find_all(machine, starts(machine))")
         )
 
 
@@ -415,7 +455,8 @@ def stated_unknowns(model: Model, start: Orbit | Mapping[str, float]) -> dict[st
         unknowns["duration"] = start.flight_time / (2 if start.shape.reversor else 1)
         unknowns["unfolding"] = start.certificate.unfolding or 0.0
         if model.sticks:
-            unknowns[STEP_LENGTH] = dict(zip(model.flight.states, start.shape.shifts[0], strict=True))[model.sticks[0]]
+            shifts = zip(model.flight.states, start.shape.shifts[0] or (), strict=True)
+            unknowns[STEP_LENGTH] = dict(shifts)[model.sticks[0]]
         return unknowns | ({} if start.contact_time is None else {"contact_duration": start.contact_time / 2})
     if not isinstance(start, Mapping):
         raise InputError(f"start = {start!r}; it is an orbit, or a mapping of unknowns to numbers")

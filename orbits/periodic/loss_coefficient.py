@@ -6,9 +6,11 @@ it is positive a launch with more speed still flies at the nominal time and land
 and bounces. Past a fold of a family it is negative, and the bounce is above.
 """
 
+import cmath
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -47,12 +49,21 @@ def hand_over_factors(rho: float) -> tuple[float, float]:
     return _lost_in_bounces(1.0, e), _lost_in_bounces(-1.0, e)
 
 
-def _lost_in_bounces(tau: float, e: float) -> float:
-    speed, total = 0.5 * tau * tau, 0.0
-    while speed * speed > LEAST_LOSS:
+def late_factor(share: float) -> tuple[float, float]:
+    """What a landing without a bounce loses as a multiple of C, where this share of the gap's speed is left, and its
+    derivative by the share; 1 and 0 for shares below 0."""
+    if share <= 0:
+        return 1.0, 0.0
+    slope = _lost_in_bounces(1.0, (share + 1j * COMPLEX_STEP) ** 2).imag / COMPLEX_STEP
+    return hand_over_factors(share)[0], slope
+
+
+def _lost_in_bounces(tau: Any, e: Any) -> Any:
+    total, speed, root = 0.0, 0.5 * tau * tau, cmath.sqrt if isinstance(e, complex) else math.sqrt
+    while abs(speed * speed) > LEAST_LOSS:
         total += (1 - e * e) * speed * speed
         # The height is 0 again where later^2 + later tau - 2 tau^2 = 6 e speed.
-        later = 0.5 * (math.sqrt(9 * tau * tau + 24 * e * speed) - tau)
+        later = 0.5 * (root(9 * tau * tau + 24 * e * speed) - tau)
         speed = 0.5 * (later * later - tau * tau) - e * speed
         tau = later
     return 4 * total

@@ -2,8 +2,8 @@
 
 Beside a vertical hop, small lateral places and rates obey linear equations, and have to satisfy more conditions than
 there are of them. Where a machine is near one with runs beside its hop, the direction in which the conditions change
-least is nearly that of the runs; it is scaled to the asked quantity. Where exactly runs begin is another question: they
-do at designs at which that change vanishes.
+least is nearly that of the runs; it is scaled to the prescribed quantity. Runs begin exactly at designs at which that
+change vanishes.
 """
 
 from collections.abc import Mapping
@@ -20,7 +20,7 @@ from ..shooting.single_shooting import Shooting
 SLOW_SHARE = 0.1
 # Conditions change with a motion where their derivatives are above this share of the largest.
 UNMOVED_SHARE = 1e-9
-# The multiple of the direction is found by at most so many steps, to this share of it.
+# The multiple of the direction is found by at most this number of steps, to this share of it.
 MOST_SHARES_OF_RUN, SAME_SHARE_OF_RUN = 30, 1e-14
 
 
@@ -28,7 +28,7 @@ def run_start(machine: Any, equations: Shooting, hop: Mapping[str, float], at: M
     """The unknowns of a half orbit by name, with the step, where the search for a run begins; without dimensions.
 
     machine : without dimensions, with a coordinate that sticks
-    equations : of its runs with tuned parameters, of which the last say what is asked
+    equations : those of its runs with tuned parameters; the last ones are those of prescribed quantities
     hop : the unknowns of its vertical hop, those of `Mechanism.upright`
     at : values of quantities of the run, of which "speed", "mean_speed" or "step" says how fast it is
 
@@ -58,8 +58,8 @@ def run_start(machine: Any, equations: Shooting, hop: Mapping[str, float], at: M
         STEP_LENGTH: lambda near: near[STEP_LENGTH],
         "mean_speed": lambda near: near[STEP_LENGTH] / period,
     }
-    asked = [(each, value) for each, value in at.items() if each in quantities]
-    (name, value), *_ = [*asked, ("speed", SLOW_SHARE * abs(u["alpha"]))]
+    prescribed = [(each, value) for each, value in at.items() if each in quantities]
+    (name, value), *_ = [*prescribed, ("speed", SLOW_SHARE * abs(u["alpha"]))]
     share = 1e-6  # the speed is nearly linear in the angles
     for _ in range(MOST_SHARES_OF_RUN):
         if not (found := quantities[name](at_share(share))):

@@ -136,7 +136,8 @@ def quantities_of_motion(machine: Machine) -> list[str]:
     """The quantities of a machine's orbits that are found from its whole motion, as extremes are."""
     of_motion = ("stroke", "clearance", "smallest_separation", "smallest_contact_force", "largest_contact_force")
     without = () if machine.model.separation(machine.values) is not None else ("smallest_separation",)
-    names = [*of_motion, "landing_jerk", *machine.model.rises(machine.values)]
+    across = ["friction_needed"] if machine.model.planar else []
+    names = [*of_motion, "landing_jerk", *across, *machine.model.rises(machine.values)]
     return [name for name in names if name not in without]
 
 
@@ -240,7 +241,8 @@ def _along_way(
         x, evaluation = equations.newton(x, p_at(0.0))
     except NoOrbit as error:
         tuned, all_of = ", ".join(equations.statement.tuned), ", ".join(names)
-        raise NoOrbit(f"{all_of or 'the orbit'} may not depend on {tuned}: tune another number ({error})") from None
+        remedy = "tune another number, or begin elsewhere"
+        raise NoOrbit(f"{all_of or 'the orbit'} may not depend on {tuned}: {remedy} ({error})") from None
     while reached < 1:
         jacobian = equations.evaluate(x, p_at(reached), tuple(names)).jacobian
         tangent = -solve(jacobian[:, : len(x)], jacobian[:, len(x) :] @ (there - here))
@@ -331,12 +333,12 @@ def with_extremes(
 
 def _by_moving(machine, moved, rest, targets, first, near) -> tuple[Orbit, dict[str, float]]:
     """`with_extremes` for the parameters that are `moved` in steps."""
-    wanted, x, last = np.array([*targets.values()]), np.array([machine.values[name] for name in moved]), np.inf
+    wanted, x, last = np.array([*targets.values()]), np.array([first.source.values[name] for name in moved]), np.inf
     sizes, slopes = np.maximum(np.abs(wanted), SMALLEST), np.zeros((len(x), len(x)))
 
     def solved(values: np.ndarray, known: Orbit) -> tuple[Orbit, dict[str, float], np.ndarray]:
-        values_now = getattr(known, "source", machine).values
-        others = {name: values_now[name] for name in rest.names}
+        assert known.source is not None
+        others = {name: known.source.values[name] for name in rest.names}
         here = machine.with_values(**others, **dict(zip(moved, values.tolist(), strict=True)))
         orbit, errors = near(here, known, rest)
         return orbit, errors, np.array([quantity_of(orbit, name) for name in targets])
@@ -378,12 +380,12 @@ def quantity_of(orbit: Orbit, name: str) -> float:
     """A quantity of an orbit's whole motion, in the orbit's units; raises `NoOrbit` where it has none."""
     if name in Certificate.__dataclass_fields__:
         value = getattr(orbit.certificate, name)
-    elif orbit.dimensionless().contact_time is None:
+    elif (time := orbit.dimensionless().contact_time) is None:
         value = None
     else:
         machine, bare = orbit.source, orbit.dimensionless()
         assert machine is not None
-        model, times = machine.model, {"duration": bare.flight_time / 2, "contact_duration": bare.contact_time / 2}
+        model, times = machine.model, {"duration": bare.flight_time / 2, "contact_duration": time / 2}
         known = model.launch_at(bare.flight.coefficients[0, :, 0].tolist()) | times | {"alpha": bare.alpha}
         us, ps = vector({each: known[each] for each in model.half_unknowns})[None], vector(machine.values)[None]
         cycles = known_solutions(model, METHOD, tuple(machine.values), us, ps, np.array([bare.error])).cycles

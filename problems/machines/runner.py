@@ -14,7 +14,7 @@ in flight, where 1/mu = 1/m1 + 1/m2 and the centre of mass flies along a parabol
 and the ground holds the foot with the forces F_z = m2 g - T cos(theta) - (tau/l) sin(theta) and
 F_x = -T sin(theta) + (tau/l) cos(theta). A landing costs nothing where the foot has no speed in x and z, and both
 forces vanish there and at lift-off. That is one condition more than half an orbit has unknowns: one number of the
-machine has to be tuned, and one more for each quantity that is asked for, as the forward speed.
+machine has to be tuned, and one more for each prescribed quantity, as the forward speed.
 """
 
 from collections.abc import Mapping

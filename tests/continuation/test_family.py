@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from documents import NO_UNITS
 
-from orbits import Family, InputError, follow
-from problems import Hopper
+from orbits import Family, InputError, find, follow
+from problems import Hopper, rimless_wheel
 
 
 class TestOnDisk:
@@ -74,3 +74,17 @@ def test_an_old_family_with_a_unit_that_is_none_is_refused(value, saved_document
     path.write_text("\n".join([json.dumps(record), *rest]))
     with pytest.raises(InputError, match="is not a saved family: its unit of length is"):
         Family.load(path)
+
+
+def test_a_family_of_machines_that_stand_has_the_friction_that_they_need():
+    """In columns, tables and documents, as the certificates of single orbits have it; a hopper has none."""
+    wheel = rimless_wheel(inertia_ratio=1.0, gravity_ratio=0.5)
+    family = follow(wheel, "inertia_ratio", 1.3)
+    needed, last = family.column("friction_needed"), find(wheel.with_values(inertia_ratio=1.3)).certificate
+    assert (len(needed), needed[-1]) == (len(family), pytest.approx(last.friction_needed, rel=1e-12))
+    assert family.table()["smallest_stance_force"][-1] == pytest.approx(last.smallest_stance_force, rel=1e-12)
+    assert family.document()["points"][-1]["friction_needed"] == needed[-1]
+    hops = follow(Hopper("cubic"), "beta", 0.12, 0.1)
+    assert not {"friction_needed", "smallest_stance_force"} & {*hops.table(), *hops.document()["points"][0]}
+    with pytest.raises(InputError, match="no quantity 'friction_needed'"):
+        hops.column("friction_needed")

@@ -3,7 +3,7 @@
 import pytest
 
 from orbits import Family, InputError, NoOrbit, find, follow, orbit_at, trace
-from problems import Hopper, hopper_in_si
+from problems import Hopper, hopper_in_si, runner
 
 B = 4.493409457909064  # B = tan(B), eq. (12) of the paper
 LINEAR = Hopper("k*r", parameters={"k": 1.0})
@@ -74,7 +74,7 @@ def test_orbits_are_traced_one_by_one():
 
 
 def test_a_fold_along_a_quantity_is_located():
-    """The law tanh(b r)/b does not depend on the sign of b, so that no launch is slower than that of a linear spring."""
+    """The law tanh(b r)/b does not depend on the sign of b: no launch is slower than that of a linear spring."""
     family = follow(Hopper("tanh", parameters={"b": 0.1}), "alpha", 3.0, tune="b")
     (fold,) = [event.point for event in family.events if event.kind == "fold"]
     assert fold.value == pytest.approx(B, rel=1e-12)
@@ -104,3 +104,15 @@ def test_bad_arguments_are_refused(arguments, text):
 def test_a_number_that_does_not_matter_is_not_tuned():
     with pytest.raises(NoOrbit, match="alpha may not depend on mass_ratio"):
         follow(LINEAR, "alpha", 6.0, tune="mass_ratio")
+
+
+@pytest.mark.slow
+def test_runs_end_where_the_vertical_hop_begins():
+    """Towards rest the design tends to that where the lateral motion of the vertical hop allows a run."""
+    machine = runner(foot_mass=0.1, rest_length=3.707978, inertia=6.5, hip_stiffness=5.45)
+    first = find(machine, tune=("inertia", "hip_stiffness"), at={"speed": 0.2})
+    assert first.source.values["inertia"] == pytest.approx(6.48706543680562, rel=1e-12)
+    family = follow(first.source, "speed", 0.0, start=first, tune=("inertia", "hip_stiffness"), longest=0.2)
+    assert family.end.kind == "reached"
+    assert family[-1].also["inertia"] == pytest.approx(7.08244, abs=1e-5)
+    assert family[-1].also["hip_stiffness"] == pytest.approx(5.52555, abs=1e-5)

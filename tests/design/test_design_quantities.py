@@ -4,10 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from conftest import slow_after
 from designs import CUBIC, VARYING
+from steps import closed_form
 
-from orbits import find, quantities
-from problems import Hopper
+from orbits import InputError, NoOrbit, find, quantities, sensitivities
+from problems import Hopper, rimless_wheel, rocking_block, shuttle
 
 
 def test_quantities_are_those_of_the_document():
@@ -40,3 +42,83 @@ def test_linear_hopper_has_its_closed_forms():
     assert values["stroke"] == pytest.approx(math.sqrt(1 + alpha**2) - depth, rel=1e-12)
     assert values["largest_spring_force"] == pytest.approx(-depth, rel=1e-12)
     assert values["landing_sensitivity"] * (1 + M) == pytest.approx(2 * alpha - math.sin(2 * alpha), rel=1e-12)
+
+
+BLOCK = rocking_block(2.0, 0.1, 0.3, 0.3, 0.3, 20.0, friction=0.6)
+STEPS = {
+    "wheel": (rimless_wheel(inertia_ratio=0.7, gravity_ratio=0.5, angle=0.3, share=0.8), 1, "angle"),
+    "shuttle": (shuttle(inertia_ratio=1.0, gravity_ratio=0.5), 2, "gravity_ratio"),
+    "block": (BLOCK, 2, "half_width"),
+}
+
+
+def by_differences(of, value: float, size: float = 1e-3) -> np.ndarray:
+    """Derivatives of numbers by a parameter, by differences of fourth order."""
+    step = size * value
+    low, before, after, high = (np.array(of(value + k * step)) for k in (-2, -1, 1, 2))
+    return (low - 8 * before + 8 * after - high) / (12 * step)
+
+
+class TestSteps:
+    """Machines whose points of contact take turns."""
+
+    @pytest.mark.parametrize("kind", slow_after(2, ["wheel", "rocker", "shuttle"]))
+    def test_straight_lines_have_closed_forms(self, kind):
+        """Half flight, launch speed and contact, and their derivatives by the two ratios."""
+        machine = {"wheel": rimless_wheel, "rocker": rocking_block, "shuttle": shuttle}[kind]()
+        texts, ratios = ["flight_time/2", "alpha", "contact_time"], ["inertia_ratio", "gravity_ratio"]
+        found = sensitivities(machine, 1, ratios, texts)
+        assert [found.at[text] for text in texts] == pytest.approx(closed_form(kind, 1.0, 0.5, 1), rel=1e-13)
+        by_inertia = by_differences(lambda mu: closed_form(kind, mu, 0.5, 1), 1.0)
+        by_gravity = by_differences(lambda kappa: closed_form(kind, 1.0, kappa, 1), 0.5)
+        assert [found[text]["inertia_ratio"] for text in texts] == pytest.approx(by_inertia, rel=1e-10)
+        assert [found[text]["gravity_ratio"] for text in texts] == pytest.approx(by_gravity, rel=1e-10)
+
+    @pytest.mark.parametrize("kind", slow_after(1, STEPS))
+    def test_all_quantities_with_their_derivatives(self, kind):
+        """Those of documents, of neighbouring orbits, and of states on a fine mesh of the whole step."""
+        machine, family, name = STEPS[kind]
+        orbit = find(machine, family)
+        values, document = quantities(machine, orbit), orbit.document()
+        rises = {f"{of.replace(' ', '_')}_rise": rise for of, rise in orbit.rises.items()}
+        for each in values.keys() & {*document, *rises}:
+            assert values[each] == pytest.approx({**document, **rises}[each], rel=1e-9), each
+        assert {"clearance", "loss_coefficient"} <= values.keys() if kind == "shuttle" else "friction_needed" in values
+        states = orbit(np.linspace(0, orbit.period, 20001))
+        assert values["stroke"] == pytest.approx(np.ptp(states[:, 0] - states[:, 2]), rel=1e-6)
+        found = sensitivities(machine, orbit, name, [*values])
+
+        def near(value: float) -> list[float]:
+            other = machine.with_values(**{name: value})
+            return [*quantities(other, find(other, start=orbit), [*values]).values()]
+
+        expected = by_differences(near, machine.values[name], 1e-4)
+        for each, slope in zip(values, expected.tolist(), strict=True):
+            size = max(abs(slope), abs(values[each]))
+            assert found[each][name] == pytest.approx(slope, abs=1e-7 * size), each
+
+    @pytest.mark.slow
+    def test_friction_that_is_left(self):
+        orbit = find(BLOCK)
+        left = 0.6 - orbit.certificate.friction_needed
+        assert quantities(BLOCK, orbit, "friction_left")["friction_left"] == pytest.approx(left, rel=1e-12)
+
+    def test_what_a_step_does_not_have(self):
+        wheel = rimless_wheel()
+        orbit = find(wheel)
+        assert "loss_coefficient" not in quantities(wheel, orbit)
+        with pytest.raises(NoOrbit, match="no loss_coefficient: a landing with a speed leaves nearly all of it"):
+            quantities(wheel, orbit, "loss_coefficient")
+        with pytest.raises(InputError, match="unknown quantity 'friction_left'"):
+            quantities(wheel, orbit, "friction_left")
+        with pytest.raises(InputError, match="unknown quantity 'friction_needed'"):
+            quantities(shuttle(), find(shuttle()), "friction_needed")
+
+    @pytest.mark.slow
+    def test_a_standing_foot_that_lifts_needs_no_number_of_friction(self):
+        lifting = rimless_wheel(inertia_ratio=0.05, gravity_ratio=0.2, angle=0.5, share=1.0)
+        orbit = find(lifting)
+        assert any("lifts" in violation for violation in orbit.violations)
+        assert quantities(lifting, orbit)["smallest_stance_force"] < 0
+        with pytest.raises(NoOrbit, match="no friction_needed: the standing foot lifts"):
+            quantities(lifting, orbit, "friction_needed")

@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from conftest import slow_after
 from designs import CUBIC, LEG, RANGE, VARYING
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize
+from steps import closed_form, stepping
 
 from orbits import InputError, NoOrbit, find, find_all, follow, optimize, pareto, quantities, sensitivities, sweep
 from orbits.design.optimize import Origin, best_design, starting_points
 from orbits.design.problem import DesignProblem, design_problem
-from problems import Chain, Hopper, hopper_in_si, springs
+from problems import Chain, Hopper, hopper_in_si, rimless_wheel, rocking_block, springs
 
 
 def refined(machine, name: str, low: float, high: float, value) -> tuple[float, float]:
@@ -231,3 +232,75 @@ def test_fronts_and_samples_of_designs_from_a_start():
     for design in front.designs:
         again = find(design.source, start=design.orbit, method="shooting")
         assert design.orbit.alpha == pytest.approx(again.alpha, rel=1e-11)
+
+
+class TestSteps:
+    """Machines whose points of contact take turns."""
+
+    @pytest.mark.parametrize("kind", slow_after(1, ["wheel", "rocker"]))
+    def test_optima_of_closed_forms(self, kind):
+        """The slowest launch of short steps, and the fastest of short flights, by SciPy on the closed forms."""
+        machine, sign = (rimless_wheel(), 1) if kind == "wheel" else (rocking_block(), -1)
+        over, (name, most) = {"inertia_ratio": (0.5, 5.0), "gravity_ratio": (0.1, 3.0)}, ("period", 4.0)
+        if kind == "rocker":
+            name, most = "flight_time", 6.0
+        verb = {"minimise" if sign > 0 else "maximise": "alpha"}
+        best = optimize(machine, **verb, over=over, subject_to=[f"{name} <= {most}"])
+
+        def time_left(z) -> float:
+            half, _, contact = closed_form(kind, *z, 1)
+            return most - 2 * half - (contact if kind == "wheel" else 0.0)
+
+        other = minimize(
+            lambda z: sign * closed_form(kind, *z, 1)[1], [1.0, 0.5], bounds=[*over.values()], method="SLSQP",
+            constraints={"type": "ineq", "fun": time_left}, options={"ftol": 1e-13},
+        )  # fmt: skip
+        assert best.objective == pytest.approx(sign * other.fun, rel=1e-8)
+        assert [*best.parameters.values()] == pytest.approx(other.x, rel=1e-5)
+        assert best.kkt < 1e-9
+
+    def test_the_foot_that_lands_has_to_press(self):
+        """Its force is least at a turn of the spring's torque, where it vanishes at the largest c."""
+        wheel = stepping("wheel", 0.26, 1.19, 0.52, "r - c*sin(8*r)", c=0.7)
+        start = {"liftoff": 0.424, "alpha": 1.4955, "duration": 2.389}
+        best = optimize(wheel, maximise="c", over={"c": (0.5, 1.0)}, start=start)
+        turn = lambda c: np.arccos(1 / (8 * c)) / 8  # noqa: E731
+        largest = brentq(lambda c: c * np.sin(8 * turn(c)) - turn(c) - 1.19 * np.sin(0.52), 0.5, 1.0, xtol=1e-14)
+        assert best.parameters["c"] == pytest.approx(largest, abs=3e-9)
+        assert best.orbit.admissible
+        assert [each.text for each in best.active] == ["smallest_contact_force > 0"]
+
+    @pytest.mark.slow
+    def test_a_foot_must_not_slide(self):
+        """The lightest inner body for which the stated friction suffices, also by bisection."""
+        wheel = rimless_wheel(gravity_ratio=0.5, angle=0.3, share=0.8, friction=0.4)
+        best = optimize(wheel, minimise="inertia_ratio", over={"inertia_ratio": (0.3, 3.0)})
+        needed = lambda ratio: find(wheel.with_values(inertia_ratio=ratio)).certificate.friction_needed  # noqa: E731
+        assert best.objective == pytest.approx(
+            brentq(lambda ratio: needed(ratio) - 0.4, 0.3, 3.0, xtol=1e-12), abs=3e-9
+        )
+        assert best.orbit.admissible
+        assert [each.text for each in best.active] == ["friction_left > 0"]
+        bounded = optimize(
+            wheel.with_values(friction=1.0), minimise="inertia_ratio", over={"inertia_ratio": (0.3, 3.0)},
+            subject_to=["friction_needed <= 0.4"],
+        )  # fmt: skip
+        assert bounded.objective == pytest.approx(best.objective, abs=3e-9)
+
+    @pytest.mark.slow
+    def test_a_front_of_speed_and_friction(self):
+        """The ends are the optima of both, and no design of a grid is better in both than one of the front."""
+        wheel = rimless_wheel(gravity_ratio=0.5, angle=0.3, share=0.8)
+        over, both = {"inertia_ratio": (0.3, 3.0), "gravity_ratio": (0.2, 1.0)}, ("friction_needed", "period")
+        front = pareto(wheel, minimise=both, over=over, points=4)
+        grid = sweep(wheel, over, 36, sampling="sobol", quantities=list(both), progress=False)
+        for values in np.column_stack([grid[name] for name in both]):
+            assert not ((front.values > values * (1 + 1e-9)).all(1)).any()
+
+    @pytest.mark.slow
+    def test_steps_that_are_too_short_for_any_design(self):
+        """The stroke shrinks as fast as the period that is missed: the search ends, at the shortest steps of all."""
+        block = rocking_block(angle=0.1271651163414671, share=0.33413039750901763)
+        over = {"inertia_ratio": (0.4, 4.0), "gravity_ratio": (0.15, 1.5)}
+        with pytest.raises(NoOrbit, match=r"is missed by 0\.04194, at 5\.21494, with inertia_ratio = 4, gravity_ratio"):
+            optimize(block, maximise="stroke", over=over, subject_to=["period <= 5.173"], starts=1)

@@ -7,7 +7,18 @@ import pytest
 from conftest import slow_after
 
 from orbits import InputError, NoOrbit, find, find_all, optimize, orbit_function, sensitivities, starts
-from problems import Chain, HeavyHand, Hopper, hopper_in_si, knee_hopper, plate_hopper, springs
+from problems import (
+    Chain,
+    HeavyHand,
+    Hopper,
+    hopper_in_si,
+    knee_hopper,
+    plate_hopper,
+    rimless_wheel,
+    rocking_block,
+    shuttle,
+    springs,
+)  # fmt: skip
 
 CUBIC = Hopper("r + beta*r**3", mass_ratio=0.5, rest_length=10, parameters={"beta": 0.3})
 LEG = hopper_in_si(60.0, 3.0, force="k*r + b*r**3", parameters={"k": 5000.0, "b": 1e6}, rest_length=0.8)
@@ -41,6 +52,9 @@ MACHINES = {
     "gravity": (
         Hopper("cubic", "1/(1 + z/R)**2", rest_length=20, parameters={"beta": 0.1, "R": 150.0}), ["beta", "R"], first
     ),
+    "wheel": (rimless_wheel(inertia_ratio=0.7, gravity_ratio=0.5, angle=0.3), ["angle", "inertia_ratio"], first),
+    "block": (rocking_block(2.0, 0.1, 0.3, 0.3, 0.3, 20.0), ["half_width", "stiffness"], first),
+    "shuttle": (shuttle(inertia_ratio=1.0, gravity_ratio=0.5), ["inertia_ratio"], first),
 }  # fmt: skip
 
 
@@ -59,7 +73,7 @@ def slopes_by_differences(function, arguments, i, step):
 
 # The quicker of them run always.
 KINDS = [
-    pytest.param(kind, marks=[pytest.mark.slow] if kind in ("plate", "gravity", "knee", "table") else [])
+    pytest.param(kind, marks=[pytest.mark.slow] if kind in ("plate", "gravity", "knee", "table", "block") else [])
     for kind in MACHINES
 ]
 

@@ -10,7 +10,7 @@ from thirty_digits import exact_alpha, series
 from orbits import Mechanism, find, find_all, follow, multipliers, orbit_at, simulate, starts
 from orbits.flow.flow import flow_of
 from orbits.mechanics import Mass, Spring
-from orbits.periodic.loss_coefficient import by_launch_speed, hand_over_factors, launch_power
+from orbits.periodic.loss_coefficient import by_launch_speed, hand_over_factors, late_factor, launch_power
 from orbits.shooting.formulations import landing_gap_slope
 from problems import Hopper, Juggler
 
@@ -166,6 +166,13 @@ class TestHandOverFactors:
                 s = (-t / 2 + mpmath.sqrt(t**2 / 4 + 2 * up / 3)) * 3
                 t, height_speed = t + s, up - t * s - s**2 / 2
             assert found == pytest.approx(float(4 * lost), rel=1e-12)
+
+    @pytest.mark.parametrize("rho", [0.1, 0.6, 0.95])
+    def test_derivative_of_the_one_without_a_bounce(self, rho):
+        near = [hand_over_factors(rho + k * 1e-3)[0] for k in (-2, -1, 1, 2)]
+        slope = (near[0] - 8 * near[1] + 8 * near[2] - near[3]) / 12e-3
+        assert late_factor(rho) == pytest.approx((hand_over_factors(rho)[0], slope), rel=1e-6)
+        assert late_factor(-rho) == (1.0, 0.0)
 
     def test_certificates_have_them(self):
         rho = float(np.cos(0.6))

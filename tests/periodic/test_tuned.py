@@ -6,12 +6,13 @@ from math import atan, pi, sqrt
 import numpy as np
 import pytest
 
-from orbits import InputError, NoOrbit, Orbit, find, quantities, starts
+from orbits import InputError, NoOrbit, Orbit, find, follow, quantities, starts
 from orbits.periodic.tuned import tuned_equations
 from orbits.shooting.formulations import vector
-from problems import Chain, Hopper, hopper_in_si, rimless_wheel
+from problems import Chain, Hopper, hopper_in_si, rimless_wheel, runner
 
 B = 4.493409457909064  # B = tan(B), eq. (12) of the paper
+RUN = ("inertia", "hip_stiffness")
 LINEAR = Hopper("k*r", mass_ratio=0.7, parameters={"k": 1.0})
 CUBIC = Hopper("cubic", rest_length=8.0, parameters={"beta": 0.3})
 LEG = hopper_in_si(60.0, 3.0, force="k*r + b*r**3", parameters={"k": 8000.0, "b": 2e6}, rest_length=0.8)
@@ -154,3 +155,29 @@ def test_a_mass_in_si_that_follows_from_others_is_not_tuned():
 def test_where_nothing_is_reached_the_reason_names_the_tuned_number(machine, arguments, text):
     with pytest.raises(NoOrbit, match=text):
         find(machine, **arguments)
+
+
+@pytest.mark.slow
+def test_a_fast_run_is_on_the_sheet_that_begins_at_the_vertical_hop():
+    """The family turns back at the speed 3.6124; the first sheet is that of the family followed from a slow run."""
+    machine = runner(foot_mass=0.1, rest_length=3.7, inertia=5.7, hip_stiffness=5.4)
+    slow = find(machine, tune=RUN, at={"speed": 0.4})
+    assert slow.source.values["inertia"] == pytest.approx(5.654048422247934, rel=1e-12)
+    assert slow.source.values["hip_stiffness"] == pytest.approx(5.367600480798711, rel=1e-12)
+    family = follow(slow.source, "speed", 1.0, start=slow, tune=RUN, longest=0.1)
+    fast = find(machine, tune=RUN, at={"speed": 1.0})
+    assert fast.source.values["inertia"] == pytest.approx(family[-1].also["inertia"], rel=1e-11)
+    needs = find(machine, tune=RUN, at={"friction_needed": 0.3})
+    assert needs.certificate.friction_needed == pytest.approx(0.3, rel=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        ({}, "10 equations for 9 unknowns: tune one number of the machine, and one more"),
+        ({"tune": "inertia", "at": {"speed": 0.4}}, "are 1 for 1, and 2 are needed"),
+    ],
+)
+def test_a_runner_needs_one_tuned_number_more(arguments, text):
+    with pytest.raises(InputError, match=text):
+        find(runner(foot_mass=0.1, rest_length=3.7, inertia=5.7, hip_stiffness=5.4), **arguments)

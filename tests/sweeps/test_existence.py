@@ -6,11 +6,12 @@ from functools import cache
 import numpy as np
 import pytest
 from conftest import PROVED, middle
+from scipy.optimize import brentq
 
 from orbits import InputError, existence, find, find_all, follow, follow_fold, quantities
 from orbits.design.designs_at_once import CONTINUED_STATUSES
 from orbits.show.sweep_figures import STYLES
-from problems import Chain, Hopper, Juggler
+from problems import Chain, Hopper, Juggler, rocking_block
 
 MACHINE = Hopper("r + beta*r**3 + delta*r**5", rest_length=30.0, parameters={"beta": 0.0, "delta": 0.0})
 BETWEEN, DELTAS = (-0.02, 0.01), [-4e-5, 0.0, 3e-5]
@@ -186,3 +187,14 @@ def test_the_edge_of_a_chain_is_the_fold_of_its_family():
     assert {*CONTINUED_STATUSES} == STYLES.keys()
     with pytest.raises(InputError, match="give start= an orbit of it"):
         existence(chain, "m1", (0.85, 1.0), "b", [0.01], samples=5)
+
+
+@pytest.mark.slow
+def test_the_edge_of_a_block_is_where_it_slides():
+    """Steps for which the stated friction suffices end where single orbits need all of it."""
+    block = rocking_block(2.0, 0.1, 0.3, 0.3, 0.3, 20.0, friction=0.4)
+    diagram = existence(block, "stiffness", (10.0, 40.0), "body_inertia", [0.3], samples=4)
+    needed = lambda k: find(block.with_values(stiffness=k)).certificate.friction_needed  # noqa: E731
+    edge = brentq(lambda k: needed(k) - 0.4, 10.0, 40.0, xtol=1e-9)
+    assert [part.status for part in diagram.row(0)] == ["certified", "inadmissible"]
+    assert diagram.motion_edges[0][0] == pytest.approx(edge, abs=2e-6 * 30)

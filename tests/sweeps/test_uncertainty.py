@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 from scipy.stats import norm
+from steps import closed_form
 
 from orbits import InputError, Uncertainty, find, find_all, sweep, uncertainty
 from orbits.periodic.linear_hops import linear_hops
-from problems import Chain, Hopper, hopper_in_si
+from problems import Chain, Hopper, hopper_in_si, rimless_wheel
 
 LEG = hopper_in_si(60.0, 3.0, stiffness=8000.0)
 
@@ -83,3 +84,16 @@ def test_a_chain_of_uncertain_masses():
     assert np.abs(np.array(times) - spread.sweep["flight_time"][5] / 2).min() < 1e-9
     with pytest.raises(InputError, match="give start= an orbit of it"):
         uncertainty(chain, {"m1": norm(1, 1e-3)})
+
+
+def test_an_uncertain_wheel():
+    """The spread of its launch speed against that of closed forms at the same members."""
+    over = {"inertia_ratio": norm(1.0, 0.02), "gravity_ratio": norm(0.5, 0.01)}
+    spread = uncertainty(rimless_wheel(), over, samples=64)
+    members = np.column_stack([spread.sweep[name] for name in over])
+    speeds = np.array([closed_form("wheel", *each, 1)[1] for each in members.tolist()])
+    assert spread.deviation["alpha"] == pytest.approx(speeds.std(ddof=1), rel=1e-9)
+    assert spread.mean["alpha"] == pytest.approx(speeds.mean(), rel=1e-12)
+    at = lambda mu, kappa: closed_form("wheel", mu, kappa, 1)[1]  # noqa: E731
+    by_inertia, by_gravity = (at(1.001, 0.5) - at(0.999, 0.5)) / 0.002, (at(1.0, 0.501) - at(1.0, 0.499)) / 0.002
+    assert spread.linear["alpha"] == pytest.approx(np.hypot(0.02 * by_inertia, 0.01 * by_gravity), rel=1e-5)

@@ -320,7 +320,10 @@ class TestSteps:
             ("--machine wheel --mass-ratio 2", "'mass_ratio' is of machines that hop: a wheel has inertia_ratio"),
             ("--machine wheel --masses 1,2", "are of machines that hop: a wheel is in SI by [si]"),
             ("--machine shuttle --spring 'r + r**2'", "state an odd law"),
-            ("--machine wagon", "neither hopper nor juggler nor wheel nor rocker nor shuttle nor a .toml file"),
+            (
+                "--machine wagon",
+                "neither hopper nor juggler nor wheel nor rocker nor shuttle nor runner nor a .toml file",
+            ),
         ],
     )
     def test_what_is_no_such_machine(self, orbits, options, telling):

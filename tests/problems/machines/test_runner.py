@@ -124,23 +124,35 @@ def test_what_touches_the_ground_is_a_violation(fast):
     assert violation == "hip touches the ground at t = 2.17357 of the contact (height -0.605)"
 
 
-def test_a_hop_beside_loses_what_the_loss_coefficient_says(fast):
-    p, model = fast.source.values, fast.source.model
-    states = model.flight.states
-    gradient = model.flight_gradient(fast(0.0).tolist(), p, [])
-    power = float(gradient[states.index("l'")])
+def losses_beside(run, d):
+    """The energies that the landings of a hop lose whose launch speed alone is changed by d, up to the one that holds;
+    the foot flies on where the ground would have to pull."""
+    p, model, lost = run.source.values, run.source.model, list[float]()
     lands = lambda t, x: x[2]  # noqa: E731
     lands.terminal, lands.direction = True, -1
-    shares = []
-    for d in (1e-4, 1e-6):
-        x = fast(0.0)
-        x[states.index("l'")] += d
+    x, pressed = run(0.0), -1.0
+    x[model.flight.states.index("l'")] += d
+    while pressed < 0:
         rates = lambda t, x: rates_by_hand(x, p, False)[0]  # noqa: E731
-        end = solve_ivp(rates, (0, 9.0), x, "DOP853", rtol=1e-13, atol=1e-15, events=lands).y[:, -1]
-        lost = float(model.lost_at(end.tolist(), p))
-        shares.append(lost / (fast.certificate.loss_coefficient * power * d ** (4 / 3)))
-    assert shares == pytest.approx([1.0, 1.0], abs=0.04)
-    assert abs(shares[1] - 1) < abs(shares[0] - 1) / 3  # the rest falls as d^(1/3)
+        end = solve_ivp(rates, (0, 9.0), x, "DOP853", rtol=1e-13, atol=1e-16, events=lands, first_step=1e-4).y[:, -1]
+        lost.append(float(model.lost_at(end.tolist(), p)))
+        x = np.array([float(value) for value in model.landed(end.tolist(), p)])
+        x[2], pressed = 1e-300, rates_by_hand(x[4:], p, True)[1][0]
+    return lost
+
+
+def test_hops_beside_lose_what_the_loss_coefficient_says(fast):
+    """On the side without a bounce C, on the other one 10 C, but for a rest that falls as d^(1/3)."""
+    gradient = fast.source.model.flight_gradient(fast(0.0).tolist(), fast.source.values, [])
+    power = float(gradient[fast.source.model.flight.states.index("l'")])
+    unit = lambda d: fast.certificate.loss_coefficient * power * abs(d) ** (4 / 3)  # noqa: E731
+    (far,), (near,) = (losses_beside(fast, d) for d in (1e-4, 1e-6))
+    assert [far / unit(1e-4), near / unit(1e-6)] == pytest.approx([1.0, 1.0], abs=0.04)
+    assert abs(near / unit(1e-6) - 1) < abs(far / unit(1e-4) - 1) / 3
+    bounces = losses_beside(fast, -1e-6)
+    assert len(bounces) == 2
+    assert sum(bounces) / unit(1e-6) == pytest.approx(10.0, rel=0.02)
+    assert fast.certificate.bounce_side == "below"
 
 
 def test_in_si_the_same_run(fast):
@@ -200,7 +212,7 @@ def test_no_runner(stated, message):
         runner(**stated).model  # noqa: B018
 
 
-def test_what_runs_are_not_asked(fast):
+def test_what_is_refused_of_runs(fast):
     with pytest.raises(InputError, match="x of a runner sticks in contact"):
         simulate(fast.source, fast, hops=1)
     with pytest.raises(InputError, match="x of a runner sticks in contact"):
