@@ -8,7 +8,7 @@ import pytest
 from runners import FAST, NAMES, energy_by_hand, fast_runner, rates_by_hand
 from scipy.integrate import solve_ivp
 
-from orbits import InputError, NoOrbit, Orbit, ReturnMap, check, find, prove, simulate
+from orbits import InputError, NoOrbit, Orbit, ReturnMap, check, find, prove
 from orbits.model.state_formula import StateFormula
 from orbits.periodic.certificate import certify
 from orbits.periodic.find import stated_unknowns
@@ -213,8 +213,6 @@ def test_no_runner(stated, message):
 
 
 def test_what_is_refused_of_runs(fast):
-    with pytest.raises(InputError, match="x of a runner sticks in contact"):
-        simulate(fast.source, fast, hops=1)
     with pytest.raises(InputError, match="x of a runner sticks in contact"):
         ReturnMap(fast.source)
     assert "x sticks in contact" in str(prove(fast))
