@@ -8,7 +8,7 @@ from .continuation.follow import follow, follow_branch, orbit_at, trace
 from .continuation.point import End as End, Event as Event, Point as Point
 from .continuation.starts import start_from_rest, starts
 from .continuation.step_control import StepControl as StepControl
-from .control import Guess as Guess, Input as Input, Stage as Stage
+from .control import Guess as Guess, Hold as Hold, Input as Input, Stage as Stage, hold as hold
 from .control.control import Control
 from .control.steer import steer
 from .design.optimality import Active as Active, Design

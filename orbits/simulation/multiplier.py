@@ -228,7 +228,7 @@ def _one_sided(impacts: Impacts, alpha: float, hop: HopDerivative) -> Message:
     return Message(text, first=first, other=other, c=c, more=more)
 
 
-def through_contact(impacts: Impacts, y, change, grazes: bool) -> tuple[np.ndarray, np.ndarray]:
+def through_contact(impacts: Impacts, y: np.ndarray, change: np.ndarray, grazes: bool) -> tuple[np.ndarray, np.ndarray]:
     """The state and its change (k, c) at which the contact ends."""
     contact, model = impacts.contact, impacts.model
     end = ContactEnd(impacts, model.contact_speed, (grazes and not model.changes_contact, grazes))
