@@ -43,9 +43,10 @@ def animate_simulation(run: "Simulation", path: str | Path, frames: int = 200, p
     t, machine = np.linspace(0, run.end, _frames(frames)), run.source
     words = np.where(run.in_contact(t), "contact", "flight")
     if drawing_of(machine):
-        return animate_in_plane(
-            check_animation(path), words, machine, run(t), steps_of_run(run, t), machine.units, progress
-        )
+        states, steps = run(t), steps_of_run(run, t)
+        if machine.model.sticks:  # each step of a simulation has a length of its own
+            states, steps = run.unrolled(t), np.zeros_like(steps)
+        return animate_in_plane(check_animation(path), words, machine, states, steps, machine.units, progress)
     floating, joints = run.smallest_separation is None, (run.springs, run.knees, machine.model.embed)
     return _animate(path, words, run(t), run.heights, joints, floating, machine.units, progress)
 

@@ -203,12 +203,13 @@ def test_states_on_the_ground(run):
         simulate(run.source, state=state, hops=1)
 
 
-def test_a_body_that_falls(run):
+def test_a_body_that_falls(run, tmp_path):
     motion = simulate(run.source, disturbed(run, theta=0.05), time=15.0)
     name, when = motion.falls
     assert name == "body"
     assert abs(motion(when)[2] + motion(when)[4] * np.cos(motion(when)[6])) < 1e-9
     assert "the body falls to the ground at time" in str(motion)
+    assert motion.animate(tmp_path / "fall.gif", frames=2).stat().st_size > 0
 
 
 def test_in_si():
