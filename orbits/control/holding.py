@@ -35,7 +35,7 @@ INPUT = "hold"  # the parameter of the force that holds an orbit
 HOLD_BEGINS, HOLD_ENDS = 0.1, 0.9
 # The recursion has settled once the cost of a launch changes by this share in a cycle; a cost that grows on and on is
 # that of a direction that the force does not reach.
-SETTLED_COST, MOST_CYCLES, LARGEST_COST = 1e-13, 2000, 1e14
+SETTLED_COST, MOST_SWEEPS, LARGEST_COST = 1e-13, 2000, 1e14
 
 
 class _Stage(NamedTuple):
@@ -194,7 +194,7 @@ def _regulator(stages: list[_Stage], effort: float, landing: float) -> tuple[lis
     force does not reach what grows."""
     size = stages[0].carry.shape[1]
     cost, last = np.eye(size), np.inf
-    for _ in range(MOST_CYCLES):
+    for _ in range(MOST_SWEEPS):
         gains, matrix = list[np.ndarray](), np.eye(size)
         weights = np.eye(size) + cost
         for carry, effect, gap in reversed(stages):
