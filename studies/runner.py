@@ -15,7 +15,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds the other studies
 
-from orbits import BranchPoint, Family, NoOrbit, Orbit, find, find_branch_points, follow
+from orbits import BranchPoint, Family, NoOrbit, Orbit, find, find_branch_points, follow, follow_branch_points
 from orbits.show.plot import COLOURS, legend_below, new_row, save_figure
 from problems import runner
 from studies.walker import in_few_colours
@@ -30,16 +30,16 @@ SPEED, FIRST, FASTEST = 0.4, 0.05, 2.0
 BODY, LEG, EARTH = 60.0, 1.0, 9.81
 
 
-def branch_points(foot_mass: float, rest_lengths: Sequence[float], designs: int) -> list[tuple[float, float, float]]:
-    """Rest length, inertia and hip stiffness of all branch points in the region."""
-    found = list[tuple[float, float, float]]()
-    for length in rest_lengths:
-        try:
-            points = find_branch_points(runner(foot_mass, length), REGION, designs=designs)
-        except NoOrbit:  # nothing branches off within the region
-            continue
-        found += [(length, *(point.values[name] for name in TUNED)) for point in points]
-    return found
+def branch_points(foot_mass: float, rest_lengths: np.ndarray, designs: int) -> list[list[tuple[float, float]]]:
+    """Curves of inertias and hip stiffnesses at which runs begin, as the leg gets longer and shorter, from all branch
+    points of the middle rest length."""
+    middle, curves = len(rest_lengths) // 2, list[list[tuple[float, float]]]()
+    for point in find_branch_points(runner(foot_mass, rest_lengths[middle]), REGION, designs=designs):
+        longer = follow_branch_points(point, "rest_length", rest_lengths[middle + 1 :])
+        shorter = follow_branch_points(point, "rest_length", rest_lengths[:middle][::-1])
+        along = (*reversed(shorter), point, *longer)
+        curves.append([(each.values["inertia"], each.values["hip_stiffness"]) for each in along])
+    return curves
 
 
 def first_branch(rest_length: float, foot_mass: float) -> BranchPoint:
@@ -82,11 +82,12 @@ def in_si() -> Orbit:
 
 def draw_map(axes, families: Sequence[Family], quick: bool) -> dict[str, object]:
     """Draw where runs begin, and the curves along which they go faster."""
-    lengths, numbers = np.linspace(3.2, 6.2, 4 if quick else 16), dict[str, object]()
+    lengths, numbers = np.linspace(3.4, 5.4, 5 if quick else 21), dict[str, object]()
     for foot_mass, colour in zip(FOOT_MASSES, COLOURS, strict=False):
-        points = numbers[f"branch points {foot_mass:g}"] = branch_points(foot_mass, lengths, 16 if quick else 40)
-        _, inertias, stiffnesses = np.reshape(points, (-1, 3)).T
-        axes.plot(inertias, stiffnesses, "o", ms=3.5, color=colour, label=f"begin, foot {foot_mass:g}")
+        curves = numbers[f"branch points {foot_mass:g}"] = branch_points(foot_mass, lengths, 16 if quick else 40)
+        for k, curve in enumerate(curves):
+            axes.plot(*zip(*curve, strict=True), ".-", ms=3, lw=0.8, color=colour,
+                      label=None if k else f"begin, foot {foot_mass:g}")  # fmt: skip
     for each in families:
         axes.plot(each.column("inertia"), each.column("hip_stiffness"), color="0.2", lw=1.3,
                   label="faster runs, foot 0.1" if each is families[0] else None)  # fmt: skip
@@ -113,13 +114,14 @@ def main(folder: Path, quick: bool = False) -> dict[str, object]:
     along.set(xlabel="speed in flight", ylabel="step; mean speed", ylim=(0, None), title="along the families")
     grip.set(xlabel="speed in flight", ylabel="friction needed", ylim=(0, None), title="tangential over normal force")
     for foot_mass, colour in zip(FOOT_MASSES, COLOURS, strict=False):
-        runs = at_speed(SPEED, foot_mass, np.linspace(3.7, 5.0, 3 if quick else 27))
+        runs = at_speed(SPEED, foot_mass, np.linspace(3.7, 5.0, 3 if quick else 14))
         frictions = [run.certificate.friction_needed for run in runs]
         numbers[f"friction {foot_mass:g}"] = dict(zip([run.source.values["rest_length"] for run in runs], frictions,
                                                       strict=True))  # fmt: skip
         least.plot([*numbers[f"friction {foot_mass:g}"]], frictions, "o-", ms=3, lw=0.8, color=colour,
                    label=f"foot {foot_mass:g}")  # fmt: skip
-        print(f"  foot {foot_mass:g}, speed {SPEED:g}: the least friction of {len(runs)} legs is {min(frictions):.4f}")
+        few = min(frictions, default=np.nan)
+        print(f"  foot {foot_mass:g}, speed {SPEED:g}: the least friction of {len(runs)} legs is {few:.4f}")
     least.set(xlabel="rest length of the leg", ylabel="friction needed", title=f"at the speed {SPEED:g}")
     for axes in np.ravel(panels):
         legend_below(axes)

@@ -66,7 +66,8 @@ def checked_tuning(machine: Machine, along: str, tune: Any) -> tuple[str, ...]:
         if is_quantity(machine, along):
             raise InputError(f"'{along}' is a quantity of the orbits: say by tune= which parameter changes with it")
         check_followed(machine, along)
-        check_count(machine, (), ())
+        if machine.model.sticks:
+            check_count(machine, (), ())
         return ()
     tuned = tuned_names(machine, tune)
     if is_quantity(machine, along):
