@@ -15,7 +15,18 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # as a script too it finds the other studies
 
-from orbits import BranchPoint, Family, NoOrbit, Orbit, find, find_branch_points, follow, follow_branch_points
+from orbits import (
+    BranchPoint,
+    Family,
+    NoOrbit,
+    Orbit,
+    find,
+    find_branch_points,
+    follow,
+    follow_branch_points,
+    multipliers,
+    orbit_at,
+)
 from orbits.show.plot import COLOURS, legend_below, new_row, save_figure
 from problems import runner
 from studies.walker import in_few_colours
@@ -98,20 +109,37 @@ def draw_map(axes, families: Sequence[Family], quick: bool) -> dict[str, object]
     return numbers
 
 
+def draw_multipliers(axes, runs: Family, count: int) -> np.ndarray:
+    """Draw the multipliers (count, d) along a family."""
+    points = [runs.points[i] for i in np.linspace(0, len(runs.points) - 1, count).astype(int)]
+    each = [orbit_at(runs.source, point, "speed") for point in points]
+    found = np.array([multipliers(run.source, run).values for run in each])
+    for k, values in enumerate(np.abs(found).T):
+        label = "modulus, leg 3.7" if k == 0 else None
+        axes.plot([run.speed for run in each], values, ".-", ms=4, lw=0.8, color=COLOURS[0], label=label)
+    axes.axhline(1.0, color="0.6", lw=0.8)
+    axes.set(xlabel="speed in flight", ylabel="multipliers", yscale="log", title="what a step does to a change")
+    return found
+
+
 def main(folder: Path, quick: bool = False) -> dict[str, object]:
-    panels = new_row(2, 4.8, 3.9, rows=2)
-    where, along, grip, least = np.ravel(panels)
-    lengths = REST_LENGTHS[1:2] if quick else REST_LENGTHS
+    panels = new_row(3, 3.6, 4.0, rows=2)
+    where, along, high, grip, least, beside = np.ravel(panels)
+    lengths = REST_LENGTHS[:1] if quick else REST_LENGTHS
     families = [family(length, 0.5 if quick else FASTEST) for length in lengths]
     numbers = draw_map(where, families, quick)
     for length, runs, colour in zip(lengths, families, COLOURS, strict=False):
         speed, friction = runs.column("speed"), runs.column("friction_needed")
         along.plot(speed, runs.column("step"), color=colour, lw=1.5, label=f"step, leg {length:g}")
         along.plot(speed, runs.column("mean_speed"), "--", color=colour, lw=1.2, label=f"mean speed, leg {length:g}")
+        high.plot(speed, runs.column("foot_rise"), color=colour, lw=1.5, label=f"foot, leg {length:g}")
+        high.plot(speed, runs.column("body_rise"), "--", color=colour, lw=1.2, label=f"body, leg {length:g}")
         grip.plot(speed, friction, color=colour, lw=1.5, label=f"leg {length:g}, foot 0.1")
         numbers[f"end {length:g}"] = runs.end.kind, float(speed[-1])
         print(f"  leg {length:g}: runs up to the speed {speed[-1]:.4g}, friction {friction[-1]:.4g}: {runs.end.reason}")
+    numbers["multipliers"] = draw_multipliers(beside, families[0], 4 if quick else 20)
     along.set(xlabel="speed in flight", ylabel="step; mean speed", ylim=(0, None), title="along the families")
+    high.set(xlabel="speed in flight", ylabel="rise in flight", ylim=(0, None), title="foot and body")
     grip.set(xlabel="speed in flight", ylabel="friction needed", ylim=(0, None), title="tangential over normal force")
     for foot_mass, colour in zip(FOOT_MASSES, COLOURS, strict=False):
         runs = at_speed(SPEED, foot_mass, np.linspace(3.7, 5.0, 3 if quick else 14))
