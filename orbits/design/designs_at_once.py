@@ -8,16 +8,18 @@ import numpy as np
 
 from ..errors import InputError, NoOrbit, OrbitsError, shortened
 from ..model.machine import Machine
-from ..model.model import Model
-from ..periodic.certified import Certified
-from ..periodic.continued import AT_FOLD, NOT_REACHED, continued, orbit_from_unknowns
-from ..periodic.find import find
+from ..model.model import STEP_LENGTH, Model
+from ..periodic.certified import Certified, certified
+from ..periodic.continued import AT_FOLD, NOT_REACHED, continued, continued_tuned, orbit_from_unknowns
+from ..periodic.find import StartLike, find, first_tuned, in_units_of
 from ..periodic.orbit import Orbit, orbit_of
 from ..periodic.orbits_at_once import lowest_orbits
-from ..periodic.quantities import names_of_many, numbers_of
+from ..periodic.quantities import OF_RUNS, names_of_many, numbers_of
+from ..periodic.tuned import Tuning, errors_of_tuned, tuning_of
 from ..running import interrupts
-from ..symbolic.formula import Formula
+from ..symbolic.formula import Formula, parse
 from ..units import Units, in_units
+from .problem import formula_names
 from .sensitivities import quantities
 
 # The statuses of a design.
@@ -72,6 +74,127 @@ def solved_designs(
     return designs
 
 
+def columns_of_tuned(model: Model, names: Sequence[str]) -> tuple[str, ...]:
+    """The numbers of orbits with tuned parameters of these names, besides those of all orbits: the tuned values with
+    bounds on their errors, what machines that go forward have, and whether an orbit is admissible, as 1 or 0."""
+    runs = (*OF_RUNS, "friction_needed") if model.sticks else ()
+    return (*names, *(f"{name}_error" for name in names), *runs, "admissible")
+
+
+def names_of_tuned(machine: Machine) -> list[str]:
+    """The names that formulas of orbits with tuned parameters may use."""
+    return formula_names(machine) if not machine.model.sticks else sorted(_known_together(machine))
+
+
+def tuned_designs(
+    machine: Machine,
+    names: Sequence[str],
+    values: np.ndarray,
+    family: int,
+    tuning: Tuning,
+    formulas: Mapping[str, Formula],
+    start: StartLike | None = None,
+    report: Callable[[int], None] = lambda done: None,
+) -> Designs:
+    """The orbits with tuned parameters of designs (m, k), as `solved_designs`, with the `columns_of_tuned`.
+
+    They are continued from the orbit of the machine itself, which is that of a family or found from a start. Where it
+    has none, each is found as by `find`.
+    """
+    columns = ("alpha", "flight_time", "error", "family", *columns_of_tuned(machine.model, tuning.names), *formulas)
+    numbers = {name: np.full(len(values), np.nan) for name in columns}
+    designs = Designs(tuple(names), values, numbers, *np.full((2, len(values)), "", dtype=object))
+    try:
+        _, known = first_tuned(machine, start, family, tuning.names, tuning.values)
+    except NoOrbit:
+        for i in range(len(values)):
+            interrupts.heed()
+            report(i)
+            _tune_alone(designs, i, machine, start, family, tuning, formulas)
+        return designs
+    own = _parameters_of_all(machine, designs)
+    ps = np.hstack([own, np.tile(known.ps[0, own.shape[1] :], (len(own), 1))])
+    varied = [name for name, column in zip(machine.values, own.T, strict=True) if (column != machine.values[name]).any()]
+    found, errors = continued_tuned(known, ps, varied, report)
+    for name in tuning.names:
+        numbers[f"{name}_error"][:] = errors[name]
+    for orbits in found.parts:
+        _fill_in_tuned(machine, designs, orbits.which, orbits, tuning, formulas)
+    for i, (status, reason) in found.stopped.items():
+        designs.statuses[i], designs.reasons[i] = status, reason
+    return designs
+
+
+def tuned_orbit(
+    machine: Machine, other: Machine, family: int, tune: Sequence[str], at: Mapping[str, float], start: StartLike | None
+) -> Orbit:
+    """The orbit with tuned parameters of another machine of the same model, as `tuned_designs` reaches it."""
+    tuning = tuning_of(machine, tune, at)
+    try:
+        _, known = first_tuned(machine, start, family, tuning.names, tuning.values)
+    except NoOrbit:
+        return find(other, None if start else family, start=start, tune=tune, at=at)
+    ps = np.array([[*other.values.values(), *known.ps[0, len(machine.values) :]]])
+    varied = [name for name, value in other.values.items() if machine.values[name] != value]
+    found, _ = continued_tuned(known, ps, varied)
+    if 0 in found.stopped:
+        raise NoOrbit(found.stopped[0][1])
+    u = dict(zip(known.equations.statement.unknowns, found.unknowns[0].tolist(), strict=True))
+    own = other.with_values(**{name: u[name] for name in tuning.names})
+    stated = {name: x for name, x in u.items() if name in (*own.model.half_unknowns, "contact_duration")}
+    near = in_units_of(own, stated) | ({STEP_LENGTH: u[STEP_LENGTH]} if STEP_LENGTH in u else {})
+    return find(own, start=near, tune=tune, at=at)
+
+
+def _tune_alone(
+    designs: Designs, i: int, machine: Machine, start: StartLike | None, family: int, tuning: Tuning,
+    formulas: Mapping[str, Formula],
+) -> None:  # fmt: skip
+    """Fill in one design as `find` tunes it."""
+    try:
+        varied = designs.machine(machine, i)
+        _, solved = first_tuned(varied, start, family, tuning.names, tuning.values)
+        orbits, refused = certified(solved)
+        if orbits is None:
+            raise refused[0]
+    except OrbitsError as error:
+        designs.statuses[i], designs.reasons[i] = "failed" if isinstance(error, InputError) else "no orbit", str(error)
+        return
+    for name, error in errors_of_tuned(solved).items():
+        if name in tuning.names:
+            designs.numbers[f"{name}_error"][i] = error
+    _fill_in_tuned(machine, designs, np.array([i]), orbits, tuning, formulas)
+
+
+def _fill_in_tuned(
+    machine: Machine, designs: Designs, which: np.ndarray, orbits: Certified, tuning: Tuning,
+    formulas: Mapping[str, Formula],
+) -> None:  # fmt: skip
+    """Write orbits with tuned parameters to their designs; those with values that the machine cannot have are none."""
+    known = _known_together(machine)
+    together = {text: formula for text, formula in formulas.items() if formula.names <= known}
+    runs = {name: parse(name) for name in designs.numbers if name in (*OF_RUNS, "friction_needed")}
+    _fill_in(designs, which, machine.model, orbits, {**runs, **together})
+    for name in tuning.names:
+        designs.numbers[name][which] = np.broadcast_to(orbits.cycles.p[name], len(orbits.cycles))[orbits.places]
+    designs.numbers["admissible"][which] = designs.statuses[which] == "certified"
+    alone = {text: formula for text, formula in formulas.items() if text not in together}
+    for i, place in zip(which.tolist(), orbits.places.tolist(), strict=True):
+        tuned = {name: float(designs.numbers[name][i]) for name in tuning.names}
+        try:
+            own = designs.machine(machine, i).with_values(**tuned)
+        except InputError as error:
+            designs.statuses[i], designs.reasons[i] = "no orbit", f"the tuned values are none of a machine: {error}"
+            for name, column in designs.numbers.items():
+                column[i] = column[i] if name in designs.names else np.nan
+            continue
+        if alone:
+            interrupts.heed()
+            with suppress(NoOrbit):  # what is not certified alone has no such numbers
+                u = {name: float(orbits.cycles.u[name][place]) for name in own.model.half_unknowns}
+                _fill_in_formulas(designs, i, own, find(own, start=in_units_of(own, u)), alone)
+
+
 def _solved_in_lanes(machine: Machine, designs: Designs, family: int, formulas: Mapping[str, Formula]) -> np.ndarray:
     """Fill in the designs whose orbits are found together, and return the others.
 
@@ -113,18 +236,23 @@ def _parameters_of(machine: Machine, designs: Designs, which: np.ndarray) -> np.
     return ps
 
 
+def _parameters_of_all(machine: Machine, designs: Designs) -> np.ndarray:
+    """The parameters (m, np) of the machine's model for all designs (m,)."""
+    each = np.arange(len(designs.values))
+    if {*designs.names} <= machine.values.keys():
+        return _parameters_of(machine, designs, each)
+    # Names of which the model's parameters are functions.
+    return np.array([[*designs.machine(machine, i).values.values()] for i in each.tolist()])
+
+
 def _continue(
     machine: Machine, start: Orbit, designs: Designs, formulas: Mapping[str, Formula], report: Callable[[int], None]
 ) -> None:
     """Fill in designs whose orbits are continued from the machine's own orbit."""
-    each, varied = np.arange(len(designs.values)), designs.names
-    if {*designs.names} <= machine.values.keys():
-        ps = _parameters_of(machine, designs, each)
-    else:  # names of which the model's parameters are functions
-        varied, ps = (
-            (*machine.values,),
-            np.array([[*designs.machine(machine, i).values.values()] for i in each.tolist()]),
-        )
+    varied: tuple[str, ...] = designs.names
+    ps = _parameters_of_all(machine, designs)
+    if not {*designs.names} <= machine.values.keys():
+        varied = (*machine.values,)
     found, known = continued(machine, start, ps, varied, report), _known_together(machine)
     together = {text: formula for text, formula in formulas.items() if formula.names <= known}
     alone = {text: formula for text, formula in formulas.items() if text not in together}

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypedDict
 
 import numpy as np
 
-from ..design.designs_at_once import DESIGN_STATUSES
+from ..design.designs_at_once import DESIGN_STATUSES, tuned_orbit
 from ..design.problem import list_of_names
 from ..errors import InputError, NoOrbit
 from ..io import Document, conform, extra_package, to_json
@@ -217,6 +217,9 @@ class Sweep(Result, what="sweep", document_is_whole=True):
             raise InputError(f"the sweep has no member {member}; it has {len(self)}, from 0")
         values = {name: float(self.columns[name][place[0]]) for name in self.parameters}
         families, machine = self.about["families"], self.source.with_values(**values)
+        if (tuned := self.about.get("tune")) is not None:
+            own = tuned, self.about["at"], self.about.get("start")
+            return tuned_orbit(self.source, machine, families[member % len(families)], *own)
         if (start := self.about.get("start")) is None:
             return find(machine, families[member % len(families)])
         (orbit,) = continued_orbits(self.source, find(self.source, start=start), [machine])
@@ -312,4 +315,5 @@ def _columns_of_members(about: Mapping[str, Any]) -> dict[str, type]:
     if about["outcome"] not in COLUMNS_OF:
         raise ValueError(f"its outcome {about['outcome']!r} is none: it was changed, or is of a later version")
     numbers = dict.fromkeys(about["parameters"], float) | COLUMNS_OF[about["outcome"]]
+    numbers |= dict.fromkeys(about.get("tuned_columns", ()), float)
     return numbers | dict.fromkeys(about["quantities"], float) | dict.fromkeys(TEXTS, str)
