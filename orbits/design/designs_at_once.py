@@ -1,6 +1,6 @@
 """Many designs of a machine together: the orbit of each, its quantities, and the reasons why some have none."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any, NamedTuple
 
@@ -15,8 +15,9 @@ from ..periodic.find import StartLike, find, first_tuned, in_units_of
 from ..periodic.orbit import Orbit, orbit_of
 from ..periodic.orbits_at_once import lowest_orbits
 from ..periodic.quantities import OF_RUNS, names_of_many, numbers_of
-from ..periodic.tuned import Tuning, errors_of_tuned, tuning_of
+from ..periodic.tuned import Tuning, errors_of_tuned, prescribable, tuning_of
 from ..running import interrupts
+from ..shooting.single_shooting import Shooting
 from ..symbolic.formula import Formula, parse
 from ..units import Units, in_units
 from .problem import formula_names
@@ -81,9 +82,33 @@ def columns_of_tuned(model: Model, names: Sequence[str]) -> tuple[str, ...]:
     return (*names, *(f"{name}_error" for name in names), *runs, "admissible")
 
 
+def tuning_of_designs(machine: Machine, tune: Any, at: Any, varied: Iterable[str]) -> Tuning:
+    """The tuned parameters and prescribed quantities of designs over `varied` parameters; raises `InputError` where
+    they cannot be those."""
+    tuning = tuning_of(machine, tune, at)
+    if twice := [name for name in varied if name in (*tuning.names, *tuning.values)]:
+        raise InputError(f"'{twice[0]}' is varied, so that it is neither tuned nor prescribed: leave it out of one")
+    if tuning.extremes:
+        known = ", ".join(prescribable(machine.model))
+        raise InputError(
+            f"at '{next(iter(tuning.extremes))}': it is found from the whole motion and is no equation of half an orbit; "
+            f"designs are tuned to {known}, and find(machine, tune=..., at=...) finds one orbit"
+        )
+    return tuning
+
+
 def names_of_tuned(machine: Machine) -> list[str]:
     """The names that formulas of orbits with tuned parameters may use."""
     return formula_names(machine) if not machine.model.sticks else sorted(_known_together(machine))
+
+
+def no_designs(
+    machine: Machine, names: Sequence[str], values: np.ndarray, tuning: Tuning, formulas: Mapping[str, Formula]
+) -> Designs:
+    """Designs (m, k) whose orbits with tuned parameters are not found yet."""
+    columns = ("alpha", "flight_time", "error", "family", *columns_of_tuned(machine.model, tuning.names), *formulas)
+    numbers = {name: np.full(len(values), np.nan) for name in columns}
+    return Designs(tuple(names), values, numbers, *np.full((2, len(values)), "", dtype=object))
 
 
 def tuned_designs(
@@ -101,9 +126,7 @@ def tuned_designs(
     They are continued from the orbit of the machine itself, which is that of a family or found from a start. Where it
     has none, each is found as by `find`.
     """
-    columns = ("alpha", "flight_time", "error", "family", *columns_of_tuned(machine.model, tuning.names), *formulas)
-    numbers = {name: np.full(len(values), np.nan) for name in columns}
-    designs = Designs(tuple(names), values, numbers, *np.full((2, len(values)), "", dtype=object))
+    designs = no_designs(machine, names, values, tuning, formulas)
     try:
         _, known = first_tuned(machine, start, family, tuning.names, tuning.values)
     except NoOrbit:
@@ -117,9 +140,9 @@ def tuned_designs(
     varied = [name for name, column in zip(machine.values, own.T, strict=True) if (column != machine.values[name]).any()]
     found, errors = continued_tuned(known, ps, varied, report)
     for name in tuning.names:
-        numbers[f"{name}_error"][:] = errors[name]
+        designs.numbers[f"{name}_error"][:] = errors[name]
     for orbits in found.parts:
-        _fill_in_tuned(machine, designs, orbits.which, orbits, tuning, formulas)
+        fill_in_tuned(machine, designs, orbits.which, orbits, tuning, formulas)
     for i, (status, reason) in found.stopped.items():
         designs.statuses[i], designs.reasons[i] = status, reason
     return designs
@@ -139,11 +162,18 @@ def tuned_orbit(
     found, _ = continued_tuned(known, ps, varied)
     if 0 in found.stopped:
         raise NoOrbit(found.stopped[0][1])
-    u = dict(zip(known.equations.statement.unknowns, found.unknowns[0].tolist(), strict=True))
-    own = other.with_values(**{name: u[name] for name in tuning.names})
-    stated = {name: x for name, x in u.items() if name in (*own.model.half_unknowns, "contact_duration")}
-    near = in_units_of(own, stated) | ({STEP_LENGTH: u[STEP_LENGTH]} if STEP_LENGTH in u else {})
+    own, near = start_of_tuned(other, tuning, known.equations, found.unknowns[0])
     return find(own, start=near, tune=tune, at=at)
+
+
+def start_of_tuned(
+    machine: Machine, tuning: Tuning, equations: Shooting, us: np.ndarray
+) -> tuple[Machine, dict[str, float]]:
+    """The machine with the tuned values of a solution (n,), and the start from which `find` finds that solution."""
+    u = dict(zip(equations.statement.unknowns, us.tolist(), strict=True))
+    own = machine.with_values(**{name: u[name] for name in tuning.names})
+    stated = {name: x for name, x in u.items() if name in (*own.model.half_unknowns, "contact_duration")}
+    return own, in_units_of(own, stated) | ({STEP_LENGTH: u[STEP_LENGTH]} if STEP_LENGTH in u else {})
 
 
 def _tune_alone(
@@ -163,10 +193,10 @@ def _tune_alone(
     for name, error in errors_of_tuned(solved).items():
         if name in tuning.names:
             designs.numbers[f"{name}_error"][i] = error
-    _fill_in_tuned(machine, designs, np.array([i]), orbits, tuning, formulas)
+    fill_in_tuned(machine, designs, np.array([i]), orbits, tuning, formulas)
 
 
-def _fill_in_tuned(
+def fill_in_tuned(
     machine: Machine, designs: Designs, which: np.ndarray, orbits: Certified, tuning: Tuning,
     formulas: Mapping[str, Formula],
 ) -> None:  # fmt: skip

@@ -8,14 +8,14 @@ from typing import Any, NamedTuple, TypedDict
 import numpy as np
 
 from ..continuation.checkpoint import versions
-from ..design.designs_at_once import columns_of_tuned, names_of_tuned
+from ..design.designs_at_once import columns_of_tuned, names_of_tuned, tuning_of_designs
 from ..design.problem import formula_names, known_formula, list_of_names
 from ..errors import InputError, finite_number
 from ..io import Document
 from ..model.machine import Machine, machine_in_words
 from ..periodic.find import check_start, family_number, find, unknowns_of_start
 from ..periodic.orbit import Orbit, start_in_file
-from ..periodic.tuned import Tuning, prescribable, tuning_of
+from ..periodic.tuned import Tuning
 from ..running.exclusive import exclusive
 from .designs import Axis, Members
 
@@ -205,15 +205,7 @@ def _tuning(machine: Machine, members: Members, outcome: str, tune: Any, at: Any
         return None
     if outcome != "find":
         raise InputError(f"tune and at are those of orbits: leave them out for outcome = {outcome!r}")
-    tuning = tuning_of(machine, tune, at)
-    if swept := [name for name in members.names if name in (*tuning.names, *tuning.values)]:
-        raise InputError(f"'{swept[0]}' is swept over, so that it is neither tuned nor prescribed")
-    if tuning.extremes:
-        raise InputError(
-            f"at '{next(iter(tuning.extremes))}': it is found from the whole motion and is no equation of half an orbit; "
-            f"a sweep prescribes {', '.join(prescribable(machine.model))}, and find(machine, tune=..., at=...) the other"
-        )
-    return tuning
+    return tuning_of_designs(machine, tune, at, members.names)
 
 
 def _check_quantities(machine: Machine, quantities: Sequence[str], tuning: Tuning | None) -> None:
