@@ -137,8 +137,7 @@ def tuned_designs(
         return designs
     own = _parameters_of_all(machine, designs)
     ps = np.hstack([own, np.tile(known.ps[0, own.shape[1] :], (len(own), 1))])
-    varied = [name for name, column in zip(machine.values, own.T, strict=True) if (column != machine.values[name]).any()]
-    found, errors = continued_tuned(known, ps, varied, report)
+    found, errors = continued_tuned(known, ps, _varied(machine, designs), report)
     for name in tuning.names:
         designs.numbers[f"{name}_error"][:] = errors[name]
     for orbits in found.parts:
@@ -149,17 +148,18 @@ def tuned_designs(
 
 
 def tuned_orbit(
-    machine: Machine, other: Machine, family: int, tune: Sequence[str], at: Mapping[str, float], start: StartLike | None
-) -> Orbit:
-    """The orbit with tuned parameters of another machine of the same model, as `tuned_designs` reaches it."""
-    tuning = tuning_of(machine, tune, at)
+    machine: Machine, over: Mapping[str, float], family: int, tune: Sequence[str], at: Mapping[str, float],
+    start: StartLike | None,
+) -> Orbit:  # fmt: skip
+    """The orbit with tuned parameters of the machine with other values of the parameters `over`, as `tuned_designs`
+    reaches it."""
+    tuning, other = tuning_of(machine, tune, at), machine.with_values(**over)
     try:
         _, known = first_tuned(machine, start, family, tuning.names, tuning.values)
     except NoOrbit:
         return find(other, None if start else family, start=start, tune=tune, at=at)
     ps = np.array([[*other.values.values(), *known.ps[0, len(machine.values) :]]])
-    varied = [name for name, value in other.values.items() if machine.values[name] != value]
-    found, _ = continued_tuned(known, ps, varied)
+    found, _ = continued_tuned(known, ps, tuple(over) if {*over} <= machine.values.keys() else (*machine.values,))
     if 0 in found.stopped:
         raise NoOrbit(found.stopped[0][1])
     own, near = start_of_tuned(other, tuning, known.equations, found.unknowns[0])
@@ -190,9 +190,9 @@ def _tune_alone(
     except OrbitsError as error:
         designs.statuses[i], designs.reasons[i] = "failed" if isinstance(error, InputError) else "no orbit", str(error)
         return
-    for name, error in errors_of_tuned(solved).items():
+    for name, bound in errors_of_tuned(solved).items():
         if name in tuning.names:
-            designs.numbers[f"{name}_error"][i] = error
+            designs.numbers[f"{name}_error"][i] = bound
     fill_in_tuned(machine, designs, np.array([i]), orbits, tuning, formulas)
 
 
@@ -266,6 +266,11 @@ def _parameters_of(machine: Machine, designs: Designs, which: np.ndarray) -> np.
     return ps
 
 
+def _varied(machine: Machine, designs: Designs) -> tuple[str, ...]:
+    """The names of the model's parameters in which designs differ."""
+    return designs.names if {*designs.names} <= machine.values.keys() else (*machine.values,)
+
+
 def _parameters_of_all(machine: Machine, designs: Designs) -> np.ndarray:
     """The parameters (m, np) of the machine's model for all designs (m,)."""
     each = np.arange(len(designs.values))
@@ -279,11 +284,8 @@ def _continue(
     machine: Machine, start: Orbit, designs: Designs, formulas: Mapping[str, Formula], report: Callable[[int], None]
 ) -> None:
     """Fill in designs whose orbits are continued from the machine's own orbit."""
-    varied: tuple[str, ...] = designs.names
     ps = _parameters_of_all(machine, designs)
-    if not {*designs.names} <= machine.values.keys():
-        varied = (*machine.values,)
-    found, known = continued(machine, start, ps, varied, report), _known_together(machine)
+    found, known = continued(machine, start, ps, _varied(machine, designs), report), _known_together(machine)
     together = {text: formula for text, formula in formulas.items() if formula.names <= known}
     alone = {text: formula for text, formula in formulas.items() if text not in together}
     for orbits in found.parts:

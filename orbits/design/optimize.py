@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..consistency.accepted import check_parameters
 from ..errors import InputError, NoOrbit, OrbitsError, whole_number
 from ..model.machine import Machine
 from ..periodic.continued import continued_orbits
@@ -80,8 +81,9 @@ def optimize(
     >>> round(best.parameters["k"], 3), round(best.objective, 3)
     (7071.55, 1483.088)
     """
+    check_parameters(machine)
     with interrupts.deferred():
-        if tune is not None or at is not None:
+        if tune is not None or at is not None or machine.model.sticks:
             tuning = tuning_of_designs(machine, tune, at, over)
             problem = design_problem(machine, minimise, maximise, over, subject_to, names_of_tuned(machine))
             return _best_tuned(machine, problem, tuning, family, start, starts, seed, progress)

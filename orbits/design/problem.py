@@ -9,7 +9,7 @@ import numpy as np
 from ..consistency.accepted import check_parameters
 from ..errors import InputError, finite_number
 from ..model.machine import Machine, free_parameters
-from ..model.model import Model
+from ..model.model import Model, refuse_forward
 from ..numerics.sobol import sobol_points
 from ..symbolic.formula import Formula, parse, suggest
 from .design_quantities import VARIATIONAL, extremes_of, quantity_names
@@ -85,7 +85,7 @@ class DesignProblem:
         """The places (k,) of values within their bounds, between 0 and 1; along logarithms where they span decades."""
         low, high = np.array(self.low), np.array(self.high)
         wide, positive = self.wide, np.where(self.wide, self.low, 1.0)
-        ratio = np.log(np.where(wide, theta, 1.0) / positive) / np.log(np.where(wide, high, np.e) / positive)
+        ratio = np.log(np.where(wide, theta, 1.0) / positive) / np.log(np.where(wide, high / positive, 2.0))
         return np.where(wide, ratio, (theta - low) / (high - low))
 
     def at_shares(self, x: np.ndarray) -> np.ndarray:
@@ -156,6 +156,7 @@ def design_problem(
 
 def formula_names(machine: Machine) -> list[str]:
     """The names that a formula of a design may use: quantities of the orbit and parameters of the machine."""
+    refuse_forward(machine.model)
     quantities = quantity_names(machine.model, machine.values)
     parameters = free_parameters(machine)
     if ambiguous := [name for name in parameters if name in quantities]:

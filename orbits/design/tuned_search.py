@@ -51,7 +51,7 @@ def best_tuned(
             tried.append(Start(dict(point), None, search.reason(x)))
             continue
         parameters = dict(zip(problem.names, problem.at_shares(x).tolist(), strict=True))
-        tried.append(Start(dict(point), merit * problem.sign, optimum=parameters))
+        tried.append(Start(dict(point), float(merit) * problem.sign, optimum=parameters))
         best = min(best, (merit, x), key=lambda each: each[0])
     if best[0] == np.inf:
         raise NoOrbit(f"no start within the bounds leads to a motion that meets the constraints: {tried[0].reason}")
@@ -72,15 +72,15 @@ class _Search:
         """The merit and the shares (k,) of the ranges of the best design found from a start."""
         from scipy.optimize import minimize
 
-        best, size = (np.inf, x), FIRST_SIMPLEX
+        best, size, first = (np.inf, x), FIRST_SIMPLEX, abs(self.merit(x))
         for _ in range(MOST_SIMPLICES):
             inwards = np.where(best[1] < 0.5, size, -size)
             simplex = best[1] + np.vstack([np.zeros(len(x)), np.diag(inwards)])
             options = {"initial_simplex": simplex, "xatol": SMALLEST_SIMPLEX, "maxfev": MOST_VALUES}
-            options["fatol"] = SAME_VALUES * max(1.0, abs(best[0])) if best[0] < VIOLATED else SAME_VALUES
+            options["fatol"] = SAME_VALUES * (first if 0 < first < VIOLATED else 1.0)
             found = minimize(self.merit, best[1], method="Nelder-Mead", bounds=[(0, 1)] * len(x), options=options)
             gain, best = best[0] - found.fun, min(best, (found.fun, found.x), key=lambda each: each[0])
-            if gain <= LEAST_GAIN * abs(best[0]):
+            if best[0] >= VIOLATED or gain <= LEAST_GAIN * (first if 0 < first < VIOLATED else 1.0):
                 break
             size = NEXT_SIMPLEX
         return best
@@ -159,7 +159,7 @@ class _Search:
         assert solved is not None
         other = self.machine.with_values(**dict(zip(problem.names, theta.tolist(), strict=True)))
         own, start = start_of_tuned(other, tuning, solved.equations, solved.us[0])
-        orbit: Orbit = find(own, start=start, tune=tuning.names, at=tuning.values)
+        orbit: Orbit = find(own, start=start, tune=tuning.names, at=tuning.at)
         assert orbit.source is not None
         parameters = {name: float(orbit.source.values[name]) for name in (*problem.names, *tuning.names)}
         return Design(
@@ -172,7 +172,8 @@ class _Search:
         """The bounds and the constraints that are active, without multipliers."""
         problem, found = self.problem, list[str]()
         for name, share, low, high in zip(problem.names, x, problem.low, problem.high, strict=True):
-            found += [f"{name} >= {low:g}"] if share <= ACTIVE else [f"{name} <= {high:g}"] if share >= 1 - ACTIVE else []
+            found += [f"{name} >= {low:g}"] if share <= ACTIVE else []
+            found += [f"{name} <= {high:g}"] if share >= 1 - ACTIVE else []
         for each in problem.constraints:
             value = float(designs.numbers[each.text][0])
             ends: list[Any] = [bound for bound in (each.low, each.high) if np.isfinite(bound)]

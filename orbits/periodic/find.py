@@ -132,8 +132,7 @@ def _tuned_from(
         orbit, errors = _tuned_near(machine, start, tuning, method)
     if family not in (None, orbit.family):
         raise NoOrbit(another_family(family, orbit.family))
-    prescribed = {name: x for name, x in {**tuning.values, **tuning.extremes}.items() if x is not None}
-    return replace(orbit.with_tuned(errors, prescribed), seconds=time.perf_counter() - began)
+    return replace(orbit.with_tuned(errors, tuning.at), seconds=time.perf_counter() - began)
 
 
 def _tuned_near(machine: Machine, known: Any, tuning: Tuning, method: str) -> tuple[Orbit, dict[str, float]]:

@@ -96,6 +96,11 @@ class Tuning:
     values: Mapping[str, float | None]
     extremes: Mapping[str, float]
 
+    @property
+    def at(self) -> dict[str, float]:
+        """All prescribed values by name, as `find` takes them."""
+        return {name: x for name, x in {**self.values, **self.extremes}.items() if x is not None}
+
 
 def tuning_of(machine: Machine, tune: str | Iterable[str] | None, at: Mapping[str, float] | None) -> Tuning:
     """The tuned parameters of a machine and the prescribed quantities; raises `InputError` where the names are unknown,

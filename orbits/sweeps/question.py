@@ -112,11 +112,9 @@ class Question:
             "versions": {name: versions()[name] for name in ("persistent-orbits", "casadi", "numpy")},
         }
 
-
     def _tuned(self) -> Document:
         assert self.tuning is not None
-        tuned, at = list(self.tuning.names), dict(self.tuning.values)
-        return {"tune": tuned, "at": at, "tuned_columns": list(self.tuned_columns)}
+        return {"tune": list(self.tuning.names), "at": self.tuning.at, "tuned_columns": list(self.tuned_columns)}
 
 
 class SavedQuestion(TypedDict):
@@ -191,7 +189,7 @@ def question_of(
     unknowns = None
     if start is not None and tuning:
         start = start if isinstance(start, Orbit | Mapping) else start_in_file(start)
-        find(machine, start=start, tune=tuning.names, at=tuning.values)  # raises where it leads to no orbit
+        find(machine, start=start, tune=tuning.names, at=tuning.at)  # raises where it leads to no orbit
         unknowns = unknowns_of_start(machine, start) if isinstance(start, Orbit) else dict(start)
     elif start is not None:
         unknowns = unknowns_of_start(machine, find(machine, start=start))

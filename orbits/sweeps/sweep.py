@@ -213,8 +213,8 @@ def _further_sweep(
         family=question.families[0],
         quantities=quantities,
         start=question.start,
-        tune=question.tuning and question.tuning.names,
-        at=question.tuning and question.tuning.values,
+        tune=question.tuning.names if question.tuning else None,
+        at=question.tuning.at if question.tuning else None,
         **options,
     )
 

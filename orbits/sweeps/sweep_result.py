@@ -219,7 +219,7 @@ class Sweep(Result, what="sweep", document_is_whole=True):
         families, machine = self.about["families"], self.source.with_values(**values)
         if (tuned := self.about.get("tune")) is not None:
             own = tuned, self.about["at"], self.about.get("start")
-            return tuned_orbit(self.source, machine, families[member % len(families)], *own)
+            return tuned_orbit(self.source, values, families[member % len(families)], *own)
         if (start := self.about.get("start")) is None:
             return find(machine, families[member % len(families)])
         (orbit,) = continued_orbits(self.source, find(self.source, start=start), [machine])
