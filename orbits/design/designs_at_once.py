@@ -91,7 +91,7 @@ def tuning_of_designs(machine: Machine, tune: Any, at: Any, varied: Iterable[str
     if tuning.extremes:
         known = ", ".join(prescribable(machine.model))
         raise InputError(
-            f"at '{next(iter(tuning.extremes))}': it is found from the whole motion and is no equation of half an orbit; "
+            f"at '{next(iter(tuning.extremes))}': it is found from the whole motion and no equation of half an orbit; "
             f"designs are tuned to {known}, and find(machine, tune=..., at=...) finds one orbit"
         )
     return tuning

@@ -1,7 +1,7 @@
 """The best design of orbits with tuned parameters, by a search that compares values and takes no derivatives.
 
-What a run needs, such as friction, is the larger of a limit at landing and of extremes inside the contact, so that the
-best design often lies at an edge where two of these are equal. There the method of Nelder and Mead goes on (SciPy), with
+What a run needs, such as friction, is the larger of a limit at landing and of extremes in contact, so that the best
+design often lies at an edge where two of these are equal. There the method of Nelder and Mead goes on (SciPy), with
 smaller simplices about its end until that gains nothing. It finds a local optimum and proves no optimality conditions.
 """
 
@@ -33,7 +33,7 @@ FIRST_SIMPLEX, NEXT_SIMPLEX, MOST_SIMPLICES, LEAST_GAIN = 0.15, 0.03, 6, 1e-8
 SMALLEST_SIMPLEX, SAME_VALUES, MOST_VALUES = 1e-7, 1e-11, 400
 # Constraints are met to this share of their bounds; the merits of designs that violate them, and of those without a
 # motion, lie above all others.
-MET, VIOLATED, NO_MOTION = 1e-9, 1e100, 1e200
+CONSTRAINTS_MET, MERIT_OF_VIOLATIONS, MERIT_WITHOUT_MOTION = 1e-9, 1e100, 1e200
 
 
 def best_tuned(
@@ -41,13 +41,13 @@ def best_tuned(
     points: Sequence[Mapping[str, float]], progress: Progress,
 ) -> Design:  # fmt: skip
     """The best design with tuned parameters from some starts, each the designed parameters by name."""
-    began, search = time.perf_counter(), _Search(machine, problem, tuning, family, start)
+    began, search = time.perf_counter(), _TunedSearch(machine, problem, tuning, family, start)
     tried, best = list[Start](), (np.inf, np.empty(0))
     for i, point in enumerate(points):
         merit, x = search.from_start(problem.shares(np.array([point[name] for name in problem.names])))
         if progress:
             progress((i + 1) / len(points))
-        if merit >= VIOLATED:
+        if merit >= MERIT_OF_VIOLATIONS:
             tried.append(Start(dict(point), None, search.reason(x)))
             continue
         parameters = dict(zip(problem.names, problem.at_shares(x).tolist(), strict=True))
@@ -58,7 +58,7 @@ def best_tuned(
     return replace(search.design(best[1]), starts=tuple(tried), seconds=time.perf_counter() - began)
 
 
-class _Search:
+class _TunedSearch:
     """The search of one problem: the designs whose orbits are known, each continued from the nearest one."""
 
     def __init__(self, machine: Machine, problem: DesignProblem, tuning: Tuning, family: int, start: StartLike | None):
@@ -77,10 +77,12 @@ class _Search:
             inwards = np.where(best[1] < 0.5, size, -size)
             simplex = best[1] + np.vstack([np.zeros(len(x)), np.diag(inwards)])
             options = {"initial_simplex": simplex, "xatol": SMALLEST_SIMPLEX, "maxfev": MOST_VALUES}
-            options["fatol"] = SAME_VALUES * (first if 0 < first < VIOLATED else 1.0)
+            options["fatol"] = SAME_VALUES * (first if 0 < first < MERIT_OF_VIOLATIONS else 1.0)
             found = minimize(self.merit, best[1], method="Nelder-Mead", bounds=[(0, 1)] * len(x), options=options)
             gain, best = best[0] - found.fun, min(best, (found.fun, found.x), key=lambda each: each[0])
-            if best[0] >= VIOLATED or gain <= LEAST_GAIN * (first if 0 < first < VIOLATED else 1.0):
+            if best[0] >= MERIT_OF_VIOLATIONS or gain <= LEAST_GAIN * (
+                first if 0 < first < MERIT_OF_VIOLATIONS else 1.0
+            ):
                 break
             size = NEXT_SIMPLEX
         return best
@@ -107,24 +109,24 @@ class _Search:
             designs.reasons[0] = str(error)
         objective = float(designs.numbers[problem.text][0])
         if designs.statuses[0] != "certified" or not np.isfinite(objective):
-            return NO_MOTION, designs, solved
+            return MERIT_WITHOUT_MOTION, designs, solved
         assert solved is not None
         self.known.append((theta, solved))
         violation = 0.0
         for each in problem.constraints:
             size = max(abs(bound) for bound in (each.low, each.high) if np.isfinite(bound)) or 1.0
             value = float(designs.numbers[each.text][0])
-            violation += max(each.violation(value) / size - MET, 0.0) if np.isfinite(value) else np.inf
+            violation += max(each.violation(value) / size - CONSTRAINTS_MET, 0.0) if np.isfinite(value) else np.inf
         if violation:
             designs.reasons[0] = "it violates the constraints " + "; ".join(each.text for each in problem.constraints)
-            return min(VIOLATED * (1 + violation), NO_MOTION), designs, solved
+            return min(MERIT_OF_VIOLATIONS * (1 + violation), MERIT_WITHOUT_MOTION), designs, solved
         return problem.sign * objective, designs, solved
 
     def _solved(self, theta: np.ndarray) -> Solved:
         """The solution of a design, continued from the nearest that is known; raises `NoOrbit` where it is not
         reached."""
         problem = self.problem
-        near, known = min(self.known, key=lambda each: float(np.abs(problem.change(each[0], theta)).sum()))
+        _, known = min(self.known, key=lambda each: float(np.abs(problem.change(each[0], theta)).sum()))
         machine = self.machine.with_values(**dict(zip(problem.names, theta.tolist(), strict=True)))
         equations, x, own = known.equations, known.us[0], len(self.machine.values)
         p = np.array([*machine.values.values(), *known.ps[0, own:]])

@@ -89,7 +89,7 @@ def sweep(
     tune, at : as in `find`, for quantities other than extremes of the motion; the orbits of the members are continued
         from that of the machine itself. Further columns are the tuned values, bounds on their errors as "k_error",
         "admissible" as 1 or 0, and of runs step, speeds and friction
-    executor    executor : None for this process, "processes" for `workers` processes (None: one for each core), or an executor of
+    executor : None for this process, "processes" for `workers` processes (None: one for each core), or an executor of
         `concurrent.futures`
     client : of a Dask cluster, instead of an executor
     store : an SQLite file to which every chunk of members is written as soon as it is done; a sweep with the same store

@@ -14,7 +14,7 @@ AT_SPEED = {"tune": ("inertia", "hip_stiffness"), "at": {"speed": 0.4}}
 
 
 def stiffness(mass_ratio: float) -> float:
-    """That with the frequency 0.1: the period of a linear hopper is one of stiffness 1 over the root of the stiffness."""
+    """That with the frequency 0.1; the period is that of stiffness 1 over the root of the stiffness."""
     return (0.1 * find(LINEAR.with_values(mass_ratio=mass_ratio)).period) ** 2
 
 
