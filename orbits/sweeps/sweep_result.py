@@ -186,7 +186,8 @@ class Sweep(Result, what="sweep", document_is_whole=True):
             for name, column in self.columns.items():
                 value = column[i]
                 if name not in TEXTS:
-                    value = None if np.isnan(value) else int(value) if name in whole else float(value)
+                    kind = bool if name == "admissible" else int if name in whole else float
+                    value = None if np.isnan(value) else kind(value)
                 row[name] = value
             yield row
 

@@ -47,6 +47,7 @@ def test_tuned_members_have_the_frequency(orbits):
         orbit = find(Hopper("k*r", mass_ratio=member["mass_ratio"], parameters={"k": member["k"]}))
         assert orbit.period == pytest.approx(10, rel=1e-12)
         assert member["k_error"] < 1e-11
+        assert member["admissible"] is True
     refused = orbits("sweep --spring 'k*r' --tune k=1.5 --over mass_ratio=0.5,1,2")
     assert (refused.code, "tune = ['k'] and at = [] are 1 for 0" in refused.err) == (2, True)
 
