@@ -408,8 +408,8 @@ def refuse_forward(model: Model) -> None:
     """Raise `InputError` for a model whose foot sticks, where parameters would be varied and none tuned."""
     if model.sticks:
         raise InputError(
-            f"a {model.name} has no orbits beside this one unless a number of it is tuned: sweep(..., tune=..., at=...), "
-            "follow(..., tune=...) and optimize(..., tune=..., at=...) do so for each"
+            f"a {model.name} has no orbits beside this one unless a number of it is tuned: "
+            "sweep(..., tune=..., at=...), follow(..., tune=...) and optimize(..., tune=..., at=...) do so for each"
         )
 
 
