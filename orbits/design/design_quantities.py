@@ -12,7 +12,7 @@ from typing import Any
 import casadi as ca
 
 from ..errors import InputError
-from ..model.model import CONTACT_FORCE, LANDED_FORCE, Model, refuse_steps
+from ..model.model import CONTACT_FORCE, LANDED_FORCE, Model, refuse_forward
 from ..model.phase import Arc, Phase, Statement
 from ..model.planar import NORMAL_FORCE, TANGENTIAL_FORCE
 from ..periodic.loss_coefficient import by_launch_speed, launch_power, loss_coefficient
@@ -113,8 +113,7 @@ def base_statement(model: Model) -> Statement:
     mirror images."""
     if not model.reversor:
         raise InputError("a design needs a machine whose motion is its own mirror image in time: leave out the damping")
-    if model.sticks:
-        refuse_steps(model, "a design")
+    refuse_forward(model)
     return model.reduction.statement if model.reduction else half_orbit(model)
 
 

@@ -1,6 +1,6 @@
 """Many designs of a machine together: the orbit of each, its quantities, and the reasons why some have none."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any, NamedTuple
 
@@ -8,16 +8,19 @@ import numpy as np
 
 from ..errors import InputError, NoOrbit, OrbitsError, shortened
 from ..model.machine import Machine
-from ..model.model import Model
-from ..periodic.certified import Certified
-from ..periodic.continued import AT_FOLD, NOT_REACHED, continued, orbit_from_unknowns
-from ..periodic.find import find
+from ..model.model import STEP_LENGTH, Model
+from ..periodic.certified import Certified, certified
+from ..periodic.continued import AT_FOLD, NOT_REACHED, continued, continued_tuned, orbit_from_unknowns
+from ..periodic.find import StartLike, find, first_tuned, in_units_of
 from ..periodic.orbit import Orbit, orbit_of
 from ..periodic.orbits_at_once import lowest_orbits
-from ..periodic.quantities import names_of_many, numbers_of
+from ..periodic.quantities import OF_RUNS, names_of_many, numbers_of
+from ..periodic.tuned import Tuning, errors_of_tuned, prescribable, tuning_of
 from ..running import interrupts
-from ..symbolic.formula import Formula
+from ..shooting.single_shooting import Shooting
+from ..symbolic.formula import Formula, parse
 from ..units import Units, in_units
+from .problem import formula_names
 from .sensitivities import quantities
 
 # The statuses of a design.
@@ -72,6 +75,156 @@ def solved_designs(
     return designs
 
 
+def columns_of_tuned(model: Model, names: Sequence[str]) -> tuple[str, ...]:
+    """The numbers of orbits with tuned parameters of these names, besides those of all orbits: the tuned values with
+    bounds on their errors, what machines that go forward have, and whether an orbit is admissible, as 1 or 0."""
+    runs = (*OF_RUNS, "friction_needed") if model.sticks else ()
+    return (*names, *(f"{name}_error" for name in names), *runs, "admissible")
+
+
+def tuning_of_designs(machine: Machine, tune: Any, at: Any, varied: Iterable[str]) -> Tuning:
+    """The tuned parameters and prescribed quantities of designs over `varied` parameters; raises `InputError` where
+    they cannot be those."""
+    tuning = tuning_of(machine, tune, at)
+    if twice := [name for name in varied if name in (*tuning.names, *tuning.values)]:
+        raise InputError(f"'{twice[0]}' is varied, so that it is neither tuned nor prescribed: leave it out of one")
+    if tuning.extremes:
+        known = ", ".join(prescribable(machine.model))
+        raise InputError(
+            f"at '{next(iter(tuning.extremes))}': it is found from the whole motion and no equation of half an orbit; "
+            f"designs are tuned to {known}, and find(machine, tune=..., at=...) finds one orbit"
+        )
+    return tuning
+
+
+def names_of_tuned(machine: Machine) -> list[str]:
+    """The names that formulas of orbits with tuned parameters may use."""
+    return formula_names(machine) if not machine.model.sticks else sorted(_known_together(machine))
+
+
+def no_designs(
+    machine: Machine, names: Sequence[str], values: np.ndarray, tuning: Tuning, formulas: Mapping[str, Formula]
+) -> Designs:
+    """Designs (m, k) whose orbits with tuned parameters are not found yet."""
+    columns = ("alpha", "flight_time", "error", "family", *columns_of_tuned(machine.model, tuning.names), *formulas)
+    numbers = {name: np.full(len(values), np.nan) for name in columns}
+    return Designs(tuple(names), values, numbers, *np.full((2, len(values)), "", dtype=object))
+
+
+def tuned_designs(
+    machine: Machine,
+    names: Sequence[str],
+    values: np.ndarray,
+    family: int,
+    tuning: Tuning,
+    formulas: Mapping[str, Formula],
+    start: StartLike | None = None,
+    report: Callable[[int], None] = lambda done: None,
+) -> Designs:
+    """The orbits with tuned parameters of designs (m, k), as `solved_designs`, with the `columns_of_tuned`.
+
+    They are continued from the orbit of the machine itself, which is that of a family or found from a start. Where it
+    has none, each is found as by `find`.
+    """
+    designs = no_designs(machine, names, values, tuning, formulas)
+    try:
+        _, known = first_tuned(machine, start, family, tuning.names, tuning.values)
+    except NoOrbit:
+        for i in range(len(values)):
+            interrupts.heed()
+            report(i)
+            _tune_alone(designs, i, machine, start, family, tuning, formulas)
+        return designs
+    own = _parameters_of_all(machine, designs)
+    ps = np.hstack([own, np.tile(known.ps[0, own.shape[1] :], (len(own), 1))])
+    found, errors = continued_tuned(known, ps, _varied(machine, designs), report)
+    for name in tuning.names:
+        designs.numbers[f"{name}_error"][:] = errors[name]
+    for orbits in found.parts:
+        fill_in_tuned(machine, designs, orbits.which, orbits, tuning, formulas)
+    for i, (status, reason) in found.stopped.items():
+        designs.statuses[i], designs.reasons[i] = status, reason
+    return designs
+
+
+def tuned_orbit(
+    machine: Machine, over: Mapping[str, float], family: int, tune: Sequence[str], at: Mapping[str, float],
+    start: StartLike | None,
+) -> Orbit:  # fmt: skip
+    """The orbit with tuned parameters of the machine with other values of the parameters `over`, as `tuned_designs`
+    reaches it."""
+    tuning, other = tuning_of(machine, tune, at), machine.with_values(**over)
+    try:
+        _, known = first_tuned(machine, start, family, tuning.names, tuning.values)
+    except NoOrbit:
+        return find(other, None if start else family, start=start, tune=tune, at=at)
+    ps = np.array([[*other.values.values(), *known.ps[0, len(machine.values) :]]])
+    found, _ = continued_tuned(known, ps, tuple(over) if {*over} <= machine.values.keys() else (*machine.values,))
+    if 0 in found.stopped:
+        raise NoOrbit(found.stopped[0][1])
+    own, near = start_of_tuned(other, tuning, known.equations, found.unknowns[0])
+    return find(own, start=near, tune=tune, at=at)
+
+
+def start_of_tuned(
+    machine: Machine, tuning: Tuning, equations: Shooting, us: np.ndarray
+) -> tuple[Machine, dict[str, float]]:
+    """The machine with the tuned values of a solution (n,), and the start from which `find` finds that solution."""
+    u = dict(zip(equations.statement.unknowns, us.tolist(), strict=True))
+    own = machine.with_values(**{name: u[name] for name in tuning.names})
+    stated = {name: x for name, x in u.items() if name in (*own.model.half_unknowns, "contact_duration")}
+    return own, in_units_of(own, stated) | ({STEP_LENGTH: u[STEP_LENGTH]} if STEP_LENGTH in u else {})
+
+
+def _tune_alone(
+    designs: Designs, i: int, machine: Machine, start: StartLike | None, family: int, tuning: Tuning,
+    formulas: Mapping[str, Formula],
+) -> None:  # fmt: skip
+    """Fill in one design as `find` tunes it."""
+    try:
+        varied = designs.machine(machine, i)
+        _, solved = first_tuned(varied, start, family, tuning.names, tuning.values)
+        orbits, refused = certified(solved)
+        if orbits is None:
+            raise refused[0]
+    except OrbitsError as error:
+        designs.statuses[i], designs.reasons[i] = "failed" if isinstance(error, InputError) else "no orbit", str(error)
+        return
+    for name, bound in errors_of_tuned(solved).items():
+        if name in tuning.names:
+            designs.numbers[f"{name}_error"][i] = bound
+    fill_in_tuned(machine, designs, np.array([i]), orbits, tuning, formulas)
+
+
+def fill_in_tuned(
+    machine: Machine, designs: Designs, which: np.ndarray, orbits: Certified, tuning: Tuning,
+    formulas: Mapping[str, Formula],
+) -> None:  # fmt: skip
+    """Write orbits with tuned parameters to their designs; those with values that the machine cannot have are none."""
+    known = _known_together(machine)
+    together = {text: formula for text, formula in formulas.items() if formula.names <= known}
+    runs = {name: parse(name) for name in designs.numbers if name in (*OF_RUNS, "friction_needed")}
+    _fill_in(designs, which, machine.model, orbits, {**runs, **together})
+    for name in tuning.names:
+        designs.numbers[name][which] = np.broadcast_to(orbits.cycles.p[name], len(orbits.cycles))[orbits.places]
+    designs.numbers["admissible"][which] = designs.statuses[which] == "certified"
+    alone = {text: formula for text, formula in formulas.items() if text not in together}
+    for i, place in zip(which.tolist(), orbits.places.tolist(), strict=True):
+        tuned = {name: float(designs.numbers[name][i]) for name in tuning.names}
+        try:
+            own = designs.machine(machine, i).with_values(**tuned)
+        except InputError as error:
+            designs.statuses[i], designs.reasons[i] = "no orbit", f"the tuned values are none of a machine: {error}"
+            for name, column in designs.numbers.items():
+                column[i] = column[i] if name in designs.names else np.nan
+            continue
+        if alone:
+            interrupts.heed()
+            with suppress(NoOrbit):  # what is not certified alone has no such numbers
+                u = {name: float(orbits.cycles.u[name][place]) for name in own.model.half_unknowns}
+                _fill_in_formulas(designs, i, own, find(own, start=in_units_of(own, u)), alone)
+
+
 def _solved_in_lanes(machine: Machine, designs: Designs, family: int, formulas: Mapping[str, Formula]) -> np.ndarray:
     """Fill in the designs whose orbits are found together, and return the others.
 
@@ -113,19 +266,26 @@ def _parameters_of(machine: Machine, designs: Designs, which: np.ndarray) -> np.
     return ps
 
 
+def _varied(machine: Machine, designs: Designs) -> tuple[str, ...]:
+    """The names of the model's parameters in which designs differ."""
+    return designs.names if {*designs.names} <= machine.values.keys() else (*machine.values,)
+
+
+def _parameters_of_all(machine: Machine, designs: Designs) -> np.ndarray:
+    """The parameters (m, np) of the machine's model for all designs (m,)."""
+    each = np.arange(len(designs.values))
+    if {*designs.names} <= machine.values.keys():
+        return _parameters_of(machine, designs, each)
+    # Names of which the model's parameters are functions.
+    return np.array([[*designs.machine(machine, i).values.values()] for i in each.tolist()])
+
+
 def _continue(
     machine: Machine, start: Orbit, designs: Designs, formulas: Mapping[str, Formula], report: Callable[[int], None]
 ) -> None:
     """Fill in designs whose orbits are continued from the machine's own orbit."""
-    each, varied = np.arange(len(designs.values)), designs.names
-    if {*designs.names} <= machine.values.keys():
-        ps = _parameters_of(machine, designs, each)
-    else:  # names of which the model's parameters are functions
-        varied, ps = (
-            (*machine.values,),
-            np.array([[*designs.machine(machine, i).values.values()] for i in each.tolist()]),
-        )
-    found, known = continued(machine, start, ps, varied, report), _known_together(machine)
+    ps = _parameters_of_all(machine, designs)
+    found, known = continued(machine, start, ps, _varied(machine, designs), report), _known_together(machine)
     together = {text: formula for text, formula in formulas.items() if formula.names <= known}
     alone = {text: formula for text, formula in formulas.items() if text not in together}
     for orbits in found.parts:

@@ -284,6 +284,7 @@ def _proposed(search: LocalSearch, left: int) -> tuple[LocalSearch, DesignStep] 
     if settled or abs(step.gain) <= SMALL_GAIN:
         optimum = optimum_at(search.problem, search.point, search.scales(), search.flat)
         admissible = search.point.orbit.admissible
+        assert optimum.kkt is not None
         if admissible and optimum.kkt <= (LARGEST_SLOPE if settled else SMALLEST_SLOPE):
             return optimum
         if settled:

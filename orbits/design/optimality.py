@@ -27,11 +27,11 @@ class Active:
 
     text : the constraint, bound or condition
     multiplier : improvement of the objective per unit by which the constraint is relaxed, to first order; for an
-        equality constraint, per unit by which its value is raised
+        equality constraint, per unit by which its value is raised; None after a search without derivatives
     """
 
     text: str
-    multiplier: float
+    multiplier: float | None
 
 
 @dataclass(frozen=True)
@@ -51,13 +51,14 @@ class Design(Result, what="design"):
 
     source : the machine with the best parameters
     orbit : its certified lossless orbit
-    parameters : their values
+    parameters : their values, and those of tuned parameters
     verb, text, objective : "minimise" or "maximise", the formula of the objective, and its value
     quantities : values of the quantities that the problem names
     active : active constraints, bounds and conditions of a motion
     idle : parameters on which neither objective nor constraints depend; they have the values of the start
     kkt : largest violation of the optimality conditions: the gradient of the Lagrangian as a share of the objective
-        over each parameter's range, by the implicit function theorem, and the constraints' violations
+        over each parameter's range, by the implicit function theorem, and the constraints' violations; None after a
+        search without derivatives, as that for orbits with tuned parameters
     starts : all that were tried
     seconds : wall time
     pair : both objectives, for a design on a Pareto front; None otherwise
@@ -76,7 +77,7 @@ class Design(Result, what="design"):
     quantities: Mapping[str, float]
     active: tuple[Active, ...]
     idle: tuple[str, ...]
-    kkt: float
+    kkt: float | None
     starts: tuple[Start, ...] = ()
     seconds: float = 0.0
     pair: tuple[float, float] | None = None
@@ -113,10 +114,11 @@ class Design(Result, what="design"):
             yield Row.of(name, float(value), self.unit_of(name))._replace(heading=name)
         for each in self.active:
             values = {"held by": each.text, "multiplier": each.multiplier}
-            yield Row("held by", values, ("{}   (gains {:.4g} per unit)",))
+            yield Row("held by", values, ("{}" if each.multiplier is None else "{}   (gains {:.4g} per unit)",))
         yield from (Row("without effect", {"without effect": name}) for name in self.idle)
         successes = sum(start.objective is not None for start in self.starts)
-        yield Row("optimality", {"kkt": self.kkt}, ("{:.1e}",))
+        words = "{:.1e}" if self.kkt is not None else "not tested: a search without derivatives"
+        yield Row("optimality", {"kkt": self.kkt}, (words,))
         counts = {"successes": successes, "starts": len(self.starts), "seconds": self.seconds}
         yield Row("starts", counts, ("{} of {} led to an optimum, {:.2f} s",))
         if self.share is not None:

@@ -4,23 +4,27 @@ Objectives and constraints are formulas of the quantities in an orbit's JSON doc
 """
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
+from ..consistency.accepted import check_parameters
 from ..errors import InputError, NoOrbit, OrbitsError, whole_number
 from ..model.machine import Machine
 from ..periodic.continued import continued_orbits
 from ..periodic.find import Progress, StartLike, check_start, find
 from ..periodic.orbit import Orbit
+from ..periodic.tuned import Tuning
 from ..running import interrupts
 from ..running.exclusive import exclusive
+from .designs_at_once import names_of_tuned, tuning_of_designs
 from .local import Infeasible, Unbounded, attempt, local_optima
 from .optimality import Design, Start
 from .problem import DesignProblem, design_problem
 from .seeds import seeds_of
+from .tuned_search import best_tuned
 
 # Parameters of the same optimum, found from different starts, agree to this share of their units.
 SAME_DESIGN = 1e-3
@@ -41,6 +45,8 @@ def optimize(
     subject_to: Sequence[str] = (),
     family: int = 1,
     start: StartLike | None = None,
+    tune: str | Iterable[str] | None = None,
+    at: Mapping[str, float] | None = None,
     starts: int | str | None = None,
     seed: int = 0,
     progress: Progress = None,
@@ -54,6 +60,8 @@ def optimize(
     family : number of the family, from 1
     start : as in `find`, of the machine's own orbit, from which those of all other designs are continued, in place of
         the number of a family; machines whose launch has several unknowns need it
+    tune, at : as in `find`, for quantities other than extremes of the motion: every design is tuned. The search then
+        compares values alone (Nelder and Mead), and takes inequalities; the result's `parameters` has the tuned values
     starts, seed : number of starts, those after the first from Sobol's sequence; None for one, with further ones only
         where that leads to no optimum; "global" for the local minima of the objective among 256 designs of that
         sequence; the result's `share` is then the share of these designs that leads to its optimum
@@ -73,9 +81,31 @@ def optimize(
     >>> round(best.parameters["k"], 3), round(best.objective, 3)
     (7071.55, 1483.088)
     """
+    check_parameters(machine)
     with interrupts.deferred():
+        if tune is not None or at is not None or machine.model.sticks:
+            tuning = tuning_of_designs(machine, tune, at, over)
+            problem = design_problem(machine, minimise, maximise, over, subject_to, names_of_tuned(machine))
+            return _best_tuned(machine, problem, tuning, family, start, starts, seed, progress)
         problem = design_problem(machine, minimise, maximise, over, subject_to)
         return multistart(machine, problem, Origin.of(machine, family, start), starts, seed, progress)
+
+
+def _best_tuned(
+    machine: Machine, problem: DesignProblem, tuning: Tuning, family: int, start: StartLike | None,
+    starts: int | str | None, seed: int, progress: Progress,
+) -> Design:  # fmt: skip
+    """The best design with tuned parameters; raises `InputError` for what the search without derivatives does not
+    take."""
+    if isinstance(starts, str):
+        raise InputError(f"starts = {starts!r}: designs with tuned parameters have a number of starts")
+    if equations := [each.text for each in problem.constraints if each.low == each.high]:
+        raise InputError(
+            f"subject_to '{equations[0]}': designs with tuned parameters are searched without derivatives, which takes "
+            "inequalities; prescribe the quantity by at= and tune one number more"
+        )
+    points = starting_points(machine, problem, 1 if starts is None else starts, seed)
+    return best_tuned(machine, problem, tuning, family, start, points, progress)
 
 
 class Origin(NamedTuple):

@@ -15,7 +15,7 @@ import numpy as np
 from ..consistency.accepted import check_parameters
 from ..errors import InputError, NoOrbit, whole_number
 from ..model.machine import Machine
-from ..model.model import Model, refuse_hysteresis, refuse_steps
+from ..model.model import Model, refuse_forward, refuse_hysteresis
 from ..numerics.roots import Array
 from ..periodic.find import StartLike, find
 from ..periodic.orbit import Orbit
@@ -82,8 +82,7 @@ def orbit_function(
     if not names or len({*names}) < len(names):
         raise InputError(f"over = {over!r}; it names the parameters of the function, each once")
     refuse_hysteresis(machine.model)
-    if machine.model.sticks:
-        refuse_steps(machine.model, "a function of parameters")
+    refuse_forward(machine.model)
     if machine.model.reversor is None:
         halves = "the second half of its orbits is no mirror image of the first, which is differentiated"
         raise InputError(f"a {machine.model.name} has no reversor: {halves}")

@@ -9,7 +9,7 @@ import numpy as np
 from ..consistency.accepted import check_parameters
 from ..errors import InputError, finite_number
 from ..model.machine import Machine, free_parameters
-from ..model.model import Model
+from ..model.model import Model, refuse_forward
 from ..numerics.sobol import sobol_points
 from ..symbolic.formula import Formula, parse, suggest
 from .design_quantities import VARIATIONAL, extremes_of, quantity_names
@@ -81,6 +81,20 @@ class DesignProblem:
         """The unit of each parameter at values (k,): the distance between its bounds, or its value."""
         return np.where(self.wide, np.abs(theta), np.subtract(self.high, self.low))
 
+    def shares(self, theta: np.ndarray) -> np.ndarray:
+        """The places (k,) of values within their bounds, between 0 and 1; along logarithms where they span decades."""
+        low, high = np.array(self.low), np.array(self.high)
+        wide, positive = self.wide, np.where(self.wide, self.low, 1.0)
+        ratio = np.log(np.where(wide, theta, 1.0) / positive) / np.log(np.where(wide, high / positive, 2.0))
+        return np.where(wide, ratio, (theta - low) / (high - low))
+
+    def at_shares(self, x: np.ndarray) -> np.ndarray:
+        """The values (k,) at places `shares` within their bounds."""
+        low, high = np.array(self.low), np.array(self.high)
+        positive = np.where(self.wide, low, 1.0)
+        ratio = np.where(self.wide, high / positive, 1.0)
+        return np.where(x == 1, high, np.where(self.wide, positive * ratio**x, low + x * (high - low)))
+
     def change(self, theta: np.ndarray, to: np.ndarray) -> np.ndarray:
         """The change (k,) from values to others: of logarithms where bounds span decades, else as shares of ranges."""
         ratio = np.where(self.wide, to, 1.0) / np.where(self.wide, theta, 1.0)
@@ -111,14 +125,16 @@ class Outputs:
 
 
 def design_problem(
-    machine: Machine, minimise: str | None, maximise: str | None, over: Mapping, subject_to: Sequence[str]
-) -> DesignProblem:
-    """The checked problem of the arguments of `optimize`; raises `InputError` that states the reason."""
+    machine: Machine, minimise: str | None, maximise: str | None, over: Mapping, subject_to: Sequence[str],
+    known: Sequence[str] | None = None,
+) -> DesignProblem:  # fmt: skip
+    """The checked problem of the arguments of `optimize`, in formulas of `known` names, None for those of all designs;
+    raises `InputError` that states the reason."""
     check_parameters(machine)
     if (minimise is None) == (maximise is None):
         raise InputError("a design minimises or maximises one objective: give one of the two")
     verb, text = ("maximise", maximise) if minimise is None else ("minimise", minimise)
-    known = formula_names(machine)
+    known = formula_names(machine) if known is None else known
     if not isinstance(text, str):
         raise InputError(f"{verb} = {text!r}; an objective is a formula, text such as 'loss_coefficient'")
     formula = smooth_formula(text, known, "the objective")
@@ -140,6 +156,7 @@ def design_problem(
 
 def formula_names(machine: Machine) -> list[str]:
     """The names that a formula of a design may use: quantities of the orbit and parameters of the machine."""
+    refuse_forward(machine.model)
     quantities = quantity_names(machine.model, machine.values)
     parameters = free_parameters(machine)
     if ambiguous := [name for name in parameters if name in quantities]:

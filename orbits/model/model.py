@@ -404,6 +404,15 @@ def refuse_steps(model: Model, what: str) -> None:
         )
 
 
+def refuse_forward(model: Model) -> None:
+    """Raise `InputError` for a model whose foot sticks, where parameters would be varied and none tuned."""
+    if model.sticks:
+        raise InputError(
+            f"a {model.name} has no orbits beside this one unless a number of it is tuned: "
+            "sweep(..., tune=..., at=...), follow(..., tune=...) and optimize(..., tune=..., at=...) do so for each"
+        )
+
+
 def as_derived(model: Model) -> Model:
     """A model that was just made, marked as `derived`: its fields follow from mechanics, or tests hold them so."""
     object.__setattr__(model, "derived", True)

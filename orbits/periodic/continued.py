@@ -7,16 +7,18 @@ predictor was good and the orientation of the equations stays, so that no orbit 
 """
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from ..errors import NoOrbit
 from ..model.machine import Machine
+from ..model.model import Model
 from ..numerics.polynomial_roots import TINY
 from ..numerics.roots import Array, solve
 from ..running import interrupts
+from ..shooting.error_bound import error_bounds
 from ..shooting.formulations import equations_of, iterative, method_of, vector
 from ..shooting.newton_kernel import MOST_NEWTON_STEPS
 from ..shooting.single_shooting import SMALLEST_UNIT, Evaluation, Shooting, settles
@@ -78,8 +80,37 @@ def continued(
     method = iterative(method_of(model))
     equations = equations_of(model, method, names)
     known = stated_unknowns(model, orbit)
-    u, p = np.array([known[name] for name in equations.statement.unknowns]), vector(machine.values)
-    vary = tuple(name for name in names if name in {*varied})
+    u = np.array([known[name] for name in equations.statement.unknowns])
+    return _continued_from(model, method, equations, u, vector(machine.values), ps, varied, report)
+
+
+def continued_tuned(
+    known: Solved, ps: Array, varied: Sequence[str], report: Callable[[int], None] = lambda ended: None
+) -> tuple[Continued, dict[str, Array]]:
+    """The orbits with tuned parameters of machines whose other parameters, of the names of the equations, are those in
+    ps (m, np), continued from a known solution; and bounds (m,) on the errors of the tuned ones by name, NaN for those
+    that are not reached. Arguments as in `continued`."""
+    equations, tuned = known.equations, known.equations.statement.tuned
+    found = _continued_from(
+        known.model, known.method, equations, known.us[0], known.ps[0], ps, {*varied} - {*tuned}, report
+    )
+    errors = {name: np.full(len(ps), np.nan) for name in tuned}
+    which = np.flatnonzero(np.isfinite(found.unknowns[:, 0]))
+    if len(which):
+        us, own = found.unknowns[which], equations.with_tuned(found.unknowns[which], ps[which])
+        evaluation = equations.evaluate_all(us, own)
+        for name in tuned:
+            errors[name][which] = error_bounds(equations, us, own, evaluation, quickly=True, unknown=name)[0]
+    return found, errors
+
+
+def _continued_from(
+    model: Model, method: str, equations: Shooting, u: Array, p: Array, ps: Array, varied: Collection[str],
+    report: Callable[[int], None],
+) -> Continued:  # fmt: skip
+    """`continued` from unknowns (n,) at parameters (np,), those of the equations."""
+    names = equations.parameters
+    vary = tuple(name for name in names if name in varied)
     reached = _along_ways(equations, np.tile(u, (len(ps), 1)), np.tile(p, (len(ps), 1)), ps, vary, report)
     us, places = reached.us, [names.index(name) for name in vary]
     for order in (places, places[::-1]) if len(places) > 1 else ():
@@ -94,7 +125,7 @@ def continued(
     }
     if evaluation is None:
         return Continued([], us, stopped)
-    solved = Solved(model, method, equations, us[which], ps[which], evaluation)
+    solved = Solved(model, method, equations, us[which], equations.with_tuned(us[which], ps[which]), evaluation)
     parts = list[Certified]()
     found, refused = certified(solved, quickly=True)
     parts += [found._replace(which=which[found.which])] if found else []
@@ -135,7 +166,7 @@ def _along_ways(
     """The orbits at the ends of straight ways of the parameters (m, np), from orbits with unknowns (m, n) at their
     starts; the parameters `vary` change along the ways."""
     places, count = [equations.parameters.index(name) for name in vary], len(us)
-    ways, lanes = (ends - starts)[:, places, None], _Lanes(us)
+    ways, lanes = (ends - starts)[:, places, None], _Lanes(us, equations.own)
     which, evaluation = equations.evaluate_lanes(us, starts, vary)
     if evaluation is not None:
         lanes.begin(which, evaluation.jacobian, ways[which])
@@ -146,7 +177,7 @@ def _along_ways(
         new, guesses = lanes.predicted(going)
         ps = starts[going] + new[:, None] * (ends - starts)[going]
         ps[new == 1.0] = ends[going[new == 1.0]]
-        solved, found, jacobians = _near_guesses(equations, guesses, ps, vary)
+        solved, found, jacobians = _near_guesses(equations, guesses, ps, vary, lanes.least[going])
         lanes.accept(going, new, guesses, solved, found, jacobians, ways)
         report(int(np.count_nonzero(~lanes.going)))
     done = lanes.shares == 1.0
@@ -159,10 +190,12 @@ def _along_ways(
 class _Lanes:
     """The machines (m,) on their ways: whether each is `going`, the share of its way that is done, its unknowns there
     and their derivatives by the share, the same one step before, the length of the next step, the orientation of the
-    equations, and the share at which a fold is expected, infinite where none is."""
+    equations, and the share at which a fold is expected, infinite where none is; and the least sizes of those
+    unknowns, after the first `own` ones, that are tuned parameters."""
 
-    def __init__(self, us: Array):
+    def __init__(self, us: Array, own: int):
         count = len(us)
+        self.least = 0.1 * np.abs(us[:, own:])
         self.us, self.tangents, self.before, self.tangents_before = us.copy(), *np.full((3, *us.shape), np.nan)
         self.shares, self.steps, self.orientations = np.zeros(count), np.ones(count), np.zeros(count)
         self.shares_before, self.folds = np.full(count, np.nan), np.full(count, np.inf)
@@ -172,6 +205,9 @@ class _Lanes:
         """Begin those lanes (k,) at whose starts the equations have these Jacobians."""
         self.tangents[which], self.orientations[which] = _tangents(jacobians, ways)
         self.going[which] = np.isfinite(self.tangents[which]).all(1)
+        tuned = self.least.shape[1]
+        changes = np.nan_to_num(np.abs(self.tangents[:, self.tangents.shape[1] - tuned :]))
+        self.least = np.maximum(np.maximum(self.least, 0.1 * changes), TINY)
 
     def predicted(self, lanes: Array) -> tuple[Array, Array]:
         """The shares (k,) to which some lanes step, and the unknowns (k, n) predicted there: on the cubic through the
@@ -196,7 +232,7 @@ class _Lanes:
         refused, lanes_found, old = np.ones(len(lanes), bool), lanes[solved], self.us[lanes[solved]]
         if len(solved):
             tangents, orientations = _tangents(jacobians, ways[lanes_found])
-            sizes = _sizes_of_unknowns(found)
+            sizes = _sizes_of_unknowns(found, self.least[lanes_found])
             corrections = (np.abs(found - guesses[solved]) / sizes).max(1)
             changes = (np.abs(found - old) / sizes).max(1)
             turned = orientations != self.orientations[lanes_found]
@@ -219,7 +255,7 @@ class _Lanes:
         done, old = self.shares[lanes], self.tangents[lanes]
         # Near a fold the inverse square of the tangent's length falls to zero like a straight line.
         rates = [
-            1 / np.maximum(((t / _sizes_of_unknowns(u)) ** 2).sum(1), TINY)
+            1 / np.maximum(((t / _sizes_of_unknowns(u, self.least[lanes])) ** 2).sum(1), TINY)
             for t, u in ((old, self.us[lanes]), (tangents, us))
         ]
         with np.errstate(all="ignore"):
@@ -242,10 +278,13 @@ class _Lanes:
         self.going[lanes] = (new < 1.0) & ~certain
 
 
-def _sizes_of_unknowns(us: Array) -> Array:
-    """The unit of each of the unknowns (m, n), as of a curve's points."""
-    sizes = np.abs(us)
-    return np.maximum(sizes, 0.1 * sizes.max(1, keepdims=True))
+def _sizes_of_unknowns(us: Array, least: Array) -> Array:
+    """The unit of each of the unknowns (m, n), as of a curve's points; the last ones, tuned parameters, have their own
+    least sizes (m, t)."""
+    sizes, own = np.abs(us), us.shape[1] - least.shape[1]
+    sizes[:, :own] = np.maximum(sizes[:, :own], 0.1 * sizes[:, :own].max(1, keepdims=True))
+    sizes[:, own:] = np.maximum(sizes[:, own:], least)
+    return sizes
 
 
 def _tangents(jacobians: Array, ways: Array) -> tuple[Array, Array]:
@@ -255,7 +294,9 @@ def _tangents(jacobians: Array, ways: Array) -> tuple[Array, Array]:
     return tangents, np.linalg.slogdet(jacobians[:, :, :n])[0]
 
 
-def _near_guesses(equations: Shooting, guesses: Array, ps: Array, vary: tuple[str, ...]) -> tuple[Array, Array, Array]:
+def _near_guesses(
+    equations: Shooting, guesses: Array, ps: Array, vary: tuple[str, ...], least: Array
+) -> tuple[Array, Array, Array]:
     """The indices (k,) of guesses (m, n) from which Newton's method converges, the unknowns (k, n) nearly there, and
     the Jacobians (k, n, n + k) at the last points before."""
     us, left, last = guesses.copy(), np.arange(len(guesses)), np.full(len(guesses), np.inf)
@@ -267,7 +308,7 @@ def _near_guesses(equations: Shooting, guesses: Array, ps: Array, vary: tuple[st
         left, n = left[which], us.shape[1]
         steps = -solve(evaluation.jacobian[:, :, :n], evaluation.residual[:, :, None])[:, :, 0]
         with np.errstate(invalid="ignore"):
-            sizes = (np.abs(steps) / _sizes_of_unknowns(us[left])).max(1)
+            sizes = (np.abs(steps) / _sizes_of_unknowns(us[left], least[left])).max(1)
             enough, goes = sizes < ON_THE_WAY, (sizes < WORST_PREDICTION) & (sizes < CONTRACTION * last[left])
         ended = left[enough]
         us[ended] += steps[enough]
@@ -313,7 +354,8 @@ def _at_ends(equations: Shooting, guesses: Array, ps: Array) -> tuple[Array, Arr
         us[left] += steps
         done[left[ended]], last[left] = True, sizes
         left = left[~ended & np.isfinite(sizes)]
-    which = np.flatnonzero(done & ((np.abs(us - guesses) / _sizes_of_unknowns(us)).max(1) < WORST_PREDICTION))
+    sizes = _sizes_of_unknowns(us, 0.1 * np.abs(guesses[:, equations.own : us.shape[1]]) + TINY)
+    which = np.flatnonzero(done & ((np.abs(us - guesses) / sizes).max(1) < WORST_PREDICTION))
     able, evaluation = equations.evaluate_lanes(us[which], ps[which])
     return which[able], us[which[able]], evaluation
 

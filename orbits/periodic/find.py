@@ -132,8 +132,7 @@ def _tuned_from(
         orbit, errors = _tuned_near(machine, start, tuning, method)
     if family not in (None, orbit.family):
         raise NoOrbit(another_family(family, orbit.family))
-    prescribed = {name: x for name, x in {**tuning.values, **tuning.extremes}.items() if x is not None}
-    return replace(orbit.with_tuned(errors, prescribed), seconds=time.perf_counter() - began)
+    return replace(orbit.with_tuned(errors, tuning.at), seconds=time.perf_counter() - began)
 
 
 def _tuned_near(machine: Machine, known: Any, tuning: Tuning, method: str) -> tuple[Orbit, dict[str, float]]:
@@ -441,9 +440,13 @@ def check_start(machine: Machine, start: object) -> None:
 
 def unknowns_of_start(machine: Machine, orbit: Orbit) -> dict[str, float]:
     """The unknowns of a machine's orbit by name, in the machine's units: a start that leads back to it."""
-    bare, names = stated_unknowns(machine.model, orbit), {*machine.model.half_unknowns, "contact_duration"}
-    units = machine.units
-    return {name: value * (units.of(name) if units else 1.0) for name, value in bare.items() if name in names}
+    bare, names = stated_unknowns(machine.model, orbit), {*machine.model.half_unknowns, "contact_duration", STEP_LENGTH}
+    return in_units_of(machine, {name: value for name, value in bare.items() if name in names})
+
+
+def in_units_of(machine: Machine, unknowns: Mapping[str, float]) -> dict[str, float]:
+    """Unknowns without dimensions by name, in the machine's units."""
+    return {name: value * (machine.units.of(name) if machine.units else 1.0) for name, value in unknowns.items()}
 
 
 def stated_unknowns(model: Model, start: Orbit | Mapping[str, float]) -> dict[str, float]:

@@ -96,6 +96,11 @@ class Tuning:
     values: Mapping[str, float | None]
     extremes: Mapping[str, float]
 
+    @property
+    def at(self) -> dict[str, float]:
+        """All prescribed values by name, as `find` takes them."""
+        return {name: x for name, x in {**self.values, **self.extremes}.items() if x is not None}
+
 
 def tuning_of(machine: Machine, tune: str | Iterable[str] | None, at: Mapping[str, float] | None) -> Tuning:
     """The tuned parameters of a machine and the prescribed quantities; raises `InputError` where the names are unknown,
@@ -251,7 +256,7 @@ def _along_way(
             share = 1.0 if step >= 1 - reached else reached + step
             try:
                 guess = x + (share - reached) * tangent
-                x, evaluation = _solved_near(machine, equations, guess, p_at(share))
+                x, evaluation = solved_near(machine, equations, guess, p_at(share))
                 break
             except (NoOrbit, FlowError, InputError) as error:
                 step = min(step, 1 - reached) / 2
@@ -262,7 +267,7 @@ def _along_way(
     return x, evaluation, equations.with_tuned(x[None], p_at(1.0)[None])[0]
 
 
-def _solved_near(
+def solved_near(
     machine: Machine, equations: Shooting, guess: np.ndarray, p: np.ndarray
 ) -> tuple[np.ndarray, Evaluation]:
     """The solution near a predicted one; raises `NoOrbit` where it is far from that, and `InputError` where the machine

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..design.designs_at_once import solved_designs
+from ..design.designs_at_once import names_of_tuned, solved_designs, tuned_designs
 from ..design.problem import formula_names, known_formula
 from ..errors import OrbitsError
 from ..model.machine import Machine
@@ -47,13 +47,18 @@ def _unanswered(question: Question, members: np.ndarray, values: np.ndarray) -> 
 def _found(question: Question, table: Table, report: Callable[[int], None]) -> None:
     """The orbits of each family."""
     families = np.array(question.families)[table.members % len(question.families)]
-    known = formula_names(question.machine) if question.quantities else ()
+    tuning = question.tuning
+    known = (names_of_tuned if tuning else formula_names)(question.machine) if question.quantities else ()
     formulas = {text: known_formula(text, known, "the quantity") for text in question.quantities}
-    start = None if question.start is None else find(question.machine, start=question.start)
+    start = None if question.start is None or tuning else find(question.machine, start=question.start)
     for family in question.families:
         rows, names = np.flatnonzero(families == family), question.members.names
         values = np.column_stack([table.columns[name][rows] for name in names])
-        designs = solved_designs(question.machine, names, values, family, formulas, start, report)
+        if tuning:
+            own = question.machine, names, values, family, tuning, formulas, question.start, report
+            designs = tuned_designs(*own)
+        else:
+            designs = solved_designs(question.machine, names, values, family, formulas, start, report)
         for name, numbers in designs.numbers.items():
             table.columns[name][rows] = numbers
         table.columns["status"][rows], table.columns["reason"][rows] = designs.statuses, designs.reasons

@@ -8,11 +8,14 @@ from typing import Any, NamedTuple, TypedDict
 import numpy as np
 
 from ..continuation.checkpoint import versions
+from ..design.designs_at_once import columns_of_tuned, names_of_tuned, tuning_of_designs
 from ..design.problem import formula_names, known_formula, list_of_names
 from ..errors import InputError, finite_number
 from ..io import Document
 from ..model.machine import Machine, machine_in_words
 from ..periodic.find import check_start, family_number, find, unknowns_of_start
+from ..periodic.orbit import Orbit, start_in_file
+from ..periodic.tuned import Tuning
 from ..running.exclusive import exclusive
 from .designs import Axis, Members
 
@@ -57,6 +60,7 @@ class Question:
     between : launch speeds between which fixed points are searched
     start : the unknowns, in the machine's units, of the machine's own orbit from which those of the members are
         continued; None where they are found by their family
+    tuning : the tuned parameters and prescribed quantities; None without any
     """
 
     machine: Machine
@@ -66,6 +70,7 @@ class Question:
     outcome: str = "find"
     between: tuple[float, float] | None = None
     start: Mapping[str, float] | None = None
+    tuning: Tuning | None = None
 
     def __len__(self) -> int:
         return len(self.members) * len(self.families)
@@ -77,8 +82,13 @@ class Question:
     def columns(self) -> dict[str, type]:
         """The columns of the result, with their types."""
         parameters = dict.fromkeys(self.members.names, float)
-        own = {**COLUMNS_OF[self.outcome], **dict.fromkeys(self.quantities, float)}
+        own = {**COLUMNS_OF[self.outcome], **dict.fromkeys((*self.tuned_columns, *self.quantities), float)}
         return {**parameters, **own, "status": str, "reason": str}
+
+    @property
+    def tuned_columns(self) -> tuple[str, ...]:
+        """The columns that tuned orbits have besides those of others."""
+        return columns_of_tuned(self.machine.model, self.tuning.names) if self.tuning else ()
 
     def document(self) -> Document:
         """The question as JSON-ready data, with a hash of the values of its members."""
@@ -97,9 +107,14 @@ class Question:
             "outcome": self.outcome,
             "between": self.between and list(self.between),
             **({} if self.start is None else {"start": dict(self.start)}),
+            **({} if self.tuning is None else self._tuned()),
             "chunk": CHUNK,
             "versions": {name: versions()[name] for name in ("persistent-orbits", "casadi", "numpy")},
         }
+
+    def _tuned(self) -> Document:
+        assert self.tuning is not None
+        return {"tune": list(self.tuning.names), "at": self.tuning.at, "tuned_columns": list(self.tuned_columns)}
 
 
 class SavedQuestion(TypedDict):
@@ -124,6 +139,7 @@ def question_again(machine: Machine, document: Mapping[str, Any], values: np.nda
     return Question(
         machine, members, tuple(document["families"]), tuple(document["quantities"]), document["outcome"],
         document["between"] and tuple(document["between"]), document.get("start"),
+        Tuning(tuple(document["tune"]), document["at"], {}) if "tune" in document else None,
     )  # fmt: skip
 
 
@@ -136,6 +152,8 @@ def question_of(
     outcome: str,
     between: Any,
     start: Any = None,
+    tune: Any = None,
+    at: Any = None,
 ) -> Question:
     """The question of `sweep`; raises `InputError` that names the invalid argument."""
     if outcome not in OUTCOMES:
@@ -147,7 +165,8 @@ def question_of(
     quantities = list_of_names(quantities)
     if start is not None and (outcome != "find" or families != (1,)):
         raise InputError("start is an orbit from which others are continued, of its own family: leave out the other")
-    if outcome == "find":
+    tuning = _tuning(machine, members, outcome, tune, at)
+    if outcome == "find" and not machine.model.sticks:  # runs are guessed beside vertical hops
         check_start(machine, start)
     if outcome != "find" and (quantities or families != (1,)):
         raise InputError(f"outcome = {outcome!r} has no families and no quantities: leave them out")
@@ -158,21 +177,38 @@ def question_of(
         raise InputError(f"'{LAUNCH_SPEED}', a launch speed, is swept over with outcome = 'map', and only then")
     if (outcome == "fixed_points") != (between is not None):
         raise InputError("between = (low, high), two launch speeds, belongs to outcome = 'fixed_points'")
-    _check_quantities(machine, quantities)
-    names, own = (*members.names, *quantities), (*COLUMNS_OF[outcome], "status", "reason", "index", "member")
+    _check_quantities(machine, quantities, tuning)
+    further = columns_of_tuned(machine.model, tuning.names) if tuning else ()
+    names, own = (*members.names, *quantities), (*COLUMNS_OF[outcome], *further, "status", "reason", "index", "member")
     for i, name in enumerate(names):
         if name in own:
             raise InputError(f"'{name}' is a column of every answer: leave it out of the quantities and parameters")
         if name in names[:i]:
             raise InputError(f"'{name}' is asked for twice: leave one of them out of the quantities")
     speeds = None if between is None else _speeds(between)
-    unknowns = None if start is None else unknowns_of_start(machine, find(machine, start=start))
-    return Question(machine, members, families, tuple(quantities), outcome, speeds, unknowns)
+    unknowns = None
+    if start is not None and tuning:
+        start = start if isinstance(start, Orbit | Mapping) else start_in_file(start)
+        find(machine, start=start, tune=tuning.names, at=tuning.at)  # raises where it leads to no orbit
+        unknowns = unknowns_of_start(machine, start) if isinstance(start, Orbit) else dict(start)
+    elif start is not None:
+        unknowns = unknowns_of_start(machine, find(machine, start=start))
+    return Question(machine, members, families, tuple(quantities), outcome, speeds, unknowns, tuning)
 
 
-def _check_quantities(machine: Machine, quantities: Sequence[str]) -> None:
+def _tuning(machine: Machine, members: Members, outcome: str, tune: Any, at: Any) -> Tuning | None:
+    """The tuned parameters of a sweep and its prescribed quantities, None without any; raises `InputError` where they
+    cannot be those of a sweep."""
+    if tune is None and at is None and not (machine.model.sticks and outcome == "find"):
+        return None
+    if outcome != "find":
+        raise InputError(f"tune and at are those of orbits: leave them out for outcome = {outcome!r}")
+    return tuning_of_designs(machine, tune, at, members.names)
+
+
+def _check_quantities(machine: Machine, quantities: Sequence[str], tuning: Tuning | None) -> None:
     """Raise `InputError`, in one line, for an unknown quantity."""
-    known = formula_names(machine) if quantities else ()
+    known = (names_of_tuned if tuning else formula_names)(machine) if quantities else ()
     for text in quantities:
         try:
             known_formula(text, known, "the quantity")

@@ -2,7 +2,7 @@
 
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -58,6 +58,8 @@ def sweep(
     outcome: str = "find",
     between: tuple[float, float] | None = None,
     start: StartLike | None = None,
+    tune: str | Iterable[str] | None = None,
+    at: Mapping[str, float] | None = None,
     executor: object = None,
     workers: int | None = None,
     client: Any = None,
@@ -84,6 +86,9 @@ def sweep(
     between : (low, high), launch speeds, for "fixed_points"
     start : as in `find`, for the orbit of the machine itself, from which those of the members are continued, whatever
         their families; machines whose launch has several unknowns need it
+    tune, at : as in `find`, for quantities other than extremes of the motion; the orbits of the members are continued
+        from that of the machine itself. Further columns are the tuned values, bounds on their errors as "k_error",
+        "admissible" as 1 or 0, and of runs step, speeds and friction
     executor : None for this process, "processes" for `workers` processes (None: one for each core), or an executor of
         `concurrent.futures`
     client : of a Dask cluster, instead of an executor
@@ -110,7 +115,7 @@ def sweep(
     allowed = list(dict.fromkeys([*allowed, LAUNCH_SPEED] if outcome == "map" else allowed))
     members = members_of(over, samples, sampling, seed, allowed)
     _check_domain(machine, members)
-    question = question_of(machine, members, family, quantities, outcome, between, start)
+    question = question_of(machine, members, family, quantities, outcome, between, start, tune, at)
     if client is not None:
         if executor is not None:
             raise InputError("give executor or client, not both")
@@ -208,6 +213,8 @@ def _further_sweep(
         family=question.families[0],
         quantities=quantities,
         start=question.start,
+        tune=question.tuning.names if question.tuning else None,
+        at=question.tuning.at if question.tuning else None,
         **options,
     )
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypedDict
 
 import numpy as np
 
-from ..design.designs_at_once import DESIGN_STATUSES
+from ..design.designs_at_once import DESIGN_STATUSES, tuned_orbit
 from ..design.problem import list_of_names
 from ..errors import InputError, NoOrbit
 from ..io import Document, conform, extra_package, to_json
@@ -186,7 +186,8 @@ class Sweep(Result, what="sweep", document_is_whole=True):
             for name, column in self.columns.items():
                 value = column[i]
                 if name not in TEXTS:
-                    value = None if np.isnan(value) else int(value) if name in whole else float(value)
+                    kind = bool if name == "admissible" else int if name in whole else float
+                    value = None if np.isnan(value) else kind(value)
                 row[name] = value
             yield row
 
@@ -217,6 +218,9 @@ class Sweep(Result, what="sweep", document_is_whole=True):
             raise InputError(f"the sweep has no member {member}; it has {len(self)}, from 0")
         values = {name: float(self.columns[name][place[0]]) for name in self.parameters}
         families, machine = self.about["families"], self.source.with_values(**values)
+        if (tuned := self.about.get("tune")) is not None:
+            own = tuned, self.about["at"], self.about.get("start")
+            return tuned_orbit(self.source, values, families[member % len(families)], *own)
         if (start := self.about.get("start")) is None:
             return find(machine, families[member % len(families)])
         (orbit,) = continued_orbits(self.source, find(self.source, start=start), [machine])
@@ -312,4 +316,5 @@ def _columns_of_members(about: Mapping[str, Any]) -> dict[str, type]:
     if about["outcome"] not in COLUMNS_OF:
         raise ValueError(f"its outcome {about['outcome']!r} is none: it was changed, or is of a later version")
     numbers = dict.fromkeys(about["parameters"], float) | COLUMNS_OF[about["outcome"]]
+    numbers |= dict.fromkeys(about.get("tuned_columns", ()), float)
     return numbers | dict.fromkeys(about["quantities"], float) | dict.fromkeys(TEXTS, str)

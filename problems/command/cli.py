@@ -438,6 +438,8 @@ def optimize_command(file: str, hop: str | None, as_json: bool, plot: str | None
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the sampling.")
 @click.option("--family", "families", default="1", show_default=True, metavar="N1,N2,...", help="As in find.")
 @options.start_option
+@options.tune_option
+@options.at_option
 @click.option("--quantities", metavar="A,B,...", help="Further columns: quantities of the orbit, or formulas of them.")
 @click.option(
     "--outcome", default="find", show_default=True, metavar="find|map|fixed_points",
@@ -453,8 +455,9 @@ def optimize_command(file: str, hop: str | None, as_json: bool, plot: str | None
 @options.plot_option
 def sweep_command(
     over: tuple[str, ...], designs: str | None, samples: int | None, sampling: str | None, seed: int, families: str,
-    hop: str | None, quantities: str | None, outcome: str, between: str | None, store: str | None, resume: bool,
-    workers: int | None, as_json: bool, output: str | None, plot: str | None, **stated: object,
+    hop: str | None, tune: tuple[str, ...], prescribed: tuple[str, ...], quantities: str | None, outcome: str,
+    between: str | None, store: str | None, resume: bool, workers: int | None, as_json: bool, output: str | None,
+    plot: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Find the orbits of many machines, over ranges of their parameters."""
     from orbits.errors import InputError
@@ -465,12 +468,14 @@ def sweep_command(
         raise InputError("--samples draws members; --from has them already")
     if resume and store is None:
         raise InputError("--resume goes on with a store: give --store FILE too")
+    stated, tuned = options.with_tuned(stated, tune)
     machine = options.machine_of(**options.with_first_values(stated, axes, table))
     result = sweep(
         machine, axes if table is None else None, samples if table is None else table, sampling=sampling, seed=seed,
         family=options.numbers("--family", families, int), quantities=options.formulas(quantities), outcome=outcome,
         between=None if between is None else tuple(options.numbers("--between", between, float, ":")),
-        store=store, resume=resume, start=options.started(machine, hop), **options.computed_by(workers),
+        store=store, resume=resume, start=options.started(machine, hop), tune=tuned,
+        at=options.named_values(prescribed, "--at") or None, **options.computed_by(workers),
     )  # fmt: skip
     options.write(result, as_json, plot, save=output)
     if not result.found:

@@ -71,7 +71,7 @@ def test_a_design_comes_back(leg, tmp_path):
 @pytest.mark.parametrize(
     ("damage", "words"),
     [
-        ({"kkt": None}, "kkt = None"),
+        ({"kkt": "a"}, "kkt = 'a'"),
         ({"objective": {"value": 1.0}}, "objective.formula is missing"),
         ({"starts": [{"parameters": {}}]}, "objective is missing"),
         ({"active": [{"text": "a", "multiplier": "b"}]}, "multiplier = 'b'"),

@@ -6,7 +6,8 @@ import pytest
 from orbits import InputError, Mechanism, NoOrbit, Sweep, find, find_all, quantities, sensitivities, starts, sweep
 from orbits.mechanics import Mass, Spring
 from orbits.sweeps.question import CHUNK
-from problems import Chain, HeavyHand, Hopper, Juggler, plate_hopper, springs
+from problems import Chain, HeavyHand, Hopper, Juggler, plate_hopper, runner, springs
+from tests.runners import FAST
 from tests.sweeps.swept import CASES
 
 
@@ -189,3 +190,69 @@ def test_a_member_that_is_not_certified_alone_lacks_the_numbers_that_need_it(mon
     assert np.isfinite(whole["largest_spring_force"]).all()
     assert np.isnan(found["largest_spring_force"]).all()
     np.testing.assert_array_equal(found["stroke"], whole["stroke"])
+
+
+class TestTuned:
+    """Sweeps with tuned parameters."""
+
+    def test_members_have_the_frequency(self, tmp_path):
+        """Of a linear spring the period is that of stiffness 1 over the root of the stiffness."""
+        machine, ratios, path = Hopper("k*r", parameters={"k": 1.0}), [0.3, 1.0, 4.0], tmp_path / "study.db"
+        own = {"over": {"mass_ratio": ratios}, "family": [1, 2], "tune": "k", "at": {"frequency": 0.1}}
+        found = sweep(machine, **own, quantities=["loss_coefficient", "k*alpha"], store=path)
+        assert found["status"].tolist() == ["certified"] * 6
+        for i, (ratio, family) in enumerate((ratio, family) for ratio in ratios for family in (1, 2)):
+            stiffness = (0.1 * find(machine.with_values(mass_ratio=ratio), family).period) ** 2
+            assert abs(found["k"][i] - stiffness) <= found["k_error"][i] + 1e-14 * stiffness
+            assert found["k_error"][i] < 1e-11
+            assert found["k*alpha"][i] == pytest.approx(found["k"][i] * found["alpha"][i], rel=1e-14)
+            orbit = found.orbit(i)
+            assert orbit.certificate.loss_coefficient == pytest.approx(found["loss_coefficient"][i], rel=1e-9)
+            assert orbit.source.values["k"] == pytest.approx(found["k"][i], rel=1e-12)
+            assert orbit.family == family
+        assert found["admissible"].tolist() == [1.0] * 6
+        again, stored = sweep(machine, **own, quantities=["loss_coefficient", "k*alpha"], store=path), Sweep.load(path)
+        for name, column in found.columns.items():
+            assert column.tolist() == again[name].tolist() == stored[name].tolist()
+
+    def test_members_that_have_none_say_why(self):
+        """A parameter without effect, of the machine itself too."""
+        machine = Hopper("k*r + 0*c*r**3", parameters={"k": 1.0, "c": 1.0})
+        found = sweep(machine, {"mass_ratio": [0.5, 1.0]}, tune="c", at={"frequency": 0.2})
+        assert found["status"].tolist() == ["no orbit"] * 2
+        assert all(reason.startswith("frequency may not depend on c") for reason in found["reason"])
+        assert np.isnan(found["c"]).all()
+        assert not found.found
+        with pytest.raises(NoOrbit, match="frequency may not depend on c"):
+            found.orbit(1)
+
+    def test_bad_arguments_are_named(self):
+        machine = Hopper("k*r", parameters={"k": 1.0})
+        wrong = [
+            ({"tune": "k"}, "1 for 0"),
+            ({"tune": "k", "at": {"clearance": 1.0}}, "at 'clearance': it is found from the whole motion"),
+            ({"tune": "mass_ratio", "at": {"period": 9.0}}, "'mass_ratio' is varied"),
+            ({"tune": "k", "at": {"period": 9.0}, "outcome": "fixed_points", "between": (1, 2)}, "those of orbits"),
+            ({"tune": "k", "at": {"period": 9.0}, "quantities": "k_error"}, "'k_error'"),
+        ]
+        for options, words in wrong:
+            with pytest.raises(InputError, match=words):
+                sweep(machine, {"mass_ratio": [0.5, 1.0]}, **options)
+
+    @pytest.mark.slow
+    def test_runners(self):
+        """The one with known digits, others as `find` finds them, and one beyond the fold of the family."""
+        machine = runner(foot_mass=0.1, rest_length=3.7, inertia=5.7, hip_stiffness=5.4)
+        own = {"tune": ("inertia", "hip_stiffness"), "at": {"speed": 0.4}}
+        found = sweep(machine, {"rest_length": [3.7, 3.9, 1.0]}, quantities="friction_needed/step", **own)
+        assert found["status"].tolist() == ["certified", "certified", "ends"]
+        for name in own["tune"]:
+            assert abs(found[name][0] - FAST[name]) <= found[f"{name}_error"][0] < 1e-10
+        assert found["friction_needed"][0] == pytest.approx(FAST["friction"], rel=1e-12)
+        assert found["mean_speed"][0] == pytest.approx(FAST["mean speed"], rel=1e-12)
+        assert found["friction_needed/step"][0] == pytest.approx(FAST["friction"] / FAST["step"], rel=1e-12)
+        alone = find(machine.with_values(rest_length=3.9), **own)
+        assert alone.source.values["inertia"] == pytest.approx(found["inertia"][1], rel=1e-11)
+        assert found.orbit(1).alpha == pytest.approx(alone.alpha, rel=1e-12)
+        assert "fold" in found["reason"][2]
+        assert np.isnan(found["inertia"][2])

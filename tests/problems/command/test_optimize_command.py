@@ -103,3 +103,25 @@ def test_command_line_failures(orbits, tmp_path, old, new, code, words):
     run = orbits("optimize", path)
     assert run.code == code
     assert words in run.err
+
+
+def test_a_design_with_a_tuned_parameter(orbits, tmp_path):
+    """In SI; the best orbit is the one that `orbits find` tunes on that machine."""
+    path = tmp_path / "leg.toml"
+    own = 'minimise = "stroke"\ntune = ["k"]\nat = {frequency = 2.0}\n[design.over]\nb = [1e4, 1e6]\n'
+    path.write_text(FILE[: FILE.index("minimise")] + own)
+    done = orbits("optimize --json", path)
+    assert done.code == 0, done.err
+    best = done.document
+    assert best["kkt"] is None
+    assert [each["text"] for each in best["active"]] in (["b >= 10000"], ["b <= 1e+06"])
+    stated = FILE[: FILE.index("[design]")].replace("b = 1e5", f"b = {best['parameters']['b']!r}")
+    path.write_text(stated)
+    found = orbits("find --tune k --at frequency=2.0 --json --machine", path).document
+    assert found["tuned"].keys() == {"k"}
+    assert found["parameters"]["k"] == pytest.approx(best["parameters"]["k"], rel=1e-11)
+    assert found["alpha"] == pytest.approx(best["orbit"]["alpha"], rel=1e-11)
+    assert found["prescribed"] == best["orbit"]["prescribed"] == {"frequency": 2.0}
+    path.write_text(stated + own.replace('"stroke"', '["stroke", "alpha"]').replace("minimise", "[design]\nminimise"))
+    refused = orbits("optimize", path)
+    assert (refused.code, "not for a front of two" in refused.err) == (2, True)

@@ -40,6 +40,18 @@ def test_members_are_what_find_finds(orbits):
         assert member["period"] == pytest.approx(orbit.period, rel=1e-12)
 
 
+def test_tuned_members_have_the_frequency(orbits):
+    done = orbits("sweep --spring 'k*r' --tune k=1.5 --at frequency=0.1 --over mass_ratio=0.5,1,2 --json")
+    assert done.code == 0, done.err
+    for member in done.document["members"]:
+        orbit = find(Hopper("k*r", mass_ratio=member["mass_ratio"], parameters={"k": member["k"]}))
+        assert orbit.period == pytest.approx(10, rel=1e-12)
+        assert member["k_error"] < 1e-11
+        assert member["admissible"] is True
+    refused = orbits("sweep --spring 'k*r' --tune k=1.5 --over mass_ratio=0.5,1,2")
+    assert (refused.code, "tune = ['k'] and at = [] are 1 for 0" in refused.err) == (2, True)
+
+
 def test_two_runs_print_the_same_bytes(orbits):
     command = f"{CUBIC} --over beta=0:1 --samples 300 --json"
     first = orbits(command)
