@@ -197,6 +197,12 @@ def test_files_state_runners(tmp_path):
         build({"machine": "runner", "mass_ratio": 2.0})
 
 
+def test_the_rest_length_is_stated_as_of_other_machines():
+    assert build({"machine": "runner", "rest_length": 3.0}).values["rest_length"] == 3.0
+    with pytest.raises(InputError, match="'rest_length' is stated twice"):
+        build({"machine": "runner", "rest_length": 3.0, "parameters": {"rest_length": 3.1}})
+
+
 @pytest.mark.parametrize(
     ("stated", "message"),
     [
