@@ -20,11 +20,11 @@ from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..running.time_limit import check_time, time_limit
 from ..shooting.error_bound import error_bounds
-from ..shooting.formulations import method_of, vector
+from ..shooting.formulations import vector
 from ..shooting.single_shooting import Shooting, shooting_equations
 from ..symbolic.calls import MappedFunction
 from .branch_statement import Beside, branch_statement, whole_hop_statement
-from .find import family_number, find, lowest_of_family
+from .find import family_number, find, vertical_hop
 from .orbit import Orbit
 from .orbits_at_once import lowest_orbits
 
@@ -209,12 +209,7 @@ class Lateral:
 
     def _hop(self, values: Mapping[str, float]) -> dict[str, float]:
         """The unknowns of one vertical hop; raises `NoOrbit` for one that is no motion."""
-        orbit = lowest_of_family(self.upright.with_values(**values), self.family, method_of(self.hop))
-        if (least := orbit.certificate.smallest_separation) is not None and not least > 0:
-            raise NoOrbit(f"in the vertical hop of family {self.family} parts pass through each other ({least:.3g})")
-        if orbit.contact_time is None:
-            raise NoOrbit(f"the contact of the vertical hop of family {self.family} does not end")
-        return unknowns_of_hop(orbit)
+        return unknowns_of_hop(vertical_hop(self.upright.with_values(**values), self.family))
 
     @cached_property
     def at_launch(self) -> MappedFunction:
