@@ -120,7 +120,7 @@ def tuning_of(machine: Machine, tune: str | Iterable[str] | None, at: Mapping[st
 def tuned_names(machine: Machine, tune: str | Iterable[str] | None) -> tuple[str, ...]:
     """The names of the tuned parameters; raises `InputError` for one that is unknown, fixed, or stated twice."""
     if isinstance(tune, Mapping) or not isinstance(tune or (), Iterable):
-        raise InputError(f"tune = {tune!r}; it has names of parameters, whose search begins at their values in the machine")
+        raise InputError(f"tune = {tune!r}; it has names, whose search begins at their values in the machine")
     names = (tune,) if isinstance(tune, str) else tuple(tune or ())
     check_parameters(machine, *names)
     if len({*names}) < len(names):
@@ -305,9 +305,7 @@ def _no_way(
         f"{name} = {x:.6g} and {'rising' if rates[name] > 0 else 'falling'}" for name, x in values.items()
     )
     there, reached = (", ".join(f"{name} = {x:.6g}" for name, x in each.items()) for each in (wanted, at))
-    return NoOrbit(
-        f"no orbit with {there} is reached by tuning {names}: at {reached}, with {tuned}, {error}"
-    )
+    return NoOrbit(f"no orbit with {there} is reached by tuning {names}: at {reached}, with {tuned}, {error}")
 
 
 def errors_of_tuned(solved: Solved) -> dict[str, float]:
@@ -320,8 +318,8 @@ def errors_of_tuned(solved: Solved) -> dict[str, float]:
         if not found[name] <= WORST_TUNED * max(abs(value), SMALLEST):
             slow = ", or prescribe a speed farther from 0: the vertical hop runs at no speed, whatever its inertia"
             raise NoOrbit(
-                f"the orbit does not determine {name} = {value:.6g}, which may be off by {found[name]:.1e}: tune another "
-                f"number{slow if solved.model.sticks else ''}"
+                f"the orbit does not determine {name} = {value:.6g}, which may be off by {found[name]:.1e}: tune "
+                f"another number{slow if solved.model.sticks else ''}"
             )
     return found
 
