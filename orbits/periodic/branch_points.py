@@ -138,6 +138,10 @@ def _checked_ranges(machine: Machine, over: Mapping[str, tuple[float, float]]) -
             f"a {machine.model.name} has {sticks or 'no'} coordinates that stick: runs branch off the vertical hop of "
             'a machine that its reversor mirrors, with one; state sticks=("x",) for its place along the ground'
         )
+    if not isinstance(over, Mapping) or not all(
+        isinstance(ends, tuple | list) and len(ends) == 2 for ends in over.values()
+    ):
+        raise InputError(f"over = {over!r}; it is a mapping of names to ranges, as over={{'inertia': (4.0, 9.0)}}")
     check_parameters(machine, *over)
     if len(over) != 2:
         raise InputError(f"over = {dict(over)!r}: a branch point is a pair of values; state the ranges of two")
@@ -284,7 +288,8 @@ class _DesignSearch:
         conditions = self.lateral.matrices(self.designs(places.reshape(-1, 2)))
         conditions = conditions / np.linalg.norm(conditions, axis=1, keepdims=True)
         rows = combinations(range(conditions.shape[1]), conditions.shape[2])
-        minors = np.stack([np.linalg.det(conditions[:, each]) for each in rows], axis=1)
+        with np.errstate(invalid="ignore"):  # NaN where there is no hop
+            minors = np.stack([np.linalg.det(conditions[:, each]) for each in rows], axis=1)
         return minors.reshape(*places.shape[:-1], -1)
 
     def point(self, place: np.ndarray) -> BranchPoint | None:

@@ -163,8 +163,8 @@ def _build(statement: dict[str, Any]) -> MachineOfFile:
 
 
 def _stepping_machine(kind: str, statement: dict[str, Any]) -> Mechanism:
-    """A machine that steps. Those of its own numbers that are keys of machines that hop, as a rest length, may be stated
-    as these are."""
+    """A machine that steps. Those of its own numbers that are keys of machines that hop, as a rest length, may be keys
+    too."""
     own_names = SI_KEYS_OF_STEPS[kind] if kind == "runner" else (*RATIOS, "friction")
     known = [name for name in own_names if name in signature(STEPPING[kind]).parameters]
     apart = {name: statement[name] for name in OWN_KEYS if name in statement and name in known}

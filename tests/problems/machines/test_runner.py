@@ -223,3 +223,9 @@ def test_a_runner_has_no_map_and_without_tuned_numbers_no_run():
         ReturnMap(fast_runner())
     with pytest.raises((InputError, NoOrbit)):
         find(fast_runner())
+
+
+@pytest.mark.parametrize("name", ["stiffness", "hip_stiffness", "rest_length", "inertia", "foot_mass"])
+def test_numbers_that_are_tuned_stay_those_of_a_runner(name):
+    with pytest.raises(InputError, match=f"{name} = -1"):
+        runner().with_values(**{name: -1.0})
