@@ -13,7 +13,7 @@ from ..running.exclusive import exclusive
 from ..shooting.formulations import columns
 from ..shooting.single_shooting import shooting_equations
 from .checkpoint import collect_family
-from .curve import Curve, CurvePoints, check_followed, machine_at
+from .curve import Curve, CurvePoints, check_followed, machine_at, tuned_at
 from .family import Family
 from .follow import bounds_of, start_tracer
 from .point import Point
@@ -97,6 +97,8 @@ def follow_fold(
     check_followed(machine, across)
     if along == across:
         raise InputError(f"the fold in '{along}' is followed along another parameter")
+    if isinstance(fold, Point) and tuned_at(machine, fold, along):
+        raise InputError("folds of families with tuned numbers are located, and not followed")
     machine, method = machine_at(machine, fold, along, method)
     start, stop = machine.values[across], finite_number("stop", stop)
     bounds_of(across, start, stop)

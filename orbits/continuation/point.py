@@ -160,7 +160,7 @@ def check_points(points: Sequence[Point], events: Sequence[Event]) -> None:
                 raise ValueError(f"the point at {point.value:g} has {name} = {getattr(point, name)}, no such numbers")
         if not point.alpha > SMALLEST_SIZE:
             raise ValueError(f"the point at {point.value:g} has alpha = {point.alpha:g}; a launch speed is above 0")
-        if point.error < 0 or point.family < 1:
+        if point.error < 0 or point.family < 0:  # 0 where the extension that counts does not turn in flight
             raise ValueError(f"the point at {point.value:g} has error {point.error:g} and family {point.family}")
     if wrong := [event for event in events if not -1 <= event.after < max(len(points), 1)]:
         raise ValueError(f"an event comes after point {wrong[0].after} of {len(points)}")

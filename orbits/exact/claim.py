@@ -13,14 +13,12 @@ from ..model.machine import MACHINE_FIELDS, Machine
 from ..model.model import STEP_LENGTH
 from ..periodic.find import find
 from ..periodic.orbit import Orbit
+from ..periodic.tuned import OF_STEPS, PRESCRIBED
 from .formulas import exact_fraction
 from .stated import Decimals, ExactNumber, StatedMachine, stated_machine
 
 # The quantities that equations of half an orbit may prescribe; the others are those of its whole motion.
-BY_EQUATIONS = (
-    *("alpha", "liftoff_extension", "flight_time", "contact_time", "period", "frequency"),
-    *("speed", "mean_speed", STEP_LENGTH),
-)
+BY_EQUATIONS = (*PRESCRIBED, *OF_STEPS)
 # The unknowns that are half the times of the two phases.
 FLIGHT_DURATION, CONTACT_DURATION = "duration", "contact_duration"
 # The fields of a machine that determine its lossless orbits, without parameters and units, which are compared apart.

@@ -20,11 +20,11 @@ from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..running.time_limit import check_time, time_limit
 from ..shooting.error_bound import error_bounds
-from ..shooting.formulations import method_of, vector
+from ..shooting.formulations import vector
 from ..shooting.single_shooting import Shooting, shooting_equations
 from ..symbolic.calls import MappedFunction
 from .branch_statement import Beside, branch_statement, whole_hop_statement
-from .find import family_number, find, lowest_of_family
+from .find import family_number, find, vertical_hop
 from .orbit import Orbit
 from .orbits_at_once import lowest_orbits
 
@@ -138,6 +138,10 @@ def _checked_ranges(machine: Machine, over: Mapping[str, tuple[float, float]]) -
             f"a {machine.model.name} has {sticks or 'no'} coordinates that stick: runs branch off the vertical hop of "
             'a machine that its reversor mirrors, with one; state sticks=("x",) for its place along the ground'
         )
+    if not isinstance(over, Mapping) or not all(
+        isinstance(ends, tuple | list) and len(ends) == 2 for ends in over.values()
+    ):
+        raise InputError(f"over = {over!r}; it is a mapping of names to ranges, as over={{'inertia': (4.0, 9.0)}}")
     check_parameters(machine, *over)
     if len(over) != 2:
         raise InputError(f"over = {dict(over)!r}: a branch point is a pair of values; state the ranges of two")
@@ -209,12 +213,7 @@ class Lateral:
 
     def _hop(self, values: Mapping[str, float]) -> dict[str, float]:
         """The unknowns of one vertical hop; raises `NoOrbit` for one that is no motion."""
-        orbit = lowest_of_family(self.upright.with_values(**values), self.family, method_of(self.hop))
-        if (least := orbit.certificate.smallest_separation) is not None and not least > 0:
-            raise NoOrbit(f"in the vertical hop of family {self.family} parts pass through each other ({least:.3g})")
-        if orbit.contact_time is None:
-            raise NoOrbit(f"the contact of the vertical hop of family {self.family} does not end")
-        return unknowns_of_hop(orbit)
+        return unknowns_of_hop(vertical_hop(self.upright.with_values(**values), self.family))
 
     @cached_property
     def at_launch(self) -> MappedFunction:
@@ -289,7 +288,8 @@ class _DesignSearch:
         conditions = self.lateral.matrices(self.designs(places.reshape(-1, 2)))
         conditions = conditions / np.linalg.norm(conditions, axis=1, keepdims=True)
         rows = combinations(range(conditions.shape[1]), conditions.shape[2])
-        minors = np.stack([np.linalg.det(conditions[:, each]) for each in rows], axis=1)
+        with np.errstate(invalid="ignore"):  # NaN where there is no hop
+            minors = np.stack([np.linalg.det(conditions[:, each]) for each in rows], axis=1)
         return minors.reshape(*places.shape[:-1], -1)
 
     def point(self, place: np.ndarray) -> BranchPoint | None:

@@ -159,12 +159,12 @@ def _tuned_near(machine: Machine, known: Any, tuning: Tuning, method: str) -> tu
 def _solved_from(machine: Machine, tuning: Tuning, known: Any) -> Solved:
     """The solution with tuned parameters to which an orbit or a start leads, or the first of several starts that does;
     raises the error of the first where none does."""
-    first: NoOrbit | None = None
+    first: NoOrbit | FlowError | None = None
     for start in known if isinstance(known, Iterator) else [known]:
         bare = machine.units.dimensionless("start", start) if machine.units else start
         try:
             return solve_tuned(machine, tuning, stated_unknowns(machine.model, bare))
-        except NoOrbit as error:
+        except (NoOrbit, FlowError) as error:
             first = first or error
     assert first is not None
     raise first
@@ -401,10 +401,10 @@ def _starts_of_run(machine: Any, family: int, tuning: Tuning) -> Iterator[dict[s
     """The starts of a run, slow ones first: from there the way to a faster run stays on its sheet, and one whose speed
     is not prescribed may begin at any of them."""
     direct = start_of_run(machine, family, tuning)
-    asked = any(tuning.values.get(name) for name in OF_STEPS)
-    for faster in FASTER_STARTS[: 1 if asked else None]:
+    stated = any(tuning.values.get(name) for name in OF_STEPS)
+    for faster in FASTER_STARTS[: 1 if stated else None]:
         slow = start_of_run(machine, family, tuning, np.copysign(faster, direct[STEP_LENGTH]))
-        yield min(slow, direct, key=lambda start: abs(start[STEP_LENGTH])) if asked else slow
+        yield min(slow, direct, key=lambda start: abs(start[STEP_LENGTH])) if stated else slow
     yield direct
 
 
@@ -417,12 +417,23 @@ def start_of_run(machine: Any, family: int, tuning: Tuning, faster: float | None
     units, bare = machine.units, dimensionless(machine)
     at = {name: value / (units.of(name) if units else 1.0) for name, value in tuning.values.items() if value}
     upright, equations = bare.upright(), tuned_equations(machine, tuning.names, tuple(tuning.values))
-    hop = stated_unknowns(upright.model, lowest_of_family(upright, family, method_of(upright.model)))
+    hop = stated_unknowns(upright.model, vertical_hop(upright, family))
     own = {name: value for name, value in hop.items() if name != "unfolding"}
     if faster is not None or not at.keys() & OF_STEPS.keys():
         at = {"speed": (faster or 1.0) * SLOW_SHARE * abs(own["alpha"])}
     found = run_start(bare, equations, own, at)
     return {name: value * (units.of(name) if units else 1.0) for name, value in found.items()}
+
+
+def vertical_hop(upright: Machine, family: int) -> Orbit:
+    """The lowest hop of a family of the machine that stays upright; raises `NoOrbit` for one that is no motion, beside
+    which no run begins."""
+    hop = lowest_of_family(upright, family, method_of(upright.model))
+    if (least := hop.certificate.smallest_separation) is not None and not least > 0:
+        raise NoOrbit(f"in the vertical hop of family {family} parts pass through each other ({least:.3g})")
+    if hop.contact_time is None:
+        raise NoOrbit(f"the contact of the vertical hop of family {family} does not end")
+    return hop
 
 
 def check_start(machine: Machine, start: object) -> None:

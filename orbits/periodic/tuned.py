@@ -1,4 +1,4 @@
-"""Orbits with tuned parameters: as many numbers of a machine are unknowns as there are conditions to many.
+"""Orbits with tuned parameters: as many numbers of a machine are unknowns as there are conditions too many.
 
 Half an orbit of a model may have more equations than unknowns, and each quantity of the orbit whose value is prescribed
 is one equation more. Then as many parameters of the machine are unknowns too, the tuned ones.
@@ -38,6 +38,8 @@ FARTHEST_CORRECTED = 0.03
 # Newton's method with differences: the share of a parameter by which it is changed for them, the largest step, steps
 # below which the slopes stay, the smallest step, and the number of steps; each relative to the parameters.
 CHANGED_BY, LARGEST_TUNING, SAME_SLOPES, SMALLEST_MOVE, MOST_MOVES = 1e-6, 0.5, 1e-4, 1e-14, 40
+# A tuned parameter that may be off by more than this share of its value is not determined.
+WORST_TUNED = 0.01
 # Smaller values are compared with this one; and the rounding of a quantity of the motion, relative to it.
 SMALLEST, ROUNDING_OF_EXTREMES = 1e-3, 1e-14
 
@@ -122,6 +124,8 @@ def tuning_of(machine: Machine, tune: str | Iterable[str] | None, at: Mapping[st
 
 def tuned_names(machine: Machine, tune: str | Iterable[str] | None) -> tuple[str, ...]:
     """The names of the tuned parameters; raises `InputError` for one that is unknown, fixed, or stated twice."""
+    if isinstance(tune, Mapping) or not isinstance(tune or (), Iterable):
+        raise InputError(f"tune = {tune!r}; it has names, whose search begins at their values in the machine")
     names = (tune,) if isinstance(tune, str) else tuple(tune or ())
     check_parameters(machine, *names)
     if len({*names}) < len(names):
@@ -246,7 +250,7 @@ def _along_way(
     try:
         x, evaluation = equations.newton(x, p_at(0.0))
     except NoOrbit as error:
-        tuned, all_of = ", ".join(equations.statement.tuned), ", ".join(names)
+        tuned, all_of = ", ".join(_without_step(equations.statement.tuned)), ", ".join(names)
         remedy = "tune another number, or begin elsewhere"
         raise NoOrbit(f"{all_of or 'the orbit'} may not depend on {tuned}: {remedy} ({error})") from None
     while reached < 1:
@@ -289,28 +293,39 @@ def tuned_values(equations: Shooting, x: np.ndarray) -> dict[str, float]:
     return dict(zip(equations.statement.tuned, x[equations.own :].tolist(), strict=True))
 
 
+def _without_step(names: Iterable[str]) -> list[str]:
+    """The names of tuned parameters but for the step, which no user names."""
+    return [name for name in names if name != STEP_LENGTH]
+
+
 def _no_way(
     equations: Shooting, x: np.ndarray, at: Mapping[str, float], wanted: Mapping[str, float], tangent: np.ndarray,
     error: Exception,
 ) -> NoOrbit:  # fmt: skip
     """The error of a way that ends before the prescribed values."""
     values = tuned_values(equations, x)
+    names = ", ".join(_without_step(values))
     rates = dict(zip(values, tangent[equations.own :].tolist(), strict=True))
     tuned = ", ".join(
         f"{name} = {x:.6g} and {'rising' if rates[name] > 0 else 'falling'}" for name, x in values.items()
     )
     there, reached = (", ".join(f"{name} = {x:.6g}" for name, x in each.items()) for each in (wanted, at))
-    return NoOrbit(
-        f"no orbit with {there} is reached by tuning {', '.join(values)}: at {reached}, with {tuned}, {error}"
-    )
+    return NoOrbit(f"no orbit with {there} is reached by tuning {names}: at {reached}, with {tuned}, {error}")
 
 
 def errors_of_tuned(solved: Solved) -> dict[str, float]:
-    """Bounds on the errors of the tuned parameters of one solution, by name, in the machine's units."""
+    """Bounds on the errors of the tuned parameters of one solution, by name, in the machine's units; raises `NoOrbit`
+    where the orbit does not determine one of them, as a run without speed, which is the hop of any inertia."""
     equations, found = solved.equations, dict[str, float]()
-    for name in equations.statement.tuned:
+    for name, value in tuned_values(equations, solved.us[0]).items():
         bounds, _ = error_bounds(equations, solved.us, solved.ps, solved.evaluation, unknown=name)
         found[name] = float(bounds[0])
+        if not found[name] <= WORST_TUNED * max(abs(value), SMALLEST):
+            slow = ", or prescribe a speed farther from 0: the vertical hop runs at no speed, whatever its inertia"
+            raise NoOrbit(
+                f"the orbit does not determine {name} = {value:.6g}, which may be off by {found[name]:.1e}: tune "
+                f"another number{slow if solved.model.sticks else ''}"
+            )
     return found
 
 

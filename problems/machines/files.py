@@ -167,19 +167,22 @@ def _build(statement: dict[str, Any]) -> MachineOfFile:
 
 
 def _stepping_machine(kind: str, statement: dict[str, Any]) -> Mechanism:
-    """A machine that steps."""
-    if other := [name for name in statement if name in KEYS and name not in KEYS_OF_STEPS]:
-        names = SI_KEYS_OF_STEPS[kind] if kind == "runner" else RATIOS
-        raise InputError(f"'{other[0]}' is of machines that hop: a {kind} has {', '.join(names)} and a spring")
+    """A machine that steps. Those of its own numbers that are keys of machines that hop, as a rest length, may be keys
+    too."""
+    own_names = SI_KEYS_OF_STEPS[kind] if kind == "runner" else (*RATIOS, "friction")
+    known = [name for name in own_names if name in signature(STEPPING[kind]).parameters]
+    apart = {name: statement[name] for name in OWN_KEYS if name in statement and name in known}
+    if other := [name for name in statement if name in KEYS and name not in (*KEYS_OF_STEPS, *apart)]:
+        raise InputError(f"'{other[0]}' is of machines that hop: a {kind} has {', '.join(known)} and a spring")
     values, own = dict(statement.get("parameters", {})), statement.get("si")
-    known = SI_KEYS_OF_STEPS[kind] if kind == "runner" else (*RATIOS, "friction")
+    if both := [name for name in apart if name in (values if own is None else own)]:
+        raise InputError(f"'{both[0]}' is stated twice")
     if own is None:
-        own = {
-            name: values.pop(name) for name in known if name in signature(STEPPING[kind]).parameters and name in values
-        }
+        own = {name: values.pop(name) for name in known if name in values}
     else:
         _check_keys("[si]", own, SI_KEYS_OF_STEPS[kind])
         own = {**own, **({"in_si": True} if kind == "runner" else {})}
+    own |= apart
     spring = {"spring": statement["spring"]} if "spring" in statement else {}
     return STEPPING[kind](**own, **spring, parameters=values)
 

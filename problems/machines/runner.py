@@ -18,6 +18,7 @@ machine has to be tuned, and one more for each prescribed quantity, as the forwa
 """
 
 from collections.abc import Mapping
+from math import inf
 
 from orbits import Mechanism
 from orbits.errors import InputError
@@ -106,6 +107,7 @@ def runner(
         angles=("theta", "phi"),
         reversor={"theta": "-theta", "phi": "-phi"},
         friction=None if friction is None else "friction",
+        bounds={name: (0.0, inf) for name in ("stiffness", "hip_stiffness", "rest_length") if name in used},
         in_si=in_si,
         words=WORDS_OF_RUNNERS,
         drawing=_runner_drawn(),

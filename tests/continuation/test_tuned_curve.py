@@ -2,7 +2,7 @@
 
 import pytest
 
-from orbits import Family, InputError, NoOrbit, find, follow, orbit_at, trace
+from orbits import Family, InputError, NoOrbit, find, follow, follow_fold, orbit_at, trace
 from problems import Hopper, hopper_in_si, runner
 
 B = 4.493409457909064  # B = tan(B), eq. (12) of the paper
@@ -116,3 +116,13 @@ def test_runs_end_where_the_vertical_hop_begins():
     assert family.end.kind == "reached"
     assert family[-1].also["inertia"] == pytest.approx(7.08244, abs=1e-5)
     assert family[-1].also["hip_stiffness"] == pytest.approx(5.52555, abs=1e-5)
+
+
+def test_points_of_a_family_of_runs_are_orbits_again():
+    machine = runner(foot_mass=0.1, rest_length=3.7, inertia=5.7, hip_stiffness=5.4)
+    family = follow(machine, "speed", 0.41, 0.4, tune=("inertia", "hip_stiffness"), longest=0.5)
+    run = orbit_at(machine, family[-1], "speed")
+    assert [run.speed, run.step] == pytest.approx([0.41, family[-1].also["step"]], rel=1e-12)
+    assert run.source.values["inertia"] == pytest.approx(family[-1].also["inertia"], rel=1e-12)
+    with pytest.raises(InputError, match="located, and not followed"):
+        follow_fold(machine, family[-1], "speed", "rest_length", 3.8)

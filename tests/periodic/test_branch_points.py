@@ -109,6 +109,8 @@ def test_of_a_nonlinear_leg_and_another_family():
         ({"inertia": (1.0, 2.0)}, "ranges of two"),
         ({"inertia": (2.0, 1.0), "hip_stiffness": (5.0, 6.0)}, r"'inertia' = \(2, 1\)"),
         ({"inertia": (1.0, 2.0), "hip": (5.0, 6.0)}, "hip"),
+        ({"inertia": 5.0, "hip_stiffness": (5.0, 6.0)}, "a mapping of names to ranges"),
+        ("inertia", "a mapping of names to ranges"),
     ],
 )
 def test_ranges_are_refused(over, text):

@@ -110,6 +110,7 @@ def test_tuned_numbers_are_in_the_table_and_in_files(tmp_path):
     loaded = Orbit.load(orbit.save(tmp_path / "hop.json"))
     assert loaded == orbit
     assert loaded.tuned == orbit.tuned
+    assert loaded.prescribed == orbit.prescribed == {"frequency": 2.5}
     assert "tuned" not in json.loads(json.dumps(find(CUBIC).document()))
 
 
@@ -123,6 +124,8 @@ def test_tuned_numbers_are_in_the_table_and_in_files(tmp_path):
         ({"tune": "k"}, "3 equations for 3 unknowns: tune one number of the machine for each quantity"),
         ({"at": {"alpha": 5.0}}, "0 for 1, and 1 is needed"),
         ({"tune": ("k", "k"), "at": {"alpha": 5.0}}, "names each parameter once"),
+        ({"tune": 3, "at": {"alpha": 5.0}}, "tune = 3; it has names"),
+        ({"tune": {"k": 2.0}, "at": {"alpha": 5.0}}, "whose search begins at their values in the machine"),
         ({"tune": "k", "at": {"alpha": float("nan")}}, "at 'alpha' = nan"),
         ({"tune": "k", "at": ["alpha"]}, "a mapping of quantities to values"),
         ({"tune": "k", "at": {"alpha": 5.0}, "method": "shooting"}, "tunes no parameters"),
@@ -181,3 +184,16 @@ def test_a_fast_run_is_on_the_sheet_that_begins_at_the_vertical_hop():
 def test_a_runner_needs_one_tuned_number_more(arguments, text):
     with pytest.raises(InputError, match=text):
         find(runner(foot_mass=0.1, rest_length=3.7, inertia=5.7, hip_stiffness=5.4), **arguments)
+
+
+@pytest.mark.parametrize(
+    ("family", "speed", "text"),
+    [
+        (1, 0.0, "the orbit does not determine inertia .* prescribe a speed farther from 0"),
+        (2, 0.4, "in the vertical hop of family 2 parts pass through each other"),
+    ],
+)
+def test_where_no_run_is_found_the_reason_is_said(family, speed, text):
+    machine = runner(foot_mass=0.1, rest_length=3.7, inertia=5.7, hip_stiffness=5.4)
+    with pytest.raises(NoOrbit, match=text):
+        find(machine, family, tune=RUN, at={"speed": speed})

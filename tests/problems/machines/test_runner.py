@@ -197,6 +197,12 @@ def test_files_state_runners(tmp_path):
         build({"machine": "runner", "mass_ratio": 2.0})
 
 
+def test_the_rest_length_is_stated_as_of_other_machines():
+    assert build({"machine": "runner", "rest_length": 3.0}).values["rest_length"] == 3.0
+    with pytest.raises(InputError, match="'rest_length' is stated twice"):
+        build({"machine": "runner", "rest_length": 3.0, "parameters": {"rest_length": 3.1}})
+
+
 @pytest.mark.parametrize(
     ("stated", "message"),
     [
@@ -217,3 +223,9 @@ def test_a_runner_has_no_map_and_without_tuned_numbers_no_run():
         ReturnMap(fast_runner())
     with pytest.raises((InputError, NoOrbit)):
         find(fast_runner())
+
+
+@pytest.mark.parametrize("name", ["stiffness", "hip_stiffness", "rest_length", "inertia", "foot_mass"])
+def test_numbers_that_are_tuned_stay_those_of_a_runner(name):
+    with pytest.raises(InputError, match=f"{name} = -1"):
+        runner().with_values(**{name: -1.0})
