@@ -142,7 +142,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, object]:
     high.set(xlabel="speed in flight", ylabel="rise in flight", ylim=(0, None), title="foot and body")
     grip.set(xlabel="speed in flight", ylabel="friction needed", ylim=(0, None), title="tangential over normal force")
     for foot_mass, colour in zip(FOOT_MASSES, COLOURS, strict=False):
-        runs = at_speed(SPEED, foot_mass, np.linspace(3.7, 5.0, 3 if quick else 14))
+        runs = at_speed(SPEED, foot_mass, np.linspace(3.7 if foot_mass < 0.15 else 3.9, 5.0, 3 if quick else 14))
         frictions = [run.certificate.friction_needed for run in runs]
         numbers[f"friction {foot_mass:g}"] = dict(zip([run.source.values["rest_length"] for run in runs], frictions,
                                                       strict=True))  # fmt: skip
