@@ -6,7 +6,8 @@ from lift-off and landing, in which the force u is constant and decided where th
 x* the state of the orbit as long after lift-off. The change of the state is carried from one interval to the next by a
 matrix A, and the force adds B u. The gains K minimise the sum of |y|^2 of the launches y, counted from that of the
 orbit, of r u^2 of the forces, and of the square of the gap where the foot should land, over all cycles to come: the
-linear quadratic regulator of a periodic system, by its Riccati recursion backwards in time. At a fixed time after
+linear quadratic regulator of a periodic system, by its Riccati recursion backwards in time. All are counted in units of
+the orbit: the highest gap, the period over 2 pi, and the mean contact force, which is the weight. At a fixed time after
 lift-off the state depends smoothly on the launch, although the time of a tangential landing does not. On the orbit
 itself u = 0: the feedback costs nothing there.
 """
@@ -29,6 +30,7 @@ from ..running.exclusive import exclusive
 from ..simulation.impacts import Impacts
 from ..simulation.launch_section import LaunchSection
 from ..simulation.multiplier import tangential_landing, through_contact
+from ..units import LENGTH, Units
 
 INPUT = "hold"  # the parameter of the force that holds an orbit
 # The shares of each phase between which its intervals lie, so that lift-off and landing are those without the force.
@@ -36,6 +38,7 @@ HOLD_BEGINS, HOLD_ENDS = 0.1, 0.9
 # The recursion has settled once the cost of a launch changes by this share in a cycle; a cost that grows on and on is
 # that of a direction that the force does not reach.
 SETTLED_COST, MOST_SWEEPS, LARGEST_COST = 1e-13, 2000, 1e14
+SIZED_AT = 201  # instants of an orbit by which its sizes are measured
 
 
 class _Stage(NamedTuple):
@@ -48,6 +51,10 @@ class _Stage(NamedTuple):
     carry: np.ndarray
     effect: np.ndarray | None
     gap: np.ndarray | None = None
+
+    def per_force(self, unit: float) -> "_Stage":
+        """The same part, with the force counted in a unit."""
+        return self if self.effect is None else self._replace(effect=self.effect * unit)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -104,12 +111,13 @@ class Hold(Result, what="feedback", in_line=("along",), document_is_whole=True):
 
 
 @exclusive
-def hold(orbit: Orbit, along: str, *, effort: float = 1e-2, landing: float = 10.0, parts: int = 3) -> Hold:
+def hold(orbit: Orbit, along: str, *, effort: float = 0.05, landing: float = 20.0, parts: int = 3) -> Hold:
     """A feedback that holds a lossless orbit by a force along an extension.
 
     orbit : of a `Mechanism` whose launch is more than a speed, such as a runner
     along : a formula of the coordinates, as "phi - theta" of a hip, whose rate times the force is its power
-    effort : the weight r of the force's square against that of the launch's change, in the machine's units
+    effort : the weight r of the force's square against that of the launch's change, both in units of the orbit: its
+        highest gap, its period over 2 pi and its mean contact force
     landing : the weight of the square of the gap where the foot should land, whose power 4/3 a landing loses
     parts : the number of intervals in each phase
 
@@ -130,28 +138,30 @@ def hold(orbit: Orbit, along: str, *, effort: float = 1e-2, landing: float = 10.
         )
     machine = _driven(orbit, along)
     impacts = Impacts(machine)
-    section, x = LaunchSection(impacts), orbit(0.0)
+    units = _own_units(orbit, machine)
+    section, x = LaunchSection(impacts, units), orbit(0.0)
     y, stated = impacts.onto_contact @ x, cast(Mechanism, orbit.source)
     landed = np.array(stated.model.contact_reversal.image(y.tolist(), stated.values), dtype=float)
     flight, contact = orbit.flight_time, float(orbit.contact_time or 0.0)
     marks = np.linspace(HOLD_BEGINS, HOLD_ENDS, parts + 1)
     flying, flown = _intervals(impacts, impacts.flight, x, np.append(marks * flight, flight))
     standing, stood = _intervals(impacts, impacts.contact, landed, marks * contact)
-    embed, tangent = impacts.model.embed, impacts.model.embed @ section.tangent(y)
+    embed, tangent = impacts.model.embed, impacts.model.embed @ section.tangent(y) * section.unit
+    force = units.of(machine.dimension_of_force(along))
     # The last part of the flight leads to the landing, and on to the first interval in contact.
     lasts = (1 - HOLD_ENDS) * flight
     touched = np.array(orbit(flight * (1 - 1e-16)))
     _, change = tangential_landing(impacts, (flown[-2], np.eye(len(x))), lasts, touched, impacts.feet[0])
-    gap = np.array(impacts.gap.weights) @ flying[-1].carry
+    gap = np.array(impacts.gap.weights) @ flying[-1].carry / units.of("gap")
     _, rest = through_contact(impacts, stood[-1], np.eye(len(y)), grazes=False)
     stages = [
         _Stage(flying[0].carry @ tangent, None), *flying[1:-1],
         _Stage(standing[0].carry @ change, None, gap), *standing[1:],
-        _Stage(section.free(rest.T).T, None),
+        _Stage(section.free(rest.T).T / section.unit[:, None], None),
     ]  # fmt: skip
-    gains, held = _regulator(stages, effort, landing)
+    gains, held = _regulator([each.per_force(force) for each in stages], effort, landing)
     none = np.zeros((1, len(x)))
-    rows = np.concatenate([gains[:parts], none, np.array(gains[parts:]) @ impacts.onto_contact])
+    rows = force * np.concatenate([gains[:parts], none, np.array(gains[parts:]) @ impacts.onto_contact])
     states = np.concatenate([flown[:parts], none, np.array(stood[:parts]) @ embed.T])
     times = np.concatenate([marks * flight, flight + marks * contact])
     free = np.linalg.multi_dot([stage.carry for stage in reversed(stages)])
@@ -170,6 +180,22 @@ def _driven(orbit: Orbit, along: str) -> Mechanism:
         raise InputError("hold takes lossless orbits with a contact, of machines that are turned back in time")
     parameters, elements = {**machine.parameters, INPUT: 0.0}, [*machine.elements, Force(along, _force)]
     return replace(machine, elements=elements, parameters=parameters, reversor=None)
+
+
+def _own_units(orbit: Orbit, machine: Mechanism) -> Units:
+    """The units of an orbit: its highest gap, or where that is an angle the largest place that is a length; its period
+    over 2 pi; and its mean contact force, which is the weight."""
+    bare, flown = machine.si_units, orbit(np.linspace(0.0, orbit.flight_time, SIZED_AT))
+    names = machine.model.flight.states
+    angular, length = "gap" in bare.angles, float(machine.model.gap(machine.values)(flown).max())
+    if angular:
+        own = [
+            np.abs(flown[:, i]).max() for i, name in enumerate(names) if bare.resolved(name) == bare.resolved(LENGTH)
+        ]
+        length = float(max(own, default=1.0))
+    weight = float(orbit.contact_force(np.linspace(0.0, orbit.period, SIZED_AT, endpoint=False)).mean())
+    weight = weight / length if angular else weight
+    return Units(length, orbit.period / (2 * np.pi), weight, weight * length, bare.angles)
 
 
 def _force(y: Parameters, v: Parameters, p: Parameters) -> Algebraic:

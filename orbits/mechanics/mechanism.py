@@ -15,7 +15,7 @@ All that the engine requires of a machine follows from that: the equations of mo
 launch, lift-off and landing, impacts, energy, closed forms, and the extension that moves alone.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any, Self
@@ -293,18 +293,16 @@ class Mechanism(Stated):
         if not self.in_si:
             return model
         springs = [element for element in self.elements if isinstance(element, Spring)]
-        return _with_units(
-            model, self._si, tuple(zip(names_of_springs(springs), self._dimensions(springs), strict=True))
-        )
+        dimensions = [self.dimension_of_force(each.extension) for each in springs]
+        return _with_units(model, self.si_units, tuple(zip(names_of_springs(springs), dimensions, strict=True)))
 
-    def _dimensions(self, springs: Sequence[Spring]) -> Iterator[Dimension]:
-        """The dimensions of the springs' forces: torques of those whose extension is an angle."""
-        for spring in springs:
-            kind = length_or_angle(spring.extension, self.places, {*self.angles})
-            yield () if kind is None else FORCE if kind is LENGTH else TORQUE
+    def dimension_of_force(self, along: Scalar) -> Dimension:
+        """The dimension of a force along an extension: a torque where that is an angle."""
+        kind = length_or_angle(along, self.places, {*self.angles})
+        return () if kind is None else FORCE if kind is LENGTH else TORQUE
 
     @property
-    def _si(self) -> Units:
+    def si_units(self) -> Units:
         """The units of a machine whose numbers are in SI."""
         launched = self.launch or derived_launch(self.structure)
         turned = {"liftoff": launched in self.angles, "gap": names_in(self.gap) & {*self.coordinates} <= {*self.angles}}
@@ -352,7 +350,7 @@ class Mechanism(Stated):
     @property
     def units(self) -> Units | None:
         """SI, for a machine whose numbers are in it."""
-        return self._si if self.in_si else None
+        return self.si_units if self.in_si else None
 
     def stated(self) -> Self:
         """The mechanism itself, which a theorem states."""

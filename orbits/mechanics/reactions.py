@@ -52,6 +52,7 @@ class Reactions(NamedTuple):
     friction : as in `Mechanism`
     handed : the speeds after a step forward and after one back, per speed before; None without hand-overs
     travel : (1, n), the speed of the centre of mass along the ground per speed; None where nothing sticks
+    weight : (1, 1), that of the machine on the ground; None where nothing sticks
     """
 
     flight: _Reaction
@@ -59,6 +60,7 @@ class Reactions(NamedTuple):
     friction: Scalar | None
     handed: tuple[tuple[SignedShift, Coefficients], ...] | None
     travel: Coefficients | None = None
+    weight: Coefficients | None = None
 
     def watch(self, mechanics: Mechanics, contact: bool) -> dict[str, Callable]:
         """The forces in flight, or in contact, as `Phase.watch` has them."""
@@ -91,7 +93,8 @@ class Reactions(NamedTuple):
         limit = None if share is None else lambda p: value_of(share, {}, p)
         forward, back = (_taken_over(*each) for each in self.handed) if self.handed else (None, None)
         travel = self.travel and (lambda x, p: weighted_sum(self.travel(p, x[::2])[0], x[1::2]))
-        return Planar(not self.flight.vanish[0], limit, forward, back, travel)
+        weight = self.weight and (lambda p: self.weight(p, [])[0][0])
+        return Planar(not self.flight.vanish[0], limit, forward, back, travel, weight)
 
 
 def _taken_over(label: SignedShift, speeds: Coefficients) -> Callable:
@@ -120,13 +123,14 @@ def reactions_of(
     if steps and steps.reversible:
         _refuse_unturned(m, steps, sums)
     along = ca.vertcat(*(ca.gradient(each, c.y)[: c.size].T for each in sums))
-    rows = ca.densify(along @ flight.accelerations)
+    rows, heavy = ca.densify(along @ flight.accelerations), ca.SX(0)
     for weight in (each for each in m.elements if isinstance(each, Mass | Weight)):
         place = next(
             j for j, term in enumerate(flight.terms)
             if term.is_weight and (not m.gravity.varies or term.element is weight)
         )  # fmt: skip
         rows[0, place] += mass_of(c, weight.mass) * m.gravity.at_ground(c)
+        heavy += mass_of(c, weight.mass) * m.gravity.at_ground(c)
     held = held_by(c, gap, flight, ca.SX.eye(len(flight.terms)))
     in_contact = m.inside(rows) + m.inside(along @ flight.kick) @ held
     rates, embed = ca.SX.sym("w", gap.s.numel()), ca.sparsify(gap.exact_embed)
@@ -138,6 +142,7 @@ def reactions_of(
         _reaction(m, rows, bent, lambda each: each, c.y, c.v),
         _reaction(m, in_contact, inside(bent), inside, gap.s, rates), friction,
         _handed(m, masses, stated_inertia(c, inertia), steps) if steps and steps.row else None, travel,
+        c.coefficients(heavy, c.symbols()) if gap.sticks else None,
     )  # fmt: skip
 
 

@@ -19,6 +19,7 @@ class Planar:
         speed in which an impulse acts on the point that lands alone; None where there are no hand-overs
     handed_back : the same of a landing of the point that opened last, which leads a step back
     travel : (x, p) -> the speed of the centre of mass along the ground in the flight state x; None where nothing sticks
+    weight : p -> that of the machine on the ground; None where nothing sticks
     """
 
     stands: bool
@@ -26,3 +27,4 @@ class Planar:
     handed_over: Callable | None = None
     handed_back: Callable | None = None
     travel: Callable | None = None
+    weight: Callable | None = None

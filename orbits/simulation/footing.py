@@ -16,13 +16,15 @@ from ..laws.law import Parameters
 from ..model.model import Model
 from ..model.phase import Affine
 from ..model.planar import NORMAL_FORCE, TANGENTIAL_FORCE
+from ..model.state_formula import StateFormula
 from ..numerics.polynomial_roots import Crossings, evaluate
-from ..units import Message, described
+from ..units import LENGTH, Message, Quantity, described
 from .feet import Foot
 
 SLIPS = "slips"  # how a contact ends where the friction is exceeded
-# A foot slips where it needs more than the stated friction by this, relative to the state, or while the contact force
-# is larger than this: both forces vanish together at a lossless lift-off, up to errors that grow from step to step.
+FALLS = "falls"  # how a flight or a contact ends where a height other than the gap reaches the ground
+# A foot slips where it needs more than the stated friction by this share of the machine's weight, or while the contact
+# force is larger than this: both forces vanish together at a lossless lift-off, up to errors that grow step by step.
 SLIPPING = 1e-9
 
 
@@ -72,27 +74,52 @@ class Footing:
         held = [{NORMAL_FORCE: self.friction, TANGENTIAL_FORCE: sign} for sign in (1.0, -1.0)]
         return tuple(Affine(tuple(weights.get(name, 0.0) for name in rows)) for weights in held)
 
-    def slips_at_landing(self, x: np.ndarray) -> bool:
-        """Whether the impulse of a plastic landing in a flight state (n,) leaves the cone of friction."""
+    @cached_property
+    def heights(self) -> dict[str, Affine | StateFormula]:
+        """The heights other than the gap, of a machine that sticks, which stay above the ground."""
+        gap = self.model.gap(self.p)
+        return {name: each for name, each in self.model.heights(self.p).items() if self.sticks and each != gap}
+
+    def refuse_fallen(self, x: np.ndarray) -> None:
+        """Raise `InputError` for a flight state (n,) in which a height lies below the ground."""
+        for name, each in self.heights.items():
+            if (height := float(each.series(x[None, :, None])[0, 0])) < 0:
+                text = "its {name} is at the height {height:.6g} at the start, below the ground"
+                raise InputError(Message(text, name=name, height=Quantity(height, LENGTH)))
+
+    def fallen(self, x: np.ndarray) -> str:
+        """The name of the lowest height in a flight state (n,)."""
+        return min(self.heights, key=lambda name: float(self.heights[name].series(x[None, :, None])[0, 0]))
+
+    @cached_property
+    def weight(self) -> float:
+        """That of a machine that sticks."""
+        assert self.model.planar is not None
+        assert self.model.planar.weight is not None
+        return float(self.model.planar.weight(self.p))
+
+    def slips_at_landing(self, x: np.ndarray, lasted: float) -> bool:
+        """Whether the impulse of a plastic landing in a flight state (n,) leaves the cone of friction, beyond roundings
+        of the momentum that gravity gives in a flight that has `lasted` so long."""
         if self.friction is None:
             return False
         across, along = -np.array(self.model.impulses(x.tolist(), self.p), dtype=float)
-        return self._exceeds(along, across, x)
+        return self._exceeds(along, across, self.weight * lasted)
 
     def slips_at_once(self, y: np.ndarray) -> bool:
         """Whether the forces of the ground in a contact state (k,) lie outside the cone of friction."""
         if self.friction is None:
             return False
         forces = dict(zip(self.contact.phase.watch, self.contact.field(y[None], self._data)[1][0], strict=True))
-        return self._exceeds(forces[TANGENTIAL_FORCE], forces[NORMAL_FORCE], y)
+        return self._exceeds(forces[TANGENTIAL_FORCE], forces[NORMAL_FORCE], self.weight)
 
     @cached_property
     def _data(self) -> np.ndarray:
         return np.array([self.p[name] for name in self.contact.parameters], dtype=float)
 
-    def _exceeds(self, along: Any, across: Any, state: np.ndarray) -> bool:
+    def _exceeds(self, along: Any, across: Any, size: float) -> bool:
         assert self.friction is not None
-        return bool(abs(along) > self.friction * across + SLIPPING * (1 + np.abs(state).max()))
+        return bool(abs(along) > self.friction * across + SLIPPING * size)
 
 
 class SlipTest:
@@ -103,12 +130,29 @@ class SlipTest:
     """
 
     def __init__(self, footing: Footing, force: Affine, grazes: bool):
-        self.force, self.margins = force, [(margin, Crossings(int(grazes))) for margin in footing.cone]
+        self.force, self.footing = force, footing
+        self.margins = [(margin, Crossings(int(grazes))) for margin in footing.cone]
 
     def __call__(self, coefficients: np.ndarray, steps: np.ndarray) -> list[tuple[int, float]]:
         """The places, each a step and the time in it."""
         found = [place for margin, zeros in self.margins for place in zeros(margin.series(coefficients), steps)]
         if not found:
             return []
-        force, tolerance = self.force.series(coefficients), SLIPPING * (1 + np.abs(coefficients[0, :, 0]).max())
+        force, tolerance = self.force.series(coefficients), SLIPPING * self.footing.weight
         return [(i, t) for i, t in found if evaluate(force[i : i + 1], np.array([t]))[0] > tolerance]
+
+
+class FallTest:
+    """A `stop` of a flow, flight or contact, where a height other than the gap reaches the ground."""
+
+    def __init__(self, footing: Footing, contact: bool = False):
+        model = footing.model
+        self.embed = model.embed if contact else np.eye(len(model.embed))
+        self.heights = [(each, Crossings()) for each in footing.heights.values()]
+
+    def __call__(self, coefficients: np.ndarray, steps: np.ndarray) -> tuple[int, float] | None:
+        """The first such place, a step and the time in it; None while there is none."""
+        if not self.heights:
+            return None
+        states = self.embed @ coefficients[:, : self.embed.shape[1]]
+        return min((place for each, zeros in self.heights for place in zeros(each.series(states), steps)), default=None)

@@ -29,7 +29,7 @@ from ..periodic.certificate import gradients
 from ..shooting.formulations import vector
 from ..units import LIFTOFF_SPEED, Message, Quantity
 from .feet import LIFTS_OFF, STEPS_BACK, exits_of, feet_of, first_to_touch
-from .footing import SLIPS, Footing, SlipTest
+from .footing import FALLS, SLIPS, FallTest, Footing, SlipTest
 from .hand_over import landed
 
 # The endings of a hop other than "lifts_off" (of a map) and "done" (of a simulation).
@@ -46,6 +46,7 @@ STATUSES = {
     "rattles": "hand-overs lose nothing, as with small angles, and no contact ever holds: state the angle",
     "unstated": "a foot lands with a speed, and a hand-over needs masses in the plane: state their Mass(across=)",
     "slips": "the foot needs more than the stated friction, and slipping is not simulated",
+    "falls": "a stated height of a machine that sticks, as that of its body, reaches the ground",
     "undecided": "after many bounces rounding decides how the hop ends",
     "invalid": "the launch speed is not a number above 0, or no launch has these numbers",
 }
@@ -93,7 +94,7 @@ class ContactEnd:
     several : whether the contact has several coordinates
     grazes : for each of the model's exits, whether the contact begins with its force at 0 and rising, as after a
         lossless landing
-    outcome : that of an exit, "slips", "rests", "stays", or None while the contact lasts
+    outcome : that of an exit, "slips", "falls", "rests", "stays", or None while the contact lasts
 
     Trajectories of one coordinate do not cross in the phase plane. Once the speed has changed its sign three times,
     the rest of the trajectory, with damping or without, stays inside the part passed so far, and it never ends. The
@@ -105,6 +106,7 @@ class ContactEnd:
         grazes = [*grazes]
         self.force_zeros, self.speed_zeros = [Crossings(int(each)) for each in grazes], Crossings()
         self.slips = SlipTest(impacts.footing, impacts.contact_force, grazes[0])
+        self.falls = FallTest(impacts.footing, contact=True)
         several = not impacts.model.one_speed
         self.turns_left, self.over = (TURNS_OF_SEVERAL, "stays") if several else (TURNS, "rests")
         self.outcome: str | None = None
@@ -114,11 +116,12 @@ class ContactEnd:
         pairs = zip(self.exits, self.force_zeros, strict=False)
         ends = [zeros(each.force.series(coefficients), steps)[:1] for each, zeros in pairs]
         last, still = self._rest(self.speed, coefficients, steps) if self.speed else ([], [])
-        slips = self.slips(coefficients, steps)
-        first = min([*(end for each in ends for end in each), *last, *still, *slips], default=None)
+        slips, fall = self.slips(coefficients, steps), [*filter(None, [self.falls(coefficients, steps)])]
+        first = min([*(end for each in ends for end in each), *last, *still, *slips, *fall], default=None)
         if first is not None:
             exits = [each.outcome for each, end in zip(self.exits, ends, strict=True) if first in end]
-            self.outcome = exits[0] if exits else SLIPS if first in slips else "rests" if first in still else self.over
+            others = [name for name, places in ((SLIPS, slips), (FALLS, fall), ("rests", still)) if first in places]
+            self.outcome = [*exits, *others, self.over][0]
         return first
 
     def _rest(self, speed: Affine, coefficients, steps) -> tuple[list[tuple[int, float]], list[tuple[int, float]]]:

@@ -19,7 +19,7 @@ from ..periodic.loss_coefficient import hand_over_factors, loss_coefficient
 from ..running.exclusive import exclusive
 from ..units import DIMENSIONS, LIFTOFF_SPEED, SPEED, Message, Quantity, in_own_units
 from .feet import LIFTS_OFF, STEPS_BACK, Foot
-from .footing import SLIPS
+from .footing import FALLS, SLIPS, FallTest
 from .hand_over import landed, share_left, standing
 from .hysteresis import Branches, FirstOf, first_reversal
 from .impacts import CAP, LIFTOFF_ORDER, STATUSES, ContactEnd, Impacts, no_launch
@@ -105,8 +105,11 @@ def hop_derivative(impacts: Impacts, x: np.ndarray, change: np.ndarray) -> HopDe
     first: tuple[np.ndarray, float, np.ndarray, Foot] | None = None
     for _ in range(CAP):
         start, limit = (x, change), float(impacts.longest_flight(x))
-        closes = FirstOf(*(first_zero(each.gap, order * (i == opens)) for i, each in enumerate(feet)))
+        gaps = (first_zero(each.gap, order * (i == opens)) for i, each in enumerate(feet))
+        closes = FirstOf(*gaps, FallTest(impacts.footing))
         x, change, lasted = _follow(impacts.flight, impacts.p, x, change, limit, closes)
+        if closes.which == len(feet):
+            raise NoOrbit(STATUSES[FALLS])
         touches = closes.which or 0
         speed = float(feet[touches].speed @ x)
         if first is None:
@@ -233,10 +236,8 @@ def through_contact(impacts: Impacts, y: np.ndarray, change: np.ndarray, grazes:
     contact, model = impacts.contact, impacts.model
     end = ContactEnd(impacts, model.contact_speed, (grazes and not model.changes_contact, grazes))
     y, change, _ = _follow(contact, impacts.p, y, change, impacts.longest_contact(y), end)
-    if end.outcome == "stays":
-        raise NoOrbit(STATUSES["stays"])
-    if end.outcome == SLIPS:
-        raise NoOrbit(STATUSES[SLIPS])
+    if end.outcome in ("stays", SLIPS, FALLS):
+        raise NoOrbit(STATUSES[end.outcome])
     if end.outcome not in (LIFTS_OFF, STEPS_BACK):
         raise NoOrbit(RESTS)
     if end.outcome == STEPS_BACK:

@@ -17,10 +17,11 @@ from ..model.machine import Machine, dimensionless, machine_in_words
 from ..model.model import CONTACT_FORCE, Knee
 from ..model.phase import Affine
 from ..model.state_formula import StateFormula
-from ..numerics.polynomial_roots import Crossings, lowest
+from ..numerics.polynomial_roots import lowest
 from ..periodic.cycle_shape import relabelled_back
 from ..result import TABLE_ROWS, Axes, Report, Result, Row, known, shown
 from ..units import ENERGY, FORCE, LENGTH, LIFTOFF_SPEED, SPEED, TIME, Units, in_units
+from .footing import FALLS
 from .hysteresis import Branches
 
 # The dimensions of a simulation's numbers by name; those of states are lengths and speeds.
@@ -40,14 +41,16 @@ class ContactEvent:
     kind : "impact", after which the machine flies on; "landing", after which it stays in contact; "lift-off";
         "reversal" of a spring with hysteresis, whose loss is that of the energies between the events; or "lifts" and
         "slides", from which on the foot that stands in flight would have to pull, or needs more than the stated
-        friction, and the simulation is of a foot that is held; or "slips", of a foot that sticks, which ends it
+        friction, and the simulation is of a foot that is held; or "slips", of a foot that sticks, and "falls", of a
+        height of such a machine that reaches the ground, which end it
     time : time since the start; for a landing by infinitely many bounces, the time when they have ended
     before, after : flight states (n,)
     energy : energy before the event, relative to the machine at rest in contact with its spring unloaded; by the mean
         law of a spring with hysteresis
     loss : energy lost in the event, below 0 where an injection adds energy, and less by what gravity adds where a
         machine on a slope counts from the next foot
-    foot : the name of the foot that touches or opens, "" where it has none; or "standing foot"
+    foot : the name of the foot that touches or opens, "" where it has none; or "standing foot"; or of the height that
+        falls
     """
 
     kind: str
@@ -206,9 +209,6 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
             *self._way_in_words(),
             f"{self.status} at time {self.end:.9g}{second}{why}",
         ]
-        if self.falls is not None:
-            name, time = self.falls
-            notes.append(f"the {name} falls to the ground at time {time:.9g}{second}: what follows is not its motion")
         if (least := self.smallest_separation) is not None and least <= 0:
             notes.append(f"the masses pass through each other: their least separation is {least:.6g}{metre}")
         return notes
@@ -334,20 +334,11 @@ class Simulation(Result, what="simulation", in_line=("status", "end", "source"))
         first, last = self.unrolled([0.0, self.end])[:, own[0]]
         return float(last - first)
 
-    @cached_property
+    @property
     def falls(self) -> tuple[str, float] | None:
-        """The name of a height of a machine that sticks, other than its gap, which reaches the ground first, and when;
-        None where none does. The simulation ignores it."""
-        found, embed = list[tuple[float, str]](), self.source.model.embed
-        if not self.source.model.sticks:
-            return None
-        for leg in self.legs:
-            rows = leg.path.coefficients
-            states = rows[:, : len(embed)] if leg.phase == "flight" else embed @ rows[:, : embed.shape[1]]
-            for name, height in self.heights.items():
-                if height != self.gap and (places := Crossings()(height.series(states), leg.path.steps)):
-                    found.append((leg.start + float(leg.path.times[places[0][0]] + places[0][1]), name))
-        return min(found)[::-1] if found else None
+        """The name of the height of a machine that sticks, other than its gap, which reaches the ground, and when; None
+        where none does. The simulation ends there."""
+        return next(((event.foot, event.time) for event in self.events if event.kind == FALLS), None)
 
     @property
     def mean_speed(self) -> float | None:

@@ -26,7 +26,7 @@ from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..units import LENGTH, LIFTOFF_SPEED, TIME, Message, Quantity, described, in_own_units
 from .feet import LIFTS_OFF, STEPS_BACK, Exit, unheld
-from .footing import SLIPS
+from .footing import FALLS, SLIPS, FallTest
 from .hand_over import landed, standing
 from .hysteresis import Branches, FirstOf, first_reversal
 from .impacts import (
@@ -153,6 +153,7 @@ def _simulated(
         raise InputError(f"inject = {inject:g}: a launch of a {name} is more than the speed that it adds to")
     known = Schedule(machine, inputs)
     x, launch_speed, order, foot = _initial_state(impacts, known(0.0)[0], alpha, state)
+    impacts.footing.refuse_fallen(x)
     with interrupts.deferred():
         if branches:
             return _HystereticRun(branches, inject, hops, time, cap, known).simulate(x, order, launch_speed)
@@ -277,6 +278,7 @@ class _Run:
         while not closed:
             left, feet = min(self.time, last, until) - self.now, self.impacts.feet
             tests = [first_zero(each.gap, order * (i == self.foot)) for i, each in enumerate(feet)]
+            tests += [FallTest(self.impacts.footing)] if self.impacts.footing.heights else []
             touches = FirstOf(*tests)
             try:
                 path, _ = self.impacts.flight.run(x, self.impacts.p, left, stop=touches if tests[1:] else tests[0])
@@ -285,7 +287,8 @@ class _Run:
                 return status_of_failure(error, "flight"), x, order
             closed = path.times[-1] < left
             cut = not closed and until < min(self.time, last)
-            if status := self.add_leg("flight", path, None if closed or cut else "carried_off", until if cut else None):
+            ended = FALLS if touches.which == len(feet) else None if closed or cut else "carried_off"
+            if status := self.add_leg("flight", path, ended, until if cut else None):
                 return status, x, order
             x = path.end[: len(x)]
             self.foot = touches.which or 0
@@ -305,7 +308,7 @@ class _Run:
             loss += self.energy(before) - self.energy(after)
         self.add_event("landing" if held else "impact", x, after, float(loss), float(wait), name)
         self.foothold += sum(x[impacts.footing.sticks].tolist())
-        if impacts.footing.slips_at_landing(x):
+        if impacts.footing.slips_at_landing(x, float(self.legs[-1].path.times[-1])):
             return self.slip(after, " as it lands"), after, None
         self.stance, self.foot = self.stance + step, int(found.foot[0])
         self.reason = STATUSES[ended] if ended else self.reason
@@ -410,6 +413,13 @@ class _Run:
         lasted = float(path.times[-1])
         over = until is None and (lasted >= self.time - self.now or self.now + lasted >= self.time)
         self.now = self.time if over else self.now + lasted if until is None else until
+        if status == FALLS and not over:
+            embed, rows = self.impacts.model.embed, path.end
+            x = rows[: len(embed)] if phase == "flight" else embed @ rows[: embed.shape[1]]
+            name = self.impacts.footing.fallen(x)
+            self.add_event(FALLS, x, x, 0.0, foot=name)
+            text = "the {name} falls to the ground at t = {time:.6g}"
+            self.reason = Message(text, name=name, time=Quantity(self.now, TIME))
         return "done" if over else status
 
     def add_event(self, kind: str, before, after, loss: float, wait: float = 0.0, foot: str = ""):
@@ -448,7 +458,7 @@ class _HystereticRun(_Run):
         while not held:
             left = min(self.time, last) - self.now
             reverses = first_reversal(self.branches.rate, turning if side else None)
-            stop = FirstOf(first_zero(self.impacts.gap, order), reverses)
+            stop = FirstOf(first_zero(self.impacts.gap, order), reverses, FallTest(self.impacts.footing))
             try:
                 path, _ = self.impacts.flight.run(x, self.impacts.p, left, stop=stop)
             except FlowError as error:
@@ -458,7 +468,8 @@ class _HystereticRun(_Run):
             if not side and self.slips(path, len(x), self.branches.rate):
                 return "lost", x, order
             closed = path.times[-1] < left and stop.which == 0
-            if status := self.add_leg("flight", path, None if path.times[-1] < left else "carried_off"):
+            ended = FALLS if stop.which == 2 else None if path.times[-1] < left else "carried_off"
+            if status := self.add_leg("flight", path, ended):
                 return status, x, order
             x, order = path.end[: len(x)], 0
             if held := closed or bool(self.impacts.gap(x) <= 0):

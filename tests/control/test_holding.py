@@ -60,7 +60,7 @@ def test_the_regulator_against_that_of_the_whole_cycle():
 def test_a_run_is_held(run, held):
     assert held.multipliers == pytest.approx(multipliers(run.source, run).values, rel=1e-8)
     assert np.abs(held.held_multipliers).max() < 0.5
-    motion = simulate(held.machine, disturbed(run, 1e-3), hops=9, feedback=held)
+    motion = simulate(held.machine, disturbed(run, 1e-3), hops=10, feedback=held)
     far = distances(run, motion)
     assert motion.status == "done"
     assert far[-1] < 1e-6 < 1e-3 < far[0]
@@ -70,8 +70,24 @@ def test_a_run_is_held(run, held):
     assert len(times) == len(inputs["hold"]) + 1
     assert 1e-3 < np.abs(inputs["hold"]).max() < 1.0
     assert np.abs(inputs["hold"][-8:]).max() < 1e-4
-    again = simulate(held.machine, disturbed(run, 1e-3), hops=9, schedule=motion.schedule)
+    again = simulate(held.machine, disturbed(run, 1e-3), hops=10, schedule=motion.schedule)
     assert np.abs(distances(run, again)[:2] - far[:2]).max() < 1e-9
+
+
+def test_a_run_in_si_is_held_as_the_dimensionless_one(held):
+    """60 kg, with a leg of 20 kN/m: effort and landing have no units."""
+    metre, second = 60 * 9.81 / 2e4, np.sqrt(60 / 2e4)
+    sizes = {"inertia": 60 * metre**2, "hip_stiffness": 60 * 9.81 * metre, "foot_mass": 60.0, "rest_length": metre}
+    numbers = {"inertia": 5.7, "hip_stiffness": 5.4, "foot_mass": 0.1, "rest_length": 3.7}
+    own = {name: value * sizes[name] for name, value in numbers.items()}
+    machine = runner(**own, body_mass=60.0, stiffness=2e4, in_si=True)
+    run = find(machine, tune=("inertia", "hip_stiffness"), at={"speed": 0.4 * metre / second})
+    found = hold(run, "phi - theta")
+    assert np.abs(found.held_multipliers - held.held_multipliers).max() < 1e-9
+    units = np.array([{"'": metre / second}.get(name[-1:], metre) for name in run.source.model.flight.states])
+    turned = [i for i, name in enumerate(run.source.model.flight.states) if name.rstrip("'") in ("theta", "phi")]
+    units[turned] /= metre
+    assert found.gains * units == pytest.approx(held.gains * 60 * 9.81 * metre, rel=1e-7, abs=1e-7 * 60 * 9.81 * metre)
 
 
 def test_a_run_that_is_held_goes_on(run, held):
@@ -97,7 +113,7 @@ def test_what_is_not_held(run, held):
         match="hold takes a mechanism that stands on one foot, and whose launch is more than a speed, not a hopper",
     ):
         hold(find(Hopper()), "body - foot")
-    with pytest.raises(InputError, match="effort = 0, landing = 10; weights lie above 0"):
+    with pytest.raises(InputError, match="effort = 0, landing = 20; weights lie above 0"):
         hold(run, "phi - theta", effort=0.0)
     with pytest.raises(InputError, match="a schedule and a feedback exclude each other"):
         simulate(held.machine, run, hops=1, feedback=held, schedule=([0.0, 1.0], {"hold": [0.0]}))

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from runners import rates_by_hand
 from scipy.integrate import solve_ivp
 
 from orbits import Mechanism, find, multipliers, simulate
@@ -204,11 +205,29 @@ def test_states_on_the_ground(run):
 
 
 def test_a_body_that_falls(run, tmp_path):
-    motion = simulate(run.source, disturbed(run, theta=0.05), time=15.0)
+    """It ends the simulation, in contact or in flight, where the body is on the ground in that of SciPy."""
+    motion = simulate(run.source, disturbed(run, theta=0.05), hops=30)
     name, when = motion.falls
-    assert name == "body"
+    assert (name, motion.status, motion.end) == ("body", "falls", when)
+    assert motion.events[-1].kind == "falls"
+    assert motion.document()["reason"] == motion.reason == f"the body falls to the ground at t = {when:.6g}"
+    assert motion.distance == motion.unrolled(when)[0]
+    assert motion.mean_speed == motion.distance / when
+    assert "falls" in STATUSES
+    flying = np.array([0.0, 0.0, 0.5, 0.0, 3.5, 0.0, 1.6, 0.0, 1.6, 0.0])
+    flown = simulate(run.source, state=flying, hops=3)
+    assert flown.status == "falls"
+    fell = solve_ivp(
+        lambda t, x: rates_by_hand(x, run.source.values, False)[0], (0, 5), flying,
+        events=lambda t, x: x[2] + x[4] * np.cos(x[6]), **KW,
+    )  # fmt: skip
+    assert flown.end == pytest.approx(fell.t_events[0][0], rel=1e-9)
+    assert not flown.in_contact(flown.end)
+    flying[6] = 1.8
+    with pytest.raises(InputError, match=r"its body is at the height -0\.295\d+ at the start, below the ground"):
+        simulate(run.source, state=flying, hops=1)
     assert abs(motion(when)[2] + motion(when)[4] * np.cos(motion(when)[6])) < 1e-9
-    assert "the body falls to the ground at time" in str(motion)
+    assert f"falls at time {when:.9g}: the body falls to the ground" in str(motion)
     assert motion.animate(tmp_path / "fall.gif", frames=2).stat().st_size > 0
 
 
@@ -226,6 +245,7 @@ def test_in_si():
     assert motion.end == pytest.approx(bare.end * second, rel=1e-11)
     assert motion.distance == pytest.approx(bare.distance * metre, rel=1e-11)
     assert motion.units["mean_speed"] == "m/s"
+    assert Impacts(machine).footing.weight == pytest.approx(66 * 9.81, rel=1e-12)
     assert "m/s" in str(motion).split("mean speed")[1].splitlines()[0]
 
 
