@@ -154,7 +154,7 @@ def _by_data(flow: Flow) -> ElementwiseFunction:
 
 
 def _weights_of_steps(equations: Shooting, evaluation: Evaluation, inverse: ndarray) -> list[Rows]:
-    """The derivatives (N, states) of the unknown by the state at the end of every step, carried to the end of its arc by
+    """The derivatives (N, states) of the unknown by the state at the end of each step, carried to the end of its arc by
     the flow from there, or None, for each arc: where a motion is carried past a hard turn, they are large."""
     weights, row = list[Rows](), 0
     for flow, motions, transition, by_end in zip(

@@ -36,6 +36,36 @@ def test_mass_ratio_for_a_contact_time_is_known_in_closed_form():
     assert orbit.machine["mass_ratio"] == pytest.approx(0.31, rel=1e-13)
 
 
+def test_a_number_that_no_equation_has_is_named():
+    with pytest.raises(NoOrbit, match=r"on friction: tune another number \(no equation of half an orbit has friction"):
+        find(runner(friction=0.9), tune=("friction", "inertia"), at={"speed": 0.4})
+
+
+def test_without_units_prescribed_values_have_none():
+    """So that a proof of the orbit without units states its own period and rise."""
+    orbit = find(LEG, tune=("k", "b"), at={"frequency": 2.5, "centre_of_mass_rise": 0.045})
+    bare = orbit.dimensionless()
+    own = {"frequency": 1 / bare.period, "centre_of_mass_rise": bare.rises["centre of mass"]}
+    assert bare.prescribed == pytest.approx(own, rel=1e-12)
+    assert bare.tuned == orbit.tuned
+    long = find(LEG, tune="rest_length", at={"smallest_separation": 0.7})
+    ratio = long.dimensionless().source.values["rest_length"] / long.source.values["rest_length"]
+    assert long.dimensionless().tuned["rest_length"] == pytest.approx(long.tuned["rest_length"] * ratio, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("at", "text"),
+    [
+        ({"speed": 50.0}, "to speed = 50 it has come to speed = .*, with step = .*, inertia = "),
+        ({"foot_rise": 1.0}, "to foot_rise = 1 it has come to foot_rise = .*, with hip_stiffness = "),
+    ],
+)
+@pytest.mark.slow
+def test_where_the_time_is_over_the_place_is_named(at, text):
+    with pytest.raises(NoOrbit, match=text):
+        find(runner(), tune=RUN, at=at, limit=4.0)
+
+
 def test_two_numbers_for_two_quantities_are_known_in_closed_form():
     period = 2 * B / sqrt(1.7) + contact_time(1.7, 1.3)
     orbit = find(LINEAR, tune=("k", "mass_ratio"), at={"frequency": 1 / period, "flight_time": 2 * B / sqrt(1.7)})
