@@ -29,7 +29,7 @@ _Arguments = ParamSpec("_Arguments")
 _Outcome = TypeVar("_Outcome")
 
 LENGTH, TIME, FORCE, ENERGY = (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, 0, 1)
-SPEED, ACCELERATION, JERK = (1, -1, 0), (1, -2, 0), (1, -3, 0)
+FREQUENCY, SPEED, ACCELERATION, JERK = (0, -1, 0), (1, -1, 0), (1, -2, 0), (1, -3, 0)
 MASS, STIFFNESS, INERTIA = (-1, 2, 1), (-1, 0, 1), (1, 2, 1)
 EXTENSION, LIFTOFF_SPEED, LIFTOFF_SPEED_SQUARED = (0, 0, 0, 0, 1), (0, -1, 0, 0, 1), (0, -2, 0, 0, 2)
 TORQUE = (1, 0, 1)  # of a force against an angle

@@ -5,19 +5,21 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, NoOrbit
 from ..model.machine import Machine
 from ..numerics.roots import solve
+from ..periodic.orbit import Orbit
 from ..periodic.tuned import (
     METHOD,
     check_count,
+    errors_of_tuned,
     is_quantity,
     prescribable,
     quantities_of_motion,
     tuned_equations,
     tuned_names,
 )
-from .curve import Curve, check_followed
+from .curve import Curve, CurvePoint, CurvePoints, check_followed
 from .point import Point
 
 
@@ -53,6 +55,15 @@ class TunedCurve(Curve):
 
     def parameters_at(self, xs: np.ndarray) -> np.ndarray:
         return self.equations.with_tuned(xs, super().parameters_at(xs))
+
+    def orbit(self, point: CurvePoint) -> Orbit:
+        """The whole orbit at a certified point, with its tuned parameters but where it does not determine them."""
+        orbit = super().orbit(point)
+        try:
+            errors = errors_of_tuned(*self.solutions(CurvePoints.of([point])))
+        except NoOrbit:  # such as a run without speed
+            return orbit
+        return orbit.with_tuned(errors, dict.fromkeys(self.prescribed, point.value))
 
     def varied(self, p: np.ndarray) -> dict[str, float]:
         names, places = self.equations.statement.tuned, self.equations.places

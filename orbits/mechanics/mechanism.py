@@ -173,6 +173,8 @@ class Mechanism(Stated):
                 laws.append(self._law(element.force, "r", numbers))
                 element = replace(element, force=laws[-1][0])
             elements.append(element)
+        if self.sticks and any(STEP_LENGTH in key.names for key, _ in laws):
+            raise InputError(f"'{STEP_LENGTH}' is a number of each orbit; call the law's parameter something else")
         values = joined_values(((key.text, own) for key, own in laws), numbers)
         rates = {rate: 0.0 for rate in self.actuators.values() if rate not in values}
         self._store(

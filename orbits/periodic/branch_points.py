@@ -61,8 +61,11 @@ class BranchPoint:
 
     def start(self, speed: float) -> dict[str, float]:
         """The unknowns of half a run near the branch point by name, as `find` takes them, for a small speed; what is
-        wrong with them, and the change of the parameters along the branch, grow like its square."""
+        wrong with them, and the change of the parameters along the branch, grow like its square. Raises `InputError`
+        for the speed 0, at which every design hops."""
         speed, own = finite_number("speed", speed), dict(unknowns_of_hop(self.hop))
+        if speed == 0:
+            raise InputError("speed = 0: there every design hops, so that no run is found; start at 0.01, or at -0.01")
         lateral = {name: speed * value for name, value in self.direction.items()}
         return {**own, **lateral, STEP_LENGTH: speed * self.step}
 

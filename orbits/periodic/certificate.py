@@ -74,7 +74,8 @@ class Certificate:
     bounce_factor : what a hop loses on that side over what it loses on the other, where a landing with a speed is a
         hand-over; None for 10, where it is not
     friction_needed : the largest share of the force across the ground in that along it, over the phases in which
-        something stands; None where the machine does not state where its masses are across, and where a foot lifts
+        something stands; None where the machine does not state where its masses are across, where a foot lifts, and
+        where the ground would have to pull
     friction_error, friction_time : an estimate of its error, and the time in the cycle at which it is needed first
     smallest_stance_force : the least force across the ground on what stands in flight, None where nothing does
     stance_judged : whether it is a violation that this force is not positive, None where nothing stands in flight

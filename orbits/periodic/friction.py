@@ -76,7 +76,8 @@ class _OfGround(NamedTuple):
 
 
 def with_friction(model: Model, cycles: Cycles, certificates: Records[Certificate]) -> Records[Certificate]:
-    """The certificates (m,) with the friction that the orbits need, and violations by feet that lift or slide."""
+    """The certificates (m,) with the friction that the orbits need, and violations by feet that lift or slide. Where
+    the ground would have to pull, no friction is enough."""
     # Of whole motions, which nothing turns back, the forces are not stored.
     if model.planar is None or model.reversor is None:
         return certificates
@@ -86,8 +87,12 @@ def with_friction(model: Model, cycles: Cycles, certificates: Records[Certificat
         flight = _forces_of_ground(model.flight, cycles.halves, np.arange(len(cycles)))
         stance, ends = turns_and_zeros({"normal": (flight.motions, flight.normal, True, 0)})["normal"].lowest()
         parts.append(flight)
+    pulls = np.zeros(len(cycles), dtype=bool)
     if cycles.contacts:
-        parts.append(_forces_of_ground(model.contact, cycles.contacts, cycles.with_contact, bool(model.sticks)))
+        contact = _forces_of_ground(model.contact, cycles.contacts, cycles.with_contact, bool(model.sticks))
+        least, _ = turns_and_zeros({"normal": (contact.motions, contact.normal, True, 0)})["normal"].lowest()
+        pulls[contact.which] = least < 0
+        parts.append(contact)
     lifts, words = stance <= 0, model.violations.get("stance")
     judged = np.full(len(cycles), bool(words) if planar.stands else None, dtype=object)
     text = "{lifts} at t = {time:.6g} of the flight (force {force:.3g})"
@@ -95,7 +100,7 @@ def with_friction(model: Model, cycles: Cycles, certificates: Records[Certificat
         time, force = Quantity(ends[i], TIME), Quantity(stance[i], FORCE)
         violations[i] += (Message(text, lifts=words, time=time, force=force),)
     needed, where, place = _largest(parts, len(cycles))
-    known = ~lifts & np.isfinite(needed)
+    known = ~lifts & ~pulls & np.isfinite(needed)
     known[[*cycles.without_contact]] = False
     error = _share_errors(model, cycles, parts, needed, where, place)
     limits = np.broadcast_to(planar.friction(cycles.p) if planar.friction else np.inf, len(cycles))

@@ -14,7 +14,7 @@ from ..flow.forces import spring_forces, units_of_springs
 from ..flow.trajectory import Trajectory
 from ..io import DIGEST, Changed, Document, has_digest, read_file, to_json, unsealed
 from ..model.machine import Machine, machine_in_words, title_of_machine
-from ..model.model import CONTACT_FORCE, LANDED_FORCE
+from ..model.model import CONTACT_FORCE, LANDED_FORCE, STEP_LENGTH
 from ..model.symmetry import SignedShift
 from ..numerics.polynomial_roots import lowest
 from ..result import TABLE_ROWS, Axes, Report, Result, Row, is_of, shown
@@ -22,7 +22,7 @@ from ..tables import VIOLATED, machine_numbers
 from ..units import Units, in_units, saved_units
 from .certificate import Certificate
 from .cycle_shape import Shape, mirrored
-from .quantities import OF_RUNS, QUANTITIES
+from .quantities import OF_RUNS, QUANTITIES, dimension_of
 from .saved_orbit import (
     DOCUMENT_FIELDS,
     FIELDS_OF_RUNS,
@@ -118,9 +118,21 @@ class Orbit(Result, what="orbit", printed_digits=15):
 
     def with_tuned(self, errors: Mapping[str, float], prescribed: Mapping[str, float]) -> "Orbit":
         """The same orbit, whose parameters of these names were tuned, with these bounds on their errors, so that
-        quantities have prescribed values."""
+        quantities have prescribed values; without units, parameters that are not numbers of that machine are left out.
+        """
         tuned: dict[str, Any] = {"tuned": dict(errors), "prescribed": dict(prescribed)}
-        return replace(self, **tuned, bare=self.bare and replace(self.bare, **tuned))
+        if not (self.bare and self.scales):
+            return replace(self, **tuned)
+        own = {name: x / self.scales.of(dimension_of(name)) for name, x in prescribed.items()}
+        numbers = {name: (self.bare._number(name), self._number(name)) for name in errors}
+        shares = {name: each / x if x else 1.0 for name, (each, x) in numbers.items() if None not in (each, x)}
+        bare = replace(self.bare, tuned={name: errors[name] * x for name, x in shares.items()}, prescribed=own)
+        return replace(self, **tuned, bare=bare)
+
+    def _number(self, name: str) -> Any:
+        """The number of its machine of this name, None where there is none; the step is one of the orbit."""
+        known = {STEP_LENGTH: self.step, **self.machine, **self.machine["parameters"]}
+        return known.get(name)
 
     def dimensionless(self) -> "Orbit":
         """The orbit in its machine's dimensionless units; the orbit itself if it has no other units."""
@@ -437,7 +449,8 @@ class Orbit(Result, what="orbit", printed_digits=15):
         orbit = orbit_in_units(cls(**stated_fields(bare)), units, machine_in_document(data))
         if len(data["violations"]) != len(orbit.violations):
             raise ValueError("its violations in SI and without units are not as many")
-        return replace(orbit, certificate=replace(orbit.certificate, violations=tuple(data["violations"])))
+        own = {"tuned": data.get("tuned", {}), "prescribed": data.get("prescribed", {})}
+        return replace(orbit, certificate=replace(orbit.certificate, violations=tuple(data["violations"])), **own)
 
 
 def start_in_file(path: str | Path) -> Orbit:

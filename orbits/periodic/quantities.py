@@ -8,7 +8,7 @@ import numpy as np
 from ..model.model import STEP_LENGTH, Model
 from ..records import NONE, Records, numbers_or_nan
 from ..shooting.formulations import Cycles
-from ..units import DIMENSIONS, LENGTH, OF_ANGLES, Dimension, Units
+from ..units import DIMENSIONS, FREQUENCY, LENGTH, OF_ANGLES, Dimension, Units
 from .certificate import Certificate, extremes
 
 
@@ -105,7 +105,8 @@ OF_MANY = tuple(name for name in DESIGNED if QUANTITIES[name].of or name in OF_C
 
 def dimension_of(name: str) -> Dimension | str:
     """The dimension of a quantity, or its name where that decides; a rise is a length."""
-    return name if name in OF_ANGLES else DIMENSIONS.get(name, () if name in QUANTITIES else LENGTH)
+    known = {**dict.fromkeys(QUANTITIES, ()), "frequency": FREQUENCY, **DIMENSIONS}
+    return name if name in OF_ANGLES else known.get(name, LENGTH)
 
 
 def motion_numbers(model: Model, cycles: Cycles) -> dict[str, np.ndarray]:

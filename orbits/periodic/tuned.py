@@ -18,12 +18,13 @@ from ..model.machine import Machine
 from ..model.model import STEP_LENGTH, Model
 from ..model.phase import Arc, Statement
 from ..numerics.roots import solve
+from ..running.time_limit import TimeOver
 from ..shooting.error_bound import error_bounds
 from ..shooting.formulations import half_orbit, vector
 from ..shooting.multiple_shooting import boundary_functions
 from ..shooting.single_shooting import Evaluation, Shooting, shooting_equations
 from ..symbolic.formula import suggest
-from ..units import DIMENSIONS, LENGTH, SPEED, Dimension
+from ..units import DIMENSIONS, FREQUENCY, LENGTH, SPEED, Dimension
 from .certificate import Certificate
 from .certified import Solved, known_solutions
 from .orbit import Orbit
@@ -67,7 +68,7 @@ PRESCRIBED: dict[str, Prescribed] = {
     "flight_time": Prescribed(lambda model, u, p: 2 * u["duration"], DIMENSIONS["flight_time"]),
     "contact_time": Prescribed(lambda model, u, p: 2 * u["contact_duration"], DIMENSIONS["contact_time"], True),
     "period": Prescribed(_period, DIMENSIONS["period"], True),
-    "frequency": Prescribed(lambda model, u, p: 1 / _period(model, u, p), (0, -1), True),
+    "frequency": Prescribed(lambda model, u, p: 1 / _period(model, u, p), FREQUENCY, True),
 }
 # Those of machines that go forward: the step is a parameter, which is tuned unless it is prescribed.
 OF_STEPS: dict[str, Prescribed] = {
@@ -246,13 +247,18 @@ def _along_way(
         p[places] = there if share == 1 else here + share * (there - here)
         return p
 
+    def text(share: float) -> str:
+        return ", ".join(f"{name} = {value:.6g}" for name, value in zip(names, p_at(share)[places], strict=True))
+
     reached, step = 0.0 if names else 1.0, 1.0
     try:
         x, evaluation = equations.newton(x, p_at(0.0))
     except NoOrbit as error:
-        tuned, all_of = ", ".join(_without_step(equations.statement.tuned)), ", ".join(names)
-        remedy = "tune another number, or begin elsewhere"
-        raise NoOrbit(f"{all_of or 'the orbit'} may not depend on {tuned}: {remedy} ({error})") from None
+        unused, all_of = ", ".join(_unused(equations, x, p_at(0.0))), ", ".join(names)
+        tuned = unused or ", ".join(_without_step(equations.statement.tuned))
+        remedy = "tune another number" if unused else "tune another number, or begin elsewhere"
+        reason = f"no equation of half an orbit has {unused}" if unused else error
+        raise NoOrbit(f"{all_of or 'the orbit'} may not depend on {tuned}: {remedy} ({reason})") from None
     while reached < 1:
         jacobian = equations.evaluate(x, p_at(reached), tuple(names)).jacobian
         tangent = -solve(jacobian[:, : len(x)], jacobian[:, len(x) :] @ (there - here))
@@ -262,6 +268,9 @@ def _along_way(
                 guess = x + (share - reached) * tangent
                 x, evaluation = solved_near(machine, equations, guess, p_at(share))
                 break
+            except TimeOver as over:
+                tuned = ", ".join(f"{name} = {value:.6g}" for name, value in tuned_values(equations, x).items())
+                raise over.reached(f"on the way to {text(1.0)} it has come to {text(reached)}, with {tuned}") from None
             except (NoOrbit, FlowError, InputError) as error:
                 step = min(step, 1 - reached) / 2
                 if step < SHORTEST_WAY:
@@ -269,6 +278,16 @@ def _along_way(
                     raise _no_way(equations, x, at, wanted, tangent, error) from None
         reached, step = share, 2 * step
     return x, evaluation, equations.with_tuned(x[None], p_at(1.0)[None])[0]
+
+
+def _unused(equations: Shooting, x: np.ndarray, p: np.ndarray) -> list[str]:
+    """The names of tuned parameters that no equation has, by the derivatives near unknowns (n,), parameters (np,)."""
+    beside = x * (1 + 1e-3 * np.arange(1, len(x) + 1) / len(x))  # not in a place of symmetry
+    try:
+        columns = equations.evaluate(beside, p).jacobian[:, equations.own : len(x)]
+    except (NoOrbit, FlowError):
+        return []
+    return [name for name, column in zip(equations.statement.tuned, columns.T, strict=True) if not column.any()]
 
 
 def solved_near(
@@ -313,12 +332,13 @@ def _no_way(
     return NoOrbit(f"no orbit with {there} is reached by tuning {names}: at {reached}, with {tuned}, {error}")
 
 
-def errors_of_tuned(solved: Solved) -> dict[str, float]:
-    """Bounds on the errors of the tuned parameters of one solution, by name, in the machine's units; raises `NoOrbit`
-    where the orbit does not determine one of them, as a run without speed, which is the hop of any inertia."""
+def errors_of_tuned(solved: Solved, closing: np.ndarray | None = None) -> dict[str, float]:
+    """Bounds on the errors of the tuned parameters of one solution, by name, in the machine's units, with rows (1, n)
+    that close the equations as in `error_bounds`; raises `NoOrbit` where the orbit does not determine one of them, as a
+    run without speed, which is the hop of any inertia."""
     equations, found = solved.equations, dict[str, float]()
     for name, value in tuned_values(equations, solved.us[0]).items():
-        bounds, _ = error_bounds(equations, solved.us, solved.ps, solved.evaluation, unknown=name)
+        bounds, _ = error_bounds(equations, solved.us, solved.ps, solved.evaluation, closing, unknown=name)
         found[name] = float(bounds[0])
         if not found[name] <= WORST_TUNED * max(abs(value), SMALLEST):
             slow = ", or prescribe a speed farther from 0: the vertical hop runs at no speed, whatever its inertia"
@@ -356,13 +376,24 @@ def _by_moving(machine, moved, rest, targets, first, near) -> tuple[Orbit, dict[
     """`with_extremes` for the parameters that are `moved` in steps."""
     wanted, x, last = np.array([*targets.values()]), np.array([first.source.values[name] for name in moved]), np.inf
     sizes, slopes = np.maximum(np.abs(wanted), SMALLEST), np.zeros((len(x), len(x)))
+    found, at = np.full(len(wanted), np.nan), ", ".join(f"{name} = {value:.6g}" for name, value in targets.items())
+
+    def reached() -> tuple[str, str]:
+        each = zip(moved, x.tolist(), strict=True), zip(targets, found.tolist(), strict=True)
+        ran, here = (", ".join(f"{name} = {value:.6g}" for name, value in pairs) for pairs in each)
+        return ran, here
 
     def solved(values: np.ndarray, known: Orbit) -> tuple[Orbit, dict[str, float], np.ndarray]:
         assert known.source is not None
         others = {name: known.source.values[name] for name in rest.names}
         here = machine.with_values(**others, **dict(zip(moved, values.tolist(), strict=True)))
-        orbit, errors = near(here, known, rest)
-        return orbit, errors, np.array([quantity_of(orbit, name) for name in targets])
+        try:
+            orbit, errors = near(here, known, rest)
+            return orbit, errors, np.array([quantity_of(orbit, name) for name in targets])
+        except TimeOver as over:
+            if np.isnan(found).any():
+                raise
+            raise over.reached("on the way to {} it has come to {}, with {}".format(at, *reached()[::-1])) from None
 
     def off(found: np.ndarray) -> float:
         return float(np.max(np.abs(found - wanted) / sizes))
@@ -391,10 +422,8 @@ def _by_moving(machine, moved, rest, targets, first, near) -> tuple[Orbit, dict[
             share /= 2
         else:
             break
-    at = ", ".join(f"{name} = {value:.6g}" for name, value in targets.items())
-    ran = ", ".join(f"{name} ran to {value:.6g}" for name, value in zip(moved, x.tolist(), strict=True))
-    here = ", ".join(f"{name} = {value:.6g}" for name, value in zip(targets, found.tolist(), strict=True))
-    raise NoOrbit(f"no orbit with {at} is reached: {ran}, where {here}, and {reason}")
+    ran, here = reached()
+    raise NoOrbit(f"no orbit with {at} is reached: {ran.replace(' =', ' ran to')}, where {here}, and {reason}")
 
 
 def quantity_of(orbit: Orbit, name: str) -> float:

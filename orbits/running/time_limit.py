@@ -14,6 +14,13 @@ LIMIT = 30.0
 class TimeOver(Exception):
     """The time is over. It passes through all that takes `NoOrbit` for a result, and ends in `time_limit`."""
 
+    def reached(self, place: str) -> "TimeOver":
+        """The same with the place that a computation had reached, in words, in place of that of a part of it."""
+        return TimeOver(self.args[0], place)
+
+    def __str__(self) -> str:
+        return "; ".join(self.args)
+
 
 class _Limit(threading.local):
     """When the computation of a thread has to end, and how many seconds it may take."""

@@ -1,4 +1,5 @@
-"""The bound on the error of a solved orbit's launch speed; only the inverse Jacobian of its equations is reused."""
+"""The bound on the error of an unknown of a solved orbit, by default its launch speed; only the inverse Jacobian of its
+equations is reused."""
 
 import casadi as ca
 import numpy as np
@@ -14,7 +15,7 @@ from ..numerics.roots import solve
 from ..symbolic.caches import cached
 from ..symbolic.calls import BufferedFunction
 from ..symbolic.kernels import ElementwiseFunction
-from ..units import LIFTOFF_SPEED, Message, Quantity
+from ..units import UNKNOWNS, Message, Quantity
 from .single_shooting import Evaluation, Shooting
 
 # Rounding errors of n steps add up at random, like the square root of n, and by their bias, like n. The two are equal
@@ -51,6 +52,7 @@ def error_bounds(
         at the parameter's value
     quickly : where the flow allows it, integrate the field along each step's polynomial by Gauss's rule, and carry the
         steps' defects to the end of the arc; else, integrate the motion again by another method with smaller steps
+    unknown : the name of the unknown: the launch speed, another one of the statement, or a tuned parameter
 
     These residuals are multiplied by the inverse Jacobian. The rounding that both integrations may share is added: half
     a unit in the last place of the state per step, accumulated at random, through the same inverse, and amplified where
@@ -61,7 +63,7 @@ def error_bounds(
     ps = equations.with_tuned(us, ps)
     n, index, jacobian = equations.size, equations.statement.unknowns.index(unknown), evaluation.jacobian
     square = jacobian if closing is None else np.concatenate([jacobian, closing[:, None]], axis=1)
-    # The row of alpha in the inverse; with the leading axis older NumPy takes the right side as one matrix for all.
+    # Its row in the inverse; with the leading axis older NumPy takes the right side as one matrix for all.
     inverse = solve(square.swapaxes(1, 2), np.eye(square.shape[1])[None, :, [index]])[:, :n, 0]
     weights = _weights_of_steps(equations, evaluation, inverse)
     # Near an unstable equilibrium a change grows and shrinks again, and derivatives lose their rank to rounding.
@@ -77,18 +79,19 @@ def error_bounds(
         except NoOrbit as error:
             refused[i] = error
     # The residuals have rounding errors of their own, as large as the errors they measure: the factor 2 covers these.
-    found, alpha = 2 * np.abs(moves), us[:, index]
+    found, values = 2 * np.abs(moves), us[:, index]
     shared = np.maximum(_grown_rounding(equations, evaluation, inverse), _carried_rounding(evaluation, weights))
-    floor = shared + np.spacing(np.abs(alpha)) + _rounded_pieces(equations, ps, evaluation, weights)
-    for i in (found > np.maximum(WORST_ERROR * np.abs(alpha), DOUBTFUL_RATIO * floor)).nonzero()[0].tolist():
-        text = "the orbit cannot be certified: launch speed {alpha:.6g} may be off by {error:.1e}{narrow}"
-        numbers = {"alpha": Quantity(alpha[i], LIFTOFF_SPEED), "error": Quantity(found[i], LIFTOFF_SPEED)}
-        refused.setdefault(i, NoOrbit(Message(text, **numbers, narrow=NARROW)))
+    floor = shared + np.spacing(np.abs(values)) + _rounded_pieces(equations, ps, evaluation, weights)
+    name, dimension = "launch speed" if unknown == "alpha" else unknown, UNKNOWNS.get(unknown, ())
+    for i in (found > np.maximum(WORST_ERROR * np.abs(values), DOUBTFUL_RATIO * floor)).nonzero()[0].tolist():
+        text = "the orbit cannot be certified: {name} {value:.6g} may be off by {error:.1e}{narrow}"
+        numbers = {"value": Quantity(values[i], dimension), "error": Quantity(found[i], dimension)}
+        refused.setdefault(i, NoOrbit(Message(text, name=name, **numbers, narrow=NARROW)))
     return (found + floor) * (DEFECTS_SAFETY if quickly else 1.0), refused
 
 
 def _grown_rounding(equations: Shooting, evaluation: Evaluation, inverse: ndarray) -> ndarray:
-    """Errors (m,) of alpha by the random rounding of all steps, amplified as differences of the unknowns are."""
+    """Errors (m,) of the unknown by the random rounding of all steps, amplified as differences of the unknowns are."""
     rounding = np.zeros(len(inverse))
     for flow, motions, transition, start in zip(
         equations.flows, evaluation.trajectories, evaluation.transitions, evaluation.starts, strict=True
@@ -151,8 +154,8 @@ def _by_data(flow: Flow) -> ElementwiseFunction:
 
 
 def _weights_of_steps(equations: Shooting, evaluation: Evaluation, inverse: ndarray) -> list[Rows]:
-    """The derivatives (N, states) of alpha by the state at the end of every step, carried to the end of its arc by the
-    flow from there, or None, for each arc: where a motion is carried past a hard turn, they are large."""
+    """The derivatives (N, states) of the unknown by the state at the end of each step, carried to the end of its arc by
+    the flow from there, or None, for each arc: where a motion is carried past a hard turn, they are large."""
     weights, row = list[Rows](), 0
     for flow, motions, transition, by_end in zip(
         equations.flows, evaluation.trajectories, evaluation.transitions, evaluation.residual_by_end, strict=True
@@ -179,7 +182,7 @@ def _largest_growth(equations: Shooting, evaluation: Evaluation) -> ndarray:
 
 
 def _carried_rounding(evaluation: Evaluation, weights: list[Rows]) -> ndarray:
-    """Errors (m,) of alpha by one unit in the last place of the state per step."""
+    """Errors (m,) of the unknown by one unit in the last place of the state per step."""
     squares, counts = np.zeros(len(evaluation.residual)), np.ones(len(evaluation.residual))
     for motions, back in zip(evaluation.trajectories, weights, strict=True):
         if back is not None:
@@ -189,7 +192,7 @@ def _carried_rounding(evaluation: Evaluation, weights: list[Rows]) -> ndarray:
 
 
 def _rounded_pieces(equations: Shooting, ps: ndarray, evaluation: Evaluation, weights: list[Rows]) -> ndarray:
-    """Errors (m,) of alpha by one unit in the last place of every coefficient of the pieces of a law, at worst.
+    """Errors (m,) of the unknown by one unit in the last place of every coefficient of the pieces of a law, at worst.
 
     Where a table is uneven the terms of a polynomial are some ten times its value, and so are their roundings, which
     no integration can see. Against quadrature in long double of the exact polynomials, 6 of 199 tables of 10 to 28
@@ -220,7 +223,7 @@ def _size_of_pieces(flow: Flow) -> ElementwiseFunction:
 
 
 def _moves_by_defects(flow: Flow, motions: Trajectories, ps: ndarray, back: ndarray) -> ndarray:
-    """The changes (m,) of alpha by the defects of the steps."""
+    """The changes (m,) of the unknown by the defects of the steps."""
     c, lengths = motions.coefficients[:, : flow.size], motions.steps[:, None]
     (rates,) = _mean_rates(flow)(c.reshape(len(c), -1), lengths, flow.mesh_data(motions, ps))
     defects = motions.step_ends[:, : flow.size] - c[:, :, 0] - lengths * rates

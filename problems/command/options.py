@@ -90,7 +90,8 @@ free_limit_option = click.option(
 
 tune_option = click.option(
     "--tune", metavar="NAME[=START]", multiple=True,
-    help="A parameter that is an unknown, from where its search begins; one for each --at; repeatable.",
+    help="A parameter that is an unknown; one for each --at; repeatable. Its search begins at START, which takes the "
+    "place of a --set of the same name.",
 )  # fmt: skip
 
 

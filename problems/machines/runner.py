@@ -27,7 +27,7 @@ from orbits.laws.law_statement import LawLike
 from orbits.mechanics import Drawing, Mass, Outline, Spring
 
 from ..laws.springs import as_spring
-from .parameters import checked_numbers, with_parameters
+from .parameters import checked_numbers, refuse_taken, with_parameters
 
 HIP = ("x + l*sin(theta)", "z + l*cos(theta)")
 WORDS_OF_RUNNERS = {
@@ -82,6 +82,7 @@ def runner(
         if not value > 0:
             raise InputError(f"{name} = {value:g}; of a runner it lies above 0")
     values = checked_numbers(parameters or {})
+    refuse_taken(["step"], values, "a number of each run, which is not stated")
     known = with_parameters(own, values)
     leg, hip = (as_spring(law, known, shared=True) for law in (spring, hip_spring))
     used = {*own} - {"stiffness", "hip_stiffness"} | {*leg.key.names, *hip.key.names, *values}

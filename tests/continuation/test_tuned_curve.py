@@ -26,8 +26,11 @@ def test_points_are_the_orbits_of_machines_with_these_parameters(by_period):
     orbit = find(CUBIC.with_values(beta=point.also["beta"]))
     assert orbit.period == pytest.approx(10.0, rel=1e-13)
     assert orbit.alpha == pytest.approx(point.alpha, rel=1e-13)
-    assert orbit_at(CUBIC, point, "period").alpha == pytest.approx(point.alpha, rel=1e-13)
-    assert find(CUBIC, tune="beta", at={"period": 10.0}).alpha == pytest.approx(point.alpha, rel=1e-13)
+    again, found = orbit_at(CUBIC, point, "period"), find(CUBIC, tune="beta", at={"period": 10.0})
+    assert again.alpha == pytest.approx(point.alpha, rel=1e-13)
+    assert found.alpha == pytest.approx(point.alpha, rel=1e-13)
+    assert again.prescribed == found.prescribed == {"period": 10.0}
+    assert again.tuned["beta"] == pytest.approx(found.tuned["beta"], rel=1.0)
 
 
 def test_columns_are_those_of_the_orbits(by_period):
@@ -78,6 +81,7 @@ def test_a_fold_along_a_quantity_is_located():
     family = follow(Hopper("tanh", parameters={"b": 0.1}), "alpha", 3.0, tune="b")
     (fold,) = [event.point for event in family.events if event.kind == "fold"]
     assert fold.value == pytest.approx(B, rel=1e-12)
+    assert orbit_at(Hopper("tanh", parameters={"b": 0.1}), fold, "alpha").prescribed == {"alpha": fold.value}
     assert fold.also["b"] == pytest.approx(0.0, abs=1e-6)
     assert family[-1].also["b"] == pytest.approx(-0.1, abs=1e-11)
     assert "on another sheet" in family.end.reason
@@ -124,5 +128,7 @@ def test_points_of_a_family_of_runs_are_orbits_again():
     run = orbit_at(machine, family[-1], "speed")
     assert [run.speed, run.step] == pytest.approx([0.41, family[-1].also["step"]], rel=1e-12)
     assert run.source.values["inertia"] == pytest.approx(family[-1].also["inertia"], rel=1e-12)
+    assert {*run.tuned} == {"step", "inertia", "hip_stiffness"}
+    assert run.prescribed == {"speed": 0.41}
     with pytest.raises(InputError, match="located, and not followed"):
         follow_fold(machine, family[-1], "speed", "rest_length", 3.8)

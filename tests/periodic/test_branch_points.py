@@ -86,6 +86,10 @@ class TestOfTheRunner:
             for name, value in zip(TUNE, reference, strict=True):
                 assert abs(each.values[name] - value) < 2 * each.errors[name] < 1e-11
 
+    def test_no_run_begins_without_speed(self, points):
+        with pytest.raises(InputError, match="every design hops"):
+            points[0].start(0.0)
+
 
 @pytest.mark.slow
 def test_the_hop_may_depend_on_the_ranges():

@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import minimize_scalar
 
 from orbits import Orbit, find, follow
+from orbits.periodic import friction
 from problems import rimless_wheel
 
 
@@ -85,6 +86,21 @@ def test_a_standing_foot_that_lifts_is_named_and_has_no_friction():
     assert orbit.violations[0].startswith("the standing foot lifts at t = ")
     assert orbit.certificate.friction_needed is None
     assert orbit.certificate.smallest_stance_force < 0
+
+
+def test_where_the_ground_would_have_to_pull_no_friction_is_enough(monkeypatch):
+    """With less of the force across the ground in contact than there is, and with more."""
+    machine, of_ground = wheel(), friction._forces_of_ground
+    for less, enough in ((0.1, True), (9.0, False)):
+
+        def forces(phase, *motions, less=less, model=machine.model):
+            found = of_ground(phase, *motions)
+            found.normal[:, 0] -= less if phase is model.contact else 0.0
+            return found
+
+        monkeypatch.setattr(friction, "_forces_of_ground", forces)
+        certificate = find(machine).certificate
+        assert (certificate.friction_needed is not None) == (certificate.friction_time is not None) == enough
 
 
 def test_along_a_family_each_orbit_has_its_own():

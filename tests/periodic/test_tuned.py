@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from orbits import InputError, NoOrbit, Orbit, find, follow, quantities, starts
+from orbits.periodic import tuned
 from orbits.periodic.tuned import tuned_equations
+from orbits.running.time_limit import TimeOver
 from orbits.shooting.formulations import vector
 from problems import Chain, Hopper, hopper_in_si, rimless_wheel, runner
 
@@ -34,6 +36,41 @@ def test_stiffness_for_a_launch_speed_is_known_in_closed_form():
 def test_mass_ratio_for_a_contact_time_is_known_in_closed_form():
     orbit = find(LINEAR, tune="mass_ratio", at={"contact_time": contact_time(1.0, 0.31)})
     assert orbit.machine["mass_ratio"] == pytest.approx(0.31, rel=1e-13)
+
+
+def test_a_number_that_no_equation_has_is_named():
+    with pytest.raises(NoOrbit, match=r"on friction: tune another number \(no equation of half an orbit has friction"):
+        find(runner(friction=0.9), tune=("friction", "inertia"), at={"speed": 0.4})
+
+
+def test_without_units_prescribed_values_have_none():
+    """So that a proof of the orbit without units states its own period and rise."""
+    orbit = find(LEG, tune=("k", "b"), at={"frequency": 2.5, "centre_of_mass_rise": 0.045})
+    bare = orbit.dimensionless()
+    own = {"frequency": 1 / bare.period, "centre_of_mass_rise": bare.rises["centre of mass"]}
+    assert bare.prescribed == pytest.approx(own, rel=1e-12)
+    assert bare.tuned == orbit.tuned
+    long = find(LEG, tune="rest_length", at={"smallest_separation": 0.7})
+    ratio = long.dimensionless().source.values["rest_length"] / long.source.values["rest_length"]
+    assert long.dimensionless().tuned["rest_length"] == pytest.approx(long.tuned["rest_length"] * ratio, rel=1e-14)
+
+
+@pytest.mark.parametrize(("slow", "name"), [("solved_near", "period"), ("quantity_of", "body_rise")])
+def test_where_the_time_is_over_the_place_is_named(monkeypatch, slow, name):
+    """The values of the orbit where the search begins, since the first step from there ends after the time."""
+    known, calls, part = find(CUBIC), [], getattr(tuned, slow)
+
+    def late(*arguments):
+        calls.append(arguments)
+        if len(calls) == (1 if slow == "solved_near" else 2):
+            raise TimeOver("it takes more than 30 s")
+        return part(*arguments)
+
+    monkeypatch.setattr(tuned, slow, late)
+    value = known.period if name == "period" else known.rises["body"]
+    text = f"more than 30 s; on the way to {name} = 4 it has come to {name} = {value:.6g}, with beta = 0.3"
+    with pytest.raises(NoOrbit, match=text):
+        find(CUBIC, tune="beta", at={name: 4.0})
 
 
 def test_two_numbers_for_two_quantities_are_known_in_closed_form():

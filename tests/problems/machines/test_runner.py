@@ -9,6 +9,7 @@ from runners import FAST, NAMES, energy_by_hand, fast_runner, rates_by_hand
 from scipy.integrate import solve_ivp
 
 from orbits import InputError, NoOrbit, Orbit, ReturnMap, check, find
+from orbits.mechanics import Spring
 from orbits.model.state_formula import StateFormula
 from orbits.periodic.certificate import certify
 from orbits.periodic.find import stated_unknowns
@@ -153,6 +154,13 @@ def test_hops_beside_lose_what_the_loss_coefficient_says(fast):
     assert len(bounces) == 2
     assert sum(bounces) / unit(1e-6) == pytest.approx(10.0, rel=0.02)
     assert fast.certificate.bounce_side == "below"
+
+
+def test_the_step_is_no_number_of_the_machine():
+    with pytest.raises(InputError, match="'step' is a number of each run"):
+        runner(parameters={"step": 2.0})
+    with pytest.raises(InputError, match="'step' is a number of each orbit"):
+        replace(runner(), elements=[Spring("l", "step*r")])
 
 
 def test_in_si_the_same_run(fast):
