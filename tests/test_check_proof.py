@@ -161,6 +161,7 @@ LONG = ("spring", "domain", "gravity", "exponent", "a cancelled mass", "gap")
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=SLOW if name in LONG else ()) for name in FALSE])
+@pytest.mark.slow
 def test_false_theorems_are_not_verified(inerter, name):
     document, (*path, value) = copy.deepcopy(inerter), FALSE[name]
     change(document, path, value)
@@ -198,6 +199,7 @@ FALSE_ROWS = {
 
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=SLOW if n in ("value", "scale") else ()) for n in FALSE_ROWS])
+@pytest.mark.slow
 def test_false_rows_are_not_verified(table, name):
     document = copy.deepcopy(table)
     spring, (row, column, value) = document["machine"]["springs"][0], FALSE_ROWS[name]

@@ -205,7 +205,7 @@ NO_RESULTS = {
     "a law": {"Law", "HystereticLaw"},
     "of the mechanics": {"LinearEquations", "Affine", "StateFormula", "Units", "Quantity"},
     "a page that is open": {"Exploration"},
-    "an argument of other functions": {"Starts"},
+    "an argument of other functions": {"Starts", "BranchPoint", "Hold"},
 }
 
 

@@ -12,7 +12,6 @@ lift-off the state depends smoothly on the launch, although the time of a tangen
 itself u = 0: the feedback costs nothing there.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, cast
 
@@ -20,12 +19,11 @@ import numpy as np
 
 from ..errors import InputError, NoOrbit, finite_number, whole_number
 from ..flow.flow import Flow
-from ..io import Document
+from ..io import one_line
 from ..laws.law import Algebraic, Parameters
 from ..mechanics.elements import Force
 from ..mechanics.mechanism import Mechanism
 from ..periodic.orbit import Orbit
-from ..result import Result, Row, stored
 from ..running.exclusive import exclusive
 from ..simulation.impacts import Impacts
 from ..simulation.launch_section import LaunchSection
@@ -58,7 +56,7 @@ class _Stage(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Hold(Result, what="feedback", in_line=("along",), document_is_whole=True):
+class Hold:
     """A feedback that holds an orbit, to be passed to `simulate(held.machine, launch, feedback=held)`.
 
     machine : that of the orbit with the force `name` along the extension, which is 0 unless the feedback sets it
@@ -84,30 +82,15 @@ class Hold(Result, what="feedback", in_line=("along",), document_is_whole=True):
         """The force between two times, by the flight state (n,) at the first of them."""
         return float(-self.gains[index] @ (state - self.states[index]))
 
-    def title(self) -> str:
-        return f"feedback along {self.along} that holds an orbit of a {self.machine.name}"
+    def __str__(self) -> str:
+        """The moduli of the multipliers without and with the feedback."""
+        pairs = zip(np.abs(self.multipliers), np.abs(self.held_multipliers), strict=True)
+        moduli = [f"  modulus {own:.6g}, with the feedback {held:.6g}" for own, held in pairs]
+        title = f"feedback along {self.along} that holds an orbit of a {self.machine.name}"
+        return "\n".join([title, *moduli, "  on the orbit itself the force is 0, and the feedback costs nothing"])
 
-    def heads(self) -> list[str]:
-        return ["multiplier", "modulus", "with the feedback", "modulus with the feedback"]
-
-    def _rows(self) -> Iterator[Row]:
-        for i, (own, held) in enumerate(zip(self.multipliers, self.held_multipliers, strict=True)):
-            values = {
-                f"modulus {i}": float(abs(own)),
-                f"held {i}": f"{held:.6g}",
-                f"held modulus {i}": float(abs(held)),
-            }
-            yield Row(f"{own:.6g}", values, ("{:.6g}", "{}", "{:.6g}"))
-
-    def _notes(self) -> list[str]:
-        return ["on the orbit itself the force is 0, and the feedback costs nothing"]
-
-    def document(self) -> Document:
-        own = {**stored(self), "machine": self.machine.describe()}
-        for name in ("multipliers", "held_multipliers"):
-            values = getattr(self, name)
-            own[name] = {"real": values.real.tolist(), "imaginary": values.imag.tolist()}
-        return own
+    def __repr__(self) -> str:
+        return one_line(self, {"machine": self.machine.name, "along": self.along})
 
 
 @exclusive

@@ -152,6 +152,7 @@ def of_geometry(model, p):
 
 @pytest.mark.parametrize("kind", slow_after(2, ("hopper", "chain", "juggler")))
 @pytest.mark.parametrize("part", [of_phases, of_launches, of_symmetry, of_geometry], ids=lambda part: part.__name__)
+@pytest.mark.slow
 def test_wrong_fields_are_named_and_never_certified(kind, part):
     machine = BROKEN[kind]
     model = by_hand(machine)

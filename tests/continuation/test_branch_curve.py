@@ -14,6 +14,7 @@ def point():
     return find_branch_points(runner(), {"inertia": (6.0, 8.0), "hip_stiffness": (5.0, 6.0)}, designs=6)[0]
 
 
+@pytest.mark.slow
 def test_rest_length(point):
     curve = follow_branch_points(point, "rest_length", (3.707978, REACHED))
     values = [[*each.values.values()] for each in curve]

@@ -122,6 +122,7 @@ def test_runs_end_where_the_vertical_hop_begins():
     assert family[-1].also["hip_stiffness"] == pytest.approx(5.52555, abs=1e-5)
 
 
+@pytest.mark.slow
 def test_points_of_a_family_of_runs_are_orbits_again():
     machine = runner(foot_mass=0.1, rest_length=3.7, inertia=5.7, hip_stiffness=5.4)
     family = follow(machine, "speed", 0.41, 0.4, tune=("inertia", "hip_stiffness"), longest=0.5)

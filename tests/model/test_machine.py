@@ -89,6 +89,7 @@ def solved(machine):
     return machine, find(machine), ReturnMap(machine)([4.4, 4.6])
 
 
+@pytest.mark.slow
 def test_other_processes():
     """A pool of spawned processes, which share nothing with this one, gives the answers of this one."""
     machines = [MACHINES[told]() for told in MACHINES if any(word in told for word in CHILDREN)]

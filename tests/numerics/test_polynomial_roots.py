@@ -42,6 +42,7 @@ def test_roots_are_those_of_the_companion_matrix():
 
 
 @pytest.mark.parametrize("exponent", range(1, 9))
+@pytest.mark.slow
 def test_no_grazing_pair_is_missed_and_none_invented(exponent):
     """A parabola that dips below zero, or stays above it, by 10**-exponent inside a long curved piece."""
     for _ in range(400):

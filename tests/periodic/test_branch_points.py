@@ -48,6 +48,7 @@ def point():
     return find_branch_points(runner(rest_length=3.707978), NEAR, designs=6)[0]
 
 
+@pytest.mark.slow
 def test_the_rank_is_lost(point):
     largest, least = singular_values(*point.values.values(), 3.707978)
     assert least < 1e-12 * largest

@@ -50,6 +50,7 @@ def test_linear_chains_have_the_hops_of_the_closed_form():
             assert part.certificates[int(part.places[i])].error < 1e-11
 
 
+@pytest.mark.slow
 def test_the_way_ends_at_the_fold_of_the_family():
     """The place of the fold, and machines just before and behind it, against a family followed past it."""
     start = find(HARDENING, start=hops_of_chain()[0])

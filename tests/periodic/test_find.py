@@ -110,6 +110,7 @@ def test_contact_and_flight_are_one_periodic_motion():
 
 
 @pytest.mark.parametrize("block", slow_after(1, range(1, 5)))
+@pytest.mark.slow
 def test_random_laws_give_a_certified_orbit_or_a_named_failure(block):
     """120 laws, families 1 to 3. The family and the equation are checked by scipy, not by the toolkit."""
     found, refusals = 0, []
@@ -166,6 +167,7 @@ def test_a_table_too_short_names_its_range():
 
 
 @pytest.mark.parametrize("reach", [4.65, 5.0, 6.5, 8.0])
+@pytest.mark.slow
 def test_a_straight_table_is_the_linear_spring_as_far_as_it_reaches(reach):
     """The extension of the linear orbit lies between -4.603 and 1 in flight."""
     r = np.linspace(-reach, reach, 9)
@@ -215,6 +217,7 @@ def test_rounding_near_a_singularity_is_no_leap():
     assert orbit.alpha == pytest.approx(165.944491364, rel=1e-10)
 
 
+@pytest.mark.slow
 def test_an_orbit_that_all_but_escapes():
     """With delta -> 0 the extension goes ever further before it comes back, and amplifies a change of the launch speed
     until no digit is left; what is found keeps within its error of the parabola through better determined orbits."""

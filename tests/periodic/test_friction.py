@@ -65,6 +65,7 @@ def test_friction_of_linearised_machines(kind, mu, kappa, family, share, needed)
         ("rocker", 0.7, 0.6, 0.25, 0.8, "r"),
     ],
 )  # fmt: skip
+@pytest.mark.slow
 def test_friction_of_machines_with_the_sine(kind, mu, kappa, a, share, law):
     orbit = find(wheel(mu, kappa, a, share, law) if kind == "wheel" else rocker(mu, kappa, a, share))
     force = (lambda r: r + r**3) if "3" in law else (lambda r: r)

@@ -39,6 +39,7 @@ def test_the_lowest_of_many_is_found_beyond_barriers():
     assert together.alphas == pytest.approx(alphas[together.which], rel=1e-9)  # a few are close to a barrier
 
 
+@pytest.mark.slow
 def test_orbits_near_are_of_the_family():
     """Machines of two models, in lanes and not, from guesses that are off by a percent and from one far away."""
     machines = [

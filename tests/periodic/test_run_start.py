@@ -25,6 +25,7 @@ def test_a_run_is_begun_near_where_it_is():
 @pytest.mark.parametrize(
     ("name", "value"), [("step", 1.0), pytest.param("mean_speed", 0.1, marks=pytest.mark.slow), ("speed", -0.2)]
 )
+@pytest.mark.slow
 def test_the_start_has_the_prescribed_quantity(name, value):
     start = start_of_run(runner(), 1, tuning_of(runner(), TUNE, {name: value}))
     period = 2 * (start["duration"] + start["contact_duration"])

@@ -37,6 +37,7 @@ def alphas_at(proof, value):
     return [each for each in found if each]
 
 
+@pytest.mark.slow
 def test_a_short_curve(machine):
     family = follow(machine, "beta", stop=0.51, start=0.49, longest=0.5)
     proof = family.prove(machine, continuous=True)

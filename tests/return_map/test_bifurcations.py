@@ -102,6 +102,7 @@ def test_a_heavy_foot_bounces_from_throws_of_pi_on():
     assert np.abs(launches - np.pi).min() < 1e-6
 
 
+@pytest.mark.slow
 def test_the_flip_of_the_paper():
     """Curve (d) of Fig. 8, and where hops of period two lose their stability (studies/figure_8.py)."""
     fold, first, second = of_the_paper().events

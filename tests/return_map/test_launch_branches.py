@@ -48,6 +48,7 @@ def test_a_pair_of_multipliers_crosses_the_unit_circle():
     assert diagram.plot().figure
 
 
+@pytest.mark.slow
 def test_along_a_parameter_of_the_machine():
     """Points of the branch are fixed points of the machines there."""
     orbit = hop_of()[1]

@@ -162,6 +162,7 @@ def test_a_narrow_interval_of_injections():
     assert prove_fixed_point(Hopper(), 4.52, "0.0300001").alpha.low in proof.alpha
 
 
+@pytest.mark.slow
 def test_what_is_said_otherwise_is_not_proved():
     low, high = ReturnMap(Hopper(), inject=0.03).fixed_points(4.4, 4.6)
     proved = prove_fixed_point(Hopper(), high, "0.03")

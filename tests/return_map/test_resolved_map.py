@@ -51,6 +51,7 @@ def test_under_varying_gravity_those_of_find():
         (0.8, 1.5, 5.6082259848818, 0.02, 21), (0.5, 1.5, 4.3758465565328, 0.05, 11),
     ],
 )  # fmt: skip
+@pytest.mark.slow
 def test_crossings_with_restitution(e, inject, root, width, samples):
     """Also where the number of impacts changes beside them, and where two lie between neighbours of the grid."""
     found = ReturnMap(Hopper(restitution=e), inject=inject).fixed_points(root - width, root + width, samples)

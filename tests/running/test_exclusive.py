@@ -15,6 +15,7 @@ from orbits.symbolic import caches
 from problems import Hopper
 
 
+@pytest.mark.slow
 def test_calls_in_threads_and_a_child_give_the_sequential_answers():
     run("running/concurrent_calls.py", 4, 8)
 

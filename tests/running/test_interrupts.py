@@ -20,6 +20,7 @@ SEARCH = "find(Hopper('r + 0.1*r**3', mass_ratio=0.5), 40, method='shooting')"
         (0.4, "steering.start_up(Hopper(), 3, stroke=2.0)"),
     ],
 )
+@pytest.mark.slow
 def test_an_interrupt_ends_the_program_at_once(moment, work):
     """CasADi and Ipopt swallow the signal; the program must not go on, whatever it does just then."""
     code = "from orbits import find; from problems import Hopper, steering; print('go', flush=True)\n"

@@ -43,6 +43,7 @@ def test_error_bound_on_the_references(reference, method):
     ),
 )
 @pytest.mark.parametrize("method", [None, pytest.param("shooting", marks=pytest.mark.slow)])
+@pytest.mark.slow
 def test_error_bound_against_30_digits(b, R, M, length, family, method):
     law = "1/(1 + z/R)**2" if R else "1"
     parameters = {"b": b, "R": R} if R else {"b": b}
@@ -71,6 +72,7 @@ def duffing_alpha(b, family, start):
 @pytest.mark.parametrize(
     ("b", "family"), [(0.1, 10), (0.1, 100), (3.0, 40), (50.0, 1), (50.0, 10), (1e4, 3), (0.1, 300)]
 )
+@pytest.mark.slow
 def test_error_bound_of_stiff_springs_and_high_families(b, family, method):
     orbit = find(Hopper("cubic", parameters={"beta": b}, rest_length=3000.0), family, method=method)
     true = abs(float(duffing_alpha(b, family, orbit.alpha) - mpmath.mpf(orbit.alpha)))

@@ -81,6 +81,7 @@ WITHOUT_PICTURE = ("Proof",)
 
 
 @pytest.mark.parametrize("kind", results())
+@pytest.mark.slow
 def test_results_show_themselves(kind):
     """A table and a drawn picture, well formed, below 150 kB; and one line of fewer than 200 characters."""
     result = results()[kind]()

@@ -73,6 +73,7 @@ LONG_FIGURES = ("front", "thumbnails")
 @pytest.mark.parametrize(
     "kind", [pytest.param(kind, marks=pytest.mark.slow if kind in LONG_FIGURES else ()) for kind in FIGURES]
 )
+@pytest.mark.slow
 def test_figures_can_be_read(kind):
     """No text leaves a figure or meets another, legends name what is drawn, and the type is large enough."""
     axes = FIGURES[kind]()

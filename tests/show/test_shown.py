@@ -63,6 +63,7 @@ assert pyplot.get_fignums() == [1, 2, 3, 4, 5, 6, 7]
 
 
 @pytest.mark.parametrize("script", [ALONE, pytest.param(WITH_PYPLOT, marks=pytest.mark.slow)], ids=["alone", "pyplot"])
+@pytest.mark.slow
 def test_figures_are_pyplots_where_pyplot_is_loaded(script, tmp_path):
     run(script, tmp_path)
 

@@ -38,6 +38,7 @@ FIGURES = {
 
 
 @pytest.mark.parametrize("kind", FIGURES)
+@pytest.mark.slow
 def test_figures_can_be_read(kind):
     axes = FIGURES[kind]()
     assert faults(axes.figure) == []

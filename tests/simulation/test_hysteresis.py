@@ -192,6 +192,7 @@ def test_the_loss_tends_to_that_of_the_mean_laws_hop_with_the_loop():
         Hopper(SPRINGS["friction"], restitution=0.7),  # with the launch beside each, since rounding may decide its end
     ],
 )
+@pytest.mark.slow
 def test_the_map_is_that_of_simulated_hops_and_its_slope_that_of_differences(machine):
     step, speeds = ReturnMap(machine), np.linspace(0.8, 6.0, 7)
     hops = step(speeds)
@@ -239,6 +240,7 @@ def test_what_is_injected_keeps_the_machine_hopping():
         ReturnMap(machine).upkeep(2.0)
 
 
+@pytest.mark.slow
 def test_the_same_machine_in_si_and_as_a_mechanism():
     law = springs.lossy("k*r + b*r**3", loss_factor=0.01, k=1000.0, b=2e5)
     leg, lossless = (hopper_in_si(3.0, 1.5, force=each, rest_length=0.4) for each in (law, law.mean))

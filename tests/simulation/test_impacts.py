@@ -106,6 +106,7 @@ def test_what_is_known_to_be_positive_is(mass_ratio):
         assert impacts.gap(form.state(start, np.linspace(a, b, 20_001)[1:-1]).T).min() > 0
 
 
+@pytest.mark.slow
 def test_impacts_that_repeat_themselves(monkeypatch):
     """They end a hop as soon as the ball comes back to an earlier state, as the most impacts would."""
     speeds = np.linspace(3.55, 3.7, 3)

@@ -43,6 +43,7 @@ def assert_same(one, other):
         np.testing.assert_array_equal(column, other.columns[name], err_msg=name)
 
 
+@pytest.mark.slow
 def test_workers_give_the_same_bits():
     alone = sweep(Hopper("cubic"), OVER, 2 * CHUNK + 50)
     for options in ({"executor": "processes", "workers": 2}, {"executor": ThreadPoolExecutor(2)}):
@@ -59,6 +60,7 @@ def test_a_member_does_not_depend_on_the_others():
         np.testing.assert_array_equal(column, whole.columns[name][order], err_msg=name)
 
 
+@pytest.mark.slow
 def test_a_member_that_kills_its_workers_has_failed_and_no_other(monkeypatch):
     monkeypatch.setattr("orbits.sweeps.execute.CHECK_INTERVAL", 0.01)  # the crash comes after many checks
     table = {"beta": [*np.linspace(0.01, 0.1, 5), DEADLY, *np.linspace(0.15, 0.3, 4)]}
@@ -75,6 +77,7 @@ def test_a_member_that_kills_its_workers_has_failed_and_no_other(monkeypatch):
     np.testing.assert_array_equal(np.delete(found["largest_spring_force"], 5), expected["largest_spring_force"])
 
 
+@pytest.mark.slow
 def test_a_worker_that_is_killed_costs_a_retry(tmp_path):
     killed = []
 

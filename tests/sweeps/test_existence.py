@@ -35,6 +35,7 @@ def event_of(kind: str, found=None):
     return next(event.point for event in found or events() if event.kind == kind)
 
 
+@pytest.mark.slow
 def test_the_edges_are_folds_and_the_collapse(diagram):
     """Without the fifth power: orbits from the fold on, motions from where the contact no longer collapses."""
     fold, collapse = FOLD, event_of("collapse").value
@@ -52,6 +53,7 @@ def test_the_edge_moves_as_the_fold_does(diagram):
     assert diagram.stretches(0)[0][0] == pytest.approx(curve[-1].also["beta"], abs=TO_ACCURACY)
 
 
+@pytest.mark.slow
 def test_boundaries_between_rows_are_located_too():
     """The flight under constant gravity does not depend on the mass ratio, and so the fold runs along the rows."""
     diagram = existence(MACHINE, "mass_ratio", (0.5, 2.0), "beta", (-0.02, 0.0), samples=(4, 4), both_ways=True)
@@ -62,6 +64,7 @@ def test_boundaries_between_rows_are_located_too():
     assert len(rows.boundaries.points) == 4  # which a figure shows half way between the rows
 
 
+@pytest.mark.slow
 def test_boundaries_of_a_juggler():
     """A softening spring of a juggler ends at a fold of its own."""
     juggler = Juggler("r + beta*r**3", parameters={"beta": 0.0})

@@ -95,6 +95,7 @@ def chain_hop():
     return find(CHAIN, start=find_all(Chain(), Chain().starts(5, 5))[0])
 
 
+@pytest.mark.slow
 def test_a_chain_is_swept_from_one_of_its_hops(chain_hop, tmp_path):
     """Every member is an orbit that `find` finds near it; what a store and a file have comes back."""
     found = sweep(CHAIN, OVER_CHAIN, 24, start=chain_hop, quantities=["stroke", "alpha/flight_time"])

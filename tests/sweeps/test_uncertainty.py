@@ -27,6 +27,7 @@ def test_an_uncertain_spring():
     assert "deviation" in str(answer)
 
 
+@pytest.mark.slow
 def test_uncertainty_of_a_saturating_spring():
     """alpha bends so much over b that the straight line misses its deviation, but not the sample: against Gauss's
     quadrature over the same distribution."""

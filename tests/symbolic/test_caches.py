@@ -13,6 +13,7 @@ def test_many_laws_take_little_memory():
     run("symbolic/many_laws.py", 12, 400)
 
 
+@pytest.mark.slow
 def test_what_is_kept_is_let_go_of_when_it_grows(monkeypatch):
     monkeypatch.setattr(caches, "BUDGET", 3e6)
     most = 0.0

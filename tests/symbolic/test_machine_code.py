@@ -101,6 +101,7 @@ LAWS = [
 
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("columns", [0, 3])
+@pytest.mark.slow
 def test_steps_along_all_kinds_of_laws(law, columns):
     """The steps of motions, and those that watch for zeros, to the last bit."""
     machine = Hopper(law, "1/(1 + z/90)**2", rest_length=9.0)
@@ -192,6 +193,7 @@ print(ReturnMap(machine)([3.5 + 0.01 * i for i in range(300)]).next.tolist())
     assert without.stderr.count("no machine code can be made here") == 1
 
 
+@pytest.mark.slow
 def test_memory_is_given_back():
     """Machine code goes with its kernel: forty more of them take little."""
     code = """

@@ -511,6 +511,7 @@ class TestFollow:
         assert [event["kind"] for event in document["events"]] == ["asked", "asked"]
         assert document["end"]["kind"] == "reached"
 
+    @pytest.mark.slow
     def test_the_table_the_figure_and_the_files(self, orbits, tmp_path):
         figure, points, table = tmp_path / "fold.png", tmp_path / "fold.jsonl", tmp_path / "fold.csv"
         line = "follow --spring cubic --along beta --from 0 --to -0.02"

@@ -19,6 +19,7 @@ def test_hold_costs_what_the_function_says(orbits):
     assert done.document["status"] == "optimal"
 
 
+@pytest.mark.slow
 def test_recover_in_si(orbits, tmp_path):
     """The motion ends at the lossless launch speed; files have SI units, and forces."""
     table, whole, figure = (tmp_path / f"back.{ending}" for ending in ("csv", "json", "png"))

@@ -290,6 +290,7 @@ class TestSteps:
         assert (found["admissible"], found["violations"]) == (True, [])
         assert (found["friction_needed"] is None) == (kind == "shuttle")
 
+    @pytest.mark.slow
     def test_angles_springs_and_files(self, orbits, tmp_path):
         cubic = "--spring 'r + beta*r**3' --set beta=1 --set inertia_ratio=1 --set gravity_ratio=0.5 --set angle=0.3"
         done = orbits(f"find --machine wheel {cubic} --json")

@@ -52,6 +52,7 @@ def test_tuned_members_have_the_frequency(orbits):
     assert (refused.code, "tune = ['k'] and at = [] are 1 for 0" in refused.err) == (2, True)
 
 
+@pytest.mark.slow
 def test_two_runs_print_the_same_bytes(orbits):
     command = f"{CUBIC} --over beta=0:1 --samples 300 --json"
     first = orbits(command)
@@ -241,6 +242,7 @@ FULL = """
 """
 
 
+@pytest.mark.slow
 def test_a_full_disk_is_one_line_and_keeps_what_was_acknowledged(tmp_path):
     store = tmp_path / "study.db"
     options = ["--over", "beta=0:1", "--samples", "5000", "--store", str(store), "--resume", "--json"]

@@ -85,6 +85,7 @@ def tab(monkeypatch):
     return Tab
 
 
+@pytest.mark.slow
 def test_the_slider_goes_through_a_fold_from_hop_to_hop(tab):
     page = tab(SOFTENING)
     told = page.rest()
@@ -103,6 +104,7 @@ def test_the_slider_goes_through_a_fold_from_hop_to_hop(tab):
 
 
 @pytest.mark.parametrize("along", ["mass_ratio", "rest_length"])
+@pytest.mark.slow
 def test_hops_of_one_launch_speed_are_told_apart(tab, along):
     page = tab(replace(beginning("hopper"), along=along))
     told = page.rest()

@@ -156,6 +156,7 @@ def test_tabs_do_not_disturb_each_other(port):
         tab.session.close()
 
 
+@pytest.mark.slow
 def test_an_interrupt_ends_it_cleanly():
     with served() as (address, process):
         answer(urlsplit(address).port)  # a tab, which has workers
@@ -167,6 +168,7 @@ def test_an_interrupt_ends_it_cleanly():
         assert "Traceback" not in out
 
 
+@pytest.mark.slow
 def test_a_port_that_is_taken_is_said(port):
     run = subprocess.run(
         [*COMMAND, "--no-browser", "--port", str(port)], capture_output=True, text=True, env=ENVIRONMENT, timeout=60
@@ -210,6 +212,7 @@ def test_what_is_no_machine_is_said():
         explore("hopper")
 
 
+@pytest.mark.slow
 def test_a_script_without_a_guard_is_told_so(tmp_path):
     """Workers import the script that started them, which would serve another page each."""
     script = tmp_path / "show.py"

@@ -142,6 +142,7 @@ def test_a_process_that_dies_is_told_and_replaced(made):
     assert len(answered(answers, question)) == 2
 
 
+@pytest.mark.slow
 def test_ten_do_not_disturb_each_other(made):
     """One computes for minutes, the others answer alike."""
     made()[0].ask(hop(ENDLESS))

@@ -135,6 +135,7 @@ class TestNoise:
             fine = np.linspace(-2.8, 2.8, 997)
             assert spread_at(law, 0.1) < 10 * np.abs(law(fine) - force(fine)).max()
 
+    @pytest.mark.slow
     def test_of_unit_size_moves_alpha_as_each_row_does(self):
         """Rows too few to show their noise, against a hop solved anew with each of them changed."""
         r, moves = np.linspace(-6.0, 6.0, 8), []

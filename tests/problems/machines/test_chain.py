@@ -76,6 +76,7 @@ def three():
 
 class TestThreeMasses:
     @pytest.mark.parametrize("known", KNOWN)
+    @pytest.mark.slow
     def test_known_hops(self, three, known):
         chain = Chain()
         orbit = find(chain, start=chain.start(known[:2], known[2], known[3]))
@@ -239,6 +240,7 @@ def hops():
 class TestMeasuredSprings:
     """The lower spring of three masses is a table, with rows of r + 0.02 r^3."""
 
+    @pytest.mark.slow
     def test_the_hops_are_those_of_the_formula(self, hops):
         formula = Chain(springs=("r", "r + b*r**3"), parameters={"b": 0.02})
         expected = find_all(formula, formula.starts(*LONGEST))

@@ -127,6 +127,7 @@ def test_all_linear_hops_by_their_equations():
         np.testing.assert_allclose(orbit(0.0), hop.liftoff, rtol=1e-11, atol=1e-11)
 
 
+@pytest.mark.slow
 def test_a_family_along_a_spring():
     """Half of a hop in the middle of it, by another integrator: from rest in mid-contact to rest in mid-flight."""
     first, _ = near_plain(0.3, 2.0)

@@ -181,6 +181,7 @@ class TestEndsOfFamilies:
     @pytest.mark.parametrize(
         ("stiffness", "half_flight", "half_contact"), [(3.0, 2.5430, 2.1551), (10.0, 3.2741, 1.9534)]
     )
+    @pytest.mark.slow
     def test_foot_and_plate_swing_alike(self, stiffness, half_flight, half_contact):
         family = self.family(half_flight, half_contact, stiffness, 3.99 if stiffness > 4 else 4.01)
         assert family.end.limit == pytest.approx(4.0, abs=1e-7)

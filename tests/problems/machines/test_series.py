@@ -104,6 +104,7 @@ class TestNonlinear:
         assert np.abs(rates).max() < 2.0  # of the first order, with a vibration of order 3/2
         assert rates[1] == pytest.approx(rates[2], rel=0.2)
 
+    @pytest.mark.slow
     def test_a_cycle_by_another_integrator(self):
         orbit, *_ = self.near_limit(0.01)
         m1, m2, m3 = self.MASSES[0], 0.01, self.MASSES[1]

@@ -12,6 +12,7 @@ from problems import Disturbed, Hopper, steering
 C = 0.01
 
 
+@pytest.mark.slow
 def test_without_a_disturbance_nothing_is_missed(driven_hopper, started_hopper):
     """Five hops with repeated inputs, and the hops after a start; as far from the aim as `missed` tells."""
     off = driven_hopper.simulate(5)

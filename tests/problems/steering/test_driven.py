@@ -171,6 +171,7 @@ def test_an_animation(driven_leg, tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["displacement", "force"])
+@pytest.mark.slow
 def test_a_mechanism_in_si(kind, tmp_path):
     """The verbs of a result; a file does not state the mechanism, which is given, nor the actuator, which it has."""
     plain = inerter_hopper(

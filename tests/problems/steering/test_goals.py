@@ -142,6 +142,7 @@ def test_a_plastic_landing_costs_less_and_each_cost_is_least_in_its_own(driven_h
     assert steering.keep_hopping(machine, cost="work", rate=0.1, lossless=False).cost < least.cost
 
 
+@pytest.mark.slow
 def test_little_damping_costs_its_square_whatever_the_landing():
     """Cost over c^2 is analytic in c: what it tends to, from moderate c, is what tiny c cost."""
     orbit = find(Hopper())
@@ -265,6 +266,7 @@ def test_what_no_actuator_does(question, words):
         question()
 
 
+@pytest.mark.slow
 def test_a_measured_spring_is_driven_as_its_formula():
     """Rows of a cubic law, whose interpolant is that law: the same motion of least effort."""
     rows = np.linspace(-14, 14, 29)

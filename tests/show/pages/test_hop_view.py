@@ -61,6 +61,7 @@ def test_the_contact_force_is_the_weight_and_the_springs_pressure(cubic_hop):
     ],
     ids=["SI", "knee", "tanh"],
 )
+@pytest.mark.slow
 def test_over_a_cycle_the_contact_carries_the_weight(machine, weight):
     """The momentum after a cycle is that before, whatever the spring."""
     orbit = find(machine)

@@ -59,6 +59,7 @@ def test_an_inadmissible_orbit_says_why(tmp_path):
     assert "Contact force: the contact never ends" in text
 
 
+@pytest.mark.slow
 def test_the_page_of_a_family_has_hops(softening_family, tmp_path):
     shares = []
     text = checked(softening_family.page(tmp_path / "family.html", progress=shares.append))
@@ -71,6 +72,7 @@ def test_the_page_of_a_family_has_hops(softening_family, tmp_path):
     assert "flight time" in other
 
 
+@pytest.mark.slow
 def test_a_family_from_a_file_has_hops_with_its_machine(softening_family, tmp_path):
     loaded = Family.load(softening_family.save(tmp_path / "family.jsonl"))
     assert "Hop of the family" not in checked(loaded.page(tmp_path / "without.html"))
