@@ -102,7 +102,7 @@ def draw_map(axes, families: Sequence[Family], quick: bool) -> dict[str, object]
     for each in families:
         axes.plot(each.column("inertia"), each.column("hip_stiffness"), color="0.2", lw=1.3,
                   label="faster runs, foot 0.1" if each is families[0] else None)  # fmt: skip
-    axes.set(xlabel="inertia", ylabel="hip stiffness", xscale="log", yscale="log", title="all runners of the region")
+    axes.set(xlabel="inertia", ylabel="hip stiffness", xscale="log", yscale="log", title="where runs begin")
     for name in ("x", "y"):
         getattr(axes, f"set_{name}ticks")([0.5, 1, 2, 5, 10, 20], ["0.5", "1", "2", "5", "10", "20"])
         getattr(axes, f"set_{name}ticks")([], minor=True)
