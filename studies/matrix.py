@@ -237,7 +237,7 @@ def solved_otherwise(case: Case) -> float:
         ends = [_after(phase, p, begin, time)[places] for phase, begin, time, places in phases]
         begin = [float(x) for x in model.launch(u, p)]
         contact = [float(x) for x in np.linalg.lstsq(model.embed, begin, rcond=None)[0]]
-        return np.array([*np.concatenate(ends), float(model.liftoff(u, p, _piece(model.contact, p, contact)))])
+        return np.array([*np.concatenate(ends), *map(float, model.liftoff(u, p, _piece(model.contact, p, contact)))])
 
     guess = np.array([*(float(launch[name]) for name in names), *times])
     found = root(missed, guess * (1 + 1e-4), tol=1e-13)

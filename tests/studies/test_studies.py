@@ -577,8 +577,8 @@ def test_runner(tmp_path):
     assert heavy.source.values["hip_stiffness"] == pytest.approx(tuned, rel=1e-10)
     assert numbers["friction 0.1"][3.7] == pytest.approx(0.25404979012958, rel=1e-11)
     assert numbers["end 3.7"] == ("reached", 0.5)
-    for name in ("runner.png", "runner.gif"):
-        assert (tmp_path / name).stat().st_size > 10_000
+    assert (tmp_path / "runner.png").stat().st_size > 10_000
+    assert (tmp_path / "runner.gif").stat().st_size > 5_000  # of four instants
 
 
 @pytest.mark.slow
