@@ -7,7 +7,8 @@ import numpy as np
 from ..consistency.accepted import check_parameters
 from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..numerics.roots import solve
-from ..periodic.branch_points import BranchPoint, Lateral, branch_point, unknowns_of_hop
+from ..periodic.branch_points import BranchPoint, Lateral, branch_point
+from ..periodic.find import unknowns_of_hop
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..running.time_limit import check_time

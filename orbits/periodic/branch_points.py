@@ -24,7 +24,7 @@ from ..shooting.formulations import vector
 from ..shooting.single_shooting import Shooting, shooting_equations
 from ..symbolic.calls import MappedFunction
 from .branch_statement import Beside, branch_statement, whole_hop_statement
-from .find import family_number, find, vertical_hop
+from .find import family_number, find, unknowns_of_hop, vertical_hop
 from .orbit import Orbit
 from .orbits_at_once import lowest_orbits
 
@@ -63,18 +63,11 @@ class BranchPoint:
         """The unknowns of half a run near the branch point by name, as `find` takes them, for a small speed; what is
         wrong with them, and the change of the parameters along the branch, grow like its square. Raises `InputError`
         for the speed 0, at which every design hops."""
-        speed, own = finite_number("speed", speed), dict(unknowns_of_hop(self.hop))
+        speed, own = finite_number("speed", speed), unknowns_of_hop(self.hop)
         if speed == 0:
             raise InputError("speed = 0: there every design hops, so that no run is found; start at 0.01, or at -0.01")
         lateral = {name: speed * value for name, value in self.direction.items()}
         return {**own, **lateral, STEP_LENGTH: speed * self.step}
-
-
-def unknowns_of_hop(hop: Orbit) -> dict[str, float]:
-    assert hop.contact_time is not None
-    assert hop.source is not None
-    own = hop.source.model.launch_at(hop.flight.coefficients[0, :, 0].tolist()) | {"alpha": hop.alpha}
-    return {**own, "duration": hop.flight_time / 2, "contact_duration": hop.contact_time / 2}
 
 
 @exclusive
@@ -170,10 +163,8 @@ class Lateral:
         self.parameters, self.own = tuple(self.machine.values), vector(self.machine.values)
         self.places = [self.parameters.index(name) for name in names]
         self.beside, self.statement = Beside(self.model, self.hop), branch_statement(self.model, self.hop, ())
-        self.equations, self.unknowns = (
-            shooting_equations(self.statement, self.parameters),
-            whole_hop_statement(self.hop).unknowns,
-        )
+        self.equations = shooting_equations(self.statement, self.parameters)
+        self.unknowns = whole_hop_statement(self.hop).unknowns
         self.rows = [
             [i for i, name in enumerate(arc.phase.states) if name not in hop.states and name[-1] != "'"]
             for arc, hop in zip(self.statement.arcs, (self.hop.flight, self.hop.contact), strict=True)

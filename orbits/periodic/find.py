@@ -417,8 +417,7 @@ def start_of_run(machine: Any, family: int, tuning: Tuning, faster: float | None
     units, bare = machine.units, dimensionless(machine)
     at = {name: value / (units.of(name) if units else 1.0) for name, value in tuning.values.items() if value}
     upright, equations = bare.upright(), tuned_equations(machine, tuning.names, tuple(tuning.values))
-    hop = stated_unknowns(upright.model, vertical_hop(upright, family))
-    own = {name: value for name, value in hop.items() if name != "unfolding"}
+    own = unknowns_of_hop(vertical_hop(upright, family))
     if faster is not None or not at.keys() & OF_STEPS.keys():
         at = {"speed": (faster or 1.0) * SLOW_SHARE * abs(own["alpha"])}
     found = run_start(bare, equations, own, at)
@@ -434,6 +433,12 @@ def vertical_hop(upright: Machine, family: int) -> Orbit:
     if hop.contact_time is None:
         raise NoOrbit(f"the contact of the vertical hop of family {family} does not end")
     return hop
+
+
+def unknowns_of_hop(hop: Orbit) -> dict[str, float]:
+    """The unknowns of half a vertical hop by name, without dimensions."""
+    assert hop.source is not None
+    return {name: value for name, value in stated_unknowns(hop.source.model, hop).items() if name != "unfolding"}
 
 
 def check_start(machine: Machine, start: object) -> None:

@@ -4,7 +4,8 @@ import numpy as np
 
 from orbits import find
 from orbits.model.model import STEP_LENGTH
-from orbits.periodic.branch_points import Lateral, unknowns_of_hop
+from orbits.periodic.branch_points import Lateral
+from orbits.periodic.find import unknowns_of_hop
 from orbits.shooting.formulations import half_orbit, vector
 from orbits.shooting.single_shooting import shooting_equations
 from problems import runner
