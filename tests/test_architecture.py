@@ -51,6 +51,7 @@ TESTED_WITH = {
     "consistency/draws": "consistency/test_verdict",
     "design/evaluator": "design/test_sensitivities",
     "design/extremes": "design/test_design_quantities",
+    "exact/decimals": "exact/test_outward_decimals",
     "exact/refusal": "proof/test_prove",
     "exact/statement": "proof/test_prove",
     "mechanics/coordinates": "mechanics/test_coefficients",
@@ -283,6 +284,12 @@ def test_what_a_scene_does_not_need_is_not_loaded():
     assert loaded_by(find.format("'r'", "'1'", {})) == {"casadi", "numpy"}
     varying = find.format("'cubic'", "'exp(-z/H)'", {"H": 90.0})
     assert loaded_by(varying) == {"casadi", "numpy"}
+
+
+def test_only_proofs_need_flint():
+    """Without the extra `proof` everything but proofs is there."""
+    others = "from orbits import bifurcations, existence, follow, optimize, simulate, steer, sweep, uncertainty"
+    assert "flint" not in loaded_by(others)
 
 
 def test_names_of_the_package_are_loaded_when_they_are_used():

@@ -14,7 +14,7 @@ from ..model.model import STEP_LENGTH
 from ..periodic.find import find
 from ..periodic.orbit import Orbit
 from ..periodic.tuned import OF_STEPS, PRESCRIBED
-from .formulas import exact_fraction
+from .decimals import exact_fraction
 from .stated import Decimals, ExactNumber, StatedMachine, stated_machine
 
 # The quantities that equations of half an orbit may prescribe; the others are those of its whole motion.

@@ -16,6 +16,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
+from .decimals import exact_fraction
 from .exact_symmetry import Column, ExactReversor
 from .expressions import (
     ONE,
@@ -32,7 +33,7 @@ from .expressions import (
     total,
     vanishes,
 )
-from .formulas import Domains, exact_fraction, expression_of
+from .formulas import Domains, expression_of
 from .refusal import Unproved
 from .stated import StatedMachine, StatedSpring
 

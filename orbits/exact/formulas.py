@@ -7,35 +7,15 @@ and still has no value at r = 1.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from decimal import Decimal
-from fractions import Fraction
 from functools import lru_cache
 
 from flint import arb
 
 from ..errors import InputError
 from ..symbolic.formula import BLANKS, parse
+from .decimals import exact_fraction
 from .expressions import PI, SMOOTH_FUNCTIONS, ExactExpression, call, exact_number, power
 from .refusal import Unproved
-
-# The most places of a decimal, before or after the point.
-MOST_PLACES = 1500
-
-
-def exact_fraction(name: str, value: str | float | Decimal | Fraction) -> Fraction:
-    """The exact value of a decimal, stated as text, as a Decimal or whole number, or by the float that it rounds to:
-    a float stands for the shortest decimal that rounds to it. Raises `InputError` for anything but a finite number."""
-    if isinstance(value, Fraction):
-        return value
-    try:
-        if isinstance(value, bool):
-            raise TypeError
-        decimal = Decimal(value if isinstance(value, str | Decimal | int) else repr(float(value)))
-        if not abs(decimal.adjusted()) <= MOST_PLACES or abs(int(decimal.as_tuple().exponent)) > MOST_PLACES:
-            raise ValueError
-        return Fraction(decimal)
-    except (ArithmeticError, ValueError, TypeError):
-        raise InputError(f"{name} = {str(value)[:40]!r} is no decimal number that can be computed with") from None
 
 
 @dataclass(frozen=True)

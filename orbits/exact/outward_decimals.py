@@ -7,6 +7,7 @@ from fractions import Fraction
 from flint import arb, ctx
 
 from .bounds import Enclosure
+from .decimals import decimal_text, scaled_decimal
 
 # Stated digits of a radius beyond its first.
 DIGITS_OF_RADIUS = 2
@@ -14,8 +15,6 @@ DIGITS_OF_RADIUS = 2
 EXACT_PLACES = 40
 # The stated decimal places of a bound.
 PLACES_OF_BOUNDS = 12
-# More than any accepted decimal has, also after intervals were halved.
-MOST_PLACES_OF_DECIMALS = 2000
 # More than any ball has.
 EXACT_BITS = 8192
 
@@ -25,12 +24,14 @@ def enclosure_of(ball: arb, digits: int | None = None) -> Enclosure:
     with ctx.workprec(EXACT_BITS):  # else the bounds would be rounded too
         low, high = _fraction(ball.lower()), _fraction(ball.upper())
     if low == high and (low * 10**EXACT_PLACES).denominator == 1:
-        text = _decimal(int(low * 10**EXACT_PLACES), EXACT_PLACES).rstrip("0").rstrip(".")
+        text = scaled_decimal(int(low * 10**EXACT_PLACES), EXACT_PLACES).rstrip("0").rstrip(".")
         return Enclosure(text, text)
     places = max(DIGITS_OF_RADIUS - _exponent(high - low), 0) if high > low else EXACT_PLACES
     if digits is not None:
         places = max(places, digits + 2 - _exponent(max(abs(low), abs(high))))
-    return Enclosure(_decimal(math.floor(low * 10**places), places), _decimal(math.ceil(high * 10**places), places))
+    return Enclosure(
+        scaled_decimal(math.floor(low * 10**places), places), scaled_decimal(math.ceil(high * 10**places), places)
+    )
 
 
 def bounds_of_fractions(bounds: tuple[Fraction, Fraction]) -> Enclosure:
@@ -38,21 +39,10 @@ def bounds_of_fractions(bounds: tuple[Fraction, Fraction]) -> Enclosure:
     return Enclosure(*map(decimal_text, bounds))
 
 
-def is_decimal(value: Fraction) -> bool:
-    """Whether a fraction is a decimal that can be written out."""
-    return 10**MOST_PLACES_OF_DECIMALS % value.denominator == 0
-
-
-def decimal_text(value: Fraction) -> str:
-    """The decimal that equals a fraction exactly."""
-    places = next(n for n in range(MOST_PLACES_OF_DECIMALS) if 10**n % value.denominator == 0)
-    return _decimal(int(value * 10**places), places)
-
-
 def upper_fraction(value: Fraction) -> str:
     """A decimal with at most `PLACES_OF_BOUNDS` places that is no less than a number above 0, or the number itself."""
     scaled = value * 10**PLACES_OF_BOUNDS
-    return _decimal(math.ceil(scaled), PLACES_OF_BOUNDS).rstrip("0").rstrip(".")
+    return scaled_decimal(math.ceil(scaled), PLACES_OF_BOUNDS).rstrip("0").rstrip(".")
 
 
 def radius_of(enclosure: Enclosure) -> str:
@@ -95,9 +85,3 @@ def _exponent(value: Fraction) -> int:
         return 0
     guess = len(str(value.numerator)) - len(str(value.denominator))
     return guess if value >= Fraction(10) ** guess else guess - 1
-
-
-def _decimal(scaled: int, places: int) -> str:
-    digits = str(abs(scaled)).rjust(places + 1, "0")
-    sign = "-" if scaled < 0 else ""
-    return f"{sign}{digits[: len(digits) - places]}.{digits[len(digits) - places :]}" if places else f"{sign}{digits}"

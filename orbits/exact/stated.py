@@ -20,8 +20,7 @@ from ..model.machine import Machine, free_parameters
 from ..model.model import STEP_LENGTH
 from ..symbolic.formula import parse
 from ..symbolic.tracing import traced_of_places
-from .formulas import exact_fraction
-from .outward_decimals import decimal_text, is_decimal
+from .decimals import decimal_text, exact_fraction, is_decimal
 from .refusal import Unproved
 
 # An exact decimal, a fraction, or the bounds of an interval.

@@ -8,7 +8,8 @@ from flint import arb, ctx
 from ..balls.programs import ball_of_fraction
 from ..balls.root import FIRST_BITS
 from ..exact.bounds import Enclosure
-from ..exact.outward_decimals import bounds_of_fractions, decimal_text, enclosure_of, lower_decimal, upper_decimal
+from ..exact.decimals import decimal_text
+from ..exact.outward_decimals import bounds_of_fractions, enclosure_of, lower_decimal, upper_decimal
 from ..exact.stated import StatedMachine
 from ..model.machine import machine_in_words
 from .branch_claim import BranchClaim

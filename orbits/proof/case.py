@@ -16,9 +16,10 @@ from ..balls.root import FIRST_BITS, ProvedRoot, evaluated_on, prove_root
 from ..errors import InputError
 from ..exact.bounds import Enclosure
 from ..exact.claim import CONTACT_DURATION, FLIGHT_DURATION, Claim
+from ..exact.decimals import decimal_text
 from ..exact.exact_mechanics import ExactMechanics, Scale, nearest_power_of_two
 from ..exact.expressions import ExactExpression, substitute, vanishes
-from ..exact.outward_decimals import bounds_of_fractions, decimal_text, enclosure_of, lower_decimal, radius_of
+from ..exact.outward_decimals import bounds_of_fractions, enclosure_of, lower_decimal, radius_of
 from ..exact.refusal import Unproved
 from ..exact.stated import StatedMachine
 from ..exact.statement import ExactStatement, HalfOrbit

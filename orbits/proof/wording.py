@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from ..exact.bounds import Enclosure
-from ..exact.outward_decimals import decimal_text
+from ..exact.decimals import decimal_text
 from ..exact.stated import StatedMachine
 from .attraction import Attraction
 

@@ -50,8 +50,9 @@ from ..balls.rigorous_step import between
 from ..balls.root import FIRST_BITS, evaluated_on
 from ..errors import InputError
 from ..exact.bounds import Enclosure
+from ..exact.decimals import decimal_text
 from ..exact.exact_mechanics import ExactMechanics, Scale, parameter_of
-from ..exact.outward_decimals import bounds_of_fractions, decimal_text, enclosure_of, radius_of
+from ..exact.outward_decimals import bounds_of_fractions, enclosure_of, radius_of
 from ..exact.refusal import NOT_ACROSS, Unproved
 from ..exact.stated import Bounds, Decimals, StatedMachine, exact_bounds, range_text, stated_machine
 from ..exact.statement import unknown

@@ -14,7 +14,7 @@ from steps import SINES, TABLE, closed_form, stepping
 from orbits import InputError, find, prove, prove_absence
 from orbits.check_proof import check
 from orbits.exact.claim import claim_of
-from orbits.exact.formulas import exact_fraction
+from orbits.exact.decimals import exact_fraction
 from orbits.exact.stated import StatedSpring, stated_machine
 from orbits.exact.statement import HalfOrbit
 from orbits.proof.case import whole_proof
