@@ -16,13 +16,16 @@ from ..numerics.exclusion import HIGHEST_ORDER, bernstein_coefficients
 from ..numerics.polynomial_roots import TINY
 from ..numerics.roots import Array
 from ..symbolic.caches import cached
-from ..symbolic.calls import BufferedFunction
+from ..symbolic.calls import BufferedFunction, with_common_parts
 from ..symbolic.kernels import Kernel
+from ..symbolic.series_loops import InLoops, VariationsInLoops
 from ..symbolic.taylor_series import driven_coefficients, tangent, variations
 from .vector_field import FLOW_CONTROL, SHORTEST_CUT, TAYLOR_ORDER, VectorField, rows_used, symbolic_powers
 
 # Truncation error of a step relative to the state: a tenth of the rounding error of the sum.
 TRUNCATION = 1e-17
+# With more products of the series of sensitivities than this, machine code has loops.
+FEWEST_PRODUCTS = 30_000
 # A step of larger defect, relative to the state, leads beyond what the series can describe. Rounding is far smaller.
 LARGEST_DEFECT = 1e-10
 # No step is longer than this. A state at rest needs the bound, since its series has no last terms to choose a step by.
@@ -181,11 +184,32 @@ class TaylorStepper:
         self.rows, left = graph.size + graph.field.numel_out(1), graph.size * (1 + columns)
         numbers = range(left, left + 7)
         self.places = Places(slice(self.n), slice(self.n, left), slice(numbers.stop, None), *numbers)
-        self.step_function = _step_function(graph, self.places, columns, varied, self.piece_rows)
-        self.kernel = self.kernel_of(self.motion_function)
+        loops = VariationsInLoops(graph.field, varied, columns, TAYLOR_ORDER) if columns > 1 else None
+        self.kernel = self.kernel_of(self._in_loops(loops) if loops and self._suits(loops) else self.motion_function)
         self._watching: dict[tuple[tuple, int], Kernel] = {}  # of `watch`, by the rows in the functions and turns
 
-    def kernel_of(self, function: ca.Function) -> Kernel:
+    def _suits(self, loops: VariationsInLoops) -> bool:
+        """Whether machine code with loops is worth it: not for graphs that are short."""
+        return loops.products > FEWEST_PRODUCTS and not self.graph.coordinate and loops.able
+
+    def _in_loops(self, loops: VariationsInLoops) -> InLoops:
+        """The `motion_function` with loops."""
+        z, data, c, dc = (step := _step_function(*self._step_arguments, expanded=False)).mx_in()
+        count = self.graph.p.numel()
+        split = z[self.places.state], data[:count], z[self.places.sensitivities], data[count:]
+        before = ca.Function("before", [z, data], [*split]).expand()
+        return InLoops(before, loops, with_common_parts(_motion(step, self.places).expand()), lambda: self.motion_function)
+
+    @cached_property
+    def step_function(self) -> ca.Function:
+        """One step, as above."""
+        return _step_function(*self._step_arguments)
+
+    @property
+    def _step_arguments(self) -> tuple:
+        return self.graph, self.places, self.columns, self.varied, self.piece_rows
+
+    def kernel_of(self, function: ca.Function | InLoops) -> Kernel:
         """The kernel that iterates a step, which takes the row of its piece."""
         return Kernel(function, self.places.piece if self.graph.coordinate else None)
 
@@ -263,14 +287,19 @@ class TaylorStepper:
         """A step of a motion as a `Kernel` iterates it, (z, data, row of the piece) -> (z after it, coefficients, the
         sensitivities before it, the length and the piece, whether it counts, whether to go on); it goes on until no
         time is left, the state runs away or no step is accepted."""
-        arguments = z, *_ = self.step_function.mx_in()
-        (after, c, made), at = self.step_function(*arguments), self.places
-        taken, goes = _progress(self.n, c.numel())(after[at.state], after[at.left], ca.vec(c), made)
-        # A motion whose last step is no number has not come to its end.
-        left = ca.if_else(ca.logic_and(made[0] > 0, ca.logic_not(taken)), np.nan, after[at.left])
-        after = ca.vertcat(after[: at.left], left, after[at.longest :])
-        step = ca.vertcat(made[0], z[at.piece])
-        return ca.Function("motion", arguments, [after, c, z[at.sensitivities], step, taken, goes])
+        return _motion(self.step_function, self.places)
+
+
+def _motion(step_function: ca.Function, at: Places) -> ca.Function:
+    """The `motion_function` of a step; its further arguments are those of the step."""
+    arguments = z, *_ = step_function.mx_in()
+    after, c, made = step_function(*arguments)
+    taken, goes = _progress(after[at.state].numel(), c.numel())(after[at.state], after[at.left], ca.vec(c), made)
+    # A motion whose last step is no number has not come to its end.
+    left = ca.if_else(ca.logic_and(made[0] > 0, ca.logic_not(taken)), np.nan, after[at.left])
+    after = ca.vertcat(after[: at.left], left, after[at.longest :])
+    step = ca.vertcat(made[0], z[at.piece])
+    return ca.Function("motion", arguments, [after, c, z[at.sensitivities], step, taken, goes])
 
 
 def _progress(n: int, size: int) -> ca.Function:
@@ -352,9 +381,10 @@ def _expansion(graph: VectorField, columns: int, varied: tuple[int, ...]) -> ca.
 
 
 def _step_function(
-    graph: VectorField, at: Places, columns: int, varied: tuple[int, ...], piece_rows: PieceRows
+    graph: VectorField, at: Places, columns: int, varied: tuple[int, ...], piece_rows: PieceRows, expanded: bool = True
 ) -> ca.Function:
-    """The `step_function` of a `TaylorStepper`."""
+    """The `step_function` of a `TaylorStepper`; if not `expanded`, the coefficients of a step and those of its
+    sensitivities are two arguments more."""
     n, count_p = graph.size, graph.p.numel() - graph.data
     own = [row for row in varied if row < count_p]
     z, data = ca.MX.sym("z", at.time), ca.MX.sym("p", count_p + len(own) * columns)
@@ -363,8 +393,12 @@ def _step_function(
     x, dx = z[at.state], ca.reshape(z[at.sensitivities], n, columns)
     p, dp = ca.vertcat(data[:count_p], q), ca.reshape(data[count_p:], len(own), columns)
     dp = ca.vertcat(dp, dq.T) if piece_rows.varied else dp
-    base, shares = ca.SX(n, TAYLOR_ORDER + 1), ca.SX.eye(n)
-    if columns:
+    base, shares, further = ca.SX(n, TAYLOR_ORDER + 1), ca.SX.eye(n), list[ca.MX]()
+    if not expanded:
+        rows = n + graph.field.numel_out(1), n * columns
+        c, dc = further = [ca.MX.sym("c", TAYLOR_ORDER + 1, count) for count in rows]
+        series = c[:, :n]
+    elif columns:
         c, dc = _expansion(graph, columns, varied)(x, p, dx, dp)
         series = c[:, :n]
     else:
@@ -384,7 +418,7 @@ def _step_function(
     # A choice between ends costs less than powers of a chosen length, into which CasADi draws the choice.
     after = ca.if_else(made[0] > 0, ca.vertcat(ends, moved), z[: at.left])
     after = ca.vertcat(after, left, longest, z[at.piece] + ca.if_else(made[0] > 0, side, 0))
-    return ca.Function("taylor", [z, data, row] if graph.coordinate else [z, data], [after, c, made])
+    return ca.Function("taylor", [z, data, *([row] if graph.coordinate else []), *further], [after, c, made])
 
 
 def _saltation(graph: VectorField, columns: int, varied: tuple[int, ...]) -> ca.Function:

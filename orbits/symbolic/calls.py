@@ -30,6 +30,12 @@ def single_assignment(function: ca.Function) -> list[Instruction]:
     return instructions
 
 
+def with_common_parts(function: ca.Function) -> ca.Function:
+    """An SX function whose equal parts are computed once."""
+    arguments = function.sx_in()
+    return ca.Function(function.name(), arguments, function.call(arguments), {"cse": True})
+
+
 class BufferedFunction:
     """A CasADi function on NumPy arrays with its memory laid out once.
 

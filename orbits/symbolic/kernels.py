@@ -7,6 +7,7 @@ import time
 from collections.abc import Sequence
 from concurrent import futures
 from contextlib import nullcontext
+from functools import cached_property
 from itertools import accumulate, pairwise
 from typing import NamedTuple
 
@@ -16,8 +17,9 @@ import numpy as np
 from ..running import interrupts
 from ..running.exclusive import LOCK, apart, threads
 from .caches import weigh
-from .calls import BufferedFunction, MappedFunction
+from .calls import BufferedFunction, MappedFunction, with_common_parts
 from .machine_code import MOST_LANES, MachineCode, compile_seconds, say_interpreted, target
+from .series_loops import InLoops
 
 # About the seconds that CasADi's virtual machine takes for one instruction (measured on a server core of 2024).
 SECONDS_INTERPRETED = 3e-9
@@ -81,18 +83,25 @@ class Kernel:
         has tables (m, rows size), or (1, rows size) for all points, whose rows follow each other
     """
 
-    def __init__(self, function: ca.Function, chooses: int | None = None):
-        self.function, self.chooses = function.expand(), chooses  # without its calls it takes a fifth less time
+    def __init__(self, function: ca.Function | InLoops, chooses: int | None = None):
+        self.source, self.chooses = function, chooses
         self.sizes_in = [function.nnz_in(i) for i in range(function.n_in())]
         self.sizes_out = [function.nnz_out(i) for i in range(function.n_out())]
         self.width = max(1, sum(self.sizes_out[1:-2]))  # numbers in the records of one iteration
-        length = self.function.n_instructions()
-        self.seconds_per_step, self.interpretation_budget = length * SECONDS_INTERPRETED, compile_seconds(length)
+        in_loops = isinstance(function, InLoops)
+        length = (function if in_loops else self.function).n_instructions()
+        self.seconds_per_step = length * SECONDS_INTERPRETED
+        self.interpretation_budget = compile_seconds(length) if not in_loops else -1.0
         self.optimisation_budget = compile_seconds(length, optimised=True) if length < LONG else np.inf
         self._interpreted: BufferedFunction | None = None
         self._code: MachineCode | None = None
         # The number of records of a point with room, learned from earlier calls; no number in a result depends on it.
         self._capacity = FIRST_CAPACITY
+
+    @cached_property
+    def function(self) -> ca.Function:
+        """The function as one graph; without its calls it takes a fifth less time."""
+        return (self.source.flat() if isinstance(self.source, InLoops) else self.source).expand()
 
     @property
     def compiled(self) -> bool:
@@ -138,11 +147,10 @@ class Kernel:
 
     def _make_code(self, optimised: bool) -> None:
         if target():
-            arguments = self.function.sx_in()
-            merged = ca.Function(self.function.name(), arguments, self.function.call(arguments), {"cse": True})
+            merged = self.source if isinstance(self.source, InLoops) else with_common_parts(self.function)
             try:
                 self._code = MachineCode(merged, optimised, self.chooses)
-                weigh([merged], 2 * len(self._code.compiled))
+                weigh([merged.after if isinstance(merged, InLoops) else merged], 2 * len(self._code.compiled))
                 if self._code.optimised:
                     self.optimisation_budget = np.inf
             except NotImplementedError:

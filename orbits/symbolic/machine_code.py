@@ -19,6 +19,7 @@ from weakref import WeakSet
 import casadi as ca
 
 from .calls import single_assignment
+from .series_loops import InLoops
 
 # Vectors of more numbers than this are not used.
 MOST_LANES = 8
@@ -83,7 +84,7 @@ class MachineCode:
     made under the `LOCK` of CasADi, whose graph it reads; LLVM too compiles one function at a time.
     """
 
-    def __init__(self, function: ca.Function, optimised: bool = False, chooses: int | None = None):
+    def __init__(self, function: ca.Function | InLoops, optimised: bool = False, chooses: int | None = None):
         found = target()
         if found is None:
             raise RuntimeError("LLVM is not available")
@@ -131,6 +132,8 @@ class _Code:
         self.masks, self.indices, self.pointers = (f"<{lanes} x {kind}>" for kind in ("i1", "i64", "ptr"))
         self.lines: list[str] = []
         self.declared: set[str] = set()
+        self.entry: list[str] = []  # what the code does once
+        self.reserved = 0  # vectors of scratch memory
 
     def __call__(self, text: str) -> str:
         """Append an instruction; return the name of its result."""
@@ -217,8 +220,9 @@ class _Code:
                 return self.choose(self.compare("ogt", x, zero), one, sign)
         raise NotImplementedError(f"operation {op}")
 
-    def graph(self, function: ca.Function, arguments: Sequence[Sequence[str]]) -> list[list[str]]:
-        """The results of an SX function by output and element, from its arguments by input and element."""
+    def graph(self, function: ca.Function, arguments: Sequence[Sequence]) -> list[list[str]]:
+        """The results of an SX function by output and element, from its arguments by input and element, which are
+        values, or functions that load them."""
         results = [[self.splat(0)] * function.nnz_out(i) for i in range(function.n_out())]
         values: list[str] = []
         for op, places, constant in single_assignment(function):
@@ -226,12 +230,90 @@ class _Code:
                 results[places[1]][places[2]] = values[places[0]]
                 values.append("")
             elif op == ca.OP_INPUT:
-                values.append(arguments[places[0]][places[1]])
+                value = arguments[places[0]][places[1]]
+                values.append(value() if callable(value) else value)
             elif constant is not None:
                 values.append(self.splat(constant))
             else:
                 values.append(self.operation(op, [values[place] for place in places]))
         return results
+
+    def plus(self, x: str, y: str) -> str:
+        """The sum of two values."""
+        return self.operation(ca.OP_ADD, [x, y])
+
+    def times(self, x: str, y: str) -> str:
+        """The product of two values."""
+        return self.operation(ca.OP_MUL, [x, y])
+
+    def is_one(self, x: str) -> bool:
+        """Whether a value is the number 1."""
+        return x == self.splat(1)
+
+    def integer(self, operation: str, x: str, y: str | int) -> str:
+        """An operation on two whole numbers."""
+        return self(f"{operation} i64 {x}, {y}")
+
+    def reserve(self, count: int) -> int:
+        """The first of so many places in the scratch memory."""
+        self.reserved += count
+        return self.reserved - count
+
+    def table(self, numbers: Sequence[float]) -> str:
+        """The pointer to constants in the scratch memory."""
+        name, first = f"%t{self.reserved}", self.reserve(len(numbers))
+        self.entry.append(f"{name} = getelementptr {self.vector}, ptr %scratch, i64 {first}")
+        for i, number in enumerate(numbers):
+            self.entry.append(f"{name}_{i} = getelementptr {self.vector}, ptr {name}, i64 {i}")
+            self.entry.append(f"store {self.vector} {self.splat(number)}, ptr {name}_{i}")
+        return name
+
+    def place(self, number: int) -> str:
+        """The pointer to a place in the scratch memory."""
+        return self.moved("%scratch", number)
+
+    def moved(self, pointer: str, count: int) -> str:
+        """A pointer that is moved by a number of vectors."""
+        return self(f"getelementptr {self.vector}, ptr {pointer}, i64 {count}")
+
+    def offset(self, pointer: str, index: str, scale: int = 1, offset: int = 0) -> str:
+        """A pointer that is moved by a multiple of an index, and by a number of vectors."""
+        if offset:
+            pointer = self.moved(pointer, offset)
+        index = index if scale == 1 else self.integer("mul", index, scale)
+        return self(f"getelementptr {self.vector}, ptr {pointer}, i64 {index}")
+
+    def get(self, pointer: str) -> str:
+        """The vector at a pointer."""
+        return self(f"load {self.vector}, ptr {pointer}")
+
+    def put(self, value: str, pointer: str) -> None:
+        """Store a vector at a pointer."""
+        self.do(f"store {self.vector} {value}, ptr {pointer}")
+
+    def later(self, place: int, k: int) -> Callable[[], str]:
+        """A function that loads the vector k places behind one of the scratch memory."""
+        return lambda: self.get(self.place(place + k))
+
+    def loop(self, first: int, last: str | int, body: Callable[[str, list[str]], list[str]], start: list[str]) -> list:
+        """A loop over an index from `first` up to `last`: `body` appends the code of one index from the index and the
+        values before it, and returns the values after it. Returns the last values."""
+        label = f"l{len(self.lines)}"
+        self.do(f"br label %{label}_before", f"{label}_before:", f"br label %{label}", f"{label}:")
+        index, values, at = f"%{label}_index", [f"%{label}_{i}" for i in range(len(start))], len(self.lines)
+        self.do(*[""] * (1 + len(start)))  # what comes from the end of the body is known after it
+        going = self(f"icmp sle i64 {index}, {last}")
+        self.do(f"br i1 {going}, label %{label}_body, label %{label}_after", f"{label}_body:")
+        ends = body(index, values)
+        self.do(f"br label %{label}_next", f"{label}_next:", f"{index}_next = add i64 {index}, 1")
+        self.do(f"br label %{label}", f"{label}_after:")
+        kinds = ["i64", *[self.vector] * len(start)]
+        each = zip(kinds, [index, *values], [first, *start], [f"{index}_next", *ends], strict=True)
+        self.lines[at : at + len(kinds)] = [
+            f"{name} = phi {kind} [{before}, %{label}_before], [{after}, %{label}_next]"
+            for kind, name, before, after in each
+        ]
+        return values
 
     def rows(self, array: int, index: str) -> str:
         """Pointers to the rows that the lanes have in an array of the call: row index times row length."""
@@ -270,7 +352,7 @@ class _Iteration(_Code):
     the point has ended, and the number of its iterations.
     """
 
-    def text(self, function: ca.Function, chooses: int | None) -> str:
+    def text(self, function: ca.Function | InLoops, chooses: int | None) -> str:
         """The module of LLVM with the one function `run`; `chooses` is that of a `Kernel`."""
         n_in, n_out = function.n_in(), function.n_out()
         self.do("br label %block", "block:", "%i = phi i64 [0, %entry], [%next, %end]")
@@ -290,8 +372,10 @@ class _Iteration(_Code):
         self.store(ends, 1, self.choose("%went_next", self.splat(0), self.splat(1)))
         self.do(f"%next = add i64 %i, {self.lanes}")
         self.do(f"br i1 {self('icmp slt i64 %next, %count')}, label %block, label %leave", "leave:", "ret void")
-        head = "define void @run(ptr %arrays, ptr %strides, i64 %count) alignstack(64) {\nentry:\n"
-        return "\n".join([*sorted(self.declared), head + "\n".join(self.lines), "}\n"])
+        head = ["define void @run(ptr %arrays, ptr %strides, i64 %count) alignstack(64) {", "entry:"]
+        if self.reserved:
+            head.append(f"%scratch = alloca [{self.reserved} x {self.vector}], align 64")
+        return "\n".join([*sorted(self.declared), *head, *self.entry, *self.lines, "}\n"])
 
     def _points(self) -> str:
         """The points of the lanes from %i on; lanes beyond the last point repeat it, and write the same numbers to the
@@ -303,7 +387,7 @@ class _Iteration(_Code):
         return self(f"select {self.masks} {inside}, {self.indices} {ahead}, {self.indices} {final}")
 
     def _step(
-        self, function: ca.Function, start: list[str], data: list, table: tuple[str, int, int] | None, records: list,
+        self, function: ca.Function | InLoops, start: list[str], data: list, table: tuple[str, int, int] | None, records: list,
         bounds: list[str],
     ) -> None:  # fmt: skip
         """The loop over iterations, which ends when no lane is alive; bounded are records and iterations. Of a `table`
@@ -321,7 +405,8 @@ class _Iteration(_Code):
             offset = self(f"mul {self.indices} {row}, splat (i64 {length})")
             rows = self(f"getelementptr double, {self.pointers} {first}, {self.indices} {offset}")
             data = [*data, [self.load(rows, j) for j in range(length)]]
-        after, *values, recorded, going = self.graph(function, [z, *data])
+        emitted = function.emit(self, [z, *data]) if isinstance(function, InLoops) else self.graph(function, [z, *data])
+        after, *values, recorded, going = emitted
         taken = self(f"and {self.masks} %alive, {self.nonzero(recorded[0])}")
         goes = self(f"and {self.masks} %alive, {self.nonzero(going[0])}")
         self.do(f"br i1 {self.any(taken)}, label %record, label %go", "record:")

@@ -52,7 +52,7 @@ def driven_coefficients(field: ca.Function, x: ca.SX, p: ca.SX, order: int) -> t
     forces, which is short, and Q u + R Q w, with u' = f and w' = u: the motion of a few forces drives all states.
     """
     (rates, watched), n = field(x, p), x.numel()
-    parts = _separated(rates, x, p)
+    parts = separated(rates, x, p)
     linear, count, rows = parts.rates, parts.functions.numel(), n + watched.numel()
     if not 0 < 2 * count < n or (linear @ linear).nnz():
         return ca.SX(rows, order + 1), ca.SX.eye(rows), taylor_coefficients(field, x, p, order)
@@ -88,19 +88,17 @@ def variations(field: ca.Function, varied: tuple[int, ...], columns: int, order:
     Returns a function from (x, p, dx (n, columns), dp (rows, columns)) to the coefficients (order + 1, n + m) of
     `taylor_coefficients`, transposed, and to those of the columns, (order + 1, n columns).
 
-    f_x = R + Q D A, as in `_Separated`: the fewer nonlinear functions of the state there are, the fewer products of
+    f_x = R + Q D A, as in `Separated`: the fewer nonlinear functions of the state there are, the fewer products of
     series a column takes, for a force that pulls at two masses one instead of four.
     """
     x, p = field.sx_in(0), field.sx_in(1)
-    rates, watched = field(x, p)
-    n, m = rates.numel(), watched.numel()
-    parts, by_parameters = _separated(rates, x, p), ca.jacobian(rates, p)[:, list(varied)]
-    extended = ca.cse([rates, ca.vertcat(watched, *(ca.vec(each.nz[:]) for each in (parts.slopes, by_parameters)))])
-    c = taylor_coefficients(ca.Function("variations", [x, p], extended), x, p, order)
+    n, m = field.numel_out(0), field.numel_out(1)
+    parts, extended, slopes_in, forces_in = separated_variations(field, varied)
+    c = taylor_coefficients(extended, x, p, order)
     dx, dp = ca.SX.sym("dx", n, columns), ca.SX.sym("dp", len(varied), columns)
     rows = [ca.horzsplit(row) for row in ca.vertsplit(c[n + m :, :])]
-    slopes = list(zip(*parts.slopes.sparsity().get_triplet(), rows, strict=False))
-    forces = list(zip(*by_parameters.sparsity().get_triplet(), rows[len(slopes) :], strict=True))
+    slopes = [(i, j, row) for (i, j), row in zip(slopes_in, rows, strict=False)]
+    forces = [(i, j, row) for (i, j), row in zip(forces_in, rows[len(slopes) :], strict=True)]
     series, moved = [dx], list[list[ca.SX]]()
     for k in range(order if columns else 0):
         moved.append(ca.vertsplit(parts.arguments @ series[k]))
@@ -118,6 +116,19 @@ def variations(field: ca.Function, varied: tuple[int, ...], columns: int, order:
     return ca.Function("variations", [x, p, dx, dp], [ca.densify(c[: n + m, :].T), slopes_of_columns])
 
 
+def separated_variations(
+    field: ca.Function, varied: tuple[int, ...]
+) -> tuple["Separated", ca.Function, list[tuple[int, int]], list[tuple[int, int]]]:
+    """The separated rates of a field; a function (x, p) -> (x', watched quantities, then the slopes D and the nonzero
+    derivatives by the parameters `varied`, one after the other); and the places (row, column) of both."""
+    x, p = field.sx_in(0), field.sx_in(1)
+    rates, watched = field(x, p)
+    parts, by_parameters = separated(rates, x, p), ca.jacobian(rates, p)[:, list(varied)]
+    extended = ca.cse([rates, ca.vertcat(watched, *(ca.vec(each.nz[:]) for each in (parts.slopes, by_parameters)))])
+    slopes, forces = (list(zip(*each.sparsity().get_triplet(), strict=True)) for each in (parts.slopes, by_parameters))
+    return parts, ca.Function("variations", [x, p], extended), slopes, forces
+
+
 def tangent(field: ca.Function, varied: tuple[int, ...], order: int) -> ca.Function:
     """The function of `variations` for one column, by automatic differentiation: it then takes half the operations."""
     x, p = field.sx_in(0), field.sx_in(1)
@@ -128,7 +139,7 @@ def tangent(field: ca.Function, varied: tuple[int, ...], order: int) -> ca.Funct
     return ca.Function("tangent", [x, p, dx, dp], [c, ca.densify(ca.reshape(slopes, order + 1, x.numel()))])
 
 
-class _Separated(NamedTuple):
+class Separated(NamedTuple):
     """Rates R x + b + Q f(A x) that are affine in the state and in nonlinear functions f of a few affine ones of it,
     with their derivative R + Q D A. All but the slopes D, and f, are functions of the parameters alone."""
 
@@ -140,7 +151,7 @@ class _Separated(NamedTuple):
     arguments: ca.SX  # A (arguments, n)
 
 
-def _separated(rates: ca.SX, x: ca.SX, p: ca.SX) -> _Separated:
+def separated(rates: ca.SX, x: ca.SX, p: ca.SX) -> Separated:
     """Rates (n,) and their derivative by the state, separated.
 
     A sum, or a multiple by a factor without the state, is taken apart; a sum of nonlinear functions of one
@@ -190,7 +201,7 @@ def _separated(rates: ca.SX, x: ca.SX, p: ca.SX) -> _Separated:
     slopes = ca.substitute(ca.jacobian(found, s), s, at)
     names, forces = ca.vertcat(*functions.values()), ca.vertcat(*(values[i] for i in functions))
     constants = ca.substitute(sums, ca.vertcat(x, names), ca.SX.zeros(x.numel() + names.numel()))
-    return _Separated(
+    return Separated(
         constants, ca.SX(forces), ca.jacobian(sums, x), ca.jacobian(sums, names), slopes, ca.jacobian(at, x)
     )
 
