@@ -194,20 +194,29 @@ class TaylorStepper:
 
     def _in_loops(self, loops: VariationsInLoops) -> InLoops:
         """The `motion_function` with loops."""
-        z, data, c, dc = (step := _step_function(*self._step_arguments, expanded=False)).mx_in()
-        count = self.graph.p.numel()
-        split = z[self.places.state], data[:count], z[self.places.sensitivities], data[count:]
-        before = ca.Function("before", [z, data], [*split]).expand()
-        return InLoops(before, loops, with_common_parts(_motion(step, self.places).expand()), lambda: self.motion_function)
+        graph, at, orders, count_p = self.graph, self.places, TAYLOR_ORDER + 1, self.graph.p.numel()
+        z, data = ca.MX.sym("z", at.time), ca.MX.sym("p", count_p + len(self.varied) * self.columns)
+        c, ends_of_columns = ca.MX.sym("c", orders, self.rows), ca.MX.sym("dc", 4, self.n * self.columns)
+        x, p, dx, dp = z[at.state], data[:count_p], z[at.sensitivities], data[count_p:]
+        choice = _length_function(graph, ca.SX(self.n, orders), ca.SX.eye(self.n), self.columns, len(self.varied), 4)
+        numbers = x, p, dp, z[at.left], z[at.longest], NO_PIECES.split(z)[0]
+        chosen = choice(c[:, : self.n], c[:, : self.n], ends_of_columns, *numbers)
+        results = chosen[0], chosen[2], chosen[3], chosen[4], chosen[4][1]
+        choose = ca.Function("choose", [z, data, c, ends_of_columns], results)
+        known = [ca.MX.sym("known", *result.shape) for result in results]
+        moved = ca.MX.sym("moved", self.n * self.columns)
+        ends, left, longest, made, _ = known
+        after = _after_step(at, z, ca.vertcat(ends, moved), left, longest, made, ca.MX(0))
+        step = ca.Function("taylor", [z, data, c, *known, moved], [after, c, made])
+        before = ca.Function("before", [z, data], [x, p, dx, dp])
+        parts = (with_common_parts(part.expand()) for part in (before, choose, _motion(step, at)))
+        first, second, third = parts
+        return InLoops(first, loops, second, third, lambda: self.motion_function)
 
     @cached_property
     def step_function(self) -> ca.Function:
         """One step, as above."""
-        return _step_function(*self._step_arguments)
-
-    @property
-    def _step_arguments(self) -> tuple:
-        return self.graph, self.places, self.columns, self.varied, self.piece_rows
+        return _step_function(self.graph, self.places, self.columns, self.varied, self.piece_rows)
 
     def kernel_of(self, function: ca.Function | InLoops) -> Kernel:
         """The kernel that iterates a step, which takes the row of its piece."""
@@ -381,10 +390,9 @@ def _expansion(graph: VectorField, columns: int, varied: tuple[int, ...]) -> ca.
 
 
 def _step_function(
-    graph: VectorField, at: Places, columns: int, varied: tuple[int, ...], piece_rows: PieceRows, expanded: bool = True
+    graph: VectorField, at: Places, columns: int, varied: tuple[int, ...], piece_rows: PieceRows
 ) -> ca.Function:
-    """The `step_function` of a `TaylorStepper`; if not `expanded`, the coefficients of a step and those of its
-    sensitivities are two arguments more."""
+    """The `step_function` of a `TaylorStepper`."""
     n, count_p = graph.size, graph.p.numel() - graph.data
     own = [row for row in varied if row < count_p]
     z, data = ca.MX.sym("z", at.time), ca.MX.sym("p", count_p + len(own) * columns)
@@ -393,12 +401,8 @@ def _step_function(
     x, dx = z[at.state], ca.reshape(z[at.sensitivities], n, columns)
     p, dp = ca.vertcat(data[:count_p], q), ca.reshape(data[count_p:], len(own), columns)
     dp = ca.vertcat(dp, dq.T) if piece_rows.varied else dp
-    base, shares, further = ca.SX(n, TAYLOR_ORDER + 1), ca.SX.eye(n), list[ca.MX]()
-    if not expanded:
-        rows = n + graph.field.numel_out(1), n * columns
-        c, dc = further = [ca.MX.sym("c", TAYLOR_ORDER + 1, count) for count in rows]
-        series = c[:, :n]
-    elif columns:
+    base, shares = ca.SX(n, TAYLOR_ORDER + 1), ca.SX.eye(n)
+    if columns:
         c, dc = _expansion(graph, columns, varied)(x, p, dx, dp)
         series = c[:, :n]
     else:
@@ -415,10 +419,15 @@ def _step_function(
         beyond = ca.vertcat(data[:count_p], ca.if_else(side > 0, above, below))
         by_end = ca.if_else(side > 0, moved_ends[:, 1], moved_ends[:, 0])
         moved = _saltation(graph, columns, varied)(ends, p, beyond, moved, ca.vec(dp), by_end, side)
+    after = _after_step(at, z, ca.vertcat(ends, moved), left, longest, made, side)
+    return ca.Function("taylor", [z, data, row] if graph.coordinate else [z, data], [after, c, made])
+
+
+def _after_step(at: Places, z: ca.MX, ends: ca.MX, left: ca.MX, longest: ca.MX, made: ca.MX, side: ca.MX) -> ca.MX:
+    """The entries of z up to the piece after a step, which ends in these states with their sensitivities."""
     # A choice between ends costs less than powers of a chosen length, into which CasADi draws the choice.
-    after = ca.if_else(made[0] > 0, ca.vertcat(ends, moved), z[: at.left])
-    after = ca.vertcat(after, left, longest, z[at.piece] + ca.if_else(made[0] > 0, side, 0))
-    return ca.Function("taylor", [z, data, *([row] if graph.coordinate else []), *further], [after, c, made])
+    after = ca.if_else(made[0] > 0, ends, z[: at.left])
+    return ca.vertcat(after, left, longest, z[at.piece] + ca.if_else(made[0] > 0, side, 0))
 
 
 def _saltation(graph: VectorField, columns: int, varied: tuple[int, ...]) -> ca.Function:
@@ -435,14 +444,17 @@ def _saltation(graph: VectorField, columns: int, varied: tuple[int, ...]) -> ca.
     return ca.Function("saltation", arguments, [ca.vec(moved + jump)])
 
 
-def _length_function(graph: VectorField, base: ca.SX, shares: ca.SX, columns: int, varied: int) -> ca.Function:
+def _length_function(
+    graph: VectorField, base: ca.SX, shares: ca.SX, columns: int, varied: int, of_columns: int = TAYLOR_ORDER + 1
+) -> ca.Function:
     """The choice of a step's length: the series of a step, its coefficients, those of the sensitivities, x, p, dp, the
     time left, the longest step to try and the ends of the piece -> the state after the length tried, the powers
     (K + 1,) of this length, the time left then and the next longest step, the lengths taken and tried, and the side on
     which the step reaches an end of the piece, 0 for none. The coefficients are those of `base` (n, K + 1) and of the
-    series in these `shares` (n, s)."""
+    series in these `shares` (n, s); those of the sensitivities may be the first two and last two alone."""
     n, orders = graph.size, TAYLOR_ORDER + 1
-    series, c, dc = (ca.SX.sym("c", orders, count) for count in (shares.shape[1], n, n * columns))
+    series, c = (ca.SX.sym("c", orders, count) for count in (shares.shape[1], n))
+    dc = ca.SX.sym("dc", of_columns, n * columns)
     dp, left, longest = ca.SX.sym("dp", varied * columns), ca.SX.sym("left"), ca.SX.sym("longest")
     ends_of_piece = ca.SX.sym("ends", 2)
     length = _truncated_length(c, 0)

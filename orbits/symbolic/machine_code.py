@@ -33,6 +33,8 @@ _INTRINSICS |= {ca.OP_FMIN: "minnum", ca.OP_FMAX: "maxnum", ca.OP_COPYSIGN: "cop
 _TRIGONOMETRIC = [kind + name + end for name in ("sin", "cos", "tan") for kind in ("", "a") for end in ("", "h")]
 _CALLED = [*_TRIGONOMETRIC, "exp", "log", "expm1", "log1p", "erf", "pow", "atan2", "fmod", "hypot", "remainder"]
 _LIBRARY = {getattr(ca, f"OP_{name.upper()}"): name for name in _CALLED} | {ca.OP_CONSTPOW: "pow"}
+# The instructions of a graph after which another block begins: the time to compile one grows with its square.
+LONGEST_BLOCK = 300
 # The seconds that the shortest function takes to compile.
 FEWEST_SECONDS = 4e-3
 # (addresses of arrays, lengths of their rows, number of points)
@@ -236,6 +238,8 @@ class _Code:
                 values.append(self.splat(constant))
             else:
                 values.append(self.operation(op, [values[place] for place in places]))
+            if len(values) % LONGEST_BLOCK == 0:
+                self.do(f"br label %b{len(self.lines)}", f"b{len(self.lines)}:")
         return results
 
     def plus(self, x: str, y: str) -> str:

@@ -47,17 +47,35 @@ class VariationsInLoops:
         """The number of products of the columns' series, by which the graph of `variations` is long."""
         return len(self.slopes) * self.columns * (self.order + 1) * self.order // 2
 
-    def emit(self, code: Any, x: Sequence, p: Sequence, dx: Sequence, dp: Sequence) -> tuple[list, list]:
-        """The coefficients of `variations`, as values to load, from the values of its arguments."""
+    def emit(self, code: Any, x: Sequence, p: Sequence, dx: Sequence, dp: Sequence) -> tuple[list, list, int]:
+        """The coefficients of `variations` from its arguments: those of the solution and the first two and last two of
+        the columns, as functions that load them; and the place of the coefficients of the columns."""
         base = _Series(code, self.order)
         states = base.solve(self.instructions, x, p, self.n)
         rows = [base.outputs.get((1, self.watched + i), code.splat(0)) for i in range(len(self.slopes) + len(self.forces))]
-        columns = self._columns(code, base, rows, p, dx, dp)
+        first = self._columns(code, base, rows, p, dx, dp)
         watched = [base.outputs.get((1, i), code.splat(0)) for i in range(self.watched)]
-        orders = range(self.order + 1)
-        found = [code.later(row, k) for row in states for k in orders]
-        found += [base.coefficient(row, k) for row in watched for k in orders]
-        return found, [code.later(columns + q * base.stride, k) for q in range(self.n * self.columns) for k in orders]
+        c = [base.coefficient(row, k) for row in (*states, *watched) for k in range(self.order + 1)]
+        ends = 0, 1, self.order - 1, self.order
+        return c, [code.later(first + q * base.stride, k) for q in range(len(dx)) for k in ends], first
+
+    def after(self, code: Any, first: int, h: str) -> list:
+        """The columns after a time, by Horner's rule, as functions that load them; `first` is as of `emit`."""
+        stride, count = self.order + 2, self.n * self.columns
+        places = code.reserve(count)
+
+        def column(q: str, _: list) -> list:
+            last = code.offset(code.moved(code.place(first), self.order), q, stride)
+
+            def term(k: str, totals: list) -> list:
+                lower = code.get(code.offset(last, k, -1))
+                return [code.plus(code.times(totals[0], h), lower)]
+
+            code.put(code.loop(1, self.order, term, [code.get(last)])[0], code.offset(code.place(places), q))
+            return []
+
+        code.loop(0, count - 1, column, [])
+        return [code.later(places, q) for q in range(count)]
 
     def _columns(self, code: Any, base: "_Series", rows: Sequence, p: Sequence, dx: Sequence, dp: Sequence) -> int:
         """The place of the coefficients of the columns, one state after the other, one column after the other."""
@@ -309,11 +327,20 @@ class _Series:
 
 @dataclass(frozen=True, eq=False)
 class InLoops:
-    """A function whose series are loops in machine code: `before` maps its arguments to those of the series,
-    `after` maps them with the coefficients to its results, and `flat` makes the same function as one graph."""
+    """A step of a motion with sensitivities, whose series are loops in machine code.
+
+    before : its arguments -> those of the series
+    series : the coefficients of the solution and of the sensitivities
+    choose : its arguments, the coefficients of the solution, and the first two and last two of the sensitivities ->
+        what the step is to be, the last of it its length
+    after : its arguments, the coefficients of the solution, what `choose` returns, and the sensitivities after that
+        length -> its results
+    flat : makes the same function as one graph
+    """
 
     before: ca.Function
     series: VariationsInLoops
+    choose: ca.Function
     after: ca.Function
     flat: Callable[[], ca.Function]
 
@@ -339,9 +366,11 @@ class InLoops:
 
     def n_instructions(self) -> int:
         """The number of instructions to compile, about, of which those of the loops are few."""
-        return self.before.n_instructions() + self.after.n_instructions()
+        return sum(part.n_instructions() for part in (self.before, self.choose, self.after))
 
     def emit(self, code: Any, arguments: Sequence[Sequence]) -> list[list[str]]:
         """The values of the results, from those of the arguments."""
-        series = self.series.emit(code, *code.graph(self.before, arguments))
-        return code.graph(self.after, [*arguments, *series])
+        c, ends, first = self.series.emit(code, *code.graph(self.before, arguments))
+        chosen = code.graph(self.choose, [*arguments, c, ends])
+        moved = self.series.after(code, first, chosen[-1][0])
+        return code.graph(self.after, [*arguments, c, *chosen, moved])
