@@ -13,6 +13,7 @@ import struct
 import warnings
 from collections.abc import Callable, Sequence
 from functools import cache
+from itertools import chain
 from typing import Any
 from weakref import WeakSet
 
@@ -97,7 +98,8 @@ class MachineCode:
         if not self.compiled or optimised > self.optimised:
             # The module lives in a context of its own and is dropped once it is compiled, as its graph is large.
             module = llvm.parse_assembly(text, llvm.create_context())
-            self.compiled, self.optimised = self._processor(llvm, 2 * optimised).emit_object(module), optimised
+            level = 2 * (optimised or isinstance(function, InLoops))
+            self.compiled, self.optimised = self._processor(llvm, level).emit_object(module), optimised
         # An engine owns its description of the processor, so that each needs one of its own.
         self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), self._processor(llvm, 0))
         self._engine.add_object_file(llvm.ObjectFileRef.from_data(self.compiled))
@@ -134,8 +136,9 @@ class _Code:
         self.masks, self.indices, self.pointers = (f"<{lanes} x {kind}>" for kind in ("i1", "i64", "ptr"))
         self.lines: list[str] = []
         self.declared: set[str] = set()
+        self.functions: list[str] = []  # others, which the code calls
         self.entry: list[str] = []  # what the code does once
-        self.reserved = 0  # vectors of scratch memory
+        self.reserved = 0  # vectors of scratch memory, at %scratch
 
     def __call__(self, text: str) -> str:
         """Append an instruction; return the name of its result."""
@@ -263,14 +266,25 @@ class _Code:
         self.reserved += count
         return self.reserved - count
 
-    def table(self, numbers: Sequence[float]) -> str:
-        """The pointer to constants in the scratch memory."""
-        name, first = f"%t{self.reserved}", self.reserve(len(numbers))
-        self.entry.append(f"{name} = getelementptr {self.vector}, ptr %scratch, i64 {first}")
-        for i, number in enumerate(numbers):
-            self.entry.append(f"{name}_{i} = getelementptr {self.vector}, ptr {name}, i64 {i}")
-            self.entry.append(f"store {self.vector} {self.splat(number)}, ptr {name}_{i}")
-        return name
+    def table(self, numbers: Sequence[float]) -> int:
+        """The first place of constants in the scratch memory."""
+        first = self.reserve(len(numbers))
+        for place, number in enumerate(numbers, start=first):
+            self.entry.append(f"%t{place} = getelementptr {self.vector}, ptr %scratch, i64 {place}")
+            self.entry.append(f"store {self.vector} {self.splat(number)}, ptr %t{place}")
+        return first
+
+    def apart(self, body: Callable[[list[list[str]]], object], arguments: Sequence[Sequence[str]]) -> None:
+        """Do what `body` appends from values like the arguments in a function of its own, in the same memory."""
+        places = [[self.reserve(1) for _ in each] for each in arguments]
+        for place, value in zip(chain(*places), chain(*arguments), strict=True):
+            self.put(value, self.place(place))
+        name, lines, self.lines = f"part{len(self.functions)}", self.lines, []
+        body([[self.get(self.place(place)) for place in each] for each in places])
+        head = f"define internal void @{name}(ptr %scratch) noinline {{"
+        self.functions.append("\n".join([head, "entry:", *self.lines, "ret void", "}"]))
+        self.lines = lines
+        self.do(f"call void @{name}(ptr %scratch)")
 
     def place(self, number: int) -> str:
         """The pointer to a place in the scratch memory."""
@@ -376,7 +390,9 @@ class _Iteration(_Code):
         self.store(ends, 1, self.choose("%went_next", self.splat(0), self.splat(1)))
         self.do(f"%next = add i64 %i, {self.lanes}")
         self.do(f"br i1 {self('icmp slt i64 %next, %count')}, label %block, label %leave", "leave:", "ret void")
-        head = ["define void @run(ptr %arrays, ptr %strides, i64 %count) alignstack(64) {", "entry:"]
+        # Beside loops, which take most of the time, straight code is not worth the time to optimise it.
+        how = "alignstack(64) noinline optnone" if self.functions else "alignstack(64)"
+        head = [*self.functions, f"define void @run(ptr %arrays, ptr %strides, i64 %count) {how} {{", "entry:"]
         if self.reserved:
             head.append(f"%scratch = alloca [{self.reserved} x {self.vector}], align 64")
         return "\n".join([*sorted(self.declared), *head, *self.entry, *self.lines, "}\n"])

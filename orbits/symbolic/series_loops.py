@@ -50,41 +50,60 @@ class VariationsInLoops:
     def emit(self, code: Any, x: Sequence, p: Sequence, dx: Sequence, dp: Sequence) -> tuple[list, list, int]:
         """The coefficients of `variations` from its arguments: those of the solution and the first two and last two of
         the columns, as functions that load them; and the place of the coefficients of the columns."""
-        base = _Series(code, self.order)
-        states = base.solve(self.instructions, x, p, self.n)
-        rows = [base.outputs.get((1, self.watched + i), code.splat(0)) for i in range(len(self.slopes) + len(self.forces))]
-        first = self._columns(code, base, rows, p, dx, dp)
-        watched = [base.outputs.get((1, i), code.splat(0)) for i in range(self.watched)]
-        c = [base.coefficient(row, k) for row in (*states, *watched) for k in range(self.order + 1)]
+        base, stride, count = _Series(code, self.order), self.order + 2, len(self.slopes) + len(self.forces)
+        first, watched = code.reserve(stride * len(dx)), code.reserve(stride * self.watched)
+        states: list[int] = []
+
+        def body(arguments: list) -> None:
+            x, p, dx, dp = arguments
+            states.extend(base.solve(self.instructions, x, p, self.n))
+            zero = code.splat(0)
+            self._columns(
+                code, base, [base.outputs.get((1, self.watched + i), zero) for i in range(count)], p, dx, dp, first
+            )
+            for i in range(self.watched):
+                row = base.outputs.get((1, i), zero)
+                for k in range(self.order + 1):
+                    code.put(base.coefficient(row, k), code.place(watched + i * stride + k))
+
+        code.apart(body, [x, p, dx, dp])
+        places = [*states, *range(watched, watched + stride * self.watched, stride)]
+        c = [code.later(place, k) for place in places for k in range(self.order + 1)]
         ends = 0, 1, self.order - 1, self.order
-        return c, [code.later(first + q * base.stride, k) for q in range(len(dx)) for k in ends], first
+        return c, [code.later(first + q * stride, k) for q in range(len(dx)) for k in ends], first
 
     def after(self, code: Any, first: int, h: str) -> list:
         """The columns after a time, by Horner's rule, as functions that load them; `first` is as of `emit`."""
         stride, count = self.order + 2, self.n * self.columns
         places = code.reserve(count)
 
-        def column(q: str, _: list) -> list:
-            last = code.offset(code.moved(code.place(first), self.order), q, stride)
+        def body(arguments: list) -> None:
+            ((step,),) = arguments
 
-            def term(k: str, totals: list) -> list:
-                lower = code.get(code.offset(last, k, -1))
-                return [code.plus(code.times(totals[0], h), lower)]
+            def column(q: str, _: list) -> list:
+                last = code.offset(code.moved(code.place(first), self.order), q, stride)
 
-            code.put(code.loop(1, self.order, term, [code.get(last)])[0], code.offset(code.place(places), q))
-            return []
+                def term(k: str, totals: list) -> list:
+                    lower = code.get(code.offset(last, k, -1))
+                    return [code.plus(code.times(totals[0], step), lower)]
 
-        code.loop(0, count - 1, column, [])
+                code.put(code.loop(1, self.order, term, [code.get(last)])[0], code.offset(code.place(places), q))
+                return []
+
+            code.loop(0, count - 1, column, [])
+
+        code.apart(body, [[h]])
         return [code.later(places, q) for q in range(count)]
 
-    def _columns(self, code: Any, base: "_Series", rows: Sequence, p: Sequence, dx: Sequence, dp: Sequence) -> int:
-        """The place of the coefficients of the columns, one state after the other, one column after the other."""
+    def _columns(self, code: Any, base: "_Series", rows: Sequence, p: Sequence, dx: Sequence, dp: Sequence, first: int) -> None:
+        """Store the coefficients of the columns from a place on, one state after the other, one column after the
+        other."""
         n, stride = self.n, base.stride
         rates, multiples, arguments = (
             [(i, j, value) for i, j, value in zip(*places, values, strict=True)]
             for places, values in zip(self.matrices, code.graph(self.linear, [p]), strict=True)
         )
-        first, varied = code.reserve(stride * len(dx)), code.reserve(max(1, len(dp)))
+        varied = code.reserve(max(1, len(dp)))
         for q, value in enumerate(dx):
             code.put(value, code.place(first + q * stride))
         height = len(dp) // self.columns
@@ -123,7 +142,7 @@ class VariationsInLoops:
                 for (i, j), row in zip(self.slopes, slopes, strict=True):
                     if not base.moves(row):
                         changes[i] = code.plus(changes[i], code.times(row, code.get(code.offset(series[j], k))))
-                share = code.get(code.offset(base.inverses, k, offset=1))
+                share = code.get(code.offset(code.place(base.inverses), k, offset=1))
                 rises: list[list] = [[] for _ in range(n)]
                 for i, j, value in rates:
                     rises[i].append((now[j], value))
@@ -141,7 +160,6 @@ class VariationsInLoops:
             return []
 
         code.loop(0, self.columns - 1, column, [])
-        return first
 
 
 def _sum(code: Any, terms: Sequence[tuple[str, str]]) -> str:
@@ -177,11 +195,11 @@ class _Series:
 
     def still_at(self, value: str, k: str) -> str:
         """Coefficient k of a constant."""
-        return self.code.times(value, self.code.get(self.code.offset(self.zeros, k)))
+        return self.code.times(value, self._get(self.zeros, k))
 
     def coefficient(self, row: int | str, k: int) -> Any:
-        """Coefficient k, as a value to load."""
-        return self.code.later(row, k) if isinstance(row, int) else row if k == 0 else self.code.splat(0)
+        """Coefficient k."""
+        return self.code.later(row, k)() if isinstance(row, int) else row if k == 0 else self.code.splat(0)
 
     def new(self, value: str) -> int:
         """The place of a new series whose first coefficient is known."""
@@ -228,7 +246,7 @@ class _Series:
             for (op, inputs, _), row in zip(instructions, self.found, strict=True):
                 if isinstance(row, int) and row not in done:
                     done |= self._advance(op, [self.found[i] for i in inputs], row, k)
-            share = code.get(code.offset(self.inverses, k, offset=1))
+            share = code.get(code.offset(code.place(self.inverses), k, offset=1))
             for state, row in zip(states, outputs, strict=True):
                 rate = self._get(row, k) if isinstance(row, int) else code.splat(0)
                 code.put(code.times(rate, share), code.offset(code.place(state), k, offset=1))
@@ -244,7 +262,7 @@ class _Series:
     def _weighted_at(self, row: int, k: str) -> None:
         """Store coefficient k of the multiples of a series, if they are needed."""
         if row in self.weighted:
-            number = self.code.get(self.code.offset(self.numbers, k))
+            number = self._get(self.numbers, k)
             self._put(self.code.times(number, self._get(row, k)), self.weighted[row], k)
 
     def _with_partner(self, op: int, argument: Any, first: str, value: str) -> int:
@@ -278,7 +296,7 @@ class _Series:
         code, (a, b) = self.code, (inputs[0], inputs[-1])
         if op in _PARTNERS:
             argument, other = a, self.partners[_PARTNERS[op], a]
-            share, weights = code.get(code.offset(self.inverses, k)), self.weighted[argument]
+            share, weights = self._get(self.inverses, k), self.weighted[argument]
             by_other, by_own = self._convolved([(weights, other), (weights, row)], 1, k, k)
             for place, total, falls in ((row, by_other, op == ca.OP_COS), (other, by_own, op == ca.OP_SIN)):
                 value = code.times(total, share)
@@ -317,7 +335,7 @@ class _Series:
                 before = code.integer("sub", k, 1)
                 total = self._convolved([(row, row)], 1, before, k)[0]
                 return over(minus(now[0], total), code.operation(ca.OP_TWICE, [code.get(code.place(row))]))
-        share, weights = code.get(code.offset(self.inverses, k)), self.weighted[a]
+        share, weights = self._get(self.inverses, k), self.weighted[a]
         if op == ca.OP_EXP:
             return code.times(self._convolved([(weights, row)], 1, k, k)[0], share)
         by_weights, total = self._convolved([(weights, row), (a, row)], 1, k, k)
