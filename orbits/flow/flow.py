@@ -6,7 +6,9 @@ has none, Runge-Kutta steps of order 8. The error alone controls the step size. 
 
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import count as counted
 
 import casadi as ca
 import numpy as np
@@ -44,6 +46,37 @@ StopTest = Callable[[Array, Array], tuple[int, float] | None]
 def flow_of(phase: Phase, parameters: tuple[str, ...]) -> "Flow":
     """The flow of a phase, stored for the next call with the same phase."""
     return Flow(phase, parameters)
+
+
+@dataclass(frozen=True, eq=False)
+class _Drift:
+    """Sensitivities whose columns along a mask `free` are polynomials of the time, which are not integrated: those of
+    states that drift, with the derivative `matrix` of `VectorField.drift`."""
+
+    seeds: Array
+    parameter_seeds: Array
+    free: Array
+    matrix: Array
+
+    @property
+    def others(self) -> tuple[Array, Array]:
+        """The seeds of the columns that are integrated."""
+        return self.seeds[:, ~self.free], self.parameter_seeds[:, ~self.free]
+
+    def joined(self, motions: Trajectories, variations: Array) -> tuple[Trajectories, Array]:
+        """Motions and the derivatives of their ends with all columns."""
+        assert motions.variations is not None
+        return replace(motions, variations=self._at(motions.starts, motions.variations)), self._at(motions.ends, variations)
+
+    def _at(self, times: Array, others: Array) -> Array:
+        """All columns (m, n, columns) at times (m,)."""
+        found, term, factor = np.zeros((len(times), *self.seeds.shape)), self.seeds[:, self.free], np.ones(len(times))
+        found[:, :, ~self.free] = others
+        for order in counted(1):
+            found[:, :, self.free] += factor[:, None, None] * term
+            factor, term = factor * times / order, self.matrix @ term
+            if not term.any():
+                return found
 
 
 class Flow:
@@ -98,6 +131,8 @@ class Flow:
         are those of each. Returns the motions and the derivatives (m, n, columns) of their ends. Raises the `FlowError`
         of the first that cannot be followed, with those that seem `broken`.
         """
+        if (drift := self._drift_along(seeds, parameter_seeds)) is not None:
+            return drift.joined(*self.run_all(starts, ps, durations, *drift.others))
         if not self._is_together(seeds, parameter_seeds):
             return self._run_each(starts, ps, durations, seeds, parameter_seeds)
         done, motions, variations = self._run_together(starts, ps, durations, seeds, parameter_seeds)
@@ -110,6 +145,9 @@ class Flow:
     ) -> tuple[Array, Trajectories | None, Array]:
         """`run_all` of those motions that can be followed: their indices (k,), the motions, None without any, and the
         derivatives (k, n, columns) of their ends."""
+        if (drift := self._drift_along(seeds, parameter_seeds)) is not None:
+            done, *found = self.run_lanes(starts, ps, durations, *drift.others)
+            return done, *(drift.joined(*found) if len(done) else found)
         if len(starts) and self._is_together(seeds, parameter_seeds):
             done, motions, variations = self._run_together(starts, ps, durations, seeds, parameter_seeds)
             return np.flatnonzero(done), motions, variations
@@ -120,8 +158,18 @@ class Flow:
         paths, ends = [path for path, _ in found.values()], [variations for _, variations in found.values()]
         return np.array([*found], int), Trajectories.of(paths) if paths else None, np.array(ends)
 
+    def _drift_along(self, seeds: Array, parameter_seeds: Array) -> "_Drift | None":
+        """The columns of common seeds along which states drift alone, None without any."""
+        drifting, matrix = self.vector_field.drift
+        if not drifting.any() or self.phase.closed_form or seeds.ndim > 2 or parameter_seeds.ndim > 2:
+            return None
+        free = ~(seeds[~drifting].any(0) | parameter_seeds.any(0))
+        return _Drift(seeds, parameter_seeds, free, matrix) if free.any() and not free.all() else None
+
     def expect(self, steps: int, seeds: Array, parameter_seeds: Array) -> None:
         """Compile now what is worth it for this number of steps with such sensitivities."""
+        if (drift := self._drift_along(seeds, parameter_seeds)) is not None:
+            seeds, parameter_seeds = drift.others
         stepper = self.stepper(seeds.shape[-1], self.varied(parameter_seeds))
         if isinstance(stepper, TaylorStepper):
             stepper.kernel.expect(steps)

@@ -69,6 +69,22 @@ class VectorField:
         return ca.Function("place", [self.x, self.p[: self.p.numel() - self.data]], [place])
 
     @cached_property
+    def drift(self) -> tuple[np.ndarray, np.ndarray]:
+        """Which states (n,) drift: only rates of such states depend on them, with constant derivatives (n, n) whose
+        powers vanish, as on a place along the ground and its speed in flight."""
+        slopes = ca.jacobian(self.field(self.x, self.p)[0], self.x)
+        entries = list(zip(*slopes.sparsity().get_triplet(), slopes.nz[:].elements(), strict=True))
+        drifting = np.full(self.size, not self.coordinate)
+        others = [j for _, j, slope in entries if not slope.is_constant()]
+        while others:
+            drifting[others] = False
+            others = [j for i, j, _ in entries if drifting[j] and not drifting[i]]
+        matrix = np.zeros((self.size, self.size))
+        for i, j, slope in entries:
+            matrix[i, j] = float(slope) if drifting[j] else 0.0
+        return drifting & (not np.linalg.matrix_power(matrix, self.size).any()), matrix
+
+    @cached_property
     def has_series(self) -> bool:
         """Whether every operation of the field has a Taylor series."""
         return has_taylor_series(self.field)

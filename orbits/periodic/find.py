@@ -400,27 +400,30 @@ def _same(a: Orbit, b: Orbit) -> bool:
 def _starts_of_run(machine: Any, family: int, tuning: Tuning) -> Iterator[dict[str, float]]:
     """The starts of a run, slow ones first: from there the way to a faster run stays on its sheet, and one whose speed
     is not prescribed may begin at any of them."""
-    direct = start_of_run(machine, family, tuning)
+    hop = unknowns_of_hop(vertical_hop(dimensionless(machine).upright(), family))
+    direct = start_of_run(machine, hop, tuning)
     stated = any(tuning.values.get(name) for name in OF_STEPS)
     for faster in FASTER_STARTS[: 1 if stated else None]:
-        slow = start_of_run(machine, family, tuning, np.copysign(faster, direct[STEP_LENGTH]))
+        slow = start_of_run(machine, hop, tuning, np.copysign(faster, direct[STEP_LENGTH]))
         yield min(slow, direct, key=lambda start: abs(start[STEP_LENGTH])) if stated else slow
     yield direct
 
 
-def start_of_run(machine: Any, family: int, tuning: Tuning, faster: float | None = None) -> dict[str, float]:
+def start_of_run(
+    machine: Any, hop: Mapping[str, float], tuning: Tuning, faster: float | None = None
+) -> dict[str, float]:
     """The unknowns of a half orbit by name, with the step, where the search for a run of a machine begins: beside its
-    vertical hop of a family. All is in the machine's units.
+    vertical hop. All is in the machine's units.
 
+    hop : the unknowns of half of it by name, without dimensions
     faster : the multiple of a slow speed at which it begins; None for what the tuning says, or 1
     """
     units, bare = machine.units, dimensionless(machine)
     at = {name: value / (units.of(name) if units else 1.0) for name, value in tuning.values.items() if value}
-    upright, equations = bare.upright(), tuned_equations(machine, tuning.names, tuple(tuning.values))
-    own = unknowns_of_hop(vertical_hop(upright, family))
+    equations = tuned_equations(machine, tuning.names, tuple(tuning.values))
     if faster is not None or not at.keys() & OF_STEPS.keys():
-        at = {"speed": (faster or 1.0) * SLOW_SHARE * abs(own["alpha"])}
-    found = run_start(bare, equations, own, at)
+        at = {"speed": (faster or 1.0) * SLOW_SHARE * abs(hop["alpha"])}
+    found = run_start(bare, equations, hop, at)
     return {name: value * (units.of(name) if units else 1.0) for name, value in found.items()}
 
 
