@@ -8,7 +8,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import count as counted
 
 import casadi as ca
 import numpy as np
@@ -66,17 +65,20 @@ class _Drift:
     def joined(self, motions: Trajectories, variations: Array) -> tuple[Trajectories, Array]:
         """Motions and the derivatives of their ends with all columns."""
         assert motions.variations is not None
-        return replace(motions, variations=self._at(motions.starts, motions.variations)), self._at(motions.ends, variations)
+        return replace(motions, variations=self._at(motions.starts, motions.variations)), self._at(
+            motions.ends, variations
+        )
 
     def _at(self, times: Array, others: Array) -> Array:
         """All columns (m, n, columns) at times (m,)."""
         found, term, factor = np.zeros((len(times), *self.seeds.shape)), self.seeds[:, self.free], np.ones(len(times))
         found[:, :, ~self.free] = others
-        for order in counted(1):
+        order = 0
+        while term.any():
             found[:, :, self.free] += factor[:, None, None] * term
+            order += 1
             factor, term = factor * times / order, self.matrix @ term
-            if not term.any():
-                return found
+        return found
 
 
 class Flow:
@@ -146,8 +148,8 @@ class Flow:
         """`run_all` of those motions that can be followed: their indices (k,), the motions, None without any, and the
         derivatives (k, n, columns) of their ends."""
         if (drift := self._drift_along(seeds, parameter_seeds)) is not None:
-            done, *found = self.run_lanes(starts, ps, durations, *drift.others)
-            return done, *(drift.joined(*found) if len(done) else found)
+            which, motions, variations = self.run_lanes(starts, ps, durations, *drift.others)
+            return which, *((motions, variations) if motions is None else drift.joined(motions, variations))
         if len(starts) and self._is_together(seeds, parameter_seeds):
             done, motions, variations = self._run_together(starts, ps, durations, seeds, parameter_seeds)
             return np.flatnonzero(done), motions, variations
@@ -160,9 +162,9 @@ class Flow:
 
     def _drift_along(self, seeds: Array, parameter_seeds: Array) -> "_Drift | None":
         """The columns of common seeds along which states drift alone, None without any."""
-        drifting, matrix = self.vector_field.drift
-        if not drifting.any() or self.phase.closed_form or seeds.ndim > 2 or parameter_seeds.ndim > 2:
+        if self.vector_field.drift is None or self.phase.closed_form or seeds.ndim > 2 or parameter_seeds.ndim > 2:
             return None
+        drifting, matrix = self.vector_field.drift
         free = ~(seeds[~drifting].any(0) | parameter_seeds.any(0))
         return _Drift(seeds, parameter_seeds, free, matrix) if free.any() and not free.all() else None
 

@@ -184,16 +184,17 @@ class TaylorStepper:
         self.rows, left = graph.size + graph.field.numel_out(1), graph.size * (1 + columns)
         numbers = range(left, left + 7)
         self.places = Places(slice(self.n), slice(self.n, left), slice(numbers.stop, None), *numbers)
-        loops = VariationsInLoops(graph.field, varied, columns, TAYLOR_ORDER) if columns > 1 else None
-        self.kernel = self.kernel_of(self._in_loops(loops) if loops and self._suits(loops) else self.motion_function)
+        self.kernel = self.kernel_of(self._in_loops() or self.motion_function)
         self._watching: dict[tuple[tuple, int], Kernel] = {}  # of `watch`, by the rows in the functions and turns
 
-    def _suits(self, loops: VariationsInLoops) -> bool:
-        """Whether machine code with loops is worth it: not for graphs that are short."""
-        return loops.products > FEWEST_PRODUCTS and not self.graph.coordinate and loops.able
-
-    def _in_loops(self, loops: VariationsInLoops) -> InLoops:
-        """The `motion_function` with loops."""
+    def _in_loops(self) -> InLoops | None:
+        """The `motion_function` with loops; None where its graph is short, has pieces, or operations without a loop."""
+        products = self.columns * TAYLOR_ORDER * (TAYLOR_ORDER + 1) // 2
+        if self.graph.coordinate or self.graph.field.jac_sparsity(0, 0).nnz() * products < FEWEST_PRODUCTS:
+            return None
+        loops = VariationsInLoops(self.graph.field, self.varied, self.columns, TAYLOR_ORDER)
+        if len(loops.slopes) * products < FEWEST_PRODUCTS or not loops.able:
+            return None
         graph, at, orders, count_p = self.graph, self.places, TAYLOR_ORDER + 1, self.graph.p.numel()
         z, data = ca.MX.sym("z", at.time), ca.MX.sym("p", count_p + len(self.varied) * self.columns)
         c, ends_of_columns = ca.MX.sym("c", orders, self.rows), ca.MX.sym("dc", 4, self.n * self.columns)

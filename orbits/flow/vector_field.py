@@ -69,11 +69,14 @@ class VectorField:
         return ca.Function("place", [self.x, self.p[: self.p.numel() - self.data]], [place])
 
     @cached_property
-    def drift(self) -> tuple[np.ndarray, np.ndarray]:
-        """Which states (n,) drift: only rates of such states depend on them, with constant derivatives (n, n) whose
-        powers vanish, as on a place along the ground and its speed in flight."""
+    def drift(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """Which states (n,) drift, and the derivatives (n, n) of the rates by them; None without any.
+
+        Only rates of such states depend on them, with constant derivatives whose powers vanish: so does a place along
+        the ground in flight, and its speed.
+        """
         slopes = ca.jacobian(self.field(self.x, self.p)[0], self.x)
-        entries = list(zip(*slopes.sparsity().get_triplet(), slopes.nz[:].elements(), strict=True))
+        entries = list(zip(*slopes.sparsity().get_triplet(), ca.vertsplit(ca.SX(slopes.nz[:])), strict=True))
         drifting = np.full(self.size, not self.coordinate)
         others = [j for _, j, slope in entries if not slope.is_constant()]
         while others:
@@ -82,7 +85,8 @@ class VectorField:
         matrix = np.zeros((self.size, self.size))
         for i, j, slope in entries:
             matrix[i, j] = float(slope) if drifting[j] else 0.0
-        return drifting & (not np.linalg.matrix_power(matrix, self.size).any()), matrix
+        some = drifting.any() and not np.linalg.matrix_power(matrix, self.size).any()
+        return (drifting, matrix) if some else None
 
     @cached_property
     def has_series(self) -> bool:

@@ -92,9 +92,7 @@ class Kernel:
         length = (function if in_loops else self.function).n_instructions()
         self.seconds_per_step = length * SECONDS_INTERPRETED
         self.interpretation_budget = compile_seconds(length) if not in_loops else -1.0
-        self.optimisation_budget = (
-            compile_seconds(length, optimised=True) if length < LONG and not in_loops else np.inf
-        )
+        self.optimisation_budget = compile_seconds(length, optimised=True) if length < LONG and not in_loops else np.inf
         self._interpreted: BufferedFunction | None = None
         self._code: MachineCode | None = None
         # The number of records of a point with room, learned from earlier calls; no number in a result depends on it.

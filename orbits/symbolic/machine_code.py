@@ -249,6 +249,10 @@ class _Code:
         """The sum of two values."""
         return self.operation(ca.OP_ADD, [x, y])
 
+    def minus(self, x: str, y: str) -> str:
+        """The difference of two values."""
+        return self.operation(ca.OP_SUB, [x, y])
+
     def times(self, x: str, y: str) -> str:
         """The product of two values."""
         return self.operation(ca.OP_MUL, [x, y])
@@ -294,10 +298,8 @@ class _Code:
         """A pointer that is moved by a number of vectors."""
         return self(f"getelementptr {self.vector}, ptr {pointer}, i64 {count}")
 
-    def offset(self, pointer: str, index: str, scale: int = 1, offset: int = 0) -> str:
-        """A pointer that is moved by a multiple of an index, and by a number of vectors."""
-        if offset:
-            pointer = self.moved(pointer, offset)
+    def offset(self, pointer: str, index: str, scale: int = 1) -> str:
+        """A pointer that is moved by a multiple of an index."""
         index = index if scale == 1 else self.integer("mul", index, scale)
         return self(f"getelementptr {self.vector}, ptr {pointer}, i64 {index}")
 
@@ -309,9 +311,9 @@ class _Code:
         """Store a vector at a pointer."""
         self.do(f"store {self.vector} {value}, ptr {pointer}")
 
-    def later(self, place: int, k: int) -> Callable[[], str]:
-        """A function that loads the vector k places behind one of the scratch memory."""
-        return lambda: self.get(self.place(place + k))
+    def later(self, place: int) -> Callable[[], str]:
+        """A function that loads the vector at a place of the scratch memory."""
+        return lambda: self.get(self.place(place))
 
     def loop(self, first: int, last: str | int, body: Callable[[str, list[str]], list[str]], start: list[str]) -> list:
         """A loop over an index from `first` up to `last`: `body` appends the code of one index from the index and the
@@ -407,8 +409,8 @@ class _Iteration(_Code):
         return self(f"select {self.masks} {inside}, {self.indices} {ahead}, {self.indices} {final}")
 
     def _step(
-        self, function: ca.Function | InLoops, start: list[str], data: list, table: tuple[str, int, int] | None, records: list,
-        bounds: list[str],
+        self, function: ca.Function | InLoops, start: list[str], data: list, table: tuple[str, int, int] | None,
+        records: list, bounds: list[str],
     ) -> None:  # fmt: skip
         """The loop over iterations, which ends when no lane is alive; bounded are records and iterations. Of a `table`
         that each lane has, with the entry of z that chooses its row and the length of its rows, a row is data."""
@@ -425,8 +427,10 @@ class _Iteration(_Code):
             offset = self(f"mul {self.indices} {row}, splat (i64 {length})")
             rows = self(f"getelementptr double, {self.pointers} {first}, {self.indices} {offset}")
             data = [*data, [self.load(rows, j) for j in range(length)]]
-        emitted = function.emit(self, [z, *data]) if isinstance(function, InLoops) else self.graph(function, [z, *data])
-        after, *values, recorded, going = emitted
+        results = (
+            function.append(self, [z, *data]) if isinstance(function, InLoops) else self.graph(function, [z, *data])
+        )
+        after, *values, recorded, going = results
         taken = self(f"and {self.masks} %alive, {self.nonzero(recorded[0])}")
         goes = self(f"and {self.masks} %alive, {self.nonzero(going[0])}")
         self.do(f"br i1 {self.any(taken)}, label %record, label %go", "record:")

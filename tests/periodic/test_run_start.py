@@ -5,16 +5,21 @@ import pytest
 from runners import FAST
 
 from orbits import find
-from orbits.periodic.find import start_of_run
+from orbits.periodic.find import start_of_run, unknowns_of_hop, vertical_hop
 from orbits.periodic.tuned import tuning_of
 from problems import runner
 
 TUNE = ("inertia", "hip_stiffness")
 
 
+def begun(machine, at):
+    hop = unknowns_of_hop(vertical_hop(machine.upright(), 1))
+    return start_of_run(machine, hop, tuning_of(machine, TUNE, at))
+
+
 def test_a_run_is_begun_near_where_it_is():
     machine = runner(inertia=FAST["inertia"], hip_stiffness=FAST["hip_stiffness"])
-    start = start_of_run(machine, 1, tuning_of(machine, TUNE, {"speed": 0.4}))
+    start = begun(machine, {"speed": 0.4})
     assert start["duration"] == pytest.approx(FAST["half flight"], rel=0.01)
     assert start["contact_duration"] == pytest.approx(FAST["half contact"], rel=0.02)
     assert start["step"] == pytest.approx(FAST["step"], rel=0.03)
@@ -27,7 +32,7 @@ def test_a_run_is_begun_near_where_it_is():
 )
 @pytest.mark.slow
 def test_the_start_has_the_prescribed_quantity(name, value):
-    start = start_of_run(runner(), 1, tuning_of(runner(), TUNE, {name: value}))
+    start = begun(runner(), {name: value})
     period = 2 * (start["duration"] + start["contact_duration"])
     speed = runner().model.planar.travel(runner().model.launch(start, runner().values), runner().values)
     found = {"step": start["step"], "mean_speed": start["step"] / period, "speed": speed}
@@ -36,7 +41,7 @@ def test_the_start_has_the_prescribed_quantity(name, value):
 
 @pytest.mark.slow
 def test_a_run_without_speed_in_its_question_is_begun_slowly():
-    start = start_of_run(runner(), 1, tuning_of(runner(), TUNE, {"period": 7.0}))
+    start = begun(runner(), {"period": 7.0})
     speed = runner().model.planar.travel(runner().model.launch(start, runner().values), runner().values)
     assert abs(speed) == pytest.approx(0.1 * start["alpha"], rel=1e-12)
 
