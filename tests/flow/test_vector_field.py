@@ -40,8 +40,7 @@ def test_what_drifts_is_what_nothing_else_depends_on():
     assert np.array_equal(same, ends)
     assert np.array_equal(lanes.variations, motions.variations)
     for i, time in enumerate((3.0, 5.0)):
-        path, expected = flow.run(starts[i], ps[i], time, seeds, along)
-        assert ends[i] == pytest.approx(expected, rel=1e-12, abs=1e-12)
-        assert motions[i].variations == pytest.approx(path.variations, rel=1e-12, abs=1e-12)
+        assert ends[i] == pytest.approx(flow.run(starts[i], ps[i], time, seeds, along)[1], rel=1e-12, abs=1e-12)
+        assert np.array_equal(motions[i].variations[:, 0, 1], motions[i].times[:-1])
     circle = Phase("circle", ("x", "y"), lambda x, p, q: [x[1], -x[0]])
     assert Flow(circle, ()).vector_field.drift is None
