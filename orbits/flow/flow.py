@@ -8,6 +8,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain
 
 import casadi as ca
 import numpy as np
@@ -26,7 +27,7 @@ from ..symbolic.kernels import ElementwiseFunction
 from ..units import TIME, Message, Quantity, described
 from .breakpoints import SIDE_DISTANCE, same_place
 from .runge_kutta import RungeKuttaMotion, RungeKuttaStepper
-from .taylor import OnPieces, PieceRows, TaylorMotion, TaylorStepper
+from .taylor import FEWEST_PRODUCTS, OnPieces, PieceRows, TaylorMotion, TaylorStepper
 from .trajectory import Trajectories, Trajectory, begins_of_steps
 from .vector_field import FLOW_CONTROL, TAYLOR_ORDER, VectorField, rows_used
 
@@ -133,6 +134,9 @@ class Flow:
         are those of each. Returns the motions and the derivatives (m, n, columns) of their ends. Raises the `FlowError`
         of the first that cannot be followed, with those that seem `broken`.
         """
+        if self.shared is not None:
+            flow, used = self.shared
+            return flow.run_all(starts, ps[:, used], durations, seeds, parameter_seeds[..., used, :])
         if (drift := self._drift_along(seeds, parameter_seeds)) is not None:
             return drift.joined(*self.run_all(starts, ps, durations, *drift.others))
         if not self._is_together(seeds, parameter_seeds):
@@ -147,6 +151,9 @@ class Flow:
     ) -> tuple[Array, Trajectories | None, Array]:
         """`run_all` of those motions that can be followed: their indices (k,), the motions, None without any, and the
         derivatives (k, n, columns) of their ends."""
+        if self.shared is not None:
+            flow, used = self.shared
+            return flow.run_lanes(starts, ps[:, used], durations, seeds, parameter_seeds[..., used, :])
         if (drift := self._drift_along(seeds, parameter_seeds)) is not None:
             which, motions, variations = self.run_lanes(starts, ps, durations, *drift.others)
             return which, *((motions, variations) if motions is None else drift.joined(motions, variations))
@@ -160,6 +167,17 @@ class Flow:
         paths, ends = [path for path, _ in found.values()], [variations for _, variations in found.values()]
         return np.array([*found], int), Trajectories.of(paths) if paths else None, np.array(ends)
 
+    @cached_property
+    def shared(self) -> "tuple[Flow, list[int]] | None":
+        """Where the steps are long, the flow with those parameters alone that the field depends on, for many motions of
+        all flows of the phase, so that the steps are compiled once; and the places of these parameters."""
+        phase, graph = self.phase, self.vector_field
+        if phase.pieces or phase.closed_form or graph.products(self.size) < FEWEST_PRODUCTS or not graph.has_series:
+            return None
+        used = sorted({*chain(*(graph.field.jac_sparsity(i, 1).get_triplet()[1] for i in (0, 1)))})
+        names = tuple(self.parameters[i] for i in used)
+        return None if names == self.parameters else (flow_of(phase, names), used)
+
     def _drift_along(self, seeds: Array, parameter_seeds: Array) -> "_Drift | None":
         """The columns of common seeds along which states drift alone, None without any."""
         if self.vector_field.drift is None or self.phase.closed_form or seeds.ndim > 2 or parameter_seeds.ndim > 2:
@@ -170,6 +188,10 @@ class Flow:
 
     def expect(self, steps: int, seeds: Array, parameter_seeds: Array) -> None:
         """Compile now what is worth it for this number of steps with such sensitivities."""
+        if self.shared is not None:
+            flow, used = self.shared
+            flow.expect(steps, seeds, parameter_seeds[..., used, :])
+            return
         if (drift := self._drift_along(seeds, parameter_seeds)) is not None:
             seeds, parameter_seeds = drift.others
         stepper = self.stepper(seeds.shape[-1], self.varied(parameter_seeds))
@@ -342,7 +364,8 @@ class Flow:
     @property
     def compiled(self) -> bool:
         """Whether motions take their steps in machine code."""
-        return any(isinstance(stepper, TaylorStepper) and stepper.kernel.compiled for stepper in self.steppers.values())
+        steppers = [*self.steppers.values(), *(self.shared[0].steppers.values() if self.shared else ())]
+        return any(isinstance(stepper, TaylorStepper) and stepper.kernel.compiled for stepper in steppers)
 
     def stepper(self, columns: int, varied: tuple[int, ...] = ()) -> TaylorStepper | RungeKuttaStepper:
         """The stepper for `columns` sensitivities, built on first use; only the rows `varied` of the seeds of

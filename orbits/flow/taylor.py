@@ -189,11 +189,10 @@ class TaylorStepper:
 
     def _in_loops(self) -> InLoops | None:
         """The `motion_function` with loops; None where its graph is short, has pieces, or operations without a loop."""
-        products = self.columns * TAYLOR_ORDER * (TAYLOR_ORDER + 1) // 2
-        if self.graph.coordinate or self.graph.field.jac_sparsity(0, 0).nnz() * products < FEWEST_PRODUCTS:
+        if self.graph.coordinate or self.graph.products(self.columns) < FEWEST_PRODUCTS:
             return None
         loops = VariationsInLoops(self.graph.field, self.varied, self.columns, TAYLOR_ORDER)
-        if len(loops.slopes) * products < FEWEST_PRODUCTS or not loops.able:
+        if loops.products < FEWEST_PRODUCTS or not loops.able:
             return None
         graph, at, orders, count_p = self.graph, self.places, TAYLOR_ORDER + 1, self.graph.p.numel()
         z, data = ca.MX.sym("z", at.time), ca.MX.sym("p", count_p + len(self.varied) * self.columns)

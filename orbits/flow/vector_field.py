@@ -68,6 +68,10 @@ class VectorField:
         place = ca.dot(ca.DM(self.coordinate), self.x) * self.unit - self.origin
         return ca.Function("place", [self.x, self.p[: self.p.numel() - self.data]], [place])
 
+    def products(self, columns: int) -> int:
+        """The most products of coefficients that the series of this number of sensitivities take."""
+        return self.field.jac_sparsity(0, 0).nnz() * columns * TAYLOR_ORDER * (TAYLOR_ORDER + 1) // 2
+
     @cached_property
     def drift(self) -> tuple[np.ndarray, np.ndarray] | None:
         """Which states (n,) drift, and the derivatives (n, n) of the rates by them; None without any.

@@ -145,6 +145,13 @@ def _checked_ranges(machine: Machine, over: Mapping[str, tuple[float, float]]) -
         low, high = (finite_number(f"over '{name}'", each) for each in ends)
         if not low < high:
             raise InputError(f"over '{name}' = ({low:g}, {high:g}): a range begins below its end")
+        for end in (low, high):
+            try:
+                # A range may tend to a value 0 that no machine has.
+                machine.with_values(**({name: end} if end else {}))
+            except InputError as error:
+                stated = f"over '{name}' = ({low:g}, {high:g})"
+                raise InputError(f"{stated}: state a range of values that the machine can have ({error})") from None
         found[name] = low, high
     return found
 
