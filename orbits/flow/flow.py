@@ -27,7 +27,7 @@ from ..symbolic.kernels import ElementwiseFunction
 from ..units import TIME, Message, Quantity, described
 from .breakpoints import SIDE_DISTANCE, same_place
 from .runge_kutta import RungeKuttaMotion, RungeKuttaStepper
-from .taylor import FEWEST_PRODUCTS, OnPieces, PieceRows, TaylorMotion, TaylorStepper
+from .taylor import OnPieces, PieceRows, TaylorMotion, TaylorStepper
 from .trajectory import Trajectories, Trajectory, begins_of_steps
 from .vector_field import FLOW_CONTROL, TAYLOR_ORDER, VectorField, rows_used
 
@@ -172,7 +172,7 @@ class Flow:
         """Where the steps are long, the flow with those parameters alone that the field depends on, for many motions of
         all flows of the phase, so that the steps are compiled once; and the places of these parameters."""
         phase, graph = self.phase, self.vector_field
-        if phase.pieces or phase.closed_form or graph.products(self.size) < FEWEST_PRODUCTS or not graph.has_series:
+        if phase.closed_form or not graph.in_loops:
             return None
         used = sorted({*chain(*(graph.field.jac_sparsity(i, 1).get_triplet()[1] for i in (0, 1)))})
         names = tuple(self.parameters[i] for i in used)

@@ -24,8 +24,6 @@ from .vector_field import FLOW_CONTROL, SHORTEST_CUT, TAYLOR_ORDER, VectorField,
 
 # Truncation error of a step relative to the state: a tenth of the rounding error of the sum.
 TRUNCATION = 1e-17
-# With more products of the series of sensitivities than this, machine code has loops.
-FEWEST_PRODUCTS = 30_000
 # A step of larger defect, relative to the state, leads beyond what the series can describe. Rounding is far smaller.
 LARGEST_DEFECT = 1e-10
 # No step is longer than this. A state at rest needs the bound, since its series has no last terms to choose a step by.
@@ -188,11 +186,11 @@ class TaylorStepper:
         self._watching: dict[tuple[tuple, int], Kernel] = {}  # of `watch`, by the rows in the functions and turns
 
     def _in_loops(self) -> InLoops | None:
-        """The `motion_function` with loops; None where its graph is short, has pieces, or operations without a loop."""
-        if self.graph.coordinate or self.graph.products(self.columns) < FEWEST_PRODUCTS:
+        """The `motion_function` with loops; None where its graph is not long, or has operations without a loop."""
+        if self.columns < 2 or not self.graph.in_loops:
             return None
         loops = VariationsInLoops(self.graph.field, self.varied, self.columns, TAYLOR_ORDER)
-        if loops.products < FEWEST_PRODUCTS or not loops.able:
+        if not loops.able:
             return None
         graph, at, orders, count_p = self.graph, self.places, TAYLOR_ORDER + 1, self.graph.p.numel()
         z, data = ca.MX.sym("z", at.time), ca.MX.sym("p", count_p + len(self.varied) * self.columns)
@@ -458,8 +456,10 @@ def _length_function(
     dp, left, longest = ca.SX.sym("dp", varied * columns), ca.SX.sym("left"), ca.SX.sym("longest")
     ends_of_piece = ca.SX.sym("ends", 2)
     length = _truncated_length(c, 0)
-    if varied:  # The series of f_p may have a smaller radius of convergence than that of f.
-        length = ca.fmin(length, _truncated_length(dc, ca.norm_inf(dp)))
+    # The series of f_p may have a smaller radius of convergence than that of f, as may that of f_x along a motion that
+    # a symmetry makes simple.
+    if varied or (columns and graph.in_loops):
+        length = ca.fmin(length, _truncated_length(dc, ca.norm_inf(dp) if varied else 0))
     for weights, reach in graph.reaches:
         length = ca.fmin(length, _time_within(c, weights, reach))
     h = ca.fmin(longest, length)

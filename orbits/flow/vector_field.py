@@ -15,6 +15,8 @@ TAYLOR_ORDER = 28
 # Order of a step in equations that other solvers differentiate, at a cost that grows with its square. On a mesh a fifth
 # finer than steps of the order above, whose last terms are below a tenth of rounding, it leaves a few roundings.
 STEP_ORDER = 20
+# Where the series of as many sensitivities as there are states take more products than this, they are loops.
+FEWEST_PRODUCTS = 25_000
 # A step is cut where its piece ends, but to no shorter share of its length, as it would be no step.
 SHORTEST_CUT = 1e-12
 
@@ -68,9 +70,11 @@ class VectorField:
         place = ca.dot(ca.DM(self.coordinate), self.x) * self.unit - self.origin
         return ca.Function("place", [self.x, self.p[: self.p.numel() - self.data]], [place])
 
-    def products(self, columns: int) -> int:
-        """The most products of coefficients that the series of this number of sensitivities take."""
-        return self.field.jac_sparsity(0, 0).nnz() * columns * TAYLOR_ORDER * (TAYLOR_ORDER + 1) // 2
+    @cached_property
+    def in_loops(self) -> bool:
+        """Whether the series of sensitivities are loops: those of smooth fields with many derivatives."""
+        products = self.field.jac_sparsity(0, 0).nnz() * self.size * TAYLOR_ORDER * (TAYLOR_ORDER + 1) // 2
+        return not self.coordinate and self.has_series and products > FEWEST_PRODUCTS
 
     @cached_property
     def drift(self) -> tuple[np.ndarray, np.ndarray] | None:

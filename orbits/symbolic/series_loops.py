@@ -46,11 +46,6 @@ class VariationsInLoops:
         self.numbers = ca.Function("linear", [field.sx_in(1)], [ca.densify(ca.SX(each.nz[:])) for each in matrices])
 
     @property
-    def products(self) -> int:
-        """The number of products of coefficients that the series of the columns take."""
-        return len(self.slopes) * self.columns * self.order * (self.order + 1) // 2
-
-    @property
     def able(self) -> bool:
         """Whether every operation has a loop; the derivative of a power whose exponent changes is one that has none."""
         return {op for op, *_ in self.instructions} <= _LOOPED
