@@ -29,7 +29,7 @@ from .loss_coefficient import by_launch_speed
 # Shares double their digits from round to round.
 MOST_SHARES = 40
 SAME_SHARE = 4 * EPS
-# At the start of a motion the derivatives are those after this share of it: an integration takes some time.
+# Within this share of a motion its derivatives are those at its start.
 NEAR_START = 1e-6
 # Rounding of the share, in units of the last place of the largest states.
 SHARE_ROUNDING = 16
@@ -161,10 +161,10 @@ def _share_errors(
         moved = by_launch_speed(partial(begin, p=cycles.p), cycles.u, slope)
         seeds = columns([*moved, cycles.u["alpha"]])[:, :-1, None]
         which, step, flow = part.which[mine], part.steps_at(place[part.which])[mine], flow_of(part.phase, names)
-        rows, times = part.motions.coefficients[:, : flow.size], place[which]
-        ends = np.maximum(times, NEAR_START * part.motions.ends[mine])
-        still = np.zeros((len(which), len(names), 1))
-        _, changes = flow.run_all(rows[part.motions.first[mine], :, 0], ps[which], ends, seeds[which], still)
+        rows, times, changes = part.motions.coefficients[:, : flow.size], place[which], seeds[which]
+        if len(late := np.flatnonzero(times > NEAR_START * part.motions.ends[mine])):
+            begins, still = rows[part.motions.first[mine[late]], :, 0], np.zeros((len(late), len(names), 1))
+            changes[late] = flow.run_all(begins, ps[which[late]], times[late], changes[late], still)[1]
         states = evaluate(rows[step], (times - part.motions.starts[step])[:, None])
         data = flow.mesh_data(part.motions, ps[part.which])[step]
         (slopes,) = _share_slopes(part.phase, names)(states, data)
