@@ -391,12 +391,20 @@ class _Iteration(_Code):
             self.store(ends, j, self(f"uitofp {self.indices} %{name}_next to {self.vector}"))
         self.store(ends, 1, self.choose("%went_next", self.splat(0), self.splat(1)))
         self.do(f"%next = add i64 %i, {self.lanes}")
-        self.do(f"br i1 {self('icmp slt i64 %next, %count')}, label %block, label %leave", "leave:", "ret void")
+        self.do(f"br i1 {self('icmp slt i64 %next, %count')}, label %block, label %leave", "leave:")
+        self.do(*(["call void @free(ptr %memory)"] if self.reserved else []), "ret void")
         # Beside loops, which take most of the time, straight code is not worth the time to optimise it.
         how = "alignstack(64) noinline optnone" if self.functions else "alignstack(64)"
         head = [*self.functions, f"define void @run(ptr %arrays, ptr %strides, i64 %count) {how} {{", "entry:"]
-        if self.reserved:
-            head.append(f"%scratch = alloca [{self.reserved} x {self.vector}], align 64")
+        if self.reserved:  # of some hundred kilobytes and more, which no stack has to have
+            size = 8 * self.lanes
+            self.declared |= {"declare ptr @malloc(i64)", "declare void @free(ptr)"}
+            self.declared.add("declare ptr @llvm.ptrmask.p0.i64(ptr, i64)")
+            head += [
+                f"%memory = call ptr @malloc(i64 {size * (self.reserved + 1)})",
+                f"%behind = getelementptr i8, ptr %memory, i64 {size - 1}",
+                f"%scratch = call ptr @llvm.ptrmask.p0.i64(ptr %behind, i64 {-size})",
+            ]
         return "\n".join([*sorted(self.declared), *head, *self.entry, *self.lines, "}\n"])
 
     def _points(self) -> str:
