@@ -221,6 +221,7 @@ def orbit_at(machine: Machine, point: Point, along: str, method: str | None = No
     curve = curve_at(machine, along, method, 1.0, tuned_at(machine, point, along), point)
     x, row = np.array([*point.u, point.value]), np.array(point.tangent)
     with interrupts.deferred(), without_units(curve.units_at(point.value)):
+        curve, x, row = curve.near(x, row)
         return curve.orbit(curve.certify_at(correct(curve, x, row, row @ x, row), point.value))
 
 
@@ -322,8 +323,9 @@ def _resumed(machine, along: str, behind: float, stop: float, resume: Family, op
     curve = curve_at(machine, along, settings["method"], abs(stop - behind), settings.get("tune", ()), last)
     _check_unknowns(last, curve)
     x, tangent = np.array([*last.u, last.value]), np.array(last.tangent)
-    row = tangent / curve.size(x) ** 2
     with interrupts.deferred(), without_units(curve.units_at(last.value)):
+        curve, x, tangent = curve.near(x, tangent)
+        row = tangent / curve.size(x) ** 2
         first = curve.certify_at(correct(curve, x, row, row @ x, tangent), last.value)
     return Tracer(curve, first, behind, stop, options, [curve.dimensionless(point) for point in resume.points[:-1]])
 

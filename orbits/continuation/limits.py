@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..errors import InputError, OrbitsError
+from ..shooting.division import LARGEST_ARC_GROWTH
 from ..units import LIFTOFF_SPEED, Message, Quantity, in_units
 from .curve import Curve, CurvePoint, CurvePoints
 from .events import Segment
@@ -88,7 +89,8 @@ class Endings:
         ends |= (speed > ratio) | (time > ratio * first.flight_time) | (speed < 1 / ratio)
         if isinstance(self.curve, TunedCurve):
             ends |= (self.curve.growth(points.xs) > ratio).any(1)
-        ends |= points.evaluation.amplification[points.places] > self.control.largest_amplification
+        ends |= points.evaluation.amplification[points.places] > LARGEST_ARC_GROWTH
+        ends |= self.curve.growths(points) > self.control.largest_amplification
         return ends | (self.stop_inadmissible & np.array([*map(bool, orbits.column("violations"))], bool))
 
     def cut(self, segment: Segment) -> tuple[Segment, End | None]:
@@ -118,8 +120,9 @@ class Endings:
         if a.point is self.origin or not (share := float(self._passed(a.x, segment.b.x))):
             return None
         point = segment(share)
-        same = np.max(np.abs(point.x - self._first) / curve.size(a.x)) < self.control.same_point
-        onward = point.tangent @ self.origin.tangent > 0
+        x, tangent, sizes = map(curve.bare, (point.x, point.tangent, curve.size(a.x)))
+        same = np.max(np.abs(x - self._first) / sizes) < self.control.same_point
+        onward = tangent @ self.origin.tangent > 0
         return curve.certify_at(point, self.start) if same and onward else None
 
     @property
@@ -129,7 +132,7 @@ class Endings:
 
     def _passed(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """The shares (...) at which chords from a to b (..., n + 1) pass the first point, 0 where they do not."""
-        size = self.curve.size(a)
+        a, b, size = map(self.curve.bare, (a, b, self.curve.size(a)))
         chord, away = (b - a) / size, (self._first - a) / size
         along, square = (away * chord).sum(-1), (chord * chord).sum(-1)
         near = ((away * away).sum(-1) <= 4 * square) & (along > 0) & (along <= (1 + self.control.same_point) * square)
@@ -139,8 +142,8 @@ class Endings:
         """The end of a curve that goes to infinity or to nothing before the parameter reaches a bound."""
         orbit, first, ratio = last.point, self.origin, self.control.escape_ratio
         place = f"near {self.curve.along} = {last.value:.6g}"
-        if last.amplification > self.control.largest_amplification:
-            growth = f"{last.amplification:.0e}-fold"
+        if (most := float(self.curve.growths(CurvePoints.of([last]))[0])) > self.control.largest_amplification:
+            growth = f"{most:.0e}-fold"
             return self.lost(f"small changes grow {growth} over the flight, and rounding decides", last, history)
         if isinstance(self.curve, TunedCurve) and (away := self._tuned_away(self.curve, last)):
             return away

@@ -11,8 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import NoOrbit, OrbitsError
+from ..shooting.division import LARGEST_ARC_GROWTH
 from ..units import Message
-from .corrector import MEMORY
+from .corrector import MEMORY, correct
 from .curve import Curve, CurvePoint, CurvePoints, StepEnd
 from .events import Segment
 from .limits import Endings
@@ -120,6 +121,15 @@ class Tracer:
                     if end := end or self.endings.far(last, history):
                         yield end
                         return
+                    if last.amplification > LARGEST_ARC_GROWTH:
+                        try:
+                            last = self._divided(last)
+                        except OrbitsError as error:
+                            yield self.endings.lost(error, last, history)
+                            return
+                        short = min(control.first_step, options.longest)
+                        batch, ends = Batch((), None, None, short, whole=False), [last]
+                        break
                 ends += [point] if point.parts else []
             state = self._after(state._replace(last=last, before=index), batch, ends)
             gives_up = state.length <= control.shortest_step or state.rejections > control.most_rejections
@@ -127,6 +137,17 @@ class Tracer:
                 yield self.endings.lost(why, last, history)
                 return
             batch = None
+
+    def _divided(self, last: CurvePoint) -> CurvePoint:
+        """The last point on the same curve, whose motions are divided at nodes from now on."""
+        bare, growths = map(self.curve.bare, (last.x, last.tangent)), self.curve.growths_of_arcs(last)
+        curve, x, tangent = self.curve.divided(*bare, growths)
+        row = tangent / curve.size(x) ** 2
+        first = curve.certify_at(correct(curve, x, row, float(row @ x), tangent), last.value)
+        bounds, origin = self.stepper.bounds, self.endings.origin
+        self.curve, self.stepper = curve, Stepper(curve, bounds, self.start, self.options)
+        self.endings = self.tests_for_the_end(curve, origin, self.start, bounds, self.options)
+        return first
 
     def _stretches(self, last: CurvePoint, points: Sequence[CurvePoint]) -> Iterator[Sequence[CurvePoint]]:
         """The points in order: together those between which neither an event nor the end can lie, as usual, and each
