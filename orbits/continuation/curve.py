@@ -225,19 +225,21 @@ class Curve:
 
     def growths(self, points: CurvePoints) -> np.ndarray:
         """The largest growths (m,) of a small change over an arc of the motions at points."""
+        return self._growths_of_arcs(points.own_evaluation).max(1)
+
+    def _growths_of_arcs(self, evaluation: Evaluation) -> np.ndarray:
+        return self.division.growths(evaluation) if self.division else growths_of_arcs(evaluation)
+
+    def divided(self, x: np.ndarray, tangent: np.ndarray, evaluation: Evaluation) -> tuple["Curve", np.ndarray, np.ndarray]:
+        """The same curve whose motions are divided at nodes, as many as they ask for at a point (n + 1,) with a tangent,
+        where the equations are the evaluation (1); and there both (N + 1,), the tangent with no share of the nodes.
+        Raises `NoOrbit`."""
+        curve, growths, p = copy(self), self._growths_of_arcs(evaluation)[0], self.parameters_at(x[None])[0]
         if self.division:
-            return self.division.growths(points.own_evaluation).max(1)
-        return points.evaluation.amplification[points.places]
-
-    def growths_of_arcs(self, point: CurvePoint) -> np.ndarray:
-        """The growths (arcs,) of a small change over each arc of the motion at a point."""
-        return (self.division.growths if self.division else growths_of_arcs)(point.evaluation)[point.place]
-
-    def divided(self, x: np.ndarray, tangent: np.ndarray, growths: np.ndarray) -> tuple["Curve", np.ndarray, np.ndarray]:
-        """The same curve whose motions are divided, as a small change grows by `growths` (arcs,) over their arcs, with a
-        `bare` point and its tangent there (N + 1,); the tangent has no share of the nodes. Raises `NoOrbit`."""
-        curve, undivided = copy(self), self.division.undivided if self.division else self.equations
-        curve.division, u = division_at(undivided, growths, x[:-1], self.parameters_at(x[None])[0])
+            evaluation, x, tangent = self.division.whole(evaluation), self.bare(x), self.bare(tangent)
+        undivided = self.division.undivided if self.division else self.equations
+        paths = [each[0] for each in evaluation.trajectories]
+        curve.division, u = division_at(undivided, growths, x[:-1], p, paths)
         curve.equations = curve.division.equations
         return curve, np.append(u, x[-1]), np.insert(tangent, undivided.own, np.zeros(len(u) + 1 - len(x)))
 
@@ -246,7 +248,7 @@ class Curve:
         if self.equations is self.equations_of_orbits:
             evaluation = self.evaluate(x[None])
             if evaluation.amplification[0] > LARGEST_ARC_GROWTH:
-                return self.divided(x, tangent, growths_of_arcs(evaluation)[0])
+                return self.divided(x, tangent, evaluation)
         return self, x, tangent
 
     def parameters_at(self, xs: np.ndarray) -> np.ndarray:

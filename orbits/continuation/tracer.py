@@ -88,6 +88,7 @@ class Tracer:
         """The items of a run, where points between which nothing happens are together."""
         state, batch, options, control = self._state, self._batch, self.options, self.control
         history = [(point.alpha, point.value) for point in (*self.earlier, self.first.point)]
+        way = [(point.u, point.tangent) for point in (*self.earlier, self.first.point)]
         yield self.first
         if options.stop_inadmissible and not self.first.point.admissible:
             yield End("stopped", f"no motion to begin with: {self.curve.in_units(self.first.point).violations[0]}")
@@ -103,6 +104,7 @@ class Tracer:
                         yield some
                     last, index, added = point, index + len(some), len(points)
                     history += zip(points.orbits.column("alpha").tolist(), points.values.tolist(), strict=True)
+                    way += zip(points.orbits.column("u"), points.orbits.column("tangent"), strict=True)
                     ends += [points[i] for i in points.parts[:-1].nonzero()[0][-MEMORY:].tolist()]
                 else:
                     try:
@@ -118,7 +120,8 @@ class Tracer:
                     yield from items
                     last, index = reached, index + added
                     history.append((last.point.alpha, last.value))
-                    if end := end or self.endings.far(last, history):
+                    way.append((last.point.u, last.point.tangent))
+                    if end := end or self.endings.far(last, history, way):
                         yield end
                         return
                     if last.amplification > LARGEST_ARC_GROWTH:
@@ -140,8 +143,7 @@ class Tracer:
 
     def _divided(self, last: CurvePoint) -> CurvePoint:
         """The last point on the same curve, whose motions are divided at nodes from now on."""
-        bare, growths = map(self.curve.bare, (last.x, last.tangent)), self.curve.growths_of_arcs(last)
-        curve, x, tangent = self.curve.divided(*bare, growths)
+        curve, x, tangent = self.curve.divided(last.x, last.tangent, CurvePoints.of([last]).own_evaluation)
         row = tangent / curve.size(x) ** 2
         first = curve.certify_at(correct(curve, x, row, float(row @ x), tangent), last.value)
         bounds, origin = self.stepper.bounds, self.endings.origin

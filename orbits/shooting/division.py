@@ -151,11 +151,12 @@ def division_of(undivided: Shooting, parts: tuple[int, ...]) -> Division:
     return Division(undivided, parts)
 
 
-def division_at(undivided: Shooting, growths: Array, u: Array, p: Array) -> tuple[Division, Array]:
-    """The equations with as many nodes as the motions of unknowns (n,) with parameters (np,) ask for, over whose arcs a
-    small change grows by `growths` (arcs,), and the unknowns with nodes (N,); raises `NoOrbit`."""
+def division_at(
+    undivided: Shooting, growths: Array, u: Array, p: Array, paths: Sequence[Trajectory]
+) -> tuple[Division, Array]:
+    """The equations with as many nodes as the motions `paths` of unknowns (n,) with parameters (np,) ask for, over whose
+    arcs a small change grows by `growths` (arcs,), and the unknowns with nodes (N,); raises `NoOrbit`."""
     counts = np.ceil(np.log(np.maximum(growths, 1.0)) / np.log(PART_GROWTH)).astype(int)
-    paths = undivided.evaluate(u, p).trajectories
     while counts.max() < MOST_PARTS:
         division = division_of(undivided, tuple(np.where(counts > 1, counts + 1, 1).tolist()))
         x = division.lifted(u, paths)
@@ -178,7 +179,8 @@ def with_nodes(undivided: Shooting, us: Array, ps: Array, evaluation: Evaluation
         return evaluation
     parts = [evaluation[np.array([i])] for i in range(len(us))]
     for i in hanging:
-        division, x = division_at(undivided, growths_of_arcs(parts[i])[0], us[i], ps[i])
+        paths = [each[0] for each in parts[i].trajectories]
+        division, x = division_at(undivided, growths_of_arcs(parts[i])[0], us[i], ps[i], paths)
         parts[i] = division.nearest(x, ps[i])
     most = max(each.shape[1] for part in parts for each in part.parts)
     return joined([_alike(part, most) for part in parts])
