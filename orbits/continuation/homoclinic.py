@@ -1,10 +1,10 @@
 """Families that end in a homoclinic orbit: the motion stays ever longer near an unstable equilibrium.
 
-A motion that is its own mirror image and stays near an equilibrium for the time 2 t comes to the distance e**(-s t) from
-it, where s is the smallest eigenvalue above 0 of the equilibrium. Its launch is by the square of this distance away from
-that of the motion which never leaves, and so is the parameter of the family: with its limit p*, the period grows as
--log|p - p*|/s. Hence dp/dt falls as e**(-2 s t), by which s is measured along the family. Source: Kuznetsov, Elements of
-Applied Bifurcation Theory, section 6.2.
+A motion that passes an equilibrium, whose smallest eigenvalue above 0 is s, within the time t comes from a state that is
+by e**(-s t) away from those from which it never leaves; so is the parameter p away from its limit. Half an orbit that
+stays there for the time t up to its middle, a state that is its own mirror image, is by e**(-2 s t) away. So the period
+grows as -n/s log|p - limit|, where the whole orbit passes n times, and dp/dt falls as e**(-2 s t/n), by which the growth
+is measured. Source: Kuznetsov, Elements of Applied Bifurcation Theory, section 6.2.
 """
 
 from collections.abc import Sequence
@@ -17,18 +17,20 @@ from ..flow.flow import Flow
 from ..numerics.roots import Array
 from ..symbolic.caches import cached
 from ..symbolic.calls import BufferedFunction
-from ..units import FREQUENCY, Message, Quantity, described
+from ..units import FREQUENCY, TIME, Message, Quantity, described
 from .curve import Curve, CurvePoint, CurvePoints
 
-# The change of the parameter with the duration, both relative, where its decay is measured: beyond rounding, and where
-# further terms are small. There are this many points or more, over which it falls by this factor or more.
-DECAYING, FEWEST_POINTS, LEAST_DECAY = (1e-12, 1e-5), 4, 20.0
+# The change of the parameter with the duration, both relative, is rounding below the first number, and has settled
+# where it is below the second. Its decay is measured where it falls last by the third factor, by this many points at least.
+ROUNDING, SETTLED, FALLING, FEWEST_POINTS = 1e-10, 1e-2, 20.0, 4
 # The measured decay is exponential where its logarithm is straight up to this.
 STRAIGHT = 0.1
-# The equilibrium lies within this distance of the motion, relative to its states; the steps of Newton's method to it.
-NEAR, STEPS_TO_REST = 0.05, 30
-# An eigenvalue is above 0 where it is a larger share of the largest one.
-UNSTABLE = 1e-6
+# The equilibrium lies within this distance of the motion, relative to its states; the steps of Newton's method to it, and
+# those that are rounding, relative to the same.
+NEAR, STEPS_TO_REST, AT_REST = 0.05, 30, 1e-12
+# An eigenvalue is above 0 where it is a larger share of the largest one. A motion that is nearest to an equilibrium in
+# the last part of its half stays there up to the middle.
+UNSTABLE, UP_TO_MIDDLE = 1e-6, 0.9
 
 Way = Sequence[tuple[Sequence[float], Sequence[float]]]
 
@@ -37,17 +39,25 @@ class Homoclinic(NamedTuple):
     """The homoclinic orbit that a family tends to.
 
     name, limit, error : of the parameter that settles, its limit, and an estimate of its error
-    eigenvalue : the smallest one above 0 of the equilibrium, per unit of time
-    measured : the same by the growth of the period along the family
+    expected, measured : what the period grows by as the distance of the parameter from its limit falls by the factor e,
+        by the equilibrium and along the family
     reason : all of it in words
     """
 
     name: str
     limit: float
     error: float
-    eigenvalue: float
+    expected: float
     measured: float
     reason: Message
+
+
+class Rest(NamedTuple):
+    """An unstable equilibrium in words, its smallest eigenvalue above 0, and how often an orbit passes it."""
+
+    place: Message
+    eigenvalue: float
+    passages: int
 
 
 def homoclinic(curve: Curve, last: CurvePoint, way: Way) -> Homoclinic | None:
@@ -58,68 +68,68 @@ def homoclinic(curve: Curve, last: CurvePoint, way: Way) -> Homoclinic | None:
     statement = curve.equations_of_orbits.statement
     names, us, tangents = statement.unknowns, *map(np.array, zip(*way, strict=True))
     times = [i for i, name in enumerate(names) if name in statement.durations and name != "alpha"]
-    if not times or not curve.machine.model.reversor or (at_rest := _equilibrium(curve, last)) is None:
+    if not times or not curve.machine.model.reversor or (rest := _rest(curve, last)) is None:
         return None
     i = max(times, key=lambda i: abs(tangents[-1, i] / us[-1, i]))
     settling = {name: names.index(name) for name in statement.tuned}
     settling |= {curve.along: -1} if curve.along in curve.machine.values else {}
-    values, p = np.column_stack([us, np.zeros(len(us))]), last.value
-    values[:, -1] = p  # its latest value, where its change is compared with it
     for name, place in settling.items():
-        rates = np.abs(tangents[:, place] / tangents[:, i])
-        if (decay := _decay(us[:, i], rates, rates * us[:, i] / np.abs(values[:, place]))) is None:
+        value, rates = last.value if place == -1 else us[-1, place], np.abs(tangents[:, place] / tangents[:, i])
+        if (decay := _decay(us[:, i], rates, rates * us[:, i] / abs(value))) is None:
             continue
-        limit = values[-1, place] + tangents[-1, place] / tangents[-1, i] / decay
-        error = abs(rates[-1] / decay) + float(np.spacing(abs(limit)))
-        place_at_rest, eigenvalue = at_rest
-        text = "the orbit becomes homoclinic: it stays ever longer near the unstable equilibrium {place}, whose smallest "
-        text += "eigenvalue above 0 is {eigenvalue:.6g}; its period grows as -log|{name} - {limit:.10g}|/{measured:.6g}"
-        sizes = {"eigenvalue": eigenvalue, "measured": decay / 2}
-        numbers = {each: Quantity(size, FREQUENCY) for each, size in sizes.items()}
-        reason = Message(text, place=place_at_rest, name=name, limit=limit, **numbers)
-        return Homoclinic(name, limit, error, eigenvalue, decay / 2, reason)
+        ahead = tangents[-1, place] / tangents[-1, i] / decay
+        limit, error = float(value + ahead), float(abs(ahead) + np.spacing(abs(value)))
+        expected, measured = rest.passages / rest.eigenvalue, 2 / decay
+        text = "it becomes homoclinic at {name} = {limit:.10g}: it stays ever longer near the equilibrium {place}, whose "
+        text += "smallest eigenvalue above 0 is {eigenvalue:.6g}, and as the distance from there falls by the factor e "
+        text += "its period grows by {expected:.6g} (along the family {measured:.6g})"
+        times = {"expected": Quantity(expected, TIME), "measured": Quantity(measured, TIME)}
+        numbers = {"limit": limit, "eigenvalue": Quantity(rest.eigenvalue, FREQUENCY), **times}
+        return Homoclinic(name, limit, error, expected, measured, Message(text, name=name, place=rest.place, **numbers))
     return None
 
 
 def _decay(t: Array, rates: Array, relative: Array) -> float | None:
-    """The rate at which positive rates (m,) fall exponentially as t (m,) grows, in the last stretch in which they are
-    small, `relative` (m,) to their unit, and no rounding; None where they do not."""
-    last = len(t) - 1 - int(np.argmin((np.diff(t) > 0)[::-1])) if (np.diff(t) <= 0).any() else 0
-    chosen = np.flatnonzero((relative > DECAYING[0]) & (relative < DECAYING[1]))
-    chosen = chosen[chosen >= last]
-    if len(chosen) < FEWEST_POINTS:
+    """The rate at which positive rates (m,) fall exponentially as t (m,) grows, measured where they fall last before
+    they are rounding; None where they do not. They are `relative` (m,) to their unit."""
+    onward = np.append(0, 1 + np.flatnonzero(np.diff(t) <= 0))[-1]
+    clear = onward + np.append(np.flatnonzero(relative[onward:] < ROUNDING), len(t) - onward)[0]
+    first = onward + np.append(0, 1 + np.flatnonzero(rates[onward:clear] > FALLING * rates[max(clear, 1) - 1]))[-1]
+    if clear - first < FEWEST_POINTS or relative[clear - 1] > SETTLED or first == onward:
         return None
-    t, logs = t[chosen], np.log(rates[chosen])
+    t, logs = t[first:clear], np.log(rates[first:clear])
     slope, start = np.polyfit(t, logs, 1)
-    straight = np.abs(logs - start - slope * t).max() < STRAIGHT
-    return float(-slope) if straight and logs[0] - logs[-1] > np.log(LEAST_DECAY) else None
+    return float(-slope) if np.abs(logs - start - slope * t).max() < STRAIGHT else None
 
 
-def _equilibrium(curve: Curve, last: CurvePoint) -> tuple[Message, float] | None:
-    """The equilibrium in words that the motions at a point come nearest to, and its smallest eigenvalue above 0; None
-    where they come near none that is unstable."""
+def _rest(curve: Curve, last: CurvePoint) -> Rest | None:
+    """The equilibrium that the motions at a point come nearest to, None where they come near none that is unstable."""
     evaluation, p = CurvePoints.of([last]).own_evaluation, curve.parameters_at(last.x[None])
+    evaluation = curve.division.whole(evaluation) if curve.division else evaluation
     best, found = np.inf, None
-    for flow, motions in zip(curve.equations.flows, evaluation.trajectories, strict=True):
+    for flow, motions in zip(curve.equations_of_orbits.flows, evaluation.trajectories, strict=True):
         states, rates = motions.coefficients[:, : flow.size, 0], motions.coefficients[:, : flow.size, 1]
-        speeds = np.abs(rates).max(1) / np.abs(states).max()
-        if speeds.min() < best:
-            best, found = speeds.min(), (flow, states[speeds.argmin()], np.abs(states).max())
+        size, speeds = np.abs(states).max(), np.abs(rates).max(1)
+        if (least := speeds.min() / size) < best:
+            i = int(speeds.argmin())
+            best, found = least, (flow, states[i], size, motions.starts[i] > UP_TO_MIDDLE * motions.ends[0])
     if found is None:
         return None
-    flow, x, size = found
-    data, start = flow.data(x[None], p[0])[0], x
+    flow, x, size, up_to_middle = found
+    data, near = flow.data(x[None], p[0])[0], x
     for _ in range(STEPS_TO_REST):
         rates, slopes = _linearised(flow)(x, data)
         step = np.linalg.lstsq(slopes, -rates[:, 0], rcond=None)[0]
         x = x + step
-        if np.abs(step).max() < 1e-13 * size:
+        if np.abs(step).max() < AT_REST * size:
             break
-    if not np.abs(x - start).max() < NEAR * size:
-        return None
     above = np.linalg.eigvals(_linearised(flow)(x, data)[1]).real
     above = above[above > UNSTABLE * np.abs(above).max()]
-    return (described(flow.phase.states, x), float(above.min())) if len(above) else None
+    if not len(above) or np.abs(x - near).max() > NEAR * size:
+        return None
+    moved = [i for i, value in enumerate(np.abs(x).tolist()) if value > AT_REST * size]
+    place = described([flow.phase.states[i] for i in moved], x[moved]) if moved else Message("at 0")
+    return Rest(place, float(above.min()), 1 if up_to_middle else 2)
 
 
 @cached

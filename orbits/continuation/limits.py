@@ -6,7 +6,7 @@ import numpy as np
 
 from ..errors import InputError, OrbitsError
 from ..shooting.division import LARGEST_ARC_GROWTH
-from ..units import LIFTOFF_SPEED, Message, Quantity, in_units
+from ..units import LIFTOFF_SPEED, TIME, Message, Quantity, in_units
 from .curve import Curve, CurvePoint, CurvePoints
 from .events import Segment
 from .homoclinic import Homoclinic, Way, homoclinic
@@ -183,8 +183,10 @@ class Endings:
 
     def _homoclinic(self, found: Homoclinic, last: CurvePoint) -> End:
         """The end of a curve in a homoclinic orbit."""
-        limit = (found.limit, found.error) if found.name == self.curve.along else ()
-        return End("homoclinic", in_units(found.reason, self.curve.units_at(last.value, last.point.also)), *limit)
+        units = self.curve.units_at(last.value, last.point.also)
+        limit, error = (found.limit, found.error) if found.name == self.curve.along else (None, None)
+        growth = found.measured * (units.of(TIME) if units else 1.0)
+        return End("homoclinic", in_units(found.reason, units), limit, error, growth)
 
     def _tuned_away(self, curve: TunedCurve, last: CurvePoint) -> End | None:
         """The end of a curve along which a tuned parameter grows without bound, while that of the curve settles."""
