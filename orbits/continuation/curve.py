@@ -223,17 +223,19 @@ class Curve:
         """Points or tangents (..., n + 1) without the states at nodes."""
         return self.division.bare(xs) if self.division else xs
 
-    def growths(self, points: CurvePoints) -> np.ndarray:
+    def growths(self, points: Sequence[CurvePoint]) -> np.ndarray:
         """The largest growths (m,) of a small change over an arc of the motions at points."""
-        return self._growths_of_arcs(points.own_evaluation).max(1)
+        return self._growths_of_arcs(CurvePoints.of(points).own_evaluation).max(1)
 
     def _growths_of_arcs(self, evaluation: Evaluation) -> np.ndarray:
         return self.division.growths(evaluation) if self.division else growths_of_arcs(evaluation)
 
-    def divided(self, x: np.ndarray, tangent: np.ndarray, evaluation: Evaluation) -> tuple["Curve", np.ndarray, np.ndarray]:
-        """The same curve whose motions are divided at nodes, as many as they ask for at a point (n + 1,) with a tangent,
-        where the equations are the evaluation (1); and there both (N + 1,), the tangent with no share of the nodes.
-        Raises `NoOrbit`."""
+    def divided(
+        self, x: np.ndarray, tangent: np.ndarray, evaluation: Evaluation
+    ) -> tuple["Curve", np.ndarray, np.ndarray]:
+        """The same curve whose motions are divided at nodes, as many as they ask for at a point (n + 1,) with a
+        tangent, where the equations are the evaluation (1); and there both (N + 1,), the tangent with no share of the
+        nodes. Raises `NoOrbit`."""
         curve, growths, p = copy(self), self._growths_of_arcs(evaluation)[0], self.parameters_at(x[None])[0]
         if self.division:
             evaluation, x, tangent = self.division.whole(evaluation), self.bare(x), self.bare(tangent)

@@ -1,10 +1,10 @@
 """Families that end in a homoclinic orbit: the motion stays ever longer near an unstable equilibrium.
 
-A motion that passes an equilibrium, whose smallest eigenvalue above 0 is s, within the time t comes from a state that is
-by e**(-s t) away from those from which it never leaves; so is the parameter p away from its limit. Half an orbit that
-stays there for the time t up to its middle, a state that is its own mirror image, is by e**(-2 s t) away. So the period
-grows as -n/s log|p - limit|, where the whole orbit passes n times, and dp/dt falls as e**(-2 s t/n), by which the growth
-is measured. Source: Kuznetsov, Elements of Applied Bifurcation Theory, section 6.2.
+A motion that passes an equilibrium, whose smallest eigenvalue above 0 is s, within the time t comes from a state at the
+distance e**(-s t) from those from which it never leaves; the parameter p is at that distance from its limit, too. Half
+an orbit that stays there for the time t up to its middle, a state that is its own mirror image, begins at the distance
+e**(-2 s t). So the period grows as -n/s log|p - limit|, where the whole orbit passes n times, and dp/dt falls as
+e**(-2 s t/n), by which the growth is measured. Source: Kuznetsov, Elements of Applied Bifurcation Theory, section 6.2.
 """
 
 from collections.abc import Sequence
@@ -21,18 +21,19 @@ from ..units import FREQUENCY, TIME, Message, Quantity, described
 from .curve import Curve, CurvePoint, CurvePoints
 
 # The change of the parameter with the duration, both relative, is rounding below the first number, and has settled
-# where it is below the second. Its decay is measured where it falls last by the third factor, by this many points at least.
-ROUNDING, SETTLED, FALLING, FEWEST_POINTS = 1e-10, 1e-2, 20.0, 4
+# where it is below the second. Its decay is measured where it falls last by the third factor, by this many points or
+# more.
+ROUNDED_RATE, SLOW_RATE, DECAY, FEWEST_POINTS = 1e-10, 0.05, 20.0, 4
 # The measured decay is exponential where its logarithm is straight up to this.
 STRAIGHT = 0.1
-# The equilibrium lies within this distance of the motion, relative to its states; the steps of Newton's method to it, and
-# those that are rounding, relative to the same.
-NEAR, STEPS_TO_REST, AT_REST = 0.05, 30, 1e-12
+# The equilibrium lies within this distance of the motion, relative to its states; the steps of Newton's method to it,
+# and those that are rounding, relative to the same.
+NEAR, STEPS_TO_REST, SAME_REST = 0.05, 30, 1e-12
 # An eigenvalue is above 0 where it is a larger share of the largest one. A motion that is nearest to an equilibrium in
 # the last part of its half stays there up to the middle.
 UNSTABLE, UP_TO_MIDDLE = 1e-6, 0.9
 
-Way = Sequence[tuple[Sequence[float], Sequence[float]]]
+Passed = Sequence[tuple[Sequence[float], Sequence[float]]]
 
 
 class Homoclinic(NamedTuple):
@@ -60,7 +61,7 @@ class Rest(NamedTuple):
     passages: int
 
 
-def homoclinic(curve: Curve, last: CurvePoint, way: Way) -> Homoclinic | None:
+def homoclinic(curve: Curve, last: CurvePoint, way: Passed) -> Homoclinic | None:
     """The homoclinic orbit that a curve of half orbits tends to, None where it tends to none.
 
     way : the unknowns (n,) and the tangents (n + 1,) of its points in order, up to `last`
@@ -68,7 +69,7 @@ def homoclinic(curve: Curve, last: CurvePoint, way: Way) -> Homoclinic | None:
     statement = curve.equations_of_orbits.statement
     names, us, tangents = statement.unknowns, *map(np.array, zip(*way, strict=True))
     times = [i for i, name in enumerate(names) if name in statement.durations and name != "alpha"]
-    if not times or not curve.machine.model.reversor or (rest := _rest(curve, last)) is None:
+    if not times or not curve.machine.model.reversor or (rest := _nearest_rest(curve, last)) is None:
         return None
     i = max(times, key=lambda i: abs(tangents[-1, i] / us[-1, i]))
     settling = {name: names.index(name) for name in statement.tuned}
@@ -80,7 +81,9 @@ def homoclinic(curve: Curve, last: CurvePoint, way: Way) -> Homoclinic | None:
         ahead = tangents[-1, place] / tangents[-1, i] / decay
         limit, error = float(value + ahead), float(abs(ahead) + np.spacing(abs(value)))
         expected, measured = rest.passages / rest.eigenvalue, 2 / decay
-        text = "it becomes homoclinic at {name} = {limit:.10g}: it stays ever longer near the equilibrium {place}, whose "
+        text = (
+            "it becomes homoclinic at {name} = {limit:.10g}: it stays ever longer near the equilibrium {place}, whose "
+        )
         text += "smallest eigenvalue above 0 is {eigenvalue:.6g}, and as the distance from there falls by the factor e "
         text += "its period grows by {expected:.6g} (along the family {measured:.6g})"
         times = {"expected": Quantity(expected, TIME), "measured": Quantity(measured, TIME)}
@@ -93,16 +96,16 @@ def _decay(t: Array, rates: Array, relative: Array) -> float | None:
     """The rate at which positive rates (m,) fall exponentially as t (m,) grows, measured where they fall last before
     they are rounding; None where they do not. They are `relative` (m,) to their unit."""
     onward = np.append(0, 1 + np.flatnonzero(np.diff(t) <= 0))[-1]
-    clear = onward + np.append(np.flatnonzero(relative[onward:] < ROUNDING), len(t) - onward)[0]
-    first = onward + np.append(0, 1 + np.flatnonzero(rates[onward:clear] > FALLING * rates[max(clear, 1) - 1]))[-1]
-    if clear - first < FEWEST_POINTS or relative[clear - 1] > SETTLED or first == onward:
+    clear = onward + np.append(np.flatnonzero(relative[onward:] < ROUNDED_RATE), len(t) - onward)[0]
+    first = onward + np.append(0, 1 + np.flatnonzero(rates[onward:clear] > DECAY * rates[max(clear, 1) - 1]))[-1]
+    if clear - first < FEWEST_POINTS or relative[clear - 1] > SLOW_RATE or first == onward:
         return None
     t, logs = t[first:clear], np.log(rates[first:clear])
     slope, start = np.polyfit(t, logs, 1)
     return float(-slope) if np.abs(logs - start - slope * t).max() < STRAIGHT else None
 
 
-def _rest(curve: Curve, last: CurvePoint) -> Rest | None:
+def _nearest_rest(curve: Curve, last: CurvePoint) -> Rest | None:
     """The equilibrium that the motions at a point come nearest to, None where they come near none that is unstable."""
     evaluation, p = CurvePoints.of([last]).own_evaluation, curve.parameters_at(last.x[None])
     evaluation = curve.division.whole(evaluation) if curve.division else evaluation
@@ -121,13 +124,13 @@ def _rest(curve: Curve, last: CurvePoint) -> Rest | None:
         rates, slopes = _linearised(flow)(x, data)
         step = np.linalg.lstsq(slopes, -rates[:, 0], rcond=None)[0]
         x = x + step
-        if np.abs(step).max() < AT_REST * size:
+        if np.abs(step).max() < SAME_REST * size:
             break
     above = np.linalg.eigvals(_linearised(flow)(x, data)[1]).real
     above = above[above > UNSTABLE * np.abs(above).max()]
     if not len(above) or np.abs(x - near).max() > NEAR * size:
         return None
-    moved = [i for i, value in enumerate(np.abs(x).tolist()) if value > AT_REST * size]
+    moved = [i for i, value in enumerate(np.abs(x).tolist()) if value > SAME_REST * size]
     place = described([flow.phase.states[i] for i in moved], x[moved]) if moved else Message("at 0")
     return Rest(place, float(above.min()), 1 if up_to_middle else 2)
 

@@ -9,7 +9,7 @@ from ..shooting.division import LARGEST_ARC_GROWTH
 from ..units import LIFTOFF_SPEED, TIME, Message, Quantity, in_units
 from .curve import Curve, CurvePoint, CurvePoints
 from .events import Segment
-from .homoclinic import Homoclinic, Way, homoclinic
+from .homoclinic import Homoclinic, Passed, homoclinic
 from .point import End, Point
 from .step_control import Options
 from .tuned_curve import TunedCurve
@@ -141,11 +141,11 @@ class Endings:
         near = ((away * away).sum(-1) <= 4 * square) & (along > 0) & (along <= (1 + self.control.same_point) * square)
         return np.where(near, along / square, 0.0)
 
-    def far(self, last: CurvePoint, history: History, way: Way = ()) -> End | None:
+    def far(self, last: CurvePoint, history: History, way: Passed = ()) -> End | None:
         """The end of a curve that goes to infinity or to nothing before the parameter reaches a bound."""
         orbit, first, ratio = last.point, self.origin, self.control.escape_ratio
         place = f"near {self.curve.along} = {last.value:.6g}"
-        if (most := float(self.curve.growths(CurvePoints.of([last]))[0])) > self.control.largest_amplification:
+        if (most := float(self.curve.growths([last])[0])) > self.control.largest_amplification:
             if way and (found := homoclinic(self.curve, last, way)):
                 return self._homoclinic(found, last)
             growth = f"{most:.0e}-fold"
@@ -171,14 +171,18 @@ class Endings:
             return End("degenerate", f"the {what} to nothing {place}", *found)
         return None
 
-    def _hanging(self, last: CurvePoint, history: History, way: Way) -> End | None:
+    def _hanging(self, last: CurvePoint, history: History, way: Passed) -> End | None:
         """The end of a curve whose motions stay near an unstable equilibrium, where more points say no more about it;
         None where it is followed on."""
         end = self.lost("", last, history)
         if end.kind == "escaped" and end.limit is not None:
             low, high = sorted((last.value, end.limit))
             return None if any(low < value < high for value in self.at) else end
-        found = homoclinic(self.curve, last, way) if way and abs(last.tangent[-1]) < SETTLED_RATE * self.curve.span else None
+        found = (
+            homoclinic(self.curve, last, way)
+            if way and abs(last.tangent[-1]) < SETTLED_RATE * self.curve.span
+            else None
+        )
         return self._homoclinic(found, last) if found and found.name == self.curve.along else None
 
     def _homoclinic(self, found: Homoclinic, last: CurvePoint) -> End:

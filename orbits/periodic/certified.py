@@ -201,7 +201,9 @@ def orbit_from(machine: Machine, method: str, u: tuple[float, ...] | ndarray, er
     Raises `InputError` for unknowns of another method.
     """
     us, ps = np.array([u]), vector(machine.values)[None]
-    return orbit_of_solved(machine, known_solutions(machine.model, method, tuple(machine.values), us, ps, np.array([error])))
+    return orbit_of_solved(
+        machine, known_solutions(machine.model, method, tuple(machine.values), us, ps, np.array([error]))
+    )
 
 
 def orbit_of_solved(machine: Machine, solved: Solved) -> Orbit:

@@ -1,8 +1,8 @@
 """Shooting by several arcs: motions are divided at nodes, whose states are further unknowns.
 
-Near an unstable equilibrium a small change grows exponentially, and a motion that stays there for long is not determined
-by its start in floating-point numbers. Between two nodes it grows little, so that the equations with nodes determine
-the motion, and all derivatives, to rounding.
+Near an unstable equilibrium a small change grows exponentially, and a motion that stays there for long is not
+determined by its start in floating-point numbers. Between two nodes it grows little, so that the equations with nodes
+determine the motion, and all derivatives, to rounding.
 """
 
 from collections.abc import Sequence
@@ -21,28 +21,30 @@ from .single_shooting import Evaluation, Shooting, joined, settles, shooting_equ
 # A motion is divided where a small change grows more than this over an arc: with larger growth its derivatives lose
 # their rank to rounding.
 LARGEST_ARC_GROWTH = 3e7
-# The growth between two nodes that is aimed at, and the largest where a motion is divided: it is not the same everywhere,
-# and increases along a curve.
-PART_GROWTH, LARGEST_PART_GROWTH, MOST_PARTS = 1e3, 1e5, 100
+# The growth between two nodes that is aimed at, and the largest where a motion is divided: it is not the same
+# everywhere, and increases along a curve. And the largest number of parts.
+PART_GROWTH, LARGEST_PART_GROWTH, MOST_DIVISIONS = 1e3, 1e5, 100
 # Unknowns are not determined, and stay as they are, in directions in which the equations change by less than this.
 UNDETERMINED = 1e-8
 MOST_STEPS_TO_NEAREST = 30
 
 
 @cached
-def divided(statement: Statement, parts: tuple[int, ...]) -> Statement:
+def divided_statement(statement: Statement, parts: tuple[int, ...]) -> Statement:
     """A statement whose arcs are divided into these numbers of parts of equal duration; the states at the nodes are
     unknowns, in front of the tuned parameters."""
     own, nodes, arcs = len(statement.unknowns) - len(statement.tuned), list[str](), list[Arc]()
     for number, (arc, count) in enumerate(zip(statement.arcs, parts, strict=True), start=1):
         names = [[f"{state} at node {k} of arc {number}" for state in arc.phase.states] for k in range(1, count)]
         nodes += [name for each in names for name in each]
-        arcs += [_part(arc, count, here, there) for here, there in zip([None, *names], [*names, None], strict=True)]
+        arcs += [
+            _between_nodes(arc, count, here, there) for here, there in zip([None, *names], [*names, None], strict=True)
+        ]
     unknowns = *statement.unknowns[:own], *nodes, *statement.unknowns[own:]
     return replace(statement, unknowns=unknowns, arcs=tuple(arcs))
 
 
-def _part(arc: Arc, count: int, here: list[str] | None, there: list[str] | None) -> Arc:
+def _between_nodes(arc: Arc, count: int, here: list[str] | None, there: list[str] | None) -> Arc:
     """One of `count` parts of an arc between two nodes, the names of whose states are given; None for an end."""
     part = replace(arc, duration=lambda u, p: arc.duration(u, p) / count)
     if here:
@@ -62,7 +64,7 @@ class Division:
     @cached_property
     def equations(self) -> Shooting:
         """The equations with nodes."""
-        return shooting_equations(divided(self.undivided.statement, self.parts), self.undivided.parameters)
+        return shooting_equations(divided_statement(self.undivided.statement, self.parts), self.undivided.parameters)
 
     @cached_property
     def nodes(self) -> slice:
@@ -101,14 +103,16 @@ class Division:
 
     def whole(self, evaluation: Evaluation) -> Evaluation:
         """The undivided equations at m points from those with nodes; each residual is the largest of all equations."""
-        jacobian, rows, matching = evaluation.jacobian, list[int](), list[int]()
+        jacobian, rows, matching, by_end = evaluation.jacobian, list[int](), list[int](), list[Array]()
         for i, count in enumerate(self.parts):
+            begun = len(rows)
             for k in range(count):
-                first = len(rows) + len(matching)
-                size = evaluation.residual_by_end[self.first[i] + k].shape[1]
-                own = size - self.undivided.flows[i].size if k < count - 1 else size
+                first, last = len(rows) + len(matching), evaluation.residual_by_end[self.first[i] + k]
+                own = last.shape[1] - self.undivided.flows[i].size if k < count - 1 else last.shape[1]
                 rows += range(first, first + own)
-                matching += range(first + own, first + size)
+                matching += range(first + own, first + last.shape[1])
+            guard = np.zeros((len(last), len(rows) - begun - last.shape[1], last.shape[2]))
+            by_end.append(np.concatenate([guard, last], axis=1))
         at_nodes, others = jacobian[:, :, self.nodes], self.bare(jacobian)
         # The derivatives of the states at nodes by the other unknowns.
         moves = -np.linalg.solve(at_nodes[:, matching], others[:, matching])
@@ -127,7 +131,7 @@ class Division:
             tuple(trajectories),
             tuple(transitions),
             tuple(starts),
-            tuple(evaluation.residual_by_end[last - 1] for last in self.first[1:]),
+            tuple(by_end),
             tuple(arcs),
         )
 
@@ -154,10 +158,13 @@ def division_of(undivided: Shooting, parts: tuple[int, ...]) -> Division:
 def division_at(
     undivided: Shooting, growths: Array, u: Array, p: Array, paths: Sequence[Trajectory]
 ) -> tuple[Division, Array]:
-    """The equations with as many nodes as the motions `paths` of unknowns (n,) with parameters (np,) ask for, over whose
-    arcs a small change grows by `growths` (arcs,), and the unknowns with nodes (N,); raises `NoOrbit`."""
+    """The equations with as many nodes as motions ask for, and the unknowns with nodes (N,); raises `NoOrbit`.
+
+    growths : of a small change over the arcs, (arcs,)
+    u, p, paths : the unknowns (n,), the parameters (np,), and the motions over the arcs
+    """
     counts = np.ceil(np.log(np.maximum(growths, 1.0)) / np.log(PART_GROWTH)).astype(int)
-    while counts.max() < MOST_PARTS:
+    while counts.max() < MOST_DIVISIONS:
         division = division_of(undivided, tuple(np.where(counts > 1, counts + 1, 1).tolist()))
         x = division.lifted(u, paths)
         if division.equations.evaluate(x, p).amplification < LARGEST_PART_GROWTH:

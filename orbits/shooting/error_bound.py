@@ -81,7 +81,9 @@ def error_bounds(
             refused[i] = error
     # The residuals have rounding errors of their own, as large as the errors they measure: the factor 2 covers these.
     found, values = 2 * np.abs(moves), us[:, index]
-    shared = np.maximum(_grown_rounding(equations, evaluation, inverse, by_nodes), _carried_rounding(evaluation, weights))
+    shared = np.maximum(
+        _grown_rounding(equations, evaluation, inverse, by_nodes), _carried_rounding(evaluation, weights)
+    )
     floor = shared + np.spacing(np.abs(values)) + _rounded_pieces(equations, ps, evaluation, weights)
     name, dimension = "launch speed" if unknown == "alpha" else unknown, UNKNOWNS.get(unknown, ())
     for i in (found > np.maximum(WORST_ERROR * np.abs(values), DOUBTFUL_RATIO * floor)).nonzero()[0].tolist():
