@@ -66,8 +66,8 @@ def homoclinic(curve: Curve, last: CurvePoint, way: Passed) -> Homoclinic | None
 
     way : the unknowns (n,) and the tangents (n + 1,) of its points in order, up to `last`
     """
-    statement = curve.equations_of_orbits.statement
-    names, us, tangents = statement.unknowns, *map(np.array, zip(*way, strict=True))
+    statement, (us, tangents) = curve.equations_of_orbits.statement, (np.array(each) for each in zip(*way, strict=True))
+    names = statement.unknowns
     times = [i for i, name in enumerate(names) if name in statement.durations and name != "alpha"]
     if not times or not curve.machine.model.reversor or (rest := _nearest_rest(curve, last)) is None:
         return None
@@ -81,11 +81,9 @@ def homoclinic(curve: Curve, last: CurvePoint, way: Passed) -> Homoclinic | None
         ahead = tangents[-1, place] / tangents[-1, i] / decay
         limit, error = float(value + ahead), float(abs(ahead) + np.spacing(abs(value)))
         expected, measured = rest.passages / rest.eigenvalue, 2 / decay
-        text = (
-            "it becomes homoclinic at {name} = {limit:.10g}: it stays ever longer near the equilibrium {place}, whose "
-        )
-        text += "smallest eigenvalue above 0 is {eigenvalue:.6g}, and as the distance from there falls by the factor e "
-        text += "its period grows by {expected:.6g} (along the family {measured:.6g})"
+        text = "it becomes homoclinic at {name} = {limit:.10g}: it stays ever longer near the equilibrium {place}, "
+        text += "whose smallest eigenvalue above 0 is {eigenvalue:.6g}, and as the distance from there falls by the "
+        text += "factor e its period grows by {expected:.6g} (along the family {measured:.6g})"
         times = {"expected": Quantity(expected, TIME), "measured": Quantity(measured, TIME)}
         numbers = {"limit": limit, "eigenvalue": Quantity(rest.eigenvalue, FREQUENCY), **times}
         return Homoclinic(name, limit, error, expected, measured, Message(text, name=name, place=rest.place, **numbers))
@@ -97,10 +95,11 @@ def _decay(t: Array, rates: Array, relative: Array) -> float | None:
     they are rounding; None where they do not. They are `relative` (m,) to their unit."""
     onward = np.append(0, 1 + np.flatnonzero(np.diff(t) <= 0))[-1]
     clear = onward + np.append(np.flatnonzero(relative[onward:] < ROUNDED_RATE), len(t) - onward)[0]
-    first = onward + np.append(0, 1 + np.flatnonzero(rates[onward:clear] > DECAY * rates[max(clear, 1) - 1]))[-1]
-    if clear - first < FEWEST_POINTS or relative[clear - 1] > SLOW_RATE or first == onward:
+    t, rates, relative = t[onward:clear], rates[onward:clear], relative[onward:clear]
+    if len(t) < FEWEST_POINTS or relative[-1] > SLOW_RATE or not rates[0] > DECAY * rates[-1]:
         return None
-    t, logs = t[first:clear], np.log(rates[first:clear])
+    first = min(np.flatnonzero(rates > DECAY * rates[-1])[-1], len(t) - FEWEST_POINTS)
+    t, logs = t[first:], np.log(rates[first:])
     slope, start = np.polyfit(t, logs, 1)
     return float(-slope) if np.abs(logs - start - slope * t).max() < STRAIGHT else None
 

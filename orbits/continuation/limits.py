@@ -146,8 +146,8 @@ class Endings:
         orbit, first, ratio = last.point, self.origin, self.control.escape_ratio
         place = f"near {self.curve.along} = {last.value:.6g}"
         if (most := float(self.curve.growths([last])[0])) > self.control.largest_amplification:
-            if way and (found := homoclinic(self.curve, last, way)):
-                return self._homoclinic(found, last)
+            if way and (orbit_at_rest := homoclinic(self.curve, last, way)):
+                return self._homoclinic(orbit_at_rest, last)
             growth = f"{most:.0e}-fold"
             return self.lost(f"small changes grow {growth} over the flight, and rounding decides", last, history)
         if last.amplification > LARGEST_ARC_GROWTH and (end := self._hanging(last, history, way)):
