@@ -21,7 +21,7 @@ from ..periodic.orbit import Orbit
 from ..periodic.quantities import motion_numbers
 from ..periodic.tuned import METHOD, counts, is_quantity
 from ..records import NONE, Records
-from ..shooting.division import LARGEST_ARC_GROWTH, Division, division_at, growths_of_arcs
+from ..shooting.division import Division, division_at, growths_of_arcs
 from ..shooting.formulations import Cycles, equations_of, iterative, method_of
 from ..shooting.newton_kernel import NewtonKernel, newton_kernel
 from ..shooting.single_shooting import Evaluation, joined
@@ -225,7 +225,10 @@ class Curve:
 
     def growths(self, points: Sequence[CurvePoint]) -> np.ndarray:
         """The largest growths (m,) of a small change over an arc of the motions at points."""
-        return self._growths_of_arcs(CurvePoints.of(points).own_evaluation).max(1)
+        points = CurvePoints.of(points)
+        if self.division is None:
+            return points.evaluation.amplification[points.places]
+        return self._growths_of_arcs(points.own_evaluation).max(1)
 
     def _growths_of_arcs(self, evaluation: Evaluation) -> np.ndarray:
         return self.division.growths(evaluation) if self.division else growths_of_arcs(evaluation)
@@ -244,14 +247,6 @@ class Curve:
         curve.division, u = division_at(undivided, growths, x[:-1], p, paths)
         curve.equations = curve.division.equations
         return curve, np.append(u, x[-1]), np.insert(tangent, undivided.own, np.zeros(len(u) + 1 - len(x)))
-
-    def near(self, x: np.ndarray, tangent: np.ndarray) -> tuple["Curve", np.ndarray, np.ndarray]:
-        """The curve near a point (n + 1,) with a tangent, and both, as of `divided` where that is needed."""
-        if self.equations is self.equations_of_orbits:
-            evaluation = self.evaluate(x[None])
-            if evaluation.amplification[0] > LARGEST_ARC_GROWTH:
-                return self.divided(x, tangent, evaluation)
-        return self, x, tangent
 
     def parameters_at(self, xs: np.ndarray) -> np.ndarray:
         """The parameters (m, np) at points (m, n + 1)."""

@@ -23,7 +23,7 @@ from .curve import Curve, CurvePoint, CurvePoints
 # The change of the parameter with the duration, both relative, is rounding below the first number, and has settled
 # where it is below the second. Its decay is measured where it falls last by the third factor, by this many points or
 # more.
-ROUNDED_RATE, SLOW_RATE, DECAY, FEWEST_POINTS = 1e-10, 0.05, 20.0, 4
+ROUNDED_RATE, SLOW_RATE, DECAY, FEWEST_POINTS = 1e-10, 0.05, 10.0, 4
 # The measured decay is exponential where its logarithm is straight up to this.
 STRAIGHT = 0.1
 # The equilibrium lies within this distance of the motion, relative to its states; the steps of Newton's method to it,
