@@ -5,6 +5,7 @@ X = (u, value), measured in units of its own size.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, overload
 
@@ -15,11 +16,12 @@ from ..errors import InputError, OrbitsError
 from ..flow.flow import OUT_OF_LAW
 from ..model.machine import Machine
 from ..periodic.certificate import Certificate
-from ..periodic.certified import Solved, certified, orbit_from
+from ..periodic.certified import Solved, certified, orbit_from, orbit_of_solved
 from ..periodic.orbit import Orbit
 from ..periodic.quantities import motion_numbers
 from ..periodic.tuned import METHOD, counts, is_quantity
 from ..records import NONE, Records
+from ..shooting.division import Division, division_at, growths_of_arcs
 from ..shooting.formulations import Cycles, equations_of, iterative, method_of
 from ..shooting.newton_kernel import NewtonKernel, newton_kernel
 from ..shooting.single_shooting import Evaluation, joined
@@ -30,6 +32,9 @@ from .predictor import around
 # A point is at a fold where the tangent's component along the parameter is a smaller share than this. The value of the
 # parameter does not determine the orbit there, and its error is measured across the curve.
 AT_A_FOLD = 1e-3
+# All states at nodes together count for the length of a curve as one unknown that is this many times as large: where
+# the duration alone changes, they change much, since the nodes move along with it.
+NODE_UNIT = 10.0
 # Functions of an orbit whose zeros are events, by name.
 Watch = Mapping[str, Callable[[Orbit], float]]
 # Test functions of certified orbits, which change their sign at the event. They are NONE where they are not defined.
@@ -88,7 +93,7 @@ class CurvePoint(NamedTuple):
 
     @property
     def amplification(self) -> float:
-        """The largest growth of a small change over the motion."""
+        """The largest growth of a small change over the motion, or between its nodes."""
         return float(self.evaluation.amplification[self.place])
 
     @property
@@ -172,7 +177,7 @@ class StepEnd(NamedTuple):
     """The end of a step along the curve, whose motion is not known yet.
 
     x, tangent, length, parts : as of a `CurvePoint`
-    amplification : the largest growth of a small change over the motion
+    amplification : the largest growth of a small change between nodes
     row : (n + 1,), which measures the length along the curve
     """
 
@@ -193,6 +198,7 @@ class Curve:
     """The curve F(u, value) = 0 of a machine's orbits along a parameter, whose whole range `span` is its unit."""
 
     tuned: tuple[str, ...] = ()  # the names of the parameters that are tuned along it
+    division: Division | None = None  # of the motions, where they amplify small changes
 
     def __init__(self, machine: Machine, along: str, method: str, span: float):
         self.machine, self.along, self.method, self.span = machine, along, method, span
@@ -203,9 +209,44 @@ class Curve:
     def size(self, x: np.ndarray) -> np.ndarray:
         """The unit of each component at points (..., n + 1)."""
         size = np.abs(x)
+        if self.division:
+            states = size[..., self.division.nodes]
+            own = np.maximum(states, 0.1 * states.max(-1, keepdims=True)) * (NODE_UNIT * np.sqrt(states.shape[-1]))
+            size[..., self.division.nodes] = 0.0
         size[..., :-1] = np.maximum(size[..., :-1], 0.1 * size[..., :-1].max(-1, keepdims=True))
         size[..., -1] = self.span
+        if self.division:
+            size[..., self.division.nodes] = own
         return size
+
+    def bare(self, xs: np.ndarray) -> np.ndarray:
+        """Points or tangents (..., n + 1) without the states at nodes."""
+        return self.division.bare(xs) if self.division else xs
+
+    def growths(self, points: Sequence[CurvePoint]) -> np.ndarray:
+        """The largest growths (m,) of a small change over an arc of the motions at points."""
+        points = CurvePoints.of(points)
+        if self.division is None:
+            return points.evaluation.amplification[points.places]
+        return self._growths_of_arcs(points.own_evaluation).max(1)
+
+    def _growths_of_arcs(self, evaluation: Evaluation) -> np.ndarray:
+        return self.division.growths(evaluation) if self.division else growths_of_arcs(evaluation)
+
+    def divided(
+        self, x: np.ndarray, tangent: np.ndarray, evaluation: Evaluation
+    ) -> tuple["Curve", np.ndarray, np.ndarray]:
+        """The same curve whose motions are divided at nodes, as many as they ask for at a point (n + 1,) with a
+        tangent, where the equations are the evaluation (1); and there both (N + 1,), the tangent with no share of the
+        nodes. Raises `NoOrbit`."""
+        curve, growths, p = copy(self), self._growths_of_arcs(evaluation)[0], self.parameters_at(x[None])[0]
+        if self.division:
+            evaluation, x, tangent = self.division.whole(evaluation), self.bare(x), self.bare(tangent)
+        undivided = self.division.undivided if self.division else self.equations
+        paths = [each[0] for each in evaluation.trajectories]
+        curve.division, u = division_at(undivided, growths, x[:-1], p, paths)
+        curve.equations = curve.division.equations
+        return curve, np.append(u, x[-1]), np.insert(tangent, undivided.own, np.zeros(len(u) + 1 - len(x)))
 
     def parameters_at(self, xs: np.ndarray) -> np.ndarray:
         """The parameters (m, np) at points (m, n + 1)."""
@@ -268,7 +309,12 @@ class Curve:
         return self._solved(xs[:, :-1], ps, points.own_evaluation), closing
 
     def _solved(self, us: np.ndarray, ps: np.ndarray, evaluation: Evaluation) -> Solved:
-        return Solved(self.machine.model, self.method, self.equations_of_orbits, us, ps, evaluation)
+        model, method = self.machine.model, self.method
+        if self.division is None:
+            return Solved(model, method, self.equations_of_orbits, us, ps, evaluation)
+        by_nodes = Solved(model, method, self.equations, us, ps, evaluation)
+        whole = self.division.bare(us), ps, self.division.whole(evaluation)
+        return Solved(model, method, self.equations_of_orbits, *whole, by_nodes=by_nodes)
 
     def _points(self, points: CurvePoints, cycles: Cycles, certificates: Records[Certificate]) -> Records[Point]:
         """The certified orbits of points, which are the first of some."""
@@ -279,7 +325,7 @@ class Curve:
             "certificate": certificates,
             "also": others,
         }
-        own = {"value": points.values, "u": points.xs[:, :-1], "tangent": points.tangents}
+        own = {"value": points.values, "u": self.bare(points.xs)[:, :-1], "tangent": self.bare(points.tangents)}
         return Records(Point, own | {name: values[: len(points)] for name, values in found.items()})
 
     def _refused(self, ps: np.ndarray) -> dict[int, OrbitsError]:
@@ -298,7 +344,10 @@ class Curve:
     def orbit(self, point: CurvePoint) -> Orbit:
         """The whole orbit at a certified point."""
         machine = self.machine.with_values(**self.varied(self.parameters_at(point.x[None])[0]))
-        return orbit_from(machine, self.method, point.x[:-1], point.point.error)
+        if self.division is None:
+            return orbit_from(machine, self.method, point.x[:-1], point.point.error)
+        solved, _ = self.solutions(CurvePoints.of([point]))
+        return orbit_of_solved(machine, replace(solved, errors=np.array([point.point.error])))
 
     def units_at(self, value: Any, also: Mapping[str, Any] | None = None) -> Units | None:
         """The units at a value of the parameter, and at others that vary along the curve; None for a dimensionless

@@ -26,6 +26,7 @@ from ..running import interrupts
 from ..running.exclusive import LOCK, exclusive
 from ..running.heartbeat import running
 from ..running.time_limit import time_limit
+from ..shooting.division import LARGEST_ARC_GROWTH
 from ..shooting.formulations import iterative, method_of
 from ..units import without_units
 from .checkpoint import collect_family
@@ -221,7 +222,26 @@ def orbit_at(machine: Machine, point: Point, along: str, method: str | None = No
     curve = curve_at(machine, along, method, 1.0, tuned_at(machine, point, along), point)
     x, row = np.array([*point.u, point.value]), np.array(point.tangent)
     with interrupts.deferred(), without_units(curve.units_at(point.value)):
-        return curve.orbit(curve.certify_at(correct(curve, x, row, row @ x, row), point.value))
+        curve, known = _known_point(curve, x, row, np.ones(len(x)))
+        return curve.orbit(curve.certify_at(known, point.value))
+
+
+def _known_point(curve: Curve, x: np.ndarray, tangent: np.ndarray, size: np.ndarray) -> tuple[Curve, CurvePoint]:
+    """The point at a known place (n + 1,) of a curve with a tangent, in units (n + 1,), and that curve, divided
+    at nodes where the motion amplifies small changes."""
+    row = tangent / size**2
+    try:
+        found = correct(curve, x, row, row @ x, tangent)
+        if found.amplification <= LARGEST_ARC_GROWTH:
+            return curve, found
+        evaluation = curve.evaluate(x[None])
+    except NoOrbit:
+        evaluation = curve.evaluate(x[None])
+        if evaluation.amplification[0] <= LARGEST_ARC_GROWTH:
+            raise
+    nodes, x, tangent = curve.divided(x, tangent, evaluation)
+    row = np.insert(row, curve.equations.own, np.zeros(len(x) - len(row)))
+    return nodes, correct(nodes, x, row, row @ x, tangent)
 
 
 def bounds_of(along: str, start: float, stop: object, at: Sequence[float] = ()) -> tuple[float, float]:
@@ -322,9 +342,9 @@ def _resumed(machine, along: str, behind: float, stop: float, resume: Family, op
     curve = curve_at(machine, along, settings["method"], abs(stop - behind), settings.get("tune", ()), last)
     _check_unknowns(last, curve)
     x, tangent = np.array([*last.u, last.value]), np.array(last.tangent)
-    row = tangent / curve.size(x) ** 2
     with interrupts.deferred(), without_units(curve.units_at(last.value)):
-        first = curve.certify_at(correct(curve, x, row, row @ x, tangent), last.value)
+        curve, first = _known_point(curve, x, tangent, curve.size(x))
+        first = curve.certify_at(first, last.value)
     return Tracer(curve, first, behind, stop, options, [curve.dimensionless(point) for point in resume.points[:-1]])
 
 

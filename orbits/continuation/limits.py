@@ -5,9 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..errors import InputError, OrbitsError
-from ..units import LIFTOFF_SPEED, Message, Quantity, in_units
+from ..shooting.division import LARGEST_ARC_GROWTH
+from ..units import LIFTOFF_SPEED, TIME, Message, Quantity, in_units
 from .curve import Curve, CurvePoint, CurvePoints
 from .events import Segment
+from .homoclinic import Homoclinic, Passed, homoclinic
 from .point import End, Point
 from .step_control import Options
 from .tuned_curve import TunedCurve
@@ -26,6 +28,8 @@ CAUTION = 3
 # A flight shrinks to nothing with the launch speed if it lasts less than this share of its first time when the speed is
 # less than the reciprocal of `StepControl.escape_ratio` of its first value.
 SHRUNK = 0.3
+# The component of the tangent along the parameter, relative to its range, where it has settled but for rounding.
+SETTLED_RATE = 1e-13
 
 History = Sequence[tuple[float, float]]
 
@@ -74,7 +78,7 @@ class Endings:
 
     def __init__(self, curve: Curve, origin: Point, start: float, bounds: tuple[float, float], options: Options):
         self.curve, self.origin, self.start, self.bounds = curve, origin, start, bounds
-        self.stop_inadmissible, self.control = options.stop_inadmissible, options.step_control
+        self.stop_inadmissible, self.control, self.at = options.stop_inadmissible, options.step_control, options.at
 
     def may_end(self, before: CurvePoint, points: Sequence[CurvePoint]) -> np.ndarray:
         """Whether the curve may end between each of certified points (m,) and the one before it, or at that point,
@@ -88,7 +92,8 @@ class Endings:
         ends |= (speed > ratio) | (time > ratio * first.flight_time) | (speed < 1 / ratio)
         if isinstance(self.curve, TunedCurve):
             ends |= (self.curve.growth(points.xs) > ratio).any(1)
-        ends |= points.evaluation.amplification[points.places] > self.control.largest_amplification
+        ends |= points.evaluation.amplification[points.places] > LARGEST_ARC_GROWTH
+        ends |= self.curve.growths(points) > self.control.largest_amplification
         return ends | (self.stop_inadmissible & np.array([*map(bool, orbits.column("violations"))], bool))
 
     def cut(self, segment: Segment) -> tuple[Segment, End | None]:
@@ -118,8 +123,9 @@ class Endings:
         if a.point is self.origin or not (share := float(self._passed(a.x, segment.b.x))):
             return None
         point = segment(share)
-        same = np.max(np.abs(point.x - self._first) / curve.size(a.x)) < self.control.same_point
-        onward = point.tangent @ self.origin.tangent > 0
+        x, tangent, sizes = map(curve.bare, (point.x, point.tangent, curve.size(a.x)))
+        same = np.max(np.abs(x - self._first) / sizes) < self.control.same_point
+        onward = tangent @ self.origin.tangent > 0
         return curve.certify_at(point, self.start) if same and onward else None
 
     @property
@@ -129,19 +135,23 @@ class Endings:
 
     def _passed(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """The shares (...) at which chords from a to b (..., n + 1) pass the first point, 0 where they do not."""
-        size = self.curve.size(a)
+        a, b, size = map(self.curve.bare, (a, b, self.curve.size(a)))
         chord, away = (b - a) / size, (self._first - a) / size
         along, square = (away * chord).sum(-1), (chord * chord).sum(-1)
         near = ((away * away).sum(-1) <= 4 * square) & (along > 0) & (along <= (1 + self.control.same_point) * square)
         return np.where(near, along / square, 0.0)
 
-    def far(self, last: CurvePoint, history: History) -> End | None:
+    def far(self, last: CurvePoint, history: History, way: Passed = ()) -> End | None:
         """The end of a curve that goes to infinity or to nothing before the parameter reaches a bound."""
         orbit, first, ratio = last.point, self.origin, self.control.escape_ratio
         place = f"near {self.curve.along} = {last.value:.6g}"
-        if last.amplification > self.control.largest_amplification:
-            growth = f"{last.amplification:.0e}-fold"
+        if (most := float(self.curve.growths([last])[0])) > self.control.largest_amplification:
+            if way and (orbit_at_rest := homoclinic(self.curve, last, way)):
+                return self._homoclinic(orbit_at_rest, last)
+            growth = f"{most:.0e}-fold"
             return self.lost(f"small changes grow {growth} over the flight, and rounding decides", last, history)
+        if last.amplification > LARGEST_ARC_GROWTH and (end := self._hanging(last, history, way)):
+            return end
         if isinstance(self.curve, TunedCurve) and (away := self._tuned_away(self.curve, last)):
             return away
         speed, time = abs(orbit.alpha / first.alpha), orbit.flight_time / first.flight_time
@@ -160,6 +170,27 @@ class Endings:
             what = "flight shrinks" if shrunk else "launch speed falls"
             return End("degenerate", f"the {what} to nothing {place}", *found)
         return None
+
+    def _hanging(self, last: CurvePoint, history: History, way: Passed) -> End | None:
+        """The end of a curve whose motions stay near an unstable equilibrium, where more points say no more about it;
+        None where it is followed on."""
+        end = self.lost("", last, history)
+        if end.kind == "escaped" and end.limit is not None:
+            low, high = sorted((last.value, end.limit))
+            return None if any(low < value < high for value in self.at) else end
+        found = (
+            homoclinic(self.curve, last, way)
+            if way and abs(last.tangent[-1]) < SETTLED_RATE * self.curve.span
+            else None
+        )
+        return self._homoclinic(found, last) if found and found.name == self.curve.along else None
+
+    def _homoclinic(self, found: Homoclinic, last: CurvePoint) -> End:
+        """The end of a curve in a homoclinic orbit."""
+        units = self.curve.units_at(last.value, last.point.also)
+        limit, error = (found.limit, found.error) if found.name == self.curve.along else (None, None)
+        growth = found.measured * (units.of(TIME) if units else 1.0)
+        return End("homoclinic", in_units(found.reason, units), limit, error, growth)
 
     def _tuned_away(self, curve: TunedCurve, last: CurvePoint) -> End | None:
         """The end of a curve along which a tuned parameter grows without bound, while that of the curve settles."""

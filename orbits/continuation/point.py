@@ -125,18 +125,22 @@ class Event:
 class End:
     """How the curve ends.
 
-    kind : "reached" (a bound of the parameter), "escaped", "closed", "degenerate", "stopped", "stuck", or "interrupted"
+    kind : "reached" (a bound of the parameter), "escaped", "homoclinic" (the orbit stays ever longer near an unstable
+        equilibrium), "closed", "degenerate", "stopped", "stuck", or "interrupted"
         by a time limit or in an unfinished file; in a bifurcation diagram also "left" (the range of launch speeds),
         "flip", "jump" (the map is not continuous there) or "no launch" (beyond it a hop has no next launch)
     reason : in words
-    limit, limit_error : the extrapolated value that the parameter tends to as the orbit escapes or shrinks to nothing,
-        and an estimate of its error; None otherwise
+    limit, limit_error : the extrapolated value that the parameter tends to as the orbit escapes, becomes homoclinic or
+        shrinks to nothing, and an estimate of its error; None otherwise
+    period_growth : what the period of an orbit that becomes homoclinic grows by as the distance of the parameter from
+        its limit falls by the factor e, measured along the family; None otherwise
     """
 
     kind: str
     reason: str
     limit: float | None = None
     limit_error: float | None = None
+    period_growth: float | None = None
 
     def __repr__(self) -> str:
         return fields_in_line(self, "kind", "reason", "limit", "limit_error")
@@ -144,7 +148,10 @@ class End:
 
 def json_line(item: Point | Event | End) -> str:
     """The line of a saved family for one of its points, its events or its end."""
-    return to_json({type(item).__name__.lower(): asdict(item)})
+    document = asdict(item)
+    if isinstance(item, End) and item.period_growth is None:
+        del document["period_growth"]
+    return to_json({type(item).__name__.lower(): document})
 
 
 def check_points(points: Sequence[Point], events: Sequence[Event]) -> None:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, NoOrbit, OrbitsError, finite_number, whole_number
+from ..shooting.division import LARGEST_ARC_GROWTH
 from .corrector import MEMORY, correct, correct_all, predict_and_correct
 from .curve import TEST_FUNCTIONS, Curve, CurvePoint, CurvePoints, StepEnd, Watch, interpolated
 from .predictor import around
@@ -52,7 +53,8 @@ class StepControl:
     neighbours : number of step ends on either side from which the points between two of them are interpolated
     separation : least distance of a regular point from a value in `at`, as a share of the points' distance
     most_rejections, recovery : a run ends after `most_rejections` rejections; `recovery` accepted points offset one
-    largest_amplification : growth of a small change over the motion beyond which rounding errors dominate the orbit
+    largest_amplification : growth of a small change over the motion beyond which rounding errors dominate the orbit,
+        even where it is divided at nodes; where the growth between nodes is larger than 3e7 there are more of them
     escape_ratio : an orbit this many times faster, longer or smaller than the first is taken to tend to infinity or to
         shrink to nothing
     running_ratio : a curve is taken to escape if it is lost after the launch speed has grown by this factor
@@ -83,7 +85,7 @@ class StepControl:
     separation: float = _between(0.0, 0.5, 0.1)
     most_rejections: int = _between(0, 100_000, 16)
     recovery: int = _between(1, 100_000, 20)
-    largest_amplification: float = _between(10.0, 1e15, 3e7)
+    largest_amplification: float = _between(10.0, 1e15, 1e14)
     escape_ratio: float = _between(1.5, 1e12, 1e2)
     running_ratio: float = _between(1.01, 1e12, 2.0)
     least_progress: float = _between(0.0, 0.5, 1e-3)
@@ -154,7 +156,7 @@ class Stepper:
                 return new, length, error
             new.append(end)
             inside = self.bounds[0] < end.value < self.bounds[1]
-            if not inside or end.amplification > self.control.largest_amplification:
+            if not inside or end.amplification > min(LARGEST_ARC_GROWTH, self.control.largest_amplification):
                 break
         return new, length, None
 

@@ -11,8 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import NoOrbit, OrbitsError
+from ..shooting.division import LARGEST_ARC_GROWTH
 from ..units import Message
-from .corrector import MEMORY
+from .corrector import MEMORY, correct
 from .curve import Curve, CurvePoint, CurvePoints, StepEnd
 from .events import Segment
 from .limits import Endings
@@ -87,6 +88,7 @@ class Tracer:
         """The items of a run, where points between which nothing happens are together."""
         state, batch, options, control = self._state, self._batch, self.options, self.control
         history = [(point.alpha, point.value) for point in (*self.earlier, self.first.point)]
+        way = [(point.u, point.tangent) for point in (*self.earlier, self.first.point)]
         yield self.first
         if options.stop_inadmissible and not self.first.point.admissible:
             yield End("stopped", f"no motion to begin with: {self.curve.in_units(self.first.point).violations[0]}")
@@ -102,6 +104,7 @@ class Tracer:
                         yield some
                     last, index, added = point, index + len(some), len(points)
                     history += zip(points.orbits.column("alpha").tolist(), points.values.tolist(), strict=True)
+                    way += zip(points.orbits.column("u"), points.orbits.column("tangent"), strict=True)
                     ends += [points[i] for i in points.parts[:-1].nonzero()[0][-MEMORY:].tolist()]
                 else:
                     try:
@@ -117,9 +120,19 @@ class Tracer:
                     yield from items
                     last, index = reached, index + added
                     history.append((last.point.alpha, last.value))
-                    if end := end or self.endings.far(last, history):
+                    way.append((last.point.u, last.point.tangent))
+                    if end := end or self.endings.far(last, history, way):
                         yield end
                         return
+                    if last.amplification > LARGEST_ARC_GROWTH:
+                        try:
+                            last = self._divided(last)
+                        except OrbitsError as error:
+                            yield self.endings.lost(error, last, history)
+                            return
+                        short = min(control.first_step, options.longest)
+                        batch, ends = Batch((), None, None, short, whole=False), [last]
+                        break
                 ends += [point] if point.parts else []
             state = self._after(state._replace(last=last, before=index), batch, ends)
             gives_up = state.length <= control.shortest_step or state.rejections > control.most_rejections
@@ -127,6 +140,16 @@ class Tracer:
                 yield self.endings.lost(why, last, history)
                 return
             batch = None
+
+    def _divided(self, last: CurvePoint) -> CurvePoint:
+        """The last point on the same curve, whose motions are divided at nodes from now on."""
+        curve, x, tangent = self.curve.divided(last.x, last.tangent, CurvePoints.of([last]).own_evaluation)
+        row = tangent / curve.size(x) ** 2
+        first = curve.certify_at(correct(curve, x, row, float(row @ x), tangent), last.value)
+        bounds, origin = self.stepper.bounds, self.endings.origin
+        self.curve, self.stepper = curve, Stepper(curve, bounds, self.start, self.options)
+        self.endings = self.tests_for_the_end(curve, origin, self.start, bounds, self.options)
+        return first
 
     def _stretches(self, last: CurvePoint, points: Sequence[CurvePoint]) -> Iterator[Sequence[CurvePoint]]:
         """The points in order: together those between which neither an event nor the end can lie, as usual, and each

@@ -14,6 +14,7 @@ from ..model.machine import Machine
 from ..model.model import Model
 from ..records import NONE, Records
 from ..running.exclusive import exclusive
+from ..shooting.division import with_nodes
 from ..shooting.error_bound import by_pieces, error_bounds
 from ..shooting.formulations import Cycles, equations_of, interpret, refused_by_unfolding, vector
 from ..shooting.single_shooting import Evaluation, Shooting
@@ -30,6 +31,8 @@ class Solved:
 
     evaluation : the equations at the solutions
     errors : bounds (m,) on the errors of the launch speeds; None where they have to be measured
+    by_nodes : the same solutions of equations with nodes, by which errors are measured where motions amplify small
+        changes; None where they do not
     """
 
     model: Model
@@ -39,11 +42,13 @@ class Solved:
     ps: ndarray
     evaluation: Evaluation
     errors: ndarray | None = None
+    by_nodes: "Solved | None" = None
 
     def only(self, which: ndarray) -> "Solved":
         """Some of the solutions, in an order (k,)."""
         errors = None if self.errors is None else self.errors[which]
-        return replace(self, us=self.us[which], ps=self.ps[which], evaluation=self.evaluation[which], errors=errors)
+        found = replace(self, us=self.us[which], ps=self.ps[which], evaluation=self.evaluation[which], errors=errors)
+        return found if self.by_nodes is None else replace(found, by_nodes=self.by_nodes.only(which))
 
     @property
     def cycles(self) -> Cycles:
@@ -67,18 +72,19 @@ def corrector(method: str, equations: Shooting) -> Callable:
 def known_solutions(
     model: Model, method: str, names: tuple[str, ...], us: ndarray, ps: ndarray, errors: ndarray
 ) -> Solved:
-    """Known solutions, with the bounds (m,) on their errors.
+    """Known solutions, with the bounds (m,) on their errors; with nodes where the motions amplify small changes.
 
     us : unknowns (m, n), with any further ones after those of an orbit
     ps : parameters (m, np) of these names
 
-    Raises `InputError` for unknowns of another method.
+    Raises `InputError` for unknowns of another method, and `NoOrbit` where there is no solution near them.
     """
     equations = equations_of(model, method, names)
     if us.shape[1] < equations.size:
         raise InputError("this family was followed by another method than its settings say")
     us = us[:, : equations.size]
-    return Solved(model, method, equations, us, ps, equations.evaluate_all(us, ps), errors)
+    evaluation = with_nodes(equations, us, ps, equations.evaluate_all(us, ps))
+    return Solved(model, method, equations, us, ps, evaluation, errors)
 
 
 class Certified(NamedTuple):
@@ -113,7 +119,9 @@ def certified(
     """
     why, errors, left = dict(refused or {}), solved.errors, np.arange(len(solved.us))
     if errors is None:
-        errors, doubtful = error_bounds(solved.equations, solved.us, solved.ps, solved.evaluation, closing, quickly)
+        by, nodes = solved.by_nodes or solved, solved.by_nodes is not None
+        solutions = by.equations, by.us, by.ps, by.evaluation
+        errors, doubtful = error_bounds(*solutions, closing, quickly, by_nodes=nodes)
         why = {**refused_by_unfolding(solved.equations, solved.us), **doubtful, **why}
         solved = replace(solved, errors=errors)
     if why:
@@ -192,9 +200,15 @@ def orbit_from(machine: Machine, method: str, u: tuple[float, ...] | ndarray, er
 
     Raises `InputError` for unknowns of another method.
     """
-    began, us, ps = time.perf_counter(), np.array([u]), vector(machine.values)[None]
-    solved = known_solutions(machine.model, method, tuple(machine.values), us, ps, np.array([error]))
-    return orbit_of(machine, certified_orbit(machine, solved, began=began))
+    us, ps = np.array([u]), vector(machine.values)[None]
+    return orbit_of_solved(
+        machine, known_solutions(machine.model, method, tuple(machine.values), us, ps, np.array([error]))
+    )
+
+
+def orbit_of_solved(machine: Machine, solved: Solved) -> Orbit:
+    """The whole orbit of one solution for a machine, in the machine's units; raises `NoOrbit`."""
+    return orbit_of(machine, certified_orbit(machine, solved, began=time.perf_counter()))
 
 
 def _skipped(model: Model, p: Mapping, method: str, compiled: bool) -> tuple[str, ...]:

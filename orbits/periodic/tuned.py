@@ -336,9 +336,10 @@ def errors_of_tuned(solved: Solved, closing: np.ndarray | None = None) -> dict[s
     """Bounds on the errors of the tuned parameters of one solution, by name, in the machine's units, with rows (1, n)
     that close the equations as in `error_bounds`; raises `NoOrbit` where the orbit does not determine one of them, as a
     run without speed, which is the hop of any inertia."""
+    nodes, solved = solved.by_nodes is not None, solved.by_nodes or solved
     equations, found = solved.equations, dict[str, float]()
     for name, value in tuned_values(equations, solved.us[0]).items():
-        bounds, _ = error_bounds(equations, solved.us, solved.ps, solved.evaluation, closing, unknown=name)
+        bounds, _ = error_bounds(equations, solved.us, solved.ps, solved.evaluation, closing, False, name, nodes)
         found[name] = float(bounds[0])
         if not found[name] <= WORST_TUNED * max(abs(value), SMALLEST):
             slow = ", or prescribe a speed farther from 0: the vertical hop runs at no speed, whatever its inertia"

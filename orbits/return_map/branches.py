@@ -264,7 +264,7 @@ class LaunchEndings(Endings):
         reason = f"the map jumps near {place}: {counts[0]} impacts in a hop, {counts[1]} behind"
         return LaunchSegment(self.curve, segment.a, before), End("jump", reason)
 
-    def far(self, last: CurvePoint, history: object) -> None:
+    def far(self, last: CurvePoint, history: object, way: object = ()) -> None:
         """Nothing: a branch ends at the bounds of its ranges."""
 
     def lost(self, error: object, last: CurvePoint, history: object) -> End:

@@ -42,7 +42,7 @@ NARROW = (
 
 def error_bounds(
     equations: Shooting, us: ndarray, ps: ndarray, evaluation: Evaluation, closing: Rows = None, quickly: bool = False,
-    unknown: str = "alpha",
+    unknown: str = "alpha", by_nodes: bool = False,
 ) -> tuple[ndarray, dict[int, NoOrbit]]:  # fmt: skip
     """Bounds (m,) on the errors of an unknown in solutions (m, n), and by index why some cannot be certified.
 
@@ -53,6 +53,7 @@ def error_bounds(
     quickly : where the flow allows it, integrate the field along each step's polynomial by Gauss's rule, and carry the
         steps' defects to the end of the arc; else, integrate the motion again by another method with smaller steps
     unknown : the name of the unknown: the launch speed, another one of the statement, or a tuned parameter
+    by_nodes : whether arcs are parts between nodes, so that rounding errors on each move its own end alone
 
     These residuals are multiplied by the inverse Jacobian. The rounding that both integrations may share is added: half
     a unit in the last place of the state per step, accumulated at random, through the same inverse, and amplified where
@@ -80,7 +81,9 @@ def error_bounds(
             refused[i] = error
     # The residuals have rounding errors of their own, as large as the errors they measure: the factor 2 covers these.
     found, values = 2 * np.abs(moves), us[:, index]
-    shared = np.maximum(_grown_rounding(equations, evaluation, inverse), _carried_rounding(evaluation, weights))
+    shared = np.maximum(
+        _grown_rounding(equations, evaluation, inverse, by_nodes), _carried_rounding(evaluation, weights)
+    )
     floor = shared + np.spacing(np.abs(values)) + _rounded_pieces(equations, ps, evaluation, weights)
     name, dimension = "launch speed" if unknown == "alpha" else unknown, UNKNOWNS.get(unknown, ())
     for i in (found > np.maximum(WORST_ERROR * np.abs(values), DOUBTFUL_RATIO * floor)).nonzero()[0].tolist():
@@ -90,17 +93,20 @@ def error_bounds(
     return (found + floor) * (DEFECTS_SAFETY if quickly else 1.0), refused
 
 
-def _grown_rounding(equations: Shooting, evaluation: Evaluation, inverse: ndarray) -> ndarray:
+def _grown_rounding(equations: Shooting, evaluation: Evaluation, inverse: ndarray, by_nodes: bool) -> ndarray:
     """Errors (m,) of the unknown by the random rounding of all steps, amplified as differences of the unknowns are."""
-    rounding = np.zeros(len(inverse))
-    for flow, motions, transition, start in zip(
-        equations.flows, evaluation.trajectories, evaluation.transitions, evaluation.starts, strict=True
-    ):
+    rounding, row, size_of = np.zeros(len(inverse)), 0, np.linalg.norm(inverse, axis=1)
+    for flow, motions, transition, start, by_end in zip(
+        equations.flows, evaluation.trajectories, evaluation.transitions, evaluation.starts,
+        evaluation.residual_by_end, strict=True,
+    ):  # fmt: skip
         size = motions.largest(motions.coefficients[:, : flow.size, 0])
         growth = np.maximum(1.0, np.linalg.norm((transition @ start)[:, :, : equations.own], axis=(1, 2)) / SHEAR)
         at_random = np.sqrt(motions.counts)
-        rounding += EPS / 2 * size * at_random * (1 + at_random / RANDOM_STEPS) * growth
-    return np.linalg.norm(inverse, axis=1) * rounding
+        own, row = inverse[:, row : row + by_end.shape[1]], row + by_end.shape[1]
+        share = np.linalg.norm(own, axis=1) / size_of if by_nodes else 1.0
+        rounding += EPS / 2 * size * at_random * (1 + at_random / RANDOM_STEPS) * growth * share
+    return size_of * rounding
 
 
 def by_pieces(equations: Shooting, u: ndarray, p: ndarray, evaluation: Evaluation) -> Rows:

@@ -277,7 +277,11 @@ def _landing_by(
     first, start, mirror = evaluation.transitions[0], evaluation.starts[0][:, :, [alpha]], np.array(reversor)[:, None]
     if slope is not None:
         start = start + np.reshape(slope, (-1, 1, 1)) * evaluation.starts[0][:, :, [liftoff]]
-    return (mirror * solve(first[:, :, : first.shape[1]], mirror * (first @ start)))[:, :, 0]
+    change = mirror * (first @ start)
+    parts = np.moveaxis(evaluation.parts[0], 1, 0) if evaluation.parts else [first[:, :, : first.shape[1]]]
+    for part in parts[::-1]:
+        change = solve(part, change)
+    return (mirror * change)[:, :, 0]
 
 
 def contact_force_row(contact: Phase) -> Affine:

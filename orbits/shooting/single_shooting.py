@@ -47,6 +47,8 @@ class Evaluation:
         parameters, the varied ones and those that are unknowns
     starts : derivatives (states + t, n + k) of the same, by the unknowns and the varied parameters
     residual_by_end : derivatives (rows, states) of the residuals that belong to each arc by its end
+    parts : derivatives (K, states, states) of the end of each of K parts of an arc by its start, where the arcs have
+        been divided to find them
     """
 
     residual: np.ndarray
@@ -55,16 +57,20 @@ class Evaluation:
     transitions: tuple[np.ndarray, ...]
     starts: tuple[np.ndarray, ...]
     residual_by_end: tuple[np.ndarray, ...]
+    parts: tuple[np.ndarray, ...] = ()
 
     def __getitem__(self, i: int | np.ndarray) -> "Evaluation":
         """The evaluation at one of the points, or at several in an order (k,)."""
-        per_arc = self.trajectories, self.transitions, self.starts, self.residual_by_end
+        per_arc = self.trajectories, self.transitions, self.starts, self.residual_by_end, self.parts
         parts = (tuple(part[i] for part in each) for each in per_arc)
         return Evaluation(self.residual[i], self.jacobian[i], *parts)
 
     @cached_property
     def amplification(self) -> Any:
-        """The largest growth of a small change of the state over the motion, or (m,) of each."""
+        """The largest growth of a small change of the state over the motion, or (m,) of each; over a part of it where
+        it has several."""
+        if self.parts:
+            return np.max([np.abs(each).max((-3, -2, -1)) for each in self.parts], axis=0)
         squares = (transition[..., : transition.shape[-2]] for transition in self.transitions)
         return np.max([np.abs(square).max((-2, -1)) for square in squares], axis=0)
 

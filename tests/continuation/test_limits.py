@@ -7,10 +7,10 @@ import pytest
 from conftest import slow_after
 from families import FOLD, FOLD_ALPHA, events
 
-from orbits import InputError, NoOrbit, follow
+from orbits import InputError, NoOrbit, follow, orbit_at
 from orbits.continuation.limits import Endings, limit
 from orbits.continuation.step_control import Options, StepControl
-from problems import Hopper
+from problems import Hopper, shuttle
 
 
 @pytest.mark.parametrize("family", slow_after(1, [4, 1]))
@@ -76,6 +76,35 @@ def test_a_limit_is_as_good_as_it_says(machine, along, stop, limit):
     assert end.limit_error < 2e-3
     # Rounding moves mid-flight, and no stationary point of the extension appears beside it.
     assert "family" not in [event.kind for event in family.events]
+
+
+def test_a_flight_near_a_barrier_is_followed_on():
+    """Of a quadratic spring, up to 1e14-fold growth of small changes: the launch speeds are those of elliptic integrals
+    in 60 digits. With E the energy at lift-off and e1 < e2 < e3 the zeros of 2 (E - V), (2 K(m) - F(phi, m)) times the
+    pace is alpha, with m = (e2 - e1)/(e3 - e1), sin(phi)**2 = (rho - e1)/(e2 - e1)."""
+    speeds = {-0.022: 26.223545859854905214, -0.018: 32.059032473094379769, -0.016: 36.070225915888099609}
+    family = follow(Hopper("r + c*r**2", parameters={"c": 0.0}), "c", -1.0, at=speeds)
+    for value, speed in speeds.items():
+        beyond = family.at(value)[-1]
+        assert abs(beyond.alpha - speed) <= beyond.error < 1e-11
+    assert {point.family for point in family} == {1}
+    assert family.end.kind == "escaped"
+    assert abs(family.end.limit) <= family.end.limit_error < 1e-5
+    assert np.isfinite(family.column("stroke")).all()
+
+
+def test_a_shuttle_stays_near_its_upright_place():
+    """Its two walls are nearly reached from above: a change grows 1e12-fold within half a flight."""
+    machine = shuttle(angle=0.5)
+    family = follow(machine, "gravity_ratio", 150.0, longest=0.1)
+    assert family.end.kind == "reached"
+    orbit = orbit_at(machine, family[-1], "gravity_ratio")
+    assert orbit.alpha == pytest.approx(family[-1].alpha, abs=family[-1].error)
+    assert orbit.certificate.energy_drift < 1e-12
+    ends = [follow(machine, "gravity_ratio", 150.0, most=some, longest=0.1) for some in (len(family) - 3, 10)]
+    for some in ends:
+        whole = follow(machine, "gravity_ratio", 150.0, resume=some, longest=0.1)
+        assert whole[-1].alpha == pytest.approx(family[-1].alpha, abs=2 * family[-1].error)
 
 
 def test_what_only_scales_the_orbit_is_followed_to_the_end():
@@ -172,7 +201,10 @@ def test_a_limit_where_long_steps_lead_to_it(points, found):
 def endings(one_speed=True, start=0.5, **control):
     """The endings of a curve along b from an orbit with the launch speed 4, the flight time 8 and lift-off at 1."""
     machine = SimpleNamespace(model=SimpleNamespace(one_speed=one_speed))
-    curve = SimpleNamespace(along="b", span=2.0, machine=machine, units_at=lambda value, also: None)
+    curve = SimpleNamespace(
+        along="b", span=2.0, machine=machine, units_at=lambda value, also: None,
+        growths=lambda points: np.array([point.amplification for point in points]),
+    )  # fmt: skip
     origin = SimpleNamespace(alpha=4.0, flight_time=8.0, liftoff_extension=1.0)
     return Endings(curve, origin, start, (0.0, 2.0), Options(step_control=StepControl(**control)))
 

@@ -1,0 +1,212 @@
+"""Shooting by several arcs: motions are divided at nodes, whose states are further unknowns.
+
+Near an unstable equilibrium a small change grows exponentially, and a motion that stays there for long is not
+determined by its start in floating-point numbers. Between two nodes it grows little, so that the equations with nodes
+determine the motion, and all derivatives, to rounding.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from ..errors import NoOrbit
+from ..flow.trajectory import Trajectories, Trajectory
+from ..model.phase import Arc, Statement
+from ..numerics.roots import Array
+from ..symbolic.caches import cached
+from .single_shooting import Evaluation, Shooting, joined, settles, shooting_equations
+
+# A motion is divided where a small change grows more than this over an arc: with larger growth its derivatives lose
+# their rank to rounding.
+LARGEST_ARC_GROWTH = 3e7
+# The growth between two nodes that is aimed at, and the largest where a motion is divided: it is not the same
+# everywhere, and increases along a curve. And the largest number of parts.
+PART_GROWTH, LARGEST_PART_GROWTH, MOST_DIVISIONS = 1e3, 1e5, 100
+# Unknowns are not determined, and stay as they are, in directions in which the equations change by less than this.
+UNDETERMINED = 1e-8
+MOST_STEPS_TO_NEAREST = 30
+
+
+@cached
+def divided_statement(statement: Statement, parts: tuple[int, ...]) -> Statement:
+    """A statement whose arcs are divided into these numbers of parts of equal duration; the states at the nodes are
+    unknowns, in front of the tuned parameters."""
+    own, nodes, arcs = len(statement.unknowns) - len(statement.tuned), list[str](), list[Arc]()
+    for number, (arc, count) in enumerate(zip(statement.arcs, parts, strict=True), start=1):
+        names = [[f"{state} at node {k} of arc {number}" for state in arc.phase.states] for k in range(1, count)]
+        nodes += [name for each in names for name in each]
+        arcs += [
+            _between_nodes(arc, count, here, there) for here, there in zip([None, *names], [*names, None], strict=True)
+        ]
+    unknowns = *statement.unknowns[:own], *nodes, *statement.unknowns[own:]
+    return replace(statement, unknowns=unknowns, arcs=tuple(arcs))
+
+
+def _between_nodes(arc: Arc, count: int, here: list[str] | None, there: list[str] | None) -> Arc:
+    """One of `count` parts of an arc between two nodes, the names of whose states are given; None for an end."""
+    part = replace(arc, duration=lambda u, p: arc.duration(u, p) / count)
+    if here:
+        part = replace(part, start=lambda u, before, p: [u[name] for name in here], guard=lambda u, x, p, q: [])
+    if there:
+        part = replace(part, conditions=lambda u, x, p: [end - u[name] for end, name in zip(x, there, strict=True)])
+    return part
+
+
+@dataclass(frozen=True, eq=False)
+class Division:
+    """The equations of a statement whose arcs are divided into `parts`."""
+
+    undivided: Shooting
+    parts: tuple[int, ...]
+
+    @cached_property
+    def equations(self) -> Shooting:
+        """The equations with nodes."""
+        return shooting_equations(divided_statement(self.undivided.statement, self.parts), self.undivided.parameters)
+
+    @cached_property
+    def nodes(self) -> slice:
+        """The places of the states at nodes among the unknowns."""
+        return slice(self.undivided.own, self.equations.own)
+
+    @cached_property
+    def first(self) -> list[int]:
+        """The first part of each arc, and the number of parts."""
+        return [0, *np.cumsum(self.parts).tolist()]
+
+    def bare(self, xs: Array) -> Array:
+        """Unknowns (..., N), with any further columns, without the states at nodes."""
+        return np.delete(xs, np.arange(self.nodes.start, self.nodes.stop), axis=-1)
+
+    def lifted(self, u: Array, paths: Sequence[Trajectory]) -> Array:
+        """Unknowns (n,) with the states that their motions, one for each arc, have at the nodes (N,)."""
+        states = list[Array]()
+        for path, flow, count in zip(paths, self.undivided.flows, self.parts, strict=True):
+            states += [path(path.times[-1] * k / count)[: flow.size] for k in range(1, count)]
+        return np.insert(u, self.undivided.own, np.concatenate(states))
+
+    def growths(self, evaluation: Evaluation) -> Array:
+        """The growths (m, arcs) of a small change over each arc, where the equations with nodes are the evaluation."""
+        whole = (self._transitions(evaluation, i)[0] for i in range(len(self.parts)))
+        return np.array([np.abs(each[:, :, : each.shape[1]]).max((1, 2)) for each in whole]).T
+
+    def _transitions(self, evaluation: Evaluation, i: int) -> tuple[Array, list[Array]]:
+        """The transition (m, states, states + t) of a whole arc, and those of its parts."""
+        parts = list(evaluation.transitions[self.first[i] : self.first[i + 1]])
+        whole, n = parts[0], parts[0].shape[1]
+        for part in parts[1:]:
+            whole = part[:, :, :n] @ whole
+            whole[:, :, n:] += part[:, :, n:]
+        return whole, parts
+
+    def whole(self, evaluation: Evaluation) -> Evaluation:
+        """The undivided equations at m points from those with nodes; each residual is the largest of all equations."""
+        jacobian, rows, matching, by_end = evaluation.jacobian, list[int](), list[int](), list[Array]()
+        for i, count in enumerate(self.parts):
+            begun = len(rows)
+            for k in range(count):
+                first, last = len(rows) + len(matching), evaluation.residual_by_end[self.first[i] + k]
+                own = last.shape[1] - self.undivided.flows[i].size if k < count - 1 else last.shape[1]
+                rows += range(first, first + own)
+                matching += range(first + own, first + last.shape[1])
+            guard = np.zeros((len(last), len(rows) - begun - last.shape[1], last.shape[2]))
+            by_end.append(np.concatenate([guard, last], axis=1))
+        at_nodes, others = jacobian[:, :, self.nodes], self.bare(jacobian)
+        # The derivatives of the states at nodes by the other unknowns.
+        moves = -np.linalg.solve(at_nodes[:, matching], others[:, matching])
+        transitions, starts, trajectories, arcs = list[Array](), list[Array](), list[Trajectories](), list[Array]()
+        for i in range(len(self.parts)):
+            whole, parts = self._transitions(evaluation, i)
+            start, paths = evaluation.starts[self.first[i]], evaluation.trajectories[self.first[i] : self.first[i + 1]]
+            transitions.append(whole)
+            starts.append(self.bare(start) + start[:, :, self.nodes] @ moves)
+            arcs.append(np.stack([part[:, :, : part.shape[1]] for part in parts], axis=1))
+            trajectories.append(_one_after_another(paths))
+        largest = np.abs(evaluation.residual).max(1)[:, None]
+        return Evaluation(
+            np.broadcast_to(largest, (len(largest), len(rows))),
+            others[:, rows] + at_nodes[:, rows] @ moves,
+            tuple(trajectories),
+            tuple(transitions),
+            tuple(starts),
+            tuple(by_end),
+            tuple(arcs),
+        )
+
+    def nearest(self, x: Array, p: Array) -> Evaluation:
+        """The undivided equations (1) at the solution nearest to unknowns (N,), which are those of a solution nearly:
+        those that the equations do not determine stay as they are. Raises `NoOrbit`."""
+        xs, ps, last = x[None], p[None], np.inf
+        for _ in range(MOST_STEPS_TO_NEAREST):
+            evaluation, sizes = self.equations.evaluate_all(xs, ps), np.maximum(np.abs(xs), 0.1 * np.abs(xs).max())
+            step = np.linalg.lstsq(evaluation.jacobian[0] * sizes, -evaluation.residual[0], rcond=UNDETERMINED)[0]
+            size, xs = float(np.abs(step).max()), xs + step * sizes
+            if settles(size, last, evaluation.amplification[0]):
+                return self.whole(self.equations.evaluate_all(xs, ps))
+            last = size
+        raise NoOrbit(f"the {self.equations.statement.name} equations did not converge (last relative step {last:.1e})")
+
+
+@cached
+def division_of(undivided: Shooting, parts: tuple[int, ...]) -> Division:
+    """The equations of a statement whose arcs are divided into these numbers of parts."""
+    return Division(undivided, parts)
+
+
+def division_at(
+    undivided: Shooting, growths: Array, u: Array, p: Array, paths: Sequence[Trajectory]
+) -> tuple[Division, Array]:
+    """The equations with as many nodes as motions ask for, and the unknowns with nodes (N,); raises `NoOrbit`.
+
+    growths : of a small change over the arcs, (arcs,)
+    u, p, paths : the unknowns (n,), the parameters (np,), and the motions over the arcs
+    """
+    counts = np.ceil(np.log(np.maximum(growths, 1.0)) / np.log(PART_GROWTH)).astype(int)
+    while counts.max() < MOST_DIVISIONS:
+        division = division_of(undivided, tuple(np.where(counts > 1, counts + 1, 1).tolist()))
+        x = division.lifted(u, paths)
+        if division.equations.evaluate(x, p).amplification < LARGEST_PART_GROWTH:
+            return division, x
+        counts *= 2
+    raise NoOrbit(f"small changes grow {growths.max():.0e}-fold, most of it within a short time")
+
+
+def growths_of_arcs(evaluation: Evaluation) -> Array:
+    """The growths (m, arcs) of a small change over the arcs of undivided equations."""
+    return np.array([np.abs(each[:, :, : each.shape[1]]).max((1, 2)) for each in evaluation.transitions]).T
+
+
+def with_nodes(undivided: Shooting, us: Array, ps: Array, evaluation: Evaluation) -> Evaluation:
+    """The equations at known solutions (m, n), by way of nodes where the motions amplify small changes; raises
+    `NoOrbit`."""
+    hanging = np.flatnonzero(evaluation.amplification > LARGEST_ARC_GROWTH).tolist()
+    if not hanging:
+        return evaluation
+    parts = [evaluation[np.array([i])] for i in range(len(us))]
+    for i in hanging:
+        paths = [each[0] for each in parts[i].trajectories]
+        division, x = division_at(undivided, growths_of_arcs(parts[i])[0], us[i], ps[i], paths)
+        parts[i] = division.nearest(x, ps[i])
+    most = max(each.shape[1] for part in parts for each in part.parts)
+    return joined([_alike(part, most) for part in parts])
+
+
+def _alike(evaluation: Evaluation, count: int) -> Evaluation:
+    """An evaluation (1) whose arcs have as many parts as others, some of them without a duration, and no variations."""
+    paths = tuple(path.only(path.names) for path in evaluation.trajectories)
+    own = evaluation.parts or tuple(each[:, None, :, : each.shape[1]] for each in evaluation.transitions)
+    still = (np.broadcast_to(np.eye(each.shape[-1]), (1, count - each.shape[1], *each.shape[2:])) for each in own)
+    parts = tuple(np.concatenate(each, axis=1) for each in zip(own, still, strict=True))
+    return replace(evaluation, trajectories=paths, parts=parts)
+
+
+def _one_after_another(paths: Sequence[Trajectories]) -> Trajectories:
+    """The motions (m,) that begin with those of the first of several parts, without variations."""
+    before = np.cumsum([np.zeros(len(paths[0])), *(path.ends for path in paths)], axis=0)
+    owners = np.concatenate([path.owner for path in paths])
+    order = np.argsort(owners, kind="stable")
+    starts = np.concatenate([path.starts + start[path.owner] for path, start in zip(paths, before, strict=False)])
+    coefficients, counts = np.concatenate([path.coefficients for path in paths]), sum(path.counts for path in paths)
+    return Trajectories(starts[order], before[-1], coefficients[order], counts, paths[0].names)
