@@ -193,6 +193,7 @@ class Curve:
     """The curve F(u, value) = 0 of a machine's orbits along a parameter, whose whole range `span` is its unit."""
 
     tuned: tuple[str, ...] = ()  # the names of the parameters that are tuned along it
+    own_settings: Mapping[str, object] = {}  # further settings of its family
 
     def __init__(self, machine: Machine, along: str, method: str, span: float):
         self.machine, self.along, self.method, self.span = machine, along, method, span

@@ -303,8 +303,10 @@ def _of_family(machine: Machine, family: int, method: str) -> Solved:
     return solve_near(machine, lowest, method)
 
 
-def start_tracer(curve: Curve, x: np.ndarray, start: float, behind: float, stop: float, options: Options) -> Tracer:
-    """A run from near `x` (n + 1,), where the parameter has the value `start`, towards `stop`."""
+def start_tracer(
+    curve: Any, x: np.ndarray, start: float, behind: float, stop: float, options: Options, kind: type[Tracer] = Tracer
+) -> Tracer:
+    """A run of some kind from near `x` (n + 1,), where the parameter has the value `start`, towards `stop`."""
     with interrupts.deferred(), without_units(curve.units_at(start)):
         along_parameter = np.eye(len(x))[-1]
         first = correct(curve, x, along_parameter, start, along_parameter * np.sign(stop - start))
@@ -312,7 +314,7 @@ def start_tracer(curve: Curve, x: np.ndarray, start: float, behind: float, stop:
             first = curve.certify(first)
         for name, function in options.watch.items():
             watched(name, function, curve.orbit(first))
-        return Tracer(curve, first, behind, stop, options)
+        return kind(curve, first, behind, stop, options)
 
 
 def _resumed(machine, along: str, behind: float, stop: float, resume: Family, options: Options) -> Tracer:
