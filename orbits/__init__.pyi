@@ -73,7 +73,8 @@ from .simulation.multipliers import HopMultipliers, multipliers
 from .simulation.simulated import Simulation
 from .simulation.simulation import simulate
 from .sweeps.existence import Existence, existence
-from .sweeps.sweep import SweepProgress as SweepProgress, sweep
+from .sweeps.progress import SweepProgress as SweepProgress
+from .sweeps.sweep import sweep
 from .sweeps.sweep_result import Sweep
 from .sweeps.uncertainty import Uncertainty, uncertainty
 from .units import Units

@@ -97,30 +97,33 @@ class EventCondition:
         if not self.at_limit:
             return points
         certificates = points.column("certificate")
-        violations, words = [*certificates.column("violations")], ("end",)
-        near, changed = np.full(len(points), True), dict[str, Any]()
+        violations = [*certificates.column("violations")]
         if self.text:
-            near, words = np.abs(self.excess(points.column(self.text))) < SAME_NUMBER, LIMITS[self.text][1]
-        else:
-            changed = {"contact_time": np.full(len(points), NONE)}
-        own = tuple(str(model.violations.get(word, word)) for word in words)
+            near, here = np.abs(self.excess(points.column(self.text))) < SAME_NUMBER, "\0"
+            own = tuple(str(model.violations.get(word, word)) for word in LIMITS[self.text][1])
+        else:  # nothing of the contact is known, which does not end
+            near, here, own = np.full(len(points), True), "contact", (str(model.violations["end"]),)
+            points = points.replaced(contact_time=np.full(len(points), NONE))
         for i in near.nonzero()[0].tolist():
-            violations[i] = tuple(each for each in violations[i] if not str(each).startswith(own))
-        return points.replaced(certificate=certificates.replaced(violations=violations), **changed)
+            violations[i] = tuple(
+                each for each in violations[i] if not (str(each).startswith(own) or here in str(each))
+            )
+        return points.replaced(certificate=certificates.replaced(violations=violations))
 
 
 class EventCurve(Curve):
     """The curve of orbits at an event in two parameters; its points have the value of the first one too.
 
     within : bounds of the first parameter, where the curve ends; None for none
+    locates : whether the events of orbits are located along it
     """
 
     def __init__(
         self, machine: Machine, along: str, second: str, method: str, span: float, stated: EventStatement,
-        condition: EventCondition, within: tuple[float, float] | None = None,
+        condition: EventCondition, within: tuple[float, float] | None = None, locates: bool = True,
     ):  # fmt: skip
         super().__init__(machine, second, method, span)
-        self.first, self.condition, self.within = self.names.index(along), condition, within
+        self.first, self.condition, self.within, self.locates = self.names.index(along), condition, within, locates
         self.equations_of_orbits = equations_of(machine.model, method, self.names)
         self.equations = shooting_equations(stated.statement, self.names)
         # The unit of a parameter that passes zero is its first value, or 1 when the first value is zero.
@@ -233,5 +236,5 @@ class EventTracer(Tracer):
     tests_for_the_end = EventEndings
 
     def __init__(self, curve: EventCurve, *args: Any):
-        self.segments = type("EventSegment", (Segment,), {"tests": curve.condition.tests()})
+        self.segments = type("EventSegment", (Segment,), {"tests": curve.condition.tests() if curve.locates else {}})
         super().__init__(curve, *args)

@@ -67,4 +67,4 @@ def follow_fold(
     if not steepness < STEEPEST * abs(fold.tangent[alpha]) * max(abs(fold.value), 1e-3):
         raise NoOrbit(f"this point is no fold: {along} changes along its family")
     begun = start_of_fold(machine, base, fold, along)
-    return collect_event(machine, method, along, across, stop, begun, options, None, output)
+    return collect_event(machine, method, along, across, stop, begun, options, output=output)

@@ -16,7 +16,7 @@ from ..design.event_statement import (
     event_statement,
     names_of_kind,
 )
-from ..design.extremes import Place, places_of
+from ..design.extremes import Kind, Place, places_of
 from ..design.problem import Outputs, formula_names, known_formula
 from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..flow.flow import flow_of
@@ -53,6 +53,8 @@ NOT_FOLLOWED = {
 # Samples of the energy over the places of a contact, in which its barrier is searched, up to so many times the distance
 # from touchdown to the place of rest; and the largest share of the energy at rest that is left there.
 BARRIER_SAMPLES, FURTHEST_BARRIER, ENERGY_LEFT = 4000, (2.0, 8.0, 64.0), 0.2
+# A number of the certificate that is larger where its event is located changes its sign by a jump.
+JUMPS = 1e-6
 # Values that differ by a larger share are taken at another place of the motion.
 SAME_VALUE = 1e-7
 
@@ -78,6 +80,7 @@ def follow_event(
     longest: float = Options.longest,
     most: int = Options.most,
     stop_inadmissible: bool = Options.stop_inadmissible,
+    locate: bool = True,
     step_control: StepControl = Options.step_control,
     output: str | Path | None = None,
 ) -> Family:
@@ -92,6 +95,7 @@ def follow_event(
     stop : its last value, or a pair of bounds, as in `follow`
     number : of the event among those of its kind, from 0 in order along the family
     within : bounds of the family's own parameter, where the curve ends too
+    locate : whether to locate the events of the curve
     at, longest, most, stop_inadmissible, step_control, output : as in `follow`
 
     Returns a `Family` along `second`, whose points have the value of the family's own parameter too (`column`), with
@@ -129,12 +133,13 @@ def follow_event(
     with interrupts.deferred(), without_units(machine.units):
         begun = _begun(machine, family, event, number)
     machine = machine.with_values(**{family.name: float(begun.x[-1])})
-    return collect_event(machine, family.settings["method"], family.name, second, stop, begun, options, within, output)
+    names = family.settings["method"], family.name, second
+    return collect_event(machine, *names, stop, begun, options, within, locate, output)
 
 
 def collect_event(
     machine: Machine, method: str, along: str, second: str, stop: Any, begun: Start, options: Options,
-    within: tuple[float, float] | None, output: str | Path | None,
+    within: tuple[float, float] | None = None, locate: bool = True, output: str | Path | None = None,
 ) -> Family:  # fmt: skip
     """The curve of an event of a machine's family along a parameter, from its start on."""
     start = machine.values[second]
@@ -143,8 +148,14 @@ def collect_event(
         control = options.step_control
         growth = max(control.largest_amplification ** (1 / 3), 10.0)
         options = replace(options, step_control=replace(control, largest_amplification=growth))
-    curve = EventCurve(machine, along, second, method, abs(stop - behind), begun.stated, begun.condition, within)
-    tracer = start_tracer(curve, np.append(begun.x, start), start, behind, stop, options, EventTracer)
+    curve = EventCurve(
+        machine, along, second, method, abs(stop - behind), begun.stated, begun.condition, within, locate
+    )
+    try:
+        tracer = start_tracer(curve, np.append(begun.x, start), start, behind, stop, options, EventTracer)
+    except (NoOrbit, FlowError) as error:
+        name = begun.condition.name
+        raise NoOrbit(f"the curve of '{name}' does not begin at {along} = {begun.x[-1]:.10g}: {error}") from None
     return _at_its_place(collect_family(tracer, output=output), begun.condition)
 
 
@@ -192,6 +203,9 @@ def _begun(machine: Machine, family: Family, event: Event | str | Mapping[str, f
         reason = NOT_FOLLOWED.get(found.kind, "of a function that is watched no derivatives are known: state a formula")
         raise InputError(f"a curve of '{found.kind}' is not followed: {reason}; those of {known} are")
     text = limits[found.kind]
+    size = getattr(own, text)
+    if size is None or abs(size) > JUMPS:  # on one side the contact turns back before a barrier, on the other beyond it
+        return _of_collapse(machine, family, own)
     condition = EventCondition(found.kind, text, 0.0, place=_place(machine, text, 0.0))
     return _of_formula(machine, family, own, _known(machine, text), condition)
 
@@ -287,7 +301,8 @@ def _of_formula(
     """The start of a curve on which a formula has a value or is stationary."""
     here = machine.with_values(**{family.name: point.value})
     used = tuple(_quantities(here, formula))
-    kinds, times, contact = (), list[float](), None
+    kinds: tuple[Kind, ...] = ()
+    times, contact = list[float](), None
     if used:
         base_statement(machine.model)  # refuses machines whose orbits are not their own mirror images
         if "landing_sensitivity" in used or "loss_coefficient" in used:
@@ -333,9 +348,9 @@ def _completed(machine: Machine, stated: EventStatement, known: Mapping[str, flo
     names = stated.statement.unknowns
     x = np.array([known.get(name, 0.0) for name in names])
     equations = shooting_equations(stated.statement, tuple(machine.values))
-    residual = equations.evaluate(x, vector(machine.values)).residual if stated.rows else []
-    for name, row in stated.rows.items():
-        x[names.index(name)] = residual[row]
+    if stated.rows:
+        residual = equations.evaluate(x, vector(machine.values)).residual
+        x[[names.index(name) for name in stated.rows]] = residual[[*stated.rows.values()]]
     return x
 
 
