@@ -51,10 +51,12 @@ def _solutions(
         found = kernel(xs, rows, levels, curve.size(xs), curve.parameters_at(xs), least, with_motions)
         if len(found.which) == len(xs):
             return found
-    return _solve_step_by_step(curve, xs, rows, levels, least)
+    return _solve_step_by_step(curve, xs, rows, levels, least, with_motions or curve.measures_growth)
 
 
-def _solve_step_by_step(curve: Curve, xs: Array, rows: Array, levels: Array, least: int) -> Solutions:
+def _solve_step_by_step(
+    curve: Curve, xs: Array, rows: Array, levels: Array, least: int, with_motions: bool
+) -> Solutions:
     """`_solutions` by one Newton step at a time, for motions of any kind; raises the errors of the motions."""
     sizes, last = curve.size(xs), np.inf
     for taken in range(1, MOST_NEWTON_STEPS + 1):
@@ -63,7 +65,7 @@ def _solve_step_by_step(curve: Curve, xs: Array, rows: Array, levels: Array, lea
         xs, moved = xs + steps, (np.abs(steps) / sizes).max(1)
         settled, shrinks = settles(moved, last, evaluation.amplification), moved < STALLED_RATIO * last
         if taken >= least and settled.all():
-            evaluation = curve.evaluate(xs)
+            evaluation = curve.evaluate(xs) if with_motions else evaluation
             return Solutions(np.arange(len(xs)), xs, directions, evaluation.amplification, evaluation)
         if not (np.isfinite(moved) & (settled | shrinks | (taken < least))).all():
             raise NoOrbit("the corrector does not converge")

@@ -194,6 +194,8 @@ class Curve:
 
     tuned: tuple[str, ...] = ()  # the names of the parameters that are tuned along it
     own_settings: Mapping[str, object] = {}  # further settings of its family
+    # Whether the growth of small changes at the end of a step is that of its solution, not of the last Newton step.
+    measures_growth = True
 
     def __init__(self, machine: Machine, along: str, method: str, span: float):
         self.machine, self.along, self.method, self.span = machine, along, method, span

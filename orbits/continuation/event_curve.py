@@ -126,8 +126,9 @@ class EventCurve(Curve):
         self.first, self.condition, self.within, self.locates = self.names.index(along), condition, within, locates
         self.equations_of_orbits = equations_of(machine.model, method, self.names)
         self.equations = shooting_equations(stated.statement, self.names)
-        # The unit of a parameter that passes zero is its first value, or 1 when the first value is zero.
-        self.least = 0.1 * abs(self.parameters[self.first]) or 1.0
+        # The unit of the first parameter is the distance of its bounds, or its value; of one that passes zero its first
+        # value, or 1 when the first value is zero.
+        self.least = within[1] - within[0] if within else 0.1 * abs(self.parameters[self.first]) or 1.0
         self.own_settings = {"event": condition.name, "along": along}
 
     def parameters_at(self, xs: np.ndarray) -> np.ndarray:
@@ -140,11 +141,13 @@ class EventCurve(Curve):
         own = self.equations_of_orbits.size
         size = super().size(np.concatenate([x[..., :own], x[..., -1:]], axis=-1))
         others = np.maximum(np.abs(x[..., own:-2]), 0.1 * size[..., :own].max(-1, keepdims=True))
-        first = np.maximum(np.abs(x[..., -2:-1]), self.least)
+        first = np.maximum(np.abs(x[..., -2:-1]) * (self.within is None), self.least)
         return np.concatenate([size[..., :own], others, first, size[..., -1:]], axis=-1)
 
     def varied(self, p: np.ndarray) -> dict[str, float]:
         return {**super().varied(p), self.names[self.first]: float(p[self.first])}
+
+    measures_growth = False
 
     @property
     def kernel(self) -> None:

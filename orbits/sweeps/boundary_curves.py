@@ -13,7 +13,7 @@ from ..continuation.family import Family
 from ..continuation.follow import begin
 from ..continuation.follow_event import follow_event
 from ..continuation.point import End, Event, Point
-from ..continuation.step_control import checked_options
+from ..continuation.step_control import StepControl, checked_options
 from ..errors import OrbitsError
 from ..model.machine import Machine
 from ..periodic.orbit import Orbit
@@ -24,7 +24,10 @@ FOLLOWED = ("fold", COLLAPSE, *(kind for kind, _ in LIMITS.values() if kind))
 # Pairs of neighbours from which curves are followed, at most; and those of them in succession that lead to none.
 MOST_PAIRS, MOST_WITHOUT = 24, 6
 # Points of a family between two neighbours, and of a curve; and the longest steps of both, as shares of the range.
-MOST_ON_WAY, MOST_ON_CURVE, LONGEST_ON_WAY, LONGEST_ON_CURVE = 60, 2000, 0.5, 0.05
+MOST_ON_WAY, MOST_ON_CURVE, LONGEST_ON_WAY, LONGEST_ON_CURVE = 60, 400, 0.5, 0.05
+# Few points are solved at a time, since most curves end soon, and long steps are taken, since the rows are hit exactly.
+# Curves are not followed far to where rounding decides, which takes many steps: what is left there is bisected.
+ON_CURVE = StepControl(largest_batch=32, target_correction=1e-4, largest_amplification=1e6)
 # A curve that passes a row within this share of the range of an event is the curve of that event.
 SAME_CURVE = 1e-7
 
@@ -143,6 +146,7 @@ def _both_ways(box: Box, family: Family, event: Event) -> list[Family]:
                 most=MOST_ON_CURVE,
                 stop_inadmissible=event.kind != "fold",
                 locate=False,
+                step_control=ON_CURVE,
             )
         )
     return curves
