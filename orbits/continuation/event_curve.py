@@ -46,6 +46,8 @@ LIMITS = {
     "smallest_separation": ("masses touch", ("separation",)),
     "smallest_contact_force": ("contact pulls", ("pull", "landed pull")),
     "landing_jerk": ("landing jerk", ("the gap opens the wrong way",)),
+    "smallest_stance_force": ("", ("stance",)),
+    "friction_left": ("", ("it needs the friction",)),
 }
 COLLAPSE, ELSEWHERE = "collapse", "another place"
 
@@ -72,17 +74,16 @@ class EventCondition:
         return self.level is None
 
     @property
-    def at_limit(self) -> str:
-        """The test function that vanishes on the whole curve; "" without one."""
-        if self.text == "":
-            return COLLAPSE
-        return LIMITS[self.text][0] if self.text in LIMITS and self.level == 0 else ""
+    def at_limit(self) -> bool:
+        """Whether the curve is the limit of a condition of motions."""
+        return not self.text or (self.text in LIMITS and self.level == 0)
 
     def tests(self) -> dict[str, Callable[[Records[Point]], np.ndarray]]:
         """The test functions of events on the curve: those of orbits that do not vanish on all of it, and whether the
         quantity takes its value at the place that is followed, and not at another one."""
-        found = {kind: test for kind, test in TEST_FUNCTIONS.items() if kind != self.at_limit}
-        if self.text == "":
+        own = LIMITS[self.text][0] if self.text and self.at_limit else ""
+        found = {kind: test for kind, test in TEST_FUNCTIONS.items() if kind != own}
+        if not self.text:
             return {kind: found[kind] for kind in ("grazing", "landing jerk")}
         if self.place and self.level is not None and self.text in Certificate.__dataclass_fields__:
             found[ELSEWHERE] = lambda points: self.place * self.excess(points.column(self.text)) + SAME_NUMBER
@@ -99,7 +100,9 @@ class EventCondition:
         certificates = points.column("certificate")
         violations = [*certificates.column("violations")]
         if self.text:
-            near, here = np.abs(self.excess(points.column(self.text))) < SAME_NUMBER, "\0"
+            measured = self.text in Certificate.__dataclass_fields__
+            near = np.abs(self.excess(points.column(self.text) if measured else np.zeros(len(points)))) < SAME_NUMBER
+            here = "\0"
             own = tuple(str(model.violations.get(word, word)) for word in LIMITS[self.text][1])
         else:  # nothing of the contact is known, which does not end
             near, here, own = np.full(len(points), True), "contact", (str(model.violations["end"]),)

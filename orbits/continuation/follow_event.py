@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..design.design_point import no_motion
-from ..design.design_quantities import ABSENT, COMPOSITION, VARIATIONAL, base_statement
+from ..design.design_quantities import ABSENT, COMPOSITION, VARIATIONAL, base_statement, extremes_of
 from ..design.event_statement import (
     BARRIER,
     EventStatement,
@@ -18,6 +18,7 @@ from ..design.event_statement import (
 )
 from ..design.extremes import Kind, Place, places_of
 from ..design.problem import Outputs, formula_names, known_formula
+from ..design.sensitivities import quantities
 from ..errors import FlowError, InputError, NoOrbit, finite_number
 from ..flow.flow import flow_of
 from ..model.machine import Machine
@@ -242,15 +243,21 @@ def _place(machine: Machine, text: str, level: float) -> int:
 
 def _values(machine: Machine, family: Family, formula: Formula) -> np.ndarray:
     """The values (m,) of a formula at the points of a family."""
-    values = {name: family.column(name) for name in _quantities(machine, formula)}
-    return formula(**{name: values.get(name, _parameter(machine, family, name)) for name in formula.names})
-
-
-def _parameter(machine: Machine, family: Family, name: str) -> Any:
-    """The values (m,) of a parameter along a family."""
-    if name == family.name:
-        return family.column(name)
-    return np.full(len(family), machine.values.get(name, np.nan))
+    here = [machine.with_values(**family._varied(point)) for point in family.points]
+    known, used = {*family._numbers_of(family.points), *names_of_motions(machine)}, _quantities(machine, formula)
+    values = {name: family.column(name) for name in used if name in known}
+    if missing := [name for name in used if name not in known]:
+        method, each = family.settings["method"], list[list[float]]()
+        for own, point in zip(here, family.points, strict=True):
+            bare = _bare(machine, family, point)
+            try:
+                found = quantities(own, orbit_from(own, method, point.u, bare.error), missing)
+                each.append([found[name] for name in missing])
+            except NoOrbit:
+                each.append([np.nan] * len(missing))
+        values |= dict(zip(missing, np.transpose(each), strict=True))
+    values |= {name: np.array([own.values[name] for own in here]) for name in formula.names if name not in values}
+    return formula(**{name: values[name] for name in formula.names})
 
 
 def _quantities(machine: Machine, formula: Formula) -> list[str]:
@@ -387,19 +394,14 @@ def _barrier(machine: Machine, stated: EventStatement, place: float, speed: floa
 def _at_its_place(family: Family, condition: EventCondition) -> Family:
     """The curve up to where its quantity is no longer that of the orbit, since another place of the motion has it."""
     machine = family.source
-    if not condition.text or condition.stationary or condition.text in Certificate.__dataclass_fields__ or not machine:
+    formula = parse(condition.text) if condition.text else None
+    if not formula or condition.level is None or machine is None or not family.points:
         return family
-    formula = parse(condition.text)
-    names = _quantities(machine, formula)
-    if any(name not in (*family._numbers_of(family.points), *names_of_motions(machine)) for name in names):
+    used = _quantities(machine, formula)
+    if condition.text in Certificate.__dataclass_fields__ or not any(map(extremes_of, used)):
         return family
-    columns = {name: family.column(name) for name in names}
-    also = [family._varied(point) for point in family.points]
-    values = {
-        name: columns.get(name, np.array([here.get(name, machine.values.get(name, np.nan)) for here in also]))
-        for name in formula.names
-    }
-    off = np.abs(formula(**values) - condition.level) > SAME_VALUE * max(abs(condition.level or 0.0), 1e-3)
+    off = np.abs(_values(machine, family, formula) - condition.level)
+    off = off > SAME_VALUE * max(abs(condition.level or 0.0), 1e-3)
     if not off.any():
         return family
     first = int(off.argmax())
