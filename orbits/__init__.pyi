@@ -5,6 +5,7 @@ from .continuation.branch_curve import follow_branch_points
 from .continuation.family import Family
 from .continuation.folds import follow_fold
 from .continuation.follow import follow, follow_branch, orbit_at, trace
+from .continuation.follow_event import follow_event
 from .continuation.point import End as End, Event as Event, Point as Point
 from .continuation.starts import start_from_rest, starts
 from .continuation.step_control import StepControl as StepControl
@@ -72,7 +73,8 @@ from .simulation.multipliers import HopMultipliers, multipliers
 from .simulation.simulated import Simulation
 from .simulation.simulation import simulate
 from .sweeps.existence import Existence, existence
-from .sweeps.sweep import SweepProgress as SweepProgress, sweep
+from .sweeps.progress import SweepProgress as SweepProgress
+from .sweeps.sweep import sweep
 from .sweeps.sweep_result import Sweep
 from .sweeps.uncertainty import Uncertainty, uncertainty
 from .units import Units
@@ -84,8 +86,8 @@ __all__ = [
     "BifurcationDiagram", "BranchPoint", "Control", "Design", "Existence", "Family", "Front", "HopMultipliers",
     "InputError", "Machine", "Mechanism", "Model", "NoOrbit", "Orbit", "OrbitsError", "PeriodicHop", "Proof",
     "ReturnMap", "Simulation", "Sweep", "Uncertainty", "Units", "__version__", "bifurcations", "check", "existence",
-    "find", "find_all", "find_branch_points", "follow", "follow_branch", "follow_branch_points", "follow_fold",
-    "multiplier", "multipliers", "optimize", "orbit_at", "orbit_function", "pareto", "prove", "prove_absence",
-    "prove_doubling", "prove_fixed_point", "prove_fold", "quantities", "sensitivities", "simulate", "start_from_rest",
-    "starts", "steer", "sweep", "time_limit", "trace", "uncertainty",
+    "find", "find_all", "find_branch_points", "follow", "follow_branch", "follow_branch_points", "follow_event",
+    "follow_fold", "multiplier", "multipliers", "optimize", "orbit_at", "orbit_function", "pareto", "prove",
+    "prove_absence", "prove_doubling", "prove_fixed_point", "prove_fold", "quantities", "sensitivities", "simulate",
+    "start_from_rest", "starts", "steer", "sweep", "time_limit", "trace", "uncertainty",
 ]  # fmt: skip

@@ -37,7 +37,7 @@ def collect_family(
     tracer: Tracer, resume: Family | None = None, output: str | Path | None = None, progress: Progress = None
 ) -> Family:
     """The family that a run finds; the other arguments as in `follow`."""
-    family = _begun(tracer, resume)
+    family = begun(tracer, resume)
     parts, events, end, before = list[Records[Point]](), [*family.events], family.end, len(family.points)
     with Lines(family, resume, output) as lines, interrupts.deferred():
         for item in _until_time_is_over(tracer if progress else tracer.parts()):
@@ -68,13 +68,14 @@ def _until_time_is_over(items: Iterable[_Item]) -> Iterator[_Item]:
         yield End("interrupted", f"{over}; resume it to go on")
 
 
-def _begun(tracer: Tracer, resume: Family | None) -> Family:
+def begun(tracer: Tracer, resume: Family | None = None) -> Family:
     """The family before its run: without points, or with those of the family that is resumed."""
     curve, options = tracer.curve, tracer.options
     settings = {"start": tracer.start, "behind": tracer.behind, "stop": tracer.stop}
     settings |= {"family": tracer.first.point.family, "method": curve.method, "longest": options.longest}
     settings |= {"tune": list(resume.settings["tune"] if resume else curve.tuned)} if curve.tuned else {}
     settings |= {"at": list(options.at), "watch": list(options.watch), "stop_inadmissible": options.stop_inadmissible}
+    settings |= curve.own_settings
     machine = machine_in_words(curve.machine) if resume is None else resume.machine
     # The run solves the last point of a resumed family again, and finds the events after it again. An event at a
     # requested value is the last point itself and stays.

@@ -199,6 +199,7 @@ class Curve:
 
     tuned: tuple[str, ...] = ()  # the names of the parameters that are tuned along it
     division: Division | None = None  # of the motions, where they amplify small changes
+    own_settings: Mapping[str, object] = {}  # further settings of its family
 
     def __init__(self, machine: Machine, along: str, method: str, span: float):
         self.machine, self.along, self.method, self.span = machine, along, method, span

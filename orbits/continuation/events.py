@@ -4,7 +4,7 @@ A test function changes its sign at an event: those of orbits (`curve.TEST_FUNCT
 parameter's share of the tangent at a fold, and the determinant of the bordered Jacobian at a branch point.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from itertools import pairwise
@@ -15,10 +15,11 @@ import numpy as np
 from ..errors import InputError, NoOrbit, OrbitsError, finite_number
 from ..numerics.roots import bracketed_root
 from ..periodic.orbit import Orbit
-from ..records import NONE
+from ..records import NONE, Records
 from ..units import LIFTOFF_SPEED
 from .corrector import correct
 from .curve import TEST_FUNCTIONS, Curve, CurvePoint, CurvePoints, Watch, interpolated
+from .point import Point
 
 # An event is located to this share of the chord between two points, where rounding begins to show.
 WIDTH = 1e-13
@@ -31,17 +32,20 @@ INSIDE = 1e-9
 class Segment:
     """The curve between two neighbouring certified points; a place on it is stated as its share of the chord."""
 
+    # The test functions of certified orbits.
+    tests: Mapping[str, Callable[[Records[Point]], np.ndarray]] = TEST_FUNCTIONS
+
     def __init__(self, curve: Curve, a: CurvePoint, b: CurvePoint):
         self.curve, self.a, self.b = curve, a, b
 
-    @staticmethod
+    @classmethod
     def may_happen(
-        before: CurvePoint, points: Sequence[CurvePoint], requested: tuple[float, ...], watch: Watch
+        cls, before: CurvePoint, points: Sequence[CurvePoint], requested: tuple[float, ...], watch: Watch
     ) -> np.ndarray:
         """Whether an event may lie between each of certified points (m,) and the one before it, (m,)."""
         if watch:
             return np.ones(len(points), bool)
-        parts = [(part.values[:, None], _test_signs(part)) for part in map(CurvePoints.of, ([before], points))]
+        parts = [(part.values[:, None], cls._test_signs(part)) for part in map(CurvePoints.of, ([before], points))]
         values, signs = map(np.concatenate, zip(*parts, strict=True))
         low, high = np.minimum(values[:-1], values[1:]), np.maximum(values[:-1], values[1:])
         return (signs[:-1] != signs[1:]).any(1) | ((low <= requested) & (requested <= high)).any(1)
@@ -117,7 +121,7 @@ class Segment:
             yield "fold", self.fold, self(self.fold)
         if branch := self._branch_point():
             yield "branch point", *branch
-        for kind in ("family", *TEST_FUNCTIONS, *watch):
+        for kind in ("family", *self.tests, *watch):
             if (share := self.zero(partial(self._test, kind, watch))) is not None:
                 yield kind, share, self(share)
 
@@ -145,17 +149,17 @@ class Segment:
         point = self.curve.certify(point)
         if kind == "family":
             return 1.0 if point.point.family == self.a.point.family else -1.0
-        if kind in TEST_FUNCTIONS:
-            value = TEST_FUNCTIONS[kind](CurvePoints.of([point]).orbits).item()
+        if kind in self.tests:
+            value = self.tests[kind](CurvePoints.of([point]).orbits).item()
             return None if value == NONE else value
         return watched(kind, watch[kind], self.curve.orbit(point))
 
-
-def _test_signs(points: CurvePoints) -> np.ndarray:
-    """The signs (m, k) of the test functions of points, and their families."""
-    signs = [((values := test(points.orbits)) >= 0) & (values != NONE) for test in TEST_FUNCTIONS.values()]
-    signs += [points.tangents[:, -1] >= 0, points.branch_tests >= 0, points.orbits.column("family")]
-    return np.array(signs).T
+    @classmethod
+    def _test_signs(cls, points: CurvePoints) -> np.ndarray:
+        """The signs (m, k) of the test functions of points, and their families."""
+        signs = [((values := test(points.orbits)) >= 0) & (values != NONE) for test in cls.tests.values()]
+        signs += [points.tangents[:, -1] >= 0, points.branch_tests >= 0, points.orbits.column("family")]
+        return np.array(signs).T
 
 
 def watched(name: str, function: Callable[[Orbit], float | bool | None], orbit: Orbit) -> float | None:

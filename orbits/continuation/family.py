@@ -301,7 +301,8 @@ class Family(
     def title(self) -> str:
         if not self.points:
             return f"a family along {self.name} without orbits: {self.end.kind}, {self.end.reason}"
-        head = f"family {self.points[0].family} of {title_of_machine(self.machine)}"
+        event = f"{self.settings['event']} of " if "event" in self.settings else ""
+        head = f"{event}family {self.points[0].family} of {title_of_machine(self.machine)}"
         return f"{head}, along {self.name}: {len(self)} orbits"
 
     def _rows(self) -> Iterator[Row]:

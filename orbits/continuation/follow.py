@@ -100,7 +100,7 @@ def follow(
     -0.010695215
     """
     options = checked_options(at, watch, longest, most, stop_inadmissible, step_control)
-    tracer = _begin(machine, along, start, stop, family, method, options, resume, tune)
+    tracer = begin(machine, along, start, stop, family, method, options, resume, tune)
     return collect_family(tracer, resume, output, progress)
 
 
@@ -121,7 +121,7 @@ def trace(
     method, tune = options.pop("method", None), options.pop("tune", None)
     if unknown := options.keys() - set(known):
         raise InputError(f"trace has no option '{min(unknown)}'; it knows {', '.join(known)}, method and tune")
-    tracer = _begin(machine, along, start, stop, family, method, checked_options(**options), None, tune)
+    tracer = begin(machine, along, start, stop, family, method, checked_options(**options), None, tune)
     return _orbits(tracer)
 
 
@@ -257,7 +257,7 @@ def bounds_of(along: str, start: float, stop: object, at: Sequence[float] = ()) 
     return behind, ahead
 
 
-def _begin(machine, along, start, stop, family, method, options: Options, resume: Family | None, tune) -> Tracer:
+def begin(machine, along, start, stop, family, method, options: Options, resume: Family | None, tune) -> Tracer:
     """A run from the first orbit, or from the last of a family that is resumed."""
     orbit, start = (start, None) if isinstance(start, Orbit | Mapping | str | Path) else (None, start)
     tuned = checked_tuning(machine, along, tune)
@@ -323,8 +323,10 @@ def _of_family(machine: Machine, family: int, method: str) -> Solved:
     return solve_near(machine, lowest, method)
 
 
-def start_tracer(curve: Curve, x: np.ndarray, start: float, behind: float, stop: float, options: Options) -> Tracer:
-    """A run from near `x` (n + 1,), where the parameter has the value `start`, towards `stop`."""
+def start_tracer(
+    curve: Any, x: np.ndarray, start: float, behind: float, stop: float, options: Options, kind: type[Tracer] = Tracer
+) -> Tracer:
+    """A run of some kind from near `x` (n + 1,), where the parameter has the value `start`, towards `stop`."""
     with interrupts.deferred(), without_units(curve.units_at(start)):
         along_parameter = np.eye(len(x))[-1]
         first = correct(curve, x, along_parameter, start, along_parameter * np.sign(stop - start))
@@ -332,7 +334,7 @@ def start_tracer(curve: Curve, x: np.ndarray, start: float, behind: float, stop:
             first = curve.certify(first)
         for name, function in options.watch.items():
             watched(name, function, curve.orbit(first))
-        return Tracer(curve, first, behind, stop, options)
+        return kind(curve, first, behind, stop, options)
 
 
 def _resumed(machine, along: str, behind: float, stop: float, resume: Family, options: Options) -> Tracer:

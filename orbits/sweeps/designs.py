@@ -66,6 +66,12 @@ class Axis:
             return np.clip(self.low * (self.high / self.low) ** shares, self.low, self.high)
         return (1 - shares) * self.low + shares * self.high
 
+    def share(self, value: float) -> float:
+        """The share of the range at which a value lies."""
+        if self.logarithmic:
+            return float(np.log(value / self.low) / np.log(self.high / self.low))
+        return (value - self.low) / (self.high - self.low)
+
 
 @dataclass(frozen=True)
 class Members:

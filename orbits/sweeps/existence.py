@@ -1,12 +1,13 @@
 """Where the orbits of a family exist in two parameters, and where they are motions.
 
 The orbits of a grid of machines give a first approximation. Wherever two neighbours in a row of the grid differ in
-status, the boundary between them is then located by bisection, for all pairs of neighbours together; if requested,
-also between the rows.
+status, the family between them is followed, and the event at which the status changes is followed as a curve in both
+parameters, which passes all rows exactly. Where no such curve is found, the boundary is located by bisection, for all
+pairs of neighbours together; if requested, also between the rows.
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -16,17 +17,22 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..continuation.family import Family
 from ..design.designs_at_once import CONTINUED_STATUSES, solved_designs
-from ..errors import InputError
+from ..errors import InputError, NoOrbit
 from ..io import Document
 from ..model.machine import Machine
-from ..periodic.continued import AT_FOLD, NOT_REACHED
+from ..periodic.continued import AT_FOLD, NOT_REACHED, continued_orbits
 from ..periodic.find import StartLike, family_number, find
+from ..periodic.orbit import Orbit, orbit_of
 from ..result import Axes, Result, Row, shown
 from ..running import interrupts
+from .boundary_curves import Box, Pair, boundary_curves, places_on_rows
 from .designs import Axis, axis_of
-from .progress import on_screen
-from .sweep import SweepProgress, sweep
+from .execute import check_executor
+from .progress import SweepProgress, on_screen
+from .sparse_grid import NOT_SEARCHED, SparseGrid
+from .sweep import checked_question, sweep
 from .sweep_result import Sweep
 
 # Boundaries are located to this share of the range of a parameter.
@@ -39,10 +45,12 @@ WITH_ORBIT = ("certified", "inadmissible")
 class Boundaries:
     """The boundaries between neighbours on the grid: the nodes (k, 2) before each boundary by their indices along and
     across, whether it lies in a row (k,), else between two, the points (k, 2), the statuses (k, 2) before and behind,
-    and whether the point is located (k,), else it is the midpoint of the neighbours."""
+    whether the point is located (k,), else it is the midpoint of the neighbours, and whether it lies on a curve of
+    events (k,), so that it is exact."""
 
     in_row: np.ndarray
     located: np.ndarray
+    exact: np.ndarray
     nodes: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), int))
     points: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
     statuses: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), str))
@@ -64,6 +72,7 @@ class Existence(Result, what="diagram", in_line=("along", "across", "values")):
     values : of `across`, one for each row, ascending
     grid : the sweep of the members on the grid, `along` first
     boundaries : the points between neighbours of different statuses
+    curves : the curves of events that were followed, families along `across`
     """
 
     along: str
@@ -71,6 +80,7 @@ class Existence(Result, what="diagram", in_line=("along", "across", "values")):
     values: tuple[float, ...]
     grid: Sweep
     boundaries: Boundaries
+    curves: tuple[Family, ...] = ()
 
     machine = property(lambda self: self.grid.machine)
 
@@ -92,6 +102,18 @@ class Existence(Result, what="diagram", in_line=("along", "across", "values")):
             motions = ", ".join(f"{low:.8g} to {high:.8g}" for low, high in self.motions(row)) or "none"
             text = f"{motions}{', in part not known' if self.unknown(row) else ''}"
             yield Row(f"{value:.6g}", {f"{self.across} = {value:.6g}": text})
+        yield Row("rests on", {"rests on": self.rests_on})
+
+    @property
+    def rests_on(self) -> str:
+        """What the diagram rests on, in words."""
+        members, found = len(self.grid), self.boundaries
+        skipped = int(np.count_nonzero(self.grid["reason"] == NOT_SEARCHED))
+        exact = int(np.count_nonzero(found.exact))
+        others = int(np.count_nonzero(found.located)) - exact
+        text = f"{members - skipped} of {members} members were searched"
+        text += f", and {skipped} inside regions without orbits were not" if skipped else ""
+        return f"{text}; {exact} boundary points lie on {len(self.curves)} curves of events, {others} are bisected"
 
     @property
     def between(self) -> tuple[float, float]:
@@ -231,24 +253,106 @@ def existence(
         raise InputError(
             f"samples = {samples!r}: a range has at least two values; for one row give a list of one value"
         )
-    over = {along: between, across: list(column.values) or values}
-    grid = sweep(
-        machine, over, (counts[0], len(column.values) or counts[1]), sampling="grid", family=family,
-        quantities=quantities, start=start, executor=executor, workers=workers, client=client, store=store,
-        progress=progress,
-    )  # fmt: skip
+    over, shape = {along: between, across: list(column.values) or values}, (counts[0], len(column.values) or counts[1])
     scales, first = (row, replace(column, values=())), None if start is None else find(machine, start=start)
+    show, sparse, began = on_screen(progress), None, perf_counter()
+    if executor is None and client is None and store is None and start is None:
+        check_executor(executor, workers)
+        sparse = SparseGrid(checked_question(machine, over, shape, "grid", 0, family, quantities), show)
+        grid = sparse.sweep()
+    else:
+        grid = sweep(
+            machine, over, shape, sampling="grid", family=family, quantities=quantities, start=start, executor=executor,
+            workers=workers, client=client, store=store, progress=progress,
+        )  # fmt: skip
 
     def statuses_at(shares: np.ndarray) -> np.ndarray:
         points = np.column_stack([axis.at(share) for axis, share in zip(scales, shares.T, strict=True)])
         return solved_designs(machine, (along, across), points, family, {}, first).statuses
 
+    def orbit_at(here: Machine) -> Orbit:
+        if first is None:
+            return find(here, family)
+        (orbit,) = continued_orbits(machine, first, [here])
+        if isinstance(orbit, NoOrbit):
+            raise orbit
+        return orbit_of(here, orbit)
+
     rows = tuple(grid[across].reshape(grid.about["shape"])[0].tolist())
+    box = Box(along, across, grid[along].reshape(grid.about["shape"])[:, 0], np.array(rows))
+    curves = boundary_curves(box, _pairs(grid["status"].reshape(grid.about["shape"])), orbit_at, machine)
+    if sparse:
+        sparse.search_around(_nodes_of(box, curves))
+        grid = sparse.sweep()
     shares = np.linspace(0, 1, grid.about["shape"][0]), _shares_at(column, rows)
     statuses = grid["status"].reshape(grid.about["shape"])
-    boundaries = _located(statuses, shares, both_ways, statuses_at, on_screen(progress))
+    places = [[row.share(place) for place in each] for each in _places(box, curves)]
+    by_curves = _on_curves(statuses, shares, places, statuses_at)
+    done = len(grid) + 2 * sum(map(len, places))
+    show(SweepProgress(done, done, dict(Counter(statuses.ravel().tolist())), perf_counter() - began, 0.0))
+    boundaries = _located(statuses, shares, both_ways, statuses_at, show, by_curves)
     points = np.column_stack([axis.at(share) for axis, share in zip(scales, boundaries.points.T, strict=True)])
-    return Existence(along, across, rows, grid, replace(boundaries, points=points))
+    return Existence(along, across, rows, grid, replace(boundaries, points=points), tuple(curves))
+
+
+def _pairs(statuses: np.ndarray) -> list[Pair]:
+    """The neighbours in rows that differ in their statuses (m, n), one of which has an orbit, those of the rows in the
+    middle first."""
+    orbits = np.isin(statuses.astype(str), WITH_ORBIT)
+    found = np.argwhere((statuses[:-1] != statuses[1:]) & (orbits[:-1] | orbits[1:]))
+    order = np.argsort(np.abs(2 * found[:, 1] - statuses.shape[1]), kind="stable")
+    return [Pair(i, j, 0 if orbits[i, j] else 1) for i, j in found[order].tolist()]
+
+
+def _places(box: Box, curves: Sequence[Family]) -> list[list[float]]:
+    """The places at which curves pass each row, ascending."""
+    each = [places_on_rows(box, curve) for curve in curves]
+    return [sorted({place for places in each for place in places[j]}) for j in range(len(box.rows))]
+
+
+def _nodes_of(box: Box, curves: Sequence[Family]) -> np.ndarray:
+    """The nodes (k, 2) of the grid before the points of curves, by their indices."""
+    points = [np.column_stack([curve.column(box.along), curve.column("value")]) for curve in curves]
+    x, y = np.concatenate([np.zeros((0, 2)), *points]).T
+    return np.column_stack(
+        [np.searchsorted(each, value, side="right") - 1 for each, value in ((box.places, x), (box.rows, y))]
+    )
+
+
+def _on_curves(
+    statuses: np.ndarray,
+    shares: tuple[np.ndarray, np.ndarray],
+    places: Sequence[Sequence[float]],
+    statuses_at: Callable[[np.ndarray], np.ndarray],
+) -> dict[tuple[int, int], list[tuple[float, str, str]]]:
+    """The boundaries in rows that lie on curves, by the node before them: share, status before and status behind.
+
+    places : the shares at which curves pass each row, ascending
+
+    The statuses on both sides of each are those of orbits that are found there. Where they do not lead from the status
+    of one node to that of the next, there is another boundary between, and nothing is returned for this node.
+    """
+    along, across = shares
+    nodes = [(int(np.searchsorted(along, x, side="right")) - 1, j, x) for j, each in enumerate(places) for x in each]
+    inside = [(i, j, x) for i, j, x in nodes if 0 <= i < len(along) - 1]
+    if not inside:
+        return {}
+    sides = list[tuple[float, float]]()
+    for k, (i, j, x) in enumerate(inside):
+        low = inside[k - 1][2] if k and inside[k - 1][:2] == (i, j) else along[i]
+        high = inside[k + 1][2] if k + 1 < len(inside) and inside[k + 1][:2] == (i, j) else along[i + 1]
+        sides.append((max(x - LOCATED_TO, 0.5 * (low + x)), min(x + LOCATED_TO, 0.5 * (high + x))))
+    beside = np.array([(x, across[j]) for pair, (_, j, _) in zip(sides, inside, strict=True) for x in pair])
+    found: dict[tuple[int, int], list[tuple[float, str, str]]] = {(i, j): [] for i, j, _ in inside}
+    for (i, j, x), (before, behind) in zip(inside, statuses_at(beside).reshape(-1, 2).tolist(), strict=True):
+        if before != behind:
+            found[i, j].append((x, before, behind))
+    chains = {node: [statuses[node], *(s for _, *pair in each for s in pair)] for node, each in found.items()}
+    return {
+        (i, j): found[i, j]
+        for (i, j), chain in chains.items()
+        if all(a == b for a, b in zip(chain[::2], [*chain[1::2], statuses[i + 1, j]], strict=True))
+    }
 
 
 def _shares_at(axis: Axis, values: Sequence[float]) -> np.ndarray:
@@ -264,11 +368,15 @@ def _located(
     both_ways: bool,
     statuses_at: Callable[[np.ndarray], np.ndarray],
     show: Callable[[SweepProgress], None],
+    on_curves: Mapping[tuple[int, int], list[tuple[float, str, str]]],
 ) -> Boundaries:
     """The boundaries of a grid with statuses (m, n) at shares of the ranges along (m,) and across (n,), their points in
-    shares too. Where a third status is met between two neighbours, there are two boundaries."""
+    shares too: those on curves, and others by bisection. Where a third status is met between two neighbours, there are
+    two boundaries."""
     nodes = np.concatenate(differing := [np.argwhere(np.diff(codes_of(statuses), axis=axis)) for axis in (0, 1)])
     in_row = np.repeat([True, False], list(map(len, differing)))
+    known = np.array([pair in on_curves for pair in map(tuple, nodes.tolist())], bool) & in_row
+    nodes, in_row = nodes[~known], in_row[~known]
     steps = np.where(in_row[:, None], [1, 0], [0, 1])
     low, high = (np.column_stack([share[k] for share, k in zip(shares, at.T, strict=True)])
                  for at in (nodes, nodes + steps))  # fmt: skip
@@ -292,7 +400,17 @@ def _located(
         rounds = np.log2(np.maximum((high - low)[in_row | both_ways].max(axis=1) / LOCATED_TO, 1.0))
         left, seconds = int(np.ceil(rounds).sum()), perf_counter() - began
         show(SweepProgress(done, done + left, dict(counts), seconds, left * seconds / done))
-    return Boundaries(in_row, in_row | both_ways, nodes, 0.5 * (low + high), parts)
+    exact = [(node, x, pair) for node, each in on_curves.items() for x, *pair in each]
+    count = len(exact)
+    points = [(x, shares[1][j]) for (_, j), x, _ in exact]
+    return Boundaries(
+        np.concatenate([in_row, np.ones(count, bool)]),
+        np.concatenate([in_row | both_ways, np.ones(count, bool)]),
+        np.concatenate([np.zeros(len(nodes), bool), np.ones(count, bool)]),
+        np.concatenate([nodes, np.reshape([node for node, _, _ in exact], (-1, 2)).astype(int)]),
+        np.concatenate([0.5 * (low + high), np.reshape(points, (-1, 2))]),
+        np.concatenate([parts, np.reshape([pair for _, _, pair in exact], (-1, 2)).astype(object)]),
+    )
 
 
 def codes_of(statuses: np.ndarray) -> np.ndarray:

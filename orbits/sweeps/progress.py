@@ -2,11 +2,28 @@
 
 import sys
 import time
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 # Seconds between two lines.
 PAUSE = 0.2
+
+
+class SweepProgress(NamedTuple):
+    """The progress of a sweep.
+
+    done, whole : number of members that are done, and of all members
+    statuses : number of members of each status
+    seconds, left : time in seconds since the sweep began, and an estimate of the remaining time
+    before : number of members that were done before it began
+    """
+
+    done: int
+    whole: int
+    statuses: Mapping[str, int]
+    seconds: float
+    left: float
+    before: int = 0
 
 
 def on_screen(progress: Callable[[Any], None] | bool | None) -> Callable[[Any], None]:

@@ -4,7 +4,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from ..running.exclusive import exclusive
 from ..running.time_limit import TimeOver
 from .designs import Members, members_of
 from .execute import check_executor, chunks_of, solved_chunks
-from .progress import on_screen
+from .progress import SweepProgress, on_screen
 from .question import LAUNCH_SPEED, Question, Table, empty_table, question_of
 from .sweep_result import Sweep, solves_again
 
@@ -27,23 +27,6 @@ if TYPE_CHECKING:
 
 # Seconds after which progress within a chunk is reported.
 SILENT = 1.0
-
-
-class SweepProgress(NamedTuple):
-    """The progress of a sweep.
-
-    done, whole : number of members that are done, and of all members
-    statuses : number of members of each status
-    seconds, left : time in seconds since the sweep began, and an estimate of the remaining time
-    before : number of members that were done before it began
-    """
-
-    done: int
-    whole: int
-    statuses: Mapping[str, int]
-    seconds: float
-    left: float
-    before: int = 0
 
 
 def sweep(
@@ -110,12 +93,9 @@ def sweep(
     >>> hops["alpha"].round(6).tolist(), hops["status"].tolist()
     ([3.412355, 3.111516, 2.936459], ['certified', 'certified', 'certified'])
     """
-    exclusive(check_machine)(machine, "with_values")
-    allowed = [*free_parameters(machine), *getattr(machine, "further_parameters", ())]
-    allowed = list(dict.fromkeys([*allowed, LAUNCH_SPEED] if outcome == "map" else allowed))
-    members = members_of(over, samples, sampling, seed, allowed)
-    _check_domain(machine, members)
-    question = question_of(machine, members, family, quantities, outcome, between, start, tune, at)
+    question = checked_question(
+        machine, over, samples, sampling, seed, family, quantities, outcome, between, start, tune, at
+    )
     if client is not None:
         if executor is not None:
             raise InputError("give executor or client, not both")
@@ -128,6 +108,20 @@ def sweep(
 
         opened = Store(store, question, resume)
     return _computed(question, opened, executor, workers, show)
+
+
+def checked_question(
+    machine: Machine, over: Any, samples: Any, sampling: str | None, seed: int, family: Any,
+    quantities: str | Sequence[str] = (), outcome: str = "find", between: Any = None, start: Any = None,
+    tune: Any = None, at: Any = None,
+) -> Question:  # fmt: skip
+    """The question of a sweep with these arguments; raises `InputError`, which names the invalid one."""
+    exclusive(check_machine)(machine, "with_values")
+    allowed = [*free_parameters(machine), *getattr(machine, "further_parameters", ())]
+    allowed = list(dict.fromkeys([*allowed, LAUNCH_SPEED] if outcome == "map" else allowed))
+    members = members_of(over, samples, sampling, seed, allowed)
+    _check_domain(machine, members)
+    return question_of(machine, members, family, quantities, outcome, between, start, tune, at)
 
 
 @exclusive

@@ -248,12 +248,19 @@ COLUMNS_OF_HOPS = {"alpha": "launch speed", "next": "next", "loss": "loss"}
 @options.file_option("--output", "lines", "Write each point as it is found (.jsonl), to load or to resume from.")
 @options.file_option("--save", "family", "Save the whole family: .csv, .nc or .jsonl.")
 @click.option("--resume", metavar="FILE", help="Continue from the end of a family written by --output or --save.")
+@click.option(
+    "--event",
+    metavar="EVENT",
+    help="Follow an event of the family along --second instead: a kind, as fold or 'masses touch', a formula with its "
+    "value, as clearance=0.1, or 'extremum of alpha'.",
+)
+@click.option("--second", metavar="NAME=STOP", help="The second parameter, from its own value, and its last value.")
 def follow_command(
     family: int, along: str, start: float | None, stop: float, tune: tuple[str, ...], at: str | None, longest: float,
     hop: str | None, method: str | None, stop_inadmissible: bool, as_json: bool, plot: str | None, output: str | None,
-    save: str | None, resume: str | None, **stated: Any,
+    save: str | None, resume: str | None, event: str | None, second: str | None, **stated: Any,
 ) -> None:  # fmt: skip
-    """Follow a family of orbits along a parameter, past folds, to its end."""
+    """Follow a family of orbits along a parameter, past folds, to its end; or an event of it in two parameters."""
     from orbits.continuation.family import Family
     from orbits.continuation.follow import follow, orbit_at
     from orbits.periodic.tuned import QUANTITIES_ALONG
@@ -265,13 +272,20 @@ def follow_command(
     known = start is None or (tuned and along in QUANTITIES_ALONG)  # a quantity is no parameter of the machine
     machine = options.machine_of(**stated, first=None if known else (along, start))
     first = options.started(machine, hop) if before is None else None
+    of_event = options.event_of(event, second)
     with options.progress() as report:
         followed = follow(
             machine, along, stop, first or start, family, at=values, longest=longest,
-            method=method, stop_inadmissible=stop_inadmissible, output=output, resume=before, progress=report,
-            tune=tuned,
+            method=method, stop_inadmissible=stop_inadmissible, output=None if of_event else output, resume=before,
+            progress=report, tune=tuned,
         )  # fmt: skip
-    if plot is not None:
+    if of_event:
+        from orbits.continuation.follow_event import follow_event
+
+        followed = follow_event(followed, *of_event, longest=longest, output=output)
+        if plot is not None:
+            save_figure(plot_family(followed, quantity=along), plot)
+    elif plot is not None:
         method = followed.settings["method"]
         small = [(point, orbit_at(machine, point, along, method)) for point in spread(followed, THUMBNAILS)]
         save_figure(thumbnails(plot_family(followed), followed, small), plot)

@@ -162,6 +162,22 @@ def numbers(option: str, text: str, kind: Callable, separator: str = ",") -> lis
         raise InputError(f"{option} {text!r} is not a list of numbers, as 1{separator}2") from None
 
 
+def event_of(event: str | None, second: str | None) -> tuple[str | dict[str, float], str, float] | None:
+    """The event to follow with the second parameter and its last value, from two options; None without them."""
+    from orbits.errors import InputError
+
+    if event is None and second is None:
+        return None
+    if event is None or second is None:
+        raise InputError("an event is followed by --event EVENT with --second NAME=STOP")
+    name, equals, stop = second.partition("=")
+    if not equals:
+        raise InputError(f"--second {second!r} is not of the form NAME=STOP")
+    text, equals, value = event.rpartition("=")
+    own = {text.strip(): numbers("--event", value, float)[0]} if equals else event
+    return own, name.strip(), numbers("--second", stop, float)[0]
+
+
 def formulas(text: str | None) -> list[str]:
     """The formulas in an option's text, which commas separate outside of parentheses."""
     parts, depth = [""], 0

@@ -1,0 +1,244 @@
+"""Curves of events in two parameters: orbits at which a formula of their quantities has a value or is stationary along
+their family, or whose contact is about to collapse.
+
+A point is X = (u, p, q): the unknowns u of the orbit, and of what the formula is made of, the parameter p of the
+family, and a second one, q. With the equations F(u, p, q) = 0 and the formula e(u, p, q) the last equation is
+
+    e - level = 0                      where the formula has a value,
+    e_X . t = 0, with (F_u, F_p) t = 0   where it is stationary along the family; that of p itself is so at a fold.
+
+All first derivatives are exact. Those of the second form need second derivatives of F and e along t alone, since by the
+adjoint w of the equations d(e_X . t) = d/dt (e_X - w . F_X): they are central differences of exact first ones, to about
+1e-9 of their size. Points are nevertheless exact to rounding, since the residual is.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ..design.event_statement import EventStatement
+from ..errors import NoOrbit
+from ..model.machine import Machine
+from ..model.model import Model
+from ..numerics.roots import solve
+from ..periodic.certificate import Certificate
+from ..periodic.certified import Solved
+from ..records import NONE, Records
+from ..shooting.formulations import Cycles, equations_of
+from ..shooting.single_shooting import Evaluation, shooting_equations
+from .curve import AT_A_FOLD, TEST_FUNCTIONS, Curve, CurvePoint, CurvePoints
+from .events import Segment
+from .limits import Endings
+from .point import End, Point
+from .tracer import Tracer
+
+# The step of central differences, in units of a point's size.
+DIFFERENCE = 1e-5
+# A number of the certificate is the prescribed one where it differs by less, in units without dimensions.
+SAME_NUMBER = 1e-8
+# The quantities that have to be positive on a motion, or negative, with the words of the violations, which are those of
+# the model or the beginning of the text; and the test function that vanishes with each.
+LIMITS = {
+    "clearance": ("grazing", ("gap", "landing gap")),
+    "smallest_separation": ("masses touch", ("separation",)),
+    "smallest_contact_force": ("contact pulls", ("pull", "landed pull")),
+    "landing_jerk": ("landing jerk", ("the gap opens the wrong way",)),
+    "smallest_stance_force": ("", ("stance",)),
+    "friction_left": ("", ("it needs the friction",)),
+}
+COLLAPSE, ELSEWHERE = "collapse", "another place"
+
+
+@dataclass(frozen=True)
+class EventCondition:
+    """What holds at the points of a curve of events.
+
+    name : in words, as "fold" or "clearance = 0.1"
+    text : of the formula; "" for a collapse
+    level : its prescribed value, in the machine's units; None where it is stationary along the family
+    place : 1 where the formula is a dimensionless quantity, or one that vanishes, that is least at its place, -1 where
+        it is largest, else 0
+    """
+
+    name: str
+    text: str
+    level: float | None = 0.0
+    place: int = 0
+
+    @property
+    def stationary(self) -> bool:
+        """Whether the formula is stationary along the family."""
+        return self.level is None
+
+    @property
+    def at_limit(self) -> bool:
+        """Whether the curve is the limit of a condition of motions."""
+        return not self.text or (self.text in LIMITS and self.level == 0)
+
+    def tests(self) -> dict[str, Callable[[Records[Point]], np.ndarray]]:
+        """The test functions of events on the curve: those of orbits that do not vanish on all of it, and whether the
+        quantity takes its value at the place that is followed, and not at another one."""
+        own = LIMITS[self.text][0] if self.text and self.at_limit else ""
+        found = {kind: test for kind, test in TEST_FUNCTIONS.items() if kind != own}
+        if not self.text:
+            return {kind: found[kind] for kind in ("grazing", "landing jerk")}
+        if self.place and self.level is not None and self.text in Certificate.__dataclass_fields__:
+            found[ELSEWHERE] = lambda points: self.place * self.excess(points.column(self.text)) + SAME_NUMBER
+        return found
+
+    def excess(self, numbers: np.ndarray) -> np.ndarray:
+        """The differences (m,) of a dimensionless number from the prescribed one, 0 where there is none."""
+        return np.where(numbers == NONE, 0.0, np.asarray(numbers) - (self.level or 0.0))
+
+    def without_own(self, model: Model, points: Records[Point]) -> Records[Point]:
+        """The points without the violations of the condition whose limit is the curve, which rounding decides."""
+        if not self.at_limit:
+            return points
+        certificates = points.column("certificate")
+        violations = [*certificates.column("violations")]
+        if self.text:
+            measured = self.text in Certificate.__dataclass_fields__
+            near = np.abs(self.excess(points.column(self.text) if measured else np.zeros(len(points)))) < SAME_NUMBER
+            here = "\0"
+            own = tuple(str(model.violations.get(word, word)) for word in LIMITS[self.text][1])
+        else:  # nothing of the contact is known, which does not end
+            near, here, own = np.full(len(points), True), "contact", (str(model.violations["end"]),)
+            points = points.replaced(contact_time=np.full(len(points), NONE))
+        for i in near.nonzero()[0].tolist():
+            violations[i] = tuple(
+                each for each in violations[i] if not (str(each).startswith(own) or here in str(each))
+            )
+        return points.replaced(certificate=certificates.replaced(violations=violations))
+
+
+class EventCurve(Curve):
+    """The curve of orbits at an event in two parameters; its points have the value of the first one too.
+
+    within : bounds of the first parameter, where the curve ends; None for none
+    locates : whether the events of orbits are located along it
+    """
+
+    def __init__(
+        self, machine: Machine, along: str, second: str, method: str, span: float, stated: EventStatement,
+        condition: EventCondition, within: tuple[float, float] | None = None, locates: bool = True,
+    ):  # fmt: skip
+        super().__init__(machine, second, method, span)
+        self.first, self.condition, self.within, self.locates = self.names.index(along), condition, within, locates
+        self.equations_of_orbits = equations_of(machine.model, method, self.names)
+        self.equations = shooting_equations(stated.statement, self.names)
+        # The unit of the first parameter is the distance of its bounds, or its value; of one that passes zero its first
+        # value, or 1 when the first value is zero.
+        self.least = within[1] - within[0] if within else 0.1 * abs(self.parameters[self.first]) or 1.0
+        self.own_settings = {"event": condition.name, "along": along}
+
+    def parameters_at(self, xs: np.ndarray) -> np.ndarray:
+        values = super().parameters_at(xs)
+        values[:, self.first] = xs[:, -2]
+        return values
+
+    def size(self, x: np.ndarray) -> np.ndarray:
+        """The unknowns of the orbit as on any curve, the others as if they belonged to them, the two parameters."""
+        own = self.equations_of_orbits.size
+        size = super().size(np.concatenate([x[..., :own], x[..., -1:]], axis=-1))
+        others = np.maximum(np.abs(x[..., own:-2]), 0.1 * size[..., :own].max(-1, keepdims=True))
+        first = np.maximum(np.abs(x[..., -2:-1]) * (self.within is None), self.least)
+        return np.concatenate([size[..., :own], others, first, size[..., -1:]], axis=-1)
+
+    def varied(self, p: np.ndarray) -> dict[str, float]:
+        return {**super().varied(p), self.names[self.first]: float(p[self.first])}
+
+    @property
+    def kernel(self) -> None:
+        """None: the equations are solved step by step."""
+        return None
+
+    def rescued(self, x: np.ndarray) -> np.ndarray:
+        raise NoOrbit("the orbits at an event are found by Newton's method alone")
+
+    def evaluate(self, xs: np.ndarray) -> Evaluation:
+        found = super().evaluate(xs)
+        residual = found.residual.copy()
+        if not self.condition.stationary:
+            residual[:, -1] -= self.condition.level
+            return replace(found, residual=residual)
+        # From here on the unknowns and the first parameter are in units of their sizes.
+        jacobian, size = found.jacobian.copy(), self.size(xs)[:, :-1]
+        family = jacobian[:, :-1, :-1] * size[:, None]
+        tangents = self._tangents(family)
+        bordered, slopes = np.concatenate([family, tangents[:, None]], axis=1), jacobian[:, -1, :-1] * size
+        adjoint = solve(bordered.swapaxes(1, 2), slopes[:, :, None])[:, :-1, 0]
+        moves = DIFFERENCE * np.pad(tangents * size, ((0, 0), (0, 1)))
+        beside = super().evaluate(np.concatenate([xs + moves, xs - moves])).jacobian
+        ahead, behind = beside.reshape(2, *jacobian.shape)
+        change = (ahead - behind) / (2 * DIFFERENCE)
+        residual[:, -1] = np.einsum("mi,mi->m", slopes, tangents)
+        jacobian[:, -1] = change[:, -1] - np.einsum("mi,mij->mj", adjoint, change[:, :-1])
+        return replace(found, residual=residual, jacobian=jacobian)
+
+    @staticmethod
+    def _tangents(jacobians: np.ndarray) -> np.ndarray:
+        """The null vectors (m, n) of length 1 of Jacobians (m, n - 1, n), on one side of the curve throughout."""
+        tangents = np.linalg.svd(jacobians)[2][:, -1]
+        sides = np.sign(np.linalg.det(np.concatenate([jacobians, tangents[:, None]], axis=1)))
+        return tangents * sides[:, None]
+
+    def solutions(self, points: CurvePoints) -> tuple[Solved, np.ndarray]:
+        """The solutions of the machine's own equations, with the errors measured along the first parameter, or across
+        the family where that does not determine the orbit."""
+        n = self.equations_of_orbits.size
+        us, ps, sizes = points.xs[:, :n], self.parameters_at(points.xs), self.size(points.xs)
+        sizes = np.concatenate([sizes[:, :n], sizes[:, -2:-1]], axis=1)
+        evaluation = self.equations_of_orbits.evaluate_all(us, ps, (self.names[self.first],))
+        closing = np.tile(np.eye(n + 1)[-1], (len(us), 1))
+        tangents = self._tangents(evaluation.jacobian * sizes[:, None])
+        folds = np.abs(tangents[:, -1]) < AT_A_FOLD
+        closing[folds] = (tangents / sizes)[folds]
+        return self._solved(us, ps, evaluation), closing
+
+    def _points(self, points: CurvePoints, cycles: Cycles, certificates: Records[Certificate]) -> Records[Point]:
+        return self.condition.without_own(self.machine.model, super()._points(points, cycles, certificates))
+
+
+class EventEndings(Endings):
+    """The tests for the end of a curve of events, which may leave the bounds of the first parameter too."""
+
+    curve: EventCurve
+
+    def may_end(self, before: CurvePoint, points: Sequence[CurvePoint]) -> np.ndarray:
+        ends = super().may_end(before, points)
+        if self.curve.within:
+            low, high = self.curve.within
+            first = CurvePoints.of(points).xs[:, -2]
+            ends |= (first < low) | (first > high)
+        return ends
+
+    def cut(self, segment: Segment) -> tuple[Segment, End | None]:
+        segment, end = super().cut(segment)
+        if self.curve.within is None:
+            return segment, end
+        low, high = self.curve.within
+        for bound, outward in ((low, -1.0), (high, 1.0)):
+            if outward * (segment.b.x[-2] - bound) > 0 >= outward * (segment.a.x[-2] - bound):
+                share = segment.zero(partial(_beyond, bound, outward))
+                last = segment.b if share is None else self.curve.certify(segment(share))
+                end = End("reached", f"{self.curve.names[self.curve.first]} = {bound:g}")
+                segment = type(segment)(self.curve, segment.a, last)
+        return segment, end
+
+
+def _beyond(bound: float, outward: float, point: CurvePoint) -> float:
+    """How far the first parameter is beyond a bound."""
+    return float(outward * (point.x[-2] - bound))
+
+
+class EventTracer(Tracer):
+    """A run along a curve of events."""
+
+    tests_for_the_end = EventEndings
+
+    def __init__(self, curve: EventCurve, *args: Any):
+        self.segments = type("EventSegment", (Segment,), {"tests": curve.condition.tests() if curve.locates else {}})
+        super().__init__(curve, *args)

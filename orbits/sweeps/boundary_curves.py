@@ -1,0 +1,162 @@
+"""The boundaries of a diagram as curves of events, each followed from where it passes between two neighbours."""
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ..continuation.checkpoint import begun
+from ..continuation.event_curve import COLLAPSE, LIMITS
+from ..continuation.family import Family
+from ..continuation.follow import begin
+from ..continuation.follow_event import follow_event
+from ..continuation.point import End, Event, Point
+from ..continuation.step_control import StepControl, checked_options
+from ..errors import OrbitsError
+from ..model.machine import Machine
+from ..periodic.orbit import Orbit
+from ..running import interrupts
+
+# The events that are boundaries, of families that are followed from one neighbour towards the other.
+FOLLOWED = ("fold", COLLAPSE, *(kind for kind, _ in LIMITS.values() if kind))
+# Pairs of neighbours from which curves are followed, at most; and those of them in succession that lead to none.
+MOST_PAIRS, MOST_WITHOUT = 24, 6
+# Points of a family between two neighbours, and of a curve; and the longest steps of both, as shares of the range.
+MOST_ON_WAY, MOST_ON_CURVE, LONGEST_ON_WAY, LONGEST_ON_CURVE = 60, 400, 0.5, 0.05
+# Few points are solved at a time, since most curves end soon, and long steps are taken, since the rows are hit exactly.
+# Curves are not followed far to where rounding decides, which takes many steps: what is left there is bisected.
+ON_CURVE = StepControl(largest_batch=32, target_correction=1e-4, largest_amplification=1e6)
+# A curve that passes a row within this share of the range of an event is the curve of that event.
+SAME_CURVE = 1e-7
+
+
+class Box(NamedTuple):
+    """The box of a diagram: the names of the parameters, the values (m,) along the rows, and those (n,) of the rows."""
+
+    along: str
+    across: str
+    places: np.ndarray
+    rows: np.ndarray
+
+    @property
+    def width(self) -> float:
+        """The length of a row."""
+        return float(self.places[-1] - self.places[0])
+
+
+class Pair(NamedTuple):
+    """Two neighbours in a row: the index of the first along the row, the row, and which of the two, 0 or 1, has an
+    orbit from which a family is followed to the other."""
+
+    i: int
+    j: int
+    side: int
+
+
+def boundary_curves(
+    box: Box, pairs: Sequence[Pair], orbit_at: Callable[[Machine], Orbit], machine: Machine
+) -> list[Family]:
+    """The curves of events that pass between pairs of neighbours, until each pair is passed or no more are found.
+
+    orbit_at : machine -> its orbit, from which the family between two neighbours is followed
+    """
+    curves, crossings, without = list[Family](), [list[float]() for _ in box.rows], 0
+    tried = 0
+    for pair in pairs:
+        low, high = box.places[pair.i], box.places[pair.i + 1]
+        if any(low <= place <= high for place in crossings[pair.j]):
+            continue
+        if tried == MOST_PAIRS or without == MOST_WITHOUT:
+            break
+        interrupts.heed()
+        found = _through(box, pair, orbit_at, machine, crossings)
+        tried, without = tried + 1, 0 if found else without + 1
+        curves += found
+    return curves
+
+
+def _through(
+    box: Box, pair: Pair, orbit_at: Callable[[Machine], Orbit], machine: Machine, crossings: list[list[float]]
+) -> list[Family]:
+    """The curves of events between a pair of neighbours, whose places on the rows are added to `crossings`."""
+    ends, curves = (pair.i, pair.i + 1), list[Family]()
+    begin, end = (float(box.places[ends[k]]) for k in (pair.side, 1 - pair.side))
+    here = machine.with_values(**{box.along: begin, box.across: float(box.rows[pair.j])})
+    with suppress(OrbitsError):
+        family = _up_to_fold(here, box.along, end, orbit_at(here))
+        for event in family.events:
+            known = np.array(crossings[pair.j])
+            if (np.abs(known - event.point.value) < SAME_CURVE * box.width).any() or not _is_boundary(family, event):
+                continue
+            with suppress(OrbitsError):
+                for curve in _both_ways(box, family, event):
+                    curves.append(curve)
+                    for j, places in enumerate(places_on_rows(box, curve)):
+                        crossings[j] += places
+    return curves
+
+
+def _up_to_fold(machine: Machine, along: str, stop: float, start: Orbit) -> Family:
+    """The family of an orbit up to a value, or up to its first fold."""
+    options = checked_options(longest=LONGEST_ON_WAY, most=MOST_ON_WAY)
+    tracer = begin(machine, along, start, stop, 1, None, options, None, None)
+    points, events = list[Point](), list[Event]()
+    with interrupts.deferred():
+        for item in tracer:
+            if isinstance(item, End):
+                break
+            point = tracer.curve.in_units(item.point)
+            if isinstance(item, Event):
+                events.append(replace(item, point=point))
+                if item.kind == "fold":
+                    break
+            else:
+                points.append(point)
+    return replace(begun(tracer), points=tuple(points), events=tuple(events))
+
+
+def _is_boundary(family: Family, event: Event) -> bool:
+    """Whether orbits end at an event of a family, or whether they are motions on one side of it alone."""
+    if event.kind == "fold" or event.kind not in FOLLOWED:
+        return event.kind == "fold"
+    sides = [point.admissible for point in family.points[event.after : event.after + 2]]
+    return len(sides) < 2 or sides[0] != sides[1]
+
+
+def _both_ways(box: Box, family: Family, event: Event) -> list[Family]:
+    """The curve of an event in both directions, up to the sides of the box."""
+    low, high = float(box.rows[0]), float(box.rows[-1])
+    bounds = float(box.places[0]), float(box.places[-1])
+    assert family.source is not None
+    start, curves = family.source.values[box.across], list[Family]()
+    for behind, stop in ((high, low), (low, high)):
+        if start == stop:
+            continue
+        curves.append(
+            follow_event(
+                family,
+                event,
+                box.across,
+                (behind, stop),
+                within=bounds,
+                at=box.rows.tolist(),
+                longest=LONGEST_ON_CURVE,
+                most=MOST_ON_CURVE,
+                stop_inadmissible=event.kind != "fold",
+                locate=False,
+                step_control=ON_CURVE,
+            )
+        )
+    return curves
+
+
+def places_on_rows(box: Box, curve: Family) -> list[list[float]]:
+    """The values along each row at which a curve passes it, exactly."""
+    found, index = [list[float]() for _ in box.rows], {float(value): j for j, value in enumerate(box.rows)}
+    values, places = curve.column("value"), curve.column(box.along)
+    for value, place in zip(values.tolist(), places.tolist(), strict=True):
+        if value in index and place not in found[index[value]]:
+            found[index[value]].append(place)
+    return found

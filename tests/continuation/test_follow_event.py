@@ -1,0 +1,211 @@
+"""Curves of events against closed forms, and against single families and orbits at other values of the parameters."""
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from orbits import Family, InputError, NoOrbit, find, follow, follow_event, follow_fold, quantities
+from problems import Hopper, Juggler, hopper_in_si, rimless_wheel, rocking_block, runner
+
+LONG = {"longest": 0.2}
+
+
+@pytest.fixture(scope="module")
+def quintic():
+    """The hopper of a softening spring whose family collapses and folds."""
+    machine = Hopper("r + beta*r**3 + delta*r**5", rest_length=30.0, parameters={"beta": 0.0, "delta": 0.0})
+    return follow(machine, "beta", -0.012, start=-0.006, longest=0.1)
+
+
+@pytest.fixture(scope="module")
+def low():
+    """The hopper of a low machine, whose masses touch along its family."""
+    machine = Hopper("r + beta*r**3 + delta*r**5", rest_length=9.0, parameters={"beta": 0.4, "delta": 0.0})
+    return follow(machine, "beta", -0.006)
+
+
+def value_of(name: str, machine, **values: float) -> float:
+    """A quantity of the orbit of a machine with other values."""
+    other = machine.with_values(**values)
+    return quantities(other, find(other), [name])[name]
+
+
+def test_folds_of_a_scaled_spring():
+    """The spring r + b c^2 r^3 folds where b c^2 is that of the cubic spring, whatever c."""
+    machine = Hopper("r + b*c**2*r**3", parameters={"b": 0.0, "c": 1.0})
+    folds = follow_event(follow(machine, "b", -0.012, start=-0.01, longest=0.2), "fold", "c", 1.5, **LONG)
+    assert folds.column("b") * folds.column("c") ** 2 == pytest.approx(-0.0106952149164040, rel=1e-12)
+    assert folds.end.kind == "reached"
+
+
+def test_masses_touch_at_a_rest_length_that_is_the_smallest_extension():
+    """Of a linear spring the extension is known in closed form: the separation is the rest length less its depth."""
+    machine = Hopper("k*r", rest_length=9.0, parameters={"k": 1.0})
+    separation = find(machine).certificate.smallest_separation
+    family = follow(machine, "rest_length", 5.0, at=[])
+    (touch,) = [event for event in family.events if event.kind == "masses touch"]
+    assert touch.point.value == pytest.approx(9.0 - separation, abs=1e-12)
+    curve = follow_event(family, touch, "mass_ratio", 2.0, **LONG)
+    for point in curve[:: len(curve) - 1]:
+        depth = 9.0 - find(Hopper(rest_length=9.0, mass_ratio=point.value)).certificate.smallest_separation
+        assert point.also["rest_length"] == pytest.approx(depth, abs=1e-11)
+        assert point.admissible
+
+
+def test_a_curve_of_masses_that_touch_is_that_of_single_families(low):
+    curve = follow_event(low, "masses touch", "delta", 1e-5, **LONG)
+    other = follow(low.source.with_values(delta=1e-5), "beta", -0.006, longest=0.1)
+    single = next(event.point for event in other.events if event.kind == "masses touch")
+    assert curve[-1].also["beta"] == pytest.approx(single.value, abs=1e-10)
+    assert curve[-1].alpha == pytest.approx(single.alpha, abs=1e-9)
+    assert all(point.admissible for point in curve)
+
+
+def test_a_collapse_is_where_the_energy_is_that_of_the_barrier(quintic):
+    """For a cubic spring the barrier and the energies are known in closed form."""
+    curve = follow_event(quintic, "collapse", "mass_ratio", 2.0, **LONG)
+    for point in (curve[0], curve[-1]):
+        beta, mass, y = point.also["beta"], point.value, point.u[0]
+        barrier = min(np.roots([beta, 0.0, 1.0, 1 / mass]).real, key=lambda r: abs(r + 1 / np.sqrt(-beta)))
+        work = [mass * (r**2 / 2 + beta * r**4 / 4) + r for r in (y, barrier)]
+        assert (1 + mass) * point.alpha**2 / 2 + work[0] == pytest.approx(work[1], rel=1e-12)
+        assert point.contact_time is None
+        assert point.admissible
+
+
+@pytest.mark.parametrize(("name", "value"), [("period", 9.0), ("stroke", 9.0), ("loss_coefficient", 4.0)])
+def test_a_quantity_at_a_value_is_that_of_single_orbits(low, name, value):
+    curve = follow_event(low, {name: value}, "delta", 1e-4, **LONG)
+    machine, beta = low.source, curve[-1].also["beta"]
+    single = brentq(lambda b: value_of(name, machine, beta=b, delta=1e-4) - value, beta - 1e-3, beta + 1e-3, xtol=1e-15)
+    assert beta == pytest.approx(single, abs=1e-10)
+    assert f"{name} = {value:g}" in str(curve)
+
+
+def test_an_extremum_of_a_formula(low):
+    """A formula of alpha alone is stationary where its derivative vanishes."""
+    curve = follow_event(low, "extremum of (alpha - 3)**2", "delta", 1e-4, **LONG)
+    assert curve.column("alpha") == pytest.approx(3.0, abs=1e-11)
+    same = follow_event(low, {"alpha": 3.0}, "delta", 1e-4, **LONG)
+    assert curve[-1].also["beta"] == pytest.approx(same[-1].also["beta"], abs=1e-11)
+
+
+def test_an_extremum_is_that_of_single_families():
+    """The spring is softest, and the launch fastest, where s - s^2 is largest."""
+    machine = Hopper("r - (0.03*s - 0.03*s**2 + c)*r**3", parameters={"s": 0.2, "c": 0.0})
+    curve = follow_event(follow(machine, "s", 0.8), "extremum of alpha", "c", 0.001, **LONG)
+    assert curve.column("s") == pytest.approx(0.5, abs=1e-10)
+
+
+@pytest.mark.slow
+def test_a_curve_has_its_own_events_and_ends(quintic):
+    curve = follow_event(quintic, "fold", "delta", (0.0, 1e-4), longest=0.1, within=(-0.0138, 0.0))
+    (point,) = [event.point for event in curve.events if event.kind == "fold"]
+    assert point.value == pytest.approx(7.132438068202e-05, rel=1e-11)  # the cusp
+    assert {"masses touch", "contact pulls"} <= {event.kind for event in curve.events}
+    ended = follow_event(quintic, "fold", "delta", 1e-4, longest=0.1, within=(-0.012, 0.0))
+    assert (ended.end.kind, ended.end.reason) == ("reached", "beta = -0.012")
+    assert ended[-1].also["beta"] == pytest.approx(-0.012, abs=1e-13)
+    assert follow_event(quintic, "fold", "delta", -1e-6, locate=False).events == ()
+
+
+def test_results_are_saved_tabulated_and_drawn(quintic, tmp_path):
+    curve = follow_event(quintic, "fold", "delta", -1e-6, longest=0.2, at=[-5e-7])
+    assert curve.title().startswith("fold in beta of family 1")
+    assert Family.load(curve.save(tmp_path / "a.jsonl")).column("beta") == pytest.approx(curve.column("beta"), abs=0)
+    assert curve.table()["beta"] == pytest.approx(curve.column("beta"), abs=0)
+    assert curve.plot("beta").get_ylabel() == "beta"
+    assert curve.at(-5e-7)[0].also["beta"] == pytest.approx(
+        follow_fold(quintic.source, quintic.events[-1].point, "beta", "delta", -5e-7)[-1].also["beta"], abs=1e-13
+    )
+
+
+def test_of_a_machine_in_si():
+    machine = hopper_in_si(60.0, 3.0, force="8000*r + b*r**3", rest_length=0.8, parameters={"b": 2e6})
+    family = follow(machine, "b", 5e5, longest=0.1)
+    value = float(np.mean(family.column("smallest_separation")[[0, -1]]))
+    curve = follow_event(family, {"smallest_separation": value}, "body_mass", 62.0, **LONG)
+    other = machine.with_values(b=curve[-1].also["b"], body_mass=62.0)
+    assert find(other).certificate.smallest_separation == pytest.approx(value, abs=1e-14)
+
+
+def test_of_a_juggler():
+    """Its fold depends on its mass ratio by the scaling of its spring alone."""
+    family = follow(Juggler("r + beta*r**3", parameters={"beta": 0.0}), "beta", -0.012, start=-0.008, longest=0.2)
+    curve = follow_event(family, "fold", "mass_ratio", 2.0, **LONG)
+    juggler = Juggler("r + beta*r**3", mass_ratio=2.0, parameters={"beta": 0.0})
+    single = follow(juggler, "beta", -0.02, start=curve[-1].also["beta"] * 0.97, longest=0.2).events
+    assert curve[-1].also["beta"] == pytest.approx(
+        next(event.point.value for event in single if event.kind == "fold"), abs=1e-12
+    )
+
+
+@pytest.mark.slow
+def test_of_machines_that_step():
+    """Friction that just suffices, and the force on a standing foot."""
+    block = rocking_block(2.0, 0.1, 0.3, 0.3, 0.3, 20.0, friction=0.4)
+    family = follow(block, "stiffness", 30.0, start=15.0, longest=0.2)
+    curve = follow_event(family, {"friction_left": 0.0}, "body_inertia", 0.32, **LONG)
+    edge = block.with_values(stiffness=curve[-1].also["stiffness"], body_inertia=0.32)
+    assert find(edge).certificate.friction_needed == pytest.approx(0.4, abs=1e-13)
+    assert all(point.admissible for point in curve)
+    wheel = rimless_wheel(mass=2.0, length=0.4, spokes=8, inertia=0.4, body_inertia=0.4, stiffness=20.0)
+    family = follow(wheel, "stiffness", 25.0, longest=0.2)
+    force = float(np.mean(family.column("smallest_stance_force")[[0, -1]]))
+    curve = follow_event(family, {"smallest_stance_force": force}, "body_inertia", 0.42, **LONG)
+    other = wheel.with_values(stiffness=curve[-1].also["stiffness"], body_inertia=0.42)
+    assert find(other).certificate.smallest_stance_force == pytest.approx(force, rel=1e-12)
+
+
+@pytest.mark.slow
+def test_another_place_of_the_motion_takes_over():
+    """The masses of a low hopper touch in flight and in contact, by turns."""
+    machine = Hopper("r + b*r**3", rest_length=9.0, parameters={"b": 0.4})
+    curve = follow_event(follow(machine, "b", -0.006), "masses touch", "rest_length", 12.0, longest=0.1)
+    elsewhere = [event.point for event in curve.events if event.kind == "another place"]
+    assert len(elsewhere) == 1
+    assert curve[-1].value == pytest.approx(elsewhere[0].value, abs=1e-6)
+
+
+def test_what_is_given_decides_what_follows():
+    """A result with events of its own, as a diagram of hops, follows them itself."""
+
+    class Diagram:
+        def follow_event(self, event, second, stop, **options):
+            return event, second, stop
+
+    assert follow_event(Diagram(), "flip", "damping", 0.1) == ("flip", "damping", 0.1)
+    with pytest.raises(InputError, match="that `follow` returns"):
+        follow_event(3, "fold", "beta", 1.0)
+
+
+def test_what_is_not_followed_is_refused(low, quintic, tmp_path):
+    for text, event, second, stop in (
+        ("no event 'grazing' of number 0; it has 1 'masses touch'", "grazing", "delta", 1.0),
+        ("unknown quantity 'nix'", {"nix": 1.0}, "delta", 1.0),
+        ("passes 100 along the family 0 times", {"alpha": 100.0}, "delta", 1.0),
+        ("0 extrema", "extremum of alpha", "delta", 1.0),
+        ("one formula with its value", {}, "delta", 1.0),
+        ("no parameter 'gamma'", "masses touch", "gamma", 1.0),
+        ("along another parameter", "masses touch", "beta", 1.0),
+        ("no way between", "masses touch", "delta", 0.0),
+    ):
+        with pytest.raises((InputError, NoOrbit), match=text):
+            follow_event(low, event, second, stop)
+    with pytest.raises(InputError, match="first bound of beta lies below"):
+        follow_event(low, "masses touch", "delta", 1.0, within=(1.0, 0.0))
+    asked = follow(quintic.source, "beta", -1e-3, at=[-5e-4])
+    with pytest.raises(InputError, match="one value on it"):
+        follow_event(asked, "asked", "delta", 1.0)
+    with pytest.raises(InputError, match=r"Family.load\(path, machine\)"):
+        follow_event(Family.load(asked.save(tmp_path / "a.json")), "asked", "delta", 1.0)
+    curve = follow_event(quintic, "fold", "delta", -1e-7)
+    with pytest.raises(InputError, match="of curves of events"):
+        follow_event(curve, "fold", "rest_length", 1.0)
+
+
+@pytest.mark.slow
+def test_events_of_tuned_families_are_refused():
+    run = follow(runner(foot_mass=0.1, rest_length=3.7), "speed", 0.41, tune=("inertia", "hip_stiffness"), start=0.4)
+    with pytest.raises(InputError, match="tuned numbers"):
+        follow_event(run, "fold", "foot_mass", 0.2)
