@@ -11,9 +11,8 @@ from typing import Any, cast
 import numpy as np
 
 from ..consistency.accepted import check_machine
-from ..errors import InputError, NoOrbit
+from ..errors import InputError
 from ..model.machine import Machine, free_parameters, machine_in_words
-from ..simulation.multiplier import multiplier
 from ..units import LIFTOFF_SPEED
 from .return_map import Hops, ReturnMap
 
@@ -149,11 +148,10 @@ class MapsAlong:
         derivatives of higher order."""
         step, product = self.at(value), 1.0
         for alpha in launches:
-            try:
-                product *= multiplier(step.machine, alpha)
-            except NoOrbit:
-                if not step.impacts.model.conservative:
-                    return float("nan")
+            if (slope := step._slope(alpha)) is not None:
+                product *= slope
+            elif not step.impacts.model.conservative:
+                return float("nan")
         return product
 
     def excess(self, alpha: np.ndarray, value: float | np.ndarray, period: int) -> np.ndarray:

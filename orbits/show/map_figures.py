@@ -30,6 +30,7 @@ STYLES_OF_STABILITY: dict[bool | None, dict[str, object]] = {
 }
 LOOKS_OF_EVENTS = {"flip": "o", "fold": "s", "branch point": "D", "border collision": "X", "Neimark-Sacker": "P"}
 WORDS_OF_PERIODS = {1: "fixed points", 2: "period two"}
+SHOWN_CYCLES = 12  # more would not be told apart
 BAR = 0.05  # height of the bar that shows the destinations, as a share of the axes
 
 
@@ -130,6 +131,21 @@ def plot_basins(basins: Any, axes: Axes | None = None) -> Axes:
     axes.set(xlim=(basins.low, basins.high), ylim=(-0.6, max(1, len(basins)) - 0.4), xlabel="launch speed" + unit)
     axes.spines[["top", "right"]].set_visible(False)
     return axes
+
+
+def plot_periodic_hops(hops: Any, axes: Axes | None = None) -> Axes:
+    """Plot each cycle of `PeriodicHops` as its itinerary, the launch speed against the hop up to the first launch
+    again, stable ones as a line and others dashed, with the ends of the map's monotone branches; return the axes."""
+    axes = axes or new_axes(6.4, 4.2)
+    for branch in hops.branches:
+        axes.axhline(branch.low, color="0.85", lw=0.8, zorder=0)
+    shown, count = hops.cycles[:SHOWN_CYCLES], np.arange(hops.period + 1)
+    for each, colour in zip(shown, cycle(COLOURS[1:])):
+        label = f"{' '.join(map(str, each.branches))}: {WORDS_OF_STABILITY[each.stable]}"
+        style = "o-" if each.stable else "o--"
+        axes.plot(count, [*each.launches, each.alpha], style, color=colour, ms=4, lw=1.0, label=label)
+    axes.set_xticks(count)
+    return finished(axes, xlabel="hop", ylabel=hops.heading("alpha").replace("alpha", "launch speed"))
 
 
 def plot_bifurcations(diagram: Any, axes: Axes | None = None) -> Axes:
