@@ -23,11 +23,13 @@ from .map_pieces import MapPieces
 MOST_ITINERARIES = 100_000
 # A rising interval is sampled at so many places first, denser toward its ends, where the slope may be infinite; each
 # part is halved at most this many times, or until it is this short.
-SAMPLES, HALVINGS, SHORTEST = 33, 40, 1e-13
+SAMPLES_OF_RISE, HALVINGS_OF_PARTS, SHORTEST_PART = 33, 40, 1e-13
 # Slopes of the same sign at both ends of a part do not change their sign inside where their ratio is smaller than this,
-ALIKE = 4.0
-MEAN = 0.25  # and the slope between these ends differs from their mean by at most this share of the smaller
-REACH = 2.0  # a part has no zero where the values at its ends exceed its length times the larger slope by this factor
+ALIKE_SLOPES = 4.0
+NEAR_MEAN = 0.25  # and the slope between these ends differs from their mean by at most this share of the smaller
+BEYOND_SLOPES = (
+    2.0  # a part has no zero where the values at its ends exceed its length times the larger slope by this factor
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +55,7 @@ class Branches:
         for piece in range(int(pieces.pieces[-1]) + 1 if len(pieces.pieces) else 0):
             own = np.flatnonzero(pieces.pieces == piece)
             low, high = float(pieces.edges[own[0], 0]), float(pieces.edges[own[-1], 1])
-            tolerance = SHORTEST * high
+            tolerance = SHORTEST_PART * high
             inside = extrema[(extrema > low + tolerance) & (extrema < high - tolerance)]
             inside = inside[np.append(True, np.diff(inside) > 1e-8 * high)] if len(inside) else inside
             cuts = [low, *inside.tolist(), high]
@@ -157,25 +159,25 @@ def _monotone_parts(branches: Branches, found: Intervals) -> tuple[np.ndarray, n
     """The parts of intervals on which f^n rises that hold one zero of f^n - x each: their itineraries, their ends
     (k, 2), and f^n - x there (k, 2)."""
     words, count = found.words, len(found.words)
-    v = np.linspace(0.0, 1.0, SAMPLES)
+    v = np.linspace(0.0, 1.0, SAMPLES_OF_RISE)
     shares = v * v * (3.0 - 2.0 * v)
     x = found.ends[:, :1] + np.diff(found.ends) * shares
     x[:, -1] = found.ends[:, 1]
-    which = np.repeat(np.arange(count), SAMPLES)
+    which = np.repeat(np.arange(count), SAMPLES_OF_RISE)
     launches, slopes = branches.cycle(x.ravel(), words[which])
     value, slope = (launches[:, -1] - x.ravel()).reshape(x.shape), slopes.reshape(x.shape) - 1.0
     value[:, [0, -1]] = found.last - found.ends
     pool = [np.stack([each[:, :-1].ravel(), each[:, 1:].ravel()], axis=1) for each in (x, value, slope)]
-    which, done = np.repeat(np.arange(count), SAMPLES - 1), list[tuple[np.ndarray, ...]]()
-    for _ in range(HALVINGS):
+    which, done = np.repeat(np.arange(count), SAMPLES_OF_RISE - 1), list[tuple[np.ndarray, ...]]()
+    for _ in range(HALVINGS_OF_PARTS):
         ends, values, slopes = pool
         length = np.diff(ends)[:, 0]
         steepest, flattest = np.abs(slopes).max(1), np.abs(slopes).min(1)
         with np.errstate(invalid="ignore", divide="ignore"):
-            one_way = (slopes[:, 0] * slopes[:, 1] > 0) & (steepest <= ALIKE * flattest)
-            one_way &= np.abs(np.diff(values)[:, 0] / length - slopes.mean(1)) <= MEAN * flattest
-            far = (values[:, 0] * values[:, 1] > 0) & (np.abs(values).min(1) > REACH * length * steepest)
-        settled = one_way | far | (length <= SHORTEST * ends[:, 1])
+            one_way = (slopes[:, 0] * slopes[:, 1] > 0) & (steepest <= ALIKE_SLOPES * flattest)
+            one_way &= np.abs(np.diff(values)[:, 0] / length - slopes.mean(1)) <= NEAR_MEAN * flattest
+            far = (values[:, 0] * values[:, 1] > 0) & (np.abs(values).min(1) > BEYOND_SLOPES * length * steepest)
+        settled = one_way | far | (length <= SHORTEST_PART * ends[:, 1])
         done.append((which[settled], ends[settled], values[settled]))
         which, pool = which[~settled], [each[~settled] for each in pool]
         if not len(which):

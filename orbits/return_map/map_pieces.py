@@ -33,14 +33,14 @@ from .resolved_map import JUMP
 
 # Degrees of the polynomials, and the shares of the values up to which their last coefficients are rounding; a cell that
 # cannot be halved any more is accepted with the last share, if no border lies in it.
-DEGREES, FITTED, NEARLY = (16, 32), (1e-14, 1e-13), 1e-9
-NARROWEST = 1e-7  # cells shorter than this share of the range are not halved
+DEGREES_OF_CELLS, FITTED_CELL, NEARLY_FITTED = (16, 32), (1e-14, 1e-13), 1e-9
+SHORTEST_CELL = 1e-7  # cells shorter than this share of the range are not halved
 LAST_COEFFICIENTS = 3
 BORDERS_IN_A_ROW = 12  # between two neighbouring launches, before their cell is fitted and halved
-SAME_ROOT = 1e-9  # roots of a polynomial are real, and inside of its cell, up to this
+SAME_EXTREMUM = 1e-9  # roots of a polynomial are real, and inside of its cell, up to this
 AT_BORDER = 1e-3  # roots closer to a lossless launch belong to the variable, whose power 3 has a slope of 0 there
 ROUNDED_CHANGE = 1e-14  # a smaller change of the next launch speed shows no power
-PROBE = 1e-3  # the power at a border is seen within this share of the piece beside it
+PROBED = 1e-3  # the power at a border is seen within this share of the piece beside it
 ROOT_LIKE = 0.35  # the ratio of changes over lengths 1:4 is 1/4 for a smooth function, and 1/2 for a square root
 
 
@@ -110,9 +110,9 @@ class MapPieces:
         """The launch speeds at which the map's slope is 0, ascending."""
         found = list[float]()
         for cell, (row, scale) in enumerate(zip(self._derivatives, np.abs(self.coefficients).max(1), strict=True)):
-            row = np.polynomial.chebyshev.chebtrim(row, FITTED[-1] * scale)
+            row = np.polynomial.chebyshev.chebtrim(row, FITTED_CELL[-1] * scale)
             roots = np.polynomial.chebyshev.chebroots(row) if len(row) > 1 else np.zeros(0)
-            inside = roots[(np.abs(roots.imag) < SAME_ROOT) & (np.abs(roots.real) < 1.0 + SAME_ROOT)].real
+            inside = roots[(np.abs(roots.imag) < SAME_EXTREMUM) & (np.abs(roots.real) < 1.0 + SAME_EXTREMUM)].real
             u = np.clip(0.5 * (1.0 + inside), 0.0, 1.0)
             u = u[u > AT_BORDER] if self.power[cell] > 2 else u
             found += (self.origin[cell] + self.reach[cell] * u ** self.power[cell]).tolist()
@@ -145,7 +145,7 @@ class _Cell(NamedTuple):
         return [_Cell(self.origin, inner, self.power), _Cell(self.origin + inner, self.reach - inner, 1)]
 
 
-class _Fit(NamedTuple):
+class _FittedCell(NamedTuple):
     """A fitted cell: coefficients, error and impacts."""
 
     cell: _Cell
@@ -162,11 +162,11 @@ class _Resolving:
 
     def __init__(self, hops_from: Callable[[np.ndarray], Hops], lossless: list[float], low: float, high: float):
         self.hops_from, self.low, self.high = hops_from, low, high
-        self.shortest = NARROWEST * (high - low)
+        self.shortest = SHORTEST_CELL * (high - low)
         self.lossless = {each for each in lossless if low <= each <= high}
         self.cuts = set(self.lossless) - {low, high}
         self.powers = {(each, side): 3 for each in self.lossless for side in (-1, 1)}
-        self.fitted, self.unresolved = list[_Fit](), list[tuple[float, float]]()
+        self.fitted, self.unresolved = list[_FittedCell](), list[tuple[float, float]]()
 
     def labels(self, x: np.ndarray) -> np.ndarray:
         """The number of impacts of the hops from launch speeds, or minus a number for each status without a next."""
@@ -208,7 +208,7 @@ class _Resolving:
         if not sides:
             return
         at, side, length = np.array(sides).T
-        steps = PROBE * length[:, None] / [16, 4, 1] * side[:, None]
+        steps = PROBED * length[:, None] / [16, 4, 1] * side[:, None]
         first, second, third = self.hops_from((at[:, None] + steps).ravel()).next.reshape(-1, 3).T
         with np.errstate(divide="ignore", invalid="ignore"):
             rooted = (second - first) / (third - second) > ROOT_LIKE
@@ -246,12 +246,12 @@ class _Resolving:
                 return self.cells([a, *new, b])
         return cell.halves()
 
-    def fits(self, cells: list[_Cell]) -> tuple[list[_Fit], list[tuple[_Cell, np.ndarray | None]]]:
+    def fits(self, cells: list[_Cell]) -> tuple[list[_FittedCell], list[tuple[_Cell, np.ndarray | None]]]:
         """The cells that polynomials fit, and those that none does, with their launches if these are of several kinds.
         Cells in which no hop has a next launch are left out."""
-        done, refused = list[_Fit](), list[tuple[_Cell, np.ndarray | None]]()
-        for degree, fitted in zip(DEGREES, FITTED, strict=True):
-            t, table = _nodes(degree)
+        done, refused = list[_FittedCell](), list[tuple[_Cell, np.ndarray | None]]()
+        for degree, fitted in zip(DEGREES_OF_CELLS, FITTED_CELL, strict=True):
+            t, table = _cell_nodes(degree)
             u = 0.5 * (1 + t)
             x = np.array([cell.origin + cell.reach * u**cell.power for cell in cells])
             hops = self.hops_from(x.ravel())
@@ -265,11 +265,11 @@ class _Resolving:
                 coefficients, scale = table @ np.where(known, row, 0.0), np.abs(row[known]).max()
                 error = float(np.abs(coefficients[-LAST_COEFFICIENTS:]).max())
                 short = abs(cell.reach) <= self.shortest
-                if known.all() and error <= (NEARLY if short and same else fitted) * scale:
-                    full = np.zeros(DEGREES[-1] + 1)
+                if known.all() and error <= (NEARLY_FITTED if short and same else fitted) * scale:
+                    full = np.zeros(DEGREES_OF_CELLS[-1] + 1)
                     full[: degree + 1] = coefficients
-                    done.append(_Fit(cell, full, error, int(np.median(counts))))
-                elif same and degree < DEGREES[-1]:
+                    done.append(_FittedCell(cell, full, error, int(np.median(counts))))
+                elif same and degree < DEGREES_OF_CELLS[-1]:
                     waiting.append(cell)
                 else:
                     refused.append((cell, None if same else np.sort(at)))
@@ -313,7 +313,7 @@ class _Resolving:
 
 
 @cache
-def _nodes(degree: int) -> tuple[np.ndarray, np.ndarray]:
+def _cell_nodes(degree: int) -> tuple[np.ndarray, np.ndarray]:
     """The places (n,) of Chebyshev's polynomial of degree n = degree + 1, and the matrix (n, n) from values there to
     the coefficients of the interpolant."""
     n = degree + 1

@@ -16,9 +16,9 @@ from .map_pieces import MapPieces
 
 # Newton's method on all launches of a cycle together ends after this many steps; cycles that agree up to this share of
 # the launch speed are one. The map rounds a launch speed by this share.
-POLISHING, SAME_CYCLE, ROUNDED_HOP = 6, 1e-9, 4e-15
-STEEP = 1e12  # a steeper map, as beside a graze, has this slope in Newton's method
-COMPLETE = "every itinerary through the monotone branches of the map was searched"
+POLISHING_STEPS, SAME_CYCLE, ROUNDED_HOP = 6, 1e-9, 4e-15
+STEEPEST_HOP = 1e12  # a steeper map, as beside a graze, has this slope in Newton's method
+SEARCHED = "every itinerary through the monotone branches of the map was searched"
 
 
 @dataclass(frozen=True)
@@ -154,7 +154,7 @@ class PeriodicHops(Result, Sequence[Cycle], what="periodic hops", dimension="lau
         if not self.branches:
             return ["complete: without injection or damping only lossless hops come back, after one hop"]
         counts = f"{self.itineraries} itineraries, {len(self.branches)} branches"
-        notes = [f"complete: {COMPLETE} ({counts}), which polynomials represent up to {self.error_of_map:.1g}{unit}"]
+        notes = [f"complete: {SEARCHED} ({counts}), which polynomials represent up to {self.error_of_map:.1g}{unit}"]
         if self.unresolved:
             length = sum(b - a for a, b in self.unresolved)
             near = ", ".join(f"{a:.9g}" for a, _ in self.unresolved[:4])
@@ -191,7 +191,7 @@ def cycles_of(
         shorter.append(branches.cycle(launches, words)[0][:, :-1].ravel())
     known, found = np.sort(np.concatenate([[np.inf], *shorter])), intervals_of(branches, period)
     x, words = periodic_launches(branches, found)
-    launches, errors, impacts = polished(branches, hops_from, branches.cycle(x, words)[0][:, :-1], words)
+    launches, errors, impacts = polished_cycles(branches, hops_from, branches.cycle(x, words)[0][:, :-1], words)
     cycles = list[tuple[np.ndarray, np.ndarray, np.ndarray, float]]()
     for row, word, counts, error in zip(launches, words, impacts, errors.tolist(), strict=True):
         at = int(np.argmin(row))
@@ -206,7 +206,7 @@ def cycles_of(
     return sorted(cycles, key=lambda each: tuple(each[0].tolist())), len(found.words)
 
 
-def polished(
+def polished_cycles(
     branches: Branches, hops_from: Callable[[np.ndarray], Hops], launches: np.ndarray, words: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The cycles (k, n) of the map near those of its polynomials, by Newton's method on all their launches; their
@@ -216,12 +216,12 @@ def polished(
         return launches, np.zeros(0), impacts
     shift, best = np.roll(np.eye(n), 1, axis=1), np.full(k, np.inf)
     errors, found = np.zeros(k), launches.copy()
-    for _ in range(POLISHING):
+    for _ in range(POLISHING_STEPS):
         hops = hops_from(launches.ravel())
         residual = hops.next.reshape(k, n) - np.roll(launches, -1, axis=1)
         inside = np.clip(launches, *np.moveaxis(branches.ends[words], -1, 0))
         slopes = branches.slope(inside.ravel(), words.ravel()).reshape(k, n)
-        slopes = np.nan_to_num(slopes, posinf=STEEP, neginf=-STEEP)
+        slopes = np.nan_to_num(slopes, posinf=STEEPEST_HOP, neginf=-STEEPEST_HOP)
         matrix = slopes[:, :, None] * np.eye(n) - shift
         size = np.nan_to_num(np.abs(residual).max(1), nan=np.inf)
         better = size < best

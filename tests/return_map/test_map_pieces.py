@@ -69,7 +69,7 @@ def test_the_law_of_the_power_four_thirds_is_exact_beside_the_lossless_launch(of
     (star,) = of_hopper.borders
     assert (star.kind, star.powers) == ("lossless", (3, 3))
     step, d = ReturnMap(Hopper()), np.array([1e-9, 1e-6, 1e-3])
-    for side, factor in ((1, 1), (-1, 10)):
+    for side in (1, -1):
         x = star.alpha + side * d
         slopes = of_hopper.slope(x, at(of_hopper, x))
         # The loss of launch speed is C d^(4/3) (10 C on the side of the bounce), so that the slope is 1 - 4/3 loss/d.
