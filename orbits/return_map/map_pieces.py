@@ -33,7 +33,7 @@ from .resolved_map import JUMP
 
 # Degrees of the polynomials, and the shares of the values up to which their last coefficients are rounding; a cell that
 # cannot be halved any more is accepted with the last share, if no border lies in it.
-DEGREES_OF_CELLS, FITTED_CELL, NEARLY_FITTED = (16, 32), (1e-14, 1e-13), 1e-9
+DEGREES_OF_CELLS, FITTED_CELL, NEARLY_FITTED = (16, 32), (3e-15, 1e-13), 1e-9
 SHORTEST_CELL = 1e-7  # cells shorter than this share of the range are not halved
 LAST_COEFFICIENTS = 3
 BORDERS_IN_A_ROW = 12  # between two neighbouring launches, before their cell is fitted and halved
