@@ -83,6 +83,7 @@ def bifurcations(
         )
     count = (ATTRACTOR if along == INJECT else 0) if attractor is None else whole_number("attractor", attractor, "", 0)
     search = _Search(maps, (slow, fast), values, whole_number("samples", samples, "launches", 2), progress)
+    maps.resolve(slow, fast)
     search.fixed_points()
     search.doubled()
     return BifurcationDiagram(

@@ -83,19 +83,20 @@ class FoundEvent:
 
 
 class MapEquations(NamedTuple):
-    """The equation at points of the curve: residual (m, 1), Jacobian (m, 1, 2), and the hops' launch speeds and numbers
-    of impacts (m, period)."""
+    """The equation at points of the curve: residual (m, 1), Jacobian (m, 1, 2), the hops' launch speeds and numbers of
+    impacts (m, period), and their multipliers (m,) where these are known together with the slopes."""
 
     residual: np.ndarray
     jacobian: np.ndarray
     launches: np.ndarray
     impacts: np.ndarray
+    multipliers: np.ndarray | None = None
     trajectories: tuple[()] = ()
 
     @property
     def amplification(self) -> np.ndarray:
-        """The factors (m,) by which the last Newton step is to be smaller, since the slopes are not exact."""
-        return np.full(len(self.residual), INEXACT)
+        """The factors (m,) by which the last Newton step is to be smaller, where the slopes are not exact."""
+        return np.full(len(self.residual), INEXACT if self.multipliers is None else 1.0)
 
 
 class LaunchCurve:
@@ -124,6 +125,10 @@ class LaunchCurve:
     def evaluate(self, xs: np.ndarray) -> MapEquations:
         """The equation at points (m, 2)."""
         alpha, values, (before, along) = xs[:, 0], self.possible(xs[:, 1]), self._rates
+        if smooth := self.maps.smooth_cycles(alpha, values, self.period):
+            excess, slopes = smooth.excess
+            numbers = smooth.launches[:, :-1], smooth.impacts, smooth.slopes.prod(axis=1)
+            return MapEquations(excess[:, None], slopes[:, None], *numbers)
         step, m = STEP_ACROSS * np.abs(alpha), len(alpha)
         alphas = np.concatenate([alpha, alpha - step, alpha + step])
         launches, impacts = self.maps.cycles(alphas, np.tile(values, 3), self.period)
@@ -156,7 +161,10 @@ class LaunchCurve:
             return point
         found: Any = point.evaluation
         launches, impacts = (tuple(each[point.place].tolist()) for each in (found.launches, found.impacts))
-        slope = self.maps.multiplier(launches, float(self.possible(point.value)))
+        if found.multipliers is None:
+            slope = self.maps.multiplier(launches, float(self.possible(point.value)))
+        else:
+            slope = float(found.multipliers[point.place])
         shares = point.x / self.scale, point.tangent / self.scale
         return point._replace(certified=[cast(Any, PeriodicLaunch(point.value, launches, slope, impacts, *shares))])
 

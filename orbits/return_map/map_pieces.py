@@ -18,7 +18,7 @@ found where no polynomial fits. Cells that are too short to be halved, as where 
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -36,6 +36,9 @@ from .resolved_map import JUMP
 DEGREES_OF_CELLS, FITTED_CELL, NEARLY_FITTED = (16, 32), (3e-15, 1e-13), 1e-9
 SHORTEST_CELL = 1e-7  # cells shorter than this share of the range are not halved
 LAST_COEFFICIENTS = 3
+OF_LOSSLESS = 3  # the power beside lossless launches
+LAUNCHES_BESIDE = np.array([10, 15, 6, 1]) / 32  # u^3 in Chebyshev polynomials of 2 u - 1
+SPEEDS_OF_PIECES = ("low", "high", "origin", "reach", "edges", "coefficients", "errors")
 BORDERS_IN_A_ROW = 12  # between two neighbouring launches, before their cell is fitted and halved
 SAME_EXTREMUM = 1e-9  # roots of a polynomial are real, and inside of its cell, up to this
 AT_BORDER = 1e-3  # roots closer to a lossless launch belong to the variable, whose power 3 has a slope of 0 there
@@ -44,7 +47,7 @@ PROBED = 1e-3  # the power at a border is seen within this share of the piece be
 ROOT_LIKE = 0.35  # the ratio of changes over lengths 1:4 is 1/4 for a smooth function, and 1/2 for a square root
 
 
-class Border(NamedTuple):
+class MapBorder(NamedTuple):
     """An end of pieces: its launch speed, its kind, the powers of the distance below and above in which the map is
     analytic as 1/power, and the next launch speeds there without injection, NaN where there is none."""
 
@@ -62,7 +65,8 @@ class MapPieces:
     borders : between its pieces, ascending
     origin, reach, power : (m,), of the cells: the launch speed is origin + reach u^power for u in [0, 1]
     edges : (m, 2), their lowest and highest launch speeds, ascending
-    coefficients : (m, n), of the map in Chebyshev polynomials of 2 u - 1
+    coefficients : (m, n), of the map in Chebyshev polynomials of 2 u - 1; in cells beside a lossless launch, with power
+        3, of the fall of the launch speed, which vanishes there with all its digits
     errors : (m,), how far the polynomials are from the map
     impacts : (m,), in each hop
     pieces : (m,), the number of the piece of each cell, ascending
@@ -71,7 +75,7 @@ class MapPieces:
 
     low: float
     high: float
-    borders: tuple[Border, ...]
+    borders: tuple[MapBorder, ...]
     origin: np.ndarray
     reach: np.ndarray
     power: np.ndarray
@@ -81,6 +85,16 @@ class MapPieces:
     impacts: np.ndarray
     pieces: np.ndarray
     unresolved: tuple[tuple[float, float], ...]
+
+    def in_units(self, speed: float) -> "MapPieces":
+        """The same with launch speeds in another unit."""
+        borders = tuple(
+            each._replace(alpha=speed * each.alpha, next=(speed * each.next[0], speed * each.next[1]))
+            for each in self.borders
+        )
+        scaled = {name: speed * getattr(self, name) for name in SPEEDS_OF_PIECES}
+        unresolved = tuple((speed * a, speed * b) for a, b in self.unresolved)
+        return replace(self, borders=borders, unresolved=unresolved, **scaled)
 
     def cell(self, x: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
         """The cells (k,), between the first and the last, of launch speeds (k,)."""
@@ -93,28 +107,44 @@ class MapPieces:
 
     def next(self, x: np.ndarray, cell: np.ndarray) -> np.ndarray:
         """The next launch speeds (k,) without injection."""
-        return clenshaw(self.coefficients[cell].T, 2.0 * self.place(x, cell) - 1.0)
+        value = clenshaw(self.coefficients[cell].T, 2.0 * self.place(x, cell) - 1.0)
+        return np.where(self.power[cell] == OF_LOSSLESS, x - value, value)
 
     def slope(self, x: np.ndarray, cell: np.ndarray) -> np.ndarray:
-        """The slopes (k,) of the map; infinite at a graze."""
+        """The slopes (k,) of the map; 1 at a lossless launch, infinite at a graze."""
         u, power = self.place(x, cell), self.power[cell]
+        beside = power == OF_LOSSLESS
         with np.errstate(divide="ignore", invalid="ignore"):
             rate = self.reach[cell] * power * u ** (power - 1.0)
-            return 2.0 * clenshaw(self._derivatives[cell].T, 2.0 * u - 1.0) / rate
+            slope = 2.0 * clenshaw(self._derivatives[cell].T, 2.0 * u - 1.0) / rate
+        return np.where(beside, np.where(u > 0, 1.0 - slope, 1.0), slope)
 
-    @property
+    def hops(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The next launch speeds (k,) without injection, the slopes (k,) and the numbers of impacts (k,); NaN and 0
+        outside of the cells."""
+        if not len(self.edges):
+            return np.full(x.shape, np.nan), np.full(x.shape, np.nan), np.zeros(x.shape, int)
+        cell = self.cell(x, np.zeros(x.shape, int), np.full(x.shape, len(self.edges) - 1))
+        inside = (x >= self.edges[cell, 0]) & (x <= self.edges[cell, 1])
+        following, slopes = (np.where(inside, each(x, cell), np.nan) for each in (self.next, self.slope))
+        return following, slopes, np.where(inside, self.impacts[cell], 0)
+
+    @cached_property
     def _derivatives(self) -> np.ndarray:
         return np.polynomial.chebyshev.chebder(self.coefficients, axis=1)
 
     def extrema(self) -> list[float]:
         """The launch speeds at which the map's slope is 0, ascending."""
         found = list[float]()
-        for cell, (row, scale) in enumerate(zip(self._derivatives, np.abs(self.coefficients).max(1), strict=True)):
+        for cell, coefficients in enumerate(self.coefficients):
+            if self.power[cell] == OF_LOSSLESS:
+                coefficients = np.polynomial.chebyshev.chebsub(LAUNCHES_BESIDE * self.reach[cell], coefficients)
+            row, scale = np.polynomial.chebyshev.chebder(coefficients), np.abs(coefficients).max()
             row = np.polynomial.chebyshev.chebtrim(row, FITTED_CELL[-1] * scale)
             roots = np.polynomial.chebyshev.chebroots(row) if len(row) > 1 else np.zeros(0)
             inside = roots[(np.abs(roots.imag) < SAME_EXTREMUM) & (np.abs(roots.real) < 1.0 + SAME_EXTREMUM)].real
             u = np.clip(0.5 * (1.0 + inside), 0.0, 1.0)
-            u = u[u > AT_BORDER] if self.power[cell] > 2 else u
+            u = u[u > AT_BORDER] if self.power[cell] == OF_LOSSLESS else u
             found += (self.origin[cell] + self.reach[cell] * u ** self.power[cell]).tolist()
         return sorted(found)
 
@@ -165,7 +195,7 @@ class _Resolving:
         self.shortest = SHORTEST_CELL * (high - low)
         self.lossless = {each for each in lossless if low <= each <= high}
         self.cuts = set(self.lossless) - {low, high}
-        self.powers = {(each, side): 3 for each in self.lossless for side in (-1, 1)}
+        self.powers = {(each, side): OF_LOSSLESS for each in self.lossless for side in (-1, 1)}
         self.fitted, self.unresolved = list[_FittedCell](), list[tuple[float, float]]()
 
     def labels(self, x: np.ndarray) -> np.ndarray:
@@ -255,7 +285,9 @@ class _Resolving:
             u = 0.5 * (1 + t)
             x = np.array([cell.origin + cell.reach * u**cell.power for cell in cells])
             hops = self.hops_from(x.ravel())
-            values, impacts = hops.next.reshape(x.shape), hops.impacts.reshape(x.shape)
+            beside = np.array([cell.power == OF_LOSSLESS for cell in cells])[:, None]
+            following, loss, impacts = (each.reshape(x.shape) for each in (hops.next, hops.loss, hops.impacts))
+            values = np.where(beside, loss / (x + following), following)  # the loss is of the speed's square
             waiting = list[_Cell]()
             for cell, at, row, counts in zip(cells, x, values, impacts, strict=True):
                 known = np.isfinite(row)
@@ -293,7 +325,7 @@ class _Resolving:
         )  # fmt: skip
         return replace(found, borders=tuple(self.border(found, each) for each in cuts.tolist()))
 
-    def border(self, pieces: MapPieces, alpha: float) -> Border:
+    def border(self, pieces: MapPieces, alpha: float) -> MapBorder:
         """A border with its kind."""
         below, above = (np.flatnonzero(np.abs(pieces.edges[:, side] - alpha) <= 1e-15 * alpha) for side in (1, 0))
         ends = (pieces.next(np.array([alpha]), cell[:1]) for cell in (below, above))
@@ -309,7 +341,7 @@ class _Resolving:
             kind = "jump"
         else:
             kind = "graze" if max(powers) > 1 else "bounce"
-        return Border(alpha, kind, powers, (left, right))
+        return MapBorder(alpha, kind, powers, (left, right))
 
 
 @cache
