@@ -24,6 +24,8 @@ from ..numerics.roots import bracketed_root
 from ..running import interrupts
 from ..simulation.impacts import STATUSES
 from .cycles import INJECT, MapsAlong, excess_of
+from .diagram import name_of_hops
+from .map_pieces import CONTINUOUS, MapBorder
 
 Vector = np.ndarray
 # Fixed points beside a lossless hop are searched for at this distance, as a share of the range.
@@ -46,6 +48,10 @@ SAME_RATE, INEXACT = 1e-4, 100.0
 HALVINGS = 12  # of a step in which the number of impacts changes and the map may jump
 # The radius of the circle round a corner, its angles, and the angle at which both sides of the curve are checked.
 AROUND, ANGLES, BESIDE = 1e-6, np.radians(np.linspace(-150, 150, 21)), 1e-5
+COLLISION = "border collision"
+# Where a launch passes a border: the steps of the secant method, which ends at this share of the range of the parameter
+# and is trusted up to this many times the distance of the points; and multipliers that agree up to this share.
+SECANTS, BORDER_FOUND, BORDER_BEYOND, SAME_SLOPES = 30, 1e-14, 2.0, 1e-6
 # Multipliers at events; the multiplier passes one of these smoothly where it comes this close to it, as a share of its
 # change.
 MULTIPLIERS, SMOOTH = {"fold": 1.0, "flip": -1.0}, 1e-3
@@ -76,10 +82,13 @@ class PeriodicLaunch:
 
 @dataclass(frozen=True, eq=False)
 class FoundEvent:
-    """An event on a branch, with its kind."""
+    """An event on a branch, with its kind; where a launch passes a border of the map, the kind of the border, and the
+    multipliers on both sides of it, that before it first."""
 
     kind: str
     point: PeriodicLaunch
+    border: str = ""
+    sides: tuple[float, ...] = ()
 
 
 class MapEquations(NamedTuple):
@@ -208,7 +217,7 @@ class LaunchSegment(Segment):
             point = self.curve.certify(self(share))
             left, change = self._excess(level, point), self.a.point.multiplier - self.b.point.multiplier
             if left is None or abs(left) > SMOOTH * abs(change):
-                kind = "border collision"
+                kind = COLLISION
             elif kind == "fold" and (self.a.value - point.value) * (self.b.value - point.value) < 0:
                 kind = "branch point"
             yield kind, share, point
@@ -226,9 +235,12 @@ class LaunchEndings(Endings):
         if jump := self._jump(segment):
             return jump
         segment, end = super().cut(segment)
-        (first, *_, second), (before, *_, last) = segment.a.point.alphas * 2, segment.b.point.alphas * 2
+        half = self.curve.period // 2 * (1 - self.curve.period % 2)
+        (first, second), (before, last) = (
+            (each.alphas[0], each.alphas[half]) for each in (segment.a.point, segment.b.point)
+        )
         if (second - first) * (last - before) < 0:
-            reason = "its two launches become one, at another flip of the fixed points"
+            reason = f"its launches become those of half the period, at another flip of the {name_of_hops(half)}"
             return LaunchSegment(self.curve, segment.a, segment.a), End("flip", reason)
         bound = min(max(before, self.curve.between[0]), self.curve.between[1])
         if bound != before:
@@ -245,6 +257,8 @@ class LaunchEndings(Endings):
         chord = (behind.x - before.x) / self.curve.scale
         size, impacts = float(np.linalg.norm(chord)), before.point.impacts
         if impacts == behind.point.impacts:
+            return None
+        if maps.pieces is not None and not self._jumps(before.point, behind.point):
             return None
         pairs, reach = zip(before.point.alphas, behind.point.alphas, strict=True), size * float(self.curve.scale[0])
         spans = [(min(pair) - reach, max(pair) + reach) for pair in pairs]
@@ -271,6 +285,15 @@ class LaunchEndings(Endings):
         place = place_in_words(maps, before.point)
         reason = f"the map jumps near {place}: {counts[0]} impacts in a hop, {counts[1]} behind"
         return LaunchSegment(self.curve, segment.a, before), End("jump", reason)
+
+    def _jumps(self, before: PeriodicLaunch, behind: PeriodicLaunch) -> bool:
+        """Whether a border where the map is not continuous lies between the launches of two points."""
+        for pair in zip(before.alphas, behind.alphas, strict=True):
+            low, high = sorted(pair)
+            for border in self.curve.maps.pieces.borders:
+                if low <= border.alpha <= high and border.kind not in CONTINUOUS:
+                    return True
+        return False
 
     def far(self, last: CurvePoint, history: object) -> None:
         """Nothing: a branch ends at the bounds of its ranges."""
@@ -352,26 +375,99 @@ class BranchTracer:
             return
         while count < LONGEST_BRANCH:
             last: Any = here
-            before = here
+            before, passed = here, list[FoundEvent]()
             for item in LaunchTracer(self.curve, here, low, high, options, earlier):
                 if isinstance(item, CurvePoint) and item.point is not last.point:
-                    before = last if self._distance(last, item) >= AROUND else before
+                    yield from self._in_order(last.point, item.point, passed)
+                    before, passed = last if self._distance(last, item) >= AROUND else before, []
                     last, count = item, count + 1
                     yield last.point
                 elif isinstance(item, Event) and item.kind != "asked":
-                    yield FoundEvent(item.kind, cast(Any, item.point))
+                    passed.append(FoundEvent(item.kind, cast(Any, item.point)))
                 elif isinstance(item, End) and item.kind not in ("stuck", "stopped"):
+                    yield from passed
                     yield self._reached(last.value) if item.kind == "reached" else item
                     return
+            yield from passed
             if (behind := self._round_corner(before, last)) is None:
                 yield self._why_stuck(last)
                 return
             slopes = last.point.multiplier, behind.point.multiplier
-            if any((slopes[0] - level) * (slopes[1] - level) < 0 for level in MULTIPLIERS.values()):
-                yield FoundEvent("border collision", last.point)
+            crossed = any((slopes[0] - level) * (slopes[1] - level) < 0 for level in MULTIPLIERS.values())
+            yield from self._in_order(last.point, behind.point, [FoundEvent(COLLISION, last.point)] if crossed else [])
             here, earlier, options = behind, [start], self.options
             yield here.point
         yield End("stuck", f"it has {LONGEST_BRANCH} points")
+
+    def _in_order(
+        self, before: PeriodicLaunch, behind: PeriodicLaunch, found: list[FoundEvent]
+    ) -> Iterator[FoundEvent]:
+        """The events between two neighbouring points in order: those that are found, and those at which a launch passes
+        a border, in place of the same found less exactly."""
+        borders = [] if before.impacts == behind.impacts else self._passed_borders(before, behind)
+        if borders:
+            found = [*(event for event in found if event.kind != COLLISION), *borders]
+        chord = behind.place - before.place
+        yield from sorted(found, key=lambda event: float((event.point.place - before.place) @ chord))
+
+    def _passed_borders(self, before: PeriodicLaunch, behind: PeriodicLaunch) -> list[FoundEvent]:
+        """The events between two neighbouring points at which one of their launches is at a border of the map."""
+        found = list[FoundEvent]()
+        for hop, counts in enumerate(zip(before.impacts, behind.impacts, strict=True)):
+            if counts[0] != counts[1] and (event := self._at_border(before, behind, hop)):
+                found.append(event)
+        return found
+
+    def _at_border(self, before: PeriodicLaunch, behind: PeriodicLaunch, hop: int) -> FoundEvent | None:
+        """The event at which a launch is at a border: the parameter for which the border's own launch comes back, by
+        the secant method. None where it is not found between the points."""
+        ends, values = (before.alphas[hop], behind.alphas[hop]), [before.value, behind.value]
+        if values[0] == values[1]:
+            values[1] += SAME_PLACE * self.curve.span
+        try:
+            excesses = [self._of_border(ends, value)[0] for value in values]
+            for _ in range(SECANTS):
+                if excesses[1] == excesses[0] or abs(values[1] - values[0]) <= BORDER_FOUND * self.curve.span:
+                    break
+                step = excesses[1] * (values[1] - values[0]) / (excesses[1] - excesses[0])
+                values = [values[1], float(self.curve.possible(values[1] - step))]
+                excesses = [excesses[1], self._of_border(ends, values[1])[0]]
+            _, border, launches, impacts, sides = self._of_border(ends, values[1])
+        except NoOrbit:
+            return None
+        reach = BORDER_BEYOND * max(abs(before.value - behind.value), AROUND * self.curve.span)
+        if min(abs(values[1] - before.value), abs(values[1] - behind.value)) > reach:
+            return None
+        alphas = (*launches[-hop:], *launches[:-hop]) if hop else launches
+        counts = (*impacts[-hop:], *impacts[:-hop]) if hop else impacts
+        place = np.array([alphas[0], values[1]]) / self.scale
+        multiplier = sides[0] if abs(sides[1] - sides[0]) <= SAME_SLOPES * (1 + abs(sides[0])) else float("nan")
+        kind = COLLISION if (sides[0] - 1) * (sides[1] - 1) > 0 else "non-smooth fold"
+        point = PeriodicLaunch(values[1], alphas, multiplier, counts, place, behind.tangent)
+        return FoundEvent(kind, point, border.kind, sides)
+
+    def _of_border(
+        self, ends: tuple[float, float], value: float
+    ) -> tuple[float, MapBorder, tuple[float, ...], tuple[int, ...], tuple[float, float]]:
+        """The hops at a value of the parameter from the border between two launch speeds: by how much the last launch
+        exceeds the first, the border, the launches, the impacts and the multipliers on both sides of the border."""
+        pieces = self.maps.pieces_at(value, *sorted(ends))
+        middle = 0.5 * (ends[0] + ends[1])
+        near = [each for each in pieces.borders if each.kind in CONTINUOUS]
+        if not near:
+            raise NoOrbit("no border at which the map is continuous lies between these launches")
+        border = min(near, key=lambda each: abs(each.alpha - middle))
+        sides = pieces.slopes_at(border)
+        sides = sides if ends[0] <= ends[1] else sides[::-1]
+        following = border.next[0 if ends[0] <= ends[1] else 1] + self.maps.added(value)
+        launches, impacts = self.maps.cycles(np.array([following]), value, self.curve.period - 1)
+        if not np.isfinite(launches).all():
+            raise NoOrbit("a hop from the border has no next launch")
+        others = self.maps.multiplier(tuple(launches[0, :-1].tolist()), value)
+        excess = float(launches[0, -1]) - border.alpha
+        alphas = border.alpha, *launches[0, :-1].tolist()
+        own = pieces.impacts_at(border)
+        return excess, border, alphas, (own, *impacts[0].tolist()), (others * sides[0], others * sides[1])
 
     def _reached(self, bound: float) -> End:
         return End("reached", f"{self.maps.in_words(self.maps.name, bound)} is reached")

@@ -39,6 +39,8 @@ LAST_COEFFICIENTS = 3
 OF_LOSSLESS = 3  # the power beside lossless launches
 LAUNCHES_BESIDE = np.array([10, 15, 6, 1]) / 32  # u^3 in Chebyshev polynomials of 2 u - 1
 SPEEDS_OF_PIECES = ("low", "high", "origin", "reach", "edges", "coefficients", "errors")
+CONTINUOUS = ("lossless", "graze", "bounce")  # the kinds of borders at which the map does not jump
+SAME_EDGE = 1e-15  # the edge of a cell and a border that differ by a smaller share are the same
 BORDERS_IN_A_ROW = 12  # between two neighbouring launches, before their cell is fitted and halved
 SAME_EXTREMUM = 1e-9  # roots of a polynomial are real, and inside of its cell, up to this
 AT_BORDER = 1e-3  # roots closer to a lossless launch belong to the variable, whose power 3 has a slope of 0 there
@@ -128,6 +130,23 @@ class MapPieces:
         inside = (x >= self.edges[cell, 0]) & (x <= self.edges[cell, 1])
         following, slopes = (np.where(inside, each(x, cell), np.nan) for each in (self.next, self.slope))
         return following, slopes, np.where(inside, self.impacts[cell], 0)
+
+    def _beside(self, border: MapBorder) -> list[np.ndarray]:
+        """The cells (1,) that end at a border below it and above it, (0,) where there is none."""
+        return [
+            np.flatnonzero(np.abs(self.edges[:, side] - border.alpha) <= SAME_EDGE * border.alpha)[:1]
+            for side in (1, 0)
+        ]
+
+    def slopes_at(self, border: MapBorder) -> tuple[float, float]:
+        """The slopes of the map below and above a border, NaN where there is none."""
+        at = np.array([border.alpha])
+        below, above = (float(self.slope(at, cell)[0]) if len(cell) else np.nan for cell in self._beside(border))
+        return below, above
+
+    def impacts_at(self, border: MapBorder) -> int:
+        """The larger number of impacts in the hops on both sides of a border."""
+        return max(int(self.impacts[cell[0]]) for cell in self._beside(border) if len(cell))
 
     @cached_property
     def _derivatives(self) -> np.ndarray:
@@ -327,8 +346,9 @@ class _Resolving:
 
     def border(self, pieces: MapPieces, alpha: float) -> MapBorder:
         """A border with its kind."""
-        below, above = (np.flatnonzero(np.abs(pieces.edges[:, side] - alpha) <= 1e-15 * alpha) for side in (1, 0))
-        ends = (pieces.next(np.array([alpha]), cell[:1]) for cell in (below, above))
+        nothing = MapBorder(alpha, "", (1, 1), (np.nan, np.nan))
+        below, above = pieces._beside(nothing)
+        ends = (pieces.next(np.array([alpha]), cell) for cell in (below, above))
         left, right = (float(each[0]) if len(each) else np.nan for each in ends)
         powers = self.powers.get((alpha, -1), 1), self.powers.get((alpha, 1), 1)
         if alpha in self.lossless:

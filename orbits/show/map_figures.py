@@ -8,7 +8,7 @@ import numpy as np
 from ..errors import InputError, finite_number
 from ..model.machine import title_of_machine
 from ..result import Axes
-from ..return_map.diagram import WORDS_OF_STABILITY
+from ..return_map.diagram import WORDS_OF_STABILITY, name_of_hops
 from ..units import LIFTOFF_SPEED
 from .plot import COLOURS, cobweb, finished, new_axes, plain, sampled_map
 
@@ -28,8 +28,10 @@ STYLES_OF_STABILITY: dict[bool | None, dict[str, object]] = {
     False: {"lw": 1.3, "ls": (0, (4, 2))},
     None: {"lw": 1.3, "ls": (0, (1, 2))},
 }
-LOOKS_OF_EVENTS = {"flip": "o", "fold": "s", "branch point": "D", "border collision": "X", "Neimark-Sacker": "P"}
-WORDS_OF_PERIODS = {1: "fixed points", 2: "period two"}
+LOOKS_OF_EVENTS = {
+    **{"flip": "o", "fold": "s", "branch point": "D", "border collision": "X", "non-smooth fold": "v"},
+    "Neimark-Sacker": "P",
+}
 SHOWN_CYCLES = 12  # more would not be told apart
 BAR = 0.05  # height of the bar that shows the destinations, as a share of the axes
 
@@ -161,7 +163,7 @@ def plot_bifurcations(diagram: Any, axes: Axes | None = None) -> Axes:
     for branch in diagram.branches:
         colour, words = (
             COLOURS[(branch.period - 1) % len(COLOURS)],
-            WORDS_OF_PERIODS.get(branch.period, f"period {branch.period}"),
+            name_of_hops(branch.period).removeprefix("hops of "),
         )
         for first, last, stable in branch.parts():
             label, part = f"{words}, {WORDS_OF_STABILITY[stable]}", slice(first, last + 1)
