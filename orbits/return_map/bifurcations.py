@@ -90,8 +90,8 @@ def bifurcations(
     about = along, (low, high), (slow, fast), machine_in_words(machine)
     if several and (wanted != [1] or doublings > 1):
         raise InputError(
-            f"periods = {tuple(wanted)}, doublings = {doublings}: all hops of a period are found where a launch is a speed; "
-            "give starts=[...] of that period"
+            f"periods = {tuple(wanted)}, doublings = {doublings}: all hops of a period are found where a launch is a "
+            "speed; give starts=[...] of that period"
         )
     if several:
         found = launch_diagram(maps, (slow, fast), values, starts, attractor, progress)
@@ -105,8 +105,8 @@ def bifurcations(
     maps.resolve(slow, fast)
     for period in wanted:
         search.periodic(period)
-    for _ in range(doublings):
-        search.doubled()
+        for _ in range(doublings):
+            search.doubled(doublings)
     return BifurcationDiagram(
         *about, tuple(search.branches), search.located(), visits=_attractor(maps, (slow, fast), count), units=maps.units
     )  # fmt: skip
@@ -134,6 +134,7 @@ class _Search:
         self.branches: list[Branch] = []
         self.events: list[tuple[int, FoundEvent]] = []
         self.notes: dict[int, str] = {}  # by the identity of a flip's point
+        self._depths = list[int]()
         self._followed = 0  # events whose doubled hops are followed
 
     def _tracer(self, period: int) -> BranchTracer:
@@ -187,12 +188,15 @@ class _Search:
         if self.progress:
             self.progress(share)
 
-    def doubled(self) -> None:
-        """Follow the hops of twice the period from each flip that was found since the last time."""
+    def doubled(self, doublings: int) -> None:
+        """Follow the hops of twice the period from each flip that was found since the last time, on branches that are
+        fewer doublings away from those that were searched for."""
         new, self._followed = self.events[self._followed :], len(self.events)
+        new = [(branch, event) for branch, event in new if self._depths[branch] < doublings]
         ended = list[PeriodicLaunch]()
         flips = [(self.branches[branch].period, event.point) for branch, event in new if event.kind == "flip"]
-        for period, flip in flips:
+        depths = [self._depths[branch] for branch, event in new if event.kind == "flip"]
+        for (period, flip), depth in zip(flips, depths, strict=True):
             tracer, name = self._tracer(2 * period), name_of_hops(2 * period)
             if flip in ended:
                 self.notes[id(flip)] = f"the {name} end here"
@@ -211,10 +215,12 @@ class _Search:
                 ended.append(other)
                 items.insert(-1, _twice(other, first))
             begin = End("flip", f"a flip of the {name_of_hops(period)}")
-            self._store(2 * period, [begin, _twice(flip, first), first, *items])
+            self._store(2 * period, [begin, _twice(flip, first), first, *items], depth + 1)
 
-    def _store(self, period: int, items: list) -> None:
-        """Store a branch from its points, events and ends in order."""
+    def _store(self, period: int, items: list, depth: int = 0) -> None:
+        """Store a branch from its points, events and ends in order, this many doublings away from one that was searched
+        for."""
+        self._depths.append(depth)
         ends = [item for item in items if isinstance(item, End)]
         items = _with_events_at_points(items)
         points = [(x, x.multiplier) if isinstance(x, PeriodicLaunch) else (x.point, _slope(x))
@@ -277,8 +283,8 @@ def _twice(flip: PeriodicLaunch, along: PeriodicLaunch) -> PeriodicLaunch:
 
 
 def _flip_beside(items: list, flips: list[PeriodicLaunch], but: PeriodicLaunch) -> PeriodicLaunch | None:
-    """The flip, other than `but`, at which a branch of twice the period ends: pairs of its launches lie on both sides of
-    those of the flip, at most a step away. None where it is not among the known flips."""
+    """The flip, other than `but`, at which a branch of twice the period ends: pairs of its launches lie on both sides
+    of those of the flip, at most a step away. None where it is not among the known flips."""
     last = [item for item in items if isinstance(item, PeriodicLaunch)][-1]
     middles, scale = np.reshape(last.alphas, (2, -1)).mean(axis=0), last.place[0] / last.alphas[0]
 

@@ -8,6 +8,7 @@ jumps, the curve has a corner: the tracer loses it, and restarts where a small c
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from itertools import pairwise
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -37,7 +38,11 @@ STEPS_OF_BRANCHES = StepControl(
     first_step=1e-2, shortest_step=1e-9, largest_correction=1.0, largest_turn=0.6, target_correction=0.1,
     largest_lengthening=4.0, neighbours=2, largest_batch=4, most_rejections=100, same_point=SAME_PLACE,
 )  # fmt: skip
-FIRST_OF_TWO = (1e-3, 1e-4, 1e-2)  # from a flip to the first hops of twice the period, as shares of the range
+# Hops of longer periods have as many sheets, which lie close to each other: a correction may not lead to another one.
+STEPS_OF_SHEETS = replace(STEPS_OF_BRANCHES, largest_correction=0.2, target_correction=2e-2, largest_turn=0.3)
+OTHER_SHEET = 0.25  # launches are on another sheet where their change differs from that of the rates by this share
+MIRRORED = 0.5  # where the two launches beside a flip do not lie on both sides of it up to this share, they are others
+FIRST_OF_TWO = (1e-3, 1e-4, 1e-5, 1e-2)  # from a flip to the first hops of twice the period, as shares of the range
 FARTHEST_OF_TWO = 20  # the first hops of twice the period have a parameter at most this many such shares away
 # Differences for slopes across: over this share of the launch speed, as small as rounding allows, as beside lossless
 # hops slopes change with the cube root of the distance. If those of both sides differ by more, a jump is between.
@@ -60,7 +65,8 @@ MULTIPLIERS, SMOOTH = {"fold": 1.0, "flip": -1.0}, 1e-3
 @dataclass(frozen=True, eq=False)
 class PeriodicLaunch:
     """A point of a branch: the parameter's value, the launch speeds and the multiplier of the hops, the numbers of
-    impacts, and the place and tangent (2,) in (launch speed, parameter), as shares of the ranges."""
+    impacts, the place and tangent (2,) in (launch speed, parameter), as shares of the ranges, and the rates (period,)
+    of the launch speeds along the tangent where these are known."""
 
     value: float
     alphas: tuple[float, ...]
@@ -68,6 +74,7 @@ class PeriodicLaunch:
     impacts: tuple[int, ...]
     place: Vector
     tangent: Vector
+    rates: Vector | None = None
 
     @property
     def alpha(self) -> float:
@@ -100,6 +107,7 @@ class MapEquations(NamedTuple):
     launches: np.ndarray
     impacts: np.ndarray
     multipliers: np.ndarray | None = None
+    changes: np.ndarray | None = None
     trajectories: tuple[()] = ()
 
     @property
@@ -136,7 +144,7 @@ class LaunchCurve:
         alpha, values, (before, along) = xs[:, 0], self.possible(xs[:, 1]), self._rates
         if smooth := self.maps.smooth_cycles(alpha, values, self.period):
             excess, slopes = smooth.excess
-            numbers = smooth.launches[:, :-1], smooth.impacts, smooth.slopes.prod(axis=1)
+            numbers = smooth.launches[:, :-1], smooth.impacts, smooth.slopes.prod(axis=1), smooth.changes[:, :-1]
             return MapEquations(excess[:, None], slopes[:, None], *numbers)
         step, m = STEP_ACROSS * np.abs(alpha), len(alpha)
         alphas = np.concatenate([alpha, alpha - step, alpha + step])
@@ -175,7 +183,9 @@ class LaunchCurve:
         else:
             slope = float(found.multipliers[point.place])
         shares = point.x / self.scale, point.tangent / self.scale
-        return point._replace(certified=[cast(Any, PeriodicLaunch(point.value, launches, slope, impacts, *shares))])
+        rates = None if found.changes is None else found.changes[point.place] @ point.tangent
+        launch = PeriodicLaunch(point.value, launches, slope, impacts, *shares, rates)
+        return point._replace(certified=[cast(Any, launch)])
 
     def certify_all(self, points: Sequence[CurvePoint]) -> tuple[list[CurvePoint], None]:
         """The points with their launches, and no error."""
@@ -314,7 +324,23 @@ class LaunchTracer(Tracer):
 
     def _certified(self, state: TracerState, points: Sequence[CurvePoint]) -> tuple[Sequence[CurvePoint], None]:
         interrupts.heed()
-        return self.curve.certify_all(points)[0], None
+        certified = self.curve.certify_all(points)[0]
+        for i, (before, behind) in enumerate(pairwise([state.last, *certified])):
+            if before.certified and self._changes_sheet(before, behind):
+                return certified[:i], NoOrbit("the launches of the hops change their places: another sheet")
+        return certified, None
+
+    def _changes_sheet(self, before: CurvePoint, behind: CurvePoint) -> bool:
+        """Whether launches change otherwise between two points than their rates say, as on another sheet of the curve,
+        where each is another one of the same hops."""
+        a, b = cast(Any, before.point), cast(Any, behind.point)
+        if len(a.alphas) == 1 or a.rates is None or b.rates is None:
+            return False
+        length = float(np.linalg.norm((behind.x - before.x) / self.curve.scale))
+        change, expected = np.subtract(b.alphas, a.alphas), 0.5 * length * (a.rates + b.rates)
+        return bool(
+            (np.abs(change - expected) > OTHER_SHEET * (np.abs(change) + np.abs(expected))).any() and length > AROUND
+        )
 
 
 class BranchTracer:
@@ -331,7 +357,8 @@ class BranchTracer:
         self.maps = maps
         self.curve: Any = LaunchCurve(maps, between, period)
         self.scale: np.ndarray = self.curve.scale
-        self.options = Options(at=values, longest=longest, most=LONGEST_BRANCH, step_control=STEPS_OF_BRANCHES)
+        control, longest = (STEPS_OF_BRANCHES, longest) if period <= 2 else (STEPS_OF_SHEETS, 2.0 * longest / period)
+        self.options = Options(at=values, longest=longest, most=LONGEST_BRANCH, step_control=control)
 
     def start(self, alpha: float, value: float) -> PeriodicLaunch:
         """The point of a periodic launch found at a value of the parameter."""
@@ -358,7 +385,9 @@ class BranchTracer:
                 first = self._at_speed((flip.place + away) * self.scale, away * self.scale)
             except NoOrbit:
                 continue
-            if abs(first.place[1] - flip.place[1]) <= FARTHEST_OF_TWO * abs(step):
+            mirrored = 2.0 * flip.alpha - first.alpha  # near the flip the launch after half of the hops
+            beside = abs(first.alphas[len(flip.alphas)] - mirrored) <= MIRRORED * abs(first.alpha - flip.alpha)
+            if beside and abs(first.place[1] - flip.place[1]) <= FARTHEST_OF_TWO * abs(step):
                 onward = first.tangent @ (first.place - flip.place) >= 0
                 return first if onward else replace(first, tangent=-first.tangent)
         raise NoOrbit("no hops of twice the period are found beside the flip")
@@ -367,7 +396,7 @@ class BranchTracer:
         self, start: PeriodicLaunch, side: int, first_step: float = STEPS_OF_BRANCHES.first_step
     ) -> Iterator[PeriodicLaunch | FoundEvent | End]:
         """The points and events from one, in order along its tangent (`side` 1) or against it (-1); an end is last."""
-        options = replace(self.options, step_control=replace(STEPS_OF_BRANCHES, first_step=first_step))
+        options = replace(self.options, step_control=replace(self.options.step_control, first_step=first_step))
         low, high, earlier, count = self.maps.low, self.maps.high, list[object](), 0
         here: Any = self.curve.at(np.array([start.alpha, start.value]), side * start.tangent * self.scale)
         if start.value == (high if here.tangent[1] > 0 else low):

@@ -71,8 +71,9 @@ class MapsAlong:
     low, high : the range of the parameter, outside of which no map is requested
     inject : injection of all maps, unless it is the parameter
 
-    `pieces` are those of the map without injection in the machine's units, along which the injection is followed, None
-    along other parameters. `units` has those of launch speeds ("alpha") and parameters by name; it is empty for a dimensionless machine.
+    `pieces` are those of the map without injection, in the machine's units, where the injection is the parameter and
+    the map was resolved; else None. `units` has those of launch speeds ("alpha") and parameters by name; it is empty
+    for a dimensionless machine.
     """
 
     units: Mapping[str, str] = {}
