@@ -489,14 +489,22 @@ class BranchTracer:
         sides = pieces.slopes_at(border)
         sides = sides if ends[0] <= ends[1] else sides[::-1]
         following = border.next[0 if ends[0] <= ends[1] else 1] + self.maps.added(value)
-        launches, impacts = self.maps.cycles(np.array([following]), value, self.curve.period - 1)
-        if not np.isfinite(launches).all():
-            raise NoOrbit("a hop from the border has no next launch")
-        others = self.maps.multiplier(tuple(launches[0, :-1].tolist()), value)
+        launches, impacts, others = self._hops_from(following, value)
         excess = float(launches[0, -1]) - border.alpha
         alphas = border.alpha, *launches[0, :-1].tolist()
         own = pieces.impacts_at(border)
         return excess, border, alphas, (own, *impacts[0].tolist()), (others * sides[0], others * sides[1])
+
+    def _hops_from(self, alpha: float, value: float) -> tuple[np.ndarray, np.ndarray, float]:
+        """The launches (1, period) and impacts (1, period - 1) of all hops but one from a launch, and their
+        multiplier."""
+        at, count = np.array([alpha]), self.curve.period - 1
+        if smooth := self.maps.smooth_cycles(at, np.array([value]), count):
+            return smooth.launches, smooth.impacts, float(smooth.slopes.prod())
+        launches, impacts = self.maps.cycles(at, value, count)
+        if not np.isfinite(launches).all():
+            raise NoOrbit("a hop from the border has no next launch")
+        return launches, impacts, self.maps.multiplier(tuple(launches[0, :-1].tolist()), value)
 
     def _reached(self, bound: float) -> End:
         return End("reached", f"{self.maps.in_words(self.maps.name, bound)} is reached")

@@ -108,28 +108,40 @@ class MapPieces:
         return share ** (1.0 / self.power[cell])
 
     def next(self, x: np.ndarray, cell: np.ndarray) -> np.ndarray:
-        """The next launch speeds (k,) without injection."""
-        value = clenshaw(self.coefficients[cell].T, 2.0 * self.place(x, cell) - 1.0)
-        return np.where(self.power[cell] == OF_LOSSLESS, x - value, value)
+        """The next launch speeds (k,) without injection, of launch speeds in cells (k,)."""
+        return self._next(x, cell, polynomials(self.place(x, cell), self.coefficients.shape[1]))
+
+    def _next(self, x: np.ndarray, cell: np.ndarray, basis: np.ndarray) -> np.ndarray:
+        value = (self.coefficients[cell] * basis).sum(1)
+        return np.where(self._beside_lossless[cell], x - value, value)
 
     def slope(self, x: np.ndarray, cell: np.ndarray) -> np.ndarray:
-        """The slopes (k,) of the map; 1 at a lossless launch, infinite at a graze."""
-        u, power = self.place(x, cell), self.power[cell]
-        beside = power == OF_LOSSLESS
+        """The slopes (k,) of the map in cells (k,); 1 at a lossless launch, infinite at a graze."""
+        u = self.place(x, cell)
+        return self._slope(u, cell, polynomials(u, self.coefficients.shape[1]))
+
+    def _slope(self, u: np.ndarray, cell: np.ndarray, basis: np.ndarray) -> np.ndarray:
         with np.errstate(divide="ignore", invalid="ignore"):
-            rate = self.reach[cell] * power * u ** (power - 1.0)
-            slope = 2.0 * clenshaw(self._derivatives[cell].T, 2.0 * u - 1.0) / rate
-        return np.where(beside, np.where(u > 0, 1.0 - slope, 1.0), slope)
+            rate = self.reach[cell] * self.power[cell] * u ** (self.power[cell] - 1.0)
+            slope = 2.0 * (self._derivatives[cell] * basis[:, :-1]).sum(1) / rate
+        return np.where(self._beside_lossless[cell], np.where(u > 0, 1.0 - slope, 1.0), slope)
 
     def hops(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The next launch speeds (k,) without injection, the slopes (k,) and the numbers of impacts (k,); NaN and 0
         outside of the cells."""
         if not len(self.edges):
             return np.full(x.shape, np.nan), np.full(x.shape, np.nan), np.zeros(x.shape, int)
-        cell = self.cell(x, np.zeros(x.shape, int), np.full(x.shape, len(self.edges) - 1))
-        inside = (x >= self.edges[cell, 0]) & (x <= self.edges[cell, 1])
-        following, slopes = (np.where(inside, each(x, cell), np.nan) for each in (self.next, self.slope))
+        cell = np.maximum(np.searchsorted(self.edges[:, 0], x, side="right") - 1, 0)
+        u = self.place(x, cell)
+        basis, inside = polynomials(u, self.coefficients.shape[1]), (x >= self.low) & (x <= self.edges[cell, 1])
+        following, slopes = self._next(x, cell, basis), self._slope(u, cell, basis)
+        if not inside.all():
+            following, slopes = np.where(inside, following, np.nan), np.where(inside, slopes, np.nan)
         return following, slopes, np.where(inside, self.impacts[cell], 0)
+
+    @cached_property
+    def _beside_lossless(self) -> np.ndarray:
+        return self.power == OF_LOSSLESS
 
     def _beside(self, border: MapBorder) -> list[np.ndarray]:
         """The cells (1,) that end at a border below it and above it, (0,) where there is none."""
@@ -168,12 +180,10 @@ class MapPieces:
         return sorted(found)
 
 
-def clenshaw(coefficients: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Sums (k,) of Chebyshev polynomials with coefficients (n, k) at places (k,)."""
-    one, two = np.zeros_like(t), np.zeros_like(t)
-    for row in coefficients[:0:-1]:
-        one, two = row + 2.0 * t * one - two, one
-    return coefficients[0] + t * one - two
+def polynomials(u: np.ndarray, count: int) -> np.ndarray:
+    """The first Chebyshev polynomials (k, count) of 2 u - 1 at places (k,); u has all its digits near 0."""
+    angle = np.pi - 2.0 * np.arcsin(np.sqrt(u))
+    return np.cos(angle[:, None] * np.arange(count))
 
 
 class _Cell(NamedTuple):

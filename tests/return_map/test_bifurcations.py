@@ -32,8 +32,8 @@ class BackAndForth(KnownMaps):
 
 def test_hops_of_period_two_between_two_flips_are_one_branch():
     search = _Search(BackAndForth(), (0.1, 0.99), [-1.0, -0.5, 1.0], 100, None)
-    search.fixed_points()
-    search.doubled()
+    search.periodic(1)
+    search.doubled(1)
     first, second = search.located()
     assert (first.value, second.value) == pytest.approx((-np.sqrt(0.2), np.sqrt(0.2)), abs=1e-11)
     assert "begin here, stable, toward greater value" in first.note
@@ -66,8 +66,8 @@ class AlwaysAtOne(KnownMaps):
 def test_a_flip_at_a_point_of_its_branch(section):
     """The branch begins at the flip, or comes to it by a first step of 1/1000 of the range, or passes it."""
     search = _Search(AlwaysAtOne(), (0.5, 1.9), [section], 100, None)
-    search.fixed_points()
-    search.doubled()
+    search.periodic(1)
+    search.doubled(1)
     (flip,) = (event for event in search.located() if event.branch == 0)
     assert (flip.kind, flip.value, flip.multiplier) == ("flip", pytest.approx(0.0, abs=1e-12), -1.0)
     single, double = search.branches
