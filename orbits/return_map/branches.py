@@ -42,7 +42,7 @@ STEPS_OF_BRANCHES = StepControl(
 STEPS_OF_SHEETS = replace(STEPS_OF_BRANCHES, largest_correction=0.2, target_correction=2e-2, largest_turn=0.3)
 OTHER_SHEET = 0.25  # launches are on another sheet where their change differs from that of the rates by this share
 MIRRORED = 0.5  # where the two launches beside a flip do not lie on both sides of it up to this share, they are others
-FIRST_OF_TWO = (1e-3, 1e-4, 1e-5, 1e-2)  # from a flip to the first hops of twice the period, as shares of the range
+FIRST_OF_TWO = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-2)  # from a flip to the first hops of twice the period, as shares of the range
 FARTHEST_OF_TWO = 20  # the first hops of twice the period have a parameter at most this many such shares away
 # Differences for slopes across: over this share of the launch speed, as small as rounding allows, as beside lossless
 # hops slopes change with the cube root of the distance. If those of both sides differ by more, a jump is between.
