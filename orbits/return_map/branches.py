@@ -21,7 +21,7 @@ from ..continuation.point import End, Event
 from ..continuation.step_control import Options, StepControl
 from ..continuation.tracer import Tracer, TracerState
 from ..errors import NoOrbit
-from ..numerics.roots import bracketed_root
+from ..numerics.roots import bracketed_root, solve
 from ..running import interrupts
 from ..simulation.impacts import STATUSES
 from .cycles import INJECT, MapsAlong, excess_of
@@ -42,7 +42,14 @@ STEPS_OF_BRANCHES = StepControl(
 STEPS_OF_SHEETS = replace(STEPS_OF_BRANCHES, largest_correction=0.2, target_correction=2e-2, largest_turn=0.3)
 OTHER_SHEET = 0.25  # launches are on another sheet where their change differs from that of the rates by this share
 MIRRORED = 0.5  # where the two launches beside a flip do not lie on both sides of it up to this share, they are others
-FIRST_OF_TWO = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-2)  # from a flip to the first hops of twice the period, as shares of the range
+FIRST_OF_TWO = (
+    1e-3,
+    1e-4,
+    1e-5,
+    1e-6,
+    1e-7,
+    1e-2,
+)  # from a flip to the first hops of twice the period, as shares of the range
 FARTHEST_OF_TWO = 20  # the first hops of twice the period have a parameter at most this many such shares away
 # Differences for slopes across: over this share of the launch speed, as small as rounding allows, as beside lossless
 # hops slopes change with the cube root of the distance. If those of both sides differ by more, a jump is between.
@@ -53,7 +60,7 @@ SAME_RATE, INEXACT = 1e-4, 100.0
 HALVINGS = 12  # of a step in which the number of impacts changes and the map may jump
 # The radius of the circle round a corner, its angles, and the angle at which both sides of the curve are checked.
 AROUND, ANGLES, BESIDE = 1e-6, np.radians(np.linspace(-150, 150, 21)), 1e-5
-COLLISION = "border collision"
+COLLISION, NON_SMOOTH_FOLD = COLLISIONS = "border collision", "non-smooth fold"
 # Where a launch passes a border: the steps of the secant method, which ends at this share of the range of the parameter
 # and is trusted up to this many times the distance of the points; and multipliers that agree up to this share.
 SECANTS, BORDER_FOUND, BORDER_BEYOND, SAME_SLOPES = 30, 1e-14, 2.0, 1e-6
@@ -312,6 +319,12 @@ class LaunchEndings(Endings):
         return End("stuck", str(error))
 
 
+def _kind_of(sides: tuple[float, float]) -> str:
+    """The kind of a collision with a border by the multipliers on both sides: the launches go on in the parameter, or
+    turn round where one multiplier is above 1 and one below."""
+    return COLLISION if (sides[0] - 1) * (sides[1] - 1) > 0 else NON_SMOOTH_FOLD
+
+
 def place_in_words(maps: MapsAlong, point: Any) -> str:
     """Where a point of a branch is, in words."""
     return f"{maps.in_words(maps.name, point.value, 9)}, {maps.in_words('alpha', point.alpha, 9)}"
@@ -418,15 +431,27 @@ class BranchTracer:
                     yield self._reached(last.value) if item.kind == "reached" else item
                     return
             yield from passed
-            if (behind := self._round_corner(before, last)) is None:
+            if (behind := self._round_corner(before, last) or self._beyond_border(before, last)) is None:
                 yield self._why_stuck(last)
                 return
-            slopes = last.point.multiplier, behind.point.multiplier
-            crossed = any((slopes[0] - level) * (slopes[1] - level) < 0 for level in MULTIPLIERS.values())
-            yield from self._in_order(last.point, behind.point, [FoundEvent(COLLISION, last.point)] if crossed else [])
+            yield from self._in_order(last.point, behind.point, self._corner(last, behind))
             here, earlier, options = behind, [start], self.options
             yield here.point
         yield End("stuck", f"it has {LONGEST_BRANCH} points")
+
+    def _corner(self, last: CurvePoint, behind: CurvePoint) -> list[FoundEvent]:
+        """The event at a corner of the curve between two points, where its tangents meet, if its multiplier passes 1 or
+        -1 there."""
+        sides = last.point.multiplier, behind.point.multiplier
+        if not any((sides[0] - level) * (sides[1] - level) < 0 for level in MULTIPLIERS.values()):
+            return []
+        a, b = cast(Any, last.point), cast(Any, behind.point)
+        share, _ = solve(np.column_stack([a.tangent, -b.tangent]), b.place - a.place)
+        if abs(share) <= 2.0 * AROUND:  # else the tangents turn beside the corner
+            place = a.place + share * a.tangent
+            alpha, value = (place * self.scale).tolist()
+            a = replace(a, value=value, alphas=(alpha, *a.alphas[1:]), place=place)
+        return [FoundEvent(_kind_of(sides), replace(a, multiplier=float("nan")), "", sides)]
 
     def _in_order(
         self, before: PeriodicLaunch, behind: PeriodicLaunch, found: list[FoundEvent]
@@ -435,7 +460,7 @@ class BranchTracer:
         a border, in place of the same found less exactly."""
         borders = [] if before.impacts == behind.impacts else self._passed_borders(before, behind)
         if borders:
-            found = [*(event for event in found if event.kind != COLLISION), *borders]
+            found = [*(event for event in found if event.kind not in COLLISIONS), *borders]
         chord = behind.place - before.place
         yield from sorted(found, key=lambda event: float((event.point.place - before.place) @ chord))
 
@@ -471,9 +496,8 @@ class BranchTracer:
         counts = (*impacts[-hop:], *impacts[:-hop]) if hop else impacts
         place = np.array([alphas[0], values[1]]) / self.scale
         multiplier = sides[0] if abs(sides[1] - sides[0]) <= SAME_SLOPES * (1 + abs(sides[0])) else float("nan")
-        kind = COLLISION if (sides[0] - 1) * (sides[1] - 1) > 0 else "non-smooth fold"
         point = PeriodicLaunch(values[1], alphas, multiplier, counts, place, behind.tangent)
-        return FoundEvent(kind, point, border.kind, sides)
+        return FoundEvent(_kind_of(sides), point, border.kind, sides)
 
     def _of_border(
         self, ends: tuple[float, float], value: float
@@ -494,6 +518,23 @@ class BranchTracer:
         alphas = border.alpha, *launches[0, :-1].tolist()
         own = pieces.impacts_at(border)
         return excess, border, alphas, (own, *impacts[0].tolist()), (others * sides[0], others * sides[1])
+
+    def _beyond_border(self, before: CurvePoint, last: CurvePoint) -> CurvePoint | None:
+        """The curve behind a border near the first launch, at a launch on the other side than `before`; None where
+        there is none, or the map jumps there. Behind a graze the curve bends away at once, so that no circle cuts it as
+        it should."""
+        alpha, reach = last.point.alpha, 10.0 * AROUND * float(self.scale[0])
+        borders = self.maps.pieces_at(float(self.curve.possible(last.value)), alpha - reach, alpha + reach).borders
+        near = [each.alpha for each in borders if each.kind in CONTINUOUS and abs(each.alpha - alpha) <= reach]
+        if not near:
+            return None
+        border = min(near, key=lambda each: abs(each - alpha))
+        ahead = np.array([np.sign(border - before.point.alpha) * reach, 0.0])
+        try:
+            at = np.array([border + ahead[0], last.value])
+            return self.curve.certify(correct(self.curve, at, np.array([1.0, 0.0]), float(at[0]), ahead))
+        except NoOrbit:
+            return None
 
     def _hops_from(self, alpha: float, value: float) -> tuple[np.ndarray, np.ndarray, float]:
         """The launches (1, period) and impacts (1, period - 1) of all hops but one from a launch, and their
