@@ -62,7 +62,7 @@ class Bifurcation:
 class Branch:
     """A curve of periodic launches in the plane of parameter and launch speed.
 
-    period : the number of hops, 1 or 2 unless a start had more
+    period : the number of hops
     values : of the parameter (n,), in order along the curve, which may turn round
     alphas : launch speeds (n, period) of the hops
     multipliers : of the hops (n,), NaN where they have none. Where a launch has d numbers, that of largest modulus, of
@@ -170,8 +170,8 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
             yield Row(event.kind, values, (f"{self.along} = {{:.12g}}{unit}, alpha = {{}}{speed}{note}",))
 
     def unit_of(self, name: str) -> str:
-        """As in `Result`; the second launch speed of a branch has the unit of the first."""
-        return super().unit_of(name.removeprefix("other "))
+        """As in `Result`; all launch speeds of a branch have the unit of the first."""
+        return super().unit_of("alpha" if name.removeprefix("other ").split(" ")[0] == "alpha" else name)
 
     def periodic(self, value: float) -> list[tuple[int, float, float]]:
         """The periodic launches at a value of the parameter, by linear interpolation between the points of the
@@ -227,16 +227,17 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
         return {**whole, "attractor": visits, **({"units": self.units} if self.units else {})}
 
     def table(self) -> dict[str, np.ndarray]:
-        """The points of all branches as columns; the multiplier is that of the hops, NaN where they have none."""
-        empty = np.zeros(0)
-        columns = {"branch": empty.astype(int), "period": empty.astype(int), self.along: empty, "alpha": empty}
-        parts = [[*columns.values(), empty, empty, empty.astype(object)]]
+        """The points of all branches as columns, with as many launch speeds as the longest period has; the multiplier
+        is that of the hops, NaN where they have none."""
+        longest = max([2, *(branch.period for branch in self.branches)])
+        alphas = ["alpha", "other alpha", *(f"alpha {hop}" for hop in range(3, longest + 1))]
+        names, empty = ["branch", "period", self.along, *alphas, "multiplier", "stable"], np.zeros(0)
+        parts = [[empty.astype(int), empty.astype(int), *(empty for _ in names[3:]), empty.astype(object)]]
         for i, branch in enumerate(self.branches):
-            whole, other = np.ones(len(branch), int), np.full((len(branch), 2), np.nan)
-            other[:, : branch.period] = branch.alphas[:, :2]
-            numbers = branch.values, *other.T, branch.multipliers, np.array(branch.stable, object)
+            whole, launches = np.ones(len(branch), int), np.full((len(branch), longest), np.nan)
+            launches[:, : branch.period] = branch.alphas
+            numbers = branch.values, *launches.T, branch.multipliers, np.array(branch.stable, object)
             parts.append([i * whole, branch.period * whole, *numbers])
-        names = *columns, "other alpha", "multiplier", "stable"
         return dict(zip(names, map(np.concatenate, zip(*parts, strict=True)), strict=True))
 
 
