@@ -42,6 +42,7 @@ STEPS_OF_BRANCHES = StepControl(
 STEPS_OF_SHEETS = replace(STEPS_OF_BRANCHES, largest_correction=0.2, target_correction=2e-2, largest_turn=0.3)
 OTHER_SHEET = 0.25  # launches are on another sheet where their change differs from that of the rates by this share
 MIRRORED = 0.5  # where the two launches beside a flip do not lie on both sides of it up to this share, they are others
+SLOWLY = 1.0  # the multiplier of the doubled hops begins at 1, and differs from it by less at the first of them
 FIRST_OF_TWO = (
     1e-3,
     1e-4,
@@ -57,6 +58,7 @@ STEP_ACROSS, JUMP_OF_SLOPES = 1e-9, 1e5
 # The slope along the parameter, which needs other machines, is not computed anew within this share of the ranges: it
 # decides how fast Newton's method converges, not to which point.
 SAME_RATE, INEXACT = 1e-4, 100.0
+LARGEST_GROWTH = 1e6  # of a small change over many hops, up to which they are followed
 HALVINGS = 12  # of a step in which the number of impacts changes and the map may jump
 # The radius of the circle round a corner, its angles, and the angle at which both sides of the curve are checked.
 AROUND, ANGLES, BESIDE = 1e-6, np.radians(np.linspace(-150, 150, 21)), 1e-5
@@ -266,6 +268,9 @@ class LaunchEndings(Endings):
             last = self.curve.certify(correct(self.curve, guess, row, bound, segment.a.tangent))
             reason = f"it leaves the launch speeds asked for at {self.curve.maps.in_words('alpha', bound)}"
             return LaunchSegment(self.curve, segment.a, last), End("left", reason)
+        if not end and self.curve.period > 2 and abs(segment.b.point.multiplier) > LARGEST_GROWTH:
+            reason = f"small changes grow {segment.b.point.multiplier:.0e}-fold over the hops, and rounding decides"
+            return segment, End("stuck", reason)
         return segment, end
 
     def _jump(self, segment: Segment) -> tuple[Segment, End] | None:
@@ -400,6 +405,7 @@ class BranchTracer:
                 continue
             mirrored = 2.0 * flip.alpha - first.alpha  # near the flip the launch after half of the hops
             beside = abs(first.alphas[len(flip.alphas)] - mirrored) <= MIRRORED * abs(first.alpha - flip.alpha)
+            beside &= abs(first.multiplier - 1.0) <= SLOWLY  # else a flip or a fold may lie between
             if beside and abs(first.place[1] - flip.place[1]) <= FARTHEST_OF_TWO * abs(step):
                 onward = first.tangent @ (first.place - flip.place) >= 0
                 return first if onward else replace(first, tangent=-first.tangent)
@@ -426,7 +432,7 @@ class BranchTracer:
                     yield last.point
                 elif isinstance(item, Event) and item.kind != "asked":
                     passed.append(FoundEvent(item.kind, cast(Any, item.point)))
-                elif isinstance(item, End) and item.kind not in ("stuck", "stopped"):
+                elif isinstance(item, End) and (item.kind not in ("stuck", "stopped") or self._grown(last)):
                     yield from passed
                     yield self._reached(last.value) if item.kind == "reached" else item
                     return
@@ -438,6 +444,9 @@ class BranchTracer:
             here, earlier, options = behind, [start], self.options
             yield here.point
         yield End("stuck", f"it has {LONGEST_BRANCH} points")
+
+    def _grown(self, last: CurvePoint) -> bool:
+        return self.curve.period > 2 and abs(last.point.multiplier) > LARGEST_GROWTH
 
     def _corner(self, last: CurvePoint, behind: CurvePoint) -> list[FoundEvent]:
         """The event at a corner of the curve between two points, where its tangents meet, if its multiplier passes 1 or
