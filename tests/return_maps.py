@@ -7,6 +7,8 @@ import numpy as np
 
 from orbits import bifurcations
 from orbits.return_map.cycles import MapsAlong
+from orbits.return_map.hops import Hops
+from orbits.return_map.map_pieces import map_pieces
 from problems import Hopper
 
 
@@ -14,11 +16,20 @@ class KnownMaps(MapsAlong):
     """Maps in closed form in place of a machine's: next(a, value), slope(a, value), impacts(a), where they jump."""
 
     def __init__(self, low, high, following, slope, impacts=lambda a: np.ones(len(a), int), jump=None):
-        self.name, self.low, self.high = "value", low, high
+        self.name, self.low, self.high, self.inject = "value", low, high, 0.0
         self.following, self.slope, self.count, self.jump = following, slope, impacts, jump
 
     def hops(self, alpha, value):
         return SimpleNamespace(next=self.following(np.asarray(alpha), value), impacts=self.count(np.asarray(alpha)))
+
+    def pieces_at(self, value, low, high):
+        def hops(x):
+            following = self.following(x, value)
+            status = np.where(np.isfinite(following), "lifts_off", "rests")
+            return Hops(x, following, 0 * x, self.count(x), status)
+
+        reach = max(high - low, 1e-4)
+        return map_pieces(hops, [], max(low - reach, 1e-6), high + reach, 20)
 
     def multiplier(self, launches, value):
         return float(np.prod([self.slope(a, value) for a in launches]))

@@ -83,6 +83,7 @@ def made(kind: str):
         "Uncertainty": lambda: uncertainty(leg, {"k": norm(5e3, 100.0)}, samples=16),
         "Sensitivities": lambda: sensitivities(leg, 1, ["k", "body_mass"], ["alpha", "stroke"]),
         "Indices": lambda: sweep(leg, {"k": (3e3, 5e3), "body_mass": (55.0, 60.0)}, 4).sensitivity("alpha", 16),
+        "PeriodicHops": lambda: ReturnMap(Hopper(), inject=0.09).periodic_hops(2, 4.4, 4.7),
         "Basins": lambda: ReturnMap(Hopper(mass_ratio=0.05)).basins(4.4, 4.8, samples=100),
         "SpringFit": lambda: springs.fit(springs.SAMPLE, "k*r + b*r**3", in_si=True),
     }[kind]()
@@ -93,14 +94,14 @@ RESULTS = (
     *("Existence", "Hops", "ReturnMap", "FixedPoint", "Simulation", "ContactEvent", "Control", "Driven", "Disturbed"),
     *("Design", "Front", "Sweep", "Uncertainty", "BifurcationDiagram", "Proof", "Checked", "SpringFit"),
     *("Sensitivities", "Indices", "Basins"),
-    *("LaunchHops", "PeriodicHop", "HopMultipliers"),
+    *("LaunchHops", "PeriodicHop", "PeriodicHops", "HopMultipliers"),
 )
 # The results that are more than part of another one, and what each does with nothing but itself.
 WHOLE = (
     *("Orbit", "Orbit in SI", "Family", "Sweep", "Existence", "Uncertainty", "Design", "Front", "Control"),
     *("Simulation", "Hops", "BifurcationDiagram", "Proof", "Checked", "Driven", "Disturbed", "SpringFit"),
     *("Sensitivities", "Indices", "Basins"),
-    *("LaunchHops", "PeriodicHop", "HopMultipliers"),
+    *("LaunchHops", "PeriodicHop", "PeriodicHops", "HopMultipliers"),
 )
 VERBS = {
     "machine": lambda result: isinstance(result.machine, dict) and "machine" in result.machine,

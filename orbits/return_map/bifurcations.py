@@ -1,7 +1,8 @@
 """Bifurcation diagrams of the return map along the injection, the restitution, or a parameter of the machine.
 
-Fixed points are searched for at some values of the parameter, over the whole range of launch speeds, and each is
-followed to both sides. Where its multiplier passes -1, hops of twice the period begin, and are followed too.
+Fixed points, and hops of longer periods, are searched for at some values of the parameter, over the whole range of
+launch speeds, and each is followed to both sides. Where its multiplier passes -1, hops of twice the period begin, and
+are followed too.
 """
 
 from collections.abc import Iterator, Sequence
@@ -18,7 +19,7 @@ from ..running.exclusive import exclusive
 from ..simulation.impacts import CAP
 from .branches import BESIDE_LOSSLESS, SAME_PLACE, BranchTracer, FoundEvent, PeriodicLaunch
 from .cycles import INJECT, MapsAlong
-from .diagram import RESERVED_IN_DIAGRAMS, Bifurcation, BifurcationDiagram, Branch
+from .diagram import RESERVED_IN_DIAGRAMS, Bifurcation, BifurcationDiagram, Branch, name_of_hops
 from .launch_branches import launch_diagram
 from .resolved_map import ROUNDED
 
@@ -26,6 +27,13 @@ SECTIONS, SECTIONS_OF_STARTS, ATTRACTOR = 9, 3, 400
 # Launches from which the attractor is searched for, hops until they have reached it, and hops of it that are stored.
 STARTS_OF_HOPS, TRANSIENT, ATTRACTOR_HOPS = 4, 200, 60
 LONGEST_CHORD = 0.02
+# What happens where a launch passes a border of the map, by the kind of the border, and by that of the event.
+BORDERS_IN_WORDS = {
+    "lossless": "a launch is the lossless one, beside which the loss goes as the power 4/3: a bounce more or less",
+    "graze": "a landing grazes",
+    "bounce": "the contact force vanishes at a landing: a bounce more or less",
+}
+RUN_ON = {"border collision": "persist", "non-smooth fold": "turn round"}
 SETTLES = {True: "stable", False: "unstable"}
 
 
@@ -33,9 +41,10 @@ SETTLES = {True: "stable", False: "unstable"}
 def bifurcations(
     machine: Machine, along: str, span: tuple[float, float], between: tuple[float, float], *, inject: float = 0.0,
     samples: int = 400, sections: int | None = None, attractor: int | None = None, cap: int = CAP,
-    starts: Sequence[Any] | None = None, progress: Progress = None,
+    starts: Sequence[Any] | None = None, periods: Sequence[int] = (1,), doublings: int = 1, progress: Progress = None,
 ) -> BifurcationDiagram:  # fmt: skip
-    """The fixed points of a machine's return maps along a parameter, and the hops of period two that begin at flips.
+    """The fixed points of a machine's return maps along a parameter, hops of longer periods, and those of twice a
+    period that begin at flips.
 
     machine : as for `ReturnMap`
     along : "inject", "restitution", or a parameter of the machine, as "damping"
@@ -50,6 +59,9 @@ def bifurcations(
     cap : number of impacts in one hop after which its computation is ended
     starts : for a machine whose launch has d > 1 numbers, launches or lossless orbits near which fixed points are
         searched for at each section by Newton's method, or results `PeriodicHop` of a period
+    periods : of the hops that are searched for, all of each period at each section, see `ReturnMap.periodic_hops`
+    doublings : how many times hops of twice the period are followed from flips: 1 for those of period two from flips of
+        fixed points, 2 for those of period four from flips of these, and so on
     progress : called with the completed share
 
     Launch speeds and the injection are in the machine's units. Folds and flips are located to some 1e-11 of the range,
@@ -73,7 +85,14 @@ def bifurcations(
     values = np.linspace(low, high, sections).tolist()
     if along != INJECT and all(maps.lossless(value) for value in values):
         raise InputError("every fixed point is a lossless hop here: follow them with `follow`, or give an injection")
+    wanted = sorted({whole_number("periods", period, "hops") for period in periods})
+    doublings = whole_number("doublings", doublings, "doublings", 0)
     about = along, (low, high), (slow, fast), machine_in_words(machine)
+    if several and (wanted != [1] or doublings > 1):
+        raise InputError(
+            f"periods = {tuple(wanted)}, doublings = {doublings}: all hops of a period are found where a launch is a "
+            "speed; give starts=[...] of that period"
+        )
     if several:
         found = launch_diagram(maps, (slow, fast), values, starts, attractor, progress)
         return BifurcationDiagram(*about, tuple(found.branches), found.located(), units=maps.units)
@@ -83,8 +102,11 @@ def bifurcations(
         )
     count = (ATTRACTOR if along == INJECT else 0) if attractor is None else whole_number("attractor", attractor, "", 0)
     search = _Search(maps, (slow, fast), values, whole_number("samples", samples, "launches", 2), progress)
-    search.fixed_points()
-    search.doubled()
+    maps.resolve(slow, fast)
+    for period in wanted:
+        search.periodic(period)
+        for _ in range(doublings):
+            search.doubled(doublings)
     return BifurcationDiagram(
         *about, tuple(search.branches), search.located(), visits=_attractor(maps, (slow, fast), count), units=maps.units
     )  # fmt: skip
@@ -112,30 +134,33 @@ class _Search:
         self.branches: list[Branch] = []
         self.events: list[tuple[int, FoundEvent]] = []
         self.notes: dict[int, str] = {}  # by the identity of a flip's point
+        self._depths = list[int]()
+        self._followed = 0  # events whose doubled hops are followed
 
     def _tracer(self, period: int) -> BranchTracer:
         return BranchTracer(self.maps, self.between, period, tuple(self.values), LONGEST_CHORD)
 
-    def fixed_points(self) -> None:
-        """Follow each fixed point that is found in a section and lies on no branch yet. Along the injection the
-        branches that begin at lossless hops come first."""
-        tracer = self._tracer(1)
-        for alpha in self._lossless():
+    def periodic(self, period: int) -> None:
+        """Follow the hops of a period that are found in a section and lie on no branch yet. Along the injection the
+        branches of fixed points that begin at lossless hops come first."""
+        tracer = self._tracer(period)
+        for alpha in self._lossless() if period == 1 else []:
             hop, beside = tracer.start_lossless(alpha)
             if max(abs(side.value) for side in beside) <= ROUNDED * alpha:
                 continue  # nothing is lost beside it either, and every launch returns
             below, above = ([side, *tracer.trace(side, 1, BESIDE_LOSSLESS)] for side in beside)
             self._store(1, [*reversed(below), FoundEvent("fold", hop), *above])
-        starts = list(self._starts())
+        starts = list(self._starts(period))
         near = SAME_PLACE * (self.between[1] - self.between[0])
         for i, (value, alpha) in enumerate(starts):
             self._report(0.5 + 0.5 * i / len(starts))
-            if any(((b.values == value) & (np.abs(b.alphas[:, 0] - alpha) <= near)).any() for b in self.branches):
+            known = (b for b in self.branches if b.period == period)
+            if any(((b.values == value) & (np.abs(b.alphas - alpha) <= near).any(axis=1)).any() for b in known):
                 continue
             start = tracer.start(alpha, value)
             ahead = list(tracer.trace(start, 1))
             back = ahead[-1:] if _ends_as(ahead, "closed") else list(tracer.trace(start, -1))
-            self._store(1, [*reversed(back), start, *ahead])
+            self._store(period, [*reversed(back), start, *ahead])
 
     def _lossless(self) -> list[float]:
         """The lossless launches that are fixed points of a map without injection."""
@@ -144,27 +169,37 @@ class _Search:
             return []
         return [point.alpha for point in maps.at(0.0).fixed_points(*self.between, self.samples)]
 
-    def _starts(self) -> Iterator[tuple[float, float]]:
-        """Fixed points (value, launch speed) at the sections, except lossless hops."""
+    def _starts(self, period: int) -> Iterator[tuple[float, float]]:
+        """Periodic launches (value, launch speed) at the sections, except lossless hops."""
         for i, value in enumerate(self.values):
             interrupts.heed()
             self._report(0.5 * i / len(self.values))
-            if not self.maps.lossless(value):
+            if self.maps.lossless(value):
+                continue
+            if period == 1 and self.maps.pieces is None:
                 for point in self.maps.at(value).fixed_points(*self.between, self.samples):
                     yield value, point.alpha
+            else:
+                for launches in self.maps.all_cycles(value, self.between, period):
+                    yield value, float(launches[0])
 
     def _report(self, share: float) -> None:
         """Report the completed share: half of it is the search at the sections."""
         if self.progress:
             self.progress(share)
 
-    def doubled(self) -> None:
-        """Follow the hops of twice the period from each flip of fixed points."""
-        tracer, ended = self._tracer(2), list[PeriodicLaunch]()
-        flips = [event.point for _, event in self.events if event.kind == "flip"]
-        for flip in flips:
+    def doubled(self, doublings: int) -> None:
+        """Follow the hops of twice the period from each flip that was found since the last time, on branches that are
+        fewer doublings away from those that were searched for."""
+        new, self._followed = self.events[self._followed :], len(self.events)
+        new = [(branch, event) for branch, event in new if self._depths[branch] < doublings]
+        ended = list[PeriodicLaunch]()
+        flips = [(self.branches[branch].period, event.point) for branch, event in new if event.kind == "flip"]
+        depths = [self._depths[branch] for branch, event in new if event.kind == "flip"]
+        for (period, flip), depth in zip(flips, depths, strict=True):
+            tracer, name = self._tracer(2 * period), name_of_hops(2 * period)
             if flip in ended:
-                self.notes[id(flip)] = "the hops of period two end here"
+                self.notes[id(flip)] = f"the {name} end here"
                 continue
             try:
                 first = tracer.start_beside_flip(flip)
@@ -173,15 +208,19 @@ class _Search:
                 continue
             side = "greater" if first.value > flip.value else "smaller"
             kind = SETTLES[abs(first.multiplier) < 1]
-            self.notes[id(flip)] = f"hops of period two begin here, {kind}, toward {side} {self.maps.name}"
+            self.notes[id(flip)] = f"{name} begin here, {kind}, toward {side} {self.maps.name}"
             items = list(tracer.trace(first, 1))
-            if _ends_as(items, "flip") and (other := _flip_beside([first, *items], flips, flip)):
+            same = [other for own, other in flips if own == period]
+            if _ends_as(items, "flip") and (other := _flip_beside([first, *items], same, flip)):
                 ended.append(other)
                 items.insert(-1, _twice(other, first))
-            self._store(2, [End("flip", "a flip of the fixed points"), _twice(flip, first), first, *items])
+            begin = End("flip", f"a flip of the {name_of_hops(period)}")
+            self._store(2 * period, [begin, _twice(flip, first), first, *items], depth + 1)
 
-    def _store(self, period: int, items: list) -> None:
-        """Store a branch from its points, events and ends in order."""
+    def _store(self, period: int, items: list, depth: int = 0) -> None:
+        """Store a branch from its points, events and ends in order, this many doublings away from one that was searched
+        for."""
+        self._depths.append(depth)
         ends = [item for item in items if isinstance(item, End)]
         items = _with_events_at_points(items)
         points = [(x, x.multiplier) if isinstance(x, PeriodicLaunch) else (x.point, _slope(x))
@@ -194,7 +233,9 @@ class _Search:
     def located(self) -> tuple[Bifurcation, ...]:
         """The events, ascending in the parameter."""
         found = [
-            Bifurcation(e.kind, e.point.value, e.point.alphas, _slope(e), branch, self._note(e, branch))
+            Bifurcation(
+                e.kind, e.point.value, e.point.alphas, _slope(e), branch, self._note(e, branch), e.border, e.sides
+            )
             for branch, e in self.events
         ]
         return tuple(sorted(found, key=lambda event: event.value))
@@ -202,7 +243,11 @@ class _Search:
     def _note(self, event: FoundEvent, branch: int) -> str:
         period = self.branches[branch].period
         if event.kind == "flip":
-            return self.notes.get(id(event.point), "hops of period four branch off here" if period == 2 else "")
+            return self.notes.get(id(event.point), f"{name_of_hops(2 * period)} branch off here" if period > 1 else "")
+        if event.border:
+            before, behind = event.sides
+            slopes = f"multipliers {before:.6g} and {behind:.6g} beside it"
+            return f"{BORDERS_IN_WORDS[event.border]}; the hops {RUN_ON[event.kind]}, {slopes}"
         if event.kind == "fold" and self.maps.lossless(event.point.value):
             return "the lossless hop"
         return "the slope of the map jumps" if event.kind == "border collision" else ""
@@ -238,13 +283,15 @@ def _twice(flip: PeriodicLaunch, along: PeriodicLaunch) -> PeriodicLaunch:
 
 
 def _flip_beside(items: list, flips: list[PeriodicLaunch], but: PeriodicLaunch) -> PeriodicLaunch | None:
-    """The flip, other than `but`, at which a branch of period two ends: its two launches lie on both sides of the fixed
-    point, at most a step away. None where it is not among the known flips."""
+    """The flip, other than `but`, at which a branch of twice the period ends: pairs of its launches lie on both sides
+    of those of the flip, at most a step away. None where it is not among the known flips."""
     last = [item for item in items if isinstance(item, PeriodicLaunch)][-1]
-    middle = last.place * [np.mean(last.alphas) / last.alphas[0], 1.0]
+    middles, scale = np.reshape(last.alphas, (2, -1)).mean(axis=0), last.place[0] / last.alphas[0]
 
     def distance(flip: PeriodicLaunch) -> float:
-        return float(np.abs(flip.place - middle).max())
+        turned = [np.roll(flip.alphas, k) for k in range(len(flip.alphas))]
+        apart = min(float(np.abs(each - middles).max()) for each in turned) * scale
+        return max(apart, abs(float(flip.place[1] - last.place[1])))
 
     nearest = min((flip for flip in flips if flip is not but), key=distance, default=None)
     return nearest if nearest and distance(nearest) <= LONGEST_CHORD else None
@@ -253,7 +300,7 @@ def _flip_beside(items: list, flips: list[PeriodicLaunch], but: PeriodicLaunch) 
 def _slope(event: FoundEvent) -> float:
     """The multiplier at an event, by the definition of its kind; NaN where there are two."""
     known = {"fold": 1.0, "branch point": 1.0, "flip": -1.0}
-    return known.get(event.kind, float("nan"))
+    return known.get(event.kind, event.point.multiplier if event.border else float("nan"))
 
 
 def _attractor(maps: MapsAlong, between: tuple[float, float], count: int) -> np.ndarray:

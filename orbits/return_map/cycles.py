@@ -6,19 +6,24 @@ A launch of period one, a fixed point, comes back after one hop; a launch of per
 from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass, replace
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from ..consistency.accepted import check_machine
-from ..errors import InputError, NoOrbit
+from ..errors import InputError
 from ..model.machine import Machine, free_parameters, machine_in_words
-from ..simulation.multiplier import multiplier
 from ..units import LIFTOFF_SPEED
+from .itineraries import Branches
+from .map_pieces import MapPieces
+from .periodic_hops import cycles_of
 from .return_map import Hops, ReturnMap
 
 INJECT, RESTITUTION = "inject", "restitution"
 DAMPERS_OF_HOPS = ("damping", "drag")  # a machine may have these at 0 without its model having such a parameter
+SAMPLES_OF_BORDERS = 400  # launches between which the borders of a map are searched
+# Borders near two launches are searched for up to this many times their distance, or this share of the speed, farther.
+WIDER, LEAST_WIDTH, SAMPLES_NEAR = 2.0, 1e-4, 20
 CACHED_MAPS = 8  # the latest maps are cached: a step along a branch returns to its values
 STEP_ALONG = 1e-6  # differences for slopes along the parameter, as a share of its range
 
@@ -66,10 +71,13 @@ class MapsAlong:
     low, high : the range of the parameter, outside of which no map is requested
     inject : injection of all maps, unless it is the parameter
 
-    `units` has those of launch speeds ("alpha") and parameters by name; it is empty for a dimensionless machine.
+    `pieces` are those of the map without injection, in the machine's units, where the injection is the parameter and
+    the map was resolved; else None. `units` has those of launch speeds ("alpha") and parameters by name; it is empty
+    for a dimensionless machine.
     """
 
     units: Mapping[str, str] = {}
+    pieces: MapPieces | None = None
 
     def __init__(self, machine: Machine, name: str, low: float, high: float, inject: float, cap: int):
         self.machine, self.name, self.low, self.high, self.cap = machine, name, low, high, cap
@@ -112,6 +120,36 @@ class MapsAlong:
             self._known = KnownHops(plain), KnownHops(plain.dimensionless()) if plain.units else None
         return InjectedMap(*self._known, value)
 
+    def resolve(self, low: float, high: float) -> None:
+        """Represent the map between two launch speeds by its pieces, which along the injection are the same."""
+        if self.name == INJECT and self.pieces is None:
+            plain, unit = self.at(0.0), self.machine.units.of(LIFTOFF_SPEED) if self.machine.units else 1.0
+            found = plain.dimensionless()._pieces(low / unit, high / unit, SAMPLES_OF_BORDERS)
+            self.pieces = found.in_units(unit)
+
+    def all_cycles(self, value: float, between: tuple[float, float], period: int) -> list[np.ndarray]:
+        """The launches (period,) of all cycles between two launch speeds at a value of the parameter."""
+        step, unit = self.at(value), self.machine.units.of(LIFTOFF_SPEED) if self.machine.units else 1.0
+        pieces = self.pieces
+        if pieces is None:
+            low, high = (each / unit for each in between)
+            pieces = step.dimensionless()._pieces(low, high, SAMPLES_OF_BORDERS).in_units(unit)
+        branches = Branches.of(pieces, self.added(value))
+        return [each[0] for each in cycles_of(branches, step, period)[0]] if len(branches.ends) else []
+
+    def pieces_at(self, value: float, low: float, high: float) -> MapPieces:
+        """The pieces of the map without injection, at a value of the parameter, round two launch speeds."""
+        if self.pieces is not None and self.pieces.low <= low and high <= self.pieces.high:
+            return self.pieces
+        reach = WIDER * max(high - low, LEAST_WIDTH * high)
+        step, unit = self.at(value), self.machine.units.of(LIFTOFF_SPEED) if self.machine.units else 1.0
+        near = max(low - reach, 0.5 * low), high + reach
+        return step.dimensionless()._pieces(near[0] / unit, near[1] / unit, SAMPLES_NEAR).in_units(unit)
+
+    def added(self, value: float) -> float:
+        """The injection at a value of the parameter."""
+        return value if self.name == INJECT else self.inject
+
     def hops(self, alpha: np.ndarray, value: float | np.ndarray) -> Hops:
         """The hops from launch speeds (m,); along the injection, which may differ from launch to launch (m,), they are
         those of one map, to which it is added."""
@@ -149,12 +187,24 @@ class MapsAlong:
         derivatives of higher order."""
         step, product = self.at(value), 1.0
         for alpha in launches:
-            try:
-                product *= multiplier(step.machine, alpha)
-            except NoOrbit:
-                if not step.impacts.model.conservative:
-                    return float("nan")
+            if (slope := step._slope(alpha)) is not None:
+                product *= slope
+            elif not step.impacts.model.conservative:
+                return float("nan")
         return product
+
+    def smooth_cycles(self, alpha: np.ndarray, value: np.ndarray, period: int) -> "SmoothCycles | None":
+        """The `cycles` with their derivatives where the `pieces` of the map have all of their launches; else None."""
+        if self.pieces is None:
+            return None
+        launches, impacts = np.empty((len(alpha), period + 1)), np.empty((len(alpha), period), int)
+        changes, slopes = np.zeros((len(alpha), period + 1, 2)), np.empty((len(alpha), period))
+        launches[:, 0], changes[:, 0, 0] = alpha, 1.0
+        for hop in range(period):
+            following, slopes[:, hop], impacts[:, hop] = self.pieces.hops(launches[:, hop])
+            launches[:, hop + 1] = following + value
+            changes[:, hop + 1] = slopes[:, hop, None] * changes[:, hop] + [0.0, 1.0]
+        return SmoothCycles(launches, impacts, slopes, changes) if np.isfinite(launches).all() else None
 
     def excess(self, alpha: np.ndarray, value: float | np.ndarray, period: int) -> np.ndarray:
         """The `excess_of` the cycles from launches (m,) at values (m,) of the parameter."""
@@ -184,16 +234,50 @@ class MapsAlong:
         return str(self.at(value)(np.array([alpha])).status[0])
 
 
+class SmoothCycles(NamedTuple):
+    """Cycles from m launches with their derivatives.
+
+    launches, impacts : as of `MapsAlong.cycles`
+    slopes : (m, period), of the map at the launches
+    changes : (m, period + 1, 2), the derivatives of the launch speeds by the first one and by the parameter
+    """
+
+    launches: np.ndarray
+    impacts: np.ndarray
+    slopes: np.ndarray
+    changes: np.ndarray
+
+    @property
+    def excess(self) -> tuple[np.ndarray, np.ndarray]:
+        """`excess_of` the launches (m,), and its derivatives (m, 2)."""
+        half, last = _half(self.launches), self.launches.shape[1] - 1
+        first = self.changes[:, half] - self.changes[:, 0]
+        if half == last:
+            return excess_of(self.launches), first
+        a, b = (self.launches[:, k + half] - self.launches[:, k] for k in (0, half))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            slopes = (self.changes[:, last] - self.changes[:, half]) / a[:, None] - (b / a**2)[:, None] * first
+        return excess_of(self.launches), slopes
+
+
+def _half(launches: np.ndarray) -> int:
+    """Half the period of cycles with launches (m, period + 1), the period where that is odd."""
+    period = launches.shape[1] - 1
+    return period // 2 if period % 2 == 0 else period
+
+
 def excess_of(launches: np.ndarray) -> np.ndarray:
     """The function (m,) that is 0 at periodic launches, from the launch speeds (m, period + 1) of their hops; NaN where
     a hop has no next launch.
 
-    Period one: f(a) - a. Period two: 1 + (f(f(a)) - f(a))/(f(a) - a), which has no zeros at fixed points but those with
-    the multiplier -1, so that the hops of period two go through a flip as a smooth curve.
+    With F the map of all hops, where their number is odd: F(a) - a. Else, with F the map of half of them:
+    1 + (F(F(a)) - F(a))/(F(a) - a), which has no zeros at hops of half the period but those with the multiplier -1, so
+    that the hops of a period go through the flip at which they begin as a smooth curve.
     """
-    changes = np.diff(launches).T
+    half = _half(launches)
+    first, second = launches[:, half] - launches[:, 0], launches[:, -1] - launches[:, half]
     with np.errstate(divide="ignore", invalid="ignore"):
-        return changes[0] if len(changes) == 1 else 1.0 + changes[1] / changes[0]
+        return first if half == launches.shape[1] - 1 else 1.0 + second / first
 
 
 def _has(machine: Machine, name: str) -> bool:

@@ -13,11 +13,16 @@ from ..model.machine import title_of_machine
 from ..result import Axes, Result, Row, known, shown, stored
 
 BranchEnd = End  # both names can be imported
-HOPS_OF = {1: "fixed points", 2: "hops of period two"}  # others are "hops of period 3"
+PERIODS_IN_WORDS = {2: "two", 3: "three", 4: "four", 5: "five", 6: "six", 8: "eight"}  # others are figures
 # Names that the parameter of a diagram cannot have, since tables and documents have these names too.
 RESERVED_IN_DIAGRAMS = ("branch", "period", "value", "alpha", "other", "multiplier", "stable", "ends", "kind", "note")
 
 WORDS_OF_STABILITY = {True: "stable", False: "unstable", None: "stability unknown"}
+
+
+def name_of_hops(period: int) -> str:
+    """What launches of a period are called: "fixed points", or "hops of period two"."""
+    return "fixed points" if period == 1 else f"hops of period {PERIODS_IN_WORDS.get(period, period)}"
 
 
 @dataclass(frozen=True)
@@ -26,13 +31,16 @@ class Bifurcation:
 
     kind : "flip" (multiplier -1: hops of twice the period begin), "fold" (multiplier 1: the branch turns round in the
         parameter), "branch point" (multiplier 1, and the branch does not turn), "Neimark-Sacker" (a pair of complex
-        multipliers crosses the unit circle), or "border collision" (the slope of the map jumps there, and the
-        multiplier with it past 1 or -1)
+        multipliers crosses the unit circle), "border collision" (a launch passes a border of the map: a bounce more or
+        less, or a graze; or its slope jumps, and the multiplier with it past 1 or -1), or "non-smooth fold" (the branch
+        turns round at a border)
     value : of the parameter
     alphas : the launch speeds (period,) of the periodic hops
-    multiplier : of these hops; NaN at a border collision, where there are two
+    multiplier : of these hops; NaN at a border, where there are two
     branch : index of the branch
     note : in words, for example which branch begins or ends there, or that the hop is lossless; may be ""
+    border : the kind of the border that a launch passes, "lossless", "graze" or "bounce"; else ""
+    sides : the multipliers on both sides of the border, that before it on the branch first
     """
 
     kind: str
@@ -41,6 +49,8 @@ class Bifurcation:
     multiplier: float = np.nan
     branch: int = -1
     note: str = ""
+    border: str = ""
+    sides: tuple[float, ...] = ()
 
     @property
     def alpha(self) -> float:
@@ -52,7 +62,7 @@ class Bifurcation:
 class Branch:
     """A curve of periodic launches in the plane of parameter and launch speed.
 
-    period : the number of hops, 1 or 2 unless a start had more
+    period : the number of hops
     values : of the parameter (n,), in order along the curve, which may turn round
     alphas : launch speeds (n, period) of the hops
     multipliers : of the hops (n,), NaN where they have none. Where a launch has d numbers, that of largest modulus, of
@@ -143,7 +153,7 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
             yield Row("no launch of period one comes back there", {"branches": 0}, ("",))
         for i, branch in enumerate(self.branches):
             count = {
-                f"branch {i}": HOPS_OF.get(branch.period, f"hops of period {branch.period}"),
+                f"branch {i}": name_of_hops(branch.period),
                 f"points of branch {i}": len(branch),
             }
             yield Row(f"branch {i}", count, ("{}, {} points",))
@@ -160,8 +170,8 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
             yield Row(event.kind, values, (f"{self.along} = {{:.12g}}{unit}, alpha = {{}}{speed}{note}",))
 
     def unit_of(self, name: str) -> str:
-        """As in `Result`; the second launch speed of a branch has the unit of the first."""
-        return super().unit_of(name.removeprefix("other "))
+        """As in `Result`; all launch speeds of a branch have the unit of the first."""
+        return super().unit_of("alpha" if name.removeprefix("other ").split(" ")[0] == "alpha" else name)
 
     def periodic(self, value: float) -> list[tuple[int, float, float]]:
         """The periodic launches at a value of the parameter, by linear interpolation between the points of the
@@ -207,6 +217,7 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
                 "multiplier": known(event.multiplier)[0],
                 "branch": event.branch,
                 "note": event.note,
+                **({"border": event.border, "sides": known(event.sides)} if event.border else {}),
             }
             for event in self.events
         ]
@@ -216,16 +227,17 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
         return {**whole, "attractor": visits, **({"units": self.units} if self.units else {})}
 
     def table(self) -> dict[str, np.ndarray]:
-        """The points of all branches as columns; the multiplier is that of the hops, NaN where they have none."""
-        empty = np.zeros(0)
-        columns = {"branch": empty.astype(int), "period": empty.astype(int), self.along: empty, "alpha": empty}
-        parts = [[*columns.values(), empty, empty, empty.astype(object)]]
+        """The points of all branches as columns, with as many launch speeds as the longest period has; the multiplier
+        is that of the hops, NaN where they have none."""
+        longest = max([2, *(branch.period for branch in self.branches)])
+        alphas = ["alpha", "other alpha", *(f"alpha {hop}" for hop in range(3, longest + 1))]
+        names, empty = ["branch", "period", self.along, *alphas, "multiplier", "stable"], np.zeros(0)
+        parts = [[empty.astype(int), empty.astype(int), *(empty for _ in names[3:]), empty.astype(object)]]
         for i, branch in enumerate(self.branches):
-            whole, other = np.ones(len(branch), int), np.full((len(branch), 2), np.nan)
-            other[:, : branch.period] = branch.alphas[:, :2]
-            numbers = branch.values, *other.T, branch.multipliers, np.array(branch.stable, object)
+            whole, launches = np.ones(len(branch), int), np.full((len(branch), longest), np.nan)
+            launches[:, : branch.period] = branch.alphas
+            numbers = branch.values, *launches.T, branch.multipliers, np.array(branch.stable, object)
             parts.append([i * whole, branch.period * whole, *numbers])
-        names = *columns, "other alpha", "multiplier", "stable"
         return dict(zip(names, map(np.concatenate, zip(*parts, strict=True)), strict=True))
 
 

@@ -24,14 +24,16 @@ from ..running.exclusive import exclusive, in_threads
 from ..simulation.hysteresis import Branches
 from ..simulation.impacts import CAP, FASTEST_LAUNCH, STATUS, Impacts, decided_impacts, injected
 from ..simulation.launch_section import LaunchSection
-from ..simulation.multiplier import multiplier
+from ..simulation.multiplier import slope_of_hop
 from ..simulation.simulation import simulate
 from ..tables import number_text
 from ..units import ENERGY, LIFTOFF_SPEED, Message, Quantity, in_own_units, without_units
 from .basins import Basins
 from .hops import FixedPoint, Hops, Upkeep
 from .launch_hops import hops_of_launches
+from .map_pieces import MapPieces, map_pieces
 from .periodic_hop import PeriodicHop, different_hops, periodic_hop
+from .periodic_hops import PeriodicHops, all_periodic_hops, lossless_hops
 from .resolved_map import JUMP, SLOWEST_LOSSLESS, Intervals, ResolvedMap, lossless_speeds
 
 BATCH_SIZE = 8192  # launch speeds in one batch: enough to pay for the calls, few enough for the processor's cache
@@ -76,6 +78,7 @@ class ReturnMap:
         self._speed: float = self.units.of(LIFTOFF_SPEED) if self.units else 1.0
         self.inject, self.cap = injected(inject, self._speed), whole_number("cap", cap, "impacts")
         self._own = ReturnMap(dimensionless(machine), self.inject / self._speed, self.cap) if self.units else None
+        self._resolved = dict[tuple[float, float, int], MapPieces]()
         self.impacts: Any = self._own.impacts if self._own else _impacts_of(machine)
 
     @cached_property
@@ -189,6 +192,45 @@ class ReturnMap:
         """
         return self._periodic(start, whole_number("period", period, "hops"))
 
+    @exclusive
+    def periodic_hops(
+        self, period: int, low: float, high: float, samples: int = 400, *, progress: Progress = None
+    ) -> PeriodicHops:
+        """All hops that come back after `period` of them, and not before, with all launch speeds between two.
+
+        samples : number of launches of a grid on which the borders of the map's smooth pieces are searched; others are
+            found where no polynomial fits the map
+        progress : called with the completed share
+
+        The search goes through all itineraries of monotone branches, see `orbits.return_map.itineraries`. The result
+        says what it rests on, and names the launches at which the map is not resolved. Without injection or damping
+        the hops of period one are the lossless ones, and there are no others, since landings only lose.
+
+        >>> from orbits import ReturnMap
+        >>> from problems import Hopper
+        >>> hops = ReturnMap(Hopper(), inject=0.135).periodic_hops(3, 4.3, 5.3)
+        >>> [(round(each.alpha, 6), round(each.multiplier, 3)) for each in hops]
+        [(4.472333, -6.345), (4.476508, -9.218)]
+        """
+        self._check_one_speed("periodic_hops")
+        low, high, samples = _checked_grid(low, high, samples)
+        return self._all_periodic(whole_number("period", period, "hops"), low, high, samples, progress)
+
+    @in_own_units(lambda found, step: found.in_units(step.units, step._words), low=LIFTOFF_SPEED, high=LIFTOFF_SPEED)
+    def _all_periodic(self, period: int, low: float, high: float, samples: int, progress: Progress) -> PeriodicHops:
+        """The `periodic_hops` of a period."""
+        if self.inject == 0 and self.impacts.model.conservative and not self.impacts.descends:
+            lossless = lossless_speeds(self.impacts, low, high) if period == 1 else []
+            return lossless_hops(self, period, low, high, lossless)
+        return all_periodic_hops(self, self._pieces(low, high, samples), period, progress)
+
+    def _pieces(self, low: float, high: float, samples: int) -> MapPieces:
+        """The pieces between two launch speeds of the dimensionless map without injection."""
+        if (found := self._resolved.get((low, high, samples))) is None:
+            plain, lossless = ReturnMap(self.machine, cap=self.cap), lossless_speeds(self.impacts, low, high)
+            found = self._resolved[low, high, samples] = map_pieces(plain, lossless, low, high, samples)
+        return found
+
     def _periodic(self, start: Any, period: int = 1, below: bool = False) -> PeriodicHop:
         with without_units(self.units):
             return periodic_hop(self.machine, self.section, start, period, self.inject / self._speed, self.cap, below)
@@ -222,7 +264,7 @@ class ReturnMap:
     def _slope(self, alpha: float) -> float | None:
         """The slope of the map at a launch speed, None where it has none."""
         try:
-            return multiplier(self.machine, alpha)
+            return slope_of_hop(self.impacts, alpha / self._speed)
         except NoOrbit:
             return None
 

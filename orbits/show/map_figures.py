@@ -8,7 +8,7 @@ import numpy as np
 from ..errors import InputError, finite_number
 from ..model.machine import title_of_machine
 from ..result import Axes
-from ..return_map.diagram import WORDS_OF_STABILITY
+from ..return_map.diagram import WORDS_OF_STABILITY, name_of_hops
 from ..units import LIFTOFF_SPEED
 from .plot import COLOURS, cobweb, finished, new_axes, plain, sampled_map
 
@@ -28,8 +28,11 @@ STYLES_OF_STABILITY: dict[bool | None, dict[str, object]] = {
     False: {"lw": 1.3, "ls": (0, (4, 2))},
     None: {"lw": 1.3, "ls": (0, (1, 2))},
 }
-LOOKS_OF_EVENTS = {"flip": "o", "fold": "s", "branch point": "D", "border collision": "X", "Neimark-Sacker": "P"}
-WORDS_OF_PERIODS = {1: "fixed points", 2: "period two"}
+LOOKS_OF_EVENTS = {
+    **{"flip": "o", "fold": "s", "branch point": "D", "border collision": "X", "non-smooth fold": "v"},
+    "Neimark-Sacker": "P",
+}
+SHOWN_CYCLES = 12  # more would not be told apart
 BAR = 0.05  # height of the bar that shows the destinations, as a share of the axes
 
 
@@ -132,6 +135,21 @@ def plot_basins(basins: Any, axes: Axes | None = None) -> Axes:
     return axes
 
 
+def plot_periodic_hops(hops: Any, axes: Axes | None = None) -> Axes:
+    """Plot each cycle of `PeriodicHops` as its itinerary, the launch speed against the hop up to the first launch
+    again, stable ones as a line and others dashed, with the ends of the map's monotone branches; return the axes."""
+    axes = axes or new_axes(6.4, 4.2)
+    for branch in hops.branches:
+        axes.axhline(branch.low, color="0.85", lw=0.8, zorder=0)
+    shown, count = hops.cycles[:SHOWN_CYCLES], np.arange(hops.period + 1)
+    for each, colour in zip(shown, cycle(COLOURS[1:])):
+        label = f"{' '.join(map(str, each.branches))}: {WORDS_OF_STABILITY[each.stable]}"
+        style = "o-" if each.stable else "o--"
+        axes.plot(count, [*each.launches, each.alpha], style, color=colour, ms=4, lw=1.0, label=label)
+    axes.set_xticks(count)
+    return finished(axes, xlabel="hop", ylabel=hops.heading("alpha").replace("alpha", "launch speed"))
+
+
 def plot_bifurcations(diagram: Any, axes: Axes | None = None) -> Axes:
     """Plot the periodic launches of a `BifurcationDiagram` against its parameter: stable ones as a line, unstable ones
     dashed, over the launches that are visited in the long run, with its events marked; return the axes."""
@@ -145,7 +163,7 @@ def plot_bifurcations(diagram: Any, axes: Axes | None = None) -> Axes:
     for branch in diagram.branches:
         colour, words = (
             COLOURS[(branch.period - 1) % len(COLOURS)],
-            WORDS_OF_PERIODS.get(branch.period, f"period {branch.period}"),
+            name_of_hops(branch.period).removeprefix("hops of "),
         )
         for first, last, stable in branch.parts():
             label, part = f"{words}, {WORDS_OF_STABILITY[stable]}", slice(first, last + 1)

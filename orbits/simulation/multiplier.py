@@ -56,9 +56,13 @@ def multiplier(machine: Machine, alpha: float) -> float:
 @in_own_units((), alpha=LIFTOFF_SPEED)
 def _slope_of_hop(machine: Machine, alpha: float) -> float:
     """The `multiplier` of the hop that starts with a speed above 0."""
-    if machine.model.hysteretic:
-        return _slope_with_hysteresis(Branches(machine), alpha)
-    impacts = Impacts(machine)
+    return slope_of_hop(Branches(machine) if machine.model.hysteretic else Impacts(machine), alpha)
+
+
+def slope_of_hop(impacts: Impacts | Branches, alpha: float) -> float:
+    """The `multiplier` of the hop of a dimensionless machine, of which these are the impacts."""
+    if isinstance(impacts, Branches):
+        return _slope_with_hysteresis(impacts, alpha)
     x = impacts.launch(np.array([alpha]))[0]
     step = 1e-5 * alpha  # The extension of the launch state depends on the launch speed too where there is damping.
     low, high = impacts.launch(np.array([alpha - step, alpha + step]))

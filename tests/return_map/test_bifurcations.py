@@ -8,10 +8,11 @@ from return_maps import KnownMaps, of_the_paper
 
 from orbits import InputError, ReturnMap, bifurcations, find, multiplier, simulate
 from orbits.continuation.point import End
+from orbits.numerics.roots import bracketed_root
 from orbits.return_map.bifurcations import _Search, _with_events_at_points
 from orbits.return_map.branches import FoundEvent, PeriodicLaunch
 from orbits.return_map.cycles import MapsAlong
-from problems import HeavyHand, Hopper, hopper_in_si
+from problems import Chain, HeavyHand, Hopper, hopper_in_si
 
 ALPHA = 4.493409457909064  # tan(alpha) = alpha
 C = 3.61694  # of the local law: alpha* + d comes back as alpha* + d - C d^(4/3), below with ten times that
@@ -32,8 +33,8 @@ class BackAndForth(KnownMaps):
 
 def test_hops_of_period_two_between_two_flips_are_one_branch():
     search = _Search(BackAndForth(), (0.1, 0.99), [-1.0, -0.5, 1.0], 100, None)
-    search.fixed_points()
-    search.doubled()
+    search.periodic(1)
+    search.doubled(1)
     first, second = search.located()
     assert (first.value, second.value) == pytest.approx((-np.sqrt(0.2), np.sqrt(0.2)), abs=1e-11)
     assert "begin here, stable, toward greater value" in first.note
@@ -66,8 +67,8 @@ class AlwaysAtOne(KnownMaps):
 def test_a_flip_at_a_point_of_its_branch(section):
     """The branch begins at the flip, or comes to it by a first step of 1/1000 of the range, or passes it."""
     search = _Search(AlwaysAtOne(), (0.5, 1.9), [section], 100, None)
-    search.fixed_points()
-    search.doubled()
+    search.periodic(1)
+    search.doubled(1)
     (flip,) = (event for event in search.located() if event.branch == 0)
     assert (flip.kind, flip.value, flip.multiplier) == ("flip", pytest.approx(0.0, abs=1e-12), -1.0)
     single, double = search.branches
@@ -105,7 +106,8 @@ def test_a_heavy_foot_bounces_from_throws_of_pi_on():
 @pytest.mark.slow
 def test_the_flip_of_the_paper():
     """Curve (d) of Fig. 8, and where hops of period two lose their stability (studies/figure_8.py)."""
-    fold, first, second = of_the_paper().events
+    fold, first, second, border = of_the_paper().events
+    assert (border.kind, border.border) == ("border collision", "lossless")
     assert (fold.kind, fold.value, fold.note) == ("fold", 0.0, "the lossless hop")
     assert fold.alpha == pytest.approx(ALPHA, abs=1e-14)
     assert (first.kind, first.value) == ("flip", pytest.approx(0.071587384137, abs=2e-12))
@@ -162,7 +164,8 @@ def test_along_the_damping():
     """Two fixed points beyond the fold and none before it, by the search over all launches; the hops of period two
     that begin at the flip are those of a simulation."""
     diagram = bifurcations(Hopper(), "damping", (0.0, 0.01), (4.4, 4.7), inject=0.1, sections=3)
-    flip, fold = diagram.events
+    flip, border, fold = diagram.events
+    assert (border.kind, border.border) == ("border collision", "bounce")
     assert (flip.kind, fold.kind) == ("flip", "fold")
     for side, count in ((-1, 2), (1, 0)):
         machine = Hopper(damping=fold.value * (1 + side * 1e-6))
@@ -260,3 +263,95 @@ def test_maps_along_the_injection_share_their_hops():
         own, shared = ReturnMap(Hopper(damping=0.01), inject=value)(alpha), maps.at(value)(alpha)
         assert np.array_equal(own.next, shared.next, equal_nan=True)
         assert own.status.tolist() == shared.status.tolist()
+
+
+PLAIN = ReturnMap(Hopper())
+
+
+def after(alpha, inject, hops):
+    """The launch speed after hops of the map."""
+    for _ in range(hops):
+        alpha = float(PLAIN(alpha).next) + inject
+    return alpha
+
+
+def slope_of(alpha, inject, hops):
+    """The multiplier of the hops that come back near a launch speed, by Newton's method on the map."""
+    for _ in range(3):
+        slope, launch = 1.0, alpha
+        for _ in range(hops):
+            slope, launch = slope * PLAIN._slope(launch), after(launch, inject, 1)
+        alpha -= (launch - alpha) / (slope - 1)
+    return slope
+
+
+@pytest.fixture(scope="module")
+def of_period_three():
+    return bifurcations(Hopper(), "inject", (0.1332, 0.1402), (4.4, 4.75), periods=(3,), sections=3, attractor=0)
+
+
+def test_flips_folds_and_borders_equal_those_of_bisection_on_the_map(of_period_three):
+    fold, flip, *_ = [event for event in of_period_three.events if len(event.alphas) == 3]
+    (border,) = (event for event in of_period_three.events if len(event.alphas) == 3 and event.border)
+    star = find(Hopper()).alpha
+    assert (fold.kind, flip.kind, border.kind) == ("fold", "flip", "border collision")
+    at = lambda inject: after(star, inject, 3) - star  # noqa: E731
+    assert at(border.value - 1e-12) * at(border.value + 1e-12) < 0
+    assert border.border == "lossless"
+    assert border.sides[0] == pytest.approx(border.sides[1], abs=1e-9)
+    at = lambda inject: slope_of(flip.alpha, inject, 3) + 1  # noqa: E731
+    assert at(flip.value - 1e-11) * at(flip.value + 1e-11) < 0
+    # The least injection at which a launch near that of the fold comes back.
+    comes_back = lambda alpha: lambda inject: after(alpha, inject, 3) - alpha  # noqa: E731
+    least = []
+    for alpha in fold.alpha + 1e-7 * np.array([-1.0, 0.0, 1.0]):
+        function, ends = comes_back(alpha), (fold.value - 1e-9, fold.value + 1e-9)
+        least.append(bracketed_root(function, *ends, *map(function, ends)))
+    low, middle, high = least
+    parabola = middle - (high - low) ** 2 / (8 * (high - 2 * middle + low))
+    assert parabola == pytest.approx(fold.value, abs=1e-11)
+
+
+def test_hops_of_a_period_are_those_of_the_search(of_period_three):
+    found = of_period_three.periodic(0.1376)
+    known = ReturnMap(Hopper(), inject=0.1376).periodic_hops(3, 4.4, 4.75)
+    launches = sorted(alpha for period, alpha, _ in found if period == 3)
+    assert launches == pytest.approx(sorted(np.ravel([each.launches for each in known])), abs=1e-4)
+    assert {branch.period for branch in of_period_three.branches} == {3, 6}
+    table = of_period_three.table()
+    assert len(table["alpha 3"]) == len(table["alpha"])
+    assert "hops of period six begin here, stable, toward greater inject" in str(of_period_three)
+
+
+@pytest.mark.slow
+def test_a_cascade_of_flips_has_feigenbaums_ratio():
+    diagram = bifurcations(
+        Hopper(), "inject", (0.1342, 0.13457), (4.474, 4.631), periods=(3,), doublings=4, sections=2, attractor=0
+    )
+    flips = [event.value for event in diagram.events if event.kind == "flip"]
+    assert [len(event.alphas) for event in diagram.events] == [3, 6, 12, 24, 48]
+    ratios = [(b - a) / (c - b) for a, b, c in zip(flips, flips[1:], flips[2:], strict=False)]
+    assert ratios == pytest.approx([4.3126, 4.5789, 4.6511], abs=1e-3)
+    assert ratios[-1] == pytest.approx(4.6692016, rel=5e-3)
+
+
+@pytest.mark.slow
+def test_along_another_parameter_borders_are_named_and_equal_bisection():
+    diagram = bifurcations(
+        Hopper(damping=1e-3), "damping", (0.0065, 0.0072), (4.47, 4.53), inject=0.12, sections=2, samples=40
+    )
+    (border,) = (event for event in diagram.events if event.border)
+    assert (border.kind, border.border) == ("border collision", "bounce")
+
+    def impacts(damping, offset):
+        step = ReturnMap(Hopper(damping=damping), inject=0.12)
+        (alpha,) = (p.alpha for p in step.fixed_points(border.alpha - 2e-3, border.alpha + 2e-3, 20)[:1])
+        return int(step(alpha).impacts) + offset
+
+    counts = [impacts(border.value + side * 1e-9, 0) for side in (-1, 1)]
+    assert counts[0] != counts[1]
+
+
+def test_periods_of_launches_of_several_numbers_come_from_starts():
+    with pytest.raises(InputError, match="give starts="):
+        bifurcations(Chain((1, 1, 1)), "inject", (0.001, 0.01), (6.0, 6.7), periods=(2,))

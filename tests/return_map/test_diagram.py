@@ -53,7 +53,7 @@ def test_periodic_launches_at_the_ends_and_at_points_of_a_branch():
 def test_the_diagram_as_document_table_and_figure(tmp_path):
     diagram = of_the_paper()
     document = json.loads(diagram.save(tmp_path / "diagram.json").read_text())
-    assert [event["kind"] for event in document["events"]] == ["fold", "flip", "flip"]
+    assert [event["kind"] for event in document["events"]] == ["fold", "flip", "flip", "border collision"]
     assert len(document["branches"][1]["alpha"][0]) == 2
     table = diagram.save(tmp_path / "diagram.csv").read_text().splitlines()
     assert table[0] == "branch,period,inject,alpha,other alpha,multiplier,stable"

@@ -1,0 +1,395 @@
+"""The smooth pieces of a return map of launch speeds: where they end, why, and the map on them as polynomials.
+
+The map without injection is smooth between borders:
+
+    lossless : the landing of a lossless hop: a bounce more on one side; the loss is C d^(4/3), and 10 C on that side
+    graze : a landing in flight that only touches: on one side the map has the slope infinity, as the square root
+    bounce : at a landing the contact force vanishes, and falls: a bounce more or less, which loses d^4: the slope is
+        continuous
+    jump : at a landing the contact force vanishes, and the machine moves away: it lifts off at once, or bounces. The
+        launch speed jumps
+    a status, as "rests" : beyond it there is no next launch
+
+Beside a border the map is analytic in a power of the distance: its third root at a lossless hop, its square root at a
+graze and where the next launch speed falls to 0, else the distance itself. In that variable a Chebyshev polynomial of
+moderate degree is the map up to rounding, on cells that are halved until it is. Borders that the grid does not show are
+found where no polynomial fits. Cells that are too short to be halved, as where borders accumulate, stay unresolved.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from ..numerics.roots import enclosed_sign_changes
+from ..running import interrupts
+from ..simulation.feet import LIFTS_OFF
+from ..simulation.impacts import STATUSES
+from .hops import Hops
+from .resolved_map import JUMP
+
+# Degrees of the polynomials, and the shares of the values up to which their last coefficients are rounding; a cell that
+# cannot be halved any more is accepted with the last share, if no border lies in it.
+DEGREES_OF_CELLS, FITTED_CELL, NEARLY_FITTED = (16, 32), (3e-15, 1e-13), 1e-9
+SHORTEST_CELL = 1e-7  # cells shorter than this share of the range are not halved
+LAST_COEFFICIENTS = 3
+OF_LOSSLESS = 3  # the power beside lossless launches
+LAUNCHES_BESIDE = np.array([10, 15, 6, 1]) / 32  # u^3 in Chebyshev polynomials of 2 u - 1
+SPEEDS_OF_PIECES = ("low", "high", "origin", "reach", "edges", "coefficients", "errors")
+CONTINUOUS = ("lossless", "graze", "bounce")  # the kinds of borders at which the map does not jump
+SAME_EDGE = 1e-15  # the edge of a cell and a border that differ by a smaller share are the same
+BORDERS_IN_A_ROW = 12  # between two neighbouring launches, before their cell is fitted and halved
+SAME_EXTREMUM = 1e-9  # roots of a polynomial are real, and inside of its cell, up to this
+AT_BORDER = 1e-3  # roots closer to a lossless launch belong to the variable, whose power 3 has a slope of 0 there
+ROUNDED_CHANGE = 1e-14  # a smaller change of the next launch speed shows no power
+PROBED = 1e-3  # the power at a border is seen within this share of the piece beside it
+ROOT_LIKE = 0.35  # the ratio of changes over lengths 1:4 is 1/4 for a smooth function, and 1/2 for a square root
+
+
+class MapBorder(NamedTuple):
+    """An end of pieces: its launch speed, its kind, the powers of the distance below and above in which the map is
+    analytic as 1/power, and the next launch speeds there without injection, NaN where there is none."""
+
+    alpha: float
+    kind: str
+    powers: tuple[int, int]
+    next: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class MapPieces:
+    """A map without injection as polynomials; see `map_pieces`.
+
+    low, high : the range of launch speeds
+    borders : between its pieces, ascending
+    origin, reach, power : (m,), of the cells: the launch speed is origin + reach u^power for u in [0, 1]
+    edges : (m, 2), their lowest and highest launch speeds, ascending
+    coefficients : (m, n), of the map in Chebyshev polynomials of 2 u - 1; in cells beside a lossless launch, with power
+        3, of the fall of the launch speed, which vanishes there with all its digits
+    errors : (m,), how far the polynomials are from the map
+    impacts : (m,), in each hop
+    pieces : (m,), the number of the piece of each cell, ascending
+    unresolved : intervals of launch speeds in which the map is not resolved
+    """
+
+    low: float
+    high: float
+    borders: tuple[MapBorder, ...]
+    origin: np.ndarray
+    reach: np.ndarray
+    power: np.ndarray
+    edges: np.ndarray
+    coefficients: np.ndarray
+    errors: np.ndarray
+    impacts: np.ndarray
+    pieces: np.ndarray
+    unresolved: tuple[tuple[float, float], ...]
+
+    def in_units(self, speed: float) -> "MapPieces":
+        """The same with launch speeds in another unit."""
+        borders = tuple(
+            each._replace(alpha=speed * each.alpha, next=(speed * each.next[0], speed * each.next[1]))
+            for each in self.borders
+        )
+        scaled = {name: speed * getattr(self, name) for name in SPEEDS_OF_PIECES}
+        unresolved = tuple((speed * a, speed * b) for a, b in self.unresolved)
+        return replace(self, borders=borders, unresolved=unresolved, **scaled)
+
+    def cell(self, x: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
+        """The cells (k,), between the first and the last, of launch speeds (k,)."""
+        return np.clip(np.searchsorted(self.edges[:, 0], x, side="right") - 1, first, last)
+
+    def place(self, x: np.ndarray, cell: np.ndarray) -> np.ndarray:
+        """The variables u (k,) of launch speeds in cells (k,)."""
+        share = np.clip((x - self.origin[cell]) / self.reach[cell], 0.0, 1.0)
+        return share ** (1.0 / self.power[cell])
+
+    def next(self, x: np.ndarray, cell: np.ndarray) -> np.ndarray:
+        """The next launch speeds (k,) without injection, of launch speeds in cells (k,)."""
+        return self._next(x, cell, polynomials(self.place(x, cell), self.coefficients.shape[1]))
+
+    def _next(self, x: np.ndarray, cell: np.ndarray, basis: np.ndarray) -> np.ndarray:
+        value = (self.coefficients[cell] * basis).sum(1)
+        return np.where(self._beside_lossless[cell], x - value, value)
+
+    def slope(self, x: np.ndarray, cell: np.ndarray) -> np.ndarray:
+        """The slopes (k,) of the map in cells (k,); 1 at a lossless launch, infinite at a graze."""
+        u = self.place(x, cell)
+        return self._slope(u, cell, polynomials(u, self.coefficients.shape[1]))
+
+    def _slope(self, u: np.ndarray, cell: np.ndarray, basis: np.ndarray) -> np.ndarray:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            rate = self.reach[cell] * self.power[cell] * u ** (self.power[cell] - 1.0)
+            slope = 2.0 * (self._derivatives[cell] * basis[:, :-1]).sum(1) / rate
+        return np.where(self._beside_lossless[cell], np.where(u > 0, 1.0 - slope, 1.0), slope)
+
+    def hops(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The next launch speeds (k,) without injection, the slopes (k,) and the numbers of impacts (k,); NaN and 0
+        outside of the cells."""
+        if not len(self.edges):
+            return np.full(x.shape, np.nan), np.full(x.shape, np.nan), np.zeros(x.shape, int)
+        cell = np.maximum(np.searchsorted(self.edges[:, 0], x, side="right") - 1, 0)
+        u = self.place(x, cell)
+        basis, inside = polynomials(u, self.coefficients.shape[1]), (x >= self.low) & (x <= self.edges[cell, 1])
+        following, slopes = self._next(x, cell, basis), self._slope(u, cell, basis)
+        if not inside.all():
+            following, slopes = np.where(inside, following, np.nan), np.where(inside, slopes, np.nan)
+        return following, slopes, np.where(inside, self.impacts[cell], 0)
+
+    @cached_property
+    def _beside_lossless(self) -> np.ndarray:
+        return self.power == OF_LOSSLESS
+
+    def _beside(self, border: MapBorder) -> list[np.ndarray]:
+        """The cells (1,) that end at a border below it and above it, (0,) where there is none."""
+        return [
+            np.flatnonzero(np.abs(self.edges[:, side] - border.alpha) <= SAME_EDGE * border.alpha)[:1]
+            for side in (1, 0)
+        ]
+
+    def slopes_at(self, border: MapBorder) -> tuple[float, float]:
+        """The slopes of the map below and above a border, NaN where there is none."""
+        at = np.array([border.alpha])
+        below, above = (float(self.slope(at, cell)[0]) if len(cell) else np.nan for cell in self._beside(border))
+        return below, above
+
+    def impacts_at(self, border: MapBorder) -> int:
+        """The larger number of impacts in the hops on both sides of a border."""
+        return max(int(self.impacts[cell[0]]) for cell in self._beside(border) if len(cell))
+
+    @cached_property
+    def _derivatives(self) -> np.ndarray:
+        return np.polynomial.chebyshev.chebder(self.coefficients, axis=1)
+
+    def extrema(self) -> list[float]:
+        """The launch speeds at which the map's slope is 0, ascending."""
+        found = list[float]()
+        for cell, coefficients in enumerate(self.coefficients):
+            if self.power[cell] == OF_LOSSLESS:
+                coefficients = np.polynomial.chebyshev.chebsub(LAUNCHES_BESIDE * self.reach[cell], coefficients)
+            row, scale = np.polynomial.chebyshev.chebder(coefficients), np.abs(coefficients).max()
+            row = np.polynomial.chebyshev.chebtrim(row, FITTED_CELL[-1] * scale)
+            roots = np.polynomial.chebyshev.chebroots(row) if len(row) > 1 else np.zeros(0)
+            inside = roots[(np.abs(roots.imag) < SAME_EXTREMUM) & (np.abs(roots.real) < 1.0 + SAME_EXTREMUM)].real
+            u = np.clip(0.5 * (1.0 + inside), 0.0, 1.0)
+            u = u[u > AT_BORDER] if self.power[cell] == OF_LOSSLESS else u
+            found += (self.origin[cell] + self.reach[cell] * u ** self.power[cell]).tolist()
+        return sorted(found)
+
+
+def polynomials(u: np.ndarray, count: int) -> np.ndarray:
+    """The first Chebyshev polynomials (k, count) of 2 u - 1 at places (k,); u has all its digits near 0."""
+    angle = np.pi - 2.0 * np.arcsin(np.sqrt(u))
+    return np.cos(angle[:, None] * np.arange(count))
+
+
+class _Cell(NamedTuple):
+    """A cell that is to be fitted."""
+
+    origin: float
+    reach: float
+    power: int
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The lowest and the highest launch speed."""
+        return min(self.origin, self.origin + self.reach), max(self.origin, self.origin + self.reach)
+
+    def halves(self) -> list["_Cell"]:
+        """The two cells whose variables meet in the middle of this one's."""
+        inner = self.reach * 0.5**self.power
+        return [_Cell(self.origin, inner, self.power), _Cell(self.origin + inner, self.reach - inner, 1)]
+
+
+class _FittedCell(NamedTuple):
+    """A fitted cell: coefficients, error and impacts."""
+
+    cell: _Cell
+    coefficients: np.ndarray
+    error: float
+    impacts: int
+
+
+class _Resolving:
+    """The search for the pieces of a map without injection.
+
+    powers : of the distance from borders by (launch speed, side), -1 below and 1 above; elsewhere they are 1
+    """
+
+    def __init__(self, hops_from: Callable[[np.ndarray], Hops], lossless: list[float], low: float, high: float):
+        self.hops_from, self.low, self.high = hops_from, low, high
+        self.shortest = SHORTEST_CELL * (high - low)
+        self.lossless = {each for each in lossless if low <= each <= high}
+        self.cuts = set(self.lossless) - {low, high}
+        self.powers = {(each, side): OF_LOSSLESS for each in self.lossless for side in (-1, 1)}
+        self.fitted, self.unresolved = list[_FittedCell](), list[tuple[float, float]]()
+
+    def labels(self, x: np.ndarray) -> np.ndarray:
+        """The number of impacts of the hops from launch speeds, or minus a number for each status without a next."""
+        hops = self.hops_from(x)
+        names = {name: -1 - i for i, name in enumerate(STATUSES)}
+        pairs = zip(hops.impacts, hops.status.tolist(), strict=True)
+        return np.array([count if status == LIFTS_OFF else names[status] for count, status in pairs])
+
+    def borders(self, x: np.ndarray) -> None:
+        """Add the borders between neighbouring launch speeds (m,), ascending, from the first to the last label."""
+        labels = self.labels(x)
+        a, b, left, right = x[:-1], x[1:], labels[:-1], labels[1:]
+        known = np.array(sorted(self.lossless) or [np.inf])
+        beside = np.abs(known[np.clip(np.searchsorted(known, a), 0, len(known) - 1)] - 0.5 * (a + b)) <= 0.5 * (b - a)
+        for _ in range(BORDERS_IN_A_ROW):
+            which = np.flatnonzero((left != right) & ((left > 0) | (right > 0)) & ~beside & (b > a))
+            a, b, left, right = (each[which] for each in (a, b, left, right))
+            beside = np.zeros(len(a), bool)
+            if not len(a):
+                return
+            same = lambda at, i, left=left: np.where(self.labels(at) == left[i], 1.0, -1.0)  # noqa: E731
+            _, second, _, _ = ends = enclosed_sign_changes(same, a, b, np.ones(len(a)), -np.ones(len(a)))
+            a = np.maximum(ends[0], second)
+            self.cuts |= set(a.tolist())
+            left = self.labels(a)
+
+    def cells(self, ends: list[float]) -> list[_Cell]:
+        """Two cells for each interval between neighbouring ends, which meet in its middle."""
+        pairs = [(a, b) for a, b in pairwise(ends) if b > a]
+        sides = [(end, side, b - a) for a, b in pairs for end, side in ((a, 1), (b, -1))]
+        self._probe([each for each in sides if each[0] in self.cuts])
+        power = lambda at, side: self.powers.get((at, side), 1)  # noqa: E731
+        return [cell for a, b in pairs for cell in (
+            _Cell(a, 0.5 * (b - a), power(a, 1)), _Cell(b, -0.5 * (b - a), power(b, -1)))]  # fmt: skip
+
+    def _probe(self, sides: list[tuple[float, int, float]]) -> None:
+        """Find the powers at borders, each with a side, and the length of the piece there."""
+        sides = [each for each in sides if each[:2] not in self.powers]
+        if not sides:
+            return
+        at, side, length = np.array(sides).T
+        steps = PROBED * length[:, None] / [16, 4, 1] * side[:, None]
+        first, second, third = self.hops_from((at[:, None] + steps).ravel()).next.reshape(-1, 3).T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            rooted = (second - first) / (third - second) > ROOT_LIKE
+        rooted &= np.abs(second - first) > ROUNDED_CHANGE * np.abs(first)
+        self.powers |= {each[:2]: 2 if root else 1 for each, root in zip(sides, rooted.tolist(), strict=True)}
+
+    def resolve(self, samples: int) -> None:
+        """Find the borders between the launches of a grid, and fit the cells between them."""
+        grid = np.linspace(self.low, self.high, samples)
+        stars = sorted(self.lossless)  # there rounding decides on the number of impacts
+        for star in stars:
+            grid = np.append(grid[np.abs(grid - star) > self.shortest], [star - self.shortest, star + self.shortest])
+        grid = np.unique(grid[(grid >= self.low) & (grid <= self.high)])
+        self.borders(grid)
+        waiting = self.cells(sorted({self.low, self.high, *self.cuts}))
+        while waiting:
+            interrupts.heed()
+            done, refused = self.fits(waiting)
+            self.fitted += done
+            waiting = [cell for each in refused for cell in self.parts(*each)]
+
+    def parts(self, cell: _Cell, launches: np.ndarray | None) -> list[_Cell]:
+        """Parts of a cell that no polynomial fits, cut at borders between its launches or in the middle; none where it
+        is too short."""
+        (a, b), known = cell.ends, set(self.cuts)
+        if b - a <= self.shortest:
+            self.unresolved.append((a, b))
+            return []
+        if launches is not None:
+            self.borders(launches)
+            new = sorted(each for each in self.cuts - known if a < each < b)
+            if new:
+                if cell.origin in (a, b):
+                    self.powers[cell.origin, 1 if cell.origin == a else -1] = cell.power
+                return self.cells([a, *new, b])
+        return cell.halves()
+
+    def fits(self, cells: list[_Cell]) -> tuple[list[_FittedCell], list[tuple[_Cell, np.ndarray | None]]]:
+        """The cells that polynomials fit, and those that none does, with their launches if these are of several kinds.
+        Cells in which no hop has a next launch are left out."""
+        done, refused = list[_FittedCell](), list[tuple[_Cell, np.ndarray | None]]()
+        for degree, fitted in zip(DEGREES_OF_CELLS, FITTED_CELL, strict=True):
+            t, table = _cell_nodes(degree)
+            u = 0.5 * (1 + t)
+            x = np.array([cell.origin + cell.reach * u**cell.power for cell in cells])
+            hops = self.hops_from(x.ravel())
+            beside = np.array([cell.power == OF_LOSSLESS for cell in cells])[:, None]
+            following, loss, impacts = (each.reshape(x.shape) for each in (hops.next, hops.loss, hops.impacts))
+            values = np.where(beside, loss / (x + following), following)  # the loss is of the speed's square
+            waiting = list[_Cell]()
+            for cell, at, row, counts in zip(cells, x, values, impacts, strict=True):
+                known = np.isfinite(row)
+                if not known.any():
+                    continue
+                same = bool(known.all() and (counts == counts[0]).all())
+                coefficients, scale = table @ np.where(known, row, 0.0), np.abs(row[known]).max()
+                error = float(np.abs(coefficients[-LAST_COEFFICIENTS:]).max())
+                short = abs(cell.reach) <= self.shortest
+                if known.all() and error <= (NEARLY_FITTED if short and same else fitted) * scale:
+                    full = np.zeros(DEGREES_OF_CELLS[-1] + 1)
+                    full[: degree + 1] = coefficients
+                    done.append(_FittedCell(cell, full, error, int(np.median(counts))))
+                elif same and degree < DEGREES_OF_CELLS[-1]:
+                    waiting.append(cell)
+                else:
+                    refused.append((cell, None if same else np.sort(at)))
+            if not (cells := waiting):
+                break
+        return done, refused
+
+    def result(self) -> MapPieces:
+        """The pieces, from the fitted cells in order."""
+        fitted = sorted(self.fitted, key=lambda fit: fit.cell.ends)
+        edges = np.array([fit.cell.ends for fit in fitted]).reshape(-1, 2)
+        cuts = np.array(sorted(self.cuts))
+        own = lambda name: np.array([getattr(fit.cell, name) for fit in fitted], float)  # noqa: E731
+        apart = [a[1] < b[0] - 1e-15 * b[0] or bool(np.isin(b[0], cuts)) for a, b in pairwise(edges)]
+        pieces = np.cumsum([0, *apart])[: len(fitted)]
+        found = MapPieces(
+            self.low, self.high, (), own("origin"), own("reach"), own("power"), edges,
+            np.array([fit.coefficients for fit in fitted]).reshape(len(fitted), -1),
+            np.array([fit.error for fit in fitted]), np.array([fit.impacts for fit in fitted], int), pieces,
+            tuple(sorted(self.unresolved)),
+        )  # fmt: skip
+        return replace(found, borders=tuple(self.border(found, each) for each in cuts.tolist()))
+
+    def border(self, pieces: MapPieces, alpha: float) -> MapBorder:
+        """A border with its kind."""
+        nothing = MapBorder(alpha, "", (1, 1), (np.nan, np.nan))
+        below, above = pieces._beside(nothing)
+        ends = (pieces.next(np.array([alpha]), cell) for cell in (below, above))
+        left, right = (float(each[0]) if len(each) else np.nan for each in ends)
+        powers = self.powers.get((alpha, -1), 1), self.powers.get((alpha, 1), 1)
+        if alpha in self.lossless:
+            kind = "lossless"
+        elif not (len(below) and len(above)):
+            side = -1 if not len(below) else 1
+            kind = str(self.hops_from(np.array([alpha + 0.1 * side * self.shortest])).status[0])
+            kind = "unresolved" if kind == LIFTS_OFF else kind
+        elif abs(right - left) > JUMP * alpha:
+            kind = "jump"
+        else:
+            kind = "graze" if max(powers) > 1 else "bounce"
+        return MapBorder(alpha, kind, powers, (left, right))
+
+
+@cache
+def _cell_nodes(degree: int) -> tuple[np.ndarray, np.ndarray]:
+    """The places (n,) of Chebyshev's polynomial of degree n = degree + 1, and the matrix (n, n) from values there to
+    the coefficients of the interpolant."""
+    n = degree + 1
+    angles = np.pi * (np.arange(n) + 0.5) / n
+    table = 2.0 / n * np.cos(np.arange(n)[:, None] * angles)
+    table[0] *= 0.5
+    return np.cos(angles), table
+
+
+def map_pieces(
+    hops_from: Callable[[np.ndarray], Hops], lossless: list[float], low: float, high: float, samples: int
+) -> MapPieces:
+    """The pieces of a map without injection between two launch speeds; lossless ones are known, other borders are
+    searched for between the launches of a grid."""
+    found = _Resolving(hops_from, lossless, low, high)
+    found.resolve(samples)
+    return found.result()

@@ -1,0 +1,274 @@
+"""All periodic hops of a period whose launch speeds lie in a range, as a result; see `itineraries` for the search."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, overload
+
+import numpy as np
+
+from ..numerics.roots import UNIT, solve
+from ..result import Axes, Report, Result, Row, reported, shown
+from ..units import LENGTH, LIFTOFF_SPEED, Units
+from .diagram import WORDS_OF_STABILITY
+from .hops import Hops
+from .itineraries import Branches, intervals_of, periodic_launches
+from .map_pieces import MapPieces
+
+# Newton's method on all launches of a cycle together ends after this many steps; cycles that agree up to this share of
+# the launch speed are one. The map rounds a launch speed by this share.
+POLISHING_STEPS, SAME_CYCLE, ROUNDED_HOP = 6, 1e-9, 4e-15
+STEEPEST_HOP = 1e12  # a steeper map, as beside a graze, has this slope in Newton's method
+SEARCHED = "every itinerary through the monotone branches of the map was searched"
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """Hops that come back to their first launch after `period` of them, and not before.
+
+    launches : the launch speeds, each followed by the next one, and the last by the first, which is the smallest
+    multiplier : the product of the slopes of the map there; None where a hop lands tangentially
+    impacts : the number of impacts in each hop: one more than the bounces
+    branches : the monotone branch of the map on which each launch lies
+    error : how far the launches may be from those of the map, as their computation rounds
+    smallest_separation : of the masses, None where no separation is stated; where it is not above 0 they pass through
+        each other, and the hops are no motion of a real machine
+    """
+
+    launches: tuple[float, ...]
+    multiplier: float | None
+    impacts: tuple[int, ...]
+    branches: tuple[int, ...]
+    error: float
+    smallest_separation: float | None = None
+
+    @property
+    def period(self) -> int:
+        """The number of hops."""
+        return len(self.launches)
+
+    @property
+    def alpha(self) -> float:
+        """The smallest of the launch speeds."""
+        return self.launches[0]
+
+    @property
+    def stable(self) -> bool | None:
+        """Whether the hops attract their neighbours; None where there is no multiplier, as at lossless hops."""
+        return None if self.multiplier is None else abs(self.multiplier) < 1
+
+
+@dataclass(frozen=True)
+class MonotoneBranch:
+    """An interval of launch speeds on which the map is smooth and monotone, with the number of impacts in its hops."""
+
+    low: float
+    high: float
+    rising: bool
+    impacts: int
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PeriodicHops(Result, Sequence[Cycle], what="periodic hops", dimension="launch"):
+    """All hops of a period of a return map whose launch speeds lie between two; a sequence of `Cycle`, ascending.
+
+    machine : in words and numbers
+    period : the number of hops after which a launch comes back, and not before
+    low, high, inject : the range of launch speeds, and the injection of the map
+    cycles : the hops
+    branches : the monotone branches of the map, ascending, to which the itineraries refer
+    itineraries : how many itineraries belong to launches
+    error_of_map : how far the polynomials that represent the map in the search are from it
+    unresolved : intervals of launch speeds in which the map is not resolved, as where its borders accumulate after many
+        bounces. The hops are all that there are but for those with a launch in one of these
+    """
+
+    machine: Mapping[str, Any]
+    period: int
+    low: float
+    high: float
+    inject: float
+    cycles: tuple[Cycle, ...]
+    branches: tuple[MonotoneBranch, ...] = ()
+    itineraries: int = 0
+    error_of_map: float = 0.0
+    unresolved: tuple[tuple[float, float], ...] = field(default=())
+
+    @overload
+    def __getitem__(self, index: int) -> Cycle: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[Cycle]: ...
+
+    def __getitem__(self, index: int | slice) -> Cycle | Sequence[Cycle]:
+        return self.cycles[index]
+
+    def __len__(self) -> int:
+        return len(self.cycles)
+
+    def in_units(self, units: Units, machine: Mapping[str, Any]) -> "PeriodicHops":
+        """The same in these units, of the machine in words."""
+        speed, length = units.of(LIFTOFF_SPEED), units.of(LENGTH)
+        cycles = tuple(
+            replace(
+                each, launches=tuple(speed * alpha for alpha in each.launches), error=speed * each.error,
+                smallest_separation=each.smallest_separation and length * each.smallest_separation,
+            )
+            for each in self.cycles
+        )  # fmt: skip
+        return replace(
+            self, machine=machine, low=speed * self.low, high=speed * self.high, inject=speed * self.inject,
+            cycles=cycles, error_of_map=speed * self.error_of_map,
+            branches=tuple(replace(each, low=speed * each.low, high=speed * each.high) for each in self.branches),
+            unresolved=tuple((speed * a, speed * b) for a, b in self.unresolved),
+        )  # fmt: skip
+
+    def unit_of(self, name: str) -> str:
+        """As in `Result`; all speeds have the unit of a launch speed."""
+        return super().unit_of("alpha" if name in ("next", "error", "inject", "low", "high") else name)
+
+    def _line(self) -> dict[str, object]:
+        return {"period": self.period, "low": self.low, "high": self.high, "cycles": len(self)}
+
+    def title(self) -> str:
+        unit = f" {self.unit_of('alpha')}".rstrip()
+        added = f"with an injection of {self.inject:g}{unit}, launch speeds {self.low:g} to {self.high:g}{unit}"
+        return f"hops of period {self.period} of a {self.machine.get('machine')} {added}: {len(self)}"
+
+    def heads(self) -> list[str]:
+        return [self.heading("alpha"), "next ones", "multiplier", "stability", "impacts", "branches"]
+
+    def _rows(self) -> Iterator[Row]:
+        """A row for each cycle."""
+        for i, each in enumerate(self.cycles):
+            values = {
+                f"next ones of {i}": ", ".join(f"{x:.9g}" for x in each.launches[1:]),
+                f"multiplier of {i}": each.multiplier,
+                f"stable {i}": WORDS_OF_STABILITY[each.stable],
+                f"impacts of {i}": " ".join(map(str, each.impacts)),
+                f"branches of {i}": " ".join(map(str, each.branches)),
+            }
+            yield Row(each.alpha, values, ("{}",) * len(values))
+
+    def _notes(self) -> list[str]:
+        unit = f" {self.unit_of('alpha')}".rstrip()
+        if not self.branches:
+            return ["complete: without injection or damping only lossless hops come back, after one hop"]
+        counts = f"{self.itineraries} itineraries, {len(self.branches)} branches"
+        notes = [f"complete: {SEARCHED} ({counts}), which polynomials represent up to {self.error_of_map:.1g}{unit}"]
+        if self.unresolved:
+            length = sum(b - a for a, b in self.unresolved)
+            near = ", ".join(f"{a:.9g}" for a, _ in self.unresolved[:4])
+            text = f"{len(self.unresolved)} intervals of together {length:.2g}{unit}, where its borders accumulate"
+            notes.append(f"but for hops with a launch in {text}: near {near}")
+        return notes
+
+    def table(self) -> dict[str, list[Any]]:
+        """A row for each launch: the number of its cycle, the hop, the launch speed, the impacts and the branch, and
+        the multiplier, the stability and the error of the cycle."""
+        rows = [
+            (i, hop, alpha, each.impacts[hop], each.branches[hop], each.multiplier, each.stable, each.error)
+            for i, each in enumerate(self.cycles)
+            for hop, alpha in enumerate(each.launches)
+        ]
+        names = "cycle", "hop", "alpha", "impacts", "branch", "multiplier", "stable", "error"
+        return {name: [row[i] for row in rows] for i, name in enumerate(names)}
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Plot each cycle as its itinerary: the launch speeds hop by hop, with the branches of the map behind; returns
+        the axes."""
+        return shown("map_figures").plot_periodic_hops(self, axes)
+
+
+def cycles_of(
+    branches: Branches, hops_from: Callable[[np.ndarray], Hops], period: int
+) -> tuple[list[tuple[np.ndarray, np.ndarray, np.ndarray, float]], int]:
+    """The cycles of a period, ascending, each with its launches, branches and impacts (period,) and its error; and the
+    number of itineraries. The launches are those of the map `hops_from`, with the injection."""
+    shorter = list[np.ndarray]()
+    for part in (each for each in range(1, period) if period % each == 0):
+        found = intervals_of(branches, part)
+        launches, words = periodic_launches(branches, found)
+        shorter.append(branches.cycle(launches, words)[0][:, :-1].ravel())
+    known, found = np.sort(np.concatenate([[np.inf], *shorter])), intervals_of(branches, period)
+    x, words = periodic_launches(branches, found)
+    launches, errors, impacts = polished_cycles(branches, hops_from, branches.cycle(x, words)[0][:, :-1], words)
+    cycles = list[tuple[np.ndarray, np.ndarray, np.ndarray, float]]()
+    for row, word, counts, error in zip(launches, words, impacts, errors.tolist(), strict=True):
+        at = int(np.argmin(row))
+        row, word, counts = (np.roll(each, -at) for each in (row, word, counts))
+        place = np.searchsorted(known, row[0])
+        near = min(abs(known[max(place - 1, 0)] - row[0]), abs(known[min(place, len(known) - 1)] - row[0]))
+        if period > 1 and near <= SAME_CYCLE * row[0]:
+            continue
+        if any(np.abs(row - other[0]).max() <= SAME_CYCLE * row[0] for other in cycles):
+            continue
+        cycles.append((row, word, counts, error))
+    return sorted(cycles, key=lambda each: tuple(each[0].tolist())), len(found.words)
+
+
+def polished_cycles(
+    branches: Branches, hops_from: Callable[[np.ndarray], Hops], launches: np.ndarray, words: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The cycles (k, n) of the map near those of its polynomials, by Newton's method on all their launches; their
+    errors (k,), and the numbers of impacts (k, n)."""
+    (k, n), impacts = launches.shape, np.zeros(launches.shape, int)
+    if not k:
+        return launches, np.zeros(0), impacts
+    shift, best = np.roll(np.eye(n), 1, axis=1), np.full(k, np.inf)
+    errors, found = np.zeros(k), launches.copy()
+    for _ in range(POLISHING_STEPS):
+        hops = hops_from(launches.ravel())
+        residual = hops.next.reshape(k, n) - np.roll(launches, -1, axis=1)
+        inside = np.clip(launches, *np.moveaxis(branches.ends[words], -1, 0))
+        slopes = branches.slope(inside.ravel(), words.ravel()).reshape(k, n)
+        slopes = np.nan_to_num(slopes, posinf=STEEPEST_HOP, neginf=-STEEPEST_HOP)
+        matrix = slopes[:, :, None] * np.eye(n) - shift
+        size = np.nan_to_num(np.abs(residual).max(1), nan=np.inf)
+        better = size < best
+        found[better], best[better] = launches[better], size[better]
+        impacts[better] = hops.impacts.reshape(k, n)[better]
+        inverse = solve(matrix, np.broadcast_to(np.eye(n), (k, n, n)))
+        norms = np.nan_to_num(np.abs(inverse).sum(2).max(1), nan=np.inf)
+        rounding = ROUNDED_HOP * launches.max(1)
+        errors[better] = (norms * (np.minimum(size, 1.0) + rounding))[better]
+        step = (inverse @ residual[:, :, None])[:, :, 0]
+        moves = better & np.isfinite(step).all(1) & (size > UNIT * launches.max(1))
+        if not moves.any():
+            break
+        launches = np.where(moves[:, None], launches - step, found)
+    return found, errors, impacts
+
+
+def lossless_hops(return_map: Any, period: int, low: float, high: float, lossless: list[float]) -> PeriodicHops:
+    """The `PeriodicHops` of a map without injection and damping, of which all that come back are lossless."""
+    impacts = return_map(np.array(lossless)).impacts.tolist()
+    cycles = tuple(
+        Cycle((alpha,), None, (count,), (), 0.0, return_map._separation(alpha))
+        for alpha, count in zip(lossless, impacts, strict=True)
+    )
+    return PeriodicHops(return_map._words, period, low, high, 0.0, cycles)
+
+
+def all_periodic_hops(return_map: Any, pieces: MapPieces, period: int, progress: Report = None) -> PeriodicHops:
+    """The `PeriodicHops` of a dimensionless return map whose pieces without injection are known."""
+    branches = Branches.of(pieces, return_map.inject)
+    found, itineraries = cycles_of(branches, return_map, period) if len(branches.ends) else ([], 0)
+    cycles = []
+    for launches, word, counts, error in reported(found, progress):
+        slopes, apart = zip(
+            *((return_map._slope(a), return_map._separation(a)) for a in launches.tolist()), strict=True
+        )
+        multiplier = None if None in slopes else float(np.prod(slopes))
+        separation = None if None in apart else min(apart)
+        own = (tuple(each.tolist()) for each in (launches, counts, word))
+        cycles.append(Cycle(next(own), multiplier, next(own), next(own), error, separation))
+    kinds = tuple(
+        MonotoneBranch(a, b, rising, int(pieces.impacts[cell]))
+        for (a, b), rising, cell in zip(
+            branches.ends.tolist(), branches.rising.tolist(), branches.cells[:, 0], strict=True
+        )
+    )
+    return PeriodicHops(
+        return_map._words, period, pieces.low, pieces.high, return_map.inject, tuple(cycles), kinds, itineraries,
+        float(pieces.errors.max(initial=0.0)), pieces.unresolved,
+    )  # fmt: skip

@@ -1,0 +1,85 @@
+"""The pieces of a map, against maps in closed form and the map of the machine."""
+
+import numpy as np
+import pytest
+
+from orbits import ReturnMap, multiplier
+from orbits.return_map.hops import Hops
+from orbits.return_map.map_pieces import map_pieces, polynomials
+from problems import Hopper
+
+
+def hops_of(function, impacts, rests=lambda x: np.zeros(x.shape, bool)):
+    """The hops of a map in closed form."""
+
+    def hops(x):
+        ends = rests(x)
+        following = np.where(ends, np.nan, function(x))
+        return Hops(x, following, 0 * x, impacts(x).astype(int), np.where(ends, "rests", "lifts_off"))
+
+    return hops
+
+
+def at(pieces, x):
+    last = np.full(len(x), len(pieces.edges) - 1)
+    return pieces.cell(x, 0 * last, last)
+
+
+def test_chebyshev_polynomials():
+    u = np.array([0.0, 1e-9, 0.3, 0.7, 1.0])
+    expected = np.polynomial.chebyshev.chebvander(2 * u - 1, 6)
+    assert polynomials(u, 7) == pytest.approx(expected, abs=1e-14)
+
+
+def test_a_graze_a_jump_and_a_rest_are_found_with_their_powers():
+    def function(x):
+        return np.where(x < 2.3, 3 * x, np.where(x < 3.7, 6.9 - np.sqrt(np.maximum(x - 2.3, 0)), np.sin(x) + 2))
+
+    step = hops_of(function, lambda x: np.digitize(x, [2.3, 3.7]), lambda x: x > 5.1)
+    pieces = map_pieces(step, [], 1.0, 6.0, 50)
+    kinds = [(border.kind, border.powers) for border in pieces.borders]
+    assert kinds == [("graze", (1, 2)), ("jump", (1, 1)), ("rests", (1, 1))]
+    assert [border.alpha for border in pieces.borders] == pytest.approx([2.3, 3.7, 5.1], rel=1e-15)
+    assert not pieces.unresolved
+    x = np.random.default_rng(2).uniform(1, 5.1, 300)
+    assert pieces.next(x, at(pieces, x)) == pytest.approx(function(x), abs=1e-13)
+    assert pieces.slope(np.array([2.3 + 1e-6]), np.array([at(pieces, np.array([2.31]))[0]])) == pytest.approx(-500)
+    assert pieces.extrema() == pytest.approx([1.5 * np.pi])
+
+
+def test_borders_that_the_grid_does_not_show_are_found_where_no_polynomial_fits():
+    step = hops_of(lambda x: np.where(np.abs(x - 1.50123) < 1e-3, 2.0, x), lambda x: 1 + (np.abs(x - 1.50123) < 1e-3))
+    pieces = map_pieces(step, [], 1.0, 2.0, 500)
+    assert [border.alpha for border in pieces.borders] == pytest.approx([1.50023, 1.50223], rel=1e-14)
+
+
+def test_borders_that_accumulate_are_named():
+    step = hops_of(lambda x: 2.0 + (np.floor(np.log2(x)) % 2), lambda x: 1 + np.floor(-np.log2(x)) % 7)
+    pieces = map_pieces(step, [], 1e-12, 1.0, 50)
+    assert pieces.unresolved
+    assert max(b for _, b in pieces.unresolved) < 1e-6
+
+
+@pytest.fixture(scope="module")
+def of_hopper():
+    return map_pieces(ReturnMap(Hopper()), [4.493409457909064], 4.3, 5.3, 50)
+
+
+def test_the_law_of_the_power_four_thirds_is_exact_beside_the_lossless_launch(of_hopper):
+    (star,) = of_hopper.borders
+    assert (star.kind, star.powers) == ("lossless", (3, 3))
+    step, d = ReturnMap(Hopper()), np.array([1e-9, 1e-6, 1e-3])
+    for side in (1, -1):
+        x = star.alpha + side * d
+        slopes = of_hopper.slope(x, at(of_hopper, x))
+        # The loss of launch speed is C d^(4/3) (10 C on the side of the bounce), so that the slope is 1 - 4/3 loss/d.
+        loss = x - np.sqrt(x**2 - step(x).loss)
+        assert (1 - slopes[:2]) * side == pytest.approx(4 / 3 * loss[:2] / d[:2], rel=0.03)
+        assert of_hopper.next(x, at(of_hopper, x)) == pytest.approx(step(x).next, rel=3e-15)
+    tops = of_hopper.extrema()
+    assert tops == pytest.approx([4.50018238959], abs=1e-10)
+
+
+def test_slopes_are_those_of_saltation(of_hopper):
+    x = np.array([4.35, 4.49, 4.5, 4.7, 5.2])
+    assert of_hopper.slope(x, at(of_hopper, x)) == pytest.approx([multiplier(Hopper(), each) for each in x], abs=1e-10)
