@@ -17,9 +17,10 @@ from ..periodic.find import Progress
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..simulation.impacts import CAP
+from .bifurcation import Bifurcation, name_of_hops
 from .branches import BESIDE_LOSSLESS, SAME_PLACE, BranchTracer, FoundEvent, PeriodicLaunch
-from .cycles import INJECT, MapsAlong
-from .diagram import RESERVED_IN_DIAGRAMS, Bifurcation, BifurcationDiagram, Branch, name_of_hops
+from .cycles import INJECT, MapsAlong, range_of
+from .diagram import RESERVED_IN_DIAGRAMS, BifurcationDiagram, Branch
 from .launch_branches import launch_diagram
 from .resolved_map import ROUNDED
 
@@ -68,8 +69,8 @@ def bifurcations(
     in addition to the error of the map. A branch ends where the map is not continuous, as its `End` says. Raises
     `InputError` for an invalid range or name, and where every fixed point is a lossless hop, which `follow` follows.
     """
-    low, high = _range("span", span)
-    slow, fast = _range("between", between)
+    low, high = range_of("span", span)
+    slow, fast = range_of("between", between)
     if slow <= 0 and machine.model.one_speed:
         raise InputError(f"between = {between!r}; launch speeds are above 0")
     several = not machine.model.one_speed
@@ -87,6 +88,7 @@ def bifurcations(
         raise InputError("every fixed point is a lossless hop here: follow them with `follow`, or give an injection")
     wanted = sorted({whole_number("periods", period, "hops") for period in periods})
     doublings = whole_number("doublings", doublings, "doublings", 0)
+    own: dict[str, Any] = {"inject": maps.inject, "source": machine}
     about = along, (low, high), (slow, fast), machine_in_words(machine)
     if several and (wanted != [1] or doublings > 1):
         raise InputError(
@@ -95,7 +97,7 @@ def bifurcations(
         )
     if several:
         found = launch_diagram(maps, (slow, fast), values, starts, attractor, progress)
-        return BifurcationDiagram(*about, tuple(found.branches), found.located(), units=maps.units)
+        return BifurcationDiagram(*about, tuple(found.branches), found.located(), units=maps.units, **own)
     if starts is not None:
         raise InputError(
             "starts: where a launch is a speed, fixed points are searched for in all of the range: leave them out"
@@ -107,21 +109,8 @@ def bifurcations(
         search.periodic(period)
         for _ in range(doublings):
             search.doubled(doublings)
-    return BifurcationDiagram(
-        *about, tuple(search.branches), search.located(), visits=_attractor(maps, (slow, fast), count), units=maps.units
-    )  # fmt: skip
-
-
-def _range(name: str, ends: tuple[float, float]) -> tuple[float, float]:
-    """The two ends of a range, checked."""
-    try:
-        low, high = ends
-    except (TypeError, ValueError):
-        raise InputError(f"{name} = {ends!r}; it is a pair (low, high)") from None
-    low, high = finite_number(name, low), finite_number(name, high)
-    if not low < high:
-        raise InputError(f"{name} = ({low:g}, {high:g}); a range goes up, low < high")
-    return low, high
+    visits = _attractor(maps, (slow, fast), count)
+    return BifurcationDiagram(*about, tuple(search.branches), search.located(), visits=visits, units=maps.units, **own)
 
 
 class _Search:
@@ -308,10 +297,12 @@ def _attractor(maps: MapsAlong, between: tuple[float, float], count: int) -> np.
     if count == 0:
         return np.zeros((0, 2))
     values = np.linspace(maps.low, maps.high, count)
+    if maps.name == INJECT and (step := maps.at(0.0).impacts).never_lose and step.one_liftoff:
+        values = values[values == 0.0]  # otherwise all launches become faster by the injection, or all slower
     starts = np.linspace(*between, STARTS_OF_HOPS + 2)[1:-1]
     repeated = np.repeat(values, len(starts))
     if maps.name == INJECT:
-        found = _long_run(maps, np.tile(starts, count), repeated)
+        found = _long_run(maps, np.tile(starts, len(values)), repeated)
     else:
         found = np.hstack([_long_run(maps, starts, np.full(len(starts), value)) for value in values])
     places = np.broadcast_to(repeated, found.shape)
@@ -328,10 +319,14 @@ def _long_run(maps: MapsAlong, alpha: np.ndarray, values: np.ndarray) -> np.ndar
         interrupts.heed()
         following, _ = maps.next(alpha[going], values[going] if maps.name == INJECT else values[0])
         alive = np.isfinite(following)
+        settled = np.array_equal(following[alive], alpha[going[alive]])  # every launch comes back to the last bit
         going = going[alive]
         if not len(going):
             break
         alpha[going] = following[alive]
+        if settled:
+            found[max(hop - TRANSIENT, 0) :, going] = alpha[going]
+            break
         if hop >= TRANSIENT:
             found[hop - TRANSIENT, going] = alpha[going]
     return found

@@ -1,61 +1,26 @@
 """A bifurcation diagram of return maps: branches of periodic launches, their bifurcations, and the attractor."""
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..continuation.point import End
+from ..continuation.step_control import Options, StepControl
+from ..errors import InputError
 from ..io import Document, one_line
-from ..model.machine import title_of_machine
+from ..model.machine import Machine, title_of_machine
 from ..result import Axes, Result, Row, known, shown, stored
+from .bifurcation import WORDS_OF_STABILITY, Bifurcation, name_of_hops
+from .event_curve import EventCurve
+from .followed_events import follow_bifurcation
 
 BranchEnd = End  # both names can be imported
-PERIODS_IN_WORDS = {2: "two", 3: "three", 4: "four", 5: "five", 6: "six", 8: "eight"}  # others are figures
 # Names that the parameter of a diagram cannot have, since tables and documents have these names too.
 RESERVED_IN_DIAGRAMS = ("branch", "period", "value", "alpha", "other", "multiplier", "stable", "ends", "kind", "note")
-
-WORDS_OF_STABILITY = {True: "stable", False: "unstable", None: "stability unknown"}
-
-
-def name_of_hops(period: int) -> str:
-    """What launches of a period are called: "fixed points", or "hops of period two"."""
-    return "fixed points" if period == 1 else f"hops of period {PERIODS_IN_WORDS.get(period, period)}"
-
-
-@dataclass(frozen=True)
-class Bifurcation:
-    """A bifurcation on a branch of periodic launches, located.
-
-    kind : "flip" (multiplier -1: hops of twice the period begin), "fold" (multiplier 1: the branch turns round in the
-        parameter), "branch point" (multiplier 1, and the branch does not turn), "Neimark-Sacker" (a pair of complex
-        multipliers crosses the unit circle), "border collision" (a launch passes a border of the map: a bounce more or
-        less, or a graze; or its slope jumps, and the multiplier with it past 1 or -1), or "non-smooth fold" (the branch
-        turns round at a border)
-    value : of the parameter
-    alphas : the launch speeds (period,) of the periodic hops
-    multiplier : of these hops; NaN at a border, where there are two
-    branch : index of the branch
-    note : in words, for example which branch begins or ends there, or that the hop is lossless; may be ""
-    border : the kind of the border that a launch passes, "lossless", "graze" or "bounce"; else ""
-    sides : the multipliers on both sides of the border, that before it on the branch first
-    """
-
-    kind: str
-    value: float
-    alphas: tuple[float, ...]
-    multiplier: float = np.nan
-    branch: int = -1
-    note: str = ""
-    border: str = ""
-    sides: tuple[float, ...] = ()
-
-    @property
-    def alpha(self) -> float:
-        """The first of the launch speeds."""
-        return self.alphas[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +90,8 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
     branches, events : the curves, and the bifurcations on them, ascending in the parameter
     visits : (k, 2), values of the parameter and launch speeds of the attractor there
     units : of launch speeds and parameters, by name; empty for a dimensionless machine
+    inject : the injection, where that is not the parameter
+    source : the machine; None for a diagram from a file or another process
     """
 
     along: str
@@ -135,6 +102,16 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
     events: tuple[Bifurcation, ...]
     visits: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
     units: Mapping[str, str] = field(default_factory=dict)
+    inject: float = 0.0
+    source: Machine | None = field(default=None, repr=False, compare=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The fields without the machine, which another process may not be able to read."""
+        return vars(self) | {"source": None}
+
+    def saved(self) -> Document:
+        """As in `Result`, without the machine itself."""
+        return Result.saved(replace(self, source=None))
 
     def _line(self) -> dict[str, object]:
         counts = {"branches": len(self.branches), "events": len(self.events)}
@@ -190,6 +167,45 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
                 slope = branch.multipliers[i] + share * (branch.multipliers[k] - branch.multipliers[i])
                 found += [(branch.period, float(alpha), float(slope)) for alpha in alphas]
         return sorted(found, key=lambda each: each[1])
+
+    def follow_event(
+        self, event: Bifurcation | str, second: str, stop: float | tuple[float, float], *,
+        machine: Machine | None = None, at: Sequence[float] = Options.at, longest: float = Options.longest,
+        most: int = Options.most, step_control: StepControl = Options.step_control, output: str | Path | None = None,
+    ) -> EventCurve:  # fmt: skip
+        """Follow a flip, a fold or a border collision of the diagram as a second parameter goes to `stop`: a curve in
+        two parameters.
+
+        event : one of the `events`, or the kind of the first of them
+        second : name of the second parameter, "inject" or one of the machine
+        stop : its last value, or the pair of a bound behind its first value and the last one
+        machine : that of the diagram, needed for a diagram from a file
+        at, longest, most, step_control : as in `orbits.follow`
+        output : a file to which the curve is saved
+
+        The equations of the hops are solved with those of the bifurcation, with exact derivatives. The curve ends where
+        the hops have other numbers of impacts from there on. Raises `InputError` for an event that is none of these,
+        for a piecewise law, and where the machine has a restitution.
+
+        >>> from orbits import bifurcations
+        >>> from problems import Hopper
+        >>> diagram = bifurcations(Hopper(), "inject", (0.06, 0.08), (4.5, 4.6), samples=50, sections=2, attractor=0)
+        >>> flips = diagram.follow_event(diagram.events[0], "mass_ratio", 1.2)
+        >>> [round(number, 6) for number in (diagram.events[0].value, *flips.at(1.2))]
+        [0.071587, 0.073422]
+        """
+        if (machine := machine or self.source) is None:
+            raise InputError("a diagram from a file does not hold its machine: name it, machine=")
+        if isinstance(event, str):
+            kinds = {each.kind: each for each in reversed(self.events)}
+            if event not in kinds:
+                raise InputError(f"the diagram has no {event}; its events are {', '.join(sorted(kinds)) or 'none'}")
+            event = kinds[event]
+        options: dict[str, Any] = {"at": at, "longest": longest, "most": most, "step_control": step_control}
+        curve = follow_bifurcation(machine, self.along, event, second, stop, inject=self.inject, **options)
+        if output is not None:
+            curve.save(output)
+        return curve
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Plot the launch speeds against the parameter; returns the axes. See `orbits.show.map_figures`."""

@@ -1,0 +1,418 @@
+"""Curves of the flips, folds and border collisions of hops in two parameters, by continuation.
+
+The equations are those of `event_statement`, with exact derivatives. A point of a curve has the unknowns of the cycle,
+at flips and folds a direction in which it bifurcates, the first parameter, and the second one, along which the curve
+is followed. The curve ends where the hops have other numbers of impacts from there on.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, cast
+
+import numpy as np
+
+from ..continuation.corrector import correct
+from ..continuation.curve import Curve, CurvePoint, CurvePoints, Watch
+from ..continuation.events import Segment
+from ..continuation.follow import bounds_of
+from ..continuation.limits import Endings
+from ..continuation.point import End, Event
+from ..continuation.step_control import Options, StepControl, checked_options
+from ..continuation.tracer import Tracer
+from ..errors import InputError, NoOrbit, OrbitsError
+from ..flow.trajectory import Trajectories
+from ..model.machine import Machine, machine_in_words
+from ..model.phase import Affine
+from ..numerics.polynomial_roots import Crossings, evaluate
+from ..running import interrupts
+from ..shooting.single_shooting import shooting_equations
+from ..simulation.hand_over import landed
+from ..simulation.impacts import LIFTOFF_ORDER, Impacts
+from ..units import LIFTOFF_SPEED, Units
+from .bifurcation import Bifurcation
+from .cycle_statement import (
+    GRAZES,
+    INJECT,
+    LEAVES_OR_STAYS,
+    LOSSLESS,
+    MULTIPLIER_AT,
+    Border,
+    cycle_statement,
+    event_statement,
+    force_in_contact,
+    gap_speed,
+    pressing,
+)
+from .cycles import RESTITUTION, parameters_of_maps
+from .event_curve import CurveEvent, EventCurve
+from .flown_hops import flown_hops
+
+# Shares of the time of a flight or contact at which the gap and the contact force are tested; the places nearer to its
+# ends, where they vanish, belong to the events there.
+SHARES_OF_ARC = np.linspace(0.03, 0.97, 48)
+# A solved bifurcation may lie this far from where the diagram has it, as a share of the parameter, which is located to
+# some 1e-11; and a border condition is the one that vanishes to this share of the largest launch speed.
+SAME_EVENT, NEAR_BORDER = 1e-6, 1e-3
+# At a cusp the share of the first parameter in the tangent vanishes beside that of the second one.
+CUSP = 1e-5
+BORDERS = (
+    "border collision",
+    "non-smooth fold",
+)  # the kinds of events at which a hop is about to have another number of impacts
+SLOW_LANDING = 1e-6  # the first landing of a lossless hop is slower than this share of the launch speed, by rounding
+SMALL_FORCE = 0.05  # a contact force below this, where 1 lifts the foot, vanishes near a lossless hop
+
+
+@dataclass(frozen=True, eq=False)
+class EventPoint:
+    """A point of a curve: the value of the second parameter, the unknowns u and the tangent, the first parameter, the
+    launch speeds, and test functions that are above 0 where the hops are those of the statement."""
+
+    value: float
+    u: tuple[float, ...]
+    tangent: tuple[float, ...]
+    first: float
+    alphas: tuple[float, ...]
+    tests: dict[str, float]
+
+    @property
+    def alpha(self) -> float:
+        return self.alphas[0]
+
+
+class EventEquations(Curve):
+    """The curve of one kind of bifurcation of cycles; the last of its unknowns is the parameter `along`."""
+
+    kernel = None
+
+    def __init__(
+        self, machine: Machine, along: str, second: str, event: str | Border, impacts: tuple[int, ...], inject: float,
+        span: float,
+    ):  # fmt: skip
+        self.machine, self.along, self.span, self.event = machine, second, span, event
+        self.impacts = impacts
+        self.names = (*machine.values, INJECT)
+        self.parameters = np.array([*machine.values.values(), inject])
+        self.place, self.first = self.names.index(second), self.names.index(along)
+        self.equations = shooting_equations(event_statement(machine.model, impacts, event, along), self.names)
+        self.cycle = cycle_statement(machine.model, impacts, event if isinstance(event, Border) else None)
+        # The unit of a parameter that passes zero is its first value, or 1 when that is zero.
+        self.least = 0.1 * abs(self.parameters[self.first]) or 1.0
+
+    def parameters_at(self, xs: np.ndarray) -> np.ndarray:
+        values = super().parameters_at(xs)
+        values[:, self.first] = xs[:, -2]
+        return values
+
+    def size(self, x: np.ndarray) -> np.ndarray:
+        size = super().size(np.delete(x, -2, axis=-1))
+        return np.insert(size, -1, np.maximum(np.abs(x[..., -2]), self.least), axis=-1)
+
+    def varied(self, p: np.ndarray) -> dict[str, float]:
+        places = {self.names[i]: float(p[i]) for i in (self.first, self.place)}
+        return {name: value for name, value in places.items() if name != INJECT}
+
+    def units_at(self, value: Any, also: Any = None) -> Units | None:
+        return None
+
+    def rescued(self, x: np.ndarray) -> np.ndarray:
+        raise NoOrbit(f"the corrector does not converge near {self.along} = {x[-1]:g}")
+
+    def certify_all(self, points: Sequence[CurvePoint]) -> tuple[list[CurvePoint], OrbitsError | None]:
+        """The points with their launches, up to the first at which there is no such machine."""
+        ps = self.parameters_at(np.array([point.x for point in points]))
+        refused = self._refused(ps)
+        end = min(refused, default=len(points))
+        found = [*points[:end]]
+        new = [i for i, point in enumerate(found) if point.certified is None]
+        if new:
+            for i, made in zip(new, self._event_points(CurvePoints.of([found[i] for i in new]), ps[new]), strict=True):
+                found[i] = found[i]._replace(certified=[cast(Any, made)])
+        return found, refused.get(end)
+
+    def _event_points(self, points: CurvePoints, ps: np.ndarray) -> list[EventPoint]:
+        """The points of the curve with their parameters (m, np) as they are stored."""
+        p = dict(zip(self.names, ps.T, strict=True))
+        speed = self.machine.model.units(p).of(LIFTOFF_SPEED) if self.machine.model.units else 1.0
+        places = [i for i, name in enumerate(self.cycle.unknowns) if name.startswith("alpha")]
+        alphas = (points.xs[:, places].T * speed).T.tolist()
+        tests = self._tests(points.own_evaluation.trajectories, p)
+        names, rows = [*tests], np.array([*tests.values()]).T.tolist()
+        columns = points.xs.tolist(), points.tangents.tolist(), alphas, rows
+        return [
+            EventPoint(x[-1], tuple(x[:-1]), tuple(tangent), x[-2], tuple(own), dict(zip(names, row, strict=True)))
+            for x, tangent, own, row in zip(*columns, strict=True)
+        ]
+
+    def _tests(self, arcs: Sequence[Trajectories], p: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """The test functions (m,) of points with parameters (m,), by what happens where they vanish."""
+        model, tests = self.machine.model, dict[str, np.ndarray]()
+        border: str | Border | None = self.event
+        many = {name: np.repeat(values, len(SHARES_OF_ARC)) for name, values in p.items()}
+        hop, impact = 0, 0
+        for arc, motions in zip(self.cycle.arcs, arcs, strict=True):
+            size = len(arc.phase.states)
+            rows, end = [*_rows_within(motions)[:, :size].T], [*motions.finals[:, :size].T]
+            least = lambda values: np.reshape(values, (-1, len(SHARES_OF_ARC))).min(1)  # noqa: E731
+            if arc.phase.name == model.contact.name:
+                force = np.broadcast_to(force_in_contact(model, rows, many), rows[0].shape)
+                tests[f"the contact of hop {hop + 1} opens earlier"] = least(force)
+                hop, impact = hop + 1, 0
+                continue
+            here = Border(hop, impact)
+            tests[replace(here, kind=GRAZES).in_words()] = least(model.gap(many).at(rows))
+            if (
+                isinstance(border, Border)
+                and (hop, impact) == (border.hop, border.impact)
+                and border.kind != LEAVES_OR_STAYS
+            ):
+                hop += border.kind == LOSSLESS  # a flight up to a graze is followed by that up to the impact
+                border = None
+                continue
+            tests[f"impact {impact + 1} of hop {hop + 1} becomes tangential"] = -gap_speed(model, end, p)
+            if here != border:
+                last = impact + 1 == self.impacts[hop]
+                tests[here.in_words()] = (1.0 if last else -1.0) * np.broadcast_to(
+                    pressing(model, end, p), end[0].shape
+                )
+            impact += 1
+        return tests
+
+
+def _rows_within(motions: Trajectories) -> np.ndarray:
+    """The rows (m k, rows) of motions (m,) at k shares of the time of each."""
+    places, apart = SHARES_OF_ARC * motions.ends[:, None], 2.0 * float(motions.ends.max())
+    each = apart * np.arange(len(motions))
+    step = np.searchsorted(motions.starts + apart * motions.owner, places + each[:, None], side="right") - 1
+    return evaluate(motions.coefficients[step.ravel()], (places - motions.starts[step]).ravel()[:, None])
+
+
+class EventSegment(Segment):
+    """The curve between two neighbouring points."""
+
+    @staticmethod
+    def may_happen(
+        before: CurvePoint, points: Sequence[CurvePoint], requested: tuple[float, ...], watch: Watch
+    ) -> np.ndarray:
+        return np.ones(len(points), bool)
+
+    def _sign_changes(self, watch: Watch) -> Any:
+        if self.fold is not None:
+            point = self(self.fold)
+            shares = np.abs(point.tangent / self.curve.size(point.x))[-2:]
+            cusp = self.curve.event == "fold" and shares[0] < CUSP  # type: ignore[attr-defined]
+            yield "cusp" if cusp else "turn", self.fold, point
+
+
+class EventEndings(Endings):
+    """The tests for the end of a curve."""
+
+    def may_end(self, before: CurvePoint, points: Sequence[CurvePoint]) -> np.ndarray:
+        return np.ones(len(points), bool)
+
+    def cut(self, segment: Segment) -> tuple[Segment, End | None]:
+        tests = cast(Any, segment.b.point).tests
+        if over := [name for name, value in tests.items() if not value > 0]:
+
+            def least(point: CurvePoint) -> float:
+                found = cast(Any, self.curve.certify(point).point).tests
+                return min(found[name] for name in over)
+
+            share = segment.zero(least)
+            point = segment.b if share is None else self.curve.certify(segment(share))
+            final = cast(Any, point.point).tests
+            reason = f"{min(over, key=lambda name: abs(final[name]))}: the hops have other impacts from there on"
+            segment = type(segment)(segment.curve, segment.a, point)
+            shorter, end = super().cut(segment)
+            return (shorter, end) if end else (segment, End("border", reason))
+        return super().cut(segment)
+
+    def far(self, last: CurvePoint, history: object) -> None:
+        """Nothing: a curve ends at the bound of its second parameter."""
+
+    def lost(self, error: object, last: CurvePoint, history: object) -> End:
+        where = f"at {self.curve.along} = {last.value:.10g}"
+        if isinstance(error, InputError):
+            return End("degenerate", f"there is no such machine any more {where}: {error}")
+        return End("stuck", f"{where}: {error}")
+
+
+class EventTracer(Tracer):
+    """A run along a curve of bifurcations."""
+
+    segments, tests_for_the_end = EventSegment, EventEndings
+
+    def _certified(self, state: Any, points: Sequence[CurvePoint]) -> tuple[Sequence[CurvePoint], OrbitsError | None]:
+        interrupts.heed()
+        return self.curve.certify_all(points)
+
+
+def follow_bifurcation(
+    machine: Machine, along: str, event: Bifurcation, second: str, stop: float | tuple[float, float], *,
+    inject: float = 0.0, at: Sequence[float] = Options.at, longest: float = Options.longest, most: int = Options.most,
+    step_control: StepControl = Options.step_control,
+) -> EventCurve:  # fmt: skip
+    """The curve of a bifurcation of hops along `along` as a second parameter goes to `stop`, from an event of a
+    diagram of a machine with an injection; the other arguments as in `BifurcationDiagram.follow_event`."""
+    options = checked_options(at=at, longest=longest, most=most, step_control=step_control)
+    machine, curve, x = _event_equations(machine, along, event, second, inject)
+    start, least = float(x[-1]), curve.least
+    behind, stop = bounds_of(second, start, stop, options.at)
+    curve.span, row = abs(stop - behind), np.eye(len(x))[-1]
+    tracer = EventTracer(curve, correct(curve, x, row, start, row * np.sign(stop - start)), behind, stop, options)
+    found = cast(EventPoint, tracer.first.point)
+    if abs(found.first - event.value) > SAME_EVENT * max(abs(event.value), least):
+        raise NoOrbit(f"{along} = {event.value:.9g} is no {event.kind}: the nearest one is at {found.first:.9g}")
+    points, events, end = [found], list[CurveEvent](), End("stopped", "")
+    for item in tracer:
+        if isinstance(item, End):
+            end = item
+        elif isinstance(item, Event):
+            point = cast(EventPoint, item.point)
+            events.append(CurveEvent(item.kind, (point.first, point.value), point.alphas))
+        elif item.point is not found:
+            points.append(cast(EventPoint, item.point))
+    values = np.array([(point.first, point.value) for point in points])
+    words, alphas = machine_in_words(machine), np.array([point.alphas for point in points])
+    units, kind = machine.units, curve.event
+    texts = {**words.get("units", {}), **dict.fromkeys(("alpha", INJECT), units.text(LIFTOFF_SPEED))} if units else {}
+    name, border = (event.kind, kind.in_words()) if isinstance(kind, Border) else (kind, "")
+    return EventCurve(name, along, second, words, curve.impacts, values, alphas, tuple(events), end, border, texts)
+
+
+def located(machine: Machine, along: str, event: Bifurcation, inject: float = 0.0) -> Bifurcation:
+    """A flip, fold or border collision of hops by Newton's method on its equations, from a guess of it: with the exact
+    value of the parameter and launch speeds. Raises `NoOrbit` where the method does not converge."""
+    _, curve, x = _event_equations(machine, along, event, "", inject)
+    row = np.eye(len(x))[-1]
+    point = cast(EventPoint, curve.certify(correct(curve, x, row, float(x[-1]), row)).point)
+    return replace(event, value=point.first, alphas=point.alphas, multiplier=MULTIPLIER_AT.get(event.kind, np.nan))
+
+
+def _event_equations(
+    machine: Machine, along: str, event: Bifurcation, second: str, inject: float
+) -> tuple[Machine, EventEquations, np.ndarray]:
+    """The machine at a bifurcation, the equations of its curve along a second parameter, for "" along any other one,
+    and a guess of the point there."""
+    _check_event(machine, along, event, second)
+    if along == INJECT:
+        inject = event.value
+    else:
+        machine = machine.with_values(**{along: event.value})
+    second = second or next(name for name in (*machine.values, INJECT) if name != along)
+    speed = machine.units.of(LIFTOFF_SPEED) if machine.units else 1.0
+    cycle = _Cycle(Impacts(machine), [alpha / speed for alpha in event.alphas])
+    if cycle.lossless(SLOW_LANDING) is not None and (event.kind == "fold" or len(event.alphas) == 1):
+        raise InputError("this fold is a lossless hop: `follow` follows it along a parameter, without an injection")
+    kind: str | Border = event.kind if event.kind in MULTIPLIER_AT else cycle.border()
+    impacts, u = cycle.unknowns(kind)
+    start = inject if second == INJECT else machine.values[second]
+    curve = EventEquations(machine, along, second, kind, impacts, inject, max(abs(start), 1.0))
+    if not isinstance(kind, Border):
+        equations = shooting_equations(cycle_statement(machine.model, impacts), curve.names)
+        jacobian = equations.evaluate(u, curve.parameters).jacobian.copy()
+        place = equations.statement.unknowns.index("alpha")
+        jacobian[-1, place] += 1.0 - MULTIPLIER_AT[kind]
+        direction = np.linalg.svd(jacobian)[2][-1]
+        u = [*u, *np.delete(direction / direction[place], place)]
+    return machine, curve, np.array([*u, event.value, start])
+
+
+def _check_event(machine: Machine, along: str, event: Bifurcation, second: str) -> None:
+    """Raise `InputError` where a bifurcation cannot be followed along a second parameter."""
+    model = machine.model
+    if not isinstance(event, Bifurcation):
+        raise InputError(f"event = {event!r}; it is one of the `events` of a diagram")
+    if not model.one_speed or not model.plain or model.hysteretic:
+        other = "steps" if model.one_speed else "has a launch of several numbers"
+        what = "has hysteresis" if model.hysteretic else other
+        raise InputError(f"a {model.name} {what}: bifurcations are followed where a launch is a speed alone")
+    if event.kind not in (*MULTIPLIER_AT, *BORDERS):
+        have = ", ".join((*MULTIPLIER_AT, *BORDERS))
+        raise InputError(f"a {event.kind} has no curve in two parameters here: {have} have")
+    known = [name for name in parameters_of_maps(machine) if name not in (along, RESTITUTION)]
+    if second and second not in known:
+        raise InputError(f"second = '{second}'; {event.kind}s in {along} are followed along {', '.join(known)}")
+    if along == RESTITUTION or cast(Any, machine).restitution > 0:
+        raise InputError(
+            "with a restitution a hop has infinitely many impacts: bifurcations are followed where it is 0"
+        )
+    if second and second not in (INJECT, *machine.values):
+        raise InputError(f"second = '{second}': the machine has none to begin with; give it a small one")
+
+
+class _Cycle:
+    """The hops of a cycle from launch speeds (period,), impact by impact."""
+
+    def __init__(self, impacts: Impacts, alphas: Sequence[float]):
+        self.impacts, self.hops = impacts, flown_hops(impacts, np.array(alphas))
+        if not self.hops.counts.all():
+            raise NoOrbit("the hops of this bifurcation are not found again at its launch speeds")
+
+    def lossless(self, slow: float) -> int | None:
+        """The index of a hop that is lossless: its first landing is slower than a share of the launch speed, without a
+        force."""
+        for hop, alpha in enumerate(self.hops.alphas.tolist()):
+            speed, force = self._at(self.hops.landings[hop, 0])
+            if speed <= slow * alpha and force <= SMALL_FORCE:
+                return hop
+        return None
+
+    def border(self) -> Border:
+        """The border that the cycle is at; raises `NoOrbit` where there is none."""
+        if (hop := self.lossless(NEAR_BORDER)) is not None:
+            return Border(hop, 0, LOSSLESS)
+        found = list[tuple[float, Border]]()
+        for hop, (alpha, count) in enumerate(zip(self.hops.alphas, self.hops.counts.tolist(), strict=True)):
+            for impact, x in enumerate(self.hops.landings[hop, :count]):
+                speed, force = self._at(x)
+                found.append((force, Border(hop, impact)))
+                if impact + 1 < count:
+                    found.append((speed / alpha, Border(hop, impact, GRAZES)))
+                found += [(size / alpha, Border(hop, impact, GRAZES)) for size, _ in self._near_grazes(hop, impact)]
+        size, border = min(found, key=lambda each: each[0])
+        if not size <= NEAR_BORDER:
+            raise NoOrbit(
+                "at these launch speeds no impact is about to vanish: the map's slope jumps for another reason"
+            )
+        return border
+
+    def _at(self, x: np.ndarray) -> tuple[float, float]:
+        """The size of the gap's speed at an impact, and that of the contact force after it."""
+        model, p = self.impacts.model, self.impacts.values
+        return abs(float(self.impacts.gap_speed @ x)), abs(float(pressing(model, x.tolist(), p)))
+
+    def _near_grazes(self, hop: int, impact: int) -> list[tuple[float, float]]:
+        """Where the gap is least in the flight up to an impact: the speed with which it would land there if it were
+        lower by that, and the time."""
+        impacts, time = self.impacts, float(self.hops.times[hop, impact])
+        if impact:
+            x = landed(impacts, self.hops.landings[hop, impact - 1][None], np.zeros(1, int)).state[0]
+        else:
+            x = self.hops.starts[hop]
+        path, _ = impacts.flight.run(x, impacts.p, time)
+        speed = Affine(tuple(impacts.gap_speed.tolist()))
+        places = Crossings(LIFTOFF_ORDER - 1 if impact == 0 else 1, rising=True)(
+            speed.series(path.coefficients), path.steps
+        )
+        times = [float(path.times[step] + after) for step, after in places]
+        return [(abs(2 * float(impacts.gap(path(each)[: len(x)]))) ** 0.5, each) for each in times if each < time]
+
+    def unknowns(self, kind: str | Border) -> tuple[tuple[int, ...], list[float]]:
+        """The numbers of impacts (period,) of the hops, and the unknowns of their statement at a flip, a fold or a
+        border."""
+        counts, launches, times = self.hops.counts.tolist(), list[float](), list[float]()
+        for hop, count in enumerate(self.hops.counts.tolist()):
+            liftoff, alpha, *own = self.hops.unknowns(self.impacts, np.array([hop]))[0].tolist()
+            if isinstance(kind, Border) and kind.hop == hop and kind.kind != LEAVES_OR_STAYS:
+                near = self._near_grazes(hop, kind.impact)
+                speed, _ = self._at(self.hops.landings[hop, kind.impact])
+                if kind.kind == LOSSLESS:
+                    own = [0.5 * sum(own[:-1])]
+                elif near and min(near)[0] < speed:  # it does not touch yet
+                    own[kind.impact : kind.impact + 1] = [min(near)[1], own[kind.impact] - min(near)[1]]
+                else:
+                    counts[hop] = count - 1
+            launches += [liftoff, alpha]
+            times += own
+        return tuple(counts), [*launches, *times]
