@@ -27,9 +27,9 @@ from .roots import Array, bracketed_root
 
 # Marks of the limits: not active, at the lower or upper limit, or an equality.
 FREE, LOWER, UPPER, EQUAL = 0, -1, 1, 2
-# Newton's step, relative to the size of the unknowns, after which the next is below rounding; and that of an attempt
-# that contracts no better than the second number, whose matrix is then renewed.
-CONVERGED, STALE = 1e-11, 0.1
+# Newton's step, relative to the size of the unknowns, after which the next is below rounding; that at which it may not
+# become any smaller; and the contraction above which its matrix is renewed.
+CONVERGED, STAGNATED, STALE = 1e-10, 1e-8, 0.1
 STEPS_TO_A_POINT = 12  # of Newton's iteration to a point
 # A limit is reached, and a multiplier has passed 0, at this distance beyond it; within the second one both a limit and
 # its multiplier may be 0 at the first point.
@@ -37,6 +37,8 @@ TOLERATED, WEAK = 1e-10, 1e-6
 MOST_WEAK = 8  # limits at whose directions a first point is examined: the sets of active ones are tried in turn
 # Weight of the active gradients, relative to the Hessian, beside which its signs are those on their null space.
 WEIGHT = 1e8
+# Multipliers below this share of the Hessian, and below this size, are rounding.
+RELATIVE_DUAL, SMALLEST_DUAL = 1e-4, 1e-12
 DEPENDENT = 1e-8  # share of a gradient beside the others below which it depends on them
 NEARLY_FOLD = 0.2  # share of the parameter in a tangent below which the fastest unknown is held in its place
 POINTS_OF_PREDICTOR = 3
@@ -59,12 +61,14 @@ class FirstDerivatives(NamedTuple):
 
 class SecondDerivatives(NamedTuple):
     """The Jacobian (m, n) of the constraints, the Hessian (n, n) of f + y . g, dense or sparse with fixed patterns, and
-    the derivatives by p of the gradient (n,) of f + y . g and of the constraints (m,)."""
+    the derivatives by p of the gradient (n,) of f + y . g and of the constraints (m,); and the first derivatives there
+    where they are at hand."""
 
     jacobian: Array | sp.csc_matrix
     hessian: Array | sp.csc_matrix
     gradient_slope: Array
     values_slope: Array
+    first: FirstDerivatives | None = None
 
 
 class ParametricProgram(Protocol):
@@ -112,6 +116,7 @@ class CriticalPoint:
     x : (n,)
     multipliers : (n + m,), of the limits of the unknowns and then of the constraints
     sides : (n + m,), which limits are active: -1 lower, 1 upper, 2 an equality, 0 none
+    values : (n + m,), x and the constraints
     cost, slope : of the value function V, and dV/dp
     negative : number of negative eigenvalues of the Hessian of L on the null space of the active gradients, 0 for a
         minimum
@@ -122,6 +127,7 @@ class CriticalPoint:
     x: Array
     multipliers: Array
     sides: Array
+    values: Array
     cost: float
     slope: float
     negative: int
@@ -188,7 +194,7 @@ class MinimumCurve:
         self.lower, self.upper = program.limits
         self.n, self.span = len(x), abs(stop - start) or 1.0
         self._patterns: dict[tuple, tuple] = {}
-        self._dual_size = max(float(np.abs(multipliers).max(initial=0.0)), 1e-12)
+        self._dual_size = max(float(np.abs(multipliers).max(initial=0.0)), self._negligible_dual(x, multipliers))
         self.first = self._first(np.array(x, dtype=float), np.array(multipliers, dtype=float), sides)
 
     def __iter__(self) -> Iterator[CriticalPoint | CurveEvent | CurveEnd]:
@@ -293,11 +299,16 @@ class MinimumCurve:
         reason = "no minimum that can be followed is at the start: second-order conditions or independence are lost"
         raise NoOrbit(reason)
 
+    def _negligible_dual(self, x: Array, multipliers: Array) -> float:
+        """The size of multipliers at the start below which they are rounding."""
+        second = self.program.second(x, self.start, multipliers[self.n :])
+        return max(_size_of_duals(second, self.span), SMALLEST_DUAL)
+
     def _leads_out(self, point: CriticalPoint, unsure: Array, nearest: Array) -> bool:
         """Whether a limit is passed, or a multiplier changes its sign, from a point at which both may be 0."""
         if len(unsure) == 0:
             return False
-        values, rates = self._values(point), self._rates_of_values(point)
+        values, rates = point.values, self._rates_of_values(point)
         multiplier = point.multipliers[unsure] * nearest, point.tangent[self.n : -1][unsure] * nearest
         room = np.minimum(values - self.lower, self.upper - values)[unsure], -nearest * rates[unsure]
         active = point.sides[unsure] != FREE
@@ -350,18 +361,24 @@ class MinimumCurve:
         places = np.concatenate([np.arange(n), n + active, [len(z) - 1]])
         weights = self._weights_of(z)
         for _ in range(STEPS_TO_A_POINT):
-            first = self.program.first(z[:n], z[-1], z[2 * n : -1])
-            residual = np.concatenate([first.gradient + z[n : 2 * n], self._missed(z[:n], first.values, active, sides)])
-            if not np.isfinite(residual).all():
-                raise _Lost
             if linear is None:
                 linear = self._linear(z, active, places, held)
-            step = linear.solve(np.append(residual, z[held] - level))
+                first = linear.second.first or self.program.first(z[:n], z[-1], z[2 * n : -1])
+            else:
+                first = self.program.first(z[:n], z[-1], z[2 * n : -1])
+            values = np.concatenate([z[:n], first.values])
+            missed = values[active] - np.where(sides[active] == UPPER, self.upper[active], self.lower[active])
+            residual = np.concatenate([first.gradient + z[n : 2 * n], missed, [z[held] - level]])
+            if not np.isfinite(residual).all():
+                raise _Lost
+            step = linear.solve(residual)
             size = float(np.abs(weights[places] * step).max())
             if not size < 1e3 * (1 + before):
                 raise _Lost
+            # Up to the square of the step, the value function is the Lagrangian and its slope that of the Lagrangian.
+            cost, slope = first.cost + float(z[n + active] @ missed), first.slope - float(linear.slopes @ step[:-1])
             z[places] -= step
-            if size <= CONVERGED or (size <= 1e3 * CONVERGED and size > 0.5 * before):
+            if size <= CONVERGED or STAGNATED >= size > 0.5 * before:
                 break
             if size > STALE * before:
                 linear = None
@@ -371,7 +388,6 @@ class MinimumCurve:
         z[held] = level
         if exact or linear is None:
             linear = self._linear(z, active, places, held)
-        first = self.program.first(z[:n], z[-1], z[2 * n : -1])
         tangent = np.zeros(len(z))
         tangent[places] = linear.solve(np.append(np.zeros(len(places) - 1), 1.0))
         tangent /= np.abs(weights * tangent).max()
@@ -381,15 +397,9 @@ class MinimumCurve:
             raise _Lost
         if exact and tangent[-1]:
             rate = np.abs(tangent[n:-1] / tangent[-1]).max(initial=0.0)
-            self._dual_size = max(self._dual_size, linear.dual_size, self.span * rate)
-        point = CriticalPoint(
-            float(z[-1]), z[:n], z[n:-1], sides, float(first.cost), float(first.slope), linear.negative, tangent
-        )
-        return point, float(np.abs(weights * (z - start)).max())
-
-    def _missed(self, x: Array, values: Array, active: Array, sides: Array) -> Array:
-        all_values = np.concatenate([x, values])[active]
-        return all_values - np.where(sides[active] == UPPER, self.upper[active], self.lower[active])
+            self._dual_size = max(self._dual_size, _size_of_duals(linear.second, self.span), self.span * rate)
+        own = z[:n], z[n:-1], sides, values, cost, slope, linear.negative, tangent
+        return CriticalPoint(float(z[-1]), *own), float(np.abs(weights * (z - start)).max())
 
     def _linear(self, z: Array, active: Array, places: Array, held: int) -> "_Linear":
         """The linearised conditions at a point, with one coordinate held."""
@@ -399,12 +409,11 @@ class MinimumCurve:
         key = (hessian.nnz, jacobian.nnz, active.tobytes())
         if key not in self._patterns:
             self._patterns[key] = _pattern(hessian, jacobian, active)
-        gather, indices, ends, of_rows, row_indices, row_ends = self._patterns[key]
+        gather, matrix, squares = self._patterns[key]
         data, size = np.concatenate([hessian.data, jacobian.data, [1.0]]), n + len(active)
-        matrix = sp.csc_matrix((data[gather], indices, ends), (size, size))
-        rows = sp.csr_matrix((data[of_rows], row_indices, row_ends), (len(active), n))
+        matrix.data = data[gather]
         slopes = np.concatenate([second.gradient_slope, np.concatenate([np.zeros(n), second.values_slope])[active]])
-        negative = _negative_eigenvalues(hessian, rows)
+        negative = squares.negative_eigenvalues(data)
         try:
             if held == len(z) - 1:
                 factors = splu(matrix)
@@ -418,8 +427,7 @@ class MinimumCurve:
                 solve = splu(sp.bmat([[matrix, slopes[:, None]], [row, None]], format="csc")).solve
         except RuntimeError:  # exactly singular
             raise _Lost from None
-        size = max(self.span * np.abs(second.gradient_slope).max(), 1e-8 * np.abs(hessian.data).max(initial=0.0))
-        return _Linear(solve, negative, float(size))
+        return _Linear(solve, negative, slopes, second)
 
     # Sizes
 
@@ -438,9 +446,6 @@ class MinimumCurve:
 
     # Events
 
-    def _values(self, point: CriticalPoint) -> Array:
-        return np.concatenate([point.x, self.program.first(point.x, point.value, point.multipliers[self.n :]).values])
-
     def _rates_of_values(self, point: CriticalPoint) -> Array:
         second = self.program.second(point.x, point.value, point.multipliers[self.n :])
         along = point.tangent[: self.n]
@@ -449,7 +454,7 @@ class MinimumCurve:
     def _rooms(self, point: CriticalPoint) -> Array:
         """Of each limit how far it is from changing, negative once it should have: the distance of a value to it, or
         the size of its multiplier."""
-        values, size = self._values(point), point.sides * point.multipliers / self._dual_size
+        values, size = point.values, point.sides * point.multipliers / self._dual_size
         distance = np.minimum(values - self.lower, self.upper - values)
         return np.where(point.sides == EQUAL, np.inf, np.where(point.sides == FREE, distance, size))
 
@@ -503,7 +508,7 @@ class MinimumCurve:
         point = event.point
         (i,) = event.limits
         sides, multipliers = point.sides.copy(), point.multipliers.copy()
-        values = self._values(point)
+        values = point.values
         if event.kind == "leaves":
             sides[i], multipliers[i] = FREE, 0.0
         else:
@@ -547,11 +552,18 @@ class MinimumCurve:
 
 class _Linear(NamedTuple):
     """Linearised conditions: residual -> Newton's step, with the level's last; the number of negative eigenvalues of
-    the reduced Hessian; and the size of multipliers that matter."""
+    the reduced Hessian; the derivatives of the conditions by the parameter; and those of the program."""
 
     solve: Callable[[Array], Array]
     negative: int
-    dual_size: float
+    slopes: Array
+    second: SecondDerivatives
+
+
+def _size_of_duals(second: SecondDerivatives, span: float) -> float:
+    """The size of multipliers that matter, as far as second derivatives show it."""
+    largest = np.abs(_sparse(second.hessian).data).max(initial=0.0)
+    return max(span * float(np.abs(second.gradient_slope).max(initial=0.0)), RELATIVE_DUAL * float(largest))
 
 
 def _leaving(multipliers: Array, sides: Array, shares: Array, side: int) -> tuple[int | None, float]:
@@ -572,34 +584,61 @@ def _sparse(matrix: Array | sp.csc_matrix) -> sp.csc_matrix:
     return matrix
 
 
-def _pattern(hessian: sp.csc_matrix, jacobian: sp.csc_matrix, active: Array) -> tuple:
-    """Where each entry of the matrix [[H, A'], [A, 0]] is in (entries of H, entries of the Jacobian, 1), with its
-    columns; and the same of the rows A of the active limits."""
+def _pattern(hessian: sp.csc_matrix, jacobian: sp.csc_matrix, active: Array) -> tuple[Array, sp.csc_matrix, "_Squares"]:
+    """Where each entry of the matrix [[H, A'], [A, 0]] is in (entries of H, entries of the Jacobian, 1), and the matrix
+    to be filled, for the rows A of the active limits; and the squares of these rows."""
     n, first = hessian.shape[0], hessian.nnz + 1
     places = [(hessian, np.arange(1, first)), (jacobian, first + np.arange(jacobian.nnz))]
     ordered = [sp.csc_matrix((numbers.astype(float), of.indices, of.indptr), of.shape) for of, numbers in places]
     unit = sp.diags(np.full(n, float(first + jacobian.nnz)))
     rows = sp.vstack([unit, ordered[1]]).tocsr()[active]
     matrix = sp.bmat([[ordered[0], rows.T], [rows, None]], format="csc") if len(active) else ordered[0]
-    whole, part = (each.data.astype(int) - 1 for each in (matrix, rows))
-    return whole, matrix.indices, matrix.indptr, part, rows.indices, rows.indptr
+    return matrix.data.astype(int) - 1, matrix, _Squares.of(hessian, rows)
 
 
-def _negative_eigenvalues(hessian: sp.csc_matrix, rows: sp.csr_matrix) -> int:
-    """The number of negative eigenvalues of a Hessian on the null space of rows: those of H + w A'A for a large w, by
-    the signs of its pivots."""
-    largest = np.abs(hessian.data).max(initial=0.0) or 1.0
-    sizes = np.sqrt(np.asarray(rows.multiply(rows).sum(axis=1)).ravel())
-    scaled = sp.diags(1 / np.where(sizes > 0, sizes, 1.0)) @ rows
-    matrix = (hessian + WEIGHT * largest * (scaled.T @ scaled)).tocsc()
-    try:
-        options = {"SymmetricMode": True}
-        factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
-        if (factors.perm_r == factors.perm_c).all():
-            return int((factors.U.diagonal() < 0).sum())
-    except RuntimeError:  # a pivot is exactly 0
-        pass
-    return int((np.linalg.eigvalsh(matrix.toarray()) < 0).sum())
+class _Squares(NamedTuple):
+    """The matrix H + w A'A for a large w and rows A of length one, whose negative eigenvalues are as many as H has on
+    the null space of A: the entries of A and the row of each; the pairs of entries of a row; the place of each entry of
+    H and of each pair's product in the matrix; and the matrix to be filled."""
+
+    entries: Array
+    row: Array
+    pairs: tuple[Array, Array]
+    places: Array
+    matrix: sp.csc_matrix
+
+    @classmethod
+    def of(cls, hessian: sp.csc_matrix, rows: sp.csr_matrix) -> "_Squares":
+        """Those of a pattern and of rows whose entries are one more than their places in the data."""
+        n, counts = hessian.shape[0], np.diff(rows.indptr)
+        row = np.repeat(np.arange(rows.shape[0]), counts)
+        pairs = np.repeat(np.arange(rows.nnz), counts[row]), np.zeros(0, dtype=int)
+        offsets = np.arange(len(pairs[0])) - np.repeat(np.cumsum(counts[row]) - counts[row], counts[row])
+        pairs = pairs[0], rows.indptr[row[pairs[0]]] + offsets
+        column = np.repeat(np.arange(n), np.diff(hessian.indptr))
+        keys = np.concatenate([column, rows.indices[pairs[0]]]) * n + np.append(hessian.indices, rows.indices[pairs[1]])
+        unique, places = np.unique(keys, return_inverse=True)
+        ends = np.searchsorted(unique // n, np.arange(n + 1))
+        matrix = sp.csc_matrix((np.zeros(len(unique)), unique % n, ends), (n, n))
+        return cls(rows.data.astype(int) - 1, row, pairs, places, matrix)
+
+    def negative_eigenvalues(self, data: Array) -> int:
+        """Their number, by the signs of pivots, where `data` are the entries of H, of the Jacobian, and 1."""
+        entries = data[self.entries]
+        own = data[: len(self.places) - len(self.pairs[0])]
+        sizes = np.bincount(self.row, entries**2)
+        scale = WEIGHT * (np.abs(own).max(initial=0.0) or 1.0) / np.where(sizes > 0, sizes, 1.0)
+        products = entries[self.pairs[0]] * entries[self.pairs[1]] * scale[self.row[self.pairs[0]]]
+        matrix, summed = self.matrix, np.concatenate([own, products])
+        matrix.data = np.bincount(self.places, summed, matrix.nnz)
+        try:
+            options = {"SymmetricMode": True}
+            factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+            if (factors.perm_r == factors.perm_c).all():
+                return int((factors.U.diagonal() < 0).sum())
+        except RuntimeError:  # a pivot is exactly 0
+            pass
+        return int((np.linalg.eigvalsh(matrix.toarray()) < 0).sum())
 
 
 def _hermite(points: Sequence[CriticalPoint], held: int, level: float) -> Array:
