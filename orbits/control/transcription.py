@@ -1,6 +1,6 @@
 """Direct multiple shooting: the nonlinear program of a sequence of stages."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import casadi as ca
@@ -121,14 +121,31 @@ class Transcription:
         self._limits = [(0.0, row.most) for row in rows]
 
     def _build(self) -> tuple[Minimiser, list[_Constraint]]:
-        """The nonlinear program, with the fixed parameters, the shares and the cost's unit as its parameters, and its
-        constraints in order."""
+        """The minimiser, and the constraints in order."""
+        program, constraints = self.program(self._advanced)
+        unknowns, parameters, cost, values = program
+        return Minimiser(unknowns, parameters, cost, values, STALLS), constraints
+
+    def _advanced(self, i: int, first: ca.MX, data: ca.MX) -> Sequence[ca.MX]:
+        """The states at the ends of all intervals of a stage, their costs, and the path expressions there."""
+        n = self.stages[i].intervals
+        return advance(self.stages[i], self.names, self.substeps[i]).map(n)(first, ca.DM.ones(1, n), data)
+
+    def program(
+        self, advanced: Callable[[int, ca.MX, ca.MX], Sequence[ca.MX]]
+    ) -> tuple[tuple[ca.MX, ca.MX, ca.MX, ca.MX], list[_Constraint]]:
+        """The nonlinear program as its unknowns, its parameters, its cost and the values of its constraints: the
+        parameters are the fixed ones, the shares and the cost's unit; and the constraints in order.
+
+        advanced : (stage's number, states (n, N) at the starts of its intervals, their parameters (k, N)) -> the states
+            (n, N) at their ends, their costs (1, N) and their path expressions (m, N)
+        """
         fixed, freed, shares = (ca.MX.sym("p", len(each)) for each in (self.fixed, self.free, self.exchange_points))
         p, unit, cost, data = ca.vertcat(fixed, freed), ca.MX.sym("unit"), ca.MX(0), []
         parts = [(ca.MX.sym("T"), ca.MX.sym("x", n, N + 1), ca.MX.sym("w", m, N)) for n, N, m in self.shapes]
         constraints = list[_Constraint]()
         for i, part in enumerate(parts):
-            stage_cost, stage_data, own = self._build_stage(i, part, parts[i - 1][1][:, -1], p)
+            stage_cost, stage_data, own = self._build_stage(i, part, parts[i - 1][1][:, -1], p, advanced)
             cost += stage_cost
             data.append(stage_data)
             constraints += own
@@ -139,13 +156,15 @@ class Transcription:
                 constraints.append(self._constraint(path[j], i, f"'{name}'", inner=True))
         unknowns = ca.veccat(*[symbol for part in parts for symbol in part], freed)
         values = ca.vertcat(*[constraint.values for constraint in constraints])
-        return Minimiser(unknowns, ca.vertcat(fixed, shares, unit), cost / unit, values, STALLS), constraints
+        return (unknowns, ca.vertcat(fixed, shares, unit), cost / unit, values), constraints
 
-    def _build_stage(self, i: int, part, before: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX, list[_Constraint]]:
+    def _build_stage(
+        self, i: int, part, before: ca.MX, p: ca.MX, advanced: Callable
+    ) -> tuple[ca.MX, ca.MX, list[_Constraint]]:
         """Cost, parameters of each interval, and constraints of a stage that follows the state `before`."""
         stage, (duration, x, w), n = self.stages[i], part, self.stages[i].intervals
         data = ca.vertcat(ca.repmat(p, 1, n), ca.repmat(duration / n, 1, n), w)
-        ends, costs, path = advance(stage, self.names, self.substeps[i]).map(n)(x[:, :-1], ca.DM.ones(1, n), data)
+        ends, costs, path = advanced(i, x[:, :-1], data)
         conditions = _conditions(stage, self.names, before.numel())
         start, end, above, final, lows, highs = conditions(x[:, 0], x[:, -1], before, p)
         constraints = [
@@ -196,6 +215,12 @@ class Transcription:
             parts.append(StageUnknowns(float(duration[0]), nodes, coefficients))
         return parts
 
+    @property
+    def limits(self) -> tuple[np.ndarray, np.ndarray]:
+        """Bounds of the constraints, (m,) each."""
+        least, most = np.array(self._limits).T
+        return least, most
+
     def cost(self, x: np.ndarray, p: np.ndarray) -> float:
         """The cost of unknowns, with `p` as in `minimise`."""
         return float(self._minimiser.conditions(x, p, 0.0)[0])
@@ -203,8 +228,7 @@ class Transcription:
     def minimise(self, x: np.ndarray, p: np.ndarray, bounds: tuple, multipliers: Multipliers | None) -> Minimum:
         """The minimum near `x`; `p` contains the fixed parameters, the shares of the exchange points, and the cost's
         unit, and the iteration starts from the `multipliers` of a minimum nearby, or cold."""
-        least, most = np.array(self._limits).T
-        return self._minimiser(x, p, bounds, (least, most), multipliers)
+        return self._minimiser(x, p, bounds, self.limits, multipliers)
 
     def end_conditions(self, values: np.ndarray, ends: Sequence) -> Iterator[tuple]:
         """For each stage, the values of `_conditions` at parameters and at the stages' (first, last) states."""
