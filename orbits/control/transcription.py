@@ -201,6 +201,17 @@ class Transcription:
             sides.append(self.pack(parts, [bound[side] for bound in free.values()]))
         return sides[0], sides[1]
 
+    @property
+    def bound_labels(self) -> list[str]:
+        """What the bounds of each unknown are of, in words."""
+        labels = []
+        for i, (stage, (size, n, _)) in enumerate(zip(self.stages, self.shapes, strict=True), start=1):
+            where = f"of stage {i} ({stage.phase.name})"
+            labels += [f"the duration {where}", *[f"the states {where}"] * (size * (n + 1))]
+            names = [name for name, control in stage.inputs.items() for _ in range(control.degree + 1)]
+            labels += [f"input '{name}' {where}, interval {k + 1}" for k in range(n) for name in names]
+        return labels + [f"parameter '{name}'" for name in self.free]
+
     def pack(self, parts: Sequence[StageUnknowns], free: Sequence[float]) -> np.ndarray:
         """The unknowns (n,) from those of each stage and the free parameters."""
         arrays = [np.ravel(array, order="F") for part in parts for array in part]

@@ -1,0 +1,337 @@
+"""Families of optimal motions: a motion of locally least cost, followed in a parameter by its optimality conditions.
+
+The nonlinear program is that of the motion, on the same intervals. Each point satisfies the conditions of first order
+to rounding and those of second order, by the signs of pivots. On the way the Taylor steps are compared with steps of
+half the length, and path expressions are evaluated within the intervals: where either is not good enough, the program
+is refined as `steer` does it, and followed from there. A motion of the family is integrated again by the accurate flow
+when it is asked for, as that of `steer`.
+"""
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ..errors import InputError, NoOrbit, finite_number
+from ..io import Document
+from ..numerics.kkt_curve import CriticalPoint, CurveEnd, CurveEvent, CurveOptions, MinimumCurve
+from ..numerics.roots import Array
+from ..result import Axes, Result, Row, shown, stored
+from ..running import interrupts
+from ..running.exclusive import exclusive
+from ..symbolic.caches import cached
+from ..symbolic.calls import BufferedFunction
+from .control import Control, WarmStart
+from .parametric import SHARED_INPUTS, ParametricTranscription
+from .rollout import roll_out
+from .stage import Stage
+from .steer import steered_on_intervals
+from .transcription import advance
+
+# Shares of an interval at which path expressions are evaluated along a family.
+WATCHED_SHARES = (0.25, 0.5, 0.75)
+MOST_REFINEMENTS = 50
+# (parameter of the family) -> the fixed parameters of its program, and their derivatives.
+FixedParameters = Callable[[float], tuple[Array, Array]]
+
+
+@dataclass(frozen=True)
+class OptimalEvent:
+    """What happens along a family of optimal motions.
+
+    kind : "enters" or "leaves", of a bound that is active from there on, or until there; "fold" or "bifurcation", where
+        the minimum is lost; or "mesh", where the program is refined
+    value, cost : of the parameter, and the least cost there
+    what : the bounds in words, or the refinement
+    """
+
+    kind: str
+    value: float
+    cost: float
+    what: str
+
+
+@dataclass(frozen=True)
+class FamilyEnd:
+    """The end of a family of optimal motions: "reached", "fold", "bifurcation", "infeasible", "degenerate", "stuck" or
+    "stopped", and the reason in words."""
+
+    kind: str
+    reason: str = ""
+
+
+@dataclass(frozen=True, repr=False)
+class OptimalFamily(
+    Result, what="family of optimal motions", document_is_whole=True, dimension="point",
+    in_line=("name", "unknowns", "end.kind"),
+):  # fmt: skip
+    """Motions of locally least cost along a parameter; called by `at` with a value, it gives the motion there.
+
+    name : of the parameter
+    values, costs, slopes : (k,), of the parameter, the least cost, and the derivative of the least cost by it
+    active : of each point the bounds that are active, in words
+    events : in order
+    end : how the family ends
+    unknowns : number of unknowns of the program
+    seconds : time taken in all
+    units : of the cost and the parameter, by name; empty where the numbers are not in SI
+    """
+
+    name: str
+    values: np.ndarray
+    costs: np.ndarray
+    slopes: np.ndarray
+    active: tuple[tuple[str, ...], ...]
+    events: tuple[OptimalEvent, ...]
+    end: FamilyEnd
+    unknowns: int
+    seconds: float
+    units: Mapping[str, str] = field(default_factory=dict)
+    trail: "Trail | None" = field(default=None, repr=False)
+
+    machine = property(lambda self: {})  # motions are of stages
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The pickled state: all but the nonlinear programs."""
+        return vars(self) | {"trail": None}
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def at(self, value: float) -> Control:
+        """The motion at a value of the parameter, integrated again by the accurate flow.
+
+        Raises `InputError` for a value outside the family, and for a family that was read from a file.
+        """
+        if self.trail is None:
+            raise InputError("a family from a file has no programs to solve: follow it again for its motions")
+        low, high = min(self.values), max(self.values)
+        if not low <= finite_number(self.name, value) <= high:
+            raise InputError(f"{self.name} = {value:g}; the family goes from {low:.6g} to {high:.6g}")
+        return self.trail.control(float(value))
+
+    def table(self) -> dict[str, Any]:
+        """The points as columns: the parameter, "cost", "slope" (of the least cost), and "active", the bounds."""
+        active = np.array(["; ".join(names) for names in self.active])
+        return {self.name: self.values, "cost": self.costs, "slope": self.slopes, "active": active}
+
+    def document(self) -> Document:
+        return {"format": self.form(), **stored(replace(self, trail=None))}
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Plot the least cost against the parameter, with the events; returns the axes."""
+        return shown("control_figures").plot_optimal_family(self, axes)
+
+    def title(self) -> str:
+        return f"motions of locally least cost along {self.name}"
+
+    def _rows(self) -> Iterator[Row]:
+        cost = f" {self.units['cost']}" if self.units else ""
+        places: list[tuple[float, float, str]] = [(self.values[0], self.costs[0], "first")]
+        places += [(each.value, each.cost, f"{each.kind}: {each.what}") for each in self.events]
+        last = " ".join(filter(None, (self.end.kind, self.end.reason)))
+        places.append((self.values[-1], self.costs[-1], last))
+        for value, least, what in places:
+            yield Row(float(value), {"cost": float(least), "what": what}, (f"cost {{:<14.10g}}{cost} {{}}",))
+
+    def _notes(self) -> list[str]:
+        return [f"{len(self)} points with {self.unknowns} unknowns in {self.seconds:.2f} s"]
+
+
+@dataclass(frozen=True, eq=False)
+class Trail:
+    """The points of a family with their programs, from which its motions are solved again."""
+
+    points: tuple[tuple[MinimumCurve, WarmStart, CriticalPoint], ...]
+
+    def control(self, value: float) -> Control:
+        """The motion at a value of the parameter."""
+        values = np.array([point.value for *_, point in self.points])
+        way = np.sign(values[-1] - values[0]) or 1.0
+        behind = int(np.searchsorted(way * values, way * value, side="right")) - 1
+        curve, start, near = self.points[max(behind, 0)]
+        point = near if value == near.value else curve.at(value, near)
+        program = curve.program
+        assert isinstance(program, ParametricTranscription)
+        return _certified(start, program, point)
+
+
+@exclusive
+def follow_optimum(
+    control: Control, name: str, to: float, *, at: Sequence[float] = (), most: int = 1000, longest: float = 0.1,
+    parameters: FixedParameters | None = None, start: float | None = None,
+) -> OptimalFamily:  # fmt: skip
+    """Follow a motion of locally least cost in a parameter, by the optimality conditions of its nonlinear program.
+
+    control : a result of `steer`, of this process
+    name, to : of the parameter, one of the control's that has a value, and its last value
+    at : values that are among the points
+    most : number of points
+    longest : step, as a share of the parameter's range
+    parameters : value -> the fixed parameters of the control's program, and their derivatives, where several of them
+        vary together; `start` is then the first value
+
+    The family ends before its last value where its motions cease to be minima, at a fold or a bifurcation, and where
+    bounds exclude each other. Raises `InputError` for invalid arguments, and `NoOrbit` where the conditions of second
+    order do not hold at the first motion.
+    """
+    began = time.perf_counter()
+    known = control.warm_start
+    if known is None or known.multipliers is None:
+        raise InputError("a motion from a file or another process has no program to follow: find it again, with guess=")
+    fixed = np.array([control.parameters[each] for each in known.problem.fixed])
+    if parameters is None:
+        if name not in known.problem.fixed:
+            choice = ", ".join(known.problem.fixed) or "none"
+            raise InputError(f"'{name}' is no parameter with a value; there are: {choice}")
+        place = known.problem.fixed.index(name)
+        parameters, start = _one_of(fixed, place), float(fixed[place])
+    first, last = finite_number("start", start), finite_number("to", to)
+    if first == last:
+        raise InputError(f"to = {last:g}: the motion is at this value of {name} already")
+    options = CurveOptions(longest_step=finite_number("longest", longest), most=most)
+    run = _Run(known, parameters, first, last, [finite_number("at", each) for each in at], options)
+    with interrupts.deferred():
+        end = run.trace()
+    own = [point for *_, point in run.points]
+    return OptimalFamily(
+        name, *(np.array([getattr(point, each) for point in own]) for each in ("value", "cost", "slope")),
+        tuple(map(tuple, run.active)), tuple(run.events), end, len(known.x), time.perf_counter() - began,
+        trail=Trail(tuple(run.points)),
+    )  # fmt: skip
+
+
+def _one_of(fixed: Array, place: int) -> FixedParameters:
+    """The fixed parameters where one of them varies."""
+    rates = np.zeros(len(fixed))
+    rates[place] = 1.0
+
+    def values(value: float) -> tuple[Array, Array]:
+        found = fixed.copy()
+        found[place] = value
+        return found, rates
+
+    return values
+
+
+class _Run:
+    """A run along a family, which collects its points, the bounds active at each, and the events."""
+
+    def __init__(
+        self, start: WarmStart, parameters: FixedParameters, first: float, last: float, at: list[float],
+        options: CurveOptions,
+    ):  # fmt: skip
+        self.start, self.parameters, self.value, self.last, self.at, self.options = (
+            start, parameters, first, last, at, options,
+        )  # fmt: skip
+        self.points = list[tuple[MinimumCurve, WarmStart, CriticalPoint]]()
+        self.active, self.events = list[list[str]](), list[OptimalEvent]()
+
+    def trace(self) -> FamilyEnd:
+        """Follow to the end."""
+        for _ in range(MOST_REFINEMENTS):
+            end = self._trace_program(self._curve(self.start, self.value, self.last))
+            if end is not None:
+                return end
+        return FamilyEnd("stopped", f"the program was refined {MOST_REFINEMENTS} times: take more intervals")
+
+    def _curve(self, start: WarmStart, value: float, last: float) -> MinimumCurve:
+        program = ParametricTranscription(start.problem, start.shares, self.parameters, start.free)
+        assert start.multipliers is not None
+        return MinimumCurve(program, start.x, start.unit * np.concatenate(start.multipliers), value, last, self.options)
+
+    def _trace_program(self, curve: MinimumCurve) -> FamilyEnd | None:
+        """Follow a program to the end; None where it is refined."""
+        labels = [*self.start.problem.bound_labels, *self.start.problem.labels]
+        for item in curve.run([each for each in self.at if (each - self.value) * (self.last - self.value) > 0]):
+            interrupts.heed()
+            if isinstance(item, CriticalPoint):
+                if self.points and self.points[-1][2].value == item.value:
+                    continue  # the first one of a refined program, and that of an event
+                if self._is_coarse(item):
+                    self._refine(curve, item)
+                    return None
+                self.points.append((curve, self.start, item))
+                self.active.append([*dict.fromkeys(labels[i] for i in item.active)])
+            elif isinstance(item, CurveEvent):
+                what = ", ".join(dict.fromkeys(labels[i] for i in item.limits)) or "the second-order condition is lost"
+                self.events.append(OptimalEvent(item.kind, item.point.value, item.point.cost, what))
+                self.points[-1] = curve, self.start, item.point
+                self.active[-1] = [*dict.fromkeys(labels[i] for i in item.point.active)]
+            else:
+                return _end_in_words(item)
+        return None
+
+    def _is_coarse(self, point: CriticalPoint) -> bool:
+        """Whether steps of half the length, or path expressions within the intervals, show that a point's steps are not
+        fine enough or that a path expression is below zero."""
+        problem, tolerance = self.start.problem, self.start.tolerance
+        fixed, free = self.parameters(point.value)[0], point.x[len(point.x) - len(problem.free) :]
+        for stage, substeps, part in zip(problem.stages, problem.substeps, problem.unpack(point.x), strict=True):
+            check = interval_check(stage, problem.names, substeps)
+            ends, paths = check(part.nodes[:, :-1], part.duration, part.coefficients, np.append(fixed, free), ())
+            distance = np.abs(ends) / (1.0 + np.abs(part.nodes).max(1, keepdims=True))
+            if not distance.max() <= tolerance or not paths.min(initial=0.0) >= -tolerance:
+                return True
+        return False
+
+    def _refine(self, curve: MinimumCurve, point: CriticalPoint) -> None:
+        """Refine the program at a point, as `steer` does it, and go on from there."""
+        program, before = curve.program, self.start.problem
+        assert isinstance(program, ParametricTranscription)
+        warm = _warm_start(self.start, program, point)
+        fixed = dict(zip(before.fixed, self.parameters(point.value)[0].tolist(), strict=True))
+        found = steered_on_intervals(before.stages, fixed, warm.free, warm, warm.tolerance).warm_start
+        assert found is not None
+        added = len(found.problem.exchange_points) - len(before.exchange_points)
+        texts = [f"{added} points of path conditions are added"] if added else []
+        if found.problem.substeps != before.substeps:
+            texts.append(f"intervals have {' and '.join(map(str, found.problem.substeps))} steps")
+        if not texts:
+            raise NoOrbit(f"the program cannot be refined at {point.value:g}: take more intervals or a larger tolerance")
+        self.events.append(OptimalEvent("mesh", point.value, point.cost, ", ".join(texts)))
+        self.start, self.value = found, point.value
+
+
+@cached
+def interval_check(stage: Stage, names: tuple[str, ...], substeps: int) -> BufferedFunction:
+    """(states (n, N) at the starts of a stage's intervals, duration, coefficients (m, N), parameters, nothing) -> the
+    changes (n, N) of their ends where steps are halved, and the path expressions (k, N) within them."""
+    sizes = len(stage.phase.states), 1, len(stage.coefficient_names), len(names), 0
+    x, duration, w, p, _ = symbols = [ca.SX.sym("x", size) for size in sizes]
+    data = ca.vertcat(p, duration / stage.intervals, w)
+    step, finer = advance(stage, names, substeps), advance(stage, names, 2 * substeps)
+    change = finer(x, 1.0, data)[0] - step(x, 1.0, data)[0]
+    paths = ca.vertcat(*[step(x, share, data)[2] for share in WATCHED_SHARES])
+    function = ca.Function("check", symbols, [ca.densify(change), ca.densify(paths)], {"cse": True})
+    return BufferedFunction(function.map("checks", "serial", stage.intervals, SHARED_INPUTS[:2], []))
+
+
+def _warm_start(start: WarmStart, program: ParametricTranscription, point: CriticalPoint) -> WarmStart:
+    """The start of a solve at a point of a family."""
+    unit = abs(point.cost) if point.cost else 1.0
+    count = len(point.x)
+    multipliers = point.multipliers[:count] / unit, point.multipliers[count:] / unit
+    return replace(start, x=point.x, multipliers=multipliers, shares=program.shares, unit=unit)
+
+
+def _certified(start: WarmStart, program: ParametricTranscription, point: CriticalPoint) -> Control:
+    """The motion at a point of a family, integrated again; where that does not agree, the program is refined."""
+    began, warm, problem = time.perf_counter(), _warm_start(start, program, point), start.problem
+    fixed = program.values(point.value)[0]
+    motion = roll_out(warm, point.cost, fixed)
+    if max(motion.error, motion.violation) > warm.tolerance:
+        named = dict(zip(problem.fixed, fixed.tolist(), strict=True))
+        found = steered_on_intervals(problem.stages, named, warm.free, warm, warm.tolerance)
+        return replace(found, seconds=time.perf_counter() - began)
+    named = dict(zip(problem.names, motion.values.tolist(), strict=True))
+    seconds = time.perf_counter() - began
+    accuracy = motion.violation, motion.error, 0, 1, seconds
+    return Control(motion.legs(), motion.cost, named, *accuracy, warm_start=warm)
+
+
+def _end_in_words(end: CurveEnd) -> FamilyEnd:
+    return FamilyEnd(end.kind, end.reason)
