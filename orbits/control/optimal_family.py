@@ -25,15 +25,18 @@ from ..running.exclusive import exclusive
 from ..symbolic.caches import cached
 from ..symbolic.calls import BufferedFunction
 from .control import Control, WarmStart
-from .parametric import SHARED_INPUTS, ParametricTranscription
+from .parametric import ExchangePoint, ParametricTranscription
 from .rollout import roll_out
 from .stage import Stage
 from .steer import steered_on_intervals
-from .transcription import advance
+from .transcription import advance, transcription
 
 # Shares of an interval at which path expressions are evaluated along a family.
-WATCHED_SHARES = (0.25, 0.5, 0.75)
-MOST_REFINEMENTS = 50
+WATCHED_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
+MOST_REFINEMENTS = 200  # exchanges of points of path conditions, and halvings of steps, in a family
+# A path expression below this touches zero if its multiplier is a larger share of the largest one than the second
+# number; within the third share of an interval from its end it does so at the end.
+TOUCHING, NEGLIGIBLE_TOUCH, AT_END = 1e-6, 1e-9, 1e-6
 # (parameter of the family) -> the fixed parameters of its program, and their derivatives.
 FixedParameters = Callable[[float], tuple[Array, Array]]
 
@@ -193,9 +196,9 @@ def follow_optimum(
     if first == last:
         raise InputError(f"to = {last:g}: the motion is at this value of {name} already")
     options = CurveOptions(longest_step=finite_number("longest", longest), most=most)
-    run = _Run(known, parameters, first, last, [finite_number("at", each) for each in at], options)
+    run = _Run(parameters, last, [finite_number("at", each) for each in at], options)
     with interrupts.deferred():
-        end = run.trace()
+        end = run.trace(known, first)
     own = [point for *_, point in run.points]
     return OptimalFamily(
         name, *(np.array([getattr(point, each) for point in own]) for each in ("value", "cost", "slope")),
@@ -220,80 +223,170 @@ def _one_of(fixed: Array, place: int) -> FixedParameters:
 class _Run:
     """A run along a family, which collects its points, the bounds active at each, and the events."""
 
-    def __init__(
-        self, start: WarmStart, parameters: FixedParameters, first: float, last: float, at: list[float],
-        options: CurveOptions,
-    ):  # fmt: skip
-        self.start, self.parameters, self.value, self.last, self.at, self.options = (
-            start, parameters, first, last, at, options,
-        )  # fmt: skip
+    def __init__(self, parameters: FixedParameters, last: float, at: list[float], options: CurveOptions):
+        self.parameters, self.last, self.at, self.options = parameters, last, at, options
         self.points = list[tuple[MinimumCurve, WarmStart, CriticalPoint]]()
         self.active, self.events = list[list[str]](), list[OptimalEvent]()
 
-    def trace(self) -> FamilyEnd:
+    def trace(self, start: WarmStart, value: float) -> FamilyEnd:
         """Follow to the end."""
+        curve = self._curve_of(start, value)
         for _ in range(MOST_REFINEMENTS):
-            end = self._trace_program(self._curve(self.start, self.value, self.last))
-            if end is not None:
-                return end
+            onward = self._along(curve, start)
+            if isinstance(onward, FamilyEnd):
+                return onward
+            curve, start = onward
         return FamilyEnd("stopped", f"the program was refined {MOST_REFINEMENTS} times: take more intervals")
 
-    def _curve(self, start: WarmStart, value: float, last: float) -> MinimumCurve:
-        program = ParametricTranscription(start.problem, start.shares, self.parameters, start.free)
+    def _curve(self, program: ParametricTranscription, x: Array, multipliers: Array, value: float) -> MinimumCurve:
+        return MinimumCurve(program, x, multipliers, value, self.last, self.options)
+
+    def _curve_of(self, start: WarmStart, value: float) -> MinimumCurve:
+        """The curve from a solution, with one exchange point at each place at which a path expression is least."""
         assert start.multipliers is not None
-        return MinimumCurve(program, start.x, start.unit * np.concatenate(start.multipliers), value, last, self.options)
+        fixed, problem = self.parameters(value)[0], start.problem
+        (bound, held), unit = start.multipliers, start.unit
+        points, totals, held = _touches(start, fixed) if problem.exchange_points else ([], [], held)
+        places = tuple((each.stage, each.interval) for each in points)
+        problem = transcription(problem.stages, problem.fixed, problem.free, problem.substeps, places)
+        program = ParametricTranscription(problem, points, self.parameters, start.free)
+        still = np.zeros(program.moving)
+        rows = np.append(held[: program.first_touch], np.zeros(len(problem.labels) - program.first_touch))
+        rows[program.touches] = totals
+        x = np.append(start.x, [each.share for each in points if each.moving])
+        return self._curve(program, x, unit * np.concatenate([bound, still, rows, still]), value)
 
-    def _trace_program(self, curve: MinimumCurve) -> FamilyEnd | None:
-        """Follow a program to the end; None where it is refined."""
-        labels = [*self.start.problem.bound_labels, *self.start.problem.labels]
-        for item in curve.run([each for each in self.at if (each - self.value) * (self.last - self.value) > 0]):
-            interrupts.heed()
-            if isinstance(item, CriticalPoint):
-                if self.points and self.points[-1][2].value == item.value:
-                    continue  # the first one of a refined program, and that of an event
-                if self._is_coarse(item):
-                    self._refine(curve, item)
-                    return None
-                self.points.append((curve, self.start, item))
-                self.active.append([*dict.fromkeys(labels[i] for i in item.active)])
-            elif isinstance(item, CurveEvent):
-                what = ", ".join(dict.fromkeys(labels[i] for i in item.limits)) or "the second-order condition is lost"
-                self.events.append(OptimalEvent(item.kind, item.point.value, item.point.cost, what))
-                self.points[-1] = curve, self.start, item.point
-                self.active[-1] = [*dict.fromkeys(labels[i] for i in item.point.active)]
-            else:
-                return _end_in_words(item)
-        return None
-
-    def _is_coarse(self, point: CriticalPoint) -> bool:
-        """Whether steps of half the length, or path expressions within the intervals, show that a point's steps are not
-        fine enough or that a path expression is below zero."""
-        problem, tolerance = self.start.problem, self.start.tolerance
-        fixed, free = self.parameters(point.value)[0], point.x[len(point.x) - len(problem.free) :]
-        for stage, substeps, part in zip(problem.stages, problem.substeps, problem.unpack(point.x), strict=True):
-            check = interval_check(stage, problem.names, substeps)
-            ends, paths = check(part.nodes[:, :-1], part.duration, part.coefficients, np.append(fixed, free), ())
-            distance = np.abs(ends) / (1.0 + np.abs(part.nodes).max(1, keepdims=True))
-            if not distance.max() <= tolerance or not paths.min(initial=0.0) >= -tolerance:
-                return True
-        return False
-
-    def _refine(self, curve: MinimumCurve, point: CriticalPoint) -> None:
-        """Refine the program at a point, as `steer` does it, and go on from there."""
-        program, before = curve.program, self.start.problem
+    def _along(self, curve: MinimumCurve, start: WarmStart) -> FamilyEnd | tuple[MinimumCurve, WarmStart]:
+        """Follow a program; the end, or where its exchange points or its steps have to change, the next curve."""
+        program = curve.program
         assert isinstance(program, ParametricTranscription)
-        warm = _warm_start(self.start, program, point)
+        labels, value = program.limit_labels, curve.start
+        for item in curve.run([each for each in self.at if (each - value) * (self.last - value) > 0]):
+            interrupts.heed()
+            if isinstance(item, CurveEnd):
+                return FamilyEnd(item.kind, item.reason)
+            point = item if isinstance(item, CriticalPoint) else item.point
+            if isinstance(item, CurveEvent):
+                what = ", ".join(dict.fromkeys(labels[i] for i in item.limits)) or "the second-order condition is lost"
+                own = [i for i in item.limits if program.is_share(i)]
+                if not own:
+                    self.events.append(OptimalEvent(item.kind, point.value, point.cost, what))
+                self._record(curve, start, point, labels)
+                if own or (item.kind == "leaves" and {*item.limits} & {*program.touching_limits}):
+                    return self._curve_of(_warm_start(start, program, point), point.value), start
+                continue
+            if (dips := self._dips(program, point, start.tolerance)) is None:
+                return self._refined(program, point, start)
+            if dips:
+                return self._with_touches(dips, start) or self._refined(program, point, start)
+            self._record(curve, start, point, labels)
+        return FamilyEnd("reached")
+
+    def _record(self, curve: MinimumCurve, start: WarmStart, point: CriticalPoint, labels: Sequence[str]) -> None:
+        """Add a point, in place of the last one where the parameter is the same."""
+        if self.points and self.points[-1][2].value == point.value:
+            self.points.pop()
+            self.active.pop()
+        self.points.append((curve, start, point))
+        self.active.append([*dict.fromkeys(labels[i] for i in point.active)])
+
+    def _dips(
+        self, program: ParametricTranscription, point: CriticalPoint, tolerance: float
+    ) -> list[ExchangePoint] | None:
+        """The places within intervals at which a path expression is below zero, where there is no exchange point; None
+        where the steps are not fine enough, by steps of half the length."""
+        problem, dips = program.problem, list[ExchangePoint]()
+        x = point.x[: program.count]
+        values = np.append(self.parameters(point.value)[0], x[len(x) - len(problem.free) :])
+        pairs = zip(problem.stages, problem.substeps, problem.unpack(x), strict=True)
+        for i, (stage, substeps, part) in enumerate(pairs):
+            check = interval_check(stage, problem.names, substeps)
+            ends, paths = check(part.nodes[:, :-1], part.duration, part.coefficients, values, ())
+            distance = np.abs(ends) / (1.0 + np.abs(part.nodes).max(1, keepdims=True))
+            if not distance.max() <= tolerance:
+                return None
+            paths = paths.reshape(len(WATCHED_SHARES), len(stage.path), stage.intervals)
+            for j, interval in np.argwhere(paths.min(axis=0) < -tolerance).tolist():
+                if not any((i, interval, j) == each[:3] for each in program.points):
+                    share = WATCHED_SHARES[int(np.argmin(paths[:, j, interval]))]
+                    dips.append(ExchangePoint(i, interval, j, share, 0.0 < share < 1.0))
+        return dips
+
+    def _with_touches(
+        self, dips: list[ExchangePoint], start: WarmStart
+    ) -> tuple[MinimumCurve, WarmStart] | None:
+        """The curve from the last point with further exchange points, which do not touch there; None where path
+        expressions are not least near them at that point."""
+        if not self.points:
+            return None
+        curve, _, point = self.points[-1]
+        program = curve.program
+        assert isinstance(program, ParametricTranscription)
+        warm = _warm_start(start, program, point)
+        old, (bound, held) = program.problem, warm.multipliers or (np.zeros(0), np.zeros(0))
+        places = (*old.exchange_points, *((each.stage, each.interval) for each in dips))
+        problem = transcription(old.stages, old.fixed, old.free, old.substeps, places)
+        shares = program.shares(point.x)
+        points = [each._replace(share=float(share)) for each, share in zip(program.points, shares, strict=True)]
+        finer = ParametricTranscription(problem, [*points, *dips], self.parameters, start.free)
+        x = np.append(warm.x, [each.share for each in finer.points if each.moving])
+        still, rows = np.zeros(finer.moving), np.append(held, np.zeros(len(problem.labels) - len(held)))
+        multipliers = warm.unit * np.concatenate([bound, still, rows, still])
+        try:
+            return self._curve(finer, x, multipliers, point.value), start
+        except NoOrbit:
+            return None
+
+    def _refined(
+        self, program: ParametricTranscription, point: CriticalPoint, start: WarmStart
+    ) -> tuple[MinimumCurve, WarmStart]:
+        """The curve from a point with the program refined as `steer` does it."""
+        warm, before = _warm_start(start, program, point), program.problem
         fixed = dict(zip(before.fixed, self.parameters(point.value)[0].tolist(), strict=True))
         found = steered_on_intervals(before.stages, fixed, warm.free, warm, warm.tolerance).warm_start
         assert found is not None
-        added = len(found.problem.exchange_points) - len(before.exchange_points)
-        texts = [f"{added} points of path conditions are added"] if added else []
-        if found.problem.substeps != before.substeps:
-            texts.append(f"intervals have {' and '.join(map(str, found.problem.substeps))} steps")
-        if not texts:
+        if found.problem is before:
             raise NoOrbit(f"the program cannot be refined at {point.value:g}: take more intervals or a larger tolerance")
-        self.events.append(OptimalEvent("mesh", point.value, point.cost, ", ".join(texts)))
-        self.start, self.value = found, point.value
+        text = "points of path conditions are exchanged"
+        if found.problem.substeps != before.substeps:
+            text = f"the intervals of the stages have {', '.join(map(str, found.problem.substeps))} steps"
+        self.events.append(OptimalEvent("mesh", point.value, point.cost, text))
+        return self._curve_of(found, point.value), found
+
+
+def _touches(start: WarmStart, fixed: Array) -> tuple[list[ExchangePoint], list[float], Array]:
+    """One exchange point for each path expression of an interval that touches zero within it, with its multiplier; and
+    the multipliers of all constraints, with those of touches at the ends of intervals."""
+    assert start.multipliers is not None
+    problem, motion = start.problem, roll_out(start, 0.0, fixed)
+    held = start.multipliers[1].copy()
+    counts = [len(problem.stages[i].path) for i, _ in problem.exchange_points]
+    first = len(held) - sum(counts)
+    sums: dict[tuple[int, int, int], float] = {}
+    row = first
+    for (i, interval), count in zip(problem.exchange_points, counts, strict=True):
+        for j in range(count):
+            sums[i, interval, j] = sums.get((i, interval, j), 0.0) + start.unit * held[row]
+            row += 1
+    largest = max(map(abs, sums.values()), default=0.0)
+    points, totals = list[ExchangePoint](), list[float]()
+    for (i, interval, j), total in sums.items():
+        stage = problem.stages[i]
+        values, shares = motion.stages[i].minima[[*stage.path][j]]
+        share = float(shares[interval])
+        if abs(total) < NEGLIGIBLE_TOUCH * largest or values[interval] > TOUCHING:
+            continue
+        if AT_END < share < 1 - AT_END:
+            points.append(ExchangePoint(i, interval, j, share, True))
+            totals.append(total)
+            continue
+        node = interval + round(share)
+        if 0 < node < stage.intervals:
+            held[problem.inner_row(i, j, node)] += total / start.unit
+        else:
+            points.append(ExchangePoint(i, interval, j, float(round(share)), False))
+            totals.append(total)
+    return points, totals, held
 
 
 @cached
@@ -307,20 +400,22 @@ def interval_check(stage: Stage, names: tuple[str, ...], substeps: int) -> Buffe
     change = finer(x, 1.0, data)[0] - step(x, 1.0, data)[0]
     paths = ca.vertcat(*[step(x, share, data)[2] for share in WATCHED_SHARES])
     function = ca.Function("check", symbols, [ca.densify(change), ca.densify(paths)], {"cse": True})
-    return BufferedFunction(function.map("checks", "serial", stage.intervals, SHARED_INPUTS[:2], []))
+    return BufferedFunction(function.map("checks", "serial", stage.intervals, [1, 3, 4], []))
 
 
 def _warm_start(start: WarmStart, program: ParametricTranscription, point: CriticalPoint) -> WarmStart:
     """The start of a solve at a point of a family."""
     unit = abs(point.cost) if point.cost else 1.0
-    count = len(point.x)
-    multipliers = point.multipliers[:count] / unit, point.multipliers[count:] / unit
-    return replace(start, x=point.x, multipliers=multipliers, shares=program.shares, unit=unit)
+    bound, rows = point.multipliers[: program.count] / unit, point.multipliers[len(point.x) :] / unit
+    return replace(
+        start, problem=program.problem, x=point.x[: program.count], shares=program.shares(point.x), unit=unit,
+        multipliers=(bound, rows[: len(program.problem.labels)]),
+    )  # fmt: skip
 
 
 def _certified(start: WarmStart, program: ParametricTranscription, point: CriticalPoint) -> Control:
     """The motion at a point of a family, integrated again; where that does not agree, the program is refined."""
-    began, warm, problem = time.perf_counter(), _warm_start(start, program, point), start.problem
+    began, warm, problem = time.perf_counter(), _warm_start(start, program, point), program.problem
     fixed = program.values(point.value)[0]
     motion = roll_out(warm, point.cost, fixed)
     if max(motion.error, motion.violation) > warm.tolerance:
@@ -331,7 +426,3 @@ def _certified(start: WarmStart, program: ParametricTranscription, point: Critic
     seconds = time.perf_counter() - began
     accuracy = motion.violation, motion.error, 0, 1, seconds
     return Control(motion.legs(), motion.cost, named, *accuracy, warm_start=warm)
-
-
-def _end_in_words(end: CurveEnd) -> FamilyEnd:
-    return FamilyEnd(end.kind, end.reason)

@@ -6,7 +6,7 @@ over the intervals. The rest of the program, the conditions at the ends of stage
 their results. Both are added up in the fixed patterns of the whole.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import casadi as ca
@@ -56,9 +56,21 @@ def interval_functions(
     return IntervalFunctions(mapped(whole[:2]), mapped(whole))
 
 
+class ExchangePoint(NamedTuple):
+    """A place within a stage at which a path expression is constrained: the number of the stage, the interval, the
+    number of the expression, and the share of the interval. A moving one is where the expression is least, so that its
+    share is an unknown."""
+
+    stage: int
+    interval: int
+    path: int
+    share: float
+    moving: bool
+
+
 class RestOfProgram(NamedTuple):
-    """A program with the results of its intervals in place of these: functions of (unknowns, parameters, their rates,
-    multipliers, results of all intervals, 0) -> cost, values of the constraints and the gradient of the Lagrangian by
+    """A program with the results of its intervals in place of these: functions of (unknowns with the moving shares,
+    parameters, their rates, multipliers, results of all intervals, 0) -> cost, values of the constraints and the gradient of the Lagrangian by
     the unknowns and the parameter of the curve; the second one also the entries of its Jacobian and of its Hessian, at
     these rows and columns. The results occur linearly in the values at these places, with these factors."""
 
@@ -71,8 +83,18 @@ class RestOfProgram(NamedTuple):
 
 
 @cached
-def rest_of_program(problem: Transcription) -> RestOfProgram:
-    """What a program has beside the results of its intervals."""
+def path_rates(stage: Stage, names: tuple[str, ...], substeps: int) -> ca.Function:
+    """(state, share, parameters with length and coefficients) -> the path expressions after that share of an interval,
+    and their rates by it."""
+    step = advance(stage, names, substeps)
+    x, share, p = (ca.SX.sym("x", step.size1_in(i)) for i in range(3))
+    path = step(x, share, p)[2]
+    return ca.Function("path", [x, share, p], [path, ca.densify(ca.jacobian(path, share))])
+
+
+@cached
+def rest_of_program(problem: Transcription, moving: tuple[tuple[int, int], ...]) -> RestOfProgram:
+    """What a program has beside the results of its intervals; moving are (number of exchange point, path)."""
     counts = [(len(stage.phase.states), 1, len(stage.path)) for stage in problem.stages]
     sizes = [sum(count) * stage.intervals for count, stage in zip(counts, problem.stages, strict=True)]
     given = ca.MX.sym("given", sum(sizes))
@@ -83,9 +105,15 @@ def rest_of_program(problem: Transcription) -> RestOfProgram:
         return ca.vertsplit(whole, np.cumsum([0, *counts[i]]).tolist())
 
     (x, p, cost, values), _ = problem.program(advanced)
-    rates, along, y = ca.MX.sym("rates", p.numel()), ca.MX.sym("along"), ca.MX.sym("y", values.numel())
-    cost, values = ca.Function("moved", [x, p, given], [cost, values])(x, p + along * rates, given)
-    varied = ca.vertcat(x, along)
+    first_share = len(problem.fixed)
+    tops = [_rate_at_exchange_point(problem, x, p, k, j, p[first_share + k]) for k, j in moving]
+    values = ca.vertcat(values, *tops)
+    whole, rates, along = ca.MX.sym("x", x.numel() + len(moving)), ca.MX.sym("rates", p.numel()), ca.MX.sym("along")
+    y, shares = ca.MX.sym("y", values.numel()), ca.MX(p + along * rates)
+    for i, (k, _) in enumerate(moving):
+        shares[first_share + k] = whole[x.numel() + i]
+    cost, values = ca.Function("moved", [x, p, given], [cost, values])(whole[: x.numel()], shares, given)
+    x, varied = whole, ca.vertcat(whole, along)
     hessian, gradient = ca.hessian(cost + ca.dot(y, values), varied)
     jacobian, by_results = ca.jacobian(values, varied), ca.jacobian(values, given)
     arguments = [x, p, rates, y, given, along]
@@ -97,6 +125,17 @@ def rest_of_program(problem: Transcription) -> RestOfProgram:
     linear = ca.Function("linear", arguments, [by_results])(*[0] * len(arguments))
     places = [_places(each.sparsity()) for each in (jacobian, hessian, linear)]
     return RestOfProgram(first, second, *places, np.array(linear.nonzeros()))
+
+
+def _rate_at_exchange_point(problem: Transcription, x: ca.MX, p: ca.MX, k: int, j: int, share: ca.MX) -> ca.MX:
+    """The rate of a path expression by the share at an exchange point, which vanishes where it is least."""
+    i, interval = problem.exchange_points[k]
+    n, intervals, m = problem.shapes[i]
+    start = sum(1 + size * (count + 1) + inputs * count for size, count, inputs in problem.shapes[:i])
+    node, w = start + 1 + n * interval, start + 1 + n * (intervals + 1) + m * interval
+    freed = x[x.numel() - len(problem.free) :]
+    data = ca.vertcat(p[: len(problem.fixed)], freed, x[start] / intervals, x[w : w + m])
+    return path_rates(problem.stages[i], problem.names, problem.substeps[i])(x[node : node + n], share, data)[1][j]
 
 
 def _places(sparsity: ca.Sparsity) -> tuple[Array, Array]:
@@ -126,27 +165,37 @@ class Assembly:
 class ParametricTranscription:
     """The program of a problem along a curve of its fixed parameters, as `MinimumCurve` takes it.
 
-    shares : those of the exchange points
+    problem : whose exchange points are these `points`; its unknowns are followed by the shares of the moving ones, its
+        constraints by the rates of the path expressions there
     values : parameter of the curve -> the fixed parameters, and their derivatives by it
     free : bounds of the free parameters
     """
 
     def __init__(
-        self, problem: Transcription, shares: Array, values: Callable[[float], tuple[Array, Array]],
-        free: Mapping[str, tuple[float, float]],
+        self, problem: Transcription, points: Sequence[ExchangePoint],
+        values: Callable[[float], tuple[Array, Array]], free: Mapping[str, tuple[float, float]],
     ):  # fmt: skip
-        self.problem, self.shares, self.values = problem, shares, values
-        (low, high), (least, most) = problem.bounds(free), problem.limits
-        self.limits = np.concatenate([low, least]), np.concatenate([high, most])
-        self._rest, self._size, names = rest_of_program(problem), len(low), (problem.fixed, problem.free)
+        self.problem, self.points, self.values = problem, tuple(points), values
+        self._shares = np.array([point.share for point in points])
+        moving = tuple((k, point.path) for k, point in enumerate(points) if point.moving)
+        self._moving = [k for k, _ in moving]
+        (low, high), (least, most), still = problem.bounds(free), problem.limits, np.zeros(len(moving))
+        counts = [len(problem.stages[point.stage].path) for point in points]
+        first = len(least) - sum(counts)
+        self.first_touch, self.moving = first, len(moving)
+        self.touches = [first + sum(counts[:k]) + point.path for k, point in enumerate(points)]
+        least[np.setdiff1d(np.arange(first, len(least)), self.touches)] = -np.inf  # another expression touches there
+        self.limits = np.concatenate([low, still, least, still]), np.concatenate([high, still + 1, most, still])
+        self.count, self._size, names = len(low), len(low) + len(moving), (problem.fixed, problem.free)
+        self._rest = rest_of_program(problem, moving)
         pairs = zip(problem.stages, problem.substeps, strict=True)
         self._functions = [interval_functions(stage, *names, substeps) for stage, substeps in pairs]
         self._order()
 
     def _order(self) -> None:
         """The places of the intervals' unknowns and results among all, and the patterns of the whole derivatives."""
-        problem, rest, n_x, n_g = self.problem, self._rest, self._size, len(self.problem.labels)
-        freed = len(problem.free)
+        problem, rest, n_x, n_g = self.problem, self._rest, self._size, len(self.problem.labels) + len(self._moving)
+        freed = np.append(np.arange(self.count - len(problem.free), self.count), n_x)
         # The values to which all results of intervals belong, with the factors; n_g where there is none.
         counts = [len(stage.phase.states) + 1 + len(stage.path) for stage in problem.stages]
         ends = np.cumsum([0, *(count * s.intervals for count, s in zip(counts, problem.stages, strict=True))])
@@ -157,7 +206,7 @@ class ParametricTranscription:
         for (n, N, m), count, a, b in zip(problem.shapes, counts, ends, ends[1:], strict=False):
             k = np.arange(N)[:, None]
             states, inputs = start + 1 + k * n + np.arange(n), start + 1 + n * (N + 1) + k * m + np.arange(m)
-            last = np.broadcast_to(np.arange(n_x - freed, n_x + 1), (N, freed + 1))
+            last = np.broadcast_to(freed, (N, len(freed)))
             own = np.concatenate([states, np.full((N, 1), start), inputs, last], axis=1)
             rows = row[a:b].reshape(N, count)
             self._own.append(own)
@@ -172,10 +221,31 @@ class ParametricTranscription:
         self._jacobian = Assembly(*map(np.concatenate, zip(*jacobian, strict=True)), (n_g, n_x))
         self._hessian = Assembly(*map(np.concatenate, zip(*hessian, strict=True)), (n_x, n_x))
 
+    @property
+    def touching_limits(self) -> list[int]:
+        """The indices, among the limits of unknowns and constraints, of the constraints at the exchange points."""
+        return [self._size + row for row in self.touches]
+
+    def is_share(self, limit: int) -> bool:
+        """Whether a limit is of a moving share."""
+        return self.count <= limit < self._size
+
+    @property
+    def limit_labels(self) -> list[str]:
+        """What the limits of unknowns and constraints are of, in words."""
+        share = ["the place of an exchange point"] * self.moving
+        return [*self.problem.bound_labels, *share, *self.problem.labels, *share]
+
+    def shares(self, x: Array) -> Array:
+        """The shares of all exchange points at unknowns."""
+        shares = self._shares.copy()
+        shares[self._moving] = x[self.count :]
+        return shares
+
     def _evaluated(self, x: Array, p: float, y: Array, order: int) -> tuple[FirstDerivatives, list[Array], list[Array]]:
         """First derivatives, and for order 2 the entries of the Jacobian and of the Hessian, part by part."""
         fixed, rates = self.values(p)
-        longer, freed = np.append(y, 0.0), x[self._size - len(self.problem.free) :]
+        longer, freed = np.append(y, 0.0), x[self.count - len(self.problem.free) : self.count]
         results, gradient = list[Array](), np.zeros(self._size + 1)
         jacobians, hessians = list[Array](), list[Array]()
         pairs = zip(self._functions, self._own, self._rows, self._factors, self.problem.shapes, strict=True)
@@ -193,7 +263,7 @@ class ParametricTranscription:
                 shaped = more[0].reshape(len(own), own.shape[1], factors.shape[1])
                 jacobians.append((shaped * factors[:, None, :]).ravel())
                 hessians.append(more[1])
-        added = np.concatenate([self.shares, [1.0]])
+        added = np.append(self.shares(x), 1.0)
         arguments = x, np.append(fixed, added), np.append(rates, 0 * added), y, np.concatenate(results), 0.0
         whole = (self._rest.first if order == 1 else self._rest.second)(*arguments)
         cost, values, by_all, *more = (each.ravel() for each in whole)

@@ -201,6 +201,11 @@ class Transcription:
             sides.append(self.pack(parts, [bound[side] for bound in free.values()]))
         return sides[0], sides[1]
 
+    def inner_row(self, i: int, j: int, node: int) -> int:
+        """The constraint that a path expression of a stage, number j, is not negative at a node within it."""
+        label = f"'{[*self.stages[i].path][j]}' of stage {i + 1} ({self.stages[i].phase.name})"
+        return self.labels.index(label) + node - 1
+
     @property
     def bound_labels(self) -> list[str]:
         """What the bounds of each unknown are of, in words."""

@@ -278,7 +278,7 @@ class MinimumCurve:
             sides = np.where(multipliers < 0, LOWER, UPPER).astype(np.int8)
             room = np.where(sides == LOWER, below, above)
             sides = np.where(np.abs(multipliers) / self._dual_size > room, sides, FREE).astype(np.int8)
-        sides = np.where(self.lower == self.upper, EQUAL, sides).astype(np.int8)
+        sides = self._independent(x, multipliers, np.where(self.lower == self.upper, EQUAL, sides).astype(np.int8))
         weak = (np.minimum(below, above) < WEAK) & (np.abs(multipliers) < WEAK * max(self._dual_size, 1.0))
         unsure = np.flatnonzero(weak & (sides != EQUAL))[:MOST_WEAK]
         nearest = np.where(below[unsure] < above[unsure], LOWER, UPPER)
@@ -298,6 +298,15 @@ class MinimumCurve:
                 return point
         reason = "no minimum that can be followed is at the start: second-order conditions or independence are lost"
         raise NoOrbit(reason)
+
+    def _independent(self, x: Array, multipliers: Array, sides: Array) -> Array:
+        """The active limits at the start without those whose gradients depend on others' before them."""
+        second = self.program.second(x, self.start, multipliers[self.n :])
+        kept = np.where(sides == EQUAL, sides, FREE).astype(np.int8)
+        for i in np.flatnonzero(np.abs(sides) == 1).tolist():
+            if _dependence(second, kept, i) is None:
+                kept[i] = sides[i]
+        return kept
 
     def _negligible_dual(self, x: Array, multipliers: Array) -> float:
         """The size of multipliers at the start below which they are rounding."""
@@ -513,7 +522,8 @@ class MinimumCurve:
             sides[i], multipliers[i] = FREE, 0.0
         else:
             sides[i] = LOWER if values[i] - self.lower[i] < self.upper[i] - values[i] else UPPER
-            shares = self._dependence(point, i)
+            second = self.program.second(point.x, point.value, point.multipliers[self.n :])
+            shares = _dependence(second, point.sides, i)
             if shares is not None:  # the gradients are dependent: a limit leaves for the one that enters
                 j, size = _leaving(multipliers, point.sides, shares, sides[i])
                 if j is None:
@@ -533,22 +543,6 @@ class MinimumCurve:
             return None, CurveEnd("fold", text)
         return after, None
 
-    def _dependence(self, point: CriticalPoint, i: int) -> Array | None:
-        """The combination (n + m,) of the active gradients that a limit's gradient is; None if it is independent."""
-        n, active = self.n, np.flatnonzero(point.sides)
-        second = self.program.second(point.x, point.value, point.multipliers[n:])
-        rows = sp.vstack([sp.identity(n), _sparse(second.jacobian)]).tocsr()
-        mine, others = np.asarray(rows[[i]].todense()).ravel(), rows[active]
-        if not len(active):
-            return None
-        matrix = sp.bmat([[sp.identity(n), others.T], [others, None]], format="csc")
-        found = splu(matrix).solve(np.append(mine, np.zeros(len(active))))
-        if np.linalg.norm(found[:n]) > DEPENDENT * np.linalg.norm(mine):
-            return None
-        shares = np.zeros(len(point.multipliers))
-        shares[active] = found[n:]
-        return shares
-
 
 class _Linear(NamedTuple):
     """Linearised conditions: residual -> Newton's step, with the level's last; the number of negative eigenvalues of
@@ -564,6 +558,23 @@ def _size_of_duals(second: SecondDerivatives, span: float) -> float:
     """The size of multipliers that matter, as far as second derivatives show it."""
     largest = np.abs(_sparse(second.hessian).data).max(initial=0.0)
     return max(span * float(np.abs(second.gradient_slope).max(initial=0.0)), RELATIVE_DUAL * float(largest))
+
+
+def _dependence(second: SecondDerivatives, sides: Array, i: int) -> Array | None:
+    """The combination (n + m,) of the active gradients that a limit's gradient is; None if it is independent."""
+    jacobian, active = _sparse(second.jacobian), np.flatnonzero(sides)
+    n = jacobian.shape[1]
+    rows = sp.vstack([sp.identity(n), jacobian]).tocsr()
+    mine, others = np.asarray(rows[[i]].todense()).ravel(), rows[active]
+    if not len(active):
+        return None
+    matrix = sp.bmat([[sp.identity(n), others.T], [others, None]], format="csc")
+    found = splu(matrix).solve(np.append(mine, np.zeros(len(active))))
+    if np.linalg.norm(found[:n]) > DEPENDENT * np.linalg.norm(mine):
+        return None
+    shares = np.zeros(len(sides))
+    shares[active] = found[n:]
+    return shares
 
 
 def _leaving(multipliers: Array, sides: Array, shares: Array, side: int) -> tuple[int | None, float]:
