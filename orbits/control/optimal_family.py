@@ -34,9 +34,8 @@ from .transcription import advance, transcription
 # Shares of an interval at which path expressions are evaluated along a family.
 WATCHED_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
 MOST_REFINEMENTS = 200  # exchanges of points of path conditions, and halvings of steps, in a family
-# A path expression below this touches zero if its multiplier is a larger share of the largest one than the second
-# number; within the third share of an interval from its end it does so at the end.
-TOUCHING, NEGLIGIBLE_TOUCH, AT_END = 1e-6, 1e-9, 1e-6
+# A path expression below this touches zero; within the second share of an interval from its end it does so at the end.
+TOUCHING, AT_END = 1e-6, 1e-6
 # (parameter of the family) -> the fixed parameters of its program, and their derivatives.
 FixedParameters = Callable[[float], tuple[Array, Array]]
 
@@ -368,13 +367,12 @@ def _touches(start: WarmStart, fixed: Array) -> tuple[list[ExchangePoint], list[
         for j in range(count):
             sums[i, interval, j] = sums.get((i, interval, j), 0.0) + start.unit * held[row]
             row += 1
-    largest = max(map(abs, sums.values()), default=0.0)
     points, totals = list[ExchangePoint](), list[float]()
     for (i, interval, j), total in sums.items():
         stage = problem.stages[i]
         values, shares = motion.stages[i].minima[[*stage.path][j]]
         share = float(shares[interval])
-        if abs(total) < NEGLIGIBLE_TOUCH * largest or values[interval] > TOUCHING:
+        if values[interval] > TOUCHING:
             continue
         if AT_END < share < 1 - AT_END:
             points.append(ExchangePoint(i, interval, j, share, True))

@@ -39,10 +39,13 @@ MOST_WEAK = 8  # limits at whose directions a first point is examined: the sets 
 WEIGHT = 1e8
 # Multipliers below this share of the Hessian, and below this size, are rounding.
 RELATIVE_DUAL, SMALLEST_DUAL = 1e-4, 1e-12
-DEPENDENT = 1e-8  # share of a gradient beside the others below which it depends on them
+# The share of a gradient beside the others below which it depends on them, and where no minimum is found otherwise.
+DEPENDENT, NEARLY_DEPENDENT = 1e-8, 1e-3
 NEARLY_FOLD = 0.2  # share of the parameter in a tangent below which the fastest unknown is held in its place
 POINTS_OF_PREDICTOR = 3
 MOST_EVENTS_AT_ONCE = 12
+# Active limits that change at the first point, and the distance by which a limit is passed there.
+MOST_CHANGES_AT_START, TOLERATED_AT_START = 30, 1e-9
 # The events at which a curve ceases to be one of minima, and what they are.
 ENDS_OF_MINIMA = {
     "fold": "the minimum meets a saddle: there is none near it beyond",
@@ -278,7 +281,9 @@ class MinimumCurve:
             sides = np.where(multipliers < 0, LOWER, UPPER).astype(np.int8)
             room = np.where(sides == LOWER, below, above)
             sides = np.where(np.abs(multipliers) / self._dual_size > room, sides, FREE).astype(np.int8)
-        sides = self._independent(x, multipliers, np.where(self.lower == self.upper, EQUAL, sides).astype(np.int8))
+        sides = np.where(self.lower == self.upper, EQUAL, sides).astype(np.int8)
+        sides, multipliers = self._independent(x, multipliers, sides)
+        self._dual_size = max(float(np.abs(multipliers).max(initial=0.0)), self._negligible_dual(x, multipliers))
         weak = (np.minimum(below, above) < WEAK) & (np.abs(multipliers) < WEAK * max(self._dual_size, 1.0))
         unsure = np.flatnonzero(weak & (sides != EQUAL))[:MOST_WEAK]
         nearest = np.where(below[unsure] < above[unsure], LOWER, UPPER)
@@ -291,7 +296,7 @@ class MinimumCurve:
             trial[unsure] = FREE
             trial[unsure[chosen]] = nearest[chosen]
             try:
-                point = self._corrected(z, trial, len(z) - 1, self.start, along, exact=True)[0]
+                point = self._with_right_signs(z, trial, along)
             except (_Lost, NoOrbit):
                 continue
             if point.negative == 0 and not self._leads_out(point, unsure, nearest):
@@ -299,14 +304,35 @@ class MinimumCurve:
         reason = "no minimum that can be followed is at the start: second-order conditions or independence are lost"
         raise NoOrbit(reason)
 
-    def _independent(self, x: Array, multipliers: Array, sides: Array) -> Array:
-        """The active limits at the start without those whose gradients depend on others' before them."""
+    def _with_right_signs(self, z: Array, sides: Array, along: Array) -> CriticalPoint:
+        """The first point with these active limits, of which those change that are passed or have multipliers of the
+        wrong sign."""
+        for _ in range(MOST_CHANGES_AT_START):
+            point = self._corrected(z, sides, len(z) - 1, self.start, along, exact=True)[0]
+            rooms = self._rooms(point)
+            i = int(np.argmin(rooms))
+            if rooms[i] >= -TOLERATED_AT_START:
+                return point
+            sides, _, end = self._changed(point, i, "leaves" if sides[i] else "enters", DEPENDENT)
+            if end is not None:
+                break
+            z = point.z
+        raise _Lost
+
+    def _independent(self, x: Array, multipliers: Array, sides: Array) -> tuple[Array, Array]:
+        """The active limits at the start without those whose gradients depend on others' before them, and the
+        multipliers of the others, which a solver shares out among all of them as it likes."""
         second = self.program.second(x, self.start, multipliers[self.n :])
         kept = np.where(sides == EQUAL, sides, FREE).astype(np.int8)
         for i in np.flatnonzero(np.abs(sides) == 1).tolist():
             if _dependence(second, kept, i) is None:
                 kept[i] = sides[i]
-        return kept
+        if (kept == sides).all():
+            return kept, multipliers
+        gradient = self.program.first(x, self.start, 0 * multipliers[self.n :]).gradient
+        own = np.zeros(len(multipliers))
+        own[np.flatnonzero(kept)] = -_projected(second, kept, gradient)[1]
+        return kept, own
 
     def _negligible_dual(self, x: Array, multipliers: Array) -> float:
         """The size of multipliers at the start below which they are rounding."""
@@ -516,32 +542,44 @@ class MinimumCurve:
         """The point of an event with the active limits and the tangent beyond it, None where the minima end there."""
         point = event.point
         (i,) = event.limits
-        sides, multipliers = point.sides.copy(), point.multipliers.copy()
-        values = point.values
-        if event.kind == "leaves":
-            sides[i], multipliers[i] = FREE, 0.0
+        for dependent in (DEPENDENT, NEARLY_DEPENDENT):
+            sides, multipliers, end = self._changed(point, i, event.kind, dependent)
+            if end is not None:
+                return None, end
+            z, along = np.concatenate([point.x, multipliers, [point.value]]), np.zeros(len(point.tangent))
+            along[-1] = np.sign(point.tangent[-1])
+            try:
+                after, _ = self._corrected(z, sides, len(z) - 1, point.value, along, exact=True)
+                break
+            except _Lost:
+                continue
         else:
-            sides[i] = LOWER if values[i] - self.lower[i] < self.upper[i] - values[i] else UPPER
-            second = self.program.second(point.x, point.value, point.multipliers[self.n :])
-            shares = _dependence(second, point.sides, i)
-            if shares is not None:  # the gradients are dependent: a limit leaves for the one that enters
-                j, size = _leaving(multipliers, point.sides, shares, sides[i])
-                if j is None:
-                    text = f"the limits exclude each other beyond {point.value:.10g}: no point satisfies all of them"
-                    return None, CurveEnd("infeasible", text)
-                multipliers -= shares * size * sides[i]
-                multipliers[i], multipliers[j], sides[j] = size * sides[i], 0.0, FREE
-        z = np.concatenate([point.x, multipliers, [point.value]])
-        along = np.zeros(len(z))
-        along[-1] = np.sign(point.tangent[-1])
-        try:
-            after, _ = self._corrected(z, sides, len(z) - 1, point.value, along, exact=True)
-        except _Lost:
             return None, CurveEnd("degenerate", f"no minimum is found beyond the limit at {point.value:.10g}")
         if after.negative > point.negative and not self.options.beyond:
             text = f"the minimum ends at {point.value:.10g}, where a limit {event.kind} and leaves a saddle"
             return None, CurveEnd("fold", text)
         return after, None
+
+    def _changed(
+        self, point: CriticalPoint, i: int, kind: str, dependent: float
+    ) -> tuple[Array, Array, CurveEnd | None]:
+        """The active limits and the multipliers after a limit has entered or left, or the end where all limits exclude
+        each other."""
+        sides, multipliers = point.sides.copy(), point.multipliers.copy()
+        if kind == "leaves":
+            sides[i], multipliers[i] = FREE, 0.0
+            return sides, multipliers, None
+        sides[i] = LOWER if point.values[i] - self.lower[i] < self.upper[i] - point.values[i] else UPPER
+        second = self.program.second(point.x, point.value, point.multipliers[self.n :])
+        shares = _dependence(second, point.sides, i, dependent)
+        if shares is not None:  # the gradients are dependent: a limit leaves for the one that enters
+            j, size = _leaving(multipliers, point.sides, shares, sides[i])
+            if j is None:
+                text = f"the limits exclude each other beyond {point.value:.10g}: no point satisfies all of them"
+                return sides, multipliers, CurveEnd("infeasible", text)
+            multipliers -= shares * size * sides[i]
+            multipliers[i], multipliers[j], sides[j] = size * sides[i], 0.0, FREE
+        return sides, multipliers, None
 
 
 class _Linear(NamedTuple):
@@ -560,20 +598,26 @@ def _size_of_duals(second: SecondDerivatives, span: float) -> float:
     return max(span * float(np.abs(second.gradient_slope).max(initial=0.0)), RELATIVE_DUAL * float(largest))
 
 
-def _dependence(second: SecondDerivatives, sides: Array, i: int) -> Array | None:
-    """The combination (n + m,) of the active gradients that a limit's gradient is; None if it is independent."""
+def _projected(second: SecondDerivatives, sides: Array, gradient: Array) -> tuple[Array, Array]:
+    """What is left (n,) of a gradient beside the active gradients, and the nearest combination of these."""
     jacobian, active = _sparse(second.jacobian), np.flatnonzero(sides)
     n = jacobian.shape[1]
-    rows = sp.vstack([sp.identity(n), jacobian]).tocsr()
-    mine, others = np.asarray(rows[[i]].todense()).ravel(), rows[active]
+    rows = sp.vstack([sp.identity(n), jacobian]).tocsr()[active]
     if not len(active):
-        return None
-    matrix = sp.bmat([[sp.identity(n), others.T], [others, None]], format="csc")
-    found = splu(matrix).solve(np.append(mine, np.zeros(len(active))))
-    if np.linalg.norm(found[:n]) > DEPENDENT * np.linalg.norm(mine):
+        return gradient, np.zeros(0)
+    matrix = sp.bmat([[sp.identity(n), rows.T], [rows, None]], format="csc")
+    return tuple(np.split(splu(matrix).solve(np.append(gradient, np.zeros(len(active)))), [n]))  # type: ignore
+
+
+def _dependence(second: SecondDerivatives, sides: Array, i: int, dependent: float = DEPENDENT) -> Array | None:
+    """The combination (n + m,) of the active gradients that a limit's gradient is; None if it is independent."""
+    n = len(second.gradient_slope)
+    mine = np.eye(1, n, i)[0] if i < n else np.asarray(_sparse(second.jacobian)[[i - n]].todense()).ravel()
+    left, combined = _projected(second, sides, mine)
+    if np.linalg.norm(left) > dependent * np.linalg.norm(mine):
         return None
     shares = np.zeros(len(sides))
-    shares[active] = found[n:]
+    shares[np.flatnonzero(sides)] = combined
     return shares
 
 
