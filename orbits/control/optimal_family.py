@@ -274,7 +274,8 @@ class _Run:
                 if own or (item.kind == "leaves" and {*item.limits} & {*program.touching_limits}):
                     return self._curve_of(_warm_start(start, program, point), point.value), start
                 continue
-            if (dips := self._dips(program, point, start.tolerance)) is None:
+            dips = self._dips(program, point, start.tolerance)
+            if dips is None and not self._is_accurate(program, point, start):
                 return self._refined(program, point, start)
             if dips:
                 return self._with_touches(dips, start) or self._refined(program, point, start)
@@ -310,6 +311,11 @@ class _Run:
                     share = WATCHED_SHARES[int(np.argmin(paths[:, j, interval]))]
                     dips.append(ExchangePoint(i, interval, j, share, 0.0 < share < 1.0))
         return dips
+
+    def _is_accurate(self, program: ParametricTranscription, point: CriticalPoint, start: WarmStart) -> bool:
+        """Whether the accurate flow leads to the same states."""
+        motion = roll_out(_warm_start(start, program, point), point.cost, self.parameters(point.value)[0])
+        return max(motion.error, motion.violation) <= start.tolerance
 
     def _with_touches(
         self, dips: list[ExchangePoint], start: WarmStart
