@@ -28,10 +28,13 @@ class IntervalFunctions(NamedTuple):
     """Functions of all intervals of a stage: (states (n, N) at their starts, duration, coefficients (m, N), fixed
     parameters, free ones, rates of the fixed ones, weights (r, N)) -> the results (r, N), which are ends, cost and path
     expressions, and the gradients of their weighted sums by (state, duration, coefficients, free parameters, parameter
-    of the curve); the second one also their Jacobians and the Hessians of the weighted sums."""
+    of the curve); the second one also their Jacobians and the Hessians of the weighted sums, of which these entries are
+    not always 0."""
 
     first: BufferedFunction
     second: BufferedFunction
+    in_jacobian: Array
+    in_hessian: Array
 
 
 @cached
@@ -53,7 +56,8 @@ def interval_functions(
         function = ca.Function("interval", symbols, outputs, {"cse": True})
         return BufferedFunction(function.map("intervals", "serial", stage.intervals, SHARED_INPUTS, []))
 
-    return IntervalFunctions(mapped(whole[:2]), mapped(whole))
+    own = [np.array(ca.DM(each.sparsity(), 1.0).full(), dtype=bool).T for each in found[2:]]
+    return IntervalFunctions(mapped(whole[:2]), mapped(whole), *own)
 
 
 class ExchangePoint(NamedTuple):
@@ -203,7 +207,8 @@ class ParametricTranscription:
         row[rest.results[1]], factor[rest.results[1]] = rest.results[0], rest.factors
         self._own, self._rows, self._factors, start = list[Array](), list[Array](), list[Array](), 0
         jacobian, hessian = [rest.jacobian], [rest.hessian]
-        for (n, N, m), count, a, b in zip(problem.shapes, counts, ends, ends[1:], strict=False):
+        whole = zip(problem.shapes, counts, ends, ends[1:], self._functions, strict=False)
+        for (n, N, m), count, a, b, functions in whole:
             k = np.arange(N)[:, None]
             states, inputs = start + 1 + k * n + np.arange(n), start + 1 + n * (N + 1) + k * m + np.arange(m)
             last = np.broadcast_to(freed, (N, len(freed)))
@@ -213,10 +218,11 @@ class ParametricTranscription:
             self._rows.append(rows)
             self._factors.append(factor[a:b].reshape(N, count))
             # The functions store matrices by columns.
-            grid = np.broadcast_arrays(rows[:, None, :], own[:, :, None])
-            jacobian.append((grid[0].ravel(), grid[1].ravel()))
-            grid = np.broadcast_arrays(own[:, None, :], own[:, :, None])
-            hessian.append((grid[0].ravel(), grid[1].ravel()))
+            for blocks, rows_of, there, none in (
+                (jacobian, rows, functions.in_jacobian, n_g), (hessian, own, functions.in_hessian, n_x),
+            ):  # fmt: skip
+                kept = np.where(there, rows_of[:, None, :], none)
+                blocks.append((kept.ravel(), np.broadcast_to(own[:, :, None], kept.shape).ravel()))
             start += 1 + n * (N + 1) + m * N
         self._jacobian = Assembly(*map(np.concatenate, zip(*jacobian, strict=True)), (n_g, n_x))
         self._hessian = Assembly(*map(np.concatenate, zip(*hessian, strict=True)), (n_x, n_x))

@@ -108,6 +108,7 @@ class CurveOptions:
     beyond: bool = False
 
 
+SYMMETRIC = {"SymmetricMode": True}
 DEFAULT_OPTIONS_OF_CURVE = CurveOptions()
 
 
@@ -648,47 +649,43 @@ def _pattern(hessian: sp.csc_matrix, jacobian: sp.csc_matrix, active: Array) -> 
     unit = sp.diags(np.full(n, float(first + jacobian.nnz)))
     rows = sp.vstack([unit, ordered[1]]).tocsr()[active]
     matrix = sp.bmat([[ordered[0], rows.T], [rows, None]], format="csc") if len(active) else ordered[0]
-    return matrix.data.astype(int) - 1, matrix, _Squares.of(hessian, rows)
+    return matrix.data.astype(int) - 1, matrix, _Squares.of(ordered[0], rows)
 
 
 class _Squares(NamedTuple):
     """The matrix H + w A'A for a large w and rows A of length one, whose negative eigenvalues are as many as H has on
-    the null space of A: the entries of A and the row of each; the pairs of entries of a row; the place of each entry of
-    H and of each pair's product in the matrix; and the matrix to be filled."""
+    the null space of A: H and A to be filled, in the order of elimination, which depends on the pattern alone; where
+    their entries are in (entries of H, entries of the Jacobian, 1); and the row of each entry of A."""
 
-    entries: Array
+    hessian: sp.csc_matrix
+    rows: sp.csr_matrix
+    entries_of_hessian: Array
+    entries_of_rows: Array
     row: Array
-    pairs: tuple[Array, Array]
-    places: Array
-    matrix: sp.csc_matrix
 
     @classmethod
     def of(cls, hessian: sp.csc_matrix, rows: sp.csr_matrix) -> "_Squares":
-        """Those of a pattern and of rows whose entries are one more than their places in the data."""
-        n, counts = hessian.shape[0], np.diff(rows.indptr)
-        row = np.repeat(np.arange(rows.shape[0]), counts)
-        pairs = np.repeat(np.arange(rows.nnz), counts[row]), np.zeros(0, dtype=int)
-        offsets = np.arange(len(pairs[0])) - np.repeat(np.cumsum(counts[row]) - counts[row], counts[row])
-        pairs = pairs[0], rows.indptr[row[pairs[0]]] + offsets
-        column = np.repeat(np.arange(n), np.diff(hessian.indptr))
-        keys = np.concatenate([column, rows.indices[pairs[0]]]) * n + np.append(hessian.indices, rows.indices[pairs[1]])
-        unique, places = np.unique(keys, return_inverse=True)
-        ends = np.searchsorted(unique // n, np.arange(n + 1))
-        matrix = sp.csc_matrix((np.zeros(len(unique)), unique % n, ends), (n, n))
-        return cls(rows.data.astype(int) - 1, row, pairs, places, matrix)
+        """Those of matrices whose entries are one more than their places in the data."""
+        n = hessian.shape[0]
+        pattern = abs(hessian) + abs(rows).T @ abs(rows)
+        pattern = (pattern + n * (1.0 + pattern.max()) * sp.identity(n)).tocsc()
+        order = splu(pattern, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=SYMMETRIC).perm_c
+        inverse = np.argsort(order)
+        moved, across = hessian[inverse][:, inverse].tocsc(), rows[:, inverse].tocsr()
+        moved.sort_indices()
+        across.sort_indices()
+        row = np.repeat(np.arange(rows.shape[0]), np.diff(across.indptr))
+        return cls(moved, across, moved.data.astype(int) - 1, across.data.astype(int) - 1, row)
 
     def negative_eigenvalues(self, data: Array) -> int:
         """Their number, by the signs of pivots, where `data` are the entries of H, of the Jacobian, and 1."""
-        entries = data[self.entries]
-        own = data[: len(self.places) - len(self.pairs[0])]
+        own, entries = data[self.entries_of_hessian], data[self.entries_of_rows]
         sizes = np.bincount(self.row, entries**2)
         scale = WEIGHT * (np.abs(own).max(initial=0.0) or 1.0) / np.where(sizes > 0, sizes, 1.0)
-        products = entries[self.pairs[0]] * entries[self.pairs[1]] * scale[self.row[self.pairs[0]]]
-        matrix, summed = self.matrix, np.concatenate([own, products])
-        matrix.data = np.bincount(self.places, summed, matrix.nnz)
+        self.hessian.data, self.rows.data = own, entries * np.sqrt(scale)[self.row]
+        matrix = (self.hessian + self.rows.T @ self.rows).tocsc()
         try:
-            options = {"SymmetricMode": True}
-            factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+            factors = splu(matrix, permc_spec="NATURAL", diag_pivot_thresh=0.0, options=SYMMETRIC)
             if (factors.perm_r == factors.perm_c).all():
                 return int((factors.U.diagonal() < 0).sum())
         except RuntimeError:  # a pivot is exactly 0
