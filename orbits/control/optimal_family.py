@@ -36,6 +36,10 @@ WATCHED_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
 MOST_REFINEMENTS = 200  # exchanges of points of path conditions, and halvings of steps, in a family
 # A path expression below this touches zero; within the second share of an interval from its end it does so at the end.
 TOUCHING, AT_END = 1e-6, 1e-6
+# How a curve ends where a touch becomes flat; the step beyond, as a share of the whole range, and the change of the cost
+# beside its slope with which the motion there is the next one.
+LOST_TOUCHES = ("fold", "bifurcation", "degenerate", "stuck")
+FLAT_STEP, FLAT_CHANGE = 1e-3, 1e-3
 # (parameter of the family) -> the fixed parameters of its program, and their derivatives.
 FixedParameters = Callable[[float], tuple[Array, Array]]
 
@@ -263,7 +267,8 @@ class _Run:
         for item in curve.run([each for each in self.at if (each - value) * (self.last - value) > 0]):
             interrupts.heed()
             if isinstance(item, CurveEnd):
-                return FamilyEnd(item.kind, item.reason)
+                lost = program.moving and item.kind in LOST_TOUCHES
+                return (self._past_flat_touch(program, start) if lost else None) or FamilyEnd(item.kind, item.reason)
             point = item if isinstance(item, CriticalPoint) else item.point
             if isinstance(item, CurveEvent):
                 what = ", ".join(dict.fromkeys(labels[i] for i in item.limits)) or "the second-order condition is lost"
@@ -311,6 +316,34 @@ class _Run:
                     share = WATCHED_SHARES[int(np.argmin(paths[:, j, interval]))]
                     dips.append(ExchangePoint(i, interval, j, share, 0.0 < share < 1.0))
         return dips
+
+    def _past_flat_touch(
+        self, program: ParametricTranscription, start: WarmStart
+    ) -> tuple[MinimumCurve, WarmStart] | None:
+        """The curve from a solution a little beyond the last point, where a touch may have become flat, which makes the
+        conditions singular, and has moved to the ends of its interval; None where there is no solution nearby."""
+        point = self.points[-1][2]
+        value = point.value + FLAT_STEP * (self.last - self.points[0][2].value)
+        if (self.last - value) * (self.last - point.value) <= 0:
+            return None
+        warm, old = _warm_start(start, program, point), program.problem
+        bare = transcription(old.stages, old.fixed, old.free, old.substeps, ())
+        bound, held = warm.multipliers or (np.zeros(0), np.zeros(0))
+        warm = replace(warm, problem=bare, shares=np.zeros(0), multipliers=(bound, held[: len(bare.labels)]))
+        fixed = dict(zip(program.problem.fixed, self.parameters(value)[0].tolist(), strict=True))
+        try:
+            found = steered_on_intervals(program.problem.stages, fixed, warm.free, warm, warm.tolerance)
+            near = abs(found.cost - point.cost) <= FLAT_CHANGE * abs(point.cost) + abs(point.slope * (value - point.value)) * 2
+            known = found.warm_start
+            curve = self._curve_of(known, value) if near and known is not None else None
+        except NoOrbit:
+            return None
+        if curve is None or known is None:
+            return None
+        if self.events and self.events[-1].kind in LOST_TOUCHES:
+            self.events.pop()
+        self.events.append(OptimalEvent("mesh", value, found.cost, "a touch has become flat, and its points are exchanged"))
+        return curve, known
 
     def _is_accurate(self, program: ParametricTranscription, point: CriticalPoint, start: WarmStart) -> bool:
         """Whether the accurate flow leads to the same states."""
@@ -380,8 +413,10 @@ def _touches(start: WarmStart, fixed: Array) -> tuple[list[ExchangePoint], list[
         share = float(shares[interval])
         if values[interval] > TOUCHING:
             continue
-        if AT_END < share < 1 - AT_END:
-            points.append(ExchangePoint(i, interval, j, share, True))
+        path, length = motion.stages[i].path, motion.stages[i].unknowns.duration / stage.intervals
+        ends = path(length * np.array([interval, interval + 1.0]))[:, path.names.index([*stage.path][j])]
+        if AT_END < share < 1 - AT_END:  # where it touches at both ends too, it is 0 all along, and least nowhere
+            points.append(ExchangePoint(i, interval, j, share, bool(ends.max() > TOUCHING)))
             totals.append(total)
             continue
         node = interval + round(share)
