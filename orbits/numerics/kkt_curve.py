@@ -30,13 +30,15 @@ FREE, LOWER, UPPER, EQUAL = 0, -1, 1, 2
 # Newton's step, relative to the size of the unknowns, after which the next is below rounding; that at which it may not
 # become any smaller; and the contraction above which its matrix is renewed.
 CONVERGED, STAGNATED, STALE = 1e-10, 1e-8, 0.1
+INEXACT = 1e-5  # distance from a prediction to a point above which the tangent is not that of the matrix there
 STEPS_TO_A_POINT = 12  # of Newton's iteration to a point
 # A limit is reached, and a multiplier has passed 0, at this distance beyond it; within the second one both a limit and
 # its multiplier may be 0 at the first point.
 TOLERATED, WEAK = 1e-10, 1e-6
 MOST_WEAK = 8  # limits at whose directions a first point is examined: the sets of active ones are tried in turn
-# Weight of the active gradients, relative to the Hessian, beside which its signs are those on their null space.
-WEIGHT = 1e8
+# Weights of the active gradients, relative to the Hessian, beside which its signs are those on their null space: where
+# one of them is too small, or too large beside rounding, there seem to be more negative ones.
+WEIGHTS = (1e6, 1e4, 1e8)
 # Multipliers below this share of the Hessian, and below this size, are rounding.
 RELATIVE_DUAL, SMALLEST_DUAL = 1e-4, 1e-12
 # The share of a gradient beside the others below which it depends on them, and where no minimum is found otherwise.
@@ -422,7 +424,8 @@ class MinimumCurve:
         else:
             raise _Lost
         z[held] = level
-        if exact or linear is None:
+        error = float(np.abs(weights * (z - start)).max())
+        if exact or linear is None or error > INEXACT:
             linear = self._linear(z, active, places, held)
         tangent = np.zeros(len(z))
         tangent[places] = linear.solve(np.append(np.zeros(len(places) - 1), 1.0))
@@ -435,7 +438,7 @@ class MinimumCurve:
             rate = np.abs(tangent[n:-1] / tangent[-1]).max(initial=0.0)
             self._dual_size = max(self._dual_size, _size_of_duals(linear.second, self.span), self.span * rate)
         own = z[:n], z[n:-1], sides, values, cost, slope, linear.negative, tangent
-        return CriticalPoint(float(z[-1]), *own), float(np.abs(weights * (z - start)).max())
+        return CriticalPoint(float(z[-1]), *own), error
 
     def _linear(self, z: Array, active: Array, places: Array, held: int) -> "_Linear":
         """The linearised conditions at a point, with one coordinate held."""
@@ -681,16 +684,25 @@ class _Squares(NamedTuple):
         """Their number, by the signs of pivots, where `data` are the entries of H, of the Jacobian, and 1."""
         own, entries = data[self.entries_of_hessian], data[self.entries_of_rows]
         sizes = np.bincount(self.row, entries**2)
-        scale = WEIGHT * (np.abs(own).max(initial=0.0) or 1.0) / np.where(sizes > 0, sizes, 1.0)
-        self.hessian.data, self.rows.data = own, entries * np.sqrt(scale)[self.row]
-        matrix = (self.hessian + self.rows.T @ self.rows).tocsc()
-        try:
-            factors = splu(matrix, permc_spec="NATURAL", diag_pivot_thresh=0.0, options=SYMMETRIC)
-            if (factors.perm_r == factors.perm_c).all():
-                return int((factors.U.diagonal() < 0).sum())
-        except RuntimeError:  # a pivot is exactly 0
-            pass
-        return int((np.linalg.eigvalsh(matrix.toarray()) < 0).sum())
+        scale = np.sqrt((np.abs(own).max(initial=0.0) or 1.0) / np.where(sizes > 0, sizes, 1.0))
+        self.hessian.data, self.rows.data = own, entries * scale[self.row]
+        squares, fewest = self.rows.T @ self.rows, len(own)
+        for weight in WEIGHTS:
+            fewest = min(fewest, _negative_pivots((self.hessian + weight * squares).tocsc()))
+            if fewest == 0:
+                break
+        return fewest
+
+
+def _negative_pivots(matrix: sp.csc_matrix) -> int:
+    """The number of negative eigenvalues of a symmetric matrix in its order of elimination."""
+    try:
+        factors = splu(matrix, permc_spec="NATURAL", diag_pivot_thresh=0.0, options=SYMMETRIC)
+        if (factors.perm_r == factors.perm_c).all():
+            return int((factors.U.diagonal() < 0).sum())
+    except RuntimeError:  # a pivot is exactly 0
+        pass
+    return int((np.linalg.eigvalsh(matrix.toarray()) < 0).sum())
 
 
 def _hermite(points: Sequence[CriticalPoint], held: int, level: float) -> Array:
