@@ -177,7 +177,7 @@ class Control(Result, what="control", document_is_whole=True, in_line=("status",
         >>> ends = {"start": lambda x, before, p: x, "end": lambda x, p: [x[0] - p["d"], x[1]]}
         >>> stage = Stage(cart, 4, (1, 1), {"f": Input(degree=1)}, **ends, running=lambda x, p, q: p["f"] ** 2)
         >>> found = steer([stage], {"d": 1.0}, guess=[Guess(1.0, lambda t: [t, 1.0])])
-        >>> round(found.follow("d", 2.0).costs[-1], 9)  # 12 d^2
+        >>> round(float(found.follow("d", 2.0).costs[-1]), 9)  # 12 d^2
         48.0
         """
         return import_module(f"{__package__}.optimal_family").follow_optimum(self, name, to, **options)

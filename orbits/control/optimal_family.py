@@ -33,13 +33,13 @@ from .transcription import advance, transcription
 
 # Shares of an interval at which path expressions are evaluated along a family.
 WATCHED_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
-MOST_REFINEMENTS = 200  # exchanges of points of path conditions, and halvings of steps, in a family
+MOST_EXCHANGES = 200  # exchanges of points of path conditions, and halvings of steps, in a family
 # A path expression below this touches zero; within the second share of an interval from its end it does so at the end.
-TOUCHING, AT_END = 1e-6, 1e-6
-# How a curve ends where a touch becomes flat; the step beyond, as a share of the whole range, and the change of the cost
-# beside its slope with which the motion there is the next one.
+TOUCHES, AT_END = 1e-6, 1e-4
+# How a curve ends where a touch becomes flat; the step beyond, as a share of the whole range, and the change of the
+# cost beside its slope with which the motion there is the next one.
 LOST_TOUCHES = ("fold", "bifurcation", "degenerate", "stuck")
-FLAT_STEP, FLAT_CHANGE = 1e-3, 1e-3
+STEP_PAST_FLAT, CHANGE_PAST_FLAT = 1e-3, 1e-3
 # (parameter of the family) -> the fixed parameters of its program, and their derivatives.
 FixedParameters = Callable[[float], tuple[Array, Array]]
 
@@ -162,7 +162,7 @@ class Trail:
         point = near if value == near.value else curve.at(value, near)
         program = curve.program
         assert isinstance(program, ParametricTranscription)
-        return _certified(start, program, point)
+        return _integrated_again(start, program, point)
 
 
 @exclusive
@@ -199,15 +199,13 @@ def follow_optimum(
     if first == last:
         raise InputError(f"to = {last:g}: the motion is at this value of {name} already")
     options = CurveOptions(longest_step=finite_number("longest", longest), most=most)
-    run = _Run(parameters, last, [finite_number("at", each) for each in at], options)
+    run = _RunAlongFamily(parameters, last, [finite_number("at", each) for each in at], options)
     with interrupts.deferred():
         end = run.trace(known, first)
-    own = [point for *_, point in run.points]
-    return OptimalFamily(
-        name, *(np.array([getattr(point, each) for point in own]) for each in ("value", "cost", "slope")),
-        tuple(map(tuple, run.active)), tuple(run.events), end, len(known.x), time.perf_counter() - began,
-        trail=Trail(tuple(run.points)),
-    )  # fmt: skip
+    values, costs, slopes = np.array([(p.value, p.cost, p.slope) for *_, p in run.points]).T
+    active, events, trail = tuple(map(tuple, run.active)), tuple(run.events), Trail(tuple(run.points))
+    seconds = time.perf_counter() - began
+    return OptimalFamily(name, values, costs, slopes, active, events, end, len(known.x), seconds, trail=trail)
 
 
 def _one_of(fixed: Array, place: int) -> FixedParameters:
@@ -223,7 +221,7 @@ def _one_of(fixed: Array, place: int) -> FixedParameters:
     return values
 
 
-class _Run:
+class _RunAlongFamily:
     """A run along a family, which collects its points, the bounds active at each, and the events."""
 
     def __init__(self, parameters: FixedParameters, last: float, at: list[float], options: CurveOptions):
@@ -234,12 +232,12 @@ class _Run:
     def trace(self, start: WarmStart, value: float) -> FamilyEnd:
         """Follow to the end."""
         curve = self._curve_of(start, value)
-        for _ in range(MOST_REFINEMENTS):
+        for _ in range(MOST_EXCHANGES):
             onward = self._along(curve, start)
             if isinstance(onward, FamilyEnd):
                 return onward
             curve, start = onward
-        return FamilyEnd("stopped", f"the program was refined {MOST_REFINEMENTS} times: take more intervals")
+        return FamilyEnd("stopped", f"the program was refined {MOST_EXCHANGES} times: take more intervals")
 
     def _curve(self, program: ParametricTranscription, x: Array, multipliers: Array, value: float) -> MinimumCurve:
         return MinimumCurve(program, x, multipliers, value, self.last, self.options)
@@ -323,7 +321,7 @@ class _Run:
         """The curve from a solution a little beyond the last point, where a touch may have become flat, which makes the
         conditions singular, and has moved to the ends of its interval; None where there is no solution nearby."""
         point = self.points[-1][2]
-        value = point.value + FLAT_STEP * (self.last - self.points[0][2].value)
+        value = point.value + STEP_PAST_FLAT * (self.last - self.points[0][2].value)
         if (self.last - value) * (self.last - point.value) <= 0:
             return None
         warm, old = _warm_start(start, program, point), program.problem
@@ -333,7 +331,10 @@ class _Run:
         fixed = dict(zip(program.problem.fixed, self.parameters(value)[0].tolist(), strict=True))
         try:
             found = steered_on_intervals(program.problem.stages, fixed, warm.free, warm, warm.tolerance)
-            near = abs(found.cost - point.cost) <= FLAT_CHANGE * abs(point.cost) + abs(point.slope * (value - point.value)) * 2
+            near = (
+                abs(found.cost - point.cost)
+                <= CHANGE_PAST_FLAT * abs(point.cost) + abs(point.slope * (value - point.value)) * 2
+            )
             known = found.warm_start
             curve = self._curve_of(known, value) if near and known is not None else None
         except NoOrbit:
@@ -342,7 +343,9 @@ class _Run:
             return None
         if self.events and self.events[-1].kind in LOST_TOUCHES:
             self.events.pop()
-        self.events.append(OptimalEvent("mesh", value, found.cost, "a touch has become flat, and its points are exchanged"))
+        self.events.append(
+            OptimalEvent("mesh", value, found.cost, "a touch has become flat, and its points are exchanged")
+        )
         return curve, known
 
     def _is_accurate(self, program: ParametricTranscription, point: CriticalPoint, start: WarmStart) -> bool:
@@ -350,9 +353,7 @@ class _Run:
         motion = roll_out(_warm_start(start, program, point), point.cost, self.parameters(point.value)[0])
         return max(motion.error, motion.violation) <= start.tolerance
 
-    def _with_touches(
-        self, dips: list[ExchangePoint], start: WarmStart
-    ) -> tuple[MinimumCurve, WarmStart] | None:
+    def _with_touches(self, dips: list[ExchangePoint], start: WarmStart) -> tuple[MinimumCurve, WarmStart] | None:
         """The curve from the last point with further exchange points, which do not touch there; None where path
         expressions are not least near them at that point."""
         if not self.points:
@@ -384,7 +385,9 @@ class _Run:
         found = steered_on_intervals(before.stages, fixed, warm.free, warm, warm.tolerance).warm_start
         assert found is not None
         if found.problem is before:
-            raise NoOrbit(f"the program cannot be refined at {point.value:g}: take more intervals or a larger tolerance")
+            raise NoOrbit(
+                f"the program cannot be refined at {point.value:g}: take more intervals or a larger tolerance"
+            )
         text = "points of path conditions are exchanged"
         if found.problem.substeps != before.substeps:
             text = f"the intervals of the stages have {', '.join(map(str, found.problem.substeps))} steps"
@@ -411,12 +414,12 @@ def _touches(start: WarmStart, fixed: Array) -> tuple[list[ExchangePoint], list[
         stage = problem.stages[i]
         values, shares = motion.stages[i].minima[[*stage.path][j]]
         share = float(shares[interval])
-        if values[interval] > TOUCHING:
+        if values[interval] > TOUCHES:
             continue
         path, length = motion.stages[i].path, motion.stages[i].unknowns.duration / stage.intervals
         ends = path(length * np.array([interval, interval + 1.0]))[:, path.names.index([*stage.path][j])]
         if AT_END < share < 1 - AT_END:  # where it touches at both ends too, it is 0 all along, and least nowhere
-            points.append(ExchangePoint(i, interval, j, share, bool(ends.max() > TOUCHING)))
+            points.append(ExchangePoint(i, interval, j, share, bool(ends.max() > TOUCHES)))
             totals.append(total)
             continue
         node = interval + round(share)
@@ -452,7 +455,7 @@ def _warm_start(start: WarmStart, program: ParametricTranscription, point: Criti
     )  # fmt: skip
 
 
-def _certified(start: WarmStart, program: ParametricTranscription, point: CriticalPoint) -> Control:
+def _integrated_again(start: WarmStart, program: ParametricTranscription, point: CriticalPoint) -> Control:
     """The motion at a point of a family, integrated again; where that does not agree, the program is refined."""
     began, warm, problem = time.perf_counter(), _warm_start(start, program, point), program.problem
     fixed = program.values(point.value)[0]

@@ -38,9 +38,7 @@ class IntervalFunctions(NamedTuple):
 
 
 @cached
-def interval_functions(
-    stage: Stage, fixed: tuple[str, ...], free: tuple[str, ...], substeps: int
-) -> IntervalFunctions:
+def interval_functions(stage: Stage, fixed: tuple[str, ...], free: tuple[str, ...], substeps: int) -> IntervalFunctions:
     """The derivatives of the results of a stage's intervals."""
     step, count = advance(stage, (*fixed, *free), substeps), len(stage.phase.states) + 1 + len(stage.path)
     sizes = [len(stage.phase.states), 1, len(stage.coefficient_names), len(fixed), len(free), len(fixed), count]
@@ -49,15 +47,15 @@ def interval_functions(
     varied = ca.vertcat(x, time, w, freed, along)
     results = ca.vertcat(*step(x, 1.0, ca.vertcat(p + along * rates, freed, time / stage.intervals, w)))
     hessian, gradient = ca.hessian(ca.dot(results, weights), varied)
-    found = [results, gradient, ca.jacobian(results, varied), hessian]
-    whole = [ca.densify(ca.substitute(each, along, 0.0)) for each in found]
+    found = [ca.SX(each) for each in (results, gradient, ca.jacobian(results, varied), hessian)]
+    whole = [ca.densify(ca.substitute(each, along, ca.SX(0))) for each in found]
 
     def mapped(outputs: list[ca.SX]) -> BufferedFunction:
         function = ca.Function("interval", symbols, outputs, {"cse": True})
         return BufferedFunction(function.map("intervals", "serial", stage.intervals, SHARED_INPUTS, []))
 
-    own = [np.array(ca.DM(each.sparsity(), 1.0).full(), dtype=bool).T for each in found[2:]]
-    return IntervalFunctions(mapped(whole[:2]), mapped(whole), *own)
+    in_jacobian, in_hessian = (ca.DM(each.sparsity(), 1.0).full().T > 0 for each in found[2:])
+    return IntervalFunctions(mapped(whole[:2]), mapped(whole), in_jacobian, in_hessian)
 
 
 class ExchangePoint(NamedTuple):
@@ -74,9 +72,10 @@ class ExchangePoint(NamedTuple):
 
 class RestOfProgram(NamedTuple):
     """A program with the results of its intervals in place of these: functions of (unknowns with the moving shares,
-    parameters, their rates, multipliers, results of all intervals, 0) -> cost, values of the constraints and the gradient of the Lagrangian by
-    the unknowns and the parameter of the curve; the second one also the entries of its Jacobian and of its Hessian, at
-    these rows and columns. The results occur linearly in the values at these places, with these factors."""
+    parameters, their rates, multipliers, results of all intervals, 0) -> cost, values of the constraints and the
+    gradient of the Lagrangian by the unknowns and the parameter of the curve; the second one also the entries of its
+    Jacobian and of its Hessian, at these rows and columns. The results occur linearly in the values at these places,
+    with these factors."""
 
     first: BufferedFunction
     second: BufferedFunction
@@ -127,8 +126,8 @@ def rest_of_program(problem: Transcription, moving: tuple[tuple[int, int], ...])
         for count in (3, 5)
     )
     linear = ca.Function("linear", arguments, [by_results])(*[0] * len(arguments))
-    places = [_places(each.sparsity()) for each in (jacobian, hessian, linear)]
-    return RestOfProgram(first, second, *places, np.array(linear.nonzeros()))
+    own, square, by_result = (_places(each.sparsity()) for each in (jacobian, hessian, linear))
+    return RestOfProgram(first, second, own, square, by_result, np.array(linear.nonzeros()))
 
 
 def _rate_at_exchange_point(problem: Transcription, x: ca.MX, p: ca.MX, k: int, j: int, share: ca.MX) -> ca.MX:
@@ -149,10 +148,11 @@ def _places(sparsity: ca.Sparsity) -> tuple[Array, Array]:
 
 
 class Assembly:
-    """A sparse matrix of this shape, and a further column, to which entries at these rows and columns add up. Entries
-    in further rows are dropped."""
+    """A sparse matrix of this shape, and a further column, to which blocks of entries at these rows and columns add up.
+    Entries in further rows are dropped."""
 
-    def __init__(self, rows: Array, columns: Array, shape: tuple[int, int]):
+    def __init__(self, blocks: Sequence[tuple[Array, Array]], shape: tuple[int, int]):
+        rows, columns = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
         self.shape, (m, n) = shape, shape
         self._inside, self._last = (np.flatnonzero((rows < m) & which) for which in (columns < n, columns == n))
         keys, self._places = np.unique(columns[self._inside] * m + rows[self._inside], return_inverse=True)
@@ -224,8 +224,7 @@ class ParametricTranscription:
                 kept = np.where(there, rows_of[:, None, :], none)
                 blocks.append((kept.ravel(), np.broadcast_to(own[:, :, None], kept.shape).ravel()))
             start += 1 + n * (N + 1) + m * N
-        self._jacobian = Assembly(*map(np.concatenate, zip(*jacobian, strict=True)), (n_g, n_x))
-        self._hessian = Assembly(*map(np.concatenate, zip(*hessian, strict=True)), (n_x, n_x))
+        self._jacobian, self._hessian = Assembly(jacobian, (n_g, n_x)), Assembly(hessian, (n_x, n_x))
 
     @property
     def touching_limits(self) -> list[int]:
@@ -270,8 +269,8 @@ class ParametricTranscription:
                 jacobians.append((shaped * factors[:, None, :]).ravel())
                 hessians.append(more[1])
         added = np.append(self.shares(x), 1.0)
-        arguments = x, np.append(fixed, added), np.append(rates, 0 * added), y, np.concatenate(results), 0.0
-        whole = (self._rest.first if order == 1 else self._rest.second)(*arguments)
+        rest = self._rest.first if order == 1 else self._rest.second
+        whole = rest(x, np.append(fixed, added), np.append(rates, 0 * added), y, np.concatenate(results), 0.0)
         cost, values, by_all, *more = (each.ravel() for each in whole)
         gradient += by_all
         first = FirstDerivatives(float(cost[0]), gradient[:-1], values, float(gradient[-1]))

@@ -129,7 +129,8 @@ class Transcription:
     def _advanced(self, i: int, first: ca.MX, data: ca.MX) -> Sequence[ca.MX]:
         """The states at the ends of all intervals of a stage, their costs, and the path expressions there."""
         n = self.stages[i].intervals
-        return advance(self.stages[i], self.names, self.substeps[i]).map(n)(first, ca.DM.ones(1, n), data)
+        ends, costs, path = advance(self.stages[i], self.names, self.substeps[i]).map(n)(first, ca.DM.ones(1, n), data)
+        return ends, costs, path
 
     def program(
         self, advanced: Callable[[int, ca.MX, ca.MX], Sequence[ca.MX]]

@@ -30,7 +30,7 @@ FREE, LOWER, UPPER, EQUAL = 0, -1, 1, 2
 # Newton's step, relative to the size of the unknowns, after which the next is below rounding; that at which it may not
 # become any smaller; and the contraction above which its matrix is renewed.
 CONVERGED, STAGNATED, STALE = 1e-10, 1e-8, 0.1
-INEXACT = 1e-5  # distance from a prediction to a point above which the tangent is not that of the matrix there
+INEXACT_TANGENT = 1e-5  # distance from a prediction to a point above which the tangent is not that of the matrix there
 STEPS_TO_A_POINT = 12  # of Newton's iteration to a point
 # A limit is reached, and a multiplier has passed 0, at this distance beyond it; within the second one both a limit and
 # its multiplier may be 0 at the first point.
@@ -178,7 +178,7 @@ class CurveEnd:
     reason: str
 
 
-class _Lost(Exception):
+class _LostCurve(Exception):
     """Newton's iteration does not converge."""
 
 
@@ -219,7 +219,7 @@ class MinimumCurve:
         while count < self.options.most:
             try:
                 new, error, level = self._next(passed, length, targets)
-            except _Lost:
+            except _LostCurve:
                 length /= 4
                 if length < self.options.shortest_step:
                     yield CurveEnd("stuck", f"no point is found beyond {point.value:.10g}")
@@ -227,7 +227,7 @@ class MinimumCurve:
                 continue
             try:
                 event = self._event(point, new, level)
-            except _Lost:
+            except _LostCurve:
                 length /= 4
                 if length < self.options.shortest_step:
                     yield CurveEnd("stuck", f"what happens beyond {point.value:.10g} cannot be located")
@@ -272,7 +272,7 @@ class MinimumCurve:
             z = z + near.tangent / near.tangent[-1] * (value - near.value)
         try:
             return self._corrected(z, near.sides, len(z) - 1, value, near.tangent, exact=True)[0]
-        except _Lost:
+        except _LostCurve:
             raise NoOrbit(f"no minimum is found at {value:.10g} from that at {near.value:.10g}") from None
 
     # The first point
@@ -300,7 +300,7 @@ class MinimumCurve:
             trial[unsure[chosen]] = nearest[chosen]
             try:
                 point = self._with_right_signs(z, trial, along)
-            except (_Lost, NoOrbit):
+            except (_LostCurve, NoOrbit):
                 continue
             if point.negative == 0 and not self._leads_out(point, unsure, nearest):
                 return point
@@ -320,7 +320,7 @@ class MinimumCurve:
             if end is not None:
                 break
             z = point.z
-        raise _Lost
+        raise _LostCurve
 
     def _independent(self, x: Array, multipliers: Array, sides: Array) -> tuple[Array, Array]:
         """The active limits at the start without those whose gradients depend on others' before them, and the
@@ -375,7 +375,7 @@ class MinimumCurve:
         predicted = _hermite(passed, held, level)
         new, error = self._corrected(predicted, last.sides, held, level, last.tangent)
         if error > max(50 * self.options.aim, 0.5 * length):
-            raise _Lost
+            raise _LostCurve
         return new, error, held
 
     def _crossing(self, last: CriticalPoint, held: int, level: float, target: float):
@@ -408,11 +408,11 @@ class MinimumCurve:
             missed = values[active] - np.where(sides[active] == UPPER, self.upper[active], self.lower[active])
             residual = np.concatenate([first.gradient + z[n : 2 * n], missed, [z[held] - level]])
             if not np.isfinite(residual).all():
-                raise _Lost
+                raise _LostCurve
             step = linear.solve(residual)
             size = float(np.abs(weights[places] * step).max())
             if not size < 1e3 * (1 + before):
-                raise _Lost
+                raise _LostCurve
             # Up to the square of the step, the value function is the Lagrangian and its slope that of the Lagrangian.
             cost, slope = first.cost + float(z[n + active] @ missed), first.slope - float(linear.slopes @ step[:-1])
             z[places] -= step
@@ -422,10 +422,10 @@ class MinimumCurve:
                 linear = None
             before = size
         else:
-            raise _Lost
+            raise _LostCurve
         z[held] = level
         error = float(np.abs(weights * (z - start)).max())
-        if exact or linear is None or error > INEXACT:
+        if exact or linear is None or error > INEXACT_TANGENT:
             linear = self._linear(z, active, places, held)
         tangent = np.zeros(len(z))
         tangent[places] = linear.solve(np.append(np.zeros(len(places) - 1), 1.0))
@@ -433,14 +433,14 @@ class MinimumCurve:
         if tangent @ (weights**2 * along) < 0:
             tangent = -tangent
         if not np.isfinite(tangent).all():
-            raise _Lost
+            raise _LostCurve
         if exact and tangent[-1]:
             rate = np.abs(tangent[n:-1] / tangent[-1]).max(initial=0.0)
             self._dual_size = max(self._dual_size, _size_of_duals(linear.second, self.span), self.span * rate)
         own = z[:n], z[n:-1], sides, values, cost, slope, linear.negative, tangent
         return CriticalPoint(float(z[-1]), *own), error
 
-    def _linear(self, z: Array, active: Array, places: Array, held: int) -> "_Linear":
+    def _linear(self, z: Array, active: Array, places: Array, held: int) -> "_LinearisedConditions":
         """The linearised conditions at a point, with one coordinate held."""
         n = self.n
         second = self.program.second(z[:n], z[-1], z[2 * n : -1])
@@ -465,8 +465,8 @@ class MinimumCurve:
                 row = sp.csr_matrix(([1.0], ([0], np.flatnonzero(places == held))), (1, size))
                 solve = splu(sp.bmat([[matrix, slopes[:, None]], [row, None]], format="csc")).solve
         except RuntimeError:  # exactly singular
-            raise _Lost from None
-        return _Linear(solve, negative, slopes, second)
+            raise _LostCurve from None
+        return _LinearisedConditions(solve, negative, slopes, second)
 
     # Sizes
 
@@ -555,7 +555,7 @@ class MinimumCurve:
             try:
                 after, _ = self._corrected(z, sides, len(z) - 1, point.value, along, exact=True)
                 break
-            except _Lost:
+            except _LostCurve:
                 continue
         else:
             return None, CurveEnd("degenerate", f"no minimum is found beyond the limit at {point.value:.10g}")
@@ -586,7 +586,7 @@ class MinimumCurve:
         return sides, multipliers, None
 
 
-class _Linear(NamedTuple):
+class _LinearisedConditions(NamedTuple):
     """Linearised conditions: residual -> Newton's step, with the level's last; the number of negative eigenvalues of
     the reduced Hessian; the derivatives of the conditions by the parameter; and those of the program."""
 

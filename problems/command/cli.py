@@ -602,7 +602,9 @@ def uncertainty_command(
 @click.option("--plastic", is_flag=True, help="hold, recover: the foot may land with a speed, which is lost.")
 @click.option("--short", type=float, metavar="V", help="recover: how much slower than lossless the launch is.")
 @click.option("--pumps", type=click.IntRange(1), metavar="N", help="start-up: swings before lift-off.")
-@click.option("--follow", metavar="NAME:TO", help="hold: the family of motions to that value of a number, as damping:0.2.")
+@click.option(
+    "--follow", metavar="NAME:TO", help="hold: the family of motions to that value of a number, as damping:0.2."
+)
 @options.free_limit_option
 @options.json_option
 @options.plot_option

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from orbits.control.control import control_in_units
 from orbits.control.optimal_family import FixedParameters, OptimalFamily, follow_optimum
 from orbits.errors import finite_number
 from orbits.model.machine import machine_in_words
-from orbits.units import Units, unit_text
+from orbits.units import unit_text
 
 from .actuated import Actuated, Actuator
 from .actuator_bounds import dimensions_of_rows
@@ -20,7 +20,7 @@ from .goals import dimensions_of_costs
 
 # Steps of the differences that are the slopes of a machine's dimensionless numbers, as a share of the range; numbers
 # that are linear to the second share are so exactly.
-DIFFERENCE, LINEAR = 1e-5, 1e-14
+DIFFERENCE_OF_NUMBERS, LINEAR = 1e-5, 1e-14
 
 
 @dataclass(frozen=True, repr=False)
@@ -64,7 +64,9 @@ def follow_driven(driven: Driven, name: str, to: float, **options: Any) -> Drive
     if known is not None and (known.problem.fixed != tuple(actuated.still) or known.problem.free):
         raise InputError("hops of least effort that repeat themselves are followed: take keep_hopping(machine)")
     if actuated.has_corners:
-        raise InputError("the law of the spring has corners, which the motion would pass in another order: find each hop")
+        raise InputError(
+            "the law of the spring has corners, which the motion would pass in another order: find each hop"
+        )
     first = float(numbers[name])
     values = _fixed_parameters(driven, name, first, to)
     found = follow_optimum(bare, name, to, parameters=values, start=first, **options)
@@ -88,7 +90,7 @@ def _fixed_parameters(driven: Driven, name: str, first: float, last: float) -> F
         return np.array([*at(value).still.values()])
 
     ends = [at(first), at(last)]
-    sizes = [None if each.units is None else cast(Units, each.units) for each in ends]
+    sizes = [each.units for each in ends]
     if sizes[0] != sizes[1]:
         raise InputError(f"with {name} the machine's units change: follow that of the machine without units")
     gaps = [each.model.gap(each.values) for each in ends]
@@ -98,7 +100,7 @@ def _fixed_parameters(driven: Driven, name: str, first: float, last: float) -> F
     if np.abs(0.5 * (a + b) - middle).max() <= LINEAR * (1 + np.abs(middle).max()):
         rates = (b - a) / (last - first)
         return lambda value: (a + rates * (value - first), rates)
-    return _differenced(numbers, DIFFERENCE * abs(last - first))
+    return _differenced(numbers, DIFFERENCE_OF_NUMBERS * abs(last - first))
 
 
 def _differenced(numbers: Callable[[float], np.ndarray], step: float) -> FixedParameters:

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from carts import STRAIGHT, cart
 
-from orbits import InputError, NoOrbit, steer
+from orbits import InputError, NoOrbit, OptimalFamily, steer
 from orbits.control import Guess, Input, Stage
-from orbits.control.optimal_family import OptimalFamily
 from orbits.model import Phase
 
 TO_D = {"start": lambda x, before, p: x, "end": lambda x, p: [x[0] - p["d"], x[1]]}
@@ -60,7 +59,6 @@ def test_a_path_condition_is_touched_within_an_interval(intervals, shift):
     enters = [each for each in family.events if each.kind == "enters"]
     if not shift:
         assert [each.value for each in enters] == pytest.approx([4 / 3, 3 / 2], abs=1e-9)
-        assert "flat" in family.events[-1].what
     assert len(enters) >= 1
     for distance in (1.4, 1.53):
         own, solved = family.at(distance), to(distance, intervals=intervals, path=path)
@@ -119,7 +117,7 @@ def test_a_family_is_printed_tabled_drawn_and_saved(tmp_path):
         same.at(1.2)
     with pytest.raises(InputError, match="follow it again"):
         pickle.loads(pickle.dumps(family)).at(1.2)
-    with pytest.raises(InputError, match="from 1 to 1.6"):
+    with pytest.raises(InputError, match="the family goes from 1 to"):
         family.at(2.0)
 
 
