@@ -11,6 +11,7 @@ from .continuation.starts import start_from_rest, starts
 from .continuation.step_control import StepControl as StepControl
 from .control import Guess as Guess, Hold as Hold, Input as Input, Stage as Stage, hold as hold
 from .control.control import Control
+from .control.optimal_family import OptimalFamily
 from .control.steer import steer
 from .design.optimality import Active as Active, Design
 from .design.optimize import optimize
@@ -87,11 +88,11 @@ PLACE_OF: dict[str, str]  # the module of each name
 
 __all__ = [
     "BifurcationDiagram", "BranchPoint", "Control", "Design", "EventCurve", "Existence", "Family", "Front",
-    "HopMultipliers", "InputError", "Machine", "Mechanism", "Model", "NoOrbit", "Orbit", "OrbitsError",
-    "PeriodDiagram", "PeriodicHop", "Proof", "ReturnMap", "Simulation", "Sweep", "Uncertainty", "Units",
-    "__version__", "bifurcations", "check", "existence", "find", "find_all", "find_branch_points", "follow",
-    "follow_branch", "follow_branch_points", "follow_event", "follow_fold", "multiplier", "multipliers", "optimize",
-    "orbit_at", "orbit_function", "pareto", "period_diagram", "prove", "prove_absence", "prove_doubling",
-    "prove_fixed_point", "prove_fold", "quantities", "sensitivities", "simulate", "start_from_rest", "starts",
-    "steer", "sweep", "time_limit", "trace", "uncertainty",
+    "HopMultipliers", "InputError", "Machine", "Mechanism", "Model", "NoOrbit", "OptimalFamily", "Orbit",
+    "OrbitsError", "PeriodDiagram", "PeriodicHop", "Proof", "ReturnMap", "Simulation", "Sweep", "Uncertainty",
+    "Units", "__version__", "bifurcations", "check", "existence", "find", "find_all", "find_branch_points",
+    "follow", "follow_branch", "follow_branch_points", "follow_event", "follow_fold", "multiplier", "multipliers",
+    "optimize", "orbit_at", "orbit_function", "pareto", "period_diagram", "prove", "prove_absence",
+    "prove_doubling", "prove_fixed_point", "prove_fold", "quantities", "sensitivities", "simulate",
+    "start_from_rest", "starts", "steer", "sweep", "time_limit", "trace", "uncertainty",
 ]  # fmt: skip

@@ -9,6 +9,7 @@ _HOMES = {
     "Chain": ".machines.chain",
     "Disturbed": ".steering.disturbed",
     "Driven": ".steering.driven",
+    "DrivenFamily": ".steering.driven_family",
     "HeavyHand": ".machines.heavy_hand",
     "Hopper": ".machines.hopper",
     "Juggler": ".machines.juggler",

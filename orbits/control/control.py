@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
+from importlib import import_module
 from typing import Any, Self
 
 import numpy as np
@@ -63,6 +64,8 @@ class WarmStart:
     multipliers: Multipliers | None
     shares: np.ndarray  # of its interval at which each exchange point of the problem lies
     unit: float = 1.0  # of the cost, which it brings to order one, since Ipopt's tolerances are absolute
+    free: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # bounds of the free parameters
+    tolerance: float = 1e-9  # the largest violation and error allowed
 
 
 @dataclass(frozen=True, repr=False)
@@ -159,6 +162,25 @@ class Control(Result, what="control", document_is_whole=True, in_line=("status",
     def _second(self) -> str:
         """The unit of time after a number."""
         return " s" if self.units else ""
+
+    def follow(self, name: str, to: float, **options: Any) -> Any:
+        """Follow the motion in a parameter: a `OptimalFamily` of motions of locally least cost, on the same intervals.
+
+        name : of one of its `parameters` that has a value
+        to : the last value of the parameter
+        options : as in `orbits.control.optimal_family.follow_optimum`, such as `at`, values among those of the family
+
+        >>> from orbits import steer
+        >>> from orbits.control import Guess, Input, Stage
+        >>> from orbits.model import Phase
+        >>> cart = Phase("cart", ("x", "v"), lambda x, p, q: [x[1], p["f"]])
+        >>> ends = {"start": lambda x, before, p: x, "end": lambda x, p: [x[0] - p["d"], x[1]]}
+        >>> stage = Stage(cart, 4, (1, 1), {"f": Input(degree=1)}, **ends, running=lambda x, p, q: p["f"] ** 2)
+        >>> found = steer([stage], {"d": 1.0}, guess=[Guess(1.0, lambda t: [t, 1.0])])
+        >>> round(float(found.follow("d", 2.0).costs[-1]), 9)  # 12 d^2
+        48.0
+        """
+        return import_module(f"{__package__}.optimal_family").follow_optimum(self, name, to, **options)
 
     def schedule(self, *names: str) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """The times (k + 1,) at which piecewise constant inputs change, and their values (k,) in between, 0 where a

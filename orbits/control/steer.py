@@ -109,7 +109,7 @@ def steer(
     rounds, solves, report = whole_number("rounds", rounds, "solves"), count(1), progress or (lambda share: None)
     solved = lambda: report(1 - 0.5 ** next(solves))  # noqa: E731
     with interrupts.deferred():
-        found = _steer(stages, parameters, free, guess, tolerance, rounds, solved)
+        found = steered_on_intervals(stages, parameters, free, guess, tolerance, rounds, solved)
         if refine is not None:
             found = _halved(found, stages, parameters, free, tolerance, refine, rounds, solved)
     report(1.0)
@@ -139,7 +139,7 @@ def _halved(
     """The motion on intervals that are halved until its cost converges."""
     for _ in range(STEER_OPTIONS.halvings):
         stages = tuple(replace(stage, intervals=2 * stage.intervals) for stage in stages)
-        finer = _steer(stages, parameters, free, found, tolerance, rounds, solved)
+        finer = steered_on_intervals(stages, parameters, free, found, tolerance, rounds, solved)
         coarseness = abs(finer.cost - found.cost) / max(abs(finer.cost), STEER_OPTIONS.negligible_cost)
         iterations, solves = found.iterations + finer.iterations, found.rounds + finer.rounds
         found = replace(finer, coarseness=coarseness, iterations=iterations, rounds=solves)
@@ -151,10 +151,12 @@ def _halved(
     )
 
 
-def _steer(
-    stages, parameters: Mapping, free: Mapping, guess, tolerance: float, most_rounds: int, solved: Callable
-) -> Control:
-    """The motion on the stated intervals."""
+def steered_on_intervals(
+    stages: tuple[Stage, ...], parameters: Mapping[str, float], free: Mapping[str, tuple[float, float]],
+    guess: Sequence[Guess] | Control | WarmStart, tolerance: float, most_rounds: int = STEER_OPTIONS.rounds,
+    solved: Callable[[], None] = lambda: None,
+) -> Control:  # fmt: skip
+    """The motion on the stated intervals, as `steer` finds it; `solved` is called after each solve."""
     try:
         problem = transcription(stages, tuple(parameters), tuple(free), (1,) * len(stages), ())
     except KeyError as error:
@@ -189,7 +191,8 @@ def _steer(
         if motion.error <= tolerance and motion.violation <= tolerance:
             named = dict(zip(problem.names, motion.values.tolist(), strict=True))
             accuracy = motion.violation, motion.error
-            return Control(motion.legs(), motion.cost, named, *accuracy, iterations, rounds, 0.0, warm_start=current)
+            known = replace(current, tolerance=tolerance)
+            return Control(motion.legs(), motion.cost, named, *accuracy, iterations, rounds, 0.0, warm_start=known)
         stalled = before is not None and motion.violation > STALLED * before.violation
         stalled = stalled and motion.error > OF_THE_STEPS * motion.violation
         finer = _refined(current, motion, tolerance, stalled)
@@ -209,12 +212,12 @@ def _steer(
 
 def _warm_or_cold_start(problem: Transcription, guess, free: Mapping, bounds, fixed) -> WarmStart:
     """The start of the first solve: the solution of a `Control` of the same problem, or a cold start from a guess."""
-    known = guess.warm_start if isinstance(guess, Control) else None
+    known = guess.warm_start if isinstance(guess, Control) else guess if isinstance(guess, WarmStart) else None
     if known is not None and known.problem.stages == problem.stages and known.problem.names == problem.names:
-        return known
+        return replace(known, free=free)
     x = _unknowns_of_guess(problem, guess, free, bounds)
     size = abs(problem.cost(x, np.concatenate([fixed, [1.0]])))
-    return WarmStart(problem, x, None, np.zeros(0), size if STEER_OPTIONS.needs_unit(size) else 1.0)
+    return WarmStart(problem, x, None, np.zeros(0), size if STEER_OPTIONS.needs_unit(size) else 1.0, free)
 
 
 def _minimum(start: WarmStart, fixed, bounds) -> Minimum:

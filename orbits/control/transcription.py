@@ -1,6 +1,6 @@
 """Direct multiple shooting: the nonlinear program of a sequence of stages."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import casadi as ca
@@ -121,14 +121,32 @@ class Transcription:
         self._limits = [(0.0, row.most) for row in rows]
 
     def _build(self) -> tuple[Minimiser, list[_Constraint]]:
-        """The nonlinear program, with the fixed parameters, the shares and the cost's unit as its parameters, and its
-        constraints in order."""
+        """The minimiser, and the constraints in order."""
+        program, constraints = self.program(self._advanced)
+        unknowns, parameters, cost, values = program
+        return Minimiser(unknowns, parameters, cost, values, STALLS), constraints
+
+    def _advanced(self, i: int, first: ca.MX, data: ca.MX) -> Sequence[ca.MX]:
+        """The states at the ends of all intervals of a stage, their costs, and the path expressions there."""
+        n = self.stages[i].intervals
+        ends, costs, path = advance(self.stages[i], self.names, self.substeps[i]).map(n)(first, ca.DM.ones(1, n), data)
+        return ends, costs, path
+
+    def program(
+        self, advanced: Callable[[int, ca.MX, ca.MX], Sequence[ca.MX]]
+    ) -> tuple[tuple[ca.MX, ca.MX, ca.MX, ca.MX], list[_Constraint]]:
+        """The nonlinear program as its unknowns, its parameters, its cost and the values of its constraints: the
+        parameters are the fixed ones, the shares and the cost's unit; and the constraints in order.
+
+        advanced : (stage's number, states (n, N) at the starts of its intervals, their parameters (k, N)) -> the states
+            (n, N) at their ends, their costs (1, N) and their path expressions (m, N)
+        """
         fixed, freed, shares = (ca.MX.sym("p", len(each)) for each in (self.fixed, self.free, self.exchange_points))
         p, unit, cost, data = ca.vertcat(fixed, freed), ca.MX.sym("unit"), ca.MX(0), []
         parts = [(ca.MX.sym("T"), ca.MX.sym("x", n, N + 1), ca.MX.sym("w", m, N)) for n, N, m in self.shapes]
         constraints = list[_Constraint]()
         for i, part in enumerate(parts):
-            stage_cost, stage_data, own = self._build_stage(i, part, parts[i - 1][1][:, -1], p)
+            stage_cost, stage_data, own = self._build_stage(i, part, parts[i - 1][1][:, -1], p, advanced)
             cost += stage_cost
             data.append(stage_data)
             constraints += own
@@ -139,13 +157,15 @@ class Transcription:
                 constraints.append(self._constraint(path[j], i, f"'{name}'", inner=True))
         unknowns = ca.veccat(*[symbol for part in parts for symbol in part], freed)
         values = ca.vertcat(*[constraint.values for constraint in constraints])
-        return Minimiser(unknowns, ca.vertcat(fixed, shares, unit), cost / unit, values, STALLS), constraints
+        return (unknowns, ca.vertcat(fixed, shares, unit), cost / unit, values), constraints
 
-    def _build_stage(self, i: int, part, before: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX, list[_Constraint]]:
+    def _build_stage(
+        self, i: int, part, before: ca.MX, p: ca.MX, advanced: Callable
+    ) -> tuple[ca.MX, ca.MX, list[_Constraint]]:
         """Cost, parameters of each interval, and constraints of a stage that follows the state `before`."""
         stage, (duration, x, w), n = self.stages[i], part, self.stages[i].intervals
         data = ca.vertcat(ca.repmat(p, 1, n), ca.repmat(duration / n, 1, n), w)
-        ends, costs, path = advance(stage, self.names, self.substeps[i]).map(n)(x[:, :-1], ca.DM.ones(1, n), data)
+        ends, costs, path = advanced(i, x[:, :-1], data)
         conditions = _conditions(stage, self.names, before.numel())
         start, end, above, final, lows, highs = conditions(x[:, 0], x[:, -1], before, p)
         constraints = [
@@ -182,6 +202,22 @@ class Transcription:
             sides.append(self.pack(parts, [bound[side] for bound in free.values()]))
         return sides[0], sides[1]
 
+    def inner_row(self, i: int, j: int, node: int) -> int:
+        """The constraint that a path expression of a stage, number j, is not negative at a node within it."""
+        label = f"'{[*self.stages[i].path][j]}' of stage {i + 1} ({self.stages[i].phase.name})"
+        return self.labels.index(label) + node - 1
+
+    @property
+    def bound_labels(self) -> list[str]:
+        """What the bounds of each unknown are of, in words."""
+        labels = []
+        for i, (stage, (size, n, _)) in enumerate(zip(self.stages, self.shapes, strict=True), start=1):
+            where = f"of stage {i} ({stage.phase.name})"
+            labels += [f"the duration {where}", *[f"the states {where}"] * (size * (n + 1))]
+            names = [name for name, control in stage.inputs.items() for _ in range(control.degree + 1)]
+            labels += [f"input '{name}' {where}, interval {k + 1}" for k in range(n) for name in names]
+        return labels + [f"parameter '{name}'" for name in self.free]
+
     def pack(self, parts: Sequence[StageUnknowns], free: Sequence[float]) -> np.ndarray:
         """The unknowns (n,) from those of each stage and the free parameters."""
         arrays = [np.ravel(array, order="F") for part in parts for array in part]
@@ -196,6 +232,12 @@ class Transcription:
             parts.append(StageUnknowns(float(duration[0]), nodes, coefficients))
         return parts
 
+    @property
+    def limits(self) -> tuple[np.ndarray, np.ndarray]:
+        """Bounds of the constraints, (m,) each."""
+        least, most = np.array(self._limits).T
+        return least, most
+
     def cost(self, x: np.ndarray, p: np.ndarray) -> float:
         """The cost of unknowns, with `p` as in `minimise`."""
         return float(self._minimiser.conditions(x, p, 0.0)[0])
@@ -203,8 +245,7 @@ class Transcription:
     def minimise(self, x: np.ndarray, p: np.ndarray, bounds: tuple, multipliers: Multipliers | None) -> Minimum:
         """The minimum near `x`; `p` contains the fixed parameters, the shares of the exchange points, and the cost's
         unit, and the iteration starts from the `multipliers` of a minimum nearby, or cold."""
-        least, most = np.array(self._limits).T
-        return self._minimiser(x, p, bounds, (least, most), multipliers)
+        return self._minimiser(x, p, bounds, self.limits, multipliers)
 
     def end_conditions(self, values: np.ndarray, ends: Sequence) -> Iterator[tuple]:
         """For each stage, the values of `_conditions` at parameters and at the stages' (first, last) states."""

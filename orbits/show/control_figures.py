@@ -11,6 +11,7 @@ from .plot import COLOURS, new_axes, plain
 
 if TYPE_CHECKING:
     from ..control.control import Control, ControlledLeg
+    from ..control.optimal_family import OptimalFamily
 
 STAGE_SAMPLES = 401  # times of a stage at which its curves are drawn
 DASHES = ("-", (0, (5, 2)), (0, (1, 1.5)))  # of curves beyond the number of colours
@@ -37,6 +38,20 @@ def plot_control(control: "Control", axes: Axes | None = None) -> Axes:
     mark_stages(control, panels)
     _name_stages(control, axes)
     return finished_panels(control, panels)
+
+
+def plot_optimal_family(family: "OptimalFamily", axes: Axes | None = None) -> Axes:
+    """Plot the least cost of a family of optimal motions against its parameter, with a dotted line and the kind at each
+    event; return the axes."""
+    axes = axes or new_axes(5.6, 3.8)
+    axes.plot(family.values, family.costs, "-", marker=".", ms=5, lw=1.8, color=COLOURS[0])
+    for event in family.events:
+        axes.axvline(event.value, color="0.6", lw=0.8, ls=":", zorder=0.5)
+        text = {"rotation": 90, "va": "top", "ha": "right", "fontsize": "small", "color": "0.4", "parse_math": False}
+        axes.text(event.value, 0.98, event.kind, transform=axes.get_xaxis_transform(), **text)
+    axes.set(xlabel=plain(family.heading(family.name)), ylabel=plain(family.heading("cost")))
+    axes.spines[["top", "right"]].set_visible(False)
+    return axes
 
 
 def _states_of(leg: "ControlledLeg", name: str, since: np.ndarray) -> np.ndarray | None:

@@ -49,6 +49,7 @@ Examples:
   orbits control recover --short 0.1                   back to the lossless launch speed in one hop
   orbits control hold --damping 0.01 --actuator "force:y1 - y2" --force 0.5
   orbits sweep --machine soft.toml --start hop.json --over ground_stiffness=40:60 --samples 100
+  orbits control hold --follow damping:0.2             all such motions, from the lossless hop on
   orbits control start-up --pumps 2 --stroke 2         from rest in contact onto the lossless hop
 
 \b
@@ -615,6 +616,9 @@ def uncertainty_command(
 @click.option("--plastic", is_flag=True, help="hold, recover: the foot may land with a speed, which is lost.")
 @click.option("--short", type=float, metavar="V", help="recover: how much slower than lossless the launch is.")
 @click.option("--pumps", type=click.IntRange(1), metavar="N", help="start-up: swings before lift-off.")
+@click.option(
+    "--follow", metavar="NAME:TO", help="hold: the family of motions to that value of a number, as damping:0.2."
+)
 @options.free_limit_option
 @options.json_option
 @options.plot_option
@@ -622,7 +626,7 @@ def uncertainty_command(
 @options.file_option("--save", "result", "Write the motion (.json, to load), or its states, inputs and forces (.csv).")
 def control_command(
     goal: str, family: int, hop: str | None, as_json: bool, plot: str | None, animate: str | None, save: str | None,
-    **stated: Any,
+    follow: str | None, **stated: Any,
 ) -> None:  # fmt: skip
     """Steer a machine whose spring's end is moved, or that a force drives, with locally least effort.
 
@@ -631,12 +635,13 @@ def control_command(
     """
     from .. import steering
 
-    wanted = options.steering_arguments(goal, stated)
+    wanted, along = options.steering_arguments(goal, stated), options.followed_number(goal, follow, animate)
     functions = {"hold": steering.keep_hopping, "recover": steering.recover, "start-up": steering.start_up}
     machine = options.machine_of(**stated)
     with options.progress() as report:
         first = options.started(machine, hop)
         found = functions[goal](machine, family=family, start=first, progress=report, **wanted)
+        found = found.follow(*along) if along else found
     options.write(found, as_json, plot, animate, save)
 
 

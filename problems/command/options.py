@@ -339,6 +339,22 @@ def steering_arguments(goal: str, stated: dict[str, Any]) -> dict[str, Any]:
     return found
 
 
+def followed_number(goal: str, text: str | None, animate: str | None) -> tuple[str, float] | None:
+    """The number of the machine and its last value that NAME:TO stands for; raises `InputError` for anything else."""
+    from orbits.errors import InputError
+
+    if text is None:
+        return None
+    if goal != "hold":
+        raise InputError(f"--follow belongs to hold, not to {goal}: leave it out")
+    if animate is not None:
+        raise InputError("--animate draws one motion, not a family: leave out --follow, or --animate")
+    name, colon, to = text.partition(":")
+    if not colon:
+        raise InputError(f"--follow {text!r} is no number of the machine and its last value, as damping:0.2")
+    return name, numbers("--follow", to, float)[0]
+
+
 def power_of_two(count: int) -> int:
     """The largest power of 2 up to a number, at least 2."""
     return 2 ** max(1, count.bit_length() - 1)

@@ -139,6 +139,19 @@ class Driven(Control, what="motion of a driven machine"):
         liftoffs = hops + sum(leg.phase == "contact" for leg in self.legs[-1:])
         return simulate(self.actuated, state=self(0.0), hops=liftoffs, schedule=schedule)
 
+    def follow(self, name: str, to: float, **options: Any) -> Any:
+        """Follow a hop of least effort in a number of its machine, as "damping"; the result is a `DrivenFamily`. See
+        `problems.steering.driven_family.follow_driven`, which takes the options.
+
+        >>> from problems import Hopper, steering
+        >>> family = steering.keep_hopping(Hopper()).follow("damping", 0.02, at=[0.01])  # from the lossless orbit
+        >>> round(family.at(0.01).cost / 0.01**2, 4)
+        125.7925
+        """
+        from .driven_family import follow_driven
+
+        return follow_driven(self, name, to, **options)
+
     def power(self, t: ArrayLike) -> np.ndarray:
         """The actuator's power (...) on the machine at times (...); raises as a call does."""
         return self._effects(t)[1]

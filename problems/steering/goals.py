@@ -42,7 +42,7 @@ WORK_TOLERANCE = 1e-7
 WIDER_RATES = (4.0, 2.0, 1.4, 1.0)
 
 
-def _costs(driven: Actuated) -> dict[str, Dimension]:
+def dimensions_of_costs(driven: Actuated) -> dict[str, Dimension]:
     """The dimensions of the costs: effort is the integral of the square of the rate or of the force."""
     own = driven.dimensions
     driving = own[driven.actuator.state if driven.actuator.is_force else driven.actuator.rate]
@@ -54,7 +54,7 @@ def _dimension_of_added(name: str, driven: Actuated) -> Dimension | str:
     """The dimension of a parameter that a hop or a start adds: a peak, or a state at lift-off or at rest."""
     kind, _, state = name.partition(" ")
     if kind == "peak":
-        return _costs(driven)["peak"]
+        return dimensions_of_costs(driven)["peak"]
     if state:
         return state
     return LIFTOFF_SPEED if kind in ("launch", "aim") else driven.model.launched[0]
@@ -69,7 +69,7 @@ def in_units_of_the_machine(function: Callable[..., Control]) -> Callable[..., D
         driven = Actuated(machine, options.pop("actuator", None) or Actuator())
 
         def in_si(control: Control, machine: Any) -> Control:
-            units, cost = cast(Units, driven.units), _costs(driven)[options.get("cost", "effort")]
+            units, cost = cast(Units, driven.units), dimensions_of_costs(driven)[options.get("cost", "effort")]
             added = {name: value for name, value in control.parameters.items() if name not in driven.still}
             known = {name: x * units.of(_dimension_of_added(name, driven)) for name, x in added.items()}
             named = {**machine.values, **{name: x for name, x in known.items() if name != "round"}}

@@ -46,6 +46,19 @@ def test_an_actuator_is_named(orbits):
     assert orbits(f"{line} --actuator 'y1 - y2'").document["cost"] == orbits(line).document["cost"]
 
 
+def test_a_family_from_the_lossless_hop(orbits, tmp_path):
+    table = tmp_path / "family.csv"
+    done = orbits(f"control hold --intervals 16 --follow damping:0.05 --json --save {table}")
+    assert (done.code, done.err) == (0, "")
+    assert done.document["end"]["kind"] == "reached"
+    expected = steering.keep_hopping(Hopper(damping=0.05), intervals=16).cost
+    assert done.document["costs"][-1] == pytest.approx(expected, rel=1e-9)
+    with open(table, newline="") as file:
+        head, *rows = csv.reader(file)
+    assert head == ["damping", "cost", "slope", "active"]
+    assert float(rows[-1][0]) == 0.05
+
+
 def test_start_up(orbits):
     done = orbits("control start-up --pumps 2 --stroke 2 --intervals 8 --json")
     assert (done.code, done.err) == (0, "")
@@ -67,6 +80,11 @@ def test_start_up(orbits):
         ("hold --actuator 'force:y1 - y3'", 2, "there is no coordinate 'y3'"),
         ("hold --actuator 'torque:y1 - y2'", 2, "a 'displacement' or a 'force'"),
         ("hold --save hold.txt", 2, "needs an ending"),
+        ("hold --follow damping", 2, "as damping:0.2"),
+        ("hold --follow damping:much", 2, "not a list of numbers"),
+        ("hold --follow zeta:1", 2, "'zeta' is no number of the machine; there are: mass_ratio, damping, drag"),
+        ("hold --follow damping:0.1 --animate hop.gif", 2, "draws one motion"),
+        ("recover --short 0.1 --follow damping:0.1", 2, "--follow belongs to hold"),
         ("hold --damping 0.01 --rate 1e-6", 1, ""),
     ],
 )

@@ -1,0 +1,470 @@
+"""Families of optimal motions: a motion of locally least cost, followed in a parameter by its optimality conditions.
+
+The nonlinear program is that of the motion, on the same intervals. Each point satisfies the conditions of first order
+to rounding and those of second order, by the signs of pivots. On the way the Taylor steps are compared with steps of
+half the length, and path expressions are evaluated within the intervals: where either is not good enough, the program
+is refined as `steer` does it, and followed from there. A motion of the family is integrated again by the accurate flow
+when it is asked for, as that of `steer`.
+"""
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ..errors import InputError, NoOrbit, finite_number
+from ..io import Document
+from ..numerics.kkt_curve import CriticalPoint, CurveEnd, CurveEvent, CurveOptions, MinimumCurve
+from ..numerics.roots import Array
+from ..result import Axes, Result, Row, shown, stored
+from ..running import interrupts
+from ..running.exclusive import exclusive
+from ..symbolic.caches import cached
+from ..symbolic.calls import BufferedFunction
+from .control import Control, WarmStart
+from .parametric import ExchangePoint, ParametricTranscription
+from .rollout import roll_out
+from .stage import Stage
+from .steer import steered_on_intervals
+from .transcription import advance, transcription
+
+# Shares of an interval at which path expressions are evaluated along a family.
+WATCHED_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
+MOST_EXCHANGES = 200  # exchanges of points of path conditions, and halvings of steps, in a family
+# A path expression below this touches zero; within the second share of an interval from its end it does so at the end.
+TOUCHES, AT_END = 1e-6, 1e-4
+# How a curve ends where a touch becomes flat; the step beyond, as a share of the whole range, and the change of the
+# cost beside its slope with which the motion there is the next one.
+LOST_TOUCHES = ("fold", "bifurcation", "degenerate", "stuck")
+STEP_PAST_FLAT, CHANGE_PAST_FLAT = 1e-3, 1e-3
+# (parameter of the family) -> the fixed parameters of its program, and their derivatives.
+FixedParameters = Callable[[float], tuple[Array, Array]]
+
+
+@dataclass(frozen=True)
+class OptimalEvent:
+    """What happens along a family of optimal motions.
+
+    kind : "enters" or "leaves", of a bound that is active from there on, or until there; "fold" or "bifurcation", where
+        the minimum is lost; or "mesh", where the program is refined
+    value, cost : of the parameter, and the least cost there
+    what : the bounds in words, or the refinement
+    """
+
+    kind: str
+    value: float
+    cost: float
+    what: str
+
+
+@dataclass(frozen=True)
+class FamilyEnd:
+    """The end of a family of optimal motions: "reached", "fold", "bifurcation", "infeasible", "degenerate", "stuck" or
+    "stopped", and the reason in words."""
+
+    kind: str
+    reason: str = ""
+
+
+@dataclass(frozen=True, repr=False)
+class OptimalFamily(
+    Result, what="family of optimal motions", document_is_whole=True, dimension="point",
+    in_line=("name", "unknowns", "end.kind"),
+):  # fmt: skip
+    """Motions of locally least cost along a parameter; called by `at` with a value, it gives the motion there.
+
+    name : of the parameter
+    values, costs, slopes : (k,), of the parameter, the least cost, and the derivative of the least cost by it
+    active : of each point the bounds that are active, in words
+    events : in order
+    end : how the family ends
+    unknowns : number of unknowns of the program
+    seconds : time taken in all
+    units : of the cost and the parameter, by name; empty where the numbers are not in SI
+    """
+
+    name: str
+    values: np.ndarray
+    costs: np.ndarray
+    slopes: np.ndarray
+    active: tuple[tuple[str, ...], ...]
+    events: tuple[OptimalEvent, ...]
+    end: FamilyEnd
+    unknowns: int
+    seconds: float
+    units: Mapping[str, str] = field(default_factory=dict)
+    trail: "Trail | None" = field(default=None, repr=False)
+
+    machine = property(lambda self: {})  # motions are of stages
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The pickled state: all but the nonlinear programs."""
+        return vars(self) | {"trail": None}
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def at(self, value: float) -> Control:
+        """The motion at a value of the parameter, integrated again by the accurate flow.
+
+        Raises `InputError` for a value outside the family, and for a family that was read from a file.
+        """
+        if self.trail is None:
+            raise InputError("a family from a file has no programs to solve: follow it again for its motions")
+        low, high = min(self.values), max(self.values)
+        if not low <= finite_number(self.name, value) <= high:
+            raise InputError(f"{self.name} = {value:g}; the family goes from {low:.6g} to {high:.6g}")
+        return self.trail.control(float(value))
+
+    def table(self) -> dict[str, Any]:
+        """The points as columns: the parameter, "cost", "slope" (of the least cost), and "active", the bounds."""
+        active = np.array(["; ".join(names) for names in self.active])
+        return {self.name: self.values, "cost": self.costs, "slope": self.slopes, "active": active}
+
+    def document(self) -> Document:
+        return {"format": self.form(), **stored(replace(self, trail=None))}
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Plot the least cost against the parameter, with the events; returns the axes."""
+        return shown("control_figures").plot_optimal_family(self, axes)
+
+    def title(self) -> str:
+        return f"motions of locally least cost along {self.name}"
+
+    def _rows(self) -> Iterator[Row]:
+        cost = f" {self.units['cost']}" if self.units else ""
+        places: list[tuple[float, float, str]] = [(self.values[0], self.costs[0], "first")]
+        places += [(each.value, each.cost, f"{each.kind}: {each.what}") for each in self.events]
+        last = " ".join(filter(None, (self.end.kind, self.end.reason)))
+        places.append((self.values[-1], self.costs[-1], last))
+        for value, least, what in places:
+            yield Row(float(value), {"cost": float(least), "what": what}, (f"cost {{:<14.10g}}{cost} {{}}",))
+
+    def _notes(self) -> list[str]:
+        return [f"{len(self)} points with {self.unknowns} unknowns in {self.seconds:.2f} s"]
+
+
+@dataclass(frozen=True, eq=False)
+class Trail:
+    """The points of a family with their programs, from which its motions are solved again."""
+
+    points: tuple[tuple[MinimumCurve, WarmStart, CriticalPoint], ...]
+
+    def control(self, value: float) -> Control:
+        """The motion at a value of the parameter."""
+        values = np.array([point.value for *_, point in self.points])
+        way = np.sign(values[-1] - values[0]) or 1.0
+        behind = int(np.searchsorted(way * values, way * value, side="right")) - 1
+        curve, start, near = self.points[max(behind, 0)]
+        point = near if value == near.value else curve.at(value, near)
+        program = curve.program
+        assert isinstance(program, ParametricTranscription)
+        return _integrated_again(start, program, point)
+
+
+@exclusive
+def follow_optimum(
+    control: Control, name: str, to: float, *, at: Sequence[float] = (), most: int = 1000, longest: float = 0.1,
+    parameters: FixedParameters | None = None, start: float | None = None,
+) -> OptimalFamily:  # fmt: skip
+    """Follow a motion of locally least cost in a parameter, by the optimality conditions of its nonlinear program.
+
+    control : a result of `steer`, of this process
+    name, to : of the parameter, one of the control's that has a value, and its last value
+    at : values that are among the points
+    most : number of points
+    longest : step, as a share of the parameter's range
+    parameters : value -> the fixed parameters of the control's program, and their derivatives, where several of them
+        vary together; `start` is then the first value
+
+    The family ends before its last value where its motions cease to be minima, at a fold or a bifurcation, and where
+    bounds exclude each other. Raises `InputError` for invalid arguments, and `NoOrbit` where the conditions of second
+    order do not hold at the first motion.
+    """
+    began = time.perf_counter()
+    known = control.warm_start
+    if known is None or known.multipliers is None:
+        raise InputError("a motion from a file or another process has no program to follow: find it again, with guess=")
+    fixed = np.array([control.parameters[each] for each in known.problem.fixed])
+    if parameters is None:
+        if name not in known.problem.fixed:
+            choice = ", ".join(known.problem.fixed) or "none"
+            raise InputError(f"'{name}' is no parameter with a value; there are: {choice}")
+        place = known.problem.fixed.index(name)
+        parameters, start = _one_of(fixed, place), float(fixed[place])
+    first, last = finite_number("start", start), finite_number("to", to)
+    if first == last:
+        raise InputError(f"to = {last:g}: the motion is at this value of {name} already")
+    options = CurveOptions(longest_step=finite_number("longest", longest), most=most)
+    run = _RunAlongFamily(parameters, last, [finite_number("at", each) for each in at], options)
+    with interrupts.deferred():
+        end = run.trace(known, first)
+    values, costs, slopes = np.array([(p.value, p.cost, p.slope) for *_, p in run.points]).T
+    active, events, trail = tuple(map(tuple, run.active)), tuple(run.events), Trail(tuple(run.points))
+    seconds = time.perf_counter() - began
+    return OptimalFamily(name, values, costs, slopes, active, events, end, len(known.x), seconds, trail=trail)
+
+
+def _one_of(fixed: Array, place: int) -> FixedParameters:
+    """The fixed parameters where one of them varies."""
+    rates = np.zeros(len(fixed))
+    rates[place] = 1.0
+
+    def values(value: float) -> tuple[Array, Array]:
+        found = fixed.copy()
+        found[place] = value
+        return found, rates
+
+    return values
+
+
+class _RunAlongFamily:
+    """A run along a family, which collects its points, the bounds active at each, and the events."""
+
+    def __init__(self, parameters: FixedParameters, last: float, at: list[float], options: CurveOptions):
+        self.parameters, self.last, self.at, self.options = parameters, last, at, options
+        self.points = list[tuple[MinimumCurve, WarmStart, CriticalPoint]]()
+        self.active, self.events = list[list[str]](), list[OptimalEvent]()
+
+    def trace(self, start: WarmStart, value: float) -> FamilyEnd:
+        """Follow to the end."""
+        curve = self._curve_of(start, value)
+        for _ in range(MOST_EXCHANGES):
+            onward = self._along(curve, start)
+            if isinstance(onward, FamilyEnd):
+                return onward
+            curve, start = onward
+        return FamilyEnd("stopped", f"the program was refined {MOST_EXCHANGES} times: take more intervals")
+
+    def _curve(self, program: ParametricTranscription, x: Array, multipliers: Array, value: float) -> MinimumCurve:
+        return MinimumCurve(program, x, multipliers, value, self.last, self.options)
+
+    def _curve_of(self, start: WarmStart, value: float) -> MinimumCurve:
+        """The curve from a solution, with one exchange point at each place at which a path expression is least."""
+        assert start.multipliers is not None
+        fixed, problem = self.parameters(value)[0], start.problem
+        (bound, held), unit = start.multipliers, start.unit
+        points, totals, held = _touches(start, fixed) if problem.exchange_points else ([], [], held)
+        places = tuple((each.stage, each.interval) for each in points)
+        problem = transcription(problem.stages, problem.fixed, problem.free, problem.substeps, places)
+        program = ParametricTranscription(problem, points, self.parameters, start.free)
+        still = np.zeros(program.moving)
+        rows = np.append(held[: program.first_touch], np.zeros(len(problem.labels) - program.first_touch))
+        rows[program.touches] = totals
+        x = np.append(start.x, [each.share for each in points if each.moving])
+        return self._curve(program, x, unit * np.concatenate([bound, still, rows, still]), value)
+
+    def _along(self, curve: MinimumCurve, start: WarmStart) -> FamilyEnd | tuple[MinimumCurve, WarmStart]:
+        """Follow a program; the end, or where its exchange points or its steps have to change, the next curve."""
+        program = curve.program
+        assert isinstance(program, ParametricTranscription)
+        labels, value = program.limit_labels, curve.start
+        for item in curve.run([each for each in self.at if (each - value) * (self.last - value) > 0]):
+            interrupts.heed()
+            if isinstance(item, CurveEnd):
+                lost = program.moving and item.kind in LOST_TOUCHES
+                return (self._past_flat_touch(program, start) if lost else None) or FamilyEnd(item.kind, item.reason)
+            point = item if isinstance(item, CriticalPoint) else item.point
+            if isinstance(item, CurveEvent):
+                what = ", ".join(dict.fromkeys(labels[i] for i in item.limits)) or "the second-order condition is lost"
+                own = [i for i in item.limits if program.is_share(i)]
+                if not own:
+                    self.events.append(OptimalEvent(item.kind, point.value, point.cost, what))
+                self._record(curve, start, point, labels)
+                if own or (item.kind == "leaves" and {*item.limits} & {*program.touching_limits}):
+                    return self._curve_of(_warm_start(start, program, point), point.value), start
+                continue
+            dips = self._dips(program, point, start.tolerance)
+            if dips is None and not self._is_accurate(program, point, start):
+                return self._refined(program, point, start)
+            if dips:
+                return self._with_touches(dips, start) or self._refined(program, point, start)
+            self._record(curve, start, point, labels)
+        return FamilyEnd("reached")
+
+    def _record(self, curve: MinimumCurve, start: WarmStart, point: CriticalPoint, labels: Sequence[str]) -> None:
+        """Add a point, in place of the last one where the parameter is the same."""
+        if self.points and self.points[-1][2].value == point.value:
+            self.points.pop()
+            self.active.pop()
+        self.points.append((curve, start, point))
+        self.active.append([*dict.fromkeys(labels[i] for i in point.active)])
+
+    def _dips(
+        self, program: ParametricTranscription, point: CriticalPoint, tolerance: float
+    ) -> list[ExchangePoint] | None:
+        """The places within intervals at which a path expression is below zero, where there is no exchange point; None
+        where the steps are not fine enough, by steps of half the length."""
+        problem, dips = program.problem, list[ExchangePoint]()
+        x = point.x[: program.count]
+        values = np.append(self.parameters(point.value)[0], x[len(x) - len(problem.free) :])
+        pairs = zip(problem.stages, problem.substeps, problem.unpack(x), strict=True)
+        for i, (stage, substeps, part) in enumerate(pairs):
+            check = interval_check(stage, problem.names, substeps)
+            ends, paths = check(part.nodes[:, :-1], part.duration, part.coefficients, values, ())
+            distance = np.abs(ends) / (1.0 + np.abs(part.nodes).max(1, keepdims=True))
+            if not distance.max() <= tolerance:
+                return None
+            paths = paths.reshape(len(WATCHED_SHARES), len(stage.path), stage.intervals)
+            for j, interval in np.argwhere(paths.min(axis=0) < -tolerance).tolist():
+                if not any((i, interval, j) == each[:3] for each in program.points):
+                    share = WATCHED_SHARES[int(np.argmin(paths[:, j, interval]))]
+                    dips.append(ExchangePoint(i, interval, j, share, 0.0 < share < 1.0))
+        return dips
+
+    def _past_flat_touch(
+        self, program: ParametricTranscription, start: WarmStart
+    ) -> tuple[MinimumCurve, WarmStart] | None:
+        """The curve from a solution a little beyond the last point, where a touch may have become flat, which makes the
+        conditions singular, and has moved to the ends of its interval; None where there is no solution nearby."""
+        point = self.points[-1][2]
+        value = point.value + STEP_PAST_FLAT * (self.last - self.points[0][2].value)
+        if (self.last - value) * (self.last - point.value) <= 0:
+            return None
+        warm, old = _warm_start(start, program, point), program.problem
+        bare = transcription(old.stages, old.fixed, old.free, old.substeps, ())
+        bound, held = warm.multipliers or (np.zeros(0), np.zeros(0))
+        warm = replace(warm, problem=bare, shares=np.zeros(0), multipliers=(bound, held[: len(bare.labels)]))
+        fixed = dict(zip(program.problem.fixed, self.parameters(value)[0].tolist(), strict=True))
+        try:
+            found = steered_on_intervals(program.problem.stages, fixed, warm.free, warm, warm.tolerance)
+            near = (
+                abs(found.cost - point.cost)
+                <= CHANGE_PAST_FLAT * abs(point.cost) + abs(point.slope * (value - point.value)) * 2
+            )
+            known = found.warm_start
+            curve = self._curve_of(known, value) if near and known is not None else None
+        except NoOrbit:
+            return None
+        if curve is None or known is None:
+            return None
+        if self.events and self.events[-1].kind in LOST_TOUCHES:
+            self.events.pop()
+        self.events.append(
+            OptimalEvent("mesh", value, found.cost, "a touch has become flat, and its points are exchanged")
+        )
+        return curve, known
+
+    def _is_accurate(self, program: ParametricTranscription, point: CriticalPoint, start: WarmStart) -> bool:
+        """Whether the accurate flow leads to the same states."""
+        motion = roll_out(_warm_start(start, program, point), point.cost, self.parameters(point.value)[0])
+        return max(motion.error, motion.violation) <= start.tolerance
+
+    def _with_touches(self, dips: list[ExchangePoint], start: WarmStart) -> tuple[MinimumCurve, WarmStart] | None:
+        """The curve from the last point with further exchange points, which do not touch there; None where path
+        expressions are not least near them at that point."""
+        if not self.points:
+            return None
+        curve, _, point = self.points[-1]
+        program = curve.program
+        assert isinstance(program, ParametricTranscription)
+        warm = _warm_start(start, program, point)
+        old, (bound, held) = program.problem, warm.multipliers or (np.zeros(0), np.zeros(0))
+        places = (*old.exchange_points, *((each.stage, each.interval) for each in dips))
+        problem = transcription(old.stages, old.fixed, old.free, old.substeps, places)
+        shares = program.shares(point.x)
+        points = [each._replace(share=float(share)) for each, share in zip(program.points, shares, strict=True)]
+        finer = ParametricTranscription(problem, [*points, *dips], self.parameters, start.free)
+        x = np.append(warm.x, [each.share for each in finer.points if each.moving])
+        still, rows = np.zeros(finer.moving), np.append(held, np.zeros(len(problem.labels) - len(held)))
+        multipliers = warm.unit * np.concatenate([bound, still, rows, still])
+        try:
+            return self._curve(finer, x, multipliers, point.value), start
+        except NoOrbit:
+            return None
+
+    def _refined(
+        self, program: ParametricTranscription, point: CriticalPoint, start: WarmStart
+    ) -> tuple[MinimumCurve, WarmStart]:
+        """The curve from a point with the program refined as `steer` does it."""
+        warm, before = _warm_start(start, program, point), program.problem
+        fixed = dict(zip(before.fixed, self.parameters(point.value)[0].tolist(), strict=True))
+        found = steered_on_intervals(before.stages, fixed, warm.free, warm, warm.tolerance).warm_start
+        assert found is not None
+        if found.problem is before:
+            raise NoOrbit(
+                f"the program cannot be refined at {point.value:g}: take more intervals or a larger tolerance"
+            )
+        text = "points of path conditions are exchanged"
+        if found.problem.substeps != before.substeps:
+            text = f"the intervals of the stages have {', '.join(map(str, found.problem.substeps))} steps"
+        self.events.append(OptimalEvent("mesh", point.value, point.cost, text))
+        return self._curve_of(found, point.value), found
+
+
+def _touches(start: WarmStart, fixed: Array) -> tuple[list[ExchangePoint], list[float], Array]:
+    """One exchange point for each path expression of an interval that touches zero within it, with its multiplier; and
+    the multipliers of all constraints, with those of touches at the ends of intervals."""
+    assert start.multipliers is not None
+    problem, motion = start.problem, roll_out(start, 0.0, fixed)
+    held = start.multipliers[1].copy()
+    counts = [len(problem.stages[i].path) for i, _ in problem.exchange_points]
+    first = len(held) - sum(counts)
+    sums: dict[tuple[int, int, int], float] = {}
+    row = first
+    for (i, interval), count in zip(problem.exchange_points, counts, strict=True):
+        for j in range(count):
+            sums[i, interval, j] = sums.get((i, interval, j), 0.0) + start.unit * held[row]
+            row += 1
+    points, totals = list[ExchangePoint](), list[float]()
+    for (i, interval, j), total in sums.items():
+        stage = problem.stages[i]
+        values, shares = motion.stages[i].minima[[*stage.path][j]]
+        share = float(shares[interval])
+        if values[interval] > TOUCHES:
+            continue
+        path, length = motion.stages[i].path, motion.stages[i].unknowns.duration / stage.intervals
+        ends = path(length * np.array([interval, interval + 1.0]))[:, path.names.index([*stage.path][j])]
+        if AT_END < share < 1 - AT_END:  # where it touches at both ends too, it is 0 all along, and least nowhere
+            points.append(ExchangePoint(i, interval, j, share, bool(ends.max() > TOUCHES)))
+            totals.append(total)
+            continue
+        node = interval + round(share)
+        if 0 < node < stage.intervals:
+            held[problem.inner_row(i, j, node)] += total / start.unit
+        else:
+            points.append(ExchangePoint(i, interval, j, float(round(share)), False))
+            totals.append(total)
+    return points, totals, held
+
+
+@cached
+def interval_check(stage: Stage, names: tuple[str, ...], substeps: int) -> BufferedFunction:
+    """(states (n, N) at the starts of a stage's intervals, duration, coefficients (m, N), parameters, nothing) -> the
+    changes (n, N) of their ends where steps are halved, and the path expressions (k, N) within them."""
+    sizes = len(stage.phase.states), 1, len(stage.coefficient_names), len(names), 0
+    x, duration, w, p, _ = symbols = [ca.SX.sym("x", size) for size in sizes]
+    data = ca.vertcat(p, duration / stage.intervals, w)
+    step, finer = advance(stage, names, substeps), advance(stage, names, 2 * substeps)
+    change = finer(x, 1.0, data)[0] - step(x, 1.0, data)[0]
+    paths = ca.vertcat(*[step(x, share, data)[2] for share in WATCHED_SHARES])
+    function = ca.Function("check", symbols, [ca.densify(change), ca.densify(paths)], {"cse": True})
+    return BufferedFunction(function.map("checks", "serial", stage.intervals, [1, 3, 4], []))
+
+
+def _warm_start(start: WarmStart, program: ParametricTranscription, point: CriticalPoint) -> WarmStart:
+    """The start of a solve at a point of a family."""
+    unit = abs(point.cost) if point.cost else 1.0
+    bound, rows = point.multipliers[: program.count] / unit, point.multipliers[len(point.x) :] / unit
+    return replace(
+        start, problem=program.problem, x=point.x[: program.count], shares=program.shares(point.x), unit=unit,
+        multipliers=(bound, rows[: len(program.problem.labels)]),
+    )  # fmt: skip
+
+
+def _integrated_again(start: WarmStart, program: ParametricTranscription, point: CriticalPoint) -> Control:
+    """The motion at a point of a family, integrated again; where that does not agree, the program is refined."""
+    began, warm, problem = time.perf_counter(), _warm_start(start, program, point), program.problem
+    fixed = program.values(point.value)[0]
+    motion = roll_out(warm, point.cost, fixed)
+    if max(motion.error, motion.violation) > warm.tolerance:
+        named = dict(zip(problem.fixed, fixed.tolist(), strict=True))
+        found = steered_on_intervals(problem.stages, named, warm.free, warm, warm.tolerance)
+        return replace(found, seconds=time.perf_counter() - began)
+    named = dict(zip(problem.names, motion.values.tolist(), strict=True))
+    seconds = time.perf_counter() - began
+    accuracy = motion.violation, motion.error, 0, 1, seconds
+    return Control(motion.legs(), motion.cost, named, *accuracy, warm_start=warm)

@@ -1,0 +1,119 @@
+"""Hops of least effort along the numbers of a machine: the law of small damping, bounds, and independent solves."""
+
+import numpy as np
+import pytest
+from conftest import DAMPED_LEG
+
+from orbits import InputError, NoOrbit
+from problems import DrivenFamily, Hopper, springs, steering
+
+
+@pytest.fixture(scope="module")
+def from_lossless():
+    return steering.keep_hopping(Hopper()).follow("damping", 0.2, at=[1e-5, 1e-3, *np.linspace(0.004, 0.2, 50)])
+
+
+def test_the_law_of_small_damping_is_the_limit_of_the_family(from_lossless):
+    """125.81085 c^2, from the lossless orbit with no control and no multipliers."""
+    assert from_lossless.end.kind == "reached"
+    assert not from_lossless.events
+    assert from_lossless.values[0] == 0
+    assert from_lossless.costs[0] == pytest.approx(0, abs=1e-20)
+    c, cost, slope = from_lossless.values[1:], from_lossless.costs[1:], from_lossless.slopes[1:]
+    first = c <= 1e-3
+    assert (cost / c**2)[c == 1e-5] == pytest.approx(125.81085, abs=1e-5)
+    assert (slope / c)[c == 1e-5] == pytest.approx(2 * 125.81085, abs=2e-5)
+    assert (cost / c**2)[first] == pytest.approx(125.81085, abs=3e-4)
+    assert np.abs(np.diff(cost) - np.diff(c) * (slope[1:] + slope[:-1]) / 2).max() < 1e-3  # the trapezium rule
+
+
+def test_a_landing_that_is_free_costs_111_9():
+    """The contact force at the landing is above 0 below a damping of 0.003, and 0 from there on."""
+    family = steering.keep_hopping(Hopper(damping=0.02), lossless=False).follow("damping", 1e-5)
+    assert family.costs[-1] / 1e-10 == pytest.approx(111.9, abs=0.05)
+    (leaves,) = family.events
+    assert leaves.kind == "leaves"
+    assert leaves.what == "'contact force' of stage 2 (contact)"
+    for c, touches in ((leaves.value * 0.8, False), (leaves.value * 1.2, True)):
+        hop = family.at(c)
+        force = hop.motion.contact_force(hop.legs[1].start + 1e-12)
+        assert (abs(force) < 1e-9) == touches
+    below = family.values[-1]
+    assert family.at(below).cost == pytest.approx(family.costs[-1], rel=1e-9)
+
+
+@pytest.mark.slow
+def test_fifty_points_are_what_independent_solves_find(from_lossless):
+    for c in np.linspace(0.004, 0.2, 50):
+        solved = steering.keep_hopping(Hopper(damping=c)).cost
+        assert from_lossless.costs[from_lossless.values == c] == pytest.approx(solved, rel=1e-10)
+
+
+def test_a_hop_of_the_family_is_one_of_its_machine(from_lossless):
+    hop = from_lossless.at(0.1)
+    assert hop.source == Hopper(damping=0.1)
+    assert hop.periodic
+    assert steering.missed(hop.source, hop) < 1e-12
+    assert max(hop.error, hop.violation) < 1e-12
+    assert hop.cost == pytest.approx(steering.keep_hopping(Hopper(damping=0.1)).cost, rel=1e-12)
+
+
+def test_a_stroke_bounds_the_damping():
+    """Ever more bounds are active until no motion is left, as a solve beyond says too."""
+    family = steering.keep_hopping(Hopper(damping=0.0965), stroke=0.4).follow("damping", 0.12)
+    assert family.end.kind == "infeasible"
+    assert family.values[-1] == pytest.approx(0.0978201886, abs=1e-9)
+    assert {each.kind for each in family.events} == {"enters"}
+    with pytest.raises(NoOrbit, match="no motion meets the conditions"):
+        steering.keep_hopping(Hopper(damping=0.1), stroke=0.4)
+
+
+@pytest.mark.slow
+def test_bounds_that_are_touched_within_intervals():
+    """The force reaches its bound once in each of some intervals; the touches move with the damping."""
+    family = steering.keep_hopping(Hopper(damping=0.05), force=6.0).follow("damping", 0.1)
+    assert family.end.kind == "reached"
+    for c in (0.06, 0.1):
+        hop = family.at(c)
+        assert max(hop.error, hop.violation) < 1e-9
+        assert hop.cost == pytest.approx(steering.keep_hopping(Hopper(damping=c), force=6.0).cost, rel=1e-8)
+
+
+def test_a_design_number_is_followed():
+    kept = steering.keep_hopping(Hopper("cubic", parameters={"beta": 0.05}, damping=0.02), intervals=14)
+    family = kept.follow("beta", 0.06)
+    other = Hopper("cubic", parameters={"beta": 0.06}, damping=0.02)
+    assert family.costs[-1] == pytest.approx(steering.keep_hopping(other, intervals=14).cost, rel=1e-8)
+
+
+@pytest.mark.slow
+def test_a_leg_in_si(tmp_path):
+    kept = steering.keep_hopping(DAMPED_LEG, intervals=16)
+    family = kept.follow("damping", 8.0)
+    assert family.units["cost"] == "m^2/s"
+    hop, solved = family.at(8.0), steering.keep_hopping(DAMPED_LEG.with_values(damping=8.0), intervals=16)
+    assert hop.cost == pytest.approx(solved.cost, rel=1e-8)
+    assert family.costs[-1] == pytest.approx(solved.cost, rel=1e-8)
+    assert hop.units == solved.units
+    with pytest.raises(InputError, match="the machine's units change"):
+        kept.follow("body_mass", 80.0)
+    same = DrivenFamily.load(family.save(tmp_path / "family.json"), DAMPED_LEG)
+    assert str(same) == str(family)
+
+
+@pytest.mark.parametrize(
+    ("follow", "words"),
+    [
+        (lambda: steering.keep_hopping(Hopper()).follow("zeta", 1.0), "'zeta' is no number of the machine"),
+        (lambda: steering.recover(Hopper(), short=0.1).follow("damping", 0.1), "that repeat themselves"),
+        (
+            lambda: steering.keep_hopping(
+                Hopper(springs.bilinear(ratio=2.0, gap=0.5), damping=0.01), intervals=14
+            ).follow("damping", 0.02),
+            "the law of the spring has corners",
+        ),
+    ],
+)
+def test_what_is_not_followed(follow, words):
+    with pytest.raises(InputError, match=words):
+        follow()
