@@ -13,7 +13,7 @@ from .control import Guess as Guess, Hold as Hold, Input as Input, Stage as Stag
 from .control.control import Control
 from .control.optimal_family import OptimalFamily
 from .control.steer import steer
-from .design.optimality import Active as Active, Design
+from .design.optimality import Active as Active, Design, DesignCurve, DesignEvent as DesignEvent
 from .design.optimize import optimize
 from .design.orbit_function import orbit_function
 from .design.pareto import Front, pareto
@@ -87,8 +87,8 @@ __version__: str
 PLACE_OF: dict[str, str]  # the module of each name
 
 __all__ = [
-    "BifurcationDiagram", "BranchPoint", "Control", "Design", "EventCurve", "Existence", "Family", "Front",
-    "HopMultipliers", "InputError", "Machine", "Mechanism", "Model", "NoOrbit", "OptimalFamily", "Orbit",
+    "BifurcationDiagram", "BranchPoint", "Control", "Design", "DesignCurve", "EventCurve", "Existence", "Family",
+    "Front", "HopMultipliers", "InputError", "Machine", "Mechanism", "Model", "NoOrbit", "OptimalFamily", "Orbit",
     "OrbitsError", "PeriodDiagram", "PeriodicHop", "Proof", "ReturnMap", "Simulation", "Sweep", "Uncertainty",
     "Units", "__version__", "bifurcations", "check", "existence", "find", "find_all", "find_branch_points",
     "follow", "follow_branch", "follow_branch_points", "follow_event", "follow_fold", "multiplier", "multipliers",

@@ -50,6 +50,7 @@ TESTED_WITH = {
     "balls/equations": "balls/test_enclosure",
     "consistency/draws": "consistency/test_verdict",
     "continuation/event_curve": "continuation/test_follow_event",
+    "design/active_set": "design/test_optimality",
     "design/evaluator": "design/test_sensitivities",
     "design/event_statement": "continuation/test_follow_event",
     "design/extremes": "design/test_design_quantities",
