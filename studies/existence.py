@@ -35,7 +35,7 @@ TITLES = {QUINTIC[0]: "$r + \\beta r^3 + \\delta r^5$", SATURATING[0]: "$\\tanh(
 def cusp() -> tuple[np.ndarray, tuple[float, float]]:
     """The fold curve (m, 2) of the hopper's quintic spring both ways from delta = 0, and its cusp."""
     machine = MACHINES["hopper"](*QUINTIC)
-    (fold,) = [event.point for event in follow(machine, "beta", -0.02).events if event.kind == "fold"]
+    (fold,) = [event.point for event in follow(machine, "beta", -0.02, most=60).events if event.kind == "fold"]
     ways = [follow_fold(machine, fold, "beta", "delta", stop) for stop in (-1e-4, 1e-4)]
     below, above = (np.column_stack([way.column("beta"), way.column("delta")]) for way in ways)
     (point,) = [event.point for event in ways[1].events if event.kind == "fold"]
