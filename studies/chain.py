@@ -63,7 +63,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     hardening = Chain(springs=HARDENING, parameters={"b": 0.0})
     for axes, along, stops in ((three, "b", (0.03, -0.05)), (four, "m1", (3.0, 0.3))):
         for orbit, colour in ((first, COLOURS[0]), (second, COLOURS[1]))[: 1 if quick else 2]:
-            for stop in stops:
+            for stop in stops[: 1 if quick else 2]:
                 family = follow(hardening, along, stop, start=orbit, longest=0.05)
                 values, speeds = np.array([(point.value, point.alpha) for point in family]).T
                 good = np.array([point.admissible for point in family])

@@ -229,7 +229,7 @@ def beyond() -> Iterator[tuple]:
     yield "beyond", "throws on the infinitely heavy hand bounce up to", 3.72496, _right_edge(), 1e-5
     family = follow(Hopper("tanh"), "b", 0.4, start=0.1)
     yield "beyond", "where the first family of a saturating spring escapes", 1 / 3, family.end.limit, 1e-4
-    softening = follow(Hopper("cubic", parameters={"beta": 0.0}), "beta", -0.02)
+    softening = follow(Hopper("cubic", parameters={"beta": 0.0}), "beta", -0.02, most=60)
     fold = next(event.point for event in softening.events if event.kind == "fold")
     yield "beyond", "fold of the cubic family: beta", -0.0106952149164040, fold.value, 1e-13
     yield "beyond", "and alpha", 5.83222367210583, fold.alpha, 1e-8

@@ -35,7 +35,7 @@ TITLES = {QUINTIC[0]: "$r + \\beta r^3 + \\delta r^5$", SATURATING[0]: "$\\tanh(
 def cusp() -> tuple[np.ndarray, tuple[float, float]]:
     """The fold curve (m, 2) of the hopper's quintic spring both ways from delta = 0, and its cusp."""
     machine = MACHINES["hopper"](*QUINTIC)
-    (fold,) = [event.point for event in follow(machine, "beta", -0.02).events if event.kind == "fold"]
+    (fold,) = [event.point for event in follow(machine, "beta", -0.02, most=60).events if event.kind == "fold"]
     ways = [follow_fold(machine, fold, "beta", "delta", stop) for stop in (-1e-4, 1e-4)]
     below, above = (np.column_stack([way.column("beta"), way.column("delta")]) for way in ways)
     (point,) = [event.point for event in ways[1].events if event.kind == "fold"]
@@ -45,14 +45,13 @@ def cusp() -> tuple[np.ndarray, tuple[float, float]]:
 def main(folder: Path, quick: bool = False) -> dict[str, object]:
     found: dict[str, object] = {}
     curve, found["cusp"] = cusp()
-    panels = new_row(2, 4.8, 4.2, rows=2)
+    machines = {"hopper": MACHINES["hopper"]} if quick else MACHINES
+    panels = np.reshape(new_row(2, 4.8, 4.2, rows=len(machines)), (-1, 2))
     print(f"\n  cusp at beta = {found['cusp'][0]:.8g}, delta = {found['cusp'][1]:.8g}\n")
-    for row, (kind, machine) in zip(panels, MACHINES.items(), strict=True):
+    for row, (kind, machine) in zip(panels, machines.items(), strict=True):
         for axes, (spring, values) in zip(row, (QUINTIC, SATURATING), strict=True):
-            # Few are enough for a figure, and some more for where the family of the saturating spring ends.
-            few = 8 if (kind, spring) == ("hopper", SATURATING[0]) else 4
             began = perf_counter()
-            diagram = existence(machine(spring, values), *RANGES[spring], samples=few if quick else 200, both_ways=True)
+            diagram = existence(machine(spring, values), *RANGES[spring], samples=4 if quick else 200, both_ways=True)
             seconds = perf_counter() - began
             _report(kind, diagram, seconds)
             diagram.plot("alpha", axes)
@@ -75,6 +74,6 @@ def _report(kind: str, diagram: Existence, seconds: float):
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--output", type=Path, default=Path("figures"), help="folder for the figure")
-    parser.add_argument("--quick", action="store_true", help="fewer machines")
+    parser.add_argument("--quick", action="store_true", help="hoppers alone, and fewer of them")
     arguments = parser.parse_args()
     main(arguments.output, arguments.quick)

@@ -5,10 +5,11 @@ foot, whose map is close to the identity; (d) a heavy one, close to it too but f
 bouncing: there the number of impacts grows without bound. On a hand of infinite mass bouncing with one period is stable
 up to throws of sqrt(pi^2 + 3) = 3.587; then every other bounce is higher, up to throws of 3.72496, where the lower one
 comes at the hand's downward acceleration g and the ball is caught.
-Run: python studies/figure_5.py [--output FOLDER]
+Run: python studies/figure_5.py [--output FOLDER] [--quick]
 """
 
 import argparse
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -31,14 +32,15 @@ def right_edge(machine) -> float:
     return low
 
 
+@cache
 def worst_loss(mass_ratio: float) -> float:
     """The largest share of the launch energy that one hop from 4.5 to 20 loses."""
     hops = ReturnMap(Hopper(mass_ratio=mass_ratio))(np.linspace(4.5, 20, 5000))
     return float((hops.loss / hops.alpha**2).max())
 
 
-def main(folder: Path) -> dict[str, float]:
-    panels = new_row(2, 4.8, 4.4, rows=2)
+def main(folder: Path, quick: bool = False) -> dict[str, float]:
+    panels, samples = new_row(2, 4.8, 4.4, rows=2), 300 if quick else 1200
     orbit = find(Hopper())
     ReturnMap(Hopper()).plot(1.0, 12.0, panels[0, 0])
     near = 0.02
@@ -46,10 +48,10 @@ def main(folder: Path) -> dict[str, float]:
     panels[0, 1].set_ylim(orbit.alpha - 6 * near, orbit.alpha + near)
     ReturnMap(Hopper(mass_ratio=LIGHT)).plot(1.0, 12.0, panels[1, 0])
     heavy = ReturnMap(Hopper(mass_ratio=HEAVY))
-    heavy.plot(2.9, 3.8, panels[1, 1], samples=1200)
+    heavy.plot(2.9, 3.8, panels[1, 1], samples=samples)
     panels[1, 1].set_ylim(2.4, 3.8)
     other = panels[1, 1].twinx()
-    alpha = np.linspace(2.9, 3.8, 1200)
+    alpha = np.linspace(2.9, 3.8, samples)
     other.plot(alpha, heavy(alpha).impacts, color=COLOURS[1], lw=0.8)
     other.set_ylabel("impacts", color=COLOURS[1])
     for axes, words in zip(
@@ -78,4 +80,6 @@ def main(folder: Path) -> dict[str, float]:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--output", type=Path, default=Path("figures"), help="folder for the figure")
-    main(parser.parse_args().output)
+    parser.add_argument("--quick", action="store_true", help="fewer launches")
+    arguments = parser.parse_args()
+    main(arguments.output, arguments.quick)

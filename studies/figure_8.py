@@ -12,6 +12,7 @@ Run: python studies/figure_8.py [--output FOLDER] [--quick]
 """
 
 import argparse
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -25,12 +26,14 @@ MACHINE = Hopper()
 LOW, HIGH = 4.3, 5.3
 
 
+@cache
 def pair(eps: float) -> tuple[float, float]:
     """The unstable and the stable fixed point of an injection."""
     low, high = ReturnMap(MACHINE, inject=eps).fixed_points(LOW, HIGH)
     return low.alpha, high.alpha
 
 
+@cache
 def marginal() -> float:
     """The injection at which the slope at the upper fixed point is -1."""
     return slope_is(-1.0, 0.02, 0.12)
@@ -80,6 +83,7 @@ def cycle(eps: float, alpha: float) -> tuple[float, float]:
     raise NoOrbit(f"no hops of period two near {alpha:.6g} at eps = {eps:.6g}")
 
 
+@cache
 def last_cycle(low: float = 0.1, high: float = 0.1135) -> float:
     """The injection between two at which the hops of period two lose their stability, their multiplier -1."""
     alpha, excess = 4.5, {}
@@ -109,7 +113,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     print(f"  no hops go on beyond eps = {numbers['crisis']:.12g}")
     injections = np.linspace(0.02, 0.15, 66 if quick else 1301)
     starts = {4.52: COLOURS[0], 4.494: COLOURS[1]}
-    visits = {start: visited(injections, start, 300 if quick else 1000) for start in starts}
+    visits = {start: visited(injections, start, 200 if quick else 1000) for start in starts}
     numbers["stays"] = float(injections[np.isfinite(visits[4.52]).all(0) & (visits[4.52] > LOW).all(0)][-1])
     left, right = new_row(2, 4.8, 4.4)
     alpha = np.linspace(LOW, 5.0, 2000)

@@ -241,7 +241,7 @@ def main(
 ) -> dict[str, int]:
     """The numbers of changes that were run and caught; prints each and leaves them in `output`/mutations.jsonl."""
     rooms = sorted(path.name for path in (ROOT / "orbits").iterdir() if (path / "__init__.py").exists())
-    asked = mutations(2, 2, ("numerics",)) if quick else mutations(count, seed, tuple(rooms))
+    asked = mutations(1, 2, ("numerics",)) if quick else mutations(count, seed, tuple(rooms))
     copies: SimpleQueue[Copy] = SimpleQueue()
 
     def outcome(mutation: Mutation) -> Outcome:

@@ -41,6 +41,11 @@ SPEED, FIRST, FASTEST = 0.4, 0.05, 2.0
 BODY, LEG, EARTH = 60.0, 1.0, 9.81
 
 
+def feet(quick: bool) -> tuple[float, ...]:
+    """The masses of the foot, in the quick mode the middle one."""
+    return FOOT_MASSES[1:2] if quick else FOOT_MASSES
+
+
 def branch_points(foot_mass: float, rest_lengths: np.ndarray, designs: int) -> list[list[tuple[float, float]]]:
     """Curves of inertias and hip stiffnesses at which runs begin, as the leg gets longer and shorter, from all branch
     points of the middle rest length."""
@@ -93,8 +98,8 @@ def in_si() -> Orbit:
 
 def draw_map(axes, families: Sequence[Family], quick: bool) -> dict[str, object]:
     """Draw where runs begin, and the curves along which they go faster."""
-    lengths, numbers = np.linspace(3.4, 5.4, 5 if quick else 21), dict[str, object]()
-    for foot_mass, colour in zip(FOOT_MASSES, COLOURS, strict=False):
+    lengths, numbers = np.linspace(3.4, 5.4, 3 if quick else 21), dict[str, object]()
+    for foot_mass, colour in zip(feet(quick), COLOURS, strict=False):
         curves = numbers[f"branch points {foot_mass:g}"] = branch_points(foot_mass, lengths, 16 if quick else 40)
         for k, curve in enumerate(curves):
             axes.plot(*zip(*curve, strict=True), ".-", ms=3, lw=0.8, color=colour,
@@ -141,7 +146,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, object]:
     along.set(xlabel="speed in flight", ylabel="step; mean speed", ylim=(0, None), title="along the families")
     high.set(xlabel="speed in flight", ylabel="rise in flight", ylim=(0, None), title="foot and body")
     grip.set(xlabel="speed in flight", ylabel="friction needed", ylim=(0, None), title="tangential over normal force")
-    for foot_mass, colour in zip(FOOT_MASSES, COLOURS, strict=False):
+    for foot_mass, colour in zip(feet(quick), COLOURS, strict=False):
         runs = at_speed(SPEED, foot_mass, np.linspace(3.7 if foot_mass < 0.15 else 3.9, 5.0, 3 if quick else 14))
         frictions = [run.certificate.friction_needed for run in runs]
         numbers[f"friction {foot_mass:g}"] = dict(zip([run.source.values["rest_length"] for run in runs], frictions,

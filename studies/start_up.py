@@ -71,7 +71,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
         xlabel="pumps", ylabel="least effort", ylim=(0, None), xticks=pumps, title=f"start-up, rate at most {RATE:g}"
     )
     legend_below(middle)
-    short = np.geomspace(1e-3, 1.0, 4 if quick else 13)
+    short = np.geomspace(1e-3, *((1e-2, 2) if quick else (1.0, 13)))
     numbers = {"start": float(found[strokes[0]][1]), "launches": float(np.abs(run.launches - orbit.alpha).max())}
     for lossless, name, colour in ((True, "lossless landing", COLOURS[0]), (False, "any landing", COLOURS[1])):
         answers = [recover(MACHINE, d, start=orbit, lossless=lossless) for d in short]

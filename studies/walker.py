@@ -68,7 +68,7 @@ def draw_families(panels, quick: bool) -> dict[str, object]:
     """Draw speed against spokes and inertia, friction against spokes, and costs; the orbits with 8 spokes."""
     by_spokes, by_inertia, grip, costs = np.ravel(panels)
     orbits: dict[int, Orbit] = {}
-    for family, colour in zip(FAMILIES, COLOURS, strict=False):
+    for family, colour in zip(FAMILIES[:1] if quick else FAMILIES, COLOURS, strict=False):
         curve = follow(wheel(FEWEST), "angle", pi / MOST, family=family)
         spokes, v = pi / curve.column("angle"), speed(curve.column("angle"), curve.column("period"))
         by_spokes.plot(spokes, v, color=colour, lw=1.6, label=f"family {family}")

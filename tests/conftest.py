@@ -149,7 +149,7 @@ def leg_hop() -> Orbit:
 def folded_curve() -> tuple[Family, Proof]:
     """The points of a family about its fold, and the proof that they are on one curve."""
     machine = Hopper("cubic", rest_length=30.0)
-    family = follow(machine, "beta", stop=-0.02, start=0.0)
+    family = follow(machine, "beta", stop=-0.02, start=0.0, most=60)
     first = next(i for i, point in enumerate(family) if point.alpha > 5.69)
     last = next(i for i, point in enumerate(family) if point.alpha > 5.98)
     whole = replace(family, points=family.points[first : last + 1], events=())

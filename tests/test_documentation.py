@@ -30,7 +30,7 @@ BLOCK = re.compile(r"^```(python|toml|text|output|console|\{drawn\}[^\n]*)\n(.*?
 # The pages whose code takes more than some seconds.
 LONG = (
     *("chain.md", "command_line.md", "control.md", "design.md", "families.md", "proof.md", "return_map.md"),
-    *("start.md", "thousand_orbits.md"),
+    *("running.md", "start.md", "thousand_orbits.md"),
 )
 PYTHON = ("python", "{drawn}")
 # What waits for a reader at the browser, or for a machine that a page only speaks of.
@@ -266,6 +266,7 @@ WITH_EXAMPLES = (
 )
 # A fold costs second derivatives of a whole flight, a control and a front many iterations.
 LONG_EXAMPLES = (
+    "orbits.continuation.branch_curve",
     "orbits.continuation.folds",
     "orbits.design.pareto",
     "orbits.return_map.proofs",

@@ -241,9 +241,8 @@ def test_random_mechanisms(seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("first", range(20, 120, 50))
-def test_many_random_mechanisms(first):
-    assert max(map(largest_error, range(first, first + 50))) < TOLERANCE
+def test_many_random_mechanisms():
+    assert max(map(largest_error, range(20, 60))) < TOLERANCE
 
 
 def hopper(body="m1", foot="m2", *, extension="body - foot", more=(), **stated) -> Mechanism:

@@ -39,6 +39,9 @@ def test_figures_that_differ_and_refusals_without_a_reason_do_not_stand():
 
 def test_a_cell_is_tried():
     assert cell_of(Case("hopper", "linear"), "ReturnMap").stands
+    refused = cell_of(Case("heavy hand", "potential"), "start_up")
+    assert refused.refused
+    assert refused.stands
 
 
 def test_the_page_has_all_machines_springs_and_verbs():

@@ -170,8 +170,8 @@ def test_checked_proofs():
 @pytest.mark.slow
 def test_proved_steps():
     """Motions of random wheels and rockers are proved, and no false claims."""
-    found = proved_steps.main(count=6, second=3)
-    assert found["motions proved"] == found["motions"] > 3
+    found = proved_steps.main(count=3, second=2)
+    assert found["motions proved"] == found["motions"] > 1
     assert found["false"] == found["false claims proved"] == 0
     assert found["false claims"] == found["motions"]
     assert found["verified"] == found["second program"] > 0
@@ -244,17 +244,18 @@ def test_figure_7(tmp_path):
 
 @pytest.mark.slow
 def test_spring_families(tmp_path):
-    """Saturation ends a family where the force of rest balances that of n oscillations: limits in closed form."""
+    """Saturation ends a family where the force of rest balances that of n oscillations: limits in closed form, 1/(2n + 1),
+    1/(n + 1), -1/n and 1.4 (n + 1) for family n, here 1."""
     found = spring_families.main(tmp_path, quick=True)
     for title, limit in (
-        ("saturating, $\\tanh(b r)/b$", lambda n: 1 / (2 * n + 1)),
-        ("Toda, hard in compression", lambda n: 1 / (n + 1)),
-        ("Toda, hard in tension", lambda n: -1 / n),
-        ("air spring, by 1/length", lambda n: 1.4 * (n + 1)),
+        ("saturating, $\\tanh(b r)/b$", 1 / 3),
+        ("Toda, hard in compression", 1 / 2),
+        ("Toda, hard in tension", -1.0),
+        ("air spring, by 1/length", 1.4 * 2),
     ):
-        for n, family in enumerate(found[title], start=1):
-            assert family.end.kind == "escaped"
-            assert family.end.limit == pytest.approx(limit(n), rel=1e-4)
+        (family,) = found[title]
+        assert family.end.kind == "escaped"
+        assert family.end.limit == pytest.approx(limit, rel=1e-4)
     assert (tmp_path / "spring_families.png").stat().st_size > 10_000
 
 
@@ -324,7 +325,7 @@ def test_the_papers_claims():
 @pytest.mark.slow
 def test_figure_5(tmp_path):
     """Where long bouncing ends was counted in 45 digits too: 100 impacts at 3.71, 2 at 3.73."""
-    numbers = figure_5.main(tmp_path)
+    numbers = figure_5.main(tmp_path, quick=True)
     assert numbers["next at 4"] == pytest.approx(2.07360256000564579, rel=1e-14)
     assert numbers["impacts at 3.4"] == 44
     assert numbers["edge 1000"] == pytest.approx(3.72074, abs=1e-5)
@@ -408,8 +409,8 @@ def test_attraction(tmp_path):
 # their own in smaller numbers.
 STRESS = {
     stress.beside_alpha: (136, 0), stress.mass_ratios: (102, 0), stress.long_families: (12, 0),
-    stress.stiffnesses: (39, 0), stress.hardly_lifting: (24, 0), stress.collapsing: (20, 0),
-    stress.falling_gravity: (64, 0), stress.breakpoints: (24, 2), stress.singular: (7, 7), stress.methods: (14, 0),
+    stress.stiffnesses: (39, 0), stress.hardly_lifting: (12, 0), stress.collapsing: (20, 0),
+    stress.falling_gravity: (32, 0), stress.breakpoints: (12, 2), stress.singular: (7, 7), stress.methods: (14, 0),
 }  # fmt: skip
 
 
@@ -540,15 +541,15 @@ def test_knee(tmp_path):
 @pytest.mark.slow
 def test_sweeps():
     """Every member of four sweeps is what `find` says of it."""
-    assert sweeps.main(members=64, checked=200, samples=6)["wrong"] == 0
+    assert sweeps.main(members=16, checked=80, samples=4)["wrong"] == 0
 
 
 @pytest.mark.slow
 def test_mutations(tmp_path):
-    """Two changes of the polynomials' room are made in a copy, and its tests notice both."""
+    """A change of the polynomials' room is made in a copy, and its tests notice it."""
     sources = [path.read_bytes() for path in sorted(mutations.ROOT.glob("orbits/*/*.py"))]
-    assert mutations.main(tmp_path, quick=True) == {"run": 2, "caught": 2}
-    assert len((tmp_path / "mutations.jsonl").read_text(encoding="utf-8").splitlines()) == 2
+    assert mutations.main(tmp_path, quick=True) == {"run": 1, "caught": 1}
+    assert len((tmp_path / "mutations.jsonl").read_text(encoding="utf-8").splitlines()) == 1
     assert [path.read_bytes() for path in sorted(mutations.ROOT.glob("orbits/*/*.py"))] == sources
 
 
