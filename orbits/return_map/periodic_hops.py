@@ -18,7 +18,6 @@ from .map_pieces import MapPieces
 # the launch speed are one. The map rounds a launch speed by this share.
 POLISHING_STEPS, SAME_CYCLE, ROUNDED_HOP = 6, 1e-9, 4e-15
 STEEPEST_HOP = 1e12  # a steeper map, as beside a graze, has this slope in Newton's method
-SEARCHED = "every itinerary through the monotone branches of the map was searched"
 
 
 @dataclass(frozen=True)
@@ -153,8 +152,10 @@ class PeriodicHops(Result, Sequence[Cycle], what="periodic hops", dimension="lau
         unit = f" {self.unit_of('alpha')}".rstrip()
         if not self.branches:
             return ["complete: without injection or damping only lossless hops come back, after one hop"]
-        counts = f"{self.itineraries} itineraries, {len(self.branches)} branches"
-        notes = [f"complete: {SEARCHED} ({counts}), which polynomials represent up to {self.error_of_map:.1g}{unit}"]
+        searched = (
+            f"all {self.itineraries} itineraries through its {len(self.branches)} monotone branches were searched"
+        )
+        notes = [f"complete, as polynomials have the map up to {self.error_of_map:.1g}{unit}: {searched}"]
         if self.unresolved:
             length = sum(b - a for a, b in self.unresolved)
             near = ", ".join(f"{a:.9g}" for a, _ in self.unresolved[:4])
