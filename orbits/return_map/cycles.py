@@ -122,7 +122,7 @@ class MapsAlong:
 
     def resolve(self, low: float, high: float) -> None:
         """Represent the map between two launch speeds by its pieces, which along the injection are the same."""
-        if self.name == INJECT and self.pieces is None:
+        if self.name == INJECT and self.pieces is None and not self.at(0.0).only_gains:
             plain, unit = self.at(0.0), self.machine.units.of(LIFTOFF_SPEED) if self.machine.units else 1.0
             found = plain.dimensionless()._pieces(low / unit, high / unit, SAMPLES_OF_BORDERS)
             self.pieces = found.in_units(unit)

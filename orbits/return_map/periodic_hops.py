@@ -150,12 +150,13 @@ class PeriodicHops(Result, Sequence[Cycle], what="periodic hops", dimension="lau
 
     def _notes(self) -> list[str]:
         unit = f" {self.unit_of('alpha')}".rstrip()
-        if not self.branches:
-            return ["complete: without injection or damping only lossless hops come back, after one hop"]
         searched = (
             f"all {self.itineraries} itineraries through its {len(self.branches)} monotone branches were searched"
         )
         notes = [f"complete, as polynomials have the map up to {self.error_of_map:.1g}{unit}: {searched}"]
+        if not self.branches:
+            why = "no launch has a next one there, or hops lose nothing and an injection adds to each"
+            notes = [f"complete: {why if self.inject else 'without injection or damping only lossless hops come back'}"]
         if self.unresolved:
             length = sum(b - a for a, b in self.unresolved)
             near = ", ".join(f"{a:.9g}" for a, _ in self.unresolved[:4])
