@@ -41,7 +41,9 @@ STEPS_OF_BRANCHES = StepControl(
 # Hops of longer periods have as many sheets, which lie close to each other: a correction may not lead to another one.
 STEPS_OF_SHEETS = replace(STEPS_OF_BRANCHES, largest_correction=0.2, target_correction=2e-2, largest_turn=0.3)
 OTHER_SHEET = 0.25  # launches are on another sheet where their change differs from that of the rates by this share
-MIRRORED = 0.5  # where the two launches beside a flip do not lie on both sides of it up to this share, they are others
+ON_BOTH_SIDES = (
+    0.5  # where the two launches beside a flip do not lie on both sides of it up to this share, they are others
+)
 SLOWLY = 1.0  # the multiplier of the doubled hops begins at 1, and differs from it by less at the first of them
 FIRST_OF_TWO = (
     1e-3,
@@ -58,14 +60,14 @@ STEP_ACROSS, JUMP_OF_SLOPES = 1e-9, 1e5
 # The slope along the parameter, which needs other machines, is not computed anew within this share of the ranges: it
 # decides how fast Newton's method converges, not to which point.
 SAME_RATE, INEXACT = 1e-4, 100.0
-LARGEST_GROWTH = 1e6  # of a small change over many hops, up to which they are followed
+GROWTH_OF_HOPS = 1e6  # of a small change over many hops, up to which they are followed
 HALVINGS = 12  # of a step in which the number of impacts changes and the map may jump
 # The radius of the circle round a corner, its angles, and the angle at which both sides of the curve are checked.
 AROUND, ANGLES, BESIDE = 1e-6, np.radians(np.linspace(-150, 150, 21)), 1e-5
 COLLISION, NON_SMOOTH_FOLD = COLLISIONS = "border collision", "non-smooth fold"
 # Where a launch passes a border: the steps of the secant method, which ends at this share of the range of the parameter
 # and is trusted up to this many times the distance of the points; and multipliers that agree up to this share.
-SECANTS, BORDER_FOUND, BORDER_BEYOND, SAME_SLOPES = 30, 1e-14, 2.0, 1e-6
+SECANTS, BORDER_FOUND, BORDER_BEYOND, SAME_SIDES = 30, 1e-14, 2.0, 1e-6
 # Multipliers at events; the multiplier passes one of these smoothly where it comes this close to it, as a share of its
 # change.
 MULTIPLIERS, SMOOTH = {"fold": 1.0, "flip": -1.0}, 1e-3
@@ -268,7 +270,7 @@ class LaunchEndings(Endings):
             last = self.curve.certify(correct(self.curve, guess, row, bound, segment.a.tangent))
             reason = f"it leaves the launch speeds asked for at {self.curve.maps.in_words('alpha', bound)}"
             return LaunchSegment(self.curve, segment.a, last), End("left", reason)
-        if not end and self.curve.period > 2 and abs(segment.b.point.multiplier) > LARGEST_GROWTH:
+        if not end and self.curve.period > 2 and abs(segment.b.point.multiplier) > GROWTH_OF_HOPS:
             reason = f"small changes grow {segment.b.point.multiplier:.0e}-fold over the hops, and rounding decides"
             return segment, End("stuck", reason)
         return segment, end
@@ -308,7 +310,7 @@ class LaunchEndings(Endings):
         reason = f"the map jumps near {place}: {counts[0]} impacts in a hop, {counts[1]} behind"
         return LaunchSegment(self.curve, segment.a, before), End("jump", reason)
 
-    def _jumps(self, before: PeriodicLaunch, behind: PeriodicLaunch) -> bool:
+    def _jumps(self, before: Any, behind: Any) -> bool:
         """Whether a border where the map is not continuous lies between the launches of two points."""
         for pair in zip(before.alphas, behind.alphas, strict=True):
             low, high = sorted(pair)
@@ -340,7 +342,9 @@ class LaunchTracer(Tracer):
 
     segments, tests_for_the_end = LaunchSegment, LaunchEndings
 
-    def _certified(self, state: TracerState, points: Sequence[CurvePoint]) -> tuple[Sequence[CurvePoint], None]:
+    def _certified(
+        self, state: TracerState, points: Sequence[CurvePoint]
+    ) -> tuple[Sequence[CurvePoint], NoOrbit | None]:
         interrupts.heed()
         certified = self.curve.certify_all(points)[0]
         for i, (before, behind) in enumerate(pairwise([state.last, *certified])):
@@ -354,7 +358,7 @@ class LaunchTracer(Tracer):
         a, b = cast(Any, before.point), cast(Any, behind.point)
         if len(a.alphas) == 1 or a.rates is None or b.rates is None:
             return False
-        length = float(np.linalg.norm((behind.x - before.x) / self.curve.scale))
+        length = float(np.linalg.norm((behind.x - before.x) / self.curve.size(before.x)))
         change, expected = np.subtract(b.alphas, a.alphas), 0.5 * length * (a.rates + b.rates)
         return bool(
             (np.abs(change - expected) > OTHER_SHEET * (np.abs(change) + np.abs(expected))).any() and length > AROUND
@@ -404,7 +408,7 @@ class BranchTracer:
             except NoOrbit:
                 continue
             mirrored = 2.0 * flip.alpha - first.alpha  # near the flip the launch after half of the hops
-            beside = abs(first.alphas[len(flip.alphas)] - mirrored) <= MIRRORED * abs(first.alpha - flip.alpha)
+            beside = abs(first.alphas[len(flip.alphas)] - mirrored) <= ON_BOTH_SIDES * abs(first.alpha - flip.alpha)
             beside &= abs(first.multiplier - 1.0) <= SLOWLY  # else a flip or a fold may lie between
             if beside and abs(first.place[1] - flip.place[1]) <= FARTHEST_OF_TWO * abs(step):
                 onward = first.tangent @ (first.place - flip.place) >= 0
@@ -426,7 +430,7 @@ class BranchTracer:
             before, passed = here, list[FoundEvent]()
             for item in LaunchTracer(self.curve, here, low, high, options, earlier):
                 if isinstance(item, CurvePoint) and item.point is not last.point:
-                    yield from self._in_order(last.point, item.point, passed)
+                    yield from self._in_order(last.point, cast(Any, item.point), passed)
                     before, passed = last if self._distance(last, item) >= AROUND else before, []
                     last, count = item, count + 1
                     yield last.point
@@ -440,13 +444,13 @@ class BranchTracer:
             if (behind := self._round_corner(before, last) or self._beyond_border(before, last)) is None:
                 yield self._why_stuck(last)
                 return
-            yield from self._in_order(last.point, behind.point, self._corner(last, behind))
+            yield from self._in_order(last.point, cast(Any, behind.point), self._corner(last, behind))
             here, earlier, options = behind, [start], self.options
             yield here.point
         yield End("stuck", f"it has {LONGEST_BRANCH} points")
 
     def _grown(self, last: CurvePoint) -> bool:
-        return self.curve.period > 2 and abs(last.point.multiplier) > LARGEST_GROWTH
+        return self.curve.period > 2 and abs(last.point.multiplier) > GROWTH_OF_HOPS
 
     def _corner(self, last: CurvePoint, behind: CurvePoint) -> list[FoundEvent]:
         """The event at a corner of the curve between two points, where its tangents meet, if its multiplier passes 1 or
@@ -504,7 +508,7 @@ class BranchTracer:
         alphas = (*launches[-hop:], *launches[:-hop]) if hop else launches
         counts = (*impacts[-hop:], *impacts[:-hop]) if hop else impacts
         place = np.array([alphas[0], values[1]]) / self.scale
-        multiplier = sides[0] if abs(sides[1] - sides[0]) <= SAME_SLOPES * (1 + abs(sides[0])) else float("nan")
+        multiplier = sides[0] if abs(sides[1] - sides[0]) <= SAME_SIDES * (1 + abs(sides[0])) else float("nan")
         point = PeriodicLaunch(values[1], alphas, multiplier, counts, place, behind.tangent)
         return FoundEvent(_kind_of(sides), point, border.kind, sides)
 

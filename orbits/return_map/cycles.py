@@ -15,7 +15,7 @@ from ..errors import InputError, finite_number
 from ..model.machine import Machine, free_parameters, machine_in_words
 from ..units import LIFTOFF_SPEED
 from .cycle_statement import INJECT
-from .itineraries import Branches
+from .itineraries import MonotoneBranches
 from .map_pieces import MapPieces
 from .periodic_hops import cycles_of
 from .return_map import Hops, ReturnMap
@@ -24,7 +24,7 @@ RESTITUTION = "restitution"
 DAMPERS_OF_HOPS = ("damping", "drag")  # a machine may have these at 0 without its model having such a parameter
 SAMPLES_OF_BORDERS = 400  # launches between which the borders of a map are searched
 # Borders near two launches are searched for up to this many times their distance, or this share of the speed, farther.
-WIDER, LEAST_WIDTH, SAMPLES_NEAR = 2.0, 1e-4, 20
+WIDER_REACH, LEAST_WIDTH, SAMPLES_NEAR = 2.0, 1e-4, 20
 CACHED_MAPS = 8  # the latest maps are cached: a step along a branch returns to its values
 STEP_ALONG = 1e-6  # differences for slopes along the parameter, as a share of its range
 
@@ -123,7 +123,7 @@ class MapsAlong:
 
     def resolve(self, low: float, high: float) -> None:
         """Represent the map between two launch speeds by its pieces, which along the injection are the same."""
-        if self.name == INJECT and self.pieces is None:
+        if self.name == INJECT and self.pieces is None and not self.at(0.0).only_gains:
             plain, unit = self.at(0.0), self.machine.units.of(LIFTOFF_SPEED) if self.machine.units else 1.0
             found = plain.dimensionless()._pieces(low / unit, high / unit, SAMPLES_OF_BORDERS)
             self.pieces = found.in_units(unit)
@@ -135,14 +135,14 @@ class MapsAlong:
         if pieces is None:
             low, high = (each / unit for each in between)
             pieces = step.dimensionless()._pieces(low, high, SAMPLES_OF_BORDERS).in_units(unit)
-        branches = Branches.of(pieces, self.added(value))
+        branches = MonotoneBranches.of(pieces, self.added(value))
         return [each[0] for each in cycles_of(branches, step, period)[0]] if len(branches.ends) else []
 
     def pieces_at(self, value: float, low: float, high: float) -> MapPieces:
         """The pieces of the map without injection, at a value of the parameter, round two launch speeds."""
         if self.pieces is not None and self.pieces.low <= low and high <= self.pieces.high:
             return self.pieces
-        reach = WIDER * max(high - low, LEAST_WIDTH * high)
+        reach = WIDER_REACH * max(high - low, LEAST_WIDTH * high)
         step, unit = self.at(value), self.machine.units.of(LIFTOFF_SPEED) if self.machine.units else 1.0
         near = max(low - reach, 0.5 * low), high + reach
         return step.dimensionless()._pieces(near[0] / unit, near[1] / unit, SAMPLES_NEAR).in_units(unit)

@@ -23,7 +23,7 @@ from .map_pieces import MapPieces
 MOST_ITINERARIES = 100_000
 # A rising interval is sampled at so many places first, denser toward its ends, where the slope may be infinite; each
 # part is halved at most this many times, or until it is this short.
-SAMPLES_OF_RISE, HALVINGS_OF_PARTS, SHORTEST_PART = 33, 40, 1e-13
+SAMPLES_OF_RISE, HALVINGS_OF_PARTS, LEAST_PART = 33, 40, 1e-13
 # Slopes of the same sign at both ends of a part do not change their sign inside where their ratio is smaller than this,
 ALIKE_SLOPES = 4.0
 NEAR_MEAN = 0.25  # and the slope between these ends differs from their mean by at most this share of the smaller
@@ -33,7 +33,7 @@ BEYOND_SLOPES = (
 
 
 @dataclass(frozen=True, eq=False)
-class Branches:
+class MonotoneBranches:
     """The monotone branches of a map with an injection.
 
     ends, following : (b, 2), the launch speeds at both ends, ascending, and the next ones there
@@ -49,13 +49,13 @@ class Branches:
     rising: np.ndarray
 
     @classmethod
-    def of(cls, pieces: MapPieces, inject: float) -> "Branches":
+    def of(cls, pieces: MapPieces, inject: float) -> "MonotoneBranches":
         """The branches of the pieces of a map."""
         extrema, ends, cells = np.array(pieces.extrema()), list[tuple[float, float]](), list[tuple[int, int]]()
         for piece in range(int(pieces.pieces[-1]) + 1 if len(pieces.pieces) else 0):
             own = np.flatnonzero(pieces.pieces == piece)
             low, high = float(pieces.edges[own[0], 0]), float(pieces.edges[own[-1], 1])
-            tolerance = SHORTEST_PART * high
+            tolerance = LEAST_PART * high
             inside = extrema[(extrema > low + tolerance) & (extrema < high - tolerance)]
             inside = inside[np.append(True, np.diff(inside) > 1e-8 * high)] if len(inside) else inside
             cuts = [low, *inside.tolist(), high]
@@ -100,7 +100,7 @@ class Branches:
         return np.stack(launches, axis=1), slope
 
 
-class Intervals(NamedTuple):
+class ItineraryIntervals(NamedTuple):
     """Itineraries (k, n) with their intervals: the ends (k, 2), and f^n there (k, 2)."""
 
     words: np.ndarray
@@ -108,16 +108,16 @@ class Intervals(NamedTuple):
     last: np.ndarray
 
 
-def intervals_of(branches: Branches, period: int) -> Intervals:
+def intervals_of(branches: MonotoneBranches, period: int) -> ItineraryIntervals:
     """The intervals of all itineraries of a length that belong to launches."""
     count = len(branches.ends)
-    found = Intervals(np.arange(count)[:, None], branches.ends, branches.following)
+    found = ItineraryIntervals(np.arange(count)[:, None], branches.ends, branches.following)
     for _ in range(period - 1):
         found = _pulled_back(branches, found)
     return found
 
 
-def _pulled_back(branches: Branches, after: Intervals) -> Intervals:
+def _pulled_back(branches: MonotoneBranches, after: ItineraryIntervals) -> ItineraryIntervals:
     """The intervals of the itineraries with one more branch before."""
     low, high = np.sort(branches.following, axis=1).T
     meets = (after.ends[None, :, 0] < high[:, None]) & (after.ends[None, :, 1] > low[:, None])
@@ -138,16 +138,16 @@ def _pulled_back(branches: Branches, after: Intervals) -> Intervals:
     falls = ~branches.rising[first]
     ends[falls], last[falls] = ends[falls, ::-1], last[falls, ::-1]
     wide = ends[:, 1] > ends[:, 0]
-    return Intervals(words[wide], ends[wide], last[wide])
+    return ItineraryIntervals(words[wide], ends[wide], last[wide])
 
 
-def periodic_launches(branches: Branches, found: Intervals) -> tuple[np.ndarray, np.ndarray]:
+def periodic_launches(branches: MonotoneBranches, found: ItineraryIntervals) -> tuple[np.ndarray, np.ndarray]:
     """The launch speeds (k,) that come back after all hops of their itineraries (k, n); each lies in its interval."""
     excess = found.last - found.ends
     falls = np.prod(np.where(branches.rising[found.words], 1, -1), axis=1) < 0
     crossing = falls & (excess[:, 0] >= 0) & (excess[:, 1] <= 0)
     parts = [(found.words[crossing], found.ends[crossing], excess[crossing])]
-    parts.append(_monotone_parts(branches, Intervals(*(each[~falls] for each in found))))
+    parts.append(_monotone_parts(branches, ItineraryIntervals(*(each[~falls] for each in found))))
     words, ends, values = (np.concatenate(each) for each in zip(*parts, strict=True))
     a, b, fa, fb = enclosed_sign_changes(
         lambda x, i: branches.cycle(x, words[i])[0][:, -1] - x, *ends.T, *values.T
@@ -155,7 +155,7 @@ def periodic_launches(branches: Branches, found: Intervals) -> tuple[np.ndarray,
     return np.where(np.abs(fa) <= np.abs(fb), a, b), words
 
 
-def _monotone_parts(branches: Branches, found: Intervals) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _monotone_parts(branches: MonotoneBranches, found: ItineraryIntervals) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The parts of intervals on which f^n rises that hold one zero of f^n - x each: their itineraries, their ends
     (k, 2), and f^n - x there (k, 2)."""
     words, count = found.words, len(found.words)
@@ -177,7 +177,7 @@ def _monotone_parts(branches: Branches, found: Intervals) -> tuple[np.ndarray, n
             one_way = (slopes[:, 0] * slopes[:, 1] > 0) & (steepest <= ALIKE_SLOPES * flattest)
             one_way &= np.abs(np.diff(values)[:, 0] / length - slopes.mean(1)) <= NEAR_MEAN * flattest
             far = (values[:, 0] * values[:, 1] > 0) & (np.abs(values).min(1) > BEYOND_SLOPES * length * steepest)
-        settled = one_way | far | (length <= SHORTEST_PART * ends[:, 1])
+        settled = one_way | far | (length <= LEAST_PART * ends[:, 1])
         done.append((which[settled], ends[settled], values[settled]))
         which, pool = which[~settled], [each[~settled] for each in pool]
         if not len(which):

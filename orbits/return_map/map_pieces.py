@@ -35,7 +35,7 @@ from .resolved_map import JUMP
 # cannot be halved any more is accepted with the last share, if no border lies in it.
 DEGREES_OF_CELLS, FITTED_CELL, NEARLY_FITTED = (16, 32), (3e-15, 1e-13), 1e-9
 SHORTEST_CELL = 1e-7  # cells shorter than this share of the range are not halved
-LAST_COEFFICIENTS = 3
+LAST_OF_CELL = 3
 OF_LOSSLESS = 3  # the power beside lossless launches
 LAUNCHES_BESIDE = np.array([10, 15, 6, 1]) / 32  # u^3 in Chebyshev polynomials of 2 u - 1
 SPEEDS_OF_PIECES = ("low", "high", "origin", "reach", "edges", "coefficients", "errors")
@@ -44,7 +44,7 @@ SAME_EDGE = 1e-15  # the edge of a cell and a border that differ by a smaller sh
 BORDERS_IN_A_ROW = 12  # between two neighbouring launches, before their cell is fitted and halved
 SAME_EXTREMUM = 1e-9  # roots of a polynomial are real, and inside of its cell, up to this
 AT_BORDER = 1e-3  # roots closer to a lossless launch belong to the variable, whose power 3 has a slope of 0 there
-ROUNDED_CHANGE = 1e-14  # a smaller change of the next launch speed shows no power
+ROUNDED_NEXT = 1e-14  # a smaller change of the next launch speed shows no power
 PROBED = 1e-3  # the power at a border is seen within this share of the piece beside it
 ROOT_LIKE = 0.35  # the ratio of changes over lengths 1:4 is 1/4 for a smooth function, and 1/2 for a square root
 
@@ -271,7 +271,7 @@ class _Resolving:
         first, second, third = self.hops_from((at[:, None] + steps).ravel()).next.reshape(-1, 3).T
         with np.errstate(divide="ignore", invalid="ignore"):
             rooted = (second - first) / (third - second) > ROOT_LIKE
-        rooted &= np.abs(second - first) > ROUNDED_CHANGE * np.abs(first)
+        rooted &= np.abs(second - first) > ROUNDED_NEXT * np.abs(first)
         self.powers |= {each[:2]: 2 if root else 1 for each, root in zip(sides, rooted.tolist(), strict=True)}
 
     def resolve(self, samples: int) -> None:
@@ -324,7 +324,7 @@ class _Resolving:
                     continue
                 same = bool(known.all() and (counts == counts[0]).all())
                 coefficients, scale = table @ np.where(known, row, 0.0), np.abs(row[known]).max()
-                error = float(np.abs(coefficients[-LAST_COEFFICIENTS:]).max())
+                error = float(np.abs(coefficients[-LAST_OF_CELL:]).max())
                 short = abs(cell.reach) <= self.shortest
                 if known.all() and error <= (NEARLY_FITTED if short and same else fitted) * scale:
                     full = np.zeros(DEGREES_OF_CELLS[-1] + 1)

@@ -11,14 +11,13 @@ from ..result import Axes, Report, Result, Row, reported, shown
 from ..units import LENGTH, LIFTOFF_SPEED, Units
 from .bifurcation import WORDS_OF_STABILITY
 from .hops import Hops
-from .itineraries import Branches, intervals_of, periodic_launches
+from .itineraries import MonotoneBranches, intervals_of, periodic_launches
 from .map_pieces import MapPieces
 
 # Newton's method on all launches of a cycle together ends after this many steps; cycles that agree up to this share of
 # the launch speed are one. The map rounds a launch speed by this share.
-POLISHING_STEPS, SAME_CYCLE, ROUNDED_HOP = 6, 1e-9, 4e-15
+POLISHED_TIMES, SAME_CYCLE, ROUNDED_HOP = 6, 1e-9, 4e-15
 STEEPEST_HOP = 1e12  # a steeper map, as beside a graze, has this slope in Newton's method
-SEARCHED = "every itinerary through the monotone branches of the map was searched"
 
 
 @dataclass(frozen=True)
@@ -151,10 +150,13 @@ class PeriodicHops(Result, Sequence[Cycle], what="periodic hops", dimension="lau
 
     def _notes(self) -> list[str]:
         unit = f" {self.unit_of('alpha')}".rstrip()
+        searched = (
+            f"all {self.itineraries} itineraries through its {len(self.branches)} monotone branches were searched"
+        )
+        notes = [f"complete, as polynomials have the map up to {self.error_of_map:.1g}{unit}: {searched}"]
         if not self.branches:
-            return ["complete: without injection or damping only lossless hops come back, after one hop"]
-        counts = f"{self.itineraries} itineraries, {len(self.branches)} branches"
-        notes = [f"complete: {SEARCHED} ({counts}), which polynomials represent up to {self.error_of_map:.1g}{unit}"]
+            why = "no launch has a next one there, or hops lose nothing and an injection adds to each"
+            notes = [f"complete: {why if self.inject else 'without injection or damping only lossless hops come back'}"]
         if self.unresolved:
             length = sum(b - a for a, b in self.unresolved)
             near = ", ".join(f"{a:.9g}" for a, _ in self.unresolved[:4])
@@ -180,7 +182,7 @@ class PeriodicHops(Result, Sequence[Cycle], what="periodic hops", dimension="lau
 
 
 def cycles_of(
-    branches: Branches, hops_from: Callable[[np.ndarray], Hops], period: int
+    branches: MonotoneBranches, hops_from: Callable[[np.ndarray], Hops], period: int
 ) -> tuple[list[tuple[np.ndarray, np.ndarray, np.ndarray, float]], int]:
     """The cycles of a period, ascending, each with its launches, branches and impacts (period,) and its error; and the
     number of itineraries. The launches are those of the map `hops_from`, with the injection."""
@@ -207,7 +209,7 @@ def cycles_of(
 
 
 def polished_cycles(
-    branches: Branches, hops_from: Callable[[np.ndarray], Hops], launches: np.ndarray, words: np.ndarray
+    branches: MonotoneBranches, hops_from: Callable[[np.ndarray], Hops], launches: np.ndarray, words: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The cycles (k, n) of the map near those of its polynomials, by Newton's method on all their launches; their
     errors (k,), and the numbers of impacts (k, n)."""
@@ -216,7 +218,7 @@ def polished_cycles(
         return launches, np.zeros(0), impacts
     shift, best = np.roll(np.eye(n), 1, axis=1), np.full(k, np.inf)
     errors, found = np.zeros(k), launches.copy()
-    for _ in range(POLISHING_STEPS):
+    for _ in range(POLISHED_TIMES):
         hops = hops_from(launches.ravel())
         residual = hops.next.reshape(k, n) - np.roll(launches, -1, axis=1)
         inside = np.clip(launches, *np.moveaxis(branches.ends[words], -1, 0))
@@ -251,7 +253,7 @@ def lossless_hops(return_map: Any, period: int, low: float, high: float, lossles
 
 def all_periodic_hops(return_map: Any, pieces: MapPieces, period: int, progress: Report = None) -> PeriodicHops:
     """The `PeriodicHops` of a dimensionless return map whose pieces without injection are known."""
-    branches = Branches.of(pieces, return_map.inject)
+    branches = MonotoneBranches.of(pieces, return_map.inject)
     found, itineraries = cycles_of(branches, return_map, period) if len(branches.ends) else ([], 0)
     cycles = []
     for launches, word, counts, error in reported(found, progress):

@@ -222,6 +222,8 @@ class ReturnMap:
         if self.inject == 0 and self.impacts.model.conservative and not self.impacts.descends:
             lossless = lossless_speeds(self.impacts, low, high) if period == 1 else []
             return lossless_hops(self, period, low, high, lossless)
+        if self.only_gains:
+            return PeriodicHops(self._words, period, low, high, self.inject, ())
         return all_periodic_hops(self, self._pieces(low, high, samples), period, progress)
 
     def _pieces(self, low: float, high: float, samples: int) -> MapPieces:
@@ -230,6 +232,11 @@ class ReturnMap:
             plain, lossless = ReturnMap(self.machine, cap=self.cap), lossless_speeds(self.impacts, low, high)
             found = self._resolved[low, high, samples] = map_pieces(plain, lossless, low, high, samples)
         return found
+
+    @property
+    def only_gains(self) -> bool:
+        """Whether hops lose nothing, so that every next launch is faster by the injection and none comes back."""
+        return bool(self.impacts.never_lose and self.impacts.one_liftoff)
 
     def _periodic(self, start: Any, period: int = 1, below: bool = False) -> PeriodicHop:
         with without_units(self.units):
@@ -242,8 +249,8 @@ class ReturnMap:
         lossless = lossless_speeds(self.impacts, low, high)
         if self.inject == 0 and self.impacts.model.conservative and not self.impacts.descends:
             return tuple(FixedPoint(alpha, "lossless", None, self._separation(alpha)) for alpha in lossless)
-        if self.impacts.never_lose and self.impacts.one_liftoff:
-            return ()  # every next launch is faster by the injection
+        if self.only_gains:
+            return ()
         crossings = ResolvedMap(self, lossless, low, high, samples, True, progress).crossings().tolist()
         return tuple(FixedPoint(a, "crossing", self._slope(a), self._separation(a)) for a in crossings)
 

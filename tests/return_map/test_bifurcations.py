@@ -255,6 +255,7 @@ def test_impacts_that_lose_nothing_have_no_fixed_points_with_injection():
     """Every launch from a heavy hand comes back faster by the injection."""
     assert bifurcations(HeavyHand(), "inject", (0.01, 0.05), (3.6, 4.9), attractor=0).branches == ()
     assert ReturnMap(HeavyHand(), inject=0.01).fixed_points(3.6, 4.9) == ()
+    assert len(ReturnMap(HeavyHand(), inject=0.01).periodic_hops(2, 3.6, 4.9)) == 0
 
 
 @pytest.mark.parametrize("restitution", [0.0, 0.3])
