@@ -51,7 +51,7 @@ def interval_functions(stage: Stage, fixed: tuple[str, ...], free: tuple[str, ..
     whole = [ca.densify(ca.substitute(each, along, ca.SX(0))) for each in found]
 
     def mapped(outputs: list[ca.SX]) -> BufferedFunction:
-        function = ca.Function("interval", symbols, outputs, {"cse": True})
+        function = ca.Function("interval", symbols, outputs, {"cse": substeps == 1})  # else it takes seconds
         return BufferedFunction(function.map("intervals", "serial", stage.intervals, SHARED_INPUTS, []))
 
     in_jacobian, in_hessian = (ca.DM(each.sparsity(), 1.0).full().T > 0 for each in found[2:])

@@ -218,19 +218,14 @@ class MinimumCurve:
             return
         while count < self.options.most:
             try:
-                new, error, level = self._next(passed, length, targets)
+                new, error, held = self._next(passed, length, targets)
+                event = self._event(point, new, held)
             except _LostCurve:
                 length /= 4
                 if length < self.options.shortest_step:
-                    yield CurveEnd("stuck", f"no point is found beyond {point.value:.10g}")
-                    return
-                continue
-            try:
-                event = self._event(point, new, level)
-            except _LostCurve:
-                length /= 4
-                if length < self.options.shortest_step:
-                    yield CurveEnd("stuck", f"what happens beyond {point.value:.10g} cannot be located")
+                    yield CurveEnd(
+                        "stuck", f"no point is found, or what happens is not located, beyond {point.value:.10g}"
+                    )
                     return
                 continue
             if event and event.kind in ENDS_OF_MINIMA:
