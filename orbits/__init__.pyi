@@ -12,7 +12,7 @@ from .control import Guess as Guess, Hold as Hold, Input as Input, Stage as Stag
 from .control.control import Control
 from .control.optimal_family import OptimalFamily
 from .control.steer import steer
-from .design.optimality import Active as Active, Design
+from .design.optimality import Active as Active, Design, DesignCurve, DesignEvent as DesignEvent
 from .design.optimize import optimize
 from .design.orbit_function import orbit_function
 from .design.pareto import Front, pareto
@@ -82,11 +82,11 @@ __version__: str
 PLACE_OF: dict[str, str]  # the module of each name
 
 __all__ = [
-    "BifurcationDiagram", "BranchPoint", "Control", "Design", "Existence", "Family", "Front", "HopMultipliers",
-    "InputError", "Machine", "Mechanism", "Model", "NoOrbit", "OptimalFamily", "Orbit", "OrbitsError", "PeriodicHop",
-    "Proof", "ReturnMap", "Simulation", "Sweep", "Uncertainty", "Units", "__version__", "bifurcations", "check",
-    "existence", "find", "find_all", "find_branch_points", "follow", "follow_branch", "follow_branch_points",
-    "follow_fold", "multiplier", "multipliers", "optimize", "orbit_at", "orbit_function", "pareto", "prove",
-    "prove_absence", "prove_doubling", "prove_fixed_point", "prove_fold", "quantities", "sensitivities", "simulate",
-    "start_from_rest", "starts", "steer", "sweep", "time_limit", "trace", "uncertainty",
+    "BifurcationDiagram", "BranchPoint", "Control", "Design", "DesignCurve", "Existence", "Family", "Front",
+    "HopMultipliers", "InputError", "Machine", "Mechanism", "Model", "NoOrbit", "OptimalFamily", "Orbit",
+    "OrbitsError", "PeriodicHop", "Proof", "ReturnMap", "Simulation", "Sweep", "Uncertainty", "Units", "__version__",
+    "bifurcations", "check", "existence", "find", "find_all", "find_branch_points", "follow", "follow_branch",
+    "follow_branch_points", "follow_fold", "multiplier", "multipliers", "optimize", "orbit_at", "orbit_function",
+    "pareto", "prove", "prove_absence", "prove_doubling", "prove_fixed_point", "prove_fold", "quantities",
+    "sensitivities", "simulate", "start_from_rest", "starts", "steer", "sweep", "time_limit", "trace", "uncertainty",
 ]  # fmt: skip

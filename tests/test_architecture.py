@@ -49,6 +49,7 @@ TESTED_WITH = {
     "balls/curve_motion": "proof/test_branch",
     "balls/equations": "balls/test_enclosure",
     "consistency/draws": "consistency/test_verdict",
+    "design/active_set": "design/test_optimality",
     "design/evaluator": "design/test_sensitivities",
     "design/extremes": "design/test_design_quantities",
     "exact/decimals": "exact/test_outward_decimals",

@@ -76,6 +76,7 @@ def made(kind: str):
         "Driven": lambda: steering.recover(Hopper(), 0.1, intervals=14),
         "Disturbed": lambda: made("Driven").simulate(1, launch_error=0.01),
         "Design": lambda: optimize(leg, minimise="loss_coefficient", **over),
+        "DesignCurve": lambda: made("Design").follow("body_mass", 62.0, points=3),
         "Front": lambda: pareto(leg, minimise=("-centre_of_mass_rise", "largest_contact_force"), points=2, **over),
         "Sweep": lambda: sweep(leg, {"k": [3e3, 5e3], "body_mass": [55.0, 60.0]}, quantities=["stroke"]),
         "Proof": lambda: prove(find(cubic), motion=False),
@@ -91,13 +92,14 @@ def made(kind: str):
 RESULTS = (
     *("Orbit", "Orbit in SI", "Certificate", "Trajectory", "Family", "Point", "Event", "End"),
     *("Existence", "Hops", "ReturnMap", "FixedPoint", "Simulation", "ContactEvent", "Control", "Driven", "Disturbed"),
-    *("Design", "Front", "Sweep", "Uncertainty", "BifurcationDiagram", "Proof", "Checked", "SpringFit"),
+    *("Design", "DesignCurve", "Front", "Sweep", "Uncertainty", "BifurcationDiagram", "Proof", "Checked", "SpringFit"),
     *("Sensitivities", "Indices", "Basins"),
     *("LaunchHops", "PeriodicHop", "HopMultipliers"),
 )
 # The results that are more than part of another one, and what each does with nothing but itself.
 WHOLE = (
     *("Orbit", "Orbit in SI", "Family", "Sweep", "Existence", "Uncertainty", "Design", "Front", "Control"),
+    "DesignCurve",
     *("Simulation", "Hops", "BifurcationDiagram", "Proof", "Checked", "Driven", "Disturbed", "SpringFit"),
     *("Sensitivities", "Indices", "Basins"),
     *("LaunchHops", "PeriodicHop", "HopMultipliers"),
@@ -127,7 +129,7 @@ WITHOUT = {
 }
 # The machines that files do not hold.
 OF_FILES = {
-    **dict.fromkeys(("Design", "Front"), lambda result: getattr(result, "designs", (result,))[0].source),
+    **dict.fromkeys(("Design", "DesignCurve", "Front"), lambda result: getattr(result, "designs", (result,))[0].source),
     "Simulation": lambda result: result.source,
     "Disturbed": lambda result: made("Driven").source,
 }

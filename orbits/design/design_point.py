@@ -30,6 +30,8 @@ from .problem import DesignProblem, Outputs
 # Neighbours differ by this share of a unit, or by less where a time or an unknown would change by more than the second
 # share of itself: second derivatives are then exact to about the first share.
 NEIGHBOUR_SHARE, LARGEST_SHIFT = 1e-5, 1e-3
+# Demands on a motion stay this far above zero, in the machine's units: a motion that just touches is refused.
+DEMAND_MARGIN = 1e-9
 # Further places of extremes, by name, which are held equal to the first.
 Ties: TypeAlias = Mapping[str, Place]
 
@@ -129,10 +131,14 @@ def has_loss(model: Model, orbit: Orbit) -> bool:
     return not model.changes_contact or orbit.certificate.loss_coefficient is not None
 
 
-def design_points(cases: Sequence[Case], problem: DesignProblem | None = None) -> list[DesignPoint | NoOrbit]:
+def design_points(
+    cases: Sequence[Case], problem: DesignProblem | None = None, *, closely: bool = False
+) -> list[DesignPoint | NoOrbit]:
     """The outputs at several orbits; the formulas' numbers are in SI for a machine in SI.
 
     problem : with the units of the parameters, for quadratic models; None for none
+    closely : whether second derivatives are differences over two neighbours along each parameter, with an error by the
+        square of their distance
 
     In place of a point is the reason why there is none: a contact that does not end, or a missing extreme. Orbits whose
     extremes have the same kinds of places are evaluated together.
@@ -152,7 +158,7 @@ def design_points(cases: Sequence[Case], problem: DesignProblem | None = None) -
                 found[i] = error
     for (model, outputs, kinds), group in groups.items():
         evaluate = evaluator(model, tuple(next(iter(group.values()))[0].machine.values), outputs, kinds)
-        for i, point in zip(group, _together(evaluate, list(group.values()), problem), strict=True):
+        for i, point in zip(group, _together(evaluate, [*group.values()], problem, closely), strict=True):
             found[i] = point
     return found
 
@@ -175,7 +181,7 @@ def _placed(case: Case, own: Mapping[str, Place | None]) -> tuple[Case, dict[Kin
 
 
 def _together(
-    evaluate: Evaluator, group: list[tuple[Case, tuple[Place, ...]]], problem: DesignProblem | None
+    evaluate: Evaluator, group: list[tuple[Case, tuple[Place, ...]]], problem: DesignProblem | None, closely: bool
 ) -> list[DesignPoint | NoOrbit]:
     """The points of orbits with the same outputs and kinds of places."""
     ps = np.array([vector(case.machine.values) for case, _ in group])
@@ -186,8 +192,8 @@ def _together(
     try:
         found, moves = evaluate(points)
     except FlowError as error:
-        return [error] if len(group) == 1 else [_together(evaluate, [each], problem)[0] for each in group]
-    models = _models(evaluate, points, found, moves, problem) if problem else [None] * len(group)
+        return [error] if len(group) == 1 else [_together(evaluate, [each], problem, closely)[0] for each in group]
+    models = _models(evaluate, points, found, moves, problem, closely) if problem else [None] * len(group)
     return [
         DesignPoint(*case[:3], places, *numbers)
         for (case, places), *numbers in zip(group, found.values, found.by, models, strict=True)
@@ -195,7 +201,7 @@ def _together(
 
 
 def _models(
-    evaluate: Evaluator, points: DesignPoints, found: Varied, moves: DesignPoints, problem: DesignProblem
+    evaluate: Evaluator, points: DesignPoints, found: Varied, moves: DesignPoints, problem: DesignProblem, closely: bool
 ) -> list[QuadraticModels]:
     """The models at m points, from the slopes there and at neighbours along each parameter.
 
@@ -210,9 +216,19 @@ def _models(
     # Neighbours lie within the bounds, beyond which a formula may have no value.
     inward = np.where(theta > 0.5 * np.add(problem.low, problem.high), -1, 1)
     steps = inward * np.minimum(NEIGHBOUR_SHARE, LARGEST_SHIFT / np.maximum(np.abs(changes).max(1), TINY))
-    lengths = (units * np.where(problem.wide, np.expm1(steps), steps))[:, None]
-    shifts = [(each[:, None] + (by * lengths).swapaxes(1, 2)) for each, by in zip(points, moves, strict=True)]
-    near = DesignPoints(*(each.reshape(m * k, -1) for each in shifts))
+    # The neighbours (m, k) in units of the steps, and the weights of their slopes in a derivative.
+    sides, shares = [np.ones((m, k))], [np.ones((m, k))]
+    if closely:
+        room = np.minimum(problem.change(theta, np.array(problem.high)), -problem.change(theta, np.array(problem.low)))
+        between = room > np.abs(steps)
+        sides += [np.where(between, -1.0, 2.0)]
+        shares = [np.where(between, 0.5, 2.0), np.full((m, k), -0.5)]
+    lengths = [(units * np.where(problem.wide, np.expm1(side * steps), side * steps))[:, None] for side in sides]
+    shifts = [
+        np.concatenate([(each[:, None] + (by * length).swapaxes(1, 2))[:, None] for length in lengths], axis=1)
+        for each, by in zip(points, moves, strict=True)
+    ]
+    near = DesignPoints(*(each.reshape(m * len(sides) * k, -1) for each in shifts))
 
     def slopes_at(points: DesignPoints, found: Varied, moves: DesignPoints) -> Array:
         """The slopes of the rows and of the unknowns, by the change of the parameters."""
@@ -223,8 +239,9 @@ def _models(
 
     slopes = slopes_at(points, found, moves)
     try:
-        bends = slopes_at(near, *evaluate(near)).reshape(m, k, -1, k) - slopes[:, None]
-        bends = np.nan_to_num((bends / steps[:, :, None, None]).swapaxes(1, 2), posinf=0.0, neginf=0.0)
+        beside = slopes_at(near, *evaluate(near)).reshape(m, len(sides), k, -1, k) - slopes[:, None, None]
+        bends = sum(beside[:, i] * (share / steps)[:, :, None, None] for i, share in enumerate(shares))
+        bends = np.nan_to_num(bends.swapaxes(1, 2), posinf=0.0, neginf=0.0)
     except FlowError:
         bends = np.zeros((*slopes.shape, k))
     values = np.hstack([found.values[:, evaluate.modelled], np.zeros((m, n))])

@@ -19,6 +19,8 @@ from ..symbolic.caches import cached
 from ..symbolic.kernels import ElementwiseFunction
 from .design_quantities import LOCAL, extreme_of
 
+# An extreme whose largest sample is less than another's by this share may be larger between its samples.
+NEARLY_LARGEST = 1e-3
 SAMPLES_PER_STEP = 24  # samples per step of a trajectory by which an extreme is bracketed before it is found exactly
 
 
@@ -55,10 +57,13 @@ def places_of(
             sampled = _Sampled(halves[phase], machines, extreme, index)
             values = np.where(sampled.peaks if extreme in LOCAL else ~sampled.goes_on, sampled.values, -np.inf)
             highest, sample = values.max(1), values.argmax(1)
-            better = (highest > largest).nonzero()[0]
-            for i, place in zip(better.tolist(), sampled.places(better, sample[better]), strict=True):
-                found[i][extreme] = place
-            largest = np.maximum(largest, highest)
+            known = np.isfinite(largest)
+            near = np.where(known, NEARLY_LARGEST * np.abs(np.where(known, largest, 0.0)), 0.0)
+            likely = (highest > largest - near).nonzero()[0]
+            places, exact = sampled.places(likely, sample[likely])
+            for i, place, value in zip(likely.tolist(), places, exact.tolist(), strict=True):
+                if value > largest[i]:
+                    found[i][extreme], largest[i] = place, value
     return found
 
 
@@ -68,7 +73,7 @@ def place_near(machine: Machine, orbit: Orbit, place: Place) -> Place:
     phase, _ = extreme_of(machine.model, extreme)[index]
     sampled = _Sampled(Trajectories.of([getattr(orbit, phase)]), [machine], extreme, index)
     peaks = sampled.peaks[0].nonzero()[0]
-    near = sampled.places(0 * peaks, peaks) if where == "inside" else ()
+    near = sampled.places(0 * peaks, peaks)[0] if where == "inside" else ()
     return min(near, key=lambda each: abs(each.time - place.time), default=place)
 
 
@@ -115,12 +120,12 @@ class _Sampled:
             rises = np.diff(self.values, axis=1) > 0
         return np.pad(rises & ~np.pad(rises[:, 1:], ((0, 0), (0, 1))), ((0, 0), (1, 0))) & ~self.goes_on
 
-    def places(self, which: Array, place: Array) -> list[Place]:
+    def places(self, which: Array, place: Array) -> tuple[list[Place], Array]:
         """The places at which the function on motions (k,) is stationary beside samples (k,), unless these are the
-        first or in the middle where it is stationary."""
+        first or in the middle where it is stationary; and its values there."""
         middle = (place >= self.counts[which] - 1) & self.still[which]
         where, times = np.where(middle, "middle", np.where(place > 0, "inside", "start")), np.zeros(len(place))
-        inside = (where == "inside").nonzero()[0]
+        inside, values = (where == "inside").nonzero()[0], self.values[which, place]
         which, place = which[inside], place[inside]
         place = place - (self.rates[which, place] < 0)
         step, share = self.paths.first[which] + place // SAMPLES_PER_STEP, place % SAMPLES_PER_STEP
@@ -132,8 +137,10 @@ class _Sampled:
         rate = lambda t, i: self._at(evaluate(c[i], t[:, None]), p[i])[1][:, 0]  # noqa: E731
         ends = (each[turns] for each in (low, high, *rates))
         found[turns] = enclosed_sign_changes(rate, *ends)[0] if len(turns) else 0.0
+        if len(turns):
+            values[inside[turns]] = self._at(evaluate(c, found[turns, None]), p)[0][:, 0]
         times[inside] = self.paths.starts[step] + found
-        return [Place(Kind(*self.kind, w), t) for w, t in zip(where.tolist(), times.tolist(), strict=True)]
+        return [Place(Kind(*self.kind, w), t) for w, t in zip(where.tolist(), times.tolist(), strict=True)], values
 
 
 @cached

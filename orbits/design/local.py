@@ -20,8 +20,8 @@ from ..periodic.orbits_at_once import orbits_near
 from ..running import interrupts
 from ..shooting.single_shooting import SMALLEST_UNIT
 from ..symbolic.quadratic_models import Weights
-from .design_point import Case, DesignPoint, Ties, by_logarithm, design_points, no_motion, unknowns_of
-from .design_quantities import FRICTION_LEFT
+from .active_set import constraint_sizes, demands_of
+from .design_point import DEMAND_MARGIN, Case, DesignPoint, Ties, by_logarithm, design_points, no_motion, unknowns_of
 from .optimality import Design, optimum_at
 from .problem import DesignProblem, Outputs
 
@@ -42,8 +42,6 @@ REACH_AT_FIRST, LEAST_REACH = 0.5, 1e-7
 # of their values and of their distances to the bounds while it becomes twice as fast or long. Where the search cannot
 # continue, a smaller ratio is enough.
 ESCAPE_RATIO, LOSS_RATIO, REST = 10.0, 2.0, 1e-2
-# Demands on a motion stay this far above zero, in the machine's units: a motion that just touches is refused.
-DEMAND_MARGIN = 1e-9
 LEAST_JERK = 1e-6  # lower bound of the landing jerk, as a share of its value before the step
 LARGEST_CORRECTION = 0.5  # an orbit farther from that of the models, as a share of its unknowns, is another one
 ON_BOUND = 1e-8  # a parameter nearer to its bound than this share of its unit is put on it, since Ipopt stays inside
@@ -94,7 +92,7 @@ class LocalSearch:
     problem: DesignProblem
     first: Orbit  # the orbit at the start
     least: float  # the least scale of the objective
-    sizes: np.ndarray  # the unit of each constraint, see `_constraint_sizes`
+    sizes: np.ndarray  # the unit of each constraint, see `constraint_sizes`
     flat: np.ndarray  # whether each parameter (k,) had no effect at the start
     point: DesignPoint  # the objective and the constraints at the current orbit
     ties: Ties = field(default_factory=dict)  # further places of extremes, which are held equal to the first
@@ -221,18 +219,7 @@ def _case(
 ) -> Case:
     """The objective, the constraints and the demands at an orbit: those known, and those that it adds."""
     formulas = problem.formula, *(constraint.formula for constraint in problem.constraints)
-    return Case(machine, orbit, Outputs(formulas, problem.names, _demands(machine, orbit, known)), ties or {})
-
-
-def _demands(machine: Machine, orbit: Orbit, known: Sequence[str]) -> tuple[str, ...]:
-    """The known demands, and the quantities of an orbit that are too small, or nearly so, for a motion."""
-    model, names = machine.model, ["clearance", "smallest_separation", "smallest_contact_force"]
-    names += ["smallest_stance_force"] if model.violations.get("stance") else []
-    margins = {name: getattr(orbit.certificate, name) for name in names}
-    if (needed := orbit.certificate.friction_needed) is not None and model.planar and model.planar.friction:
-        margins[FRICTION_LEFT] = model.planar.friction(machine.values) - needed
-    small = [name for name, margin in margins.items() if margin is not None and margin < 2 * DEMAND_MARGIN]
-    return (*known, *(name for name in small if name not in known))
+    return Case(machine, orbit, Outputs(formulas, problem.names, demands_of(machine, orbit, known)), ties or {})
 
 
 def _ends(steps: Sequence[tuple[LocalSearch, DesignStep]], problem: DesignProblem) -> list[DesignPoint | NoOrbit]:
@@ -261,7 +248,7 @@ def _initial_search(point: DesignPoint | OrbitsError, problem: DesignProblem) ->
     stated = 1 + len(problem.constraints)
     if not np.isfinite(point.values[:stated]).all():
         raise NoOrbit(f"'{problem.text}' or a constraint has no value at {problem.where(point.machine)}")
-    sizes, flat = _constraint_sizes(problem, point), np.logical_not(point.slopes[:stated].any(axis=0))
+    sizes, flat = constraint_sizes(problem, point), np.logical_not(point.slopes[:stated].any(axis=0))
     return LocalSearch(problem, point.orbit, LEAST_OBJECTIVE * abs(point.values[0]), sizes, flat, point)
 
 
@@ -306,7 +293,7 @@ def _next(search: LocalSearch, step: DesignStep, end: DesignPoint | OrbitsError)
     if search.point.orbit.admissible and not (end.orbit.admissible or missed):
         # The step is refused, and the demands of its orbit hold from here on.
         refused = _refused(search, str(no_motion(end.machine, end.orbit)), step.share)
-        again = _again(refused, _demands(end.machine, end.orbit, search.point.demands), search.ties)
+        again = _again(refused, demands_of(end.machine, end.orbit, search.point.demands), search.ties)
         return replace(again, reach=search.reach) if again.point.demands != search.point.demands else again
     fall = search.merit(search.point.values, step.weights) - search.merit(results, step.weights)
     growth, stopped = 1.0, step.share > 0.999
@@ -348,20 +335,6 @@ def _refused(search: LocalSearch, reason: str, share: float = 1.0, collapsed: bo
         raise Unbounded(f"the design runs into a collapse just beyond {where}: {collapse}")
     _check_escape(search, machine, search.point.orbit, LOSS_RATIO)
     raise NoOrbit(f"the design cannot be carried on from {search.problem.where(machine)}: {reason}")
-
-
-def _constraint_sizes(problem: DesignProblem, point: DesignPoint) -> np.ndarray:
-    """The unit of each constraint: the largest of its bounds and of the terms that it compares; where that is zero, its
-    value, or its change by the parameters. The units stay fixed: with shrinking units it would never count as met."""
-    known, theta, sizes = point.machine.values | point.quantities, point.theta, []
-    ranges = np.where(theta, np.abs(theta), np.subtract(problem.high, problem.low))
-    for constraint, value, slope in zip(problem.constraints, point.values[1:], point.slopes[1:], strict=False):
-        terms = constraint.formula.terms
-        magnitudes = [abs(bound) for bound in (constraint.low, constraint.high) if np.isfinite(bound)]
-        if len(terms) > 1:
-            magnitudes += [abs(float(term(**{name: known[name] for name in term.names}))) for term in terms]
-        sizes.append(max(magnitudes) or max(abs(value), (np.abs(slope) * ranges).max()) or 1.0)
-    return np.array(sizes)
 
 
 def _check_escape(search: LocalSearch, machine: Machine, orbit: Orbit, ratio: float) -> None:

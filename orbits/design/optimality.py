@@ -4,21 +4,42 @@ The conditions are those of Karush, Kuhn and Tucker in the parameters alone; the
 implicit function theorem.
 """
 
+import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, TypedDict
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, NoOrbit, OrbitsError, finite_number, whole_number
 from ..io import Document, conform
 from ..model.machine import Machine
-from ..periodic.orbit import Orbit
-from ..result import Axes, Result, Row, is_of
-from .design_point import DesignPoint
-from .problem import DesignProblem
+from ..numerics.kkt_curve import (
+    ENDS_OF_MINIMA,
+    CriticalPoint,
+    CurveEnd,
+    CurveEvent,
+    CurveOptions,
+    MinimumCurve,
+)
+from ..periodic.find import find
+from ..periodic.orbit import Orbit, orbit_of
+from ..periodic.orbits_at_once import orbits_near
+from ..result import Axes, Report, Result, Row, is_of, shown
+from ..running import interrupts
+from ..running.exclusive import exclusive
+from ..symbolic.formula import suggest
+from .active_set import ActiveRow, active_bounds, active_constraints, constraint_sizes, demands_of, multipliers_of
+from .design_point import Case, DesignPoint, design_points, no_motion
+from .moving_design import Moving, MovingDesign, moving_number
+from .problem import DesignProblem, Outputs, design_problem
 
-ACTIVE = 1e-7  # a bound or a constraint is active within this share of its size; solutions are more exact than that
+AT_TWO_PLACES = "an extreme at two places"
+# Steps of a curve are long, since each evaluation of a design is costly and its predictions are good.
+# A curve ends where its multipliers have grown so many times, and become infinite within this share of the way.
+GROWN, NEAR_POLE = 10.0, 1e-3
+OF_DESIGNS = CurveOptions(first_step=0.1, longest_step=1.0, exact=True)
 
 
 @dataclass(frozen=True)
@@ -63,6 +84,8 @@ class Design(Result, what="design"):
     seconds : wall time
     pair : both objectives, for a design on a Pareto front; None otherwise
     share : of the designs of a global search that led to this optimum; None for any other search
+    over, subject_to : the bounds of the parameters by name, and the constraints; none after a search without
+        derivatives
 
     The objective, the quantities and the optimality conditions are those at the end of the search. The orbit is found
     once more from there and differs by rounding.
@@ -82,6 +105,8 @@ class Design(Result, what="design"):
     seconds: float = 0.0
     pair: tuple[float, float] | None = None
     share: float | None = None
+    over: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    subject_to: tuple[str, ...] = ()
 
     machine = property(lambda self: self.orbit.machine)
 
@@ -120,7 +145,8 @@ class Design(Result, what="design"):
         words = "{:.1e}" if self.kkt is not None else "not tested: a search without derivatives"
         yield Row("optimality", {"kkt": self.kkt}, (words,))
         counts = {"successes": successes, "starts": len(self.starts), "seconds": self.seconds}
-        yield Row("starts", counts, ("{} of {} led to an optimum, {:.2f} s",))
+        if self.starts:
+            yield Row("starts", counts, ("{} of {} led to an optimum, {:.2f} s",))
         if self.share is not None:
             yield Row("share of the sample", {"share": self.share}, ("{:.0%} of its designs with an orbit lead here",))
         failed = (start.reason for start in self.starts if start.objective is None)
@@ -139,7 +165,44 @@ class Design(Result, what="design"):
 
     def saved(self) -> Document:
         """The content of a file of the design, with the whole orbit, from which `of_saved` restores it."""
-        return {**self.document(), "pair": self.pair, "share": self.share, "orbit": self.orbit.saved()}
+        problem = {"over": {name: list(bounds) for name, bounds in self.over.items()}, "subject_to": [*self.subject_to]}
+        return {**self.document(), "pair": self.pair, "share": self.share, **problem, "orbit": self.orbit.saved()}
+
+    @exclusive
+    def follow(self, what: str, to: float, *, points: int = 20, progress: Report = None) -> "DesignCurve":
+        """The best designs as one number of the problem moves, from its value here to another one.
+
+        what : a constraint, as stated in `subject_to`; a bound of a designed parameter, as "k <= 5000"; or the name of
+            another parameter of the machine
+        to : the last value of the number
+        points : number of designs, at values that are evenly spaced, or by their logarithm for a parameter over
+            decades; at the events between them there are further ones
+        progress : called with the completed share of the way
+
+        The curve solves the optimality conditions by Newton's method, from one value to the next. It is one of local
+        optima, and ends where they do. Raises `InputError` for a number that cannot move, and `NoOrbit` where the
+        design is no strict minimum that can be followed.
+
+        >>> from orbits import optimize
+        >>> from problems import hopper_in_si
+        >>> leg = hopper_in_si(60.0, 3.0, force="k*r", parameters={"k": 8000.0}, rest_length=0.8)
+        >>> lowest = ["centre_of_mass_rise <= 0.04"]
+        >>> best = optimize(leg, minimise="k", over={"k": (2000.0, 20000.0)}, subject_to=lowest)
+        >>> curve = best.follow("centre_of_mass_rise <= 0.04", 0.05, points=3)
+        >>> curve.column("k").round(2).tolist(), round(curve.slopes[0])
+        ([7071.55, 6285.82, 5657.24], -176789)
+        """
+        points, began = whole_number("points", points, "designs", 2), time.perf_counter()
+        if self.kkt is None or not self.over:
+            found = "a search without derivatives" if self.kkt is None else "a file that does not state its problem"
+            raise InputError(f"the design is from {found}: its optimality conditions cannot be followed")
+        with interrupts.deferred():
+            least, most = (self.text, None) if self.verb == "minimise" else (None, self.text)
+            problem = design_problem(self.source, least, most, self.over, self.subject_to)
+            moving = moving_number(problem, self.source, what, finite_number("to", to))
+            program = moving_design(self, problem, moving)
+            curve = designs_along(program, np.linspace(0.0, 1.0, points).tolist(), progress)
+        return replace(curve, seconds=time.perf_counter() - began)
 
     @classmethod
     def of_saved(cls, document: Any, machine: Machine | None = None) -> "Design":
@@ -157,16 +220,6 @@ class _SavedObjective(TypedDict):
     value: float
 
 
-class _ActiveRow(NamedTuple):
-    """An active constraint: its gradient (k,), pointing outwards, in scaled units; the size of its scaled unit; and
-    whether it is an equation, so that its multiplier may be negative."""
-
-    text: str
-    gradient: np.ndarray
-    unit: float
-    equation: bool
-
-
 def optimum_at(problem: DesignProblem, point: DesignPoint, scales: np.ndarray, flat: np.ndarray) -> Design:
     """The design at a point of a search, with the optimality conditions and the dimensionless orbit there, which
     `best_design` replaces by one that is certified as by `find`.
@@ -175,44 +228,20 @@ def optimum_at(problem: DesignProblem, point: DesignPoint, scales: np.ndarray, f
     flat : whether each parameter (k,) had no effect on any of them at the start
     """
     units, size = problem.units(point.theta), abs(scales[0])
-    rows, violation = _active_constraints(problem, point, scales)
+    rows, violation = active_constraints(problem, point, scales)
     # Where two places have the same extreme, either one may be the larger.
     tied = point.slopes[point.tied] * units / size
-    ties = [_ActiveRow("an extreme at two places", row, size, True) for row in tied]
-    rows = [*_active_bounds(problem, point.theta), *rows, *ties]
-    multipliers, rest = _multipliers(problem.sign * point.slopes[0] * units / size, rows)
+    ties = [ActiveRow(AT_TWO_PLACES, row, size, True) for row in tied]
+    rows = [*active_bounds(problem, point.theta), *rows, *ties]
+    multipliers, rest = multipliers_of(problem.sign * point.slopes[0] * units / size, rows)
     parameters = dict(zip(problem.names, point.theta.tolist(), strict=True))
     active = tuple(Active(r.text, float(x * size / r.unit)) for r, x in zip(rows, multipliers, strict=True) if x)
     idle = _idle(problem, flat & ~point.slopes[point.scaled].any(0))
     found, kkt = (float(point.values[0]), point.quantities), max(float(np.abs(rest).max()), violation)
     stated = point.machine, point.orbit, parameters, problem.verb, problem.text
-    return Design(*stated, *found, active, idle, kkt)
-
-
-def _active_bounds(problem: DesignProblem, theta: np.ndarray) -> list[_ActiveRow]:
-    """The active bounds of the parameters."""
-    rows, directions = [], np.eye(len(theta))
-    for i, (name, unit) in enumerate(zip(problem.names, problem.units(theta), strict=True)):
-        for side, bound, relation in ((-1.0, problem.low[i], ">="), (1.0, problem.high[i], "<=")):
-            if abs(theta[i] - bound) <= ACTIVE * unit:
-                rows.append(_ActiveRow(f"{name} {relation} {bound:g}", side * directions[i], unit, False))
-    return rows
-
-
-def _active_constraints(problem: DesignProblem, point: DesignPoint, scales: np.ndarray):
-    """The active constraints and demands, and the largest violation, scaled."""
-    rows, violation, units = [], 0.0, problem.units(point.theta)
-    stated = [(c.text, c.low, c.high) for c in problem.constraints]
-    stated += [(f"{name} > 0", 0.0, np.inf) for name in ("-landing_jerk", *point.demands)]
-    sizes = [*(1.0 for _ in problem.constraints), *point.sizes]
-    results = zip(stated, point.values[1:], point.slopes[1:], scales[1:], sizes, strict=False)
-    for (text, low, high), value, slope, scale, size in results:
-        violation = max(violation, max(low - value, value - high, 0.0) / scale)
-        for side, bound in ((-1.0, low), (1.0, high)):
-            if abs(value - bound) <= ACTIVE * scale:
-                rows.append(_ActiveRow(text, side * slope * units / scale, scale * size, low == high))
-                break
-    return rows, violation
+    bounds = dict(zip(problem.names, zip(problem.low, problem.high, strict=True), strict=True))
+    texts = tuple(constraint.text for constraint in problem.constraints)
+    return Design(*stated, *found, active, idle, kkt, over=bounds, subject_to=texts)
 
 
 def _idle(problem: DesignProblem, flat: np.ndarray) -> tuple[str, ...]:
@@ -224,15 +253,272 @@ def _idle(problem: DesignProblem, flat: np.ndarray) -> tuple[str, ...]:
     return idle
 
 
-def _multipliers(slope: np.ndarray, rows: Sequence[_ActiveRow]) -> tuple[np.ndarray, np.ndarray]:
-    """Multipliers, not negative for inequalities, that make slope + sum(multiplier * gradient) least; and that sum."""
-    # Inequalities are dropped one after another, the most negative multiplier first.
-    multipliers, used = np.zeros(len(rows)), list(range(len(rows)))
-    while used:
-        found = np.linalg.lstsq(np.array([rows[i].gradient for i in used]).T, -slope, rcond=None)[0]
-        worst = min(range(len(used)), key=lambda j: 0.0 if rows[used[j]].equation else found[j])
-        if rows[used[worst]].equation or found[worst] >= 0:
-            multipliers[used] = found
+@dataclass(frozen=True)
+class DesignEvent:
+    """What happens on a curve of designs: a constraint, bound or condition of a motion "enters" or "leaves" the active
+    ones at a value of the number that moves; or the curve has a "fold" or a "bifurcation"."""
+
+    value: float
+    kind: str
+    text: str = ""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DesignCurve(Result, what="curve of designs", dimension="design"):
+    """The best designs as one number of their problem moves, as `Design.follow` returns it.
+
+    parameter : what moves: "stroke <=" for the bound of a constraint, "k <=" for that of a parameter, or a parameter
+    values : of the number, (m,)
+    designs : certified, (m,)
+    slopes : the derivative of the objective by the number, (m,), from the multipliers: what one unit more of it gains
+        or costs
+    events : in order along the curve
+    end : why the curve ends before the last value; "" where it does not
+    seconds : wall time
+    """
+
+    parameter: str
+    values: tuple[float, ...]
+    designs: tuple[Design, ...]
+    slopes: tuple[float, ...]
+    events: tuple[DesignEvent, ...] = ()
+    end: str = ""
+    seconds: float = 0.0
+
+    machine = property(lambda self: self.designs[0].machine)  # the others differ in numbers that move
+
+    @property
+    def objectives(self) -> np.ndarray:
+        """The values (m,) of the objective."""
+        return np.array([design.objective for design in self.designs])
+
+    def column(self, name: str) -> np.ndarray:
+        """The values (m,) of a designed parameter, or of a quantity of the problem."""
+        own = "parameters" if name in self.designs[0].parameters else "quantities"
+        if name not in (known := getattr(self.designs[0], own)):
+            raise InputError(f"the designs have no '{name}'{suggest(name, [*self.designs[0].parameters, *known])}")
+        return np.array([getattr(design, own)[name] for design in self.designs])
+
+    def multipliers(self) -> dict[str, np.ndarray]:
+        """The multipliers (m,) of all constraints, bounds and conditions that are active somewhere, 0 where they are
+        not, by their texts; that of the number that moves is in `slopes`."""
+        rows = [{each.text: each.multiplier or 0.0 for each in design.active} for design in self.designs]
+        texts = {text for row in rows for text in row if not text.startswith(f"{self.parameter} ")}
+        return {text: np.array([row.get(text, 0.0) for row in rows]) for text in sorted(texts)}
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        first = self.designs[0]
+        name = self.parameter.rsplit(" ", 1)[0]
+        return {**first.units, first.text: first.unit_of(first.text), self.parameter: first.unit_of(name)}
+
+    def _line(self) -> dict[str, object]:
+        return {"parameter": self.parameter, "designs": len(self.designs), "events": len(self.events)}
+
+    def title(self) -> str:
+        first, last = self.values[0], self.values[-1]
+        verb, text = self.designs[0].verb, self.designs[0].text
+        return f"{verb} {text} as {self.parameter} goes from {first:.6g} to {last:.6g}: {len(self.designs)} designs"
+
+    def table(self) -> dict[str, list[float]]:
+        """The number that moves, the objective, its slope, the parameters and quantities, and the multipliers."""
+        first = self.designs[0]
+        columns: dict[str, Any] = {self.parameter: self.values, first.text: self.objectives}
+        columns[f"slope of {first.text}"] = self.slopes
+        columns |= {name: self.column(name) for name in (*first.parameters, *first.quantities) if name not in columns}
+        columns |= {f"multiplier of {text}": numbers for text, numbers in self.multipliers().items()}
+        return {name: np.asarray(column, dtype=float).tolist() for name, column in columns.items()}
+
+    def _notes(self) -> list[str]:
+        happened = [f"at {each.value:.9g}: {f'{each.text} ' if each.text else ''}{each.kind}" for each in self.events]
+        return [*happened, *([f"ends: {self.end}"] if self.end else []), f"found in {self.seconds:.2f} s"]
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Plot the objective against the number that moves, with the events; returns the axes."""
+        return shown("plot").plot_design_curve(self, axes)
+
+    def document(self) -> Document:
+        return self._documented([design.document() for design in self.designs])
+
+    def saved(self) -> Document:
+        return self._documented([design.saved() for design in self.designs])
+
+    def _documented(self, designs: list[Document]) -> Document:
+        rows = zip(self.values, self.slopes, designs, strict=True)
+        return {
+            "parameter": self.parameter,
+            "designs": [{"value": value, "slope": slope, **design} for value, slope, design in rows],
+            "events": [dict(vars(event)) for event in self.events],
+            "end": self.end,
+            "seconds": self.seconds,
+        }
+
+    @classmethod
+    def of_saved(cls, document: Any, machine: Machine | None = None) -> "DesignCurve":
+        """The curve from what `saved` returned, of a machine with any values of the parameters that were free; raises
+        `ValueError` where its parts contradict each other."""
+        rows, name = document["designs"], document["parameter"]
+        if not rows:
+            raise ValueError("it has no designs")
+        own = cls._fields_in({key: document[key] for key in ("parameter", "events", "end", "seconds")})
+        values, slopes = (conform([row[key] for row in rows], tuple[float, ...], key) for key in ("value", "slope"))
+        moves = machine is not None and name in machine.values
+        machines = [machine.with_values(**{name: value}) if machine and moves else machine for value in values]
+        return cls(designs=tuple(map(Design.of_saved, rows, machines)), values=values, slopes=slopes, **own)
+
+
+def moving_design(design: Design, problem: DesignProblem, moving: Moving) -> MovingDesign:
+    """The program of a problem, a number of which moves, about its optimum."""
+    orbit = design.orbit.dimensionless()
+    formulas = problem.formula, *(constraint.formula for constraint in problem.constraints)
+    known = [text.removesuffix(" > 0") for text in (each.text for each in design.active) if text.endswith(" > 0")]
+    if any(each.text == AT_TWO_PLACES for each in design.active):
+        raise NoOrbit(f"the design has {AT_TWO_PLACES}, where its derivatives jump: it cannot be followed")
+    demands = demands_of(design.source, orbit, [name for name in known if name != "-landing_jerk"])
+    (point,) = design_points([Case(design.source, orbit, Outputs(formulas, problem.names, demands), {})])
+    if isinstance(point, OrbitsError):
+        raise point
+    stated = 1 + len(problem.constraints)
+    flat = np.logical_not(point.slopes[:stated].any(axis=0))
+    return MovingDesign(problem, moving, point, flat, constraint_sizes(problem, point), demands)
+
+
+ONE_POINT = 1e-12  # points whose shares of the way differ by no more are one
+ROUNDS_TOGETHER = 4  # rounds in which designs are evaluated together
+
+
+class _Piece(NamedTuple):
+    """A smooth piece of a curve: its program, the curve, its points, and the shares of the way in it."""
+
+    program: MovingDesign
+    curve: MinimumCurve
+    points: list[CriticalPoint]
+
+    def exact(self, shares: Sequence[float]) -> list[CriticalPoint]:
+        """The points at shares within the piece: Newton's method begins at interpolated ones, and the designs that it
+        needs for all of them are evaluated together."""
+        values, last = [each.value for each in self.points], len(self.points) - 1
+        near = list[CriticalPoint]()
+        for share in shares:
+            after = min(max(int(np.searchsorted(values, share)), 1), last)
+            near.append(self.curve.between(self.points[max(after - 2, 0) : after + 2], share))
+        wanted, found = [np.append(each.x, each.value) for each in near], dict[int, CriticalPoint]()
+        for _ in range(ROUNDS_TOGETHER):
+            self.program.evaluate(wanted)
+            wanted = self.program.missed = []
+            for i, each in enumerate(near):
+                with suppress(NoOrbit):
+                    found[i] = found.get(i) or self.curve.at(each.value, each)
+            if not wanted:
+                break
+        self.program.missed = None
+        return [found.get(i) or self.curve.at(each.value, each) for i, each in enumerate(near)]
+
+
+def designs_along(program: MovingDesign, shares: Sequence[float], progress: Report = None) -> DesignCurve:
+    """The designs at shares of the way of a program's number, in ascending order, and at the events between them.
+
+    The curve is traced in steps of its own; the designs at the shares lie between its points.
+    """
+    pieces, events, ends, end = _traced(program, progress)
+    points = list[tuple[MovingDesign, CriticalPoint]]()
+    for piece in pieces:
+        first, last = piece.points[0].value, piece.points[-1].value
+        inside = [share for share in shares if first <= share <= last and not any(share == p.value for _, p in points)]
+        points += [(piece.program, point) for point in piece.exact(inside)]
+    known = [point.value for _, point in points]
+    points += [pair for pair in ends if all(abs(pair[1].value - share) > ONE_POINT for share in known)]
+    points.sort(key=lambda pair: pair[1].value)
+    designs = _certified_at(points)
+    for i, design in enumerate(designs):
+        if not design.orbit.admissible:
+            points, designs, end = points[:i], designs[:i], str(no_motion(design.source, design.orbit.dimensionless()))
             break
-        del used[worst]
-    return multipliers, slope + sum((x * row.gradient for x, row in zip(multipliers, rows, strict=True)), 0.0 * slope)
+    values = tuple(program.value(point.value) for _, point in points)
+    scale = program.problem.sign * program.size
+    slopes = tuple(scale * point.slope / program.rate(point.value) for _, point in points)
+    return DesignCurve(program.moving.label, values, tuple(designs), slopes, tuple(events), end)
+
+
+def _traced(
+    program: MovingDesign, progress: Report
+) -> tuple[list[_Piece], list[DesignEvent], list[tuple[MovingDesign, CriticalPoint]], str]:
+    """The smooth pieces of the curve of a program; its events; their points, and the last one where the curve ends
+    early; and why it does, "" where it does not."""
+    pieces, events, ends = list[_Piece](), list[DesignEvent](), list[tuple[MovingDesign, CriticalPoint]]()
+    x, multipliers, start, end = np.zeros(len(program.free)), program.start(), 0.0, ""
+    while True:
+        curve, further, end = MinimumCurve(program, x, multipliers, start, 1.0, OF_DESIGNS), tuple[str, ...](), ""
+        pieces.append(_Piece(program, curve, []))
+        for each in curve.run():
+            interrupts.heed()
+            passed = pieces[-1].points
+            if isinstance(each, CurveEnd):
+                end = "" if each.kind == "reached" else program.in_words(each, passed[-1])
+                break
+            if isinstance(each, CurveEvent):
+                text = " and ".join(program.text(i, each.point) for i in each.limits)
+                events.append(DesignEvent(program.value(each.point.value), each.kind, text))
+                passed.pop()
+                if each.kind not in ENDS_OF_MINIMA:
+                    if passed:  # the same point, with the direction of the curve before the event
+                        value, x, multipliers = each.point.value, each.point.x, each.point.multipliers
+                        passed.append(curve.at(value, replace(passed[-1], value=value, x=x, multipliers=multipliers)))
+                    ends.append((program, each.point))
+                    pieces.append(_Piece(program, curve, [each.point]))
+                continue
+            near = program.nearest(each.x, each.value)
+            if not near.design.orbit.admissible:
+                demands = program.outputs.demands
+                further = demands_of(near.design.machine, near.design.orbit, demands)[len(demands) :]
+                if further or not demands:  # at an active demand rounding decides, which the certified design shows
+                    end = str(no_motion(near.design.machine, near.design.orbit))
+                    break
+            passed.append(each)
+            if (left := _left_to_pole(passed)) < NEAR_POLE:
+                end = program.excluded(each.value + left)
+                break
+            if progress:
+                progress(each.value)
+        last = next((piece.points[-1] for piece in reversed(pieces) if piece.points), None)
+        if not further or last is None:
+            break
+        x, start, own = last.x, last.value, program.moving.parameter is not None
+        program = program.demanding(further, program.nearest(last.x, last.value))
+        multipliers = np.insert(last.multipliers, len(last.multipliers) - own, np.zeros(len(further)))
+    if end and last:
+        ends.append((program, last))
+    return [piece for piece in pieces if piece.points], events, ends, end
+
+
+def _left_to_pole(passed: list[CriticalPoint]) -> float:
+    """The share of the way from the last point of a curve to where its multipliers become infinite, as the inverse of
+    the root of the distance: there the active constraints exclude each other."""
+    last, largest = passed[-1], np.abs(passed[0].multipliers).max(initial=0.0)
+    i = int(np.argmax(np.abs(last.multipliers)))
+    multiplier, rate = last.multipliers[i], last.rates[1][i]
+    grown = abs(multiplier) > GROWN * max(largest, 1.0) and multiplier * rate > 0
+    return float(0.5 * multiplier / rate) if grown else np.inf
+
+
+def _certified_at(points: Sequence[tuple[MovingDesign, CriticalPoint]]) -> list[Design]:
+    """The designs at points of curves, with their orbits found again and certified."""
+    cases, us = list[Case](), list[np.ndarray]()
+    for program, point in points:
+        near = program.nearest(point.x, point.value).design
+        machine = program.machine_at(point.x, point.value)
+        outputs = replace(program.outputs, over=program.problem.names)
+        cases.append(Case(machine, near.orbit, outputs, {}))
+        us.append(program.predicted(machine, near))
+    found = orbits_near([case.machine for case in cases], us, [program.family for program, _ in points])
+    orbits = [
+        orbit or find(case.machine, start=case.orbit).dimensionless() for case, orbit in zip(cases, found, strict=True)
+    ]
+    evaluated = design_points([case._replace(orbit=orbit) for case, orbit in zip(cases, orbits, strict=True)])
+    designs = list[Design]()
+    for (program, point), each in zip(points, evaluated, strict=True):
+        if isinstance(each, OrbitsError):
+            raise each
+        best = optimum_at(program.problem_at(point.value), each, program.scales(each), program.flat)
+        designs.append(replace(best, orbit=orbit_of(best.source, best.orbit)))
+    return designs

@@ -1,7 +1,7 @@
 """Pareto fronts: designs such that none is better than another in both of two objectives."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,11 +10,13 @@ import numpy as np
 from ..errors import InputError, OrbitsError, whole_number
 from ..io import Document
 from ..model.machine import Machine
+from ..numerics.kkt_curve import ENDS_OF_MINIMA
 from ..periodic.find import Progress, StartLike, find
 from ..result import Axes, Result, shown
 from ..running import interrupts
 from ..running.exclusive import exclusive
-from .optimality import Design
+from .moving_design import Moving
+from .optimality import Design, DesignEvent, designs_along, moving_design
 from .optimize import Origin, best_design, multistart, starting_points
 from .problem import Constraint, DesignProblem, design_problem, formula_names, known_formula
 from .sensitivities import quantities, sensitivities
@@ -34,12 +36,15 @@ class Front(Result, what="front"):
     texts : the two objectives, both minimised
     designs : each certified
     refused : (level of the second objective, reason) for each level at which no design was found
+    events : where constraints, bounds and conditions of a motion become active or cease to be, by the value of the
+        second objective
     """
 
     texts: tuple[str, str]
     designs: tuple[Design, ...]
     refused: tuple[tuple[float, str], ...]
     seconds: float
+    events: tuple[DesignEvent, ...] = ()
 
     machine = property(lambda self: self.designs[0].machine)  # the others differ in the parameters that were free
 
@@ -57,6 +62,7 @@ class Front(Result, what="front"):
             "objectives": list(self.texts),
             "points": [{"values": list(_objectives(design)), **design.document()} for design in self.designs],
             "refused": [{"level": level, "reason": reason} for level, reason in self.refused],
+            "events": [dict(vars(event)) for event in self.events],
             "seconds": self.seconds,
         }
 
@@ -73,7 +79,8 @@ class Front(Result, what="front"):
 
     def _notes(self) -> list[str]:
         levels = [f"{self.texts[1]} <= {level:.6g}: {reason}" for level, reason in self.refused]
-        return [*levels, f"found in {self.seconds:.2f} s"]
+        happened = [f"at {self.texts[1]} = {each.value:.9g}: {each.text} {each.kind}" for each in self.events]
+        return [*levels, *happened, f"found in {self.seconds:.2f} s"]
 
     def table(self) -> dict[str, list[float]]:
         """The objectives and parameters of the designs as columns."""
@@ -121,9 +128,10 @@ def pareto(
     machine, over, subject_to, family, start, starts, seed, progress : as in `optimize`
 
     Both ends of the front are designed first. Then the first objective is minimised with the second bounded at levels
-    that are evenly spaced between the ends (the epsilon-constraint method), from the previous design, from both ends,
-    and from `starts` further starts. Dominated designs are left out. Raises the errors of `optimize` where an end has
-    no optimum.
+    that are evenly spaced between the ends (the epsilon-constraint method): the optimality conditions are followed from
+    level to level, and where such a curve ends the next design is searched for, from the previous one and from both
+    ends. With `starts` it is searched for at every level, from further starts too. Dominated designs are left out.
+    Raises the errors of `optimize` where an end has no optimum.
 
     >>> from orbits import pareto
     >>> from problems import hopper_in_si
@@ -146,23 +154,105 @@ def pareto(
             best = _with_both(multistart(machine, problem, origin, starts, seed, within), texts)
             ends.append(_corner(best, problems[1 - i], i, origin, texts))
             report((i + 1) / points)
-        designs, refused = [ends[0]], []
         starting = starting_points(machine, problems[0], starts, seed) if starts else []
         # Where one design is best in both objectives there are no levels between the ends.
         (_, high), (_, low) = map(_objectives, ends)
         apart = _dominates([low], [high])
         levels = np.linspace(high, low, points)[1:-1].tolist() if apart else []
-        for i, level in enumerate(levels):
-            problem = _with_bound(problems[0], texts[1], level, machine)
-            known = [{**d.parameters, "orbit": d.orbit} for d in dict.fromkeys((designs[-1], *ends))]
-            try:
-                designs.append(_with_both(best_design(machine, problem, origin, [*known, *starting]), texts))
-            except OrbitsError as error:
-                refused.append((level, f"none found from {len(known) + len(starting)} starts: {error}"))
-            report((i + 3) / points)
-        designs += ends[1:] if apart else []
+        search = _Levels(problems[0], origin, texts, (ends[0], ends[1]), starting)
+        between, refused, events = search.designs(levels, lambda done: report((done + 2) / points))
+        designs = [ends[0], *between, *(ends[1:] if apart else [])]
         front = [d for d in designs if not any(_dominates(_objectives(other), _objectives(d)) for other in designs)]
-        return Front(texts, tuple(sorted(front, key=_objectives)), tuple(refused), time.perf_counter() - began)
+        front, seconds = sorted(front, key=_objectives), time.perf_counter() - began
+        return Front(texts, tuple(front), tuple(refused.items()), seconds, tuple(events))
+
+
+@dataclass(frozen=True)
+class _Levels:
+    """The designs between the ends of a front, each with the first objective least below a level of the second one.
+
+    problem : of the first objective
+    further : starts of a search at each level, beside the designs that are known; with any no curves are followed
+    """
+
+    problem: DesignProblem
+    origin: Origin
+    texts: tuple[str, str]
+    ends: tuple[Design, Design]
+    further: Sequence[Mapping[str, Any]]
+
+    def designs(
+        self, levels: Sequence[float], report: Callable[[int], None]
+    ) -> tuple[list[Design], dict[float, str], list[DesignEvent]]:
+        """The designs at falling levels, the reason at each level without one, and the events of their curves.
+
+        A curve begins at the first end; where it ends, a search finds the design at the next level. Where a search from
+        the other end finds a better one at the last level, the curve through that is better as far as it is.
+        """
+        found, refused, events, left = dict[float, Design](), dict[float, str](), list[DesignEvent](), [*levels]
+        searched, last = False, self.ends[0]
+        while left:
+            reached, happened = self._followed(last, left)
+            found, events, left = found | reached, events + happened, left[len(reached) :]
+            if searched := bool(left):
+                known = tuple(dict.fromkeys([*[*found.values()][-1:], *self.ends]))
+                try:
+                    found[left[0]] = last = self._searched(left[0], known)
+                except OrbitsError as error:
+                    refused[left[0]] = f"none found from {len(known) + len(self.further)} starts: {error}"
+                left = left[1:]
+            report(len(found) + len(refused))
+        if levels and not searched:
+            events = self._from_other_end(levels, found, events)
+        return [found[level] for level in levels if level in found], refused, events
+
+    def _from_other_end(
+        self, levels: Sequence[float], found: dict[float, Design], events: list[DesignEvent]
+    ) -> list[DesignEvent]:
+        """The events of the curves, after designs that were found are replaced by better ones of a curve from the last
+        level upwards, to which a search from the second end leads."""
+        try:
+            other = self._searched(levels[-1], self.ends[1:])
+        except OrbitsError:
+            return events
+        if not self._better(other, found[levels[-1]]):
+            return events
+        reached, happened = self._followed(other, levels[-2::-1])
+        for level, design in {levels[-1]: other, **reached}.items():
+            if level in found and not self._better(design, found[level]):
+                break
+            found[level], highest = design, level
+        above = [event for event in events if event.value > highest]
+        return above + [event for event in reversed(happened) if event.value <= highest]
+
+    @staticmethod
+    def _better(design: Design, other: Design) -> bool:
+        """Whether the first objective of a design is less than that of another by more than rounding."""
+        return _dominates(_objectives(design)[:1], _objectives(other)[:1])
+
+    def _searched(self, level: float, known: Sequence[Design]) -> Design:
+        """The design at a level that a search from known ones finds."""
+        problem = _with_bound(self.problem, self.texts[1], level, self.origin.machine)
+        starts = [*({**design.parameters, "orbit": design.orbit} for design in known), *self.further]
+        return _with_both(best_design(self.origin.machine, problem, self.origin, starts), self.texts)
+
+    def _followed(self, design: Design, levels: Sequence[float]) -> tuple[dict[float, Design], list[DesignEvent]]:
+        """The designs at the first of some levels, as far as the curve from a design leads, and its events."""
+        if self.further or not levels:
+            return {}, []
+        begin, end = _objectives(design)[1], levels[-1]
+        problem = _with_bound(self.problem, self.texts[1], begin, design.source)
+        limit = len(problem.constraints) - 1
+        moving = Moving(problem.constraints[limit].text, begin, end, constraint=limit, sides=(False, True))
+        shares = [(level - begin) / (end - begin) for level in levels]
+        try:
+            curve = designs_along(moving_design(design, problem, moving), shares)
+        except OrbitsError:
+            return {}, []
+        at = {moving.value(share): level for share, level in zip(shares, levels, strict=True)}
+        pairs = zip(curve.values, curve.designs, strict=True)
+        reached = {at[value]: _with_both(found, self.texts) for value, found in pairs if value in at}
+        return reached, [event for event in curve.events if event.kind not in ENDS_OF_MINIMA]
 
 
 def _corner(end: Design, other: DesignProblem, index: int, origin: Origin, texts: tuple[str, str]) -> Design:

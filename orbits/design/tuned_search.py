@@ -22,8 +22,9 @@ from ..periodic.find import Progress, StartLike, find, first_tuned
 from ..periodic.orbit import Orbit
 from ..periodic.tuned import Tuning, solved_near
 from ..running import interrupts
+from .active_set import ACTIVE
 from .designs_at_once import Designs, fill_in_tuned, no_designs, start_of_tuned
-from .optimality import ACTIVE, Active, Design, Start
+from .optimality import Active, Design, Start
 from .problem import DesignProblem
 
 # The first simplex, in shares of the ranges, and those about the end of a search before; at most so many of these, and

@@ -25,6 +25,7 @@ from ..units import LIFTOFF_SPEED, Units
 
 if TYPE_CHECKING:
     from ..continuation.family import Family
+    from ..design.optimality import DesignCurve
     from ..design.pareto import Front
     from ..periodic.orbit import Orbit
     from ..return_map.return_map import ReturnMap
@@ -299,6 +300,21 @@ def plot_front(front: "Front", axes: Axes | None = None) -> Axes:
     units = [front.designs[0].unit_of(text) for text in texts]
     labels = [label_of(text + (unit and f" ({unit})")) for text, unit in zip(texts, units, strict=True)]
     axes.set_title(plain(title_of_machine(front.machine)), fontsize="medium", wrap=True)
+    return finished(axes, xlabel=labels[0], ylabel=labels[1])
+
+
+def plot_design_curve(curve: "DesignCurve", axes: Axes | None = None) -> Axes:
+    """Plot the objective of a curve of designs against the number that moves, with its events; return the axes."""
+    axes = axes or new_axes(5.4, 4.2)
+    axes.plot(curve.values, curve.objectives, ".-", color=COLOURS[0], ms=5)
+    for colour, kind in zip(COLOURS[1:], dict.fromkeys(event.kind for event in curve.events), strict=False):
+        places = [event.value for event in curve.events if event.kind == kind]
+        heights = np.interp(places, *np.array(sorted(zip(curve.values, curve.objectives, strict=True))).T)
+        axes.plot(places, heights, "o", color=colour, ms=6, label=kind)
+    if curve.events:
+        axes.legend()
+    axes.set_title(plain(title_of_machine(curve.machine)), fontsize="medium", wrap=True)
+    labels = [label_of(curve.heading(name)) for name in (curve.parameter, curve.designs[0].text)]
     return finished(axes, xlabel=labels[0], ylabel=labels[1])
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from designs import ANOTHER, CUBIC, LEG, OVER, RANGE, same_design
 
-from orbits import Front, InputError, find, pareto, quantities
+from orbits import Front, InputError, find, optimize, pareto, quantities
 from problems import Hopper
 
 
@@ -58,6 +58,34 @@ def test_front():
     assert "5 certified designs" in str(front)
     (only,) = pareto(CUBIC, minimise=("loss_coefficient", "-alpha"), over={"b": RANGE}).designs
     assert only.parameters["b"] == RANGE[0]
+
+
+def test_a_front_with_gaps_has_a_curve_for_each_piece():
+    """The second objective has several minima over the first: at each level the first place that reaches it is best."""
+    second = "cos(4*b) - 0.4*b"
+    front = pareto(CUBIC.with_values(b=2.3), minimise=("b", second), over={"b": RANGE}, points=12)
+    b = np.linspace(*RANGE, 200_001)
+    values = np.cos(4 * b) - 0.4 * b
+    for first, level in front.values:
+        reached = np.flatnonzero(values <= level + 1e-12)
+        assert first == pytest.approx(b[reached[0]], abs=2e-5) if len(reached) else level <= values.min() + 1e-9
+    assert front.values[0, 0] == RANGE[0]
+    assert front.values[-1, 1] == pytest.approx(values.min(), abs=1e-9)
+    assert len(front.designs) == 12
+    assert np.diff(front.values[:, 0]).max() > 1.0  # the gap
+
+
+def test_a_front_is_that_of_searches_at_its_levels(front):
+    """To 1e-8, and where a bound becomes active the front has an event."""
+    options = {"over": OVER, "subject_to": ["stroke <= 0.25"]}
+    for design in front.designs[1:-1]:
+        _, level = design.pair
+        limits = [*options["subject_to"], f"largest_contact_force <= {level!r}"]
+        same = optimize(LEG, maximise="centre_of_mass_rise", over=OVER, subject_to=limits)
+        assert design.parameters == pytest.approx(same.parameters, rel=1e-8)
+        assert design.pair[0] == pytest.approx(-same.objective, rel=1e-10)
+        multipliers = [{each.text[:18]: each.multiplier for each in one.active} for one in (design, same)]
+        assert multipliers[0] == pytest.approx(multipliers[1], rel=1e-7)
 
 
 @pytest.fixture(scope="module")

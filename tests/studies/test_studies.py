@@ -361,6 +361,7 @@ def test_design(tmp_path):
     numbers = design.main(tmp_path, quick=True)
     assert "'centre_of_mass_rise == 0.2' is missed by 0.09413" in numbers["designs"][1]
     assert numbers["winner"].objective == pytest.approx(1.857414700, rel=1e-8)
+    assert numbers["curve"].slopes[0] == pytest.approx(-1.547845583, rel=1e-8)
     heights = -numbers["fronts"][2].values[:, 0]
     assert heights.max() == pytest.approx(0.206531, abs=1e-6)
     assert (tmp_path / "design.png").stat().st_size > 10_000
