@@ -38,7 +38,7 @@ ENDS_OF_DESIGNS = {
 LEAST_WAY = 0.1
 # Derivatives within this distance of a design that was evaluated follow from its own: they differ by its square, and by
 # the error of second derivatives times it. So many designs are remembered.
-BESIDE, REMEMBERED = 3e-8, 128
+NEXT_TO, REMEMBERED = 3e-8, 128
 # Designs that were tried and not reached within this distance of the end of a curve show why it ends.
 BESIDE_AN_END = 1e-2
 ON_BOUND_OF_CURVE = 1e-11  # a parameter nearer to its bound than this share of its unit is put on it, as it is active
@@ -340,7 +340,7 @@ class MovingDesign:
     def _at(self, x: Array, s: float) -> ProgramPoint:
         """The program at a point, evaluated or moved from a point next to it; raises `NoOrbit` for none."""
         z, nearest = np.append(x, s), self.nearest(x, s)
-        if np.abs(nearest.z - z).max() <= BESIDE:
+        if np.abs(nearest.z - z).max() <= NEXT_TO:
             return nearest.moved(z)
         if self.missed is not None:
             self.missed.append(z)

@@ -383,7 +383,7 @@ def moving_design(design: Design, problem: DesignProblem, moving: Moving) -> Mov
     return MovingDesign(problem, moving, point, flat, constraint_sizes(problem, point), demands)
 
 
-SAME_SHARE = 1e-12  # points whose shares of the way differ by no more are one
+ONE_POINT = 1e-12  # points whose shares of the way differ by no more are one
 ROUNDS_TOGETHER = 4  # rounds in which designs are evaluated together
 
 
@@ -427,7 +427,7 @@ def designs_along(program: MovingDesign, shares: Sequence[float], progress: Repo
         inside = [share for share in shares if first <= share <= last and not any(share == p.value for _, p in points)]
         points += [(piece.program, point) for point in piece.exact(inside)]
     known = [point.value for _, point in points]
-    points += [pair for pair in ends if all(abs(pair[1].value - share) > SAME_SHARE for share in known)]
+    points += [pair for pair in ends if all(abs(pair[1].value - share) > ONE_POINT for share in known)]
     points.sort(key=lambda pair: pair[1].value)
     designs = _certified_at(points)
     for i, design in enumerate(designs):

@@ -80,7 +80,7 @@ class ParametricProgram(Protocol):
     """A nonlinear program with n unknowns of order one, m constraints and a parameter.
 
     limits : (n + m,) lower and upper ones, of the unknowns and then of the constraints; these do not depend on p
-    first, second : (x, p, multipliers (m,) of the constraints) -> derivatives
+    first, second : (x, p, multipliers (m,) of the constraints) -> derivatives; raise `NoOrbit` where there are none
     """
 
     @property
@@ -99,6 +99,7 @@ class CurveOptions:
         to one plus their size, and multipliers to the largest one
     most : points of a run
     aim : distance from prediction to point that step control aims at
+    exact : whether the tangent of each point is exact, for programs whose second derivatives come with the first
     beyond : whether the curve goes on beyond folds and bifurcations, where its points are no minima
     """
 
@@ -107,6 +108,7 @@ class CurveOptions:
     longest_step: float = 0.1
     most: int = 1000
     aim: float = 1e-4
+    exact: bool = False
     beyond: bool = False
 
 
@@ -220,7 +222,7 @@ class MinimumCurve:
             try:
                 new, error, held = self._next(passed, length, targets)
                 event = self._event(point, new, held)
-            except _LostCurve:
+            except (_LostCurve, NoOrbit):
                 length /= 4
                 if length < self.options.shortest_step:
                     yield CurveEnd(
@@ -259,6 +261,13 @@ class MinimumCurve:
             passed, point, length = [after], after, min(length, self.options.first_step)
         yield CurveEnd("stopped", f"after {count} points: no more than {self.options.most} were asked for")
 
+    @staticmethod
+    def between(points: Sequence[CriticalPoint], value: float) -> CriticalPoint:
+        """The last of some points with unknowns and multipliers interpolated from all of them at a value of the
+        parameter, near those of the minimum there."""
+        n, z = len(points[-1].x), _hermite(points, len(points[-1].z) - 1, value)
+        return replace(points[-1], value=value, x=z[:n], multipliers=z[n:-1])
+
     def at(self, value: float, near: CriticalPoint) -> CriticalPoint:
         """The minimum at a value of the parameter near a point of the curve, with the same active limits; its tangent
         is exact. Raises `NoOrbit` where there is none."""
@@ -267,7 +276,7 @@ class MinimumCurve:
             z = z + near.tangent / near.tangent[-1] * (value - near.value)
         try:
             return self._corrected(z, near.sides, len(z) - 1, value, near.tangent, exact=True)[0]
-        except _LostCurve:
+        except (_LostCurve, NoOrbit):
             raise NoOrbit(f"no minimum is found at {value:.10g} from that at {near.value:.10g}") from None
 
     # The first point
@@ -420,7 +429,7 @@ class MinimumCurve:
             raise _LostCurve
         z[held] = level
         error = float(np.abs(weights * (z - start)).max())
-        if exact or linear is None or error > INEXACT_TANGENT:
+        if exact or self.options.exact or linear is None or error > INEXACT_TANGENT:
             linear = self._linear(z, active, places, held)
         tangent = np.zeros(len(z))
         tangent[places] = linear.solve(np.append(np.zeros(len(places) - 1), 1.0))
@@ -550,7 +559,7 @@ class MinimumCurve:
             try:
                 after, _ = self._corrected(z, sides, len(z) - 1, point.value, along, exact=True)
                 break
-            except _LostCurve:
+            except (_LostCurve, NoOrbit):
                 continue
         else:
             return None, CurveEnd("degenerate", f"no minimum is found beyond the limit at {point.value:.10g}")
