@@ -36,9 +36,9 @@ from .point import End, Point
 from .tracer import Tracer
 
 # The step of central differences, in units of a point's size.
-DIFFERENCE = 1e-5
+TANGENT_STEP = 1e-5
 # A number of the certificate is the prescribed one where it differs by less, in units without dimensions.
-SAME_NUMBER = 1e-8
+AT_LIMIT = 1e-8
 # The quantities that have to be positive on a motion, or negative, with the words of the violations, which are those of
 # the model or the beginning of the text; and the test function that vanishes with each.
 LIMITS = {
@@ -86,7 +86,7 @@ class EventCondition:
         if not self.text:
             return {kind: found[kind] for kind in ("grazing", "landing jerk")}
         if self.place and self.level is not None and self.text in Certificate.__dataclass_fields__:
-            found[ELSEWHERE] = lambda points: self.place * self.excess(points.column(self.text)) + SAME_NUMBER
+            found[ELSEWHERE] = lambda points: self.place * self.excess(points.column(self.text)) + AT_LIMIT
         return found
 
     def excess(self, numbers: np.ndarray) -> np.ndarray:
@@ -101,7 +101,7 @@ class EventCondition:
         violations = [*certificates.column("violations")]
         if self.text:
             measured = self.text in Certificate.__dataclass_fields__
-            near = np.abs(self.excess(points.column(self.text) if measured else np.zeros(len(points)))) < SAME_NUMBER
+            near = np.abs(self.excess(points.column(self.text) if measured else np.zeros(len(points)))) < AT_LIMIT
             here = "\0"
             own = tuple(str(model.violations.get(word, word)) for word in LIMITS[self.text][1])
         else:  # nothing of the contact is known, which does not end
@@ -172,10 +172,10 @@ class EventCurve(Curve):
         tangents = self._tangents(family)
         bordered, slopes = np.concatenate([family, tangents[:, None]], axis=1), jacobian[:, -1, :-1] * size
         adjoint = solve(bordered.swapaxes(1, 2), slopes[:, :, None])[:, :-1, 0]
-        moves = DIFFERENCE * np.pad(tangents * size, ((0, 0), (0, 1)))
+        moves = TANGENT_STEP * np.pad(tangents * size, ((0, 0), (0, 1)))
         beside = super().evaluate(np.concatenate([xs + moves, xs - moves])).jacobian
         ahead, behind = beside.reshape(2, *jacobian.shape)
-        change = (ahead - behind) / (2 * DIFFERENCE)
+        change = (ahead - behind) / (2 * TANGENT_STEP)
         residual[:, -1] = np.einsum("mi,mi->m", slopes, tangents)
         jacobian[:, -1] = change[:, -1] - np.einsum("mi,mij->mj", adjoint, change[:, :-1])
         return replace(found, residual=residual, jacobian=jacobian)

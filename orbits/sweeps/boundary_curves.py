@@ -10,7 +10,7 @@ import numpy as np
 from ..continuation.checkpoint import begun
 from ..continuation.event_curve import COLLAPSE, LIMITS
 from ..continuation.family import Family
-from ..continuation.follow import begin
+from ..continuation.follow import begin_run
 from ..continuation.follow_event import follow_event
 from ..continuation.point import End, Event, Point
 from ..continuation.step_control import StepControl, checked_options
@@ -46,7 +46,7 @@ class Box(NamedTuple):
         return float(self.places[-1] - self.places[0])
 
 
-class Pair(NamedTuple):
+class Neighbours(NamedTuple):
     """Two neighbours in a row: the index of the first along the row, the row, and which of the two, 0 or 1, has an
     orbit from which a family is followed to the other."""
 
@@ -56,7 +56,7 @@ class Pair(NamedTuple):
 
 
 def boundary_curves(
-    box: Box, pairs: Sequence[Pair], orbit_at: Callable[[Machine], Orbit], machine: Machine
+    box: Box, pairs: Sequence[Neighbours], orbit_at: Callable[[Machine], Orbit], machine: Machine
 ) -> list[Family]:
     """The curves of events that pass between pairs of neighbours, until each pair is passed or no more are found.
 
@@ -71,14 +71,14 @@ def boundary_curves(
         if tried == MOST_PAIRS or without == MOST_WITHOUT:
             break
         interrupts.heed()
-        found = _through(box, pair, orbit_at, machine, crossings)
+        found = _curves_between(box, pair, orbit_at, machine, crossings)
         tried, without = tried + 1, 0 if found else without + 1
         curves += found
     return curves
 
 
-def _through(
-    box: Box, pair: Pair, orbit_at: Callable[[Machine], Orbit], machine: Machine, crossings: list[list[float]]
+def _curves_between(
+    box: Box, pair: Neighbours, orbit_at: Callable[[Machine], Orbit], machine: Machine, crossings: list[list[float]]
 ) -> list[Family]:
     """The curves of events between a pair of neighbours, whose places on the rows are added to `crossings`."""
     ends, curves = (pair.i, pair.i + 1), list[Family]()
@@ -101,7 +101,7 @@ def _through(
 def _up_to_fold(machine: Machine, along: str, stop: float, start: Orbit) -> Family:
     """The family of an orbit up to a value, or up to its first fold."""
     options = checked_options(longest=LONGEST_ON_WAY, most=MOST_ON_WAY)
-    tracer = begin(machine, along, start, stop, 1, None, options, None, None)
+    tracer = begin_run(machine, along, start, stop, 1, None, options, None, None)
     points, events = list[Point](), list[Event]()
     with interrupts.deferred():
         for item in tracer:
@@ -152,10 +152,15 @@ def _both_ways(box: Box, family: Family, event: Event) -> list[Family]:
     return curves
 
 
+def points_of(box: Box, curve: Family) -> np.ndarray:
+    """The values (2, k) of the two parameters at the points of a curve."""
+    return np.array([curve.column(box.along), curve.column("value")])
+
+
 def places_on_rows(box: Box, curve: Family) -> list[list[float]]:
     """The values along each row at which a curve passes it, exactly."""
     found, index = [list[float]() for _ in box.rows], {float(value): j for j, value in enumerate(box.rows)}
-    values, places = curve.column("value"), curve.column(box.along)
+    places, values = points_of(box, curve)
     for value, place in zip(values.tolist(), places.tolist(), strict=True):
         if value in index and place not in found[index[value]]:
             found[index[value]].append(place)
