@@ -31,7 +31,7 @@ from ..shooting.formulations import Cycles, equations_of
 from ..shooting.single_shooting import Evaluation, shooting_equations
 from .curve import AT_A_FOLD, TEST_FUNCTIONS, Curve, CurvePoint, CurvePoints
 from .events import Segment
-from .limits import Endings
+from .limits import Endings, History
 from .point import End, Point
 from .tracer import Tracer
 
@@ -210,12 +210,27 @@ class EventEndings(Endings):
     curve: EventCurve
 
     def may_end(self, before: CurvePoint, points: Sequence[CurvePoint]) -> np.ndarray:
-        ends = super().may_end(before, points)
+        ends = super().may_end(before, points) | self._grown(CurvePoints.of(points).xs).any(1)
         if self.curve.within:
             low, high = self.curve.within
             first = CurvePoints.of(points).xs[:, -2]
             ends |= (first < low) | (first > high)
         return ends
+
+    def far(self, last: CurvePoint, history: History) -> End | None:
+        if end := super().far(last, history):
+            return end
+        own, names = self.curve.equations_of_orbits.size, self.curve.equations.statement.unknowns
+        for i in self._grown(last.x[None])[0].nonzero()[0].tolist():
+            return End(
+                "escaped", f"the {names[own + i]} grows without bound near {self.curve.along} = {last.value:.6g}"
+            )
+        return None
+
+    def _grown(self, xs: np.ndarray) -> np.ndarray:
+        """Whether the unknowns besides those of the orbit have grown beyond the ratio that counts as an escape."""
+        own, ratio = self.curve.equations_of_orbits.size, self.control.escape_ratio
+        return np.abs(xs[:, own:-2]) > ratio * np.maximum(np.abs(self.origin.u[own:-1]), 1.0)
 
     def cut(self, segment: Segment) -> tuple[Segment, End | None]:
         segment, end = super().cut(segment)

@@ -27,7 +27,7 @@ MOST_PAIRS, MOST_WITHOUT = 24, 6
 MOST_ON_WAY, MOST_ON_CURVE, LONGEST_ON_WAY, LONGEST_ON_CURVE = 60, 400, 0.5, 0.05
 # Few points are solved at a time, since most curves end soon, and long steps are taken, since the rows are hit exactly.
 # Curves are not followed far to where rounding decides, which takes many steps: what is left there is bisected.
-ON_CURVE = StepControl(largest_batch=32, target_correction=1e-4, largest_amplification=1e6)
+ON_CURVE = StepControl(largest_batch=32, target_correction=1e-4, largest_amplification=1e6, escape_ratio=20.0)
 # A curve that passes a row within this share of the range of an event is the curve of that event.
 SAME_CURVE = 1e-7
 
@@ -47,12 +47,13 @@ class Box(NamedTuple):
 
 
 class Neighbours(NamedTuple):
-    """Two neighbours in a row: the index of the first along the row, the row, and which of the two, 0 or 1, has an
-    orbit from which a family is followed to the other."""
+    """Two neighbours in a row: the index of the first along the row, the row, which of the two, 0 or 1, has an orbit
+    from which a family is followed to the other, and whether the other has none, so that a fold is between."""
 
     i: int
     j: int
     side: int
+    ends: bool
 
 
 def boundary_curves(
@@ -62,11 +63,11 @@ def boundary_curves(
 
     orbit_at : machine -> its orbit, from which the family between two neighbours is followed
     """
-    curves, crossings, without = list[Family](), [list[float]() for _ in box.rows], 0
+    curves, crossings, without = list[Family](), [list[tuple[float, bool]]() for _ in box.rows], 0
     tried = 0
     for pair in pairs:
         low, high = box.places[pair.i], box.places[pair.i + 1]
-        if any(low <= place <= high for place in crossings[pair.j]):
+        if any(low <= place <= high and fold == pair.ends for place, fold in crossings[pair.j]):
             continue
         if tried == MOST_PAIRS or without == MOST_WITHOUT:
             break
@@ -78,7 +79,11 @@ def boundary_curves(
 
 
 def _curves_between(
-    box: Box, pair: Neighbours, orbit_at: Callable[[Machine], Orbit], machine: Machine, crossings: list[list[float]]
+    box: Box,
+    pair: Neighbours,
+    orbit_at: Callable[[Machine], Orbit],
+    machine: Machine,
+    crossings: list[list[tuple[float, bool]]],
 ) -> list[Family]:
     """The curves of events between a pair of neighbours, whose places on the rows are added to `crossings`."""
     ends, curves = (pair.i, pair.i + 1), list[Family]()
@@ -87,14 +92,16 @@ def _curves_between(
     with suppress(OrbitsError):
         family = _up_to_fold(here, box.along, end, orbit_at(here))
         for event in family.events:
-            known = np.array(crossings[pair.j])
-            if (np.abs(known - event.point.value) < SAME_CURVE * box.width).any() or not _is_boundary(family, event):
+            known = np.array([place for place, _ in crossings[pair.j]])
+            if (np.abs(known - event.point.value) < SAME_CURVE * box.width).any() or not _is_boundary(
+                family, event, pair.ends
+            ):
                 continue
             with suppress(OrbitsError):
                 for curve in _both_ways(box, family, event):
                     curves.append(curve)
                     for j, places in enumerate(places_on_rows(box, curve)):
-                        crossings[j] += places
+                        crossings[j] += [(place, event.kind == "fold") for place in places]
     return curves
 
 
@@ -117,10 +124,10 @@ def _up_to_fold(machine: Machine, along: str, stop: float, start: Orbit) -> Fami
     return replace(begun(tracer), points=tuple(points), events=tuple(events))
 
 
-def _is_boundary(family: Family, event: Event) -> bool:
-    """Whether orbits end at an event of a family, or whether they are motions on one side of it alone."""
+def _is_boundary(family: Family, event: Event, ends: bool) -> bool:
+    """Whether an event of a family is a fold, for orbits that end, or orbits are motions on one side of it alone."""
     if event.kind == "fold" or event.kind not in FOLLOWED:
-        return event.kind == "fold"
+        return event.kind == "fold" and ends
     sides = [point.admissible for point in family.points[event.after : event.after + 2]]
     return len(sides) < 2 or sides[0] != sides[1]
 

@@ -302,6 +302,7 @@ def existence(
     show(SweepProgress(done, done, dict(Counter(statuses.ravel().tolist())), perf_counter() - began, 0.0))
     boundaries = _located(statuses, shares, both_ways, statuses_at, show, by_curves)
     points = np.column_stack([axis.at(share) for axis, share in zip(scales, boundaries.points.T, strict=True)])
+    points[boundaries.in_row, 1] = box.rows[boundaries.nodes[boundaries.in_row, 1]]
     followed = list[BoundaryCurve]()
     for curve in curves:
         x, y = points_of(box, curve).tolist()
@@ -315,7 +316,8 @@ def _pairs_to_follow(statuses: np.ndarray) -> list[Neighbours]:
     orbits = np.isin(statuses.astype(str), WITH_ORBIT)
     found = np.argwhere((statuses[:-1] != statuses[1:]) & (orbits[:-1] | orbits[1:]))
     order = np.argsort(np.abs(2 * found[:, 1] - statuses.shape[1]), kind="stable")
-    return [Neighbours(i, j, 0 if orbits[i, j] else 1) for i, j in found[order].tolist()]
+    pairs = found[order].tolist()
+    return [Neighbours(i, j, 0 if orbits[i, j] else 1, not (orbits[i, j] and orbits[i + 1, j])) for i, j in pairs]
 
 
 def _places_in_rows(box: Box, curves: Sequence[Family]) -> list[list[float]]:
