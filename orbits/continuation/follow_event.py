@@ -107,11 +107,11 @@ def follow_event(
 
     >>> from orbits import follow, follow_event
     >>> from problems import Hopper
-    >>> machine = Hopper("r + beta*r**3", rest_length=9.0, parameters={"beta": 0.0})
-    >>> family = follow(machine, "beta", 0.4)
-    >>> touch = follow_event(family, "masses touch", "rest_length", 8.0)
+    >>> machine = Hopper("r + beta*r**3", rest_length=9.0, parameters={"beta": 0.2})
+    >>> family = follow(machine, "beta", -0.006)
+    >>> touch = follow_event(family, "masses touch", "rest_length", 8.5, longest=0.1)
     >>> round(float(touch.column("beta")[-1]), 6), touch.end.kind
-    (0.0, 'reached')
+    (-0.003441, 'reached')
     """
     if not isinstance(family, Family):
         if (own := getattr(family, "follow_event", None)) is None:
