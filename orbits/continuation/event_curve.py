@@ -31,14 +31,14 @@ from ..shooting.formulations import Cycles, equations_of
 from ..shooting.single_shooting import Evaluation, shooting_equations
 from .curve import AT_A_FOLD, TEST_FUNCTIONS, Curve, CurvePoint, CurvePoints
 from .events import Segment
-from .limits import Endings
+from .limits import Endings, History
 from .point import End, Point
 from .tracer import Tracer
 
 # The step of central differences, in units of a point's size.
-DIFFERENCE = 1e-5
+TANGENT_STEP = 1e-5
 # A number of the certificate is the prescribed one where it differs by less, in units without dimensions.
-SAME_NUMBER = 1e-8
+AT_LIMIT = 1e-8
 # The quantities that have to be positive on a motion, or negative, with the words of the violations, which are those of
 # the model or the beginning of the text; and the test function that vanishes with each.
 LIMITS = {
@@ -86,7 +86,7 @@ class EventCondition:
         if not self.text:
             return {kind: found[kind] for kind in ("grazing", "landing jerk")}
         if self.place and self.level is not None and self.text in Certificate.__dataclass_fields__:
-            found[ELSEWHERE] = lambda points: self.place * self.excess(points.column(self.text)) + SAME_NUMBER
+            found[ELSEWHERE] = lambda points: self.place * self.excess(points.column(self.text)) + AT_LIMIT
         return found
 
     def excess(self, numbers: np.ndarray) -> np.ndarray:
@@ -101,7 +101,7 @@ class EventCondition:
         violations = [*certificates.column("violations")]
         if self.text:
             measured = self.text in Certificate.__dataclass_fields__
-            near = np.abs(self.excess(points.column(self.text) if measured else np.zeros(len(points)))) < SAME_NUMBER
+            near = np.abs(self.excess(points.column(self.text) if measured else np.zeros(len(points)))) < AT_LIMIT
             here = "\0"
             own = tuple(str(model.violations.get(word, word)) for word in LIMITS[self.text][1])
         else:  # nothing of the contact is known, which does not end
@@ -170,10 +170,10 @@ class EventCurve(Curve):
         tangents = self._tangents(family)
         bordered, slopes = np.concatenate([family, tangents[:, None]], axis=1), jacobian[:, -1, :-1] * size
         adjoint = solve(bordered.swapaxes(1, 2), slopes[:, :, None])[:, :-1, 0]
-        moves = DIFFERENCE * np.pad(tangents * size, ((0, 0), (0, 1)))
+        moves = TANGENT_STEP * np.pad(tangents * size, ((0, 0), (0, 1)))
         beside = super().evaluate(np.concatenate([xs + moves, xs - moves])).jacobian
         ahead, behind = beside.reshape(2, *jacobian.shape)
-        change = (ahead - behind) / (2 * DIFFERENCE)
+        change = (ahead - behind) / (2 * TANGENT_STEP)
         residual[:, -1] = np.einsum("mi,mi->m", slopes, tangents)
         jacobian[:, -1] = change[:, -1] - np.einsum("mi,mij->mj", adjoint, change[:, :-1])
         return replace(found, residual=residual, jacobian=jacobian)
@@ -208,12 +208,27 @@ class EventEndings(Endings):
     curve: EventCurve
 
     def may_end(self, before: CurvePoint, points: Sequence[CurvePoint]) -> np.ndarray:
-        ends = super().may_end(before, points)
+        ends = super().may_end(before, points) | self._grown(CurvePoints.of(points).xs).any(1)
         if self.curve.within:
             low, high = self.curve.within
             first = CurvePoints.of(points).xs[:, -2]
             ends |= (first < low) | (first > high)
         return ends
+
+    def far(self, last: CurvePoint, history: History) -> End | None:
+        if end := super().far(last, history):
+            return end
+        own, names = self.curve.equations_of_orbits.size, self.curve.equations.statement.unknowns
+        for i in self._grown(last.x[None])[0].nonzero()[0].tolist():
+            return End(
+                "escaped", f"the {names[own + i]} grows without bound near {self.curve.along} = {last.value:.6g}"
+            )
+        return None
+
+    def _grown(self, xs: np.ndarray) -> np.ndarray:
+        """Whether the unknowns besides those of the orbit have grown beyond the ratio that counts as an escape."""
+        own, ratio = self.curve.equations_of_orbits.size, self.control.escape_ratio
+        return np.abs(xs[:, own:-2]) > ratio * np.maximum(np.abs(self.origin.u[own:-1]), 1.0)
 
     def cut(self, segment: Segment) -> tuple[Segment, End | None]:
         segment, end = super().cut(segment)

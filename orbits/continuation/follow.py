@@ -100,7 +100,7 @@ def follow(
     -0.010695215
     """
     options = checked_options(at, watch, longest, most, stop_inadmissible, step_control)
-    tracer = begin(machine, along, start, stop, family, method, options, resume, tune)
+    tracer = begin_run(machine, along, start, stop, family, method, options, resume, tune)
     return collect_family(tracer, resume, output, progress)
 
 
@@ -121,7 +121,7 @@ def trace(
     method, tune = options.pop("method", None), options.pop("tune", None)
     if unknown := options.keys() - set(known):
         raise InputError(f"trace has no option '{min(unknown)}'; it knows {', '.join(known)}, method and tune")
-    tracer = begin(machine, along, start, stop, family, method, checked_options(**options), None, tune)
+    tracer = begin_run(machine, along, start, stop, family, method, checked_options(**options), None, tune)
     return _orbits(tracer)
 
 
@@ -257,7 +257,10 @@ def bounds_of(along: str, start: float, stop: object, at: Sequence[float] = ()) 
     return behind, ahead
 
 
-def begin(machine, along, start, stop, family, method, options: Options, resume: Family | None, tune) -> Tracer:
+def begin_run(
+    machine: Machine, along: str, start: StartLike | float | None, stop: Any, family: int | None, method: Any,
+    options: Options, resume: Family | None = None, tune: Any = None,
+) -> Tracer:  # fmt: skip
     """A run from the first orbit, or from the last of a family that is resumed."""
     orbit, start = (start, None) if isinstance(start, Orbit | Mapping | str | Path) else (None, start)
     tuned = checked_tuning(machine, along, tune)

@@ -60,7 +60,7 @@ JUMPS = 1e-6
 SAME_VALUE = 1e-7
 
 
-class Start(NamedTuple):
+class EventStart(NamedTuple):
     """Where a curve of events begins: its condition, the statement, and a guess of the unknowns (n,)."""
 
     condition: EventCondition
@@ -107,11 +107,11 @@ def follow_event(
 
     >>> from orbits import follow, follow_event
     >>> from problems import Hopper
-    >>> machine = Hopper("r + beta*r**3", rest_length=9.0, parameters={"beta": 0.0})
-    >>> family = follow(machine, "beta", 0.4)
-    >>> touch = follow_event(family, "masses touch", "rest_length", 8.0)
+    >>> machine = Hopper("r + beta*r**3", rest_length=9.0, parameters={"beta": 0.2})
+    >>> family = follow(machine, "beta", -0.006)
+    >>> touch = follow_event(family, "masses touch", "rest_length", 8.5, longest=0.1)
     >>> round(float(touch.column("beta")[-1]), 6), touch.end.kind
-    (0.0, 'reached')
+    (-0.003441, 'reached')
     """
     if not isinstance(family, Family):
         if (own := getattr(family, "follow_event", None)) is None:
@@ -139,7 +139,7 @@ def follow_event(
 
 
 def collect_event(
-    machine: Machine, method: str, along: str, second: str, stop: Any, begun: Start, options: Options,
+    machine: Machine, method: str, along: str, second: str, stop: Any, begun: EventStart, options: Options,
     within: tuple[float, float] | None = None, locate: bool = True, output: str | Path | None = None,
 ) -> Family:  # fmt: skip
     """The curve of an event of a machine's family along a parameter, from its start on."""
@@ -160,12 +160,12 @@ def collect_event(
     return _at_its_place(collect_family(tracer, output=output), begun.condition)
 
 
-def start_of_fold(machine: Machine, base: Statement, point: Point, along: str) -> Start:
+def start_of_fold(machine: Machine, base: Statement, point: Point, along: str) -> EventStart:
     """The start of a curve of folds."""
     stated = event_statement(machine.model, base, along, parse(along), (), ())
     known = dict(zip(base.unknowns, point.u, strict=False)) | {along: point.value}
     condition = EventCondition(f"fold in {along}", along, None)
-    return Start(condition, stated, _completed(machine, stated, known))
+    return EventStart(condition, stated, _completed(machine, stated, known))
 
 
 def bounds_within(name: str, within: tuple[float, float]) -> tuple[float, float]:
@@ -178,7 +178,7 @@ def bounds_within(name: str, within: tuple[float, float]) -> tuple[float, float]
     return low, high
 
 
-def _begun(machine: Machine, family: Family, event: Event | str | Mapping[str, float], number: int) -> Start:
+def _begun(machine: Machine, family: Family, event: Event | str | Mapping[str, float], number: int) -> EventStart:
     """Where the curve of an event of a family begins."""
     if isinstance(event, Mapping):
         if len(event) != 1:
@@ -186,13 +186,13 @@ def _begun(machine: Machine, family: Family, event: Event | str | Mapping[str, f
         ((text, value),) = event.items()
         formula = _known(machine, text)
         level = finite_number(f"event '{text}'", value)
-        condition = EventCondition(f"{text} = {level:.10g}", text, level, place=_place(machine, text, level))
+        condition = EventCondition(f"{text} = {level:.10g}", text, level, place=_side_of(machine, text, level))
         return _of_formula(machine, family, _crossing(machine, family, formula, level, number), formula, condition)
     if isinstance(event, str) and event.startswith(EXTREMUM):
         formula = _known(machine, event.removeprefix(EXTREMUM))
         condition = EventCondition(event, formula.text, None)
         return _of_formula(machine, family, _turn(machine, family, formula, number), formula, condition)
-    found = _located(family, event, number)
+    found = _event_of(family, event, number)
     own = _bare(machine, family, found.point)
     if found.kind == "fold":
         return start_of_fold(machine, _statement(machine, family), own, family.name)
@@ -207,11 +207,11 @@ def _begun(machine: Machine, family: Family, event: Event | str | Mapping[str, f
     size = getattr(own, text)
     if size is None or abs(size) > JUMPS:  # on one side the contact turns back before a barrier, on the other beyond it
         return _of_collapse(machine, family, own)
-    condition = EventCondition(found.kind, text, 0.0, place=_place(machine, text, 0.0))
+    condition = EventCondition(found.kind, text, 0.0, place=_side_of(machine, text, 0.0))
     return _of_formula(machine, family, own, _known(machine, text), condition)
 
 
-def _located(family: Family, event: Event | str, number: int) -> Event:
+def _event_of(family: Family, event: Event | str, number: int) -> Event:
     """An event of a family."""
     if isinstance(event, Event):
         return event
@@ -235,13 +235,13 @@ def _known(machine: Machine, text: object) -> Formula:
     return formula
 
 
-def _place(machine: Machine, text: str, level: float) -> int:
+def _side_of(machine: Machine, text: str, level: float) -> int:
     """Whether a formula is a quantity that is least at its place (1) or largest (-1), as `EventCondition` has it."""
     signs = [*COMPOSITION.get(text, {}).values()]
     return -signs[0] if len(signs) == 1 and (level == 0 or machine.units is None) else 0
 
 
-def _values(machine: Machine, family: Family, formula: Formula) -> np.ndarray:
+def _values_along(machine: Machine, family: Family, formula: Formula) -> np.ndarray:
     """The values (m,) of a formula at the points of a family."""
     here = [machine.with_values(**family._varied(point)) for point in family.points]
     known, used = {*family._numbers_of(family.points), *names_of_motions(machine)}, _quantities(machine, formula)
@@ -267,7 +267,7 @@ def _quantities(machine: Machine, formula: Formula) -> list[str]:
 
 def _crossing(machine: Machine, family: Family, formula: Formula, level: float, number: int) -> Point:
     """A dimensionless point of a family next to where a formula passes a value."""
-    values = _values(machine, family, formula) - level
+    values = _values_along(machine, family, formula) - level
     with np.errstate(invalid="ignore"):
         found = np.flatnonzero(values[:-1] * values[1:] <= 0)
     if not 0 <= number < len(found):
@@ -283,7 +283,7 @@ def _crossing(machine: Machine, family: Family, formula: Formula, level: float, 
 
 def _turn(machine: Machine, family: Family, formula: Formula, number: int) -> Point:
     """A dimensionless point of a family next to where a formula is stationary."""
-    values = _values(machine, family, formula)
+    values = _values_along(machine, family, formula)
     rises = np.diff(values)
     found = np.flatnonzero(rises[:-1] * rises[1:] < 0) + 1
     if not 0 <= number < len(found):
@@ -304,7 +304,7 @@ def _statement(machine: Machine, family: Family) -> Statement:
 
 def _of_formula(
     machine: Machine, family: Family, point: Point, formula: Formula, condition: EventCondition
-) -> Start:  # fmt: skip
+) -> EventStart:  # fmt: skip
     """The start of a curve on which a formula has a value or is stationary."""
     here = machine.with_values(**{family.name: point.value})
     used = tuple(_quantities(here, formula))
@@ -315,7 +315,7 @@ def _of_formula(
         if "landing_sensitivity" in used or "loss_coefficient" in used:
             _check_variational(machine)
         orbit = orbit_from(here, family.settings["method"], point.u, point.error).dimensionless()
-        places = _places(here, orbit, Outputs((formula,), ()).extremes(here.model, here.values))
+        places = _places_on(here, orbit, Outputs((formula,), ()).extremes(here.model, here.values))
         kinds, times = tuple(place.kind for place in places), [place.time for place in places]
         contact = orbit.contact_time
     base = _statement(machine, family)
@@ -326,7 +326,7 @@ def _of_formula(
         if contact is None:
             raise NoOrbit("the contact of the orbit at the event does not end, so that it has no time")
         known["contact_duration"] = contact / 2
-    return Start(condition, stated, _completed(here, stated, known))
+    return EventStart(condition, stated, _completed(here, stated, known))
 
 
 def _check_variational(machine: Machine) -> None:
@@ -337,7 +337,7 @@ def _check_variational(machine: Machine) -> None:
         )
 
 
-def _places(machine: Machine, orbit: Orbit, extremes: Sequence[str]) -> list[Place]:
+def _places_on(machine: Machine, orbit: Orbit, extremes: Sequence[str]) -> list[Place]:
     """The places of extremes on an orbit; raises `NoOrbit` where there is none."""
     if not extremes:
         return []
@@ -361,7 +361,7 @@ def _completed(machine: Machine, stated: EventStatement, known: Mapping[str, flo
     return x
 
 
-def _of_collapse(machine: Machine, family: Family, point: Point) -> Start:
+def _of_collapse(machine: Machine, family: Family, point: Point) -> EventStart:
     """The start of a curve of collapses."""
     here, base = machine.with_values(**{family.name: point.value}), _statement(machine, family)
     u = dict(zip(base.unknowns, point.u, strict=False))
@@ -369,7 +369,7 @@ def _of_collapse(machine: Machine, family: Family, point: Point) -> Start:
     side = float(np.sign(speed))
     stated = collapse_statement(machine.model, base, family.name, side)
     known = u | {family.name: point.value, BARRIER: _barrier(here, stated, place, speed, side)}
-    return Start(EventCondition(COLLAPSE, ""), stated, _completed(here, stated, known))
+    return EventStart(EventCondition(COLLAPSE, ""), stated, _completed(here, stated, known))
 
 
 def _barrier(machine: Machine, stated: EventStatement, place: float, speed: float, side: float) -> float:
@@ -400,7 +400,7 @@ def _at_its_place(family: Family, condition: EventCondition) -> Family:
     used = _quantities(machine, formula)
     if condition.text in Certificate.__dataclass_fields__ or not any(map(extremes_of, used)):
         return family
-    off = np.abs(_values(machine, family, formula) - condition.level)
+    off = np.abs(_values_along(machine, family, formula) - condition.level)
     off = off > SAME_VALUE * max(abs(condition.level or 0.0), 1e-3)
     if not off.any():
         return family

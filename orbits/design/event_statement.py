@@ -22,7 +22,7 @@ from ..units import Units
 from .design_quantities import VARIATIONAL, expressions, extreme_of, landing_sensitivity, variational_arc
 from .extremes import Kind, extreme_function
 
-HALF_CONTACT, SLOPE = "contact_duration", "landing sensitivity"
+HALF_CONTACT_TIME, SLOPE = "contact_duration", "landing sensitivity"
 # The distance in contact from touchdown to the place at which the machine would be at rest.
 BARRIER = "distance to the barrier"
 
@@ -55,10 +55,13 @@ def event_statement(
     arcs, added, durations = [*base.arcs], list[str](), list[str]()
     here: list[Any] = []  # further conditions, (u, p) -> residual, by unknown
     rows, row = dict[str, int](), len(base.unknowns)
-    middles = [kind for kind in kinds if kind.where == "middle" and _phase(model, kind) == "contact"]
-    if HALF_CONTACT not in base.unknowns and (middles or {"contact_time", "period"} & {*used}):
-        added, durations = [*added, HALF_CONTACT], [*durations, HALF_CONTACT]
-        arcs, row = [*arcs, _arc(model, "contact", HALF_CONTACT, lambda x, p: [model.mid_contact(p).at(x)])], row + 1
+    middles = [kind for kind in kinds if kind.where == "middle" and _phase_of_kind(model, kind) == "contact"]
+    if HALF_CONTACT_TIME not in base.unknowns and (middles or {"contact_time", "period"} & {*used}):
+        added, durations = [*added, HALF_CONTACT_TIME], [*durations, HALF_CONTACT_TIME]
+        arcs, row = (
+            [*arcs, _arc(model, "contact", HALF_CONTACT_TIME, lambda x, p: [model.mid_contact(p).at(x)])],
+            row + 1,
+        )
     for kind in kinds:
         value, time = names_of_kind(kind)
         added, rows[value] = [*added, value], row
@@ -66,7 +69,7 @@ def event_statement(
             added, durations = [*added, time], [*durations, time]
             arcs, row = [*arcs, _arc_to(model, kind, value, time)], row + 2
         elif kind.where == "middle":
-            duration = HALF_CONTACT if kind in middles else None
+            duration = HALF_CONTACT_TIME if kind in middles else None
             arcs, row = [*arcs, _arc_to(model, kind, value, duration, base)], row + 1
         else:
             rows.pop(value)
@@ -80,7 +83,7 @@ def event_statement(
 
     def conditions(u: Mapping, x: Sequence, p: Mapping) -> list:
         starts = [_function(model, kind, _begin(model, kind, u, p), p)[0] - u[value] for value, kind in here]
-        return [*last.conditions(u, x, p), *starts, _value(model, formula, used, kinds, u, p)]
+        return [*last.conditions(u, x, p), *starts, _value_of_formula(model, formula, used, kinds, u, p)]
 
     unknowns = (*base.unknowns, *added, along)
     arcs[-1] = replace(last, conditions=conditions)
@@ -88,31 +91,33 @@ def event_statement(
     return EventStatement(Statement(name, unknowns, tuple(arcs), (*base.durations, *durations), (along,)), rows)
 
 
-def _value(model: Model, formula: Formula, used: Sequence[str], kinds: Sequence[Kind], u: Mapping, p: Mapping) -> Any:
+def _value_of_formula(
+    model: Model, formula: Formula, used: Sequence[str], kinds: Sequence[Kind], u: Mapping, p: Mapping
+) -> Any:
     """The value of a formula, of quantities in the machine's units."""
     values = dict(p)
     if used:
         units = model.units(p) if model.units else Units(1.0, 1.0, 1.0)
         extremes = {kind.extreme: u[names_of_kind(kind)[0]] for kind in kinds}
-        own, data = dict(u) | {"contact": u.get(HALF_CONTACT, 0.0)}, model.flight.data(model.launch(u, p), p)
+        own, data = dict(u) | {"contact": u.get(HALF_CONTACT_TIME, 0.0)}, model.flight.data(model.launch(u, p), p)
         found = expressions(model, used, extremes, own, u.get(SLOPE, 0.0), 1.0, p, data)
         values |= {name: found[name] * units.of(dimension_of(name)) for name in used}
     return formula(**{name: values[name] for name in formula.names})
 
 
-def _phase(model: Model, kind: Kind) -> str:
+def _phase_of_kind(model: Model, kind: Kind) -> str:
     """The name of the phase in which an extreme lies."""
     return extreme_of(model, kind.extreme)[kind.function][0]
 
 
 def _begin(model: Model, kind: Kind, u: Mapping, p: Mapping) -> list:
     """The state in which the phase of an extreme begins."""
-    return model.launch(u, p) if _phase(model, kind) == "flight" else model.touchdown(u, p)
+    return model.launch(u, p) if _phase_of_kind(model, kind) == "flight" else model.touchdown(u, p)
 
 
 def _function(model: Model, kind: Kind, x: Sequence, p: Mapping) -> list:
     """The function of an extreme, its rate of change along the motion, and the rate of that, in a state."""
-    data = getattr(model, _phase(model, kind)).data(x, p)
+    data = getattr(model, _phase_of_kind(model, kind)).data(x, p)
     function = extreme_function(model, tuple(p), kind.extreme, kind.function)
     return function.call([ca.vertcat(*map(ca.SX, x)), ca.vertcat(*p.values()), ca.vertcat(*data)])
 
@@ -135,7 +140,7 @@ def _arc_to(model: Model, kind: Kind, value: str, time: str | None, base: Statem
         found, rate, _ = _function(model, kind, x, p)
         return [found - u[value], *([rate] if kind.where == "inside" else [])]
 
-    arc = _arc(model, _phase(model, kind), time or "", lambda x, p: [])
+    arc = _arc(model, _phase_of_kind(model, kind), time or "", lambda x, p: [])
     half = arc.duration if time else base.arcs[0].duration  # type: ignore[union-attr]
     return replace(arc, conditions=conditions, duration=half)
 

@@ -10,7 +10,7 @@ import numpy as np
 from ..continuation.checkpoint import begun
 from ..continuation.event_curve import COLLAPSE, LIMITS
 from ..continuation.family import Family
-from ..continuation.follow import begin
+from ..continuation.follow import begin_run
 from ..continuation.follow_event import follow_event
 from ..continuation.point import End, Event, Point
 from ..continuation.step_control import StepControl, checked_options
@@ -27,7 +27,7 @@ MOST_PAIRS, MOST_WITHOUT = 24, 6
 MOST_ON_WAY, MOST_ON_CURVE, LONGEST_ON_WAY, LONGEST_ON_CURVE = 60, 400, 0.5, 0.05
 # Few points are solved at a time, since most curves end soon, and long steps are taken, since the rows are hit exactly.
 # Curves are not followed far to where rounding decides, which takes many steps: what is left there is bisected.
-ON_CURVE = StepControl(largest_batch=32, target_correction=1e-4, largest_amplification=1e6)
+ON_CURVE = StepControl(largest_batch=32, target_correction=1e-4, largest_amplification=1e6, escape_ratio=20.0)
 # A curve that passes a row within this share of the range of an event is the curve of that event.
 SAME_CURVE = 1e-7
 
@@ -46,39 +46,44 @@ class Box(NamedTuple):
         return float(self.places[-1] - self.places[0])
 
 
-class Pair(NamedTuple):
-    """Two neighbours in a row: the index of the first along the row, the row, and which of the two, 0 or 1, has an
-    orbit from which a family is followed to the other."""
+class Neighbours(NamedTuple):
+    """Two neighbours in a row: the index of the first along the row, the row, which of the two, 0 or 1, has an orbit
+    from which a family is followed to the other, and whether the other has none, so that a fold is between."""
 
     i: int
     j: int
     side: int
+    ends: bool
 
 
 def boundary_curves(
-    box: Box, pairs: Sequence[Pair], orbit_at: Callable[[Machine], Orbit], machine: Machine
+    box: Box, pairs: Sequence[Neighbours], orbit_at: Callable[[Machine], Orbit], machine: Machine
 ) -> list[Family]:
     """The curves of events that pass between pairs of neighbours, until each pair is passed or no more are found.
 
     orbit_at : machine -> its orbit, from which the family between two neighbours is followed
     """
-    curves, crossings, without = list[Family](), [list[float]() for _ in box.rows], 0
+    curves, crossings, without = list[Family](), [list[tuple[float, bool]]() for _ in box.rows], 0
     tried = 0
     for pair in pairs:
         low, high = box.places[pair.i], box.places[pair.i + 1]
-        if any(low <= place <= high for place in crossings[pair.j]):
+        if any(low <= place <= high and fold == pair.ends for place, fold in crossings[pair.j]):
             continue
         if tried == MOST_PAIRS or without == MOST_WITHOUT:
             break
         interrupts.heed()
-        found = _through(box, pair, orbit_at, machine, crossings)
+        found = _curves_between(box, pair, orbit_at, machine, crossings)
         tried, without = tried + 1, 0 if found else without + 1
         curves += found
     return curves
 
 
-def _through(
-    box: Box, pair: Pair, orbit_at: Callable[[Machine], Orbit], machine: Machine, crossings: list[list[float]]
+def _curves_between(
+    box: Box,
+    pair: Neighbours,
+    orbit_at: Callable[[Machine], Orbit],
+    machine: Machine,
+    crossings: list[list[tuple[float, bool]]],
 ) -> list[Family]:
     """The curves of events between a pair of neighbours, whose places on the rows are added to `crossings`."""
     ends, curves = (pair.i, pair.i + 1), list[Family]()
@@ -87,21 +92,23 @@ def _through(
     with suppress(OrbitsError):
         family = _up_to_fold(here, box.along, end, orbit_at(here))
         for event in family.events:
-            known = np.array(crossings[pair.j])
-            if (np.abs(known - event.point.value) < SAME_CURVE * box.width).any() or not _is_boundary(family, event):
+            known = np.array([place for place, _ in crossings[pair.j]])
+            if (np.abs(known - event.point.value) < SAME_CURVE * box.width).any() or not _is_boundary(
+                family, event, pair.ends
+            ):
                 continue
             with suppress(OrbitsError):
                 for curve in _both_ways(box, family, event):
                     curves.append(curve)
                     for j, places in enumerate(places_on_rows(box, curve)):
-                        crossings[j] += places
+                        crossings[j] += [(place, event.kind == "fold") for place in places]
     return curves
 
 
 def _up_to_fold(machine: Machine, along: str, stop: float, start: Orbit) -> Family:
     """The family of an orbit up to a value, or up to its first fold."""
     options = checked_options(longest=LONGEST_ON_WAY, most=MOST_ON_WAY)
-    tracer = begin(machine, along, start, stop, 1, None, options, None, None)
+    tracer = begin_run(machine, along, start, stop, 1, None, options, None, None)
     points, events = list[Point](), list[Event]()
     with interrupts.deferred():
         for item in tracer:
@@ -117,10 +124,10 @@ def _up_to_fold(machine: Machine, along: str, stop: float, start: Orbit) -> Fami
     return replace(begun(tracer), points=tuple(points), events=tuple(events))
 
 
-def _is_boundary(family: Family, event: Event) -> bool:
-    """Whether orbits end at an event of a family, or whether they are motions on one side of it alone."""
+def _is_boundary(family: Family, event: Event, ends: bool) -> bool:
+    """Whether an event of a family is a fold, for orbits that end, or orbits are motions on one side of it alone."""
     if event.kind == "fold" or event.kind not in FOLLOWED:
-        return event.kind == "fold"
+        return event.kind == "fold" and ends
     sides = [point.admissible for point in family.points[event.after : event.after + 2]]
     return len(sides) < 2 or sides[0] != sides[1]
 
@@ -152,10 +159,15 @@ def _both_ways(box: Box, family: Family, event: Event) -> list[Family]:
     return curves
 
 
+def points_of(box: Box, curve: Family) -> np.ndarray:
+    """The values (2, k) of the two parameters at the points of a curve."""
+    return np.array([curve.column(box.along), curve.column("value")])
+
+
 def places_on_rows(box: Box, curve: Family) -> list[list[float]]:
     """The values along each row at which a curve passes it, exactly."""
     found, index = [list[float]() for _ in box.rows], {float(value): j for j, value in enumerate(box.rows)}
-    values, places = curve.column("value"), curve.column(box.along)
+    places, values = points_of(box, curve)
     for value, place in zip(values.tolist(), places.tolist(), strict=True):
         if value in index and place not in found[index[value]]:
             found[index[value]].append(place)

@@ -27,7 +27,7 @@ from ..periodic.find import StartLike, family_number, find
 from ..periodic.orbit import Orbit, orbit_of
 from ..result import Axes, Result, Row, shown
 from ..running import interrupts
-from .boundary_curves import Box, Pair, boundary_curves, places_on_rows
+from .boundary_curves import Box, Neighbours, boundary_curves, places_on_rows, points_of
 from .designs import Axis, axis_of
 from .execute import check_executor
 from .progress import SweepProgress, on_screen
@@ -56,6 +56,16 @@ class Boundaries:
     statuses: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), str))
 
 
+@dataclass(frozen=True)
+class BoundaryCurve:
+    """A curve of an event that was followed: the event, the values of the two parameters at its points, and its end."""
+
+    event: str
+    along: tuple[float, ...]
+    across: tuple[float, ...]
+    end: str
+
+
 class Stretch(NamedTuple):
     """An interval of a row, from one value to another, with the status of its orbits."""
 
@@ -72,7 +82,7 @@ class Existence(Result, what="diagram", in_line=("along", "across", "values")):
     values : of `across`, one for each row, ascending
     grid : the sweep of the members on the grid, `along` first
     boundaries : the points between neighbours of different statuses
-    curves : the curves of events that were followed, families along `across`
+    curves : the curves of events that were followed
     """
 
     along: str
@@ -80,7 +90,7 @@ class Existence(Result, what="diagram", in_line=("along", "across", "values")):
     values: tuple[float, ...]
     grid: Sweep
     boundaries: Boundaries
-    curves: tuple[Family, ...] = ()
+    curves: tuple[BoundaryCurve, ...] = ()
 
     machine = property(lambda self: self.grid.machine)
 
@@ -280,31 +290,37 @@ def existence(
 
     rows = tuple(grid[across].reshape(grid.about["shape"])[0].tolist())
     box = Box(along, across, grid[along].reshape(grid.about["shape"])[:, 0], np.array(rows))
-    curves = boundary_curves(box, _pairs(grid["status"].reshape(grid.about["shape"])), orbit_at, machine)
+    curves = boundary_curves(box, _pairs_to_follow(grid["status"].reshape(grid.about["shape"])), orbit_at, machine)
     if sparse:
         sparse.search_around(_nodes_of(box, curves))
         grid = sparse.sweep()
     shares = np.linspace(0, 1, grid.about["shape"][0]), _shares_at(column, rows)
     statuses = grid["status"].reshape(grid.about["shape"])
-    places = [[row.share(place) for place in each] for each in _places(box, curves)]
+    places = [[row.share(place) for place in each] for each in _places_in_rows(box, curves)]
     by_curves = _on_curves(statuses, shares, places, statuses_at)
     done = len(grid) + 2 * sum(map(len, places))
     show(SweepProgress(done, done, dict(Counter(statuses.ravel().tolist())), perf_counter() - began, 0.0))
     boundaries = _located(statuses, shares, both_ways, statuses_at, show, by_curves)
     points = np.column_stack([axis.at(share) for axis, share in zip(scales, boundaries.points.T, strict=True)])
-    return Existence(along, across, rows, grid, replace(boundaries, points=points), tuple(curves))
+    points[boundaries.in_row, 1] = box.rows[boundaries.nodes[boundaries.in_row, 1]]
+    followed = list[BoundaryCurve]()
+    for curve in curves:
+        x, y = points_of(box, curve).tolist()
+        followed.append(BoundaryCurve(str(curve.settings["event"]), tuple(x), tuple(y), curve.end.reason))
+    return Existence(along, across, rows, grid, replace(boundaries, points=points), tuple(followed))
 
 
-def _pairs(statuses: np.ndarray) -> list[Pair]:
+def _pairs_to_follow(statuses: np.ndarray) -> list[Neighbours]:
     """The neighbours in rows that differ in their statuses (m, n), one of which has an orbit, those of the rows in the
     middle first."""
     orbits = np.isin(statuses.astype(str), WITH_ORBIT)
     found = np.argwhere((statuses[:-1] != statuses[1:]) & (orbits[:-1] | orbits[1:]))
     order = np.argsort(np.abs(2 * found[:, 1] - statuses.shape[1]), kind="stable")
-    return [Pair(i, j, 0 if orbits[i, j] else 1) for i, j in found[order].tolist()]
+    pairs = found[order].tolist()
+    return [Neighbours(i, j, 0 if orbits[i, j] else 1, not (orbits[i, j] and orbits[i + 1, j])) for i, j in pairs]
 
 
-def _places(box: Box, curves: Sequence[Family]) -> list[list[float]]:
+def _places_in_rows(box: Box, curves: Sequence[Family]) -> list[list[float]]:
     """The places at which curves pass each row, ascending."""
     each = [places_on_rows(box, curve) for curve in curves]
     return [sorted({place for places in each for place in places[j]}) for j in range(len(box.rows))]
@@ -312,8 +328,7 @@ def _places(box: Box, curves: Sequence[Family]) -> list[list[float]]:
 
 def _nodes_of(box: Box, curves: Sequence[Family]) -> np.ndarray:
     """The nodes (k, 2) of the grid before the points of curves, by their indices."""
-    points = [np.column_stack([curve.column(box.along), curve.column("value")]) for curve in curves]
-    x, y = np.concatenate([np.zeros((0, 2)), *points]).T
+    x, y = np.concatenate([np.zeros((2, 0)), *(points_of(box, curve) for curve in curves)], axis=1)
     return np.column_stack(
         [np.searchsorted(each, value, side="right") - 1 for each, value in ((box.places, x), (box.rows, y))]
     )

@@ -16,7 +16,7 @@ from .sweep_result import Sweep
 # Every member with indices that are multiples of this, and the last ones, is searched.
 STRIDE = 4
 # In a smaller grid all members are searched.
-LARGE = 1000
+LARGE_GRID = 1000
 NO_ORBIT, NOT_SEARCHED = "no orbit", "not searched: the members around it that were searched have no orbits either"
 
 
@@ -32,7 +32,7 @@ class SparseGrid:
             self.table.columns[name][:] = column
         corners = [np.unique([*range(0, count, STRIDE), count - 1]) for count in self.shape]
         self.corners = corners
-        first = np.full(self.shape, len(question) < LARGE)
+        first = np.full(self.shape, len(question) < LARGE_GRID)
         first[np.ix_(*corners)] = True
         self.solve(first)
         self.solve(~self._without_orbits(first))

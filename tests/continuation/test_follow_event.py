@@ -194,7 +194,7 @@ def test_what_is_not_followed_is_refused(low, quintic, tmp_path):
             follow_event(low, event, second, stop)
     with pytest.raises(InputError, match="first bound of beta lies below"):
         follow_event(low, "masses touch", "delta", 1.0, within=(1.0, 0.0))
-    asked = follow(quintic.source, "beta", -1e-3, at=[-5e-4])
+    asked = follow(quintic.source, "beta", -5e-3, at=[-5.5e-3])
     with pytest.raises(InputError, match="one value on it"):
         follow_event(asked, "asked", "delta", 1.0)
     with pytest.raises(InputError, match=r"Family.load\(path, machine\)"):

@@ -8,9 +8,10 @@ import pytest
 from conftest import PROVED, middle
 from scipy.optimize import brentq
 
-from orbits import InputError, existence, find, find_all, follow, follow_fold, quantities
+from orbits import InputError, existence, find, find_all, follow, follow_fold, quantities, sweep
 from orbits.design.designs_at_once import CONTINUED_STATUSES
 from orbits.show.sweep_figures import STYLES
+from orbits.sweeps import sparse_grid
 from problems import Chain, Hopper, Juggler, rocking_block
 
 MACHINE = Hopper("r + beta*r**3 + delta*r**5", rest_length=30.0, parameters={"beta": 0.0, "delta": 0.0})
@@ -90,6 +91,27 @@ def test_the_grid_has_the_quantities(diagram):
     assert diagram.between == BETWEEN
     assert "motions for beta" in str(diagram)
     assert not any(map(diagram.unknown, range(3)))
+
+
+def test_boundaries_lie_on_curves_of_events(diagram):
+    """The edges of the middle row are the fold and the collapse, far more exactly than by bisection."""
+    assert (diagram.boundaries.exact == diagram.boundaries.in_row).all()
+    assert {curve.event for curve in diagram.curves} >= {"fold in beta", "collapse"}
+    (low, begin, _), _ = diagram.stretches(1)
+    assert low == pytest.approx(FOLD, abs=1e-13)
+    assert begin == pytest.approx(event_of("collapse").value, abs=1e-13)
+    assert diagram.rests_on.startswith("27 of 27 members were searched; ")
+    assert diagram.rests_on.endswith("0 are bisected")
+
+
+def test_members_far_inside_a_region_without_orbits_are_not_searched(monkeypatch):
+    monkeypatch.setattr(sparse_grid, "LARGE_GRID", 0)
+    diagram = existence(MACHINE, "beta", (-0.03, -0.005), "delta", (-4e-5, 0.0), samples=(14, 9))
+    searched = sweep(MACHINE, {"beta": (-0.03, -0.005), "delta": (-4e-5, 0.0)}, (14, 9), sampling="grid")
+    assert (diagram.grid["status"] == searched["status"]).all()
+    assert diagram.grid["alpha"] == pytest.approx(searched["alpha"], abs=0, nan_ok=True)
+    assert np.count_nonzero(diagram.grid["reason"] == sparse_grid.NOT_SEARCHED) > 20
+    assert "inside regions without orbits were not" in str(diagram)
 
 
 def test_logarithmic_rows():

@@ -669,3 +669,11 @@ def test_bad_tuning_is_refused(orbits, line, text):
     done = orbits(line)
     assert done.code == 2
     assert text in done.err
+
+
+def test_an_event_is_followed_in_a_second_parameter(orbits):
+    family = "follow --spring cubic --rest-length 9 --along beta --from 0.2 --to 0.1 --longest 0.5"
+    document = orbits(f"{family} --event alpha=3.2 --second mass_ratio=2 --json").document
+    assert (document["along"], document["settings"]["event"]) == ("mass_ratio", "alpha = 3.2")
+    assert document["points"][-1]["alpha"] == pytest.approx(3.2, abs=1e-12)
+    assert "with --second NAME=STOP" in orbits(f"{family} --event fold").err
