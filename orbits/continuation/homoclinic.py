@@ -84,9 +84,10 @@ def homoclinic(curve: Curve, last: CurvePoint, way: Passed) -> Homoclinic | None
         text = "it becomes homoclinic at {name} = {limit:.10g}: it stays ever longer near the equilibrium {place}, "
         text += "whose smallest eigenvalue above 0 is {eigenvalue:.6g}, and as the distance from there falls by the "
         text += "factor e its period grows by {expected:.6g} (along the family {measured:.6g})"
-        times = {"expected": Quantity(expected, TIME), "measured": Quantity(measured, TIME)}
-        numbers = {"limit": limit, "eigenvalue": Quantity(rest.eigenvalue, FREQUENCY), **times}
-        return Homoclinic(name, limit, error, expected, measured, Message(text, name=name, place=rest.place, **numbers))
+        growths = {"expected": Quantity(expected, TIME), "measured": Quantity(measured, TIME)}
+        eigenvalue = Quantity(rest.eigenvalue, FREQUENCY)
+        reason = Message(text, name=name, limit=limit, place=rest.place, eigenvalue=eigenvalue, **growths)
+        return Homoclinic(name, limit, error, expected, measured, reason)
     return None
 
 
