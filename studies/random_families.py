@@ -16,7 +16,7 @@ from orbits import Family, NoOrbit, find, follow
 from problems import Hopper
 
 LAWS = ("r + a*r**2 - s*c*r**3", "r + s*(tanh(b*r)/b - r)", "r + a*r**2 + s*c*r**5 - s*b*r**3/9")
-ENDS = ("reached", "escaped", "degenerate", "stuck")
+ENDS = ("reached", "escaped", "degenerate", "homoclinic", "stuck")
 # Where rounding ends a curve, half the step may bring it further.
 LOST = "stuck"
 # Values of s at which the two curves are compared.

@@ -29,9 +29,9 @@ STRAIGHT = 0.1
 # The equilibrium lies within this distance of the motion, relative to its states; the steps of Newton's method to it,
 # and those that are rounding, relative to the same.
 NEAR, STEPS_TO_REST, SAME_REST = 0.05, 30, 1e-12
-# An eigenvalue is above 0 where it is a larger share of the largest one. A motion that is nearest to an equilibrium in
-# the last part of its half stays there up to the middle.
-UNSTABLE, UP_TO_MIDDLE = 1e-6, 0.9
+# An eigenvalue is above 0 where it is a larger share of the largest one. A motion stays near an equilibrium up to the
+# middle of the orbit where the last rates of its half are a smaller share of the largest ones.
+UNSTABLE, STILL_IN_MIDDLE = 1e-6, 1e-3
 
 Passed = Sequence[tuple[Sequence[float], Sequence[float]]]
 
@@ -84,9 +84,10 @@ def homoclinic(curve: Curve, last: CurvePoint, way: Passed) -> Homoclinic | None
         text = "it becomes homoclinic at {name} = {limit:.10g}: it stays ever longer near the equilibrium {place}, "
         text += "whose smallest eigenvalue above 0 is {eigenvalue:.6g}, and as the distance from there falls by the "
         text += "factor e its period grows by {expected:.6g} (along the family {measured:.6g})"
-        times = {"expected": Quantity(expected, TIME), "measured": Quantity(measured, TIME)}
-        numbers = {"limit": limit, "eigenvalue": Quantity(rest.eigenvalue, FREQUENCY), **times}
-        return Homoclinic(name, limit, error, expected, measured, Message(text, name=name, place=rest.place, **numbers))
+        growths = {"expected": Quantity(expected, TIME), "measured": Quantity(measured, TIME)}
+        eigenvalue = Quantity(rest.eigenvalue, FREQUENCY)
+        reason = Message(text, name=name, limit=limit, place=rest.place, eigenvalue=eigenvalue, **growths)
+        return Homoclinic(name, limit, error, expected, measured, reason)
     return None
 
 
@@ -114,7 +115,7 @@ def _nearest_rest(curve: Curve, last: CurvePoint) -> Rest | None:
         size, speeds = np.abs(states).max(), np.abs(rates).max(1)
         if (least := speeds.min() / size) < best:
             i = int(speeds.argmin())
-            best, found = least, (flow, states[i], size, motions.starts[i] > UP_TO_MIDDLE * motions.ends[0])
+            best, found = least, (flow, states[i], size, bool(speeds[-1] < STILL_IN_MIDDLE * speeds.max()))
     if found is None:
         return None
     flow, x, size, up_to_middle = found

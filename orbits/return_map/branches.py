@@ -146,6 +146,10 @@ class LaunchCurve:
         """The ranges, for points (..., 2)."""
         return np.broadcast_to(self.scale, np.shape(x))
 
+    def bare(self, xs: np.ndarray) -> np.ndarray:
+        """The points (..., 2), which have no states at nodes."""
+        return xs
+
     def possible(self, values: Any) -> Any:
         """Values of the parameter inside of its range, beyond which there may be no machine; any injection is one."""
         return values if self.along == INJECT else np.clip(values, self.maps.low, self.maps.high)

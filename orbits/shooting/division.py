@@ -208,5 +208,8 @@ def _one_after_another(paths: Sequence[Trajectories]) -> Trajectories:
     owners = np.concatenate([path.owner for path in paths])
     order = np.argsort(owners, kind="stable")
     starts = np.concatenate([path.starts + start[path.owner] for path, start in zip(paths, before, strict=False)])
-    coefficients, counts = np.concatenate([path.coefficients for path in paths]), sum(path.counts for path in paths)
+    coefficients, counts = (
+        np.concatenate([path.coefficients for path in paths]),
+        np.sum([path.counts for path in paths], axis=0),
+    )
     return Trajectories(starts[order], before[-1], coefficients[order], counts, paths[0].names)
