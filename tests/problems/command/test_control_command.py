@@ -46,6 +46,7 @@ def test_an_actuator_is_named(orbits):
     assert orbits(f"{line} --actuator 'y1 - y2'").document["cost"] == orbits(line).document["cost"]
 
 
+@pytest.mark.slow
 def test_start_up(orbits):
     done = orbits("control start-up --pumps 2 --stroke 2 --intervals 8 --json")
     assert (done.code, done.err) == (0, "")
