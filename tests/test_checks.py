@@ -33,6 +33,7 @@ def test_machines_of_three_masses_hold_along_their_own_hops(machine):
     assert checked.largest < 0.1
 
 
+@pytest.mark.slow
 def test_a_table_of_measurements_holds():
     x = np.linspace(-5, 5, 41)
     assert check(Hopper(springs.table((x, x + 0.05 * x**3)), rest_length=20.0)).largest < 0.1

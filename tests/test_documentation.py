@@ -271,7 +271,7 @@ LONG_EXAMPLES = (
     "orbits.design.pareto",
     "orbits.return_map.proofs",
     "orbits.proof.prove",
-    "problems.steering",
+    "problems.steering.goals",
 )
 OPTIONS = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
 
@@ -295,6 +295,7 @@ def test_examples_in_docstrings_run(name, tmp_path, monkeypatch):
 
 
 def test_main_names_have_an_example():
+    assert {*LONG_EXAMPLES} <= {*MODULES}
     homes = {name: package for package, name in PUBLIC}
     for name in WITH_EXAMPLES:
         thing: object = homes[name.split(".")[0]]

@@ -45,6 +45,7 @@ class TestAnotherMachine:
         held = leg(Spring("body - foot", "r"), Potential("-0.2*m2*body"), parameters=values)
         assert find(held).alpha == pytest.approx(0.9 * find(plain).alpha, rel=1e-12)
 
+    @pytest.mark.slow
     def test_a_knee_with_a_moment_of_inertia(self):
         """What turns with the knee is slowed by the ground's force: lift-off depends on the launch speed."""
         height = "foot + 2*l*sin(knee/2)"

@@ -1,6 +1,7 @@
 """Motions beside the vertical hop, against the equations of half a run."""
 
 import numpy as np
+import pytest
 
 from orbits import find
 from orbits.model.model import STEP_LENGTH
@@ -11,6 +12,7 @@ from orbits.shooting.single_shooting import shooting_equations
 from problems import runner
 
 
+@pytest.mark.slow
 def test_lateral_conditions_are_the_derivatives_of_half_a_run():
     machine = runner(foot_mass=0.2, rest_length=5.0, inertia=3.0, hip_stiffness=4.0)
     lateral, hop = Lateral(machine, (), 1), unknowns_of_hop(find(machine.upright()))

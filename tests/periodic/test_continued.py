@@ -74,6 +74,7 @@ def test_no_result_depends_on_the_others():
     np.testing.assert_array_equal(some.unknowns, whole.unknowns[7:9])
 
 
+@pytest.mark.slow
 def test_a_fold_beside_the_straight_way_is_gone_round():
     """With a light upper mass the orbits end at small b; behind these folds they are reached by one parameter after
     the other, and are the same as by small steps on that way."""

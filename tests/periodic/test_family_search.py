@@ -172,6 +172,7 @@ def test_flights_that_break_off_are_no_orbits():
         assert ((cells.cells[:, 0] <= root) & (root <= cells.cells[:, 1])).sum() == 1
 
 
+@pytest.mark.slow
 def test_a_knee_that_is_straightened_is_no_orbit():
     """Beyond a launch speed the knee of a flight becomes straight, where its equation of motion ends."""
     machine = knee_hopper(link=0.25, stiffness=20.0, rest_angle=1.8, body_mass=6.0, foot_mass=1.0).dimensionless()

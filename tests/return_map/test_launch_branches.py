@@ -10,6 +10,7 @@ from orbits.return_map.launch_branches import launch_diagram
 from problems import Hopper, chain_hand
 
 
+@pytest.mark.slow
 def test_a_machine_of_one_speed_has_the_flip_of_the_paper():
     """Found from a start, by derivatives, as by the grid of speeds: at an injection of 0.071587384137."""
     maps = MapsAlong(Hopper(), "inject", 0.06, 0.09, 0.0, 1000)
@@ -25,6 +26,7 @@ def test_a_machine_of_one_speed_has_the_flip_of_the_paper():
     assert step(doubled.alphas[-1]).next == pytest.approx(doubled.alphas[-1][::-1], rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_pair_of_multipliers_crosses_the_unit_circle():
     machine, orbit = hop_of("chain_hand")
     shares = []

@@ -155,6 +155,7 @@ def test_the_pairs_of_other_machines(machine):
             assert float(enclosure.low) - error <= slope_there <= float(enclosure.high) + error
 
 
+@pytest.mark.slow
 def test_a_narrow_interval_of_injections():
     proof = prove_fixed_point(Hopper(), 4.52, ("0.0299999", "0.0300001"))
     assert proof.proved

@@ -92,6 +92,7 @@ def test_it_attracts_from_above_on_both_sides_of_a_fold(machine, number, bounce)
         assert below < orbit.alpha - 1e-5
 
 
+@pytest.mark.slow
 def test_it_comes_to_a_lossless_orbit_like_the_third_power():
     """d -> d - C d**(4/3) falls like (3/(C n))**3."""
     machine = Hopper()
@@ -209,6 +210,7 @@ def test_many_bounces_that_rounding_decides_are_undecided():
         assert one.next[told] == pytest.approx(two.next[told], abs=1e-3, nan_ok=True)
 
 
+@pytest.mark.slow
 def test_a_simulation_ends_where_the_map_is_undecided():
     machine = Hopper(restitution=0.9)
     run = simulate(machine, 6.498522512839427, hops=1)

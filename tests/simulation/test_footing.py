@@ -93,6 +93,7 @@ def in_cartesian(event, foothold):
     return [event.time, leg * s, leg * c, dl * s + leg * c * dth, dl * c - leg * s * dth, ph, dph, foothold]
 
 
+@pytest.mark.slow
 def test_a_run_is_followed_for_some_steps(run):
     motion = simulate(run.source, run, hops=4)
     energies = np.array([event.energy for event in motion.events])

@@ -38,6 +38,7 @@ def test_multipliers_are_those_of_the_slopes_of_the_map(machine, launch, h):
     assert found.stability == "not periodic"
 
 
+@pytest.mark.slow
 def test_a_table_has_the_multipliers_of_the_formula_that_its_rows_are_of():
     """The motion of a plate begins between two rows, and passes rows in flight and in contact."""
     rows, launch = np.linspace(-12.0, 12.0, 25), (5.734, -0.0122125, 0.003)

@@ -183,6 +183,7 @@ def test_checker_mutations():
     assert set(checker_mutations.main(quick=True).values()) == {1}
 
 
+@pytest.mark.slow
 def test_tolerances(tmp_path, capsys):
     """The model's A1 is 4 % above the measured one, within the authors' bounds; the ratio does not know the units."""
     found = tolerances.main(tmp_path, quick=True)
@@ -234,6 +235,7 @@ def test_existence(tmp_path):
     assert (tmp_path / "existence.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_figure_7(tmp_path):
     """The inflection on the ground is the lossless hop: two ways to one launch speed."""
     numbers = figure_7.main(tmp_path)
@@ -244,8 +246,8 @@ def test_figure_7(tmp_path):
 
 @pytest.mark.slow
 def test_spring_families(tmp_path):
-    """Saturation ends a family where the force of rest balances that of n oscillations: limits in closed form, 1/(2n + 1),
-    1/(n + 1), -1/n and 1.4 (n + 1) for family n, here 1."""
+    """Saturation ends a family where the force of rest balances that of n oscillations: limits in closed form,
+    1/(2n + 1), 1/(n + 1), -1/n and 1.4 (n + 1) for family n, here 1."""
     found = spring_families.main(tmp_path, quick=True)
     for title, limit in (
         ("saturating, $\\tanh(b r)/b$", 1 / 3),
@@ -490,6 +492,7 @@ def test_chain(tmp_path):
     assert (tmp_path / "chain.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_inerter(tmp_path):
     """With a linear spring the rise is x^2 g (mu + b)/(2 k), x = tan x: that of an oscillation in the time of flight. A
     softer spring reaches the same rise with more than the stroke."""

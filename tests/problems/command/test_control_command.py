@@ -59,6 +59,7 @@ def test_a_family_from_the_lossless_hop(orbits, tmp_path):
     assert float(rows[-1][0]) == 0.05
 
 
+@pytest.mark.slow
 def test_start_up(orbits):
     done = orbits("control start-up --pumps 2 --stroke 2 --intervals 8 --json")
     assert (done.code, done.err) == (0, "")

@@ -433,6 +433,7 @@ def test_a_measured_torque_is_that_of_its_formula():
     assert [getattr(table, name) for name in numbers] == pytest.approx([getattr(formula, name) for name in numbers])
 
 
+@pytest.mark.slow
 def test_a_torque_with_a_corner_that_the_knee_passes():
     """The corner lies at an angle from rest; derivatives by the angle of rest, which moves it, are differences."""
     machine = knee_hopper(springs.bilinear(ratio=2.0, gap=0.003), **SMALL)
@@ -455,6 +456,7 @@ def test_energy_over_many_hops(orbit):
     assert np.abs(drift).max() <= 1e-10
 
 
+@pytest.mark.slow
 def test_its_map_and_multiplier():
     step, alpha, change = ReturnMap(MACHINE), 11.0, 1e-5
     assert step(np.linspace(8.0, 14.0, 5)).units == {"alpha": "rad/s", "next": "rad/s", "loss": "rad^2/s^2"}

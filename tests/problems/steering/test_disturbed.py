@@ -149,6 +149,7 @@ def test_a_push_of_nothing_changes_nothing(driven_hopper):
             assert [event.kind for event in off.run.events][:2] == [event.kind for event in whole.events][:2]
 
 
+@pytest.mark.slow
 def test_a_push_at_a_landing_or_lift_off_comes_after_it():
     for driven in (steering.keep_hopping(Hopper(damping=C), lossless=False), steering.recover(Hopper(), 0.05)):
         whole = driven.simulate(2).run

@@ -40,7 +40,7 @@ def test_a_driven_motion_is_a_control_with_its_machine(driven_hopper, started_ho
 def test_the_table_tells_the_work(driven_hopper, started_hopper):
     """The integral of the power is the actuator's work, and the running cost of the effort ends at it."""
     for one in (driven_hopper, started_hopper):
-        machine, t = one.source, np.linspace(0, one.end, 40001)
+        machine, t = one.source, np.linspace(0, one.end, 10001)
         table = one.table(t)
         assert trapezoid(table["power"], t) == pytest.approx(steering.work(machine, one)[0], rel=1e-3)
         assert table["running cost"][-1] == pytest.approx(one.cost, rel=1e-12)
