@@ -61,9 +61,9 @@ from .periodic.orbit import Orbit
 from .proof.prove import prove, prove_absence, prove_fold
 from .proof.theorem import Proof
 from .return_map.bifurcation import Bifurcation as Bifurcation
+from .return_map.bifurcation_curve import BifurcationCurve as BifurcationCurve
 from .return_map.bifurcations import bifurcations
 from .return_map.diagram import BifurcationDiagram, Branch as Branch, BranchEnd as BranchEnd
-from .return_map.event_curve import EventCurve as EventCurve
 from .return_map.hops import FixedPoint as FixedPoint, Hops as Hops
 from .return_map.launch_hops import LaunchHops as LaunchHops
 from .return_map.periodic_hop import PeriodicHop
@@ -87,12 +87,12 @@ __version__: str
 PLACE_OF: dict[str, str]  # the module of each name
 
 __all__ = [
-    "BifurcationDiagram", "BranchPoint", "Control", "Design", "DesignCurve", "EventCurve", "Existence", "Family",
-    "Front", "HopMultipliers", "InputError", "Machine", "Mechanism", "Model", "NoOrbit", "OptimalFamily", "Orbit",
-    "OrbitsError", "PeriodDiagram", "PeriodicHop", "Proof", "ReturnMap", "Simulation", "Sweep", "Uncertainty",
-    "Units", "__version__", "bifurcations", "check", "existence", "find", "find_all", "find_branch_points",
-    "follow", "follow_branch", "follow_branch_points", "follow_event", "follow_fold", "multiplier", "multipliers",
-    "optimize", "orbit_at", "orbit_function", "pareto", "period_diagram", "prove", "prove_absence",
-    "prove_doubling", "prove_fixed_point", "prove_fold", "quantities", "sensitivities", "simulate",
+    "BifurcationCurve", "BifurcationDiagram", "BranchPoint", "Control", "Design", "DesignCurve", "Existence",
+    "Family", "Front", "HopMultipliers", "InputError", "Machine", "Mechanism", "Model", "NoOrbit", "OptimalFamily",
+    "Orbit", "OrbitsError", "PeriodDiagram", "PeriodicHop", "Proof", "ReturnMap", "Simulation", "Sweep",
+    "Uncertainty", "Units", "__version__", "bifurcations", "check", "existence", "find", "find_all",
+    "find_branch_points", "follow", "follow_branch", "follow_branch_points", "follow_event", "follow_fold",
+    "multiplier", "multipliers", "optimize", "orbit_at", "orbit_function", "pareto", "period_diagram", "prove",
+    "prove_absence", "prove_doubling", "prove_fixed_point", "prove_fold", "quantities", "sensitivities", "simulate",
     "start_from_rest", "starts", "steer", "sweep", "time_limit", "trace", "uncertainty",
 ]  # fmt: skip

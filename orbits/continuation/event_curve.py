@@ -31,6 +31,7 @@ from ..shooting.formulations import Cycles, equations_of
 from ..shooting.single_shooting import Evaluation, shooting_equations
 from .curve import AT_A_FOLD, TEST_FUNCTIONS, Curve, CurvePoint, CurvePoints
 from .events import Segment
+from .homoclinic import Passed
 from .limits import Endings, History
 from .point import End, Point
 from .tracer import Tracer
@@ -215,8 +216,8 @@ class EventEndings(Endings):
             ends |= (first < low) | (first > high)
         return ends
 
-    def far(self, last: CurvePoint, history: History) -> End | None:
-        if end := super().far(last, history):
+    def far(self, last: CurvePoint, history: History, way: Passed = ()) -> End | None:
+        if end := super().far(last, history, way):
             return end
         own, names = self.curve.equations_of_orbits.size, self.curve.equations.statement.unknowns
         for i in self._grown(last.x[None])[0].nonzero()[0].tolist():

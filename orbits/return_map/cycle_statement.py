@@ -167,7 +167,7 @@ def _without_closed_form(phase: Phase) -> Phase:
 
 
 @lru_cache(maxsize=64)
-def event_statement(model: Model, impacts: tuple[int, ...], event: str | Border, along: str) -> Statement:
+def bifurcation_statement(model: Model, impacts: tuple[int, ...], event: str | Border, along: str) -> Statement:
     """The statement of the bifurcations of cycles in a parameter, which is their last unknown: "fold", "flip" or a
     `Border`. Raises `InputError` for a piecewise law."""
     if isinstance(event, Border):

@@ -15,7 +15,7 @@ from ..io import Document, one_line
 from ..model.machine import Machine, title_of_machine
 from ..result import Axes, Result, Row, known, shown, stored
 from .bifurcation import WORDS_OF_STABILITY, Bifurcation, name_of_hops
-from .event_curve import EventCurve
+from .bifurcation_curve import BifurcationCurve
 from .followed_events import follow_bifurcation
 
 BranchEnd = End  # both names can be imported
@@ -172,7 +172,7 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
         self, event: Bifurcation | str, second: str, stop: float | tuple[float, float], *,
         machine: Machine | None = None, at: Sequence[float] = Options.at, longest: float = Options.longest,
         most: int = Options.most, step_control: StepControl = Options.step_control, output: str | Path | None = None,
-    ) -> EventCurve:  # fmt: skip
+    ) -> BifurcationCurve:  # fmt: skip
         """Follow a flip, a fold or a border collision of the diagram as a second parameter goes to `stop`: a curve in
         two parameters.
 

@@ -1,6 +1,6 @@
 """Curves of the flips, folds and border collisions of hops in two parameters, by continuation.
 
-The equations are those of `event_statement`, with exact derivatives. A point of a curve has the unknowns of the cycle,
+The equations are those of `bifurcation_statement`, with exact derivatives. A point of a curve has the unknowns of the cycle,
 at flips and folds a direction in which it bifurcates, the first parameter, and the second one, along which the curve
 is followed. The curve ends where the hops have other numbers of impacts from there on.
 """
@@ -30,6 +30,7 @@ from ..simulation.hand_over import landed
 from ..simulation.impacts import LIFTOFF_ORDER, Impacts
 from ..units import LIFTOFF_SPEED, Units
 from .bifurcation import Bifurcation
+from .bifurcation_curve import BifurcationCurve, PlaceOnCurve
 from .cycle_statement import (
     GRAZES,
     INJECT,
@@ -37,14 +38,13 @@ from .cycle_statement import (
     LOSSLESS,
     MULTIPLIER_AT,
     Border,
+    bifurcation_statement,
     cycle_statement,
-    event_statement,
     force_in_contact,
     gap_speed,
     pressing,
 )
 from .cycles import RESTITUTION, parameters_of_maps
-from .event_curve import CurveEvent, EventCurve
 from .flown_hops import flown_hops
 
 # Shares of the time of a flight or contact at which the gap and the contact force are tested; the places nearer to its
@@ -94,7 +94,7 @@ class EventEquations(Curve):
         self.names = (*machine.values, INJECT)
         self.parameters = np.array([*machine.values.values(), inject])
         self.place, self.first = self.names.index(second), self.names.index(along)
-        self.equations = shooting_equations(event_statement(machine.model, impacts, event, along), self.names)
+        self.equations = shooting_equations(bifurcation_statement(machine.model, impacts, event, along), self.names)
         self.cycle = cycle_statement(machine.model, impacts, event if isinstance(event, Border) else None)
         # The unit of a parameter that passes zero is its first value, or 1 when that is zero.
         self.least = 0.1 * abs(self.parameters[self.first]) or 1.0
@@ -204,7 +204,7 @@ class EventSegment(Segment):
             yield "cusp" if cusp else "turn", self.fold, point
 
 
-class EventEndings(Endings):
+class BifurcationEndings(Endings):
     """The tests for the end of a curve."""
 
     def may_end(self, before: CurvePoint, points: Sequence[CurvePoint]) -> np.ndarray:
@@ -227,7 +227,7 @@ class EventEndings(Endings):
             return (shorter, end) if end else (segment, End("border", reason))
         return super().cut(segment)
 
-    def far(self, last: CurvePoint, history: object) -> None:
+    def far(self, last: CurvePoint, history: object, way: object = ()) -> None:
         """Nothing: a curve ends at the bound of its second parameter."""
 
     def lost(self, error: object, last: CurvePoint, history: object) -> End:
@@ -237,10 +237,10 @@ class EventEndings(Endings):
         return End("stuck", f"{where}: {error}")
 
 
-class EventTracer(Tracer):
+class BifurcationTracer(Tracer):
     """A run along a curve of bifurcations."""
 
-    segments, tests_for_the_end = EventSegment, EventEndings
+    segments, tests_for_the_end = EventSegment, BifurcationEndings
 
     def _certified(self, state: Any, points: Sequence[CurvePoint]) -> tuple[Sequence[CurvePoint], OrbitsError | None]:
         interrupts.heed()
@@ -251,7 +251,7 @@ def follow_bifurcation(
     machine: Machine, along: str, event: Bifurcation, second: str, stop: float | tuple[float, float], *,
     inject: float = 0.0, at: Sequence[float] = Options.at, longest: float = Options.longest, most: int = Options.most,
     step_control: StepControl = Options.step_control,
-) -> EventCurve:  # fmt: skip
+) -> BifurcationCurve:  # fmt: skip
     """The curve of a bifurcation of hops along `along` as a second parameter goes to `stop`, from an event of a
     diagram of a machine with an injection; the other arguments as in `BifurcationDiagram.follow_event`."""
     options = checked_options(at=at, longest=longest, most=most, step_control=step_control)
@@ -259,17 +259,17 @@ def follow_bifurcation(
     start, least = float(x[-1]), curve.least
     behind, stop = bounds_of(second, start, stop, options.at)
     curve.span, row = abs(stop - behind), np.eye(len(x))[-1]
-    tracer = EventTracer(curve, correct(curve, x, row, start, row * np.sign(stop - start)), behind, stop, options)
+    tracer = BifurcationTracer(curve, correct(curve, x, row, start, row * np.sign(stop - start)), behind, stop, options)
     found = cast(EventPoint, tracer.first.point)
     if abs(found.first - event.value) > SAME_EVENT * max(abs(event.value), least):
         raise NoOrbit(f"{along} = {event.value:.9g} is no {event.kind}: the nearest one is at {found.first:.9g}")
-    points, events, end = [found], list[CurveEvent](), End("stopped", "")
+    points, events, end = [found], list[PlaceOnCurve](), End("stopped", "")
     for item in tracer:
         if isinstance(item, End):
             end = item
         elif isinstance(item, Event):
             point = cast(EventPoint, item.point)
-            events.append(CurveEvent(item.kind, (point.first, point.value), point.alphas))
+            events.append(PlaceOnCurve(item.kind, (point.first, point.value), point.alphas))
         elif item.point is not found:
             points.append(cast(EventPoint, item.point))
     values = np.array([(point.first, point.value) for point in points])
@@ -277,7 +277,9 @@ def follow_bifurcation(
     units, kind = machine.units, curve.event
     texts = {**words.get("units", {}), **dict.fromkeys(("alpha", INJECT), units.text(LIFTOFF_SPEED))} if units else {}
     name, border = (event.kind, kind.in_words()) if isinstance(kind, Border) else (kind, "")
-    return EventCurve(name, along, second, words, curve.impacts, values, alphas, tuple(events), end, border, texts)
+    return BifurcationCurve(
+        name, along, second, words, curve.impacts, values, alphas, tuple(events), end, border, texts
+    )
 
 
 def located(machine: Machine, along: str, event: Bifurcation, inject: float = 0.0) -> Bifurcation:

@@ -52,8 +52,8 @@ def plot_periods(diagram: Any, axes: Axes | None = None) -> Axes:
     return finished(axes, xlabel=across, ylabel=up)
 
 
-def plot_event_curve(curve: Any, axes: Axes | None = None) -> Axes:
-    """Plot an `EventCurve` in the plane of its two parameters, with its events; return the axes."""
+def plot_bifurcation_curve(curve: Any, axes: Axes | None = None) -> Axes:
+    """Plot an `BifurcationCurve` in the plane of its two parameters, with its events; return the axes."""
     own = axes is None
     axes = axes or new_axes(5.6, 4.4)
     count = len(curve.impacts)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from orbits import ReturnMap, multiplier
-from orbits.return_map.cycle_statement import INJECT, Border, cycle_statement, event_statement
+from orbits.return_map.cycle_statement import INJECT, Border, bifurcation_statement, cycle_statement
 from orbits.return_map.flown_hops import flown_hops
 from orbits.shooting.single_shooting import shooting_equations
 from orbits.simulation.impacts import Impacts
@@ -46,7 +46,7 @@ def test_names_and_numbers_of_equations():
     """There are as many equations as unknowns, one of which is the parameter at a bifurcation."""
     model = Hopper().model
     for event in ("flip", "fold", Border(0, 0), Border(1, 1, "grazes"), Border(0, 0, "lossless")):
-        statement = event_statement(model, (1, 2), event, INJECT)
+        statement = bifurcation_statement(model, (1, 2), event, INJECT)
         assert statement.unknowns[-1] == INJECT
         equations = shooting_equations(statement, ("mass_ratio", INJECT))
         rows = sum(arrival.function.size1_out(0) for _, arrival in equations.ends)

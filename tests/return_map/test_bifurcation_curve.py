@@ -3,20 +3,20 @@
 import numpy as np
 import pytest
 
-from orbits import EventCurve
+from orbits import BifurcationCurve
 from orbits.continuation.point import End
 from orbits.model.machine import machine_in_words
-from orbits.return_map.event_curve import CurveEvent
+from orbits.return_map.bifurcation_curve import PlaceOnCurve
 from problems import Hopper, hopper_in_si
 
 VALUES = np.array([[0.1, 1.0], [0.2, 2.0], [0.25, 2.5], [0.2, 1.5]])
 ALPHAS = np.array([[4.6, 4.5], [4.7, 4.6], [4.8, 4.6], [4.9, 4.6]])
 
 
-def curve(machine=None, units=None) -> EventCurve:
-    events = (CurveEvent("turn", (0.25, 2.5), (4.8, 4.6)), CurveEvent("asked", (0.2, 2.0), (4.7, 4.6)))
+def curve(machine=None, units=None) -> BifurcationCurve:
+    events = (PlaceOnCurve("turn", (0.25, 2.5), (4.8, 4.6)), PlaceOnCurve("asked", (0.2, 2.0), (4.7, 4.6)))
     own = machine_in_words(machine or Hopper()), (1, 2), VALUES, ALPHAS, events, End("reached", "mass_ratio = 1.5")
-    return EventCurve("fold", "inject", "mass_ratio", *own, units=units or {})
+    return BifurcationCurve("fold", "inject", "mass_ratio", *own, units=units or {})
 
 
 def test_values_at_a_value_of_the_second_parameter():
@@ -33,7 +33,7 @@ def test_table_text_and_file(tmp_path):
     assert "fold of hops of period two" in text
     assert "turn" in text
     assert "end: mass_ratio = 1.5" in text
-    again = EventCurve.load(found.save(tmp_path / "curve.json"))
+    again = BifurcationCurve.load(found.save(tmp_path / "curve.json"))
     assert str(again) == text
     assert np.array_equal(again.values, VALUES)
     assert again.events == found.events

@@ -13,7 +13,7 @@ from .bifurcation import name_of_hops
 
 
 @dataclass(frozen=True)
-class CurveEvent:
+class PlaceOnCurve:
     """An event on a curve of bifurcations, located.
 
     kind : "turn" (the curve turns round in the second parameter), "cusp" (it does so in both parameters at once: two
@@ -28,7 +28,7 @@ class CurveEvent:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class EventCurve(Result, what="curve of bifurcations", in_line=("kind", "along", "second", "end")):
+class BifurcationCurve(Result, what="curve of bifurcations", in_line=("kind", "along", "second", "end")):
     """A curve of bifurcations of hops in two parameters.
 
     kind : "flip", "fold" or "border collision"
@@ -51,7 +51,7 @@ class EventCurve(Result, what="curve of bifurcations", in_line=("kind", "along",
     impacts: tuple[int, ...]
     values: np.ndarray
     alphas: np.ndarray
-    events: tuple[CurveEvent, ...]
+    events: tuple[PlaceOnCurve, ...]
     end: End
     border: str = ""
     units: Mapping[str, str] = field(default_factory=dict)
@@ -100,4 +100,4 @@ class EventCurve(Result, what="curve of bifurcations", in_line=("kind", "along",
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Plot the curve in the plane of the two parameters, the second one upwards; returns the axes."""
-        return shown("period_figures").plot_event_curve(self, axes)
+        return shown("period_figures").plot_bifurcation_curve(self, axes)
