@@ -29,6 +29,7 @@ from orbits import (
     optimize,
     orbit_at,
     pareto,
+    period_diagram,
     prove,
     sensitivities,
     simulate,
@@ -49,6 +50,9 @@ def made(kind: str):
     cubic = Hopper("r + beta*r**3", mass_ratio=0.5, parameters={"beta": 0.3})
     family = lambda: follow(cubic, "beta", 0.35, at=[0.32])  # noqa: E731
     leg = hopper_in_si(60.0, 3.0, force="k*r", parameters={"k": 5000.0}, rest_length=0.8)
+    flips = lambda: bifurcations(  # noqa: E731
+        Hopper(), "inject", (0.06, 0.08), (4.5, 4.6), samples=50, sections=2, attractor=0
+    )
     over = {"over": {"k": (3e3, 9e3)}, "subject_to": ["stroke <= 0.25"]}
     return {
         "Orbit": lambda: find(cubic),
@@ -85,6 +89,14 @@ def made(kind: str):
         "Sensitivities": lambda: sensitivities(leg, 1, ["k", "body_mass"], ["alpha", "stroke"]),
         "Indices": lambda: sweep(leg, {"k": (3e3, 5e3), "body_mass": (55.0, 60.0)}, 4).sensitivity("alpha", 16),
         "PeriodicHops": lambda: ReturnMap(Hopper(), inject=0.09).periodic_hops(2, 4.4, 4.7),
+        "BifurcationCurve": lambda: flips().follow_event("flip", "mass_ratio", 1.05),
+        "PeriodDiagram": lambda: period_diagram(
+            Hopper(), {"inject": (0.05, 0.08), "mass_ratio": (0.9, 1.0)}, (4.3, 4.7), samples=(3, 2), longest=4
+        ),
+        "OptimalFamily": lambda: steer(
+            [cart(end=lambda x, p: [x[0] - p["d"], x[1]])], {"d": 1.0}, guess=STRAIGHT
+        ).follow("d", 1.2),
+        "DrivenFamily": lambda: steering.keep_hopping(Hopper(damping=0.01), intervals=14).follow("damping", 0.02),
         "Basins": lambda: ReturnMap(Hopper(mass_ratio=0.05)).basins(4.4, 4.8, samples=100),
         "SpringFit": lambda: springs.fit(springs.SAMPLE, "k*r + b*r**3", in_si=True),
     }[kind]()
@@ -94,7 +106,7 @@ RESULTS = (
     *("Orbit", "Orbit in SI", "Certificate", "Trajectory", "Family", "Point", "Event", "End"),
     *("Existence", "Hops", "ReturnMap", "FixedPoint", "Simulation", "ContactEvent", "Control", "Driven", "Disturbed"),
     *("Design", "DesignCurve", "Front", "Sweep", "Uncertainty", "BifurcationDiagram", "Proof", "Checked", "SpringFit"),
-    *("Sensitivities", "Indices", "Basins"),
+    *("Sensitivities", "Indices", "Basins", "BifurcationCurve", "PeriodDiagram", "OptimalFamily", "DrivenFamily"),
     *("LaunchHops", "PeriodicHop", "PeriodicHops", "HopMultipliers"),
 )
 # The results that are more than part of another one, and what each does with nothing but itself.
@@ -102,7 +114,7 @@ WHOLE = (
     *("Orbit", "Orbit in SI", "Family", "Sweep", "Existence", "Uncertainty", "Design", "Front", "Control"),
     "DesignCurve",
     *("Simulation", "Hops", "BifurcationDiagram", "Proof", "Checked", "Driven", "Disturbed", "SpringFit"),
-    *("Sensitivities", "Indices", "Basins"),
+    *("Sensitivities", "Indices", "Basins", "BifurcationCurve", "PeriodDiagram", "OptimalFamily", "DrivenFamily"),
     *("LaunchHops", "PeriodicHop", "PeriodicHops", "HopMultipliers"),
 )
 VERBS = {
@@ -175,7 +187,7 @@ def test_results(kind):
 
 def test_the_table_of_results_has_all():
     """A class of results that is missing here is found by its base."""
-    found = {each.__name__ for each in Result.__subclasses__()} | {"Driven"}
+    found = {each.__name__ for each in Result.__subclasses__()} | {"Driven", "DrivenFamily"}
     assert found == {kind.removesuffix(" in SI") for kind in WHOLE}
 
 

@@ -26,7 +26,7 @@ from .diagram import RESERVED_IN_DIAGRAMS
 from .return_map import ReturnMap
 
 # What launches settle to besides the statuses of a hop that has no next launch.
-HAS_PERIOD, OUTSIDE, CHAOTIC, UNSETTLED, ESCAPES = "periodic", "outside", "chaotic", "longer", "leaves"
+HAS_PERIOD, OUT_OF_RANGE, CHAOTIC, UNSETTLED, ESCAPES = "periodic", "outside", "chaotic", "longer", "leaves"
 FIRST_HOPS = 128  # after this many hops launches are examined, and after each doubling of their number
 # Launches that differ by a share below the first come back; below the second they may be approaching each other.
 SAME_LAUNCH, APPROACHED = 1e-8, 1e-5
@@ -275,7 +275,7 @@ def period_diagram(
         many = np.tile(own / speed, len(injections)), np.repeat(injections / speed, len(own))
         status, periods, launches, exponents = settled(step, *many, longest, hops, ESCAPED * high / speed)
         launches = launches * speed
-        status[(status == HAS_PERIOD) & ~((launches >= low) & (launches <= high))] = OUTSIDE
+        status[(status == HAS_PERIOD) & ~((launches >= low) & (launches <= high))] = OUT_OF_RANGE
         parts.append((status, periods, launches, exponents))
         if progress:
             progress(len(parts) / int(np.prod(shape)))
