@@ -136,6 +136,7 @@ FILES = ("json", "csv")
 # What is not in the table of results and verbs, with the reason.
 WITHOUT = {
     ("Control", "machine"): "a motion is of stages, and of no machine",
+    ("OptimalFamily", "machine"): "motions are of stages, and of no machine",
     ("SpringFit", "machine"): "a spring may be that of any machine",
     ("Proof", "plot"): "a theorem has nothing to draw",
     ("Checked", "plot"): "relations that hold have nothing to draw",
@@ -143,13 +144,13 @@ WITHOUT = {
 # The machines that files do not hold.
 OF_FILES = {
     **dict.fromkeys(("Design", "DesignCurve", "Front"), lambda result: getattr(result, "designs", (result,))[0].source),
-    "Simulation": lambda result: result.source,
+    **dict.fromkeys(("Simulation", "DrivenFamily"), lambda result: result.source),
     "Disturbed": lambda result: made("Driven").source,
 }
 
 
 # What a result does not take along into a file or another process.
-NOT_KEPT = ("warm_start", "source")
+NOT_KEPT = ("warm_start", "source", "trail")
 
 
 def same(a, b) -> bool:
