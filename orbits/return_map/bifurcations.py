@@ -308,10 +308,12 @@ def _attractor(maps: MapsAlong, between: tuple[float, float], count: int) -> np.
     if count == 0:
         return np.zeros((0, 2))
     values = np.linspace(maps.low, maps.high, count)
+    if maps.name == INJECT and (step := maps.at(0.0).impacts).never_lose and step.one_liftoff:
+        values = values[values == 0.0]  # otherwise all launches become faster by the injection, or all slower
     starts = np.linspace(*between, STARTS_OF_HOPS + 2)[1:-1]
     repeated = np.repeat(values, len(starts))
     if maps.name == INJECT:
-        found = _long_run(maps, np.tile(starts, count), repeated)
+        found = _long_run(maps, np.tile(starts, len(values)), repeated)
     else:
         found = np.hstack([_long_run(maps, starts, np.full(len(starts), value)) for value in values])
     places = np.broadcast_to(repeated, found.shape)
@@ -328,10 +330,14 @@ def _long_run(maps: MapsAlong, alpha: np.ndarray, values: np.ndarray) -> np.ndar
         interrupts.heed()
         following, _ = maps.next(alpha[going], values[going] if maps.name == INJECT else values[0])
         alive = np.isfinite(following)
+        settled = np.array_equal(following[alive], alpha[going[alive]])  # every launch comes back to the last bit
         going = going[alive]
         if not len(going):
             break
         alpha[going] = following[alive]
+        if settled:
+            found[max(hop - TRANSIENT, 0) :, going] = alpha[going]
+            break
         if hop >= TRANSIENT:
             found[hop - TRANSIENT, going] = alpha[going]
     return found

@@ -258,6 +258,17 @@ def test_impacts_that_lose_nothing_have_no_fixed_points_with_injection():
     assert len(ReturnMap(HeavyHand(), inject=0.01).periodic_hops(2, 3.6, 4.9)) == 0
 
 
+@pytest.mark.parametrize("restitution", [0.0, 0.3])
+def test_impacts_that_lose_nothing_have_no_attractor_with_injection(restitution):
+    """Launches from a heavy hand become faster for ever; without an injection all that end in contact come back."""
+    diagram = bifurcations(HeavyHand(restitution=restitution), "inject", (0.0, 0.15), (3.8, 4.9), samples=20)
+    assert diagram.branches == ()
+    assert set(diagram.visits[:, 0]) <= {0.0}
+    hops = ReturnMap(HeavyHand(restitution=restitution))(np.linspace(3.8, 4.9, 6)[1:-1])
+    stay = hops.alpha[hops.status == "lifts_off"]
+    assert np.unique(diagram.visits[:, 1]) == pytest.approx(stay, rel=1e-14)
+
+
 def test_maps_along_the_injection_share_their_hops():
     maps, alpha = MapsAlong(Hopper(damping=0.01), "inject", 0.0, 0.2, 0.0, 1000), np.array([4.4, 4.7, 2.0])
     for value in (0.1, 0.05, 0.1):
