@@ -26,14 +26,14 @@ def fold_statement(statement: Statement, along: str) -> Statement:
     """
     if any(arc.phase.pieces for arc in statement.arcs):
         raise InputError("a fold of a piecewise law cannot be followed: it has no second derivatives everywhere")
-    before = (0, *(len(arc.phase.states) for arc in statement.arcs))
-    arcs = tuple(_doubled(arc, statement.unknowns, along, n) for arc, n in zip(statement.arcs, before, strict=False))
+    pairs = zip(statement.arcs, (None, *statement.arcs), strict=False)
+    arcs = tuple(_doubled(arc, statement.unknowns, along, before) for arc, before in pairs)
     unknowns = (*statement.unknowns, *(f"d{name}" for name in statement.unknowns if name != "alpha"), along)
     return Statement(f"fold of the {statement.name}", unknowns, arcs, statement.durations)
 
 
-def _doubled(arc: Arc, unknowns: tuple[str, ...], along: str, before: int) -> Arc:
-    """An arc whose states are motion, variation and parameter; the motion on the arc before it has `before` states."""
+def _doubled(arc: Arc, unknowns: tuple[str, ...], along: str, before: Arc | None) -> Arc:
+    """An arc whose states are motion, variation and parameter; `before` is the arc before it."""
     n, phase = len(arc.phase.states), arc.phase
 
     def field(x, p, q):
@@ -46,16 +46,20 @@ def _doubled(arc: Arc, unknowns: tuple[str, ...], along: str, before: int) -> Ar
         direction = [1.0 if name == "alpha" else u[f"d{name}"] for name in unknowns]
         return dict(zip(unknowns, own, strict=True)), own, direction, {**p, along: u[along]}
 
+    def ended(of: Arc, x, named, own, direction, p):
+        """The motion at the end of an arc and its variation, as the duration varies too."""
+        count, (*_, longer) = len(of.phase.states), _with_variation([of.duration(named, p)], own, direction)
+        changes = zip(x[count : 2 * count], of.phase.field(x[:count], p, []), strict=True)
+        return x[:count], [change + rate * longer for change, rate in changes]
+
     def start(u, last, p):
         named, own, direction, p = split(u, p)
-        motion, variation = last[:before], last[before : 2 * before]
-        return [*_with_variation(arc.start(named, motion, p), [*own, *motion], [*direction, *variation]), u[along]]
+        motion, moved = ended(before, last, named, own, direction, p) if before else ([], [])
+        return [*_with_variation(arc.start(named, motion, p), [*own, *motion], [*direction, *moved]), u[along]]
 
     def conditions(u, x, p):
         named, own, direction, p = split(u, p)
-        end, (*_, longer) = x[:n], _with_variation([arc.duration(named, p)], own, direction)
-        changes = zip(x[n : 2 * n], phase.field(end, p, []), strict=True)
-        moved = [change + rate * longer for change, rate in changes]
+        end, moved = ended(arc, x, named, own, direction, p)
         return _with_variation(arc.conditions(named, end, p), [*own, *end], [*direction, *moved])
 
     def guard(u, x, p, q):

@@ -1,0 +1,140 @@
+"""Hops that repeat themselves as boundary value statements: their equations, and those of their bifurcations.
+
+A cycle of hops with known numbers of impacts is a sequence of arcs: in each hop one flight up to each of its impacts,
+after all of which but the last the machine leaves at once, and a contact. Where a parameter is a further unknown there
+is one equation more: at a flip or a fold the multiplier is -1 or 1, and at a border a hop is about to have another
+number of impacts.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from ..laws.law import Algebraic, Parameters, Scalars
+from ..model.model import CONTACT_FORCE, Model
+from ..model.phase import Arc, Statement, weighted_sum
+from ..periodic.fold_statement import fold_statement
+from ..units import LIFTOFF_SPEED
+
+INJECT = "inject"  # the parameter of these statements beside those of the model
+# The multipliers of bifurcations, by their kind.
+MULTIPLIERS = {"fold": 1.0, "flip": -1.0}
+
+
+@dataclass(frozen=True)
+class Border:
+    """Where a hop is about to have another number of impacts.
+
+    hop, impact : the indices of the hop in the cycle and of the impact in the hop
+    graze : whether the foot grazes the ground in the flight before that impact; else the contact force vanishes after
+        that impact, between a bounce and sustained contact
+    """
+
+    hop: int
+    impact: int
+    graze: bool = False
+
+    def in_words(self) -> str:
+        if self.graze:
+            return f"the foot grazes the ground before impact {self.impact + 1} of hop {self.hop + 1}"
+        return f"the contact force vanishes after impact {self.impact + 1} of hop {self.hop + 1}"
+
+
+def names_of(name: str, hop: int) -> str:
+    """The name of an unknown in a hop; in the first it is the name itself."""
+    return f"{name}_{hop + 1}" if hop else name
+
+
+def pressing(model: Model, x: Scalars, p: Parameters) -> Algebraic:
+    """The contact force after a plastic impact in the flight state x."""
+    return model.contact.watch[CONTACT_FORCE](contact_state(model, model.landed(x, p)), p, [])
+
+
+def contact_state(model: Model, x: Scalars) -> list[Algebraic]:
+    """The contact state that a flight state with closed gap is: some of its entries."""
+    units = np.eye(model.embed.shape[1]).tolist()
+    return [x[model.embed.tolist().index(unit)] for unit in units]
+
+
+def gap_speed(model: Model, x: Scalars, p: Parameters) -> Algebraic:
+    """The speed of the gap in the flight state x."""
+    return model.speeds_of_landing(x, p)[0]
+
+
+@lru_cache(maxsize=64)
+def cycle_statement(model: Model, impacts: tuple[int, ...], border: Border | None = None) -> Statement:
+    """The statement of a cycle of hops with these numbers of impacts, of a model whose launch is a speed.
+
+    The unknowns are the extension and the speed of each launch, and the times of all flights and contacts. With a
+    `border` there is one condition more than unknowns, so that a parameter has to be another unknown.
+    """
+    unknowns, durations, arcs = list[str](), list[str](), list[Arc]()
+    for hop, count in enumerate(impacts):
+        times = [names_of(f"flight_{i + 1}", hop) for i in range(count)]
+        if border and border.graze and border.hop == hop:
+            times.insert(border.impact, names_of("graze", hop))
+        own = [names_of(name, hop) for name in ("liftoff", "alpha")]
+        following = [names_of(name, (hop + 1) % len(impacts)) for name in ("liftoff", "alpha")]
+        durations += [*times, names_of("contact", hop)]
+        unknowns += own
+        for i, time in enumerate(times):
+            here = border if border and border.hop == hop and border.impact == i else None
+            arcs.append(_flight(model, own if i == 0 else None, time, here, i > 0 and times[i - 1].startswith("graze")))
+        arcs.append(_contact(model, following[1], durations[-1]))
+    return Statement("cycle of hops", (*unknowns, *durations), tuple(arcs), tuple(durations))
+
+
+def _flight(model: Model, launch: Sequence[str] | None, time: str, border: Border | None, flies_on: bool) -> Arc:
+    """A flight up to the ground: from a launch with unknowns of these names, else from an impact, or without one where
+    the machine `flies_on` after a graze."""
+
+    def launched(u: Parameters) -> dict[str, Algebraic]:
+        return dict(zip(("liftoff", "alpha"), (u[name] for name in launch or ()), strict=False))
+
+    def start(u: Parameters, before: Scalars, p: Parameters) -> list[Algebraic]:
+        if launch:
+            return model.launch(launched(u), p)
+        return list(before) if flies_on else model.landed(before, p)
+
+    def conditions(u: Parameters, x: Scalars, p: Parameters) -> list[Algebraic]:
+        closed = [model.gap(p).at(x)]
+        if border is None:
+            return closed
+        return [*closed, gap_speed(model, x, p) if border.graze else pressing(model, x, p)]
+
+    guard = (lambda u, x, p, q: model.liftoff(launched(u), p, q)) if launch else (lambda u, x, p, q: [])
+    return Arc(model.flight, start, lambda u, p: u[time], conditions, guard)
+
+
+def _contact(model: Model, following: str, time: str) -> Arc:
+    """A contact after an impact, up to the launch whose speed has this name."""
+
+    def start(u: Parameters, before: Scalars, p: Parameters) -> list[Algebraic]:
+        return contact_state(model, model.landed(before, p))
+
+    def conditions(u: Parameters, x: Scalars, p: Parameters) -> list[Algebraic]:
+        force = model.contact.watch[CONTACT_FORCE](x, p, [])
+        added = p[INJECT] / (model.units(p).of(LIFTOFF_SPEED) if model.units else 1.0)
+        return [force, model.contact_speed.at(x) + added - u[following]]
+
+    return Arc(model.contact, start, lambda u, p: u[time], conditions)
+
+
+@lru_cache(maxsize=64)
+def event_statement(model: Model, impacts: tuple[int, ...], event: str | Border, along: str) -> Statement:
+    """The statement of the bifurcations of cycles in a parameter, which is their last unknown: "fold", "flip" or a
+    `Border`. Raises `InputError` for a piecewise law."""
+    if isinstance(event, Border):
+        base = cycle_statement(model, impacts, event)
+        return replace(base, name="border of the cycle of hops", unknowns=(*base.unknowns, along), tuned=(along,))
+    doubled = fold_statement(cycle_statement(model, impacts), along)
+    *others, last = doubled.arcs
+
+    def conditions(u: Parameters, x: Scalars, p: Parameters) -> list[Algebraic]:
+        # The last derivative is that of the speed after the cycle less that before it, which is 1.
+        *equations, change = last.conditions(u, x, p)
+        return [*equations, change + 1.0 - MULTIPLIERS[event]]
+
+    return replace(doubled, name=f"{event} of the cycle of hops", arcs=(*others, replace(last, conditions=conditions)))

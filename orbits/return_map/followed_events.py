@@ -1,0 +1,338 @@
+"""Curves of the flips, folds and border collisions of hops in two parameters, by continuation.
+
+The equations are those of `event_statement`, with exact derivatives. A point of a curve has the unknowns of the cycle,
+at flips and folds a direction in which it bifurcates, the first parameter, and the second one, along which the curve
+is followed. The curve ends where the hops have other numbers of impacts from there on.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, cast
+
+import numpy as np
+
+from ..continuation.corrector import correct
+from ..continuation.curve import Curve, CurvePoint, CurvePoints, Watch
+from ..continuation.events import Segment
+from ..continuation.follow import bounds_of
+from ..continuation.limits import Endings
+from ..continuation.point import End, Event
+from ..continuation.step_control import Options, StepControl, checked_options
+from ..continuation.tracer import Tracer
+from ..errors import InputError, NoOrbit, OrbitsError
+from ..model.machine import Machine, machine_in_words
+from ..running import interrupts
+from ..shooting.single_shooting import shooting_equations
+from ..simulation.hand_over import landed
+from ..simulation.impacts import LIFTOFF_ORDER, Impacts
+from ..units import LIFTOFF_SPEED, Units
+from .cycle_statement import INJECT, MULTIPLIERS, Border, cycle_statement, event_statement, gap_speed, pressing
+from .cycles import DAMPERS_OF_HOPS, RESTITUTION, parameters_of_maps
+from .diagram import Bifurcation
+from .event_curve import CurveEvent, EventCurve
+
+# Shares of the time of a flight or contact at which the gap and the contact force are tested; the places nearer to its
+# ends, where they vanish, belong to the events there.
+SHARES = np.linspace(0.03, 0.97, 48)
+# A solved bifurcation may lie this far from where the diagram has it, as a share of the parameter, which is located to
+# some 1e-11; and a border condition is the one that vanishes to this share of the largest launch speed.
+SAME_EVENT, AT_BORDER = 1e-6, 1e-3
+STEPS_OF_CURVES = StepControl(largest_amplification=1e12)
+# At a cusp the share of the first parameter in the tangent vanishes beside that of the second one.
+CUSP = 1e-5
+BORDERS = ("border collision",)  # the kinds of events at which a hop is about to have another number of impacts
+CAP_OF_CYCLES = 100  # impacts in a hop of a cycle
+TANGENTIAL = 1e-6  # an impact slower than this, as a share of the launch speed, is that of a lossless hop
+
+
+@dataclass(frozen=True, eq=False)
+class EventPoint:
+    """A point of a curve: the value of the second parameter, the unknowns u and the tangent, the first parameter, the
+    launch speeds, and test functions that are above 0 where the hops are those of the statement."""
+
+    value: float
+    u: tuple[float, ...]
+    tangent: tuple[float, ...]
+    first: float
+    alphas: tuple[float, ...]
+    tests: dict[str, float]
+
+    @property
+    def alpha(self) -> float:
+        return self.alphas[0]
+
+
+class EventEquations(Curve):
+    """The curve of one kind of bifurcation of cycles; the last of its unknowns is the parameter `along`."""
+
+    kernel = None
+
+    def __init__(
+        self, machine: Machine, along: str, second: str, event: str | Border, impacts: tuple[int, ...], inject: float,
+        span: float,
+    ):  # fmt: skip
+        self.machine, self.along, self.span, self.event = machine, second, span, event
+        self.impacts = impacts
+        self.names = (*machine.values, INJECT)
+        self.parameters = np.array([*machine.values.values(), inject])
+        self.place, self.first = self.names.index(second), self.names.index(along)
+        self.equations = shooting_equations(event_statement(machine.model, impacts, event, along), self.names)
+        self.cycle = cycle_statement(machine.model, impacts, event if isinstance(event, Border) else None)
+        # The unit of a parameter that passes zero is its first value, or 1 when that is zero.
+        self.least = 0.1 * abs(self.parameters[self.first]) or 1.0
+
+    def parameters_at(self, xs: np.ndarray) -> np.ndarray:
+        values = super().parameters_at(xs)
+        values[:, self.first] = xs[:, -2]
+        return values
+
+    def size(self, x: np.ndarray) -> np.ndarray:
+        size = super().size(np.delete(x, -2, axis=-1))
+        return np.insert(size, -1, np.maximum(np.abs(x[..., -2]), self.least), axis=-1)
+
+    def varied(self, p: np.ndarray) -> dict[str, float]:
+        places = {self.names[i]: float(p[i]) for i in (self.first, self.place)}
+        return {name: value for name, value in places.items() if name != INJECT}
+
+    def units_at(self, value: Any, also: Any = None) -> Units | None:
+        return None
+
+    def rescued(self, x: np.ndarray) -> np.ndarray:
+        raise NoOrbit(f"the corrector does not converge near {self.along} = {x[-1]:g}")
+
+    def certify_all(self, points: Sequence[CurvePoint]) -> tuple[list[CurvePoint], OrbitsError | None]:
+        """The points with their launches, up to the first at which there is no such machine."""
+        found, refused = list[CurvePoint](), self._refused(self.parameters_at(np.array([p.x for p in points])))
+        for i, point in enumerate(points):
+            if i in refused:
+                return found, refused[i]
+            found.append(point if point.certified else point._replace(certified=[cast(Any, self._point(point))]))
+        return found, None
+
+    def _point(self, point: CurvePoint) -> EventPoint:
+        x, names = point.x, self.cycle.unknowns
+        p = dict(zip(self.names, self.parameters_at(x[None])[0].tolist(), strict=True))
+        speed = self.machine.model.units(p).of(LIFTOFF_SPEED) if self.machine.model.units else 1.0
+        alphas = tuple(
+            float(value * speed) for name, value in zip(names, x, strict=False) if name.startswith("alpha")
+        )
+        values = tuple(x[:-1].tolist()), tuple(point.tangent.tolist())
+        return EventPoint(point.value, *values, float(x[-2]), alphas, self._tests(point, p))
+
+    def _tests(self, point: CurvePoint, p: dict[str, float]) -> dict[str, float]:
+        """The test functions of a point, by what happens where they vanish."""
+        model, tests, border = self.machine.model, dict[str, float](), self.event
+        arcs = zip(self.cycle.arcs, point.evaluation.trajectories, strict=True)
+        hop, impact = 0, 0
+        for arc, motions in arcs:
+            path = motions[point.place]
+            rows = path(SHARES * path.times[-1]).T
+            end, size = path.end.tolist(), len(arc.phase.states)
+            if arc.phase is not model.flight:
+                force = model.contact.watch["contact force"]([*rows[:size]], p, [])
+                tests[f"the contact of hop {hop + 1} opens earlier"] = float(np.min(force))
+                hop, impact = hop + 1, 0
+                continue
+            here = Border(hop, impact)
+            tests[replace(here, graze=True).in_words()] = float(np.min(model.gap(p).at([*rows[:size]])))
+            if isinstance(border, Border) and border.graze and (hop, impact) == (border.hop, border.impact):
+                border = None  # the flight up to the graze is followed by that up to the impact
+                continue
+            tests[f"impact {impact + 1} of hop {hop + 1} becomes tangential"] = -float(gap_speed(model, end[:size], p))
+            if here != border:
+                last = impact + 1 == self.impacts[hop]
+                tests[here.in_words()] = (1.0 if last else -1.0) * float(pressing(model, end[:size], p))
+            impact += 1
+        return tests
+
+
+class EventSegment(Segment):
+    """The curve between two neighbouring points."""
+
+    @staticmethod
+    def may_happen(
+        before: CurvePoint, points: Sequence[CurvePoint], requested: tuple[float, ...], watch: Watch
+    ) -> np.ndarray:
+        return np.ones(len(points), bool)
+
+    def _sign_changes(self, watch: Watch) -> Any:
+        if self.fold is not None:
+            point = self(self.fold)
+            shares = np.abs(point.tangent / self.curve.size(point.x))[-2:]
+            cusp = self.curve.event == "fold" and shares[0] < CUSP  # type: ignore[attr-defined]
+            yield "cusp" if cusp else "turn", self.fold, point
+
+
+class EventEndings(Endings):
+    """The tests for the end of a curve."""
+
+    def may_end(self, before: CurvePoint, points: Sequence[CurvePoint]) -> np.ndarray:
+        return np.ones(len(points), bool)
+
+    def cut(self, segment: Segment) -> tuple[Segment, End | None]:
+        tests = cast(Any, segment.b.point).tests
+        if over := [name for name, value in tests.items() if not value > 0]:
+            def least(point: CurvePoint) -> float:
+                found = cast(Any, self.curve.certify(point).point).tests
+                return min(found[name] for name in over)
+
+            share = segment.zero(least)
+            point = segment.b if share is None else self.curve.certify(segment(share))
+            final = cast(Any, point.point).tests
+            reason = f"{min(over, key=lambda name: abs(final[name]))}: the hops have other impacts from there on"
+            segment = type(segment)(segment.curve, segment.a, point)
+            shorter, end = super().cut(segment)
+            return (shorter, end) if end else (segment, End("border", reason))
+        return super().cut(segment)
+
+    def far(self, last: CurvePoint, history: object) -> None:
+        """Nothing: a curve ends at the bound of its second parameter."""
+
+    def lost(self, error: object, last: CurvePoint, history: object) -> End:
+        where = f"at {self.curve.along} = {last.value:.10g}"
+        if isinstance(error, InputError):
+            return End("degenerate", f"there is no such machine any more {where}: {error}")
+        return End("stuck", f"{where}: {error}")
+
+
+class EventTracer(Tracer):
+    """A run along a curve of bifurcations."""
+
+    segments, tests_for_the_end = EventSegment, EventEndings
+
+    def _certified(self, state: Any, points: Sequence[CurvePoint]) -> tuple[Sequence[CurvePoint], OrbitsError | None]:
+        interrupts.heed()
+        return self.curve.certify_all(points)
+
+
+def follow_bifurcation(
+    machine: Machine, along: str, event: Bifurcation, second: str, stop: float, *, inject: float = 0.0,
+    at: Sequence[float] = Options.at, longest: float = Options.longest, most: int = Options.most,
+    step_control: StepControl = STEPS_OF_CURVES,
+) -> EventCurve:  # fmt: skip
+    """The curve of a bifurcation of hops along `along` as a second parameter goes to `stop`, from an event of a
+    diagram of a machine with an injection; the other arguments as in `BifurcationDiagram.follow_event`."""
+    _check(machine, along, event, second)
+    options = checked_options(at=at, longest=longest, most=most, step_control=step_control)
+    if along == INJECT:
+        inject = event.value
+    else:
+        machine = machine.with_values(**{along: event.value})
+    start = inject if second == INJECT else machine.values[second]
+    behind, stop = bounds_of(second, start, stop, options.at)
+    model, units = machine.model, machine.units
+    speed = units.of(LIFTOFF_SPEED) if units else 1.0
+    cycle = _Cycle(Impacts(machine), [alpha / speed for alpha in event.alphas])
+    if event.kind == "fold" and cycle.slowest <= TANGENTIAL:
+        raise InputError("this fold is a lossless hop: `follow` follows it along a parameter, without an injection")
+    kind: str | Border = event.kind if event.kind in MULTIPLIERS else cycle.border()
+    impacts, u = cycle.without_graze(kind)
+    curve = EventEquations(machine, along, second, kind, impacts, inject, abs(stop - behind))
+    if not isinstance(kind, Border):
+        equations = shooting_equations(cycle_statement(model, impacts), curve.names)
+        jacobian = equations.evaluate(u, curve.parameters).jacobian.copy()
+        place = equations.statement.unknowns.index("alpha")
+        jacobian[-1, place] += 1.0 - MULTIPLIERS[kind]
+        direction = np.linalg.svd(jacobian)[2][-1]
+        u = [*u, *np.delete(direction / direction[place], place)]
+    x, row = np.array([*u, event.value, start]), np.eye(len(u) + 2)[-1]
+    tracer = EventTracer(curve, correct(curve, x, row, start, row * np.sign(stop - start)), behind, stop, options)
+    found = cast(EventPoint, tracer.first.point)
+    if abs(found.first - event.value) > SAME_EVENT * max(abs(event.value), curve.least):
+        raise NoOrbit(f"{along} = {event.value:.9g} is no {event.kind}: the nearest one is at {found.first:.9g}")
+    points, events, end = [found], list[CurveEvent](), End("stopped", "")
+    for item in tracer:
+        if isinstance(item, End):
+            end = item
+        elif isinstance(item, Event):
+            point = cast(EventPoint, item.point)
+            events.append(CurveEvent(item.kind, (point.first, point.value), point.alphas))
+        elif item.point is not found:
+            points.append(cast(EventPoint, item.point))
+    values = np.array([(point.first, point.value) for point in points])
+    words, alphas = machine_in_words(machine), np.array([point.alphas for point in points])
+    texts = {**words.get("units", {}), **dict.fromkeys(("alpha", INJECT), units.text(LIFTOFF_SPEED))} if units else {}
+    name, border = (event.kind, kind.in_words()) if isinstance(kind, Border) else (kind, "")
+    return EventCurve(name, along, second, words, impacts, values, alphas, tuple(events), end, border, texts)
+
+
+def _check(machine: Machine, along: str, event: Bifurcation, second: str) -> None:
+    """Raise `InputError` where a bifurcation cannot be followed along a second parameter."""
+    model = machine.model
+    if not isinstance(event, Bifurcation):
+        raise InputError(f"event = {event!r}; it is one of the `events` of a diagram")
+    if not model.one_speed or not model.plain or model.hysteretic:
+        what = "has hysteresis" if model.hysteretic else "steps" if model.one_speed else "has a launch of several numbers"
+        raise InputError(f"a {model.name} {what}: bifurcations are followed where a launch is a speed alone")
+    if event.kind not in (*MULTIPLIERS, *BORDERS):
+        known = ", ".join((*MULTIPLIERS, *BORDERS))
+        raise InputError(f"a {event.kind} has no curve in two parameters here: {known} have")
+    known = [name for name in parameters_of_maps(machine) if name not in (along, RESTITUTION)]
+    if second not in known:
+        raise InputError(f"second = '{second}'; {event.kind}s in {along} are followed along {', '.join(known)}")
+    if along == RESTITUTION or cast(Any, machine).restitution > 0:
+        raise InputError("with a restitution a hop has infinitely many impacts: bifurcations are followed where it is 0")
+    if second not in (INJECT, *machine.values):
+        raise InputError(f"second = '{second}': the machine has none to begin with; give it a small one")
+
+
+class _Cycle:
+    """The hops of a cycle from launch speeds, impact by impact.
+
+    flights : of each hop, the times of its flights
+    landings : of each hop, the flight states (n,) at its impacts
+    contacts : the time of the contact of each hop
+    """
+
+    def __init__(self, impacts: Impacts, alphas: Sequence[float]):
+        self.impacts, self.alphas = impacts, alphas
+        self.flights, self.landings, self.contacts = list[list[float]](), list[list[np.ndarray]](), list[float]()
+        self.starts = [impacts.launch(np.array([alpha]))[0] for alpha in alphas]
+        for x in self.starts:
+            order, held = LIFTOFF_ORDER, False
+            self.flights.append([])
+            self.landings.append([])
+            while not held:
+                (time,), rows, _, _ = impacts.touchings(x[None], np.array([order]), np.zeros(1, int))
+                if not np.isfinite(time) or time <= 0 or len(self.flights[-1]) == CAP_OF_CYCLES:
+                    raise NoOrbit("the hops of this bifurcation are not found again at its launch speeds")
+                self.flights[-1].append(float(time))
+                self.landings[-1].append(rows[0, : impacts.flight.size])
+                found = landed(impacts, self.landings[-1][-1][None], np.zeros(1, int))
+                x, order, held = found.state[0], int(found.order[0]), bool(found.held[0])
+            path, outcome, reason = impacts.sustained_contact(impacts.onto_contact @ x)
+            if path is None or outcome != "lifts_off":
+                raise NoOrbit(f"the hops of this bifurcation do not lift off again: {reason or outcome}")
+            self.contacts.append(float(path.times[-1]))
+
+    @property
+    def slowest(self) -> float:
+        """The least speed of the gap at an impact, as a share of the launch speed."""
+        weights, pairs = self.impacts.gap_speed, zip(self.landings, self.alphas, strict=True)
+        return min(abs(float(weights @ x)) / alpha for landings, alpha in pairs for x in landings)
+
+    def border(self) -> Border:
+        """The border that the cycle is at; raises `NoOrbit` where there is none."""
+        model, p, found = self.impacts.model, self.impacts.values, list[tuple[float, Border]]()
+        for hop, (alpha, landings) in enumerate(zip(self.alphas, self.landings, strict=True)):
+            for impact, x in enumerate(landings):
+                found.append((abs(float(pressing(model, x.tolist(), p))), Border(hop, impact)))
+                if impact + 1 < len(landings):
+                    found.append((abs(float(gap_speed(model, x.tolist(), p))) / alpha, Border(hop, impact, True)))
+        size, border = min(found, key=lambda each: each[0])
+        if not size <= AT_BORDER:
+            raise NoOrbit("at these launch speeds no impact is about to vanish: the map's slope jumps for another reason")
+        return border
+
+    def without_graze(self, kind: str | Border) -> tuple[tuple[int, ...], list[float]]:
+        """The numbers of impacts (period,) of the hops, and the unknowns of their statement, where an impact at the
+        border is a graze."""
+        counts = [len(flights) for flights in self.flights]
+        if isinstance(kind, Border) and kind.graze:
+            counts[kind.hop] -= 1
+        launches = [each for x, alpha in zip(self.starts, self.alphas, strict=True) for each in (self._liftoff(x), alpha)]
+        times = [[*flights, contact] for flights, contact in zip(self.flights, self.contacts, strict=True)]
+        return tuple(counts), [*launches, *(time for own in times for time in own)]
+
+    def _liftoff(self, x: np.ndarray) -> float:
+        return float(self.impacts.model.launch_at(x)["liftoff"])
