@@ -87,6 +87,7 @@ def bifurcations(
         raise InputError("every fixed point is a lossless hop here: follow them with `follow`, or give an injection")
     wanted = sorted({whole_number("periods", period, "hops") for period in periods})
     doublings = whole_number("doublings", doublings, "doublings", 0)
+    own: dict[str, Any] = {"inject": maps.inject, "source": machine}
     about = along, (low, high), (slow, fast), machine_in_words(machine)
     if several and (wanted != [1] or doublings > 1):
         raise InputError(
@@ -95,7 +96,7 @@ def bifurcations(
         )
     if several:
         found = launch_diagram(maps, (slow, fast), values, starts, attractor, progress)
-        return BifurcationDiagram(*about, tuple(found.branches), found.located(), units=maps.units)
+        return BifurcationDiagram(*about, tuple(found.branches), found.located(), units=maps.units, **own)
     if starts is not None:
         raise InputError(
             "starts: where a launch is a speed, fixed points are searched for in all of the range: leave them out"
@@ -108,7 +109,8 @@ def bifurcations(
         for _ in range(doublings):
             search.doubled(doublings)
     return BifurcationDiagram(
-        *about, tuple(search.branches), search.located(), visits=_attractor(maps, (slow, fast), count), units=maps.units
+        *about, tuple(search.branches), search.located(), visits=_attractor(maps, (slow, fast), count), units=maps.units,
+        **own,
     )  # fmt: skip
 
 

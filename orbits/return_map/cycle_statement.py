@@ -14,7 +14,7 @@ import numpy as np
 
 from ..laws.law import Algebraic, Parameters, Scalars
 from ..model.model import CONTACT_FORCE, Model
-from ..model.phase import Arc, Statement, weighted_sum
+from ..model.phase import Arc, Phase, Statement, weighted_sum
 from ..periodic.fold_statement import fold_statement
 from ..units import LIFTOFF_SPEED
 
@@ -49,7 +49,12 @@ def names_of(name: str, hop: int) -> str:
 
 def pressing(model: Model, x: Scalars, p: Parameters) -> Algebraic:
     """The contact force after a plastic impact in the flight state x."""
-    return model.contact.watch[CONTACT_FORCE](contact_state(model, model.landed(x, p)), p, [])
+    return force_in_contact(model, contact_state(model, model.landed(x, p)), p)
+
+
+def force_in_contact(model: Model, x: Scalars, p: Parameters) -> Algebraic:
+    """The contact force in the contact state x."""
+    return model.contact.watch[CONTACT_FORCE](x, p, model.contact.data(x, p))
 
 
 def contact_state(model: Model, x: Scalars) -> list[Algebraic]:
@@ -105,7 +110,7 @@ def _flight(model: Model, launch: Sequence[str] | None, time: str, border: Borde
         return [*closed, gap_speed(model, x, p) if border.graze else pressing(model, x, p)]
 
     guard = (lambda u, x, p, q: model.liftoff(launched(u), p, q)) if launch else (lambda u, x, p, q: [])
-    return Arc(model.flight, start, lambda u, p: u[time], conditions, guard)
+    return Arc(_integrated(model.flight), start, lambda u, p: u[time], conditions, guard)
 
 
 def _contact(model: Model, following: str, time: str) -> Arc:
@@ -115,11 +120,16 @@ def _contact(model: Model, following: str, time: str) -> Arc:
         return contact_state(model, model.landed(before, p))
 
     def conditions(u: Parameters, x: Scalars, p: Parameters) -> list[Algebraic]:
-        force = model.contact.watch[CONTACT_FORCE](x, p, [])
         added = p[INJECT] / (model.units(p).of(LIFTOFF_SPEED) if model.units else 1.0)
-        return [force, model.contact_speed.at(x) + added - u[following]]
+        return [force_in_contact(model, x, p), model.contact_speed.at(x) + added - u[following]]
 
-    return Arc(model.contact, start, lambda u, p: u[time], conditions)
+    return Arc(_integrated(model.contact), start, lambda u, p: u[time], conditions)
+
+
+@lru_cache(maxsize=64)
+def _integrated(phase: Phase) -> Phase:
+    """A phase without its closed form: many motions are integrated together, and with derivatives by parameters."""
+    return replace(phase, closed_form=None) if phase.closed_form else phase
 
 
 @lru_cache(maxsize=64)

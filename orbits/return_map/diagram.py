@@ -1,16 +1,20 @@
 """A bifurcation diagram of return maps: branches of periodic launches, their bifurcations, and the attractor."""
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..continuation.point import End
+from ..errors import InputError
 from ..io import Document, one_line
-from ..model.machine import title_of_machine
+from ..model.machine import Machine, title_of_machine
 from ..result import Axes, Result, Row, known, shown, stored
+
+if TYPE_CHECKING:
+    from .event_curve import EventCurve
 
 BranchEnd = End  # both names can be imported
 PERIODS_IN_WORDS = {2: "two", 3: "three", 4: "four", 5: "five", 6: "six", 8: "eight"}  # others are figures
@@ -125,6 +129,8 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
     branches, events : the curves, and the bifurcations on them, ascending in the parameter
     visits : (k, 2), values of the parameter and launch speeds of the attractor there
     units : of launch speeds and parameters, by name; empty for a dimensionless machine
+    inject : the injection, where that is not the parameter
+    source : the machine; None for a diagram from a file or another process
     """
 
     along: str
@@ -135,6 +141,16 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
     events: tuple[Bifurcation, ...]
     visits: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
     units: Mapping[str, str] = field(default_factory=dict)
+    inject: float = 0.0
+    source: Machine | None = field(default=None, repr=False, compare=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The fields without the machine, which another process may not be able to read."""
+        return vars(self) | {"source": None}
+
+    def saved(self) -> Document:
+        """As in `Result`, without the machine itself."""
+        return Result.saved(replace(self, source=None))
 
     def _line(self) -> dict[str, object]:
         counts = {"branches": len(self.branches), "events": len(self.events)}
@@ -190,6 +206,38 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
                 slope = branch.multipliers[i] + share * (branch.multipliers[k] - branch.multipliers[i])
                 found += [(branch.period, float(alpha), float(slope)) for alpha in alphas]
         return sorted(found, key=lambda each: each[1])
+
+    def follow_event(
+        self, event: Bifurcation, second: str, stop: float, *, machine: Machine | None = None,
+        at: Sequence[float] = (), longest: float = 0.02, most: int = 10_000,
+    ) -> "EventCurve":  # fmt: skip
+        """Follow a flip, a fold or a border collision of the diagram as a second parameter goes to `stop`: a curve in
+        two parameters.
+
+        event : one of the `events`
+        second : name of the second parameter, "inject" or one of the machine
+        stop : its last value, or the pair of a bound behind its first value and the last one
+        machine : that of the diagram, needed for a diagram from a file
+        at, longest, most : as in `orbits.follow`: values of the second parameter that get a point, the longest distance
+            of two points as a share of the way, and the largest number of points
+
+        The equations of the hops are solved with those of the bifurcation, with exact derivatives. The curve ends where
+        the hops have other numbers of impacts from there on. Raises `InputError` for an event that is none of these,
+        for a piecewise law, and where the machine has a restitution.
+
+        >>> from orbits import bifurcations
+        >>> from problems import Hopper
+        >>> diagram = bifurcations(Hopper(), "inject", (0.06, 0.08), (4.5, 4.6), samples=50, sections=2, attractor=0)
+        >>> flips = diagram.follow_event(diagram.events[0], "mass_ratio", 1.2)
+        >>> [round(number, 6) for number in (diagram.events[0].value, *flips.at(1.2))]
+        [0.071587, 0.073422]
+        """
+        from .followed_events import follow_bifurcation
+
+        if (machine := machine or self.source) is None:
+            raise InputError("a diagram from a file does not hold its machine: name it, machine=")
+        options = {"inject": self.inject, "at": at, "longest": longest, "most": most}
+        return follow_bifurcation(machine, self.along, event, second, stop, **options)
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Plot the launch speeds against the parameter; returns the axes. See `orbits.show.map_figures`."""

@@ -23,13 +23,13 @@ from ..errors import InputError, NoOrbit, OrbitsError
 from ..model.machine import Machine, machine_in_words
 from ..running import interrupts
 from ..shooting.single_shooting import shooting_equations
-from ..simulation.hand_over import landed
-from ..simulation.impacts import LIFTOFF_ORDER, Impacts
+from ..simulation.impacts import Impacts
 from ..units import LIFTOFF_SPEED, Units
 from .cycle_statement import INJECT, MULTIPLIERS, Border, cycle_statement, event_statement, gap_speed, pressing
 from .cycles import DAMPERS_OF_HOPS, RESTITUTION, parameters_of_maps
 from .diagram import Bifurcation
 from .event_curve import CurveEvent, EventCurve
+from .flown_hops import flown_hops
 
 # Shares of the time of a flight or contact at which the gap and the contact force are tested; the places nearer to its
 # ends, where they vanish, belong to the events there.
@@ -40,9 +40,8 @@ SAME_EVENT, AT_BORDER = 1e-6, 1e-3
 STEPS_OF_CURVES = StepControl(largest_amplification=1e12)
 # At a cusp the share of the first parameter in the tangent vanishes beside that of the second one.
 CUSP = 1e-5
-BORDERS = ("border collision",)  # the kinds of events at which a hop is about to have another number of impacts
-CAP_OF_CYCLES = 100  # impacts in a hop of a cycle
-TANGENTIAL = 1e-6  # an impact slower than this, as a share of the launch speed, is that of a lossless hop
+BORDERS = ("border collision", "non-smooth fold")  # the kinds of events at which a hop is about to have another number of impacts
+LOSSLESS = 1e-6  # an impact slower than this, as a share of the launch speed, is that of a lossless hop
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +127,7 @@ class EventEquations(Curve):
             path = motions[point.place]
             rows = path(SHARES * path.times[-1]).T
             end, size = path.end.tolist(), len(arc.phase.states)
-            if arc.phase is not model.flight:
+            if arc.phase.name == model.contact.name:
                 force = model.contact.watch["contact force"]([*rows[:size]], p, [])
                 tests[f"the contact of hop {hop + 1} opens earlier"] = float(np.min(force))
                 hop, impact = hop + 1, 0
@@ -223,10 +222,10 @@ def follow_bifurcation(
     model, units = machine.model, machine.units
     speed = units.of(LIFTOFF_SPEED) if units else 1.0
     cycle = _Cycle(Impacts(machine), [alpha / speed for alpha in event.alphas])
-    if event.kind == "fold" and cycle.slowest <= TANGENTIAL:
+    if event.kind == "fold" and (cycle.hops.slowest(cycle.impacts) <= LOSSLESS).any():
         raise InputError("this fold is a lossless hop: `follow` follows it along a parameter, without an injection")
     kind: str | Border = event.kind if event.kind in MULTIPLIERS else cycle.border()
-    impacts, u = cycle.without_graze(kind)
+    impacts, u = cycle.unknowns(kind)
     curve = EventEquations(machine, along, second, kind, impacts, inject, abs(stop - behind))
     if not isinstance(kind, Border):
         equations = shooting_equations(cycle_statement(model, impacts), curve.names)
@@ -277,62 +276,31 @@ def _check(machine: Machine, along: str, event: Bifurcation, second: str) -> Non
 
 
 class _Cycle:
-    """The hops of a cycle from launch speeds, impact by impact.
-
-    flights : of each hop, the times of its flights
-    landings : of each hop, the flight states (n,) at its impacts
-    contacts : the time of the contact of each hop
-    """
+    """The hops of a cycle from launch speeds (period,), impact by impact."""
 
     def __init__(self, impacts: Impacts, alphas: Sequence[float]):
-        self.impacts, self.alphas = impacts, alphas
-        self.flights, self.landings, self.contacts = list[list[float]](), list[list[np.ndarray]](), list[float]()
-        self.starts = [impacts.launch(np.array([alpha]))[0] for alpha in alphas]
-        for x in self.starts:
-            order, held = LIFTOFF_ORDER, False
-            self.flights.append([])
-            self.landings.append([])
-            while not held:
-                (time,), rows, _, _ = impacts.touchings(x[None], np.array([order]), np.zeros(1, int))
-                if not np.isfinite(time) or time <= 0 or len(self.flights[-1]) == CAP_OF_CYCLES:
-                    raise NoOrbit("the hops of this bifurcation are not found again at its launch speeds")
-                self.flights[-1].append(float(time))
-                self.landings[-1].append(rows[0, : impacts.flight.size])
-                found = landed(impacts, self.landings[-1][-1][None], np.zeros(1, int))
-                x, order, held = found.state[0], int(found.order[0]), bool(found.held[0])
-            path, outcome, reason = impacts.sustained_contact(impacts.onto_contact @ x)
-            if path is None or outcome != "lifts_off":
-                raise NoOrbit(f"the hops of this bifurcation do not lift off again: {reason or outcome}")
-            self.contacts.append(float(path.times[-1]))
-
-    @property
-    def slowest(self) -> float:
-        """The least speed of the gap at an impact, as a share of the launch speed."""
-        weights, pairs = self.impacts.gap_speed, zip(self.landings, self.alphas, strict=True)
-        return min(abs(float(weights @ x)) / alpha for landings, alpha in pairs for x in landings)
+        self.impacts, self.hops = impacts, flown_hops(impacts, np.array(alphas))
+        if not self.hops.counts.all():
+            raise NoOrbit("the hops of this bifurcation are not found again at its launch speeds")
 
     def border(self) -> Border:
         """The border that the cycle is at; raises `NoOrbit` where there is none."""
         model, p, found = self.impacts.model, self.impacts.values, list[tuple[float, Border]]()
-        for hop, (alpha, landings) in enumerate(zip(self.alphas, self.landings, strict=True)):
-            for impact, x in enumerate(landings):
-                found.append((abs(float(pressing(model, x.tolist(), p))), Border(hop, impact)))
-                if impact + 1 < len(landings):
-                    found.append((abs(float(gap_speed(model, x.tolist(), p))) / alpha, Border(hop, impact, True)))
+        for hop, (alpha, count) in enumerate(zip(self.hops.alphas, self.hops.counts.tolist(), strict=True)):
+            for impact, x in enumerate(self.hops.landings[hop, :count].tolist()):
+                found.append((abs(float(pressing(model, x, p))), Border(hop, impact)))
+                if impact + 1 < count:
+                    found.append((abs(float(gap_speed(model, x, p))) / alpha, Border(hop, impact, True)))
         size, border = min(found, key=lambda each: each[0])
         if not size <= AT_BORDER:
             raise NoOrbit("at these launch speeds no impact is about to vanish: the map's slope jumps for another reason")
         return border
 
-    def without_graze(self, kind: str | Border) -> tuple[tuple[int, ...], list[float]]:
+    def unknowns(self, kind: str | Border) -> tuple[tuple[int, ...], list[float]]:
         """The numbers of impacts (period,) of the hops, and the unknowns of their statement, where an impact at the
         border is a graze."""
-        counts = [len(flights) for flights in self.flights]
+        counts = self.hops.counts.tolist()
+        own = [self.hops.unknowns(self.impacts, np.array([i]))[0].tolist() for i in range(len(counts))]
         if isinstance(kind, Border) and kind.graze:
             counts[kind.hop] -= 1
-        launches = [each for x, alpha in zip(self.starts, self.alphas, strict=True) for each in (self._liftoff(x), alpha)]
-        times = [[*flights, contact] for flights, contact in zip(self.flights, self.contacts, strict=True)]
-        return tuple(counts), [*launches, *(time for own in times for time in own)]
-
-    def _liftoff(self, x: np.ndarray) -> float:
-        return float(self.impacts.model.launch_at(x)["liftoff"])
+        return tuple(counts), [*(x for each in own for x in each[:2]), *(x for each in own for x in each[2:])]
