@@ -23,21 +23,27 @@ INJECT = "inject"  # the parameter of these statements beside those of the model
 MULTIPLIERS = {"fold": 1.0, "flip": -1.0}
 
 
+LEAVES, GRAZES, LOSSLESS = "leaves", "grazes", "lossless"  # the kinds of borders
+
+
 @dataclass(frozen=True)
 class Border:
     """Where a hop is about to have another number of impacts.
 
     hop, impact : the indices of the hop in the cycle and of the impact in the hop
-    graze : whether the foot grazes the ground in the flight before that impact; else the contact force vanishes after
-        that impact, between a bounce and sustained contact
+    kind : "leaves" (after the impact the contact force vanishes, between a bounce and sustained contact), "grazes" (the
+        foot grazes the ground in the flight before that impact), or "lossless" (the hop is a lossless one, which has a
+        bounce on one side)
     """
 
     hop: int
     impact: int
-    graze: bool = False
+    kind: str = LEAVES
 
     def in_words(self) -> str:
-        if self.graze:
+        if self.kind == LOSSLESS:
+            return f"hop {self.hop + 1} is lossless"
+        if self.kind == GRAZES:
             return f"the foot grazes the ground before impact {self.impact + 1} of hop {self.hop + 1}"
         return f"the contact force vanishes after impact {self.impact + 1} of hop {self.hop + 1}"
 
@@ -77,17 +83,22 @@ def cycle_statement(model: Model, impacts: tuple[int, ...], border: Border | Non
     """
     unknowns, durations, arcs = list[str](), list[str](), list[Arc]()
     for hop, count in enumerate(impacts):
-        times = [names_of(f"flight_{i + 1}", hop) for i in range(count)]
-        if border and border.graze and border.hop == hop:
-            times.insert(border.impact, names_of("graze", hop))
         own = [names_of(name, hop) for name in ("liftoff", "alpha")]
-        following = [names_of(name, (hop + 1) % len(impacts)) for name in ("liftoff", "alpha")]
-        durations += [*times, names_of("contact", hop)]
+        following = names_of("alpha", (hop + 1) % len(impacts))
         unknowns += own
+        here = border if border and border.hop == hop else None
+        if here and here.kind == LOSSLESS:
+            durations.append(names_of("half_flight", hop))
+            arcs.append(_lossless(model, own, following, durations[-1]))
+            continue
+        times = [names_of(f"flight_{i + 1}", hop) for i in range(count)]
+        if here and here.kind == GRAZES:
+            times.insert(here.impact, names_of("graze", hop))
+        durations += [*times, names_of("contact", hop)]
         for i, time in enumerate(times):
-            here = border if border and border.hop == hop and border.impact == i else None
-            arcs.append(_flight(model, own if i == 0 else None, time, here, i > 0 and times[i - 1].startswith("graze")))
-        arcs.append(_contact(model, following[1], durations[-1]))
+            ends = here if here and here.impact == i else None
+            arcs.append(_flight(model, own if i == 0 else None, time, ends, i > 0 and times[i - 1].startswith("graze")))
+        arcs.append(_contact(model, following, durations[-1]))
     return Statement("cycle of hops", (*unknowns, *durations), tuple(arcs), tuple(durations))
 
 
@@ -95,22 +106,44 @@ def _flight(model: Model, launch: Sequence[str] | None, time: str, border: Borde
     """A flight up to the ground: from a launch with unknowns of these names, else from an impact, or without one where
     the machine `flies_on` after a graze."""
 
-    def launched(u: Parameters) -> dict[str, Algebraic]:
-        return dict(zip(("liftoff", "alpha"), (u[name] for name in launch or ()), strict=False))
-
     def start(u: Parameters, before: Scalars, p: Parameters) -> list[Algebraic]:
         if launch:
-            return model.launch(launched(u), p)
+            return model.launch(_launched(u, launch), p)
         return list(before) if flies_on else model.landed(before, p)
 
     def conditions(u: Parameters, x: Scalars, p: Parameters) -> list[Algebraic]:
         closed = [model.gap(p).at(x)]
         if border is None:
             return closed
-        return [*closed, gap_speed(model, x, p) if border.graze else pressing(model, x, p)]
+        return [*closed, gap_speed(model, x, p) if border.kind == GRAZES else pressing(model, x, p)]
 
-    guard = (lambda u, x, p, q: model.liftoff(launched(u), p, q)) if launch else (lambda u, x, p, q: [])
+    guard = (lambda u, x, p, q: model.liftoff(_launched(u, launch), p, q)) if launch else (lambda u, x, p, q: [])
     return Arc(_integrated(model.flight), start, lambda u, p: u[time], conditions, guard)
+
+
+def _launched(u: Parameters, names: Sequence[str]) -> dict[str, Algebraic]:
+    """The unknowns of a launch by the names that the model has for them."""
+    return dict(zip(("liftoff", "alpha"), (u[name] for name in names), strict=True))
+
+
+def _lossless(model: Model, launch: Sequence[str], following: str, time: str) -> Arc:
+    """Half the flight of a lossless hop, after which the next launch is faster by the injection alone."""
+
+    def conditions(u: Parameters, x: Scalars, p: Parameters) -> list[Algebraic]:
+        return [*model.reversal.fixed(x, p), u[launch[1]] + injected_speed(model, p) - u[following]]
+
+    return Arc(
+        _integrated(model.flight),
+        start=lambda u, before, p: model.launch(_launched(u, launch), p),
+        duration=lambda u, p: u[time],
+        conditions=conditions,
+        guard=lambda u, x, p, q: model.liftoff(_launched(u, launch), p, q),
+    )
+
+
+def injected_speed(model: Model, p: Parameters) -> Algebraic:
+    """What is added to the speed of a launch, without units."""
+    return p[INJECT] / (model.units(p).of(LIFTOFF_SPEED) if model.units else 1.0)
 
 
 def _contact(model: Model, following: str, time: str) -> Arc:
@@ -120,8 +153,7 @@ def _contact(model: Model, following: str, time: str) -> Arc:
         return contact_state(model, model.landed(before, p))
 
     def conditions(u: Parameters, x: Scalars, p: Parameters) -> list[Algebraic]:
-        added = p[INJECT] / (model.units(p).of(LIFTOFF_SPEED) if model.units else 1.0)
-        return [force_in_contact(model, x, p), model.contact_speed.at(x) + added - u[following]]
+        return [force_in_contact(model, x, p), model.contact_speed.at(x) + injected_speed(model, p) - u[following]]
 
     return Arc(_integrated(model.contact), start, lambda u, p: u[time], conditions)
 

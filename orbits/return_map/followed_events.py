@@ -21,11 +21,25 @@ from ..continuation.step_control import Options, StepControl, checked_options
 from ..continuation.tracer import Tracer
 from ..errors import InputError, NoOrbit, OrbitsError
 from ..model.machine import Machine, machine_in_words
+from ..model.phase import Affine
+from ..numerics.polynomial_roots import Crossings
 from ..running import interrupts
 from ..shooting.single_shooting import shooting_equations
-from ..simulation.impacts import Impacts
+from ..simulation.hand_over import landed
+from ..simulation.impacts import LIFTOFF_ORDER, Impacts
 from ..units import LIFTOFF_SPEED, Units
-from .cycle_statement import INJECT, MULTIPLIERS, Border, cycle_statement, event_statement, gap_speed, pressing
+from .cycle_statement import (
+    GRAZES,
+    INJECT,
+    LEAVES,
+    LOSSLESS,
+    MULTIPLIERS,
+    Border,
+    cycle_statement,
+    event_statement,
+    gap_speed,
+    pressing,
+)
 from .cycles import DAMPERS_OF_HOPS, RESTITUTION, parameters_of_maps
 from .diagram import Bifurcation
 from .event_curve import CurveEvent, EventCurve
@@ -40,8 +54,12 @@ SAME_EVENT, AT_BORDER = 1e-6, 1e-3
 STEPS_OF_CURVES = StepControl(largest_amplification=1e12)
 # At a cusp the share of the first parameter in the tangent vanishes beside that of the second one.
 CUSP = 1e-5
-BORDERS = ("border collision", "non-smooth fold")  # the kinds of events at which a hop is about to have another number of impacts
-LOSSLESS = 1e-6  # an impact slower than this, as a share of the launch speed, is that of a lossless hop
+BORDERS = (
+    "border collision",
+    "non-smooth fold",
+)  # the kinds of events at which a hop is about to have another number of impacts
+SMALL_FORCE = 0.05  # a contact force below this, where 1 lifts the foot, vanishes near a lossless hop
+TANGENTIAL = 1e-6  # an impact slower than this, as a share of the launch speed, is that of a lossless hop
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,9 +130,7 @@ class EventEquations(Curve):
         x, names = point.x, self.cycle.unknowns
         p = dict(zip(self.names, self.parameters_at(x[None])[0].tolist(), strict=True))
         speed = self.machine.model.units(p).of(LIFTOFF_SPEED) if self.machine.model.units else 1.0
-        alphas = tuple(
-            float(value * speed) for name, value in zip(names, x, strict=False) if name.startswith("alpha")
-        )
+        alphas = tuple(float(value * speed) for name, value in zip(names, x, strict=False) if name.startswith("alpha"))
         values = tuple(x[:-1].tolist()), tuple(point.tangent.tolist())
         return EventPoint(point.value, *values, float(x[-2]), alphas, self._tests(point, p))
 
@@ -133,9 +149,10 @@ class EventEquations(Curve):
                 hop, impact = hop + 1, 0
                 continue
             here = Border(hop, impact)
-            tests[replace(here, graze=True).in_words()] = float(np.min(model.gap(p).at([*rows[:size]])))
-            if isinstance(border, Border) and border.graze and (hop, impact) == (border.hop, border.impact):
-                border = None  # the flight up to the graze is followed by that up to the impact
+            tests[replace(here, kind=GRAZES).in_words()] = float(np.min(model.gap(p).at([*rows[:size]])))
+            if isinstance(border, Border) and (hop, impact) == (border.hop, border.impact) and border.kind != LEAVES:
+                hop += border.kind == LOSSLESS  # a flight up to a graze is followed by that up to the impact
+                border = None
                 continue
             tests[f"impact {impact + 1} of hop {hop + 1} becomes tangential"] = -float(gap_speed(model, end[:size], p))
             if here != border:
@@ -171,6 +188,7 @@ class EventEndings(Endings):
     def cut(self, segment: Segment) -> tuple[Segment, End | None]:
         tests = cast(Any, segment.b.point).tests
         if over := [name for name, value in tests.items() if not value > 0]:
+
             def least(point: CurvePoint) -> float:
                 found = cast(Any, self.curve.certify(point).point).tests
                 return min(found[name] for name in over)
@@ -222,7 +240,7 @@ def follow_bifurcation(
     model, units = machine.model, machine.units
     speed = units.of(LIFTOFF_SPEED) if units else 1.0
     cycle = _Cycle(Impacts(machine), [alpha / speed for alpha in event.alphas])
-    if event.kind == "fold" and (cycle.hops.slowest(cycle.impacts) <= LOSSLESS).any():
+    if event.kind == "fold" and (cycle.hops.slowest(cycle.impacts) <= TANGENTIAL).any():
         raise InputError("this fold is a lossless hop: `follow` follows it along a parameter, without an injection")
     kind: str | Border = event.kind if event.kind in MULTIPLIERS else cycle.border()
     impacts, u = cycle.unknowns(kind)
@@ -261,7 +279,9 @@ def _check(machine: Machine, along: str, event: Bifurcation, second: str) -> Non
     if not isinstance(event, Bifurcation):
         raise InputError(f"event = {event!r}; it is one of the `events` of a diagram")
     if not model.one_speed or not model.plain or model.hysteretic:
-        what = "has hysteresis" if model.hysteretic else "steps" if model.one_speed else "has a launch of several numbers"
+        what = (
+            "has hysteresis" if model.hysteretic else "steps" if model.one_speed else "has a launch of several numbers"
+        )
         raise InputError(f"a {model.name} {what}: bifurcations are followed where a launch is a speed alone")
     if event.kind not in (*MULTIPLIERS, *BORDERS):
         known = ", ".join((*MULTIPLIERS, *BORDERS))
@@ -270,7 +290,9 @@ def _check(machine: Machine, along: str, event: Bifurcation, second: str) -> Non
     if second not in known:
         raise InputError(f"second = '{second}'; {event.kind}s in {along} are followed along {', '.join(known)}")
     if along == RESTITUTION or cast(Any, machine).restitution > 0:
-        raise InputError("with a restitution a hop has infinitely many impacts: bifurcations are followed where it is 0")
+        raise InputError(
+            "with a restitution a hop has infinitely many impacts: bifurcations are followed where it is 0"
+        )
     if second not in (INJECT, *machine.values):
         raise InputError(f"second = '{second}': the machine has none to begin with; give it a small one")
 
@@ -285,22 +307,59 @@ class _Cycle:
 
     def border(self) -> Border:
         """The border that the cycle is at; raises `NoOrbit` where there is none."""
-        model, p, found = self.impacts.model, self.impacts.values, list[tuple[float, Border]]()
+        found = list[tuple[float, Border]]()
         for hop, (alpha, count) in enumerate(zip(self.hops.alphas, self.hops.counts.tolist(), strict=True)):
-            for impact, x in enumerate(self.hops.landings[hop, :count].tolist()):
-                found.append((abs(float(pressing(model, x, p))), Border(hop, impact)))
+            for impact, x in enumerate(self.hops.landings[hop, :count]):
+                speed, force = self._at(x)
+                if impact == 0 and speed <= AT_BORDER * alpha and force <= SMALL_FORCE:
+                    return Border(hop, 0, LOSSLESS)
+                found.append((force, Border(hop, impact)))
                 if impact + 1 < count:
-                    found.append((abs(float(gap_speed(model, x, p))) / alpha, Border(hop, impact, True)))
+                    found.append((speed / alpha, Border(hop, impact, GRAZES)))
+                found += [(size / alpha, Border(hop, impact, GRAZES)) for size, _ in self._near_grazes(hop, impact)]
         size, border = min(found, key=lambda each: each[0])
         if not size <= AT_BORDER:
-            raise NoOrbit("at these launch speeds no impact is about to vanish: the map's slope jumps for another reason")
+            raise NoOrbit(
+                "at these launch speeds no impact is about to vanish: the map's slope jumps for another reason"
+            )
         return border
 
+    def _at(self, x: np.ndarray) -> tuple[float, float]:
+        """The size of the gap's speed at an impact, and that of the contact force after it."""
+        model, p = self.impacts.model, self.impacts.values
+        return abs(float(self.impacts.gap_speed @ x)), abs(float(pressing(model, x.tolist(), p)))
+
+    def _near_grazes(self, hop: int, impact: int) -> list[tuple[float, float]]:
+        """Where the gap is least in the flight up to an impact: the speed with which it would land there if it were
+        lower by that, and the time."""
+        impacts, time = self.impacts, float(self.hops.times[hop, impact])
+        if impact:
+            x = landed(impacts, self.hops.landings[hop, impact - 1][None], np.zeros(1, int)).state[0]
+        else:
+            x = self.hops.starts[hop]
+        path, _ = impacts.flight.run(x, impacts.p, time)
+        speed = Affine(tuple(impacts.gap_speed.tolist()))
+        places = Crossings(LIFTOFF_ORDER - 1 if impact == 0 else 1, rising=True)(
+            speed.series(path.coefficients), path.steps
+        )
+        times = [float(path.times[step] + after) for step, after in places]
+        return [(abs(2 * float(impacts.gap(path(each)[: len(x)]))) ** 0.5, each) for each in times if each < time]
+
     def unknowns(self, kind: str | Border) -> tuple[tuple[int, ...], list[float]]:
-        """The numbers of impacts (period,) of the hops, and the unknowns of their statement, where an impact at the
-        border is a graze."""
-        counts = self.hops.counts.tolist()
-        own = [self.hops.unknowns(self.impacts, np.array([i]))[0].tolist() for i in range(len(counts))]
-        if isinstance(kind, Border) and kind.graze:
-            counts[kind.hop] -= 1
-        return tuple(counts), [*(x for each in own for x in each[:2]), *(x for each in own for x in each[2:])]
+        """The numbers of impacts (period,) of the hops, and the unknowns of their statement at a flip, a fold or a
+        border."""
+        counts, launches, times = self.hops.counts.tolist(), list[float](), list[float]()
+        for hop, count in enumerate(self.hops.counts.tolist()):
+            liftoff, alpha, *own = self.hops.unknowns(self.impacts, np.array([hop]))[0].tolist()
+            if isinstance(kind, Border) and kind.hop == hop and kind.kind != LEAVES:
+                near = self._near_grazes(hop, kind.impact)
+                speed, _ = self._at(self.hops.landings[hop, kind.impact])
+                if kind.kind == LOSSLESS:
+                    own = [0.5 * sum(own[:-1])]
+                elif near and min(near)[0] < speed:  # it does not touch yet
+                    own[kind.impact : kind.impact + 1] = [min(near)[1], own[kind.impact] - min(near)[1]]
+                else:
+                    counts[hop] = count - 1
+            launches += [liftoff, alpha]
+            times += own
+        return tuple(counts), [*launches, *times]
