@@ -1,0 +1,313 @@
+"""The periods that launches settle to, over two parameters: which period attracts where.
+
+Each value of the machine's parameters has a map, which is resolved into polynomials; many launches are mapped together,
+at all values of the injection. Launches outside of the polynomials' range, and in what they leave out, take the map
+itself.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError, NoOrbit, finite_number, whole_number
+from ..io import Document
+from ..model.machine import Machine, machine_in_words, title_of_machine
+from ..periodic.find import Progress
+from ..result import Axes, Result, Row, shown
+from ..running import interrupts
+from ..running.exclusive import exclusive
+from ..simulation.feet import LIFTS_OFF
+from ..simulation.impacts import CAP
+from ..units import LIFTOFF_SPEED
+from .cycles import INJECT, RESTITUTION, MapsAlong, parameters_of_maps
+from .diagram import RESERVED_IN_DIAGRAMS
+from .map_pieces import MapPieces
+from .return_map import ReturnMap
+
+# What launches settle to besides the statuses of a hop that has no next launch.
+PERIODIC, CHAOTIC, LONGER, LEAVES = "periodic", "chaotic", "longer", "leaves"
+FIRST_HOPS = 128  # after this many hops launches are examined, and after each doubling of their number
+SAME_LAUNCH = 1e-8  # launches that differ by a smaller share come back
+CHAOS = 1e-3  # the mean logarithm of the slopes of a chaotic motion is larger
+STARTS = 3
+FARTHEST = 10.0  # a launch this many times faster than the range leaves it
+
+
+class SettlingMap:
+    """The map of one machine without injection, as polynomials between two launch speeds and elsewhere itself."""
+
+    def __init__(self, plain: ReturnMap, between: tuple[float, float], samples: int):
+        self.plain, self.pieces = plain, plain._pieces(*between, samples)
+        self.last = len(self.pieces.edges) - 1
+
+    def __call__(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, dict[int, str]]:
+        """The next launch speeds (m,), the slopes (m,), NaN where the map itself is taken, and by index the statuses of
+        launches without a next one."""
+        following, slopes, statuses = np.empty(len(x)), np.full(len(x), np.nan), dict[int, str]()
+        known = np.zeros(len(x), bool)
+        if self.last >= 0:
+            cell = self.pieces.cell(x, np.zeros(len(x), int), np.full(len(x), self.last))
+            known = (x >= self.pieces.edges[cell, 0]) & (x <= self.pieces.edges[cell, 1])
+            following[known] = self.pieces.next(x[known], cell[known])
+            slopes[known] = self.pieces.slope(x[known], cell[known])
+        if not known.all():
+            others = np.flatnonzero(~known)
+            hops = self.plain(x[others])
+            following[others] = hops.next
+            statuses = {int(i): s for i, s in zip(others, hops.status.tolist(), strict=True) if s != LIFTS_OFF}
+        return following, slopes, statuses
+
+
+def settled(
+    step: SettlingMap, starts: np.ndarray, inject: np.ndarray, longest: int, hops: int, fastest: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """What launches (m,) settle to with injections (m,): the statuses (m,), periods (m,), 0 where there is none, the
+    launch speeds (m,) last visited, the largest of a cycle, and the mean logarithms (m,) of the slopes."""
+    m, window = len(starts), 2 * longest
+    status, periods = np.full(m, LONGER, dtype=object), np.zeros(m, int)
+    last, exponents = np.full(m, np.nan), np.full(m, np.nan)
+    x, going, done, until = starts.copy(), np.arange(m), 0, min(FIRST_HOPS, hops)
+    recent, logs = np.full((window + 1, m), np.nan), np.zeros((2, m))
+    while len(going):
+        interrupts.heed()
+        following, slopes, over = step(x[going])
+        following += inject[going]
+        with np.errstate(divide="ignore"):
+            seen = np.isfinite(slopes)
+            logs[:, going[seen]] += np.log(np.abs(slopes[seen])), np.ones(int(seen.sum()))
+        recent[done % (window + 1), going] = x[going]
+        done += 1
+        for i, name in over.items():
+            status[going[i]] = name
+        stops = (following <= 0) & np.isfinite(following)
+        status[going[stops]] = "rests"
+        away = following > fastest
+        status[going[away]] = LEAVES
+        alive = np.isfinite(following) & ~stops & ~away
+        x[going[alive]] = following[alive]
+        going = going[alive]
+        if done < until or not len(going):
+            continue
+        order = np.arange(done, done + window + 1) % (window + 1)  # the oldest first
+        path = recent[order][:, going]
+        period = _periods(path, longest)
+        found = going[period > 0]
+        status[found], periods[found], last[found] = PERIODIC, period[period > 0], path[-longest:, period > 0].max(0)
+        going = going[period == 0]
+        if done >= hops:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                exponents[going] = logs[0, going] / logs[1, going]
+            status[going[exponents[going] > CHAOS]] = CHAOTIC
+            last[going] = x[going]
+            break
+        logs[:] = 0.0  # of the hops until they have settled
+        until = min(2 * until, hops)
+    return status, periods, last, exponents
+
+
+def _periods(path: np.ndarray, longest: int) -> np.ndarray:
+    """The periods (m,) of launch speeds (n, m), the smallest up to the longest after which all come back; else 0."""
+    found = np.zeros(path.shape[1], int)
+    for period in range(longest, 0, -1):
+        apart = np.abs(path[period:] - path[:-period]) / path[period:]
+        found[(apart <= SAME_LAUNCH).all(0)] = period
+    return found
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PeriodDiagram(Result, what="diagram of periods", dimension="launch"):
+    """The periods that launches of return maps settle to, over two parameters.
+
+    along, second : names of the parameters
+    machine : in words and numbers
+    values, others : of the two parameters, (nx,) and (ny,), ascending
+    starts : the launch speeds (k,) that were mapped
+    status : (ny, nx, k), what each settles to: "periodic", "chaotic" (the slopes are above 1 in the mean), "longer" (no
+        period up to the longest, without chaos: one above it, or one that attracts so slowly that more hops are
+        needed), "leaves" (ever faster), or why there is no next launch: "rests" and other statuses of a hop
+    periods : (ny, nx, k), 0 where it is not periodic
+    launches : (ny, nx, k), the largest launch speed of the cycle, or the last one of others that go on; else NaN
+    exponents : (ny, nx, k), the mean logarithm of the slopes of those without a period, NaN of others
+    longest, hops : the longest period that was tested, and the largest number of hops
+    units : of launch speeds and parameters, by name; empty for a dimensionless machine
+    """
+
+    along: str
+    second: str
+    machine: Mapping[str, Any]
+    values: np.ndarray
+    others: np.ndarray
+    starts: tuple[float, ...]
+    status: np.ndarray
+    periods: np.ndarray
+    launches: np.ndarray
+    exponents: np.ndarray
+    longest: int
+    hops: int
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    def title(self) -> str:
+        unit, other = (f" {self.unit_of(name)}".rstrip() for name in (self.along, self.second))
+        (a, b), (c, d) = self.values[[0, -1]].tolist(), self.others[[0, -1]].tolist()
+        ranges = f"{self.along} {a:g} to {b:g}{unit} and {self.second} {c:g} to {d:g}{other}"
+        return f"periods of the hops of {title_of_machine(self.machine)}, {ranges}"
+
+    def _line(self) -> dict[str, object]:
+        return {"along": self.along, "second": self.second, "shape": self.status.shape, "longest": self.longest}
+
+    def heads(self) -> list[str]:
+        return ["", "launches", "share"]
+
+    def _rows(self) -> Iterator[Row]:
+        """The number of launches of each period and of each other status."""
+        for name, chosen in self._kinds():
+            values = {f"launches that are {name}": int(chosen.sum()), f"share {name}": float(chosen.mean())}
+            yield Row(name, values, ("{}", "{:.2%}"))
+
+    def _kinds(self) -> Iterator[tuple[str, np.ndarray]]:
+        """The names of what is found, "period 1" before others, each with where it is (ny, nx, k)."""
+        for period in np.unique(self.periods[self.periods > 0]).tolist():
+            yield f"period {period}", self.periods == period
+        for name in np.unique(self.status[self.periods == 0].astype(str)).tolist():
+            yield name, self.status == name
+
+    def _notes(self) -> list[str]:
+        count, several = int(self.several.sum()), len(self.starts)
+        text = f"{count} of {self.several.size} places lead to different periods from the {several} launches"
+        return [text] if several > 1 and count else []
+
+    def unit_of(self, name: str) -> str:
+        """As in `Result`; a launch speed has the same unit wherever it is."""
+        return super().unit_of("alpha" if name in ("start", "launch") else name)
+
+    @property
+    def first(self) -> np.ndarray:
+        """Of each place (ny, nx), the index of the first start that goes on; of others 0."""
+        return np.argmax(np.isfinite(self.launches), axis=2)
+
+    @property
+    def several(self) -> np.ndarray:
+        """The places (ny, nx) where starts that go on lead to different periods."""
+        goes_on = np.isfinite(self.launches)
+        first = np.take_along_axis(self.periods, self.first[:, :, None], axis=2)
+        return ((self.periods != first) & goes_on).any(axis=2)
+
+    def period(self) -> np.ndarray:
+        """The periods (ny, nx) of the first start that goes on: 0 where it has none, -1 where none goes on."""
+        found = np.take_along_axis(self.periods, self.first[:, :, None], axis=2)[:, :, 0]
+        return np.where(np.isfinite(self.launches).any(axis=2), found, -1)
+
+    def table(self) -> dict[str, np.ndarray]:
+        """A row for each launch: both parameters, the start, what it settles to, its period and launch speed."""
+        ny, nx, k = self.status.shape
+        places = np.meshgrid(self.others, self.values, self.starts, indexing="ij")
+        columns = (places[1], places[0], places[2], self.status, self.periods, self.launches, self.exponents)
+        names = self.along, self.second, "start", "status", "period", "launch", "exponent"
+        return {name: np.reshape(column, ny * nx * k) for name, column in zip(names, columns, strict=True)}
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Plot the periods as coloured cells, the second parameter upwards, with a dot where the starts lead to different
+        ones; returns the axes. Curves of bifurcations are drawn over it with `EventCurve.plot(axes)`."""
+        return shown("period_figures").plot_periods(self, axes)
+
+    def document(self) -> Document:
+        columns = {name: [None if x != x else x for x in np.ravel(column).tolist()] for name, column in self.table().items()}
+        whole = {"machine": self.machine, "along": self.along, "second": self.second, "longest": self.longest}
+        return {**whole, "hops": self.hops, **columns, **({"units": self.units} if self.units else {})}
+
+
+@exclusive
+def period_diagram(
+    machine: Machine, over: Mapping[str, tuple[float, float]], between: tuple[float, float], *,
+    samples: tuple[int, int] = (100, 100), starts: Sequence[float] | None = None, inject: float = 0.0,
+    longest: int = 16, hops: int = 2048, grid: int = 400, cap: int = CAP, progress: Progress = None,
+) -> PeriodDiagram:  # fmt: skip
+    """The periods that launches settle to, over two parameters of the return map.
+
+    machine : as for `ReturnMap`, where a launch is a speed
+    over : the ranges of two parameters by name: "inject", "restitution" or parameters of the machine, the second one
+        drawn upwards
+    between : the range of launch speeds in which the map is resolved into polynomials; elsewhere it is slower
+    samples : the numbers of values of the two parameters
+    starts : launch speeds, by default 3 in the range; several show where different periods attract
+    inject : the injection, where that is none of the two
+    longest : the longest period that is tested
+    hops : the most hops from each launch
+    grid : number of launches in the grid on which the borders of the map are searched, as in `periodic_hops`
+    cap : number of impacts in one hop after which its computation is ended
+    progress : called with the completed share
+
+    All values of the injection share a map, which takes some 0.2 s for each value of the other parameter; without the
+    injection among the two each place has its own. A launch is periodic where the launches of twice the longest period
+    come back to a share of 1e-8. Raises `InputError` for invalid arguments.
+    """
+    names, ranges = [*over], [*over.values()] if isinstance(over, Mapping) else []
+    if len(names) != 2:
+        raise InputError(f"over = {over!r}; it maps the names of two parameters to their ranges")
+    if not machine.model.one_speed:
+        raise InputError(f"a launch of a {machine.model.name} is more than a speed: it has no diagram of periods")
+    for name in names:
+        if name in (*RESERVED_IN_DIAGRAMS, "start", "status", "launch", "exponent"):
+            raise InputError(f"a parameter called '{name}' cannot be told from the diagram's own; give it another name")
+        if name not in (known := parameters_of_maps(machine)):
+            raise InputError(f"the return map has no parameter '{name}'; it has {', '.join(known)}")
+    if INJECT in names and inject != 0:
+        raise InputError(f"inject = {inject:g} beside a range of it: the range says it all")
+    (low, high), slow = _ascending("between", between), float(between[0])
+    if not slow > 0:
+        raise InputError(f"between = {between!r}; launch speeds are above 0")
+    counts = [whole_number("samples", count, "values", 2) for count in samples]
+    axes = [np.linspace(*_ascending(name, ends), count) for name, ends, count in zip(names, ranges, counts, strict=True)]
+    own = np.linspace(low, high, STARTS + 2)[1:-1] if starts is None else np.array([*map(float, starts)])
+    if not (len(own) and np.isfinite(own).all() and (own > 0).all()):
+        raise InputError(f"starts = {starts!r}; they are launch speeds above 0")
+    longest, hops = whole_number("longest", longest, "hops"), whole_number("hops", hops, "hops")
+    if hops < 4 * longest:
+        raise InputError(f"hops = {hops}: a period of {longest} shows after {4 * longest} hops at least")
+    grid = whole_number("grid", grid, "launches", 2)
+    shape = (counts[1], counts[0], len(own))
+    found = np.full(shape, "", dtype=object), np.zeros(shape, int), np.full(shape, np.nan), np.full(shape, np.nan)
+    place = names.index(INJECT) if INJECT in names else None
+    fixed = [name for name in names if name != INJECT]
+    values = [axes[names.index(name)] for name in fixed]
+    indices = np.ndindex(*(len(each) for each in values))
+    total = int(np.prod([len(each) for each in values]))
+    for done, index in enumerate(indices):
+        changed = {name: float(each[i]) for name, each, i in zip(fixed, values, index, strict=True)}
+        one = _changed(machine, changed)
+        units = one.units
+        speed = units.of(LIFTOFF_SPEED) if units else 1.0
+        added = (axes[place] if place is not None else np.array([inject])) / speed
+        step = SettlingMap(ReturnMap(one, cap=cap).dimensionless(), (low / speed, high / speed), grid)
+        many = np.tile(own / speed, len(added)), np.repeat(added, len(own))
+        status, periods, launches, exponents = settled(step, *many, longest, hops, FARTHEST * high / speed)
+        where = (slice(None), index[0]) if place == 1 else (index[0], slice(None)) if place == 0 else index[::-1]
+        for whole, part in zip(found, (status, periods, launches * speed, exponents), strict=True):
+            whole[where] = part.reshape(len(added), len(own)) if place is not None else part
+        if progress:
+            progress((done + 1) / total)
+    words = machine_in_words(machine)
+    maps = MapsAlong(machine, names[0], *map(float, axes[0][[0, -1]]), 0.0, cap)
+    numbers = (tuple(own.tolist()), *found, longest, hops, maps.units)
+    return PeriodDiagram(*names, words, *axes, *numbers)
+
+
+def _changed(machine: Machine, values: Mapping[str, float]) -> Machine:
+    """The machine with other values, the restitution among them."""
+    own = {name: value for name, value in values.items() if name != RESTITUTION}
+    machine = machine.with_values(**own) if own else machine
+    return replace(machine, restitution=values[RESTITUTION]) if RESTITUTION in values else machine  # type: ignore
+
+
+def _ascending(name: str, ends: object) -> tuple[float, float]:
+    """The two ends of a range, checked."""
+    try:
+        low, high = ends  # type: ignore[misc]
+    except (TypeError, ValueError):
+        raise InputError(f"{name} = {ends!r}; it is a pair (low, high)") from None
+    low, high = finite_number(name, low), finite_number(name, high)
+    if not low < high:
+        raise InputError(f"{name} = ({low:g}, {high:g}); a range goes up, low < high")
+    return low, high
