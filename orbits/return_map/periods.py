@@ -27,9 +27,10 @@ from .map_pieces import MapPieces
 from .return_map import ReturnMap
 
 # What launches settle to besides the statuses of a hop that has no next launch.
-PERIODIC, CHAOTIC, LONGER, LEAVES = "periodic", "chaotic", "longer", "leaves"
+PERIODIC, OUTSIDE, CHAOTIC, LONGER, LEAVES = "periodic", "outside", "chaotic", "longer", "leaves"
 FIRST_HOPS = 128  # after this many hops launches are examined, and after each doubling of their number
-SAME_LAUNCH = 1e-8  # launches that differ by a smaller share come back
+# Launches that differ by a smaller share than the first come back; by less than the second they may approach each other.
+SAME_LAUNCH, APPROACHED = 1e-8, 1e-5
 CHAOS = 1e-3  # the mean logarithm of the slopes of a chaotic motion is larger
 STARTS = 3
 FARTHEST = 10.0  # a launch this many times faster than the range leaves it
@@ -42,16 +43,17 @@ class SettlingMap:
         self.plain, self.pieces = plain, plain._pieces(*between, samples)
         self.last = len(self.pieces.edges) - 1
 
-    def __call__(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, dict[int, str]]:
-        """The next launch speeds (m,), the slopes (m,), NaN where the map itself is taken, and by index the statuses of
-        launches without a next one."""
+    def __call__(self, x: np.ndarray, with_slopes: bool) -> tuple[np.ndarray, np.ndarray, dict[int, str]]:
+        """The next launch speeds (m,), if wanted the slopes (m,), NaN where the map itself is taken, and by index the
+        statuses of launches without a next one."""
         following, slopes, statuses = np.empty(len(x)), np.full(len(x), np.nan), dict[int, str]()
         known = np.zeros(len(x), bool)
         if self.last >= 0:
             cell = self.pieces.cell(x, np.zeros(len(x), int), np.full(len(x), self.last))
             known = (x >= self.pieces.edges[cell, 0]) & (x <= self.pieces.edges[cell, 1])
             following[known] = self.pieces.next(x[known], cell[known])
-            slopes[known] = self.pieces.slope(x[known], cell[known])
+            if with_slopes:
+                slopes[known] = self.pieces.slope(x[known], cell[known])
         if not known.all():
             others = np.flatnonzero(~known)
             hops = self.plain(x[others])
@@ -72,11 +74,10 @@ def settled(
     recent, logs = np.full((window + 1, m), np.nan), np.zeros((2, m))
     while len(going):
         interrupts.heed()
-        following, slopes, over = step(x[going])
+        following, slopes, over = step(x[going], with_slopes=2 * done >= hops)
         following += inject[going]
-        with np.errstate(divide="ignore"):
-            seen = np.isfinite(slopes)
-            logs[:, going[seen]] += np.log(np.abs(slopes[seen])), np.ones(int(seen.sum()))
+        seen = np.isfinite(slopes) & (slopes != 0)
+        logs[:, going[seen]] += np.log(np.abs(slopes[seen])), np.ones(int(seen.sum()))
         recent[done % (window + 1), going] = x[going]
         done += 1
         for i, name in over.items():
@@ -92,7 +93,7 @@ def settled(
             continue
         order = np.arange(done, done + window + 1) % (window + 1)  # the oldest first
         path = recent[order][:, going]
-        period = _periods(path, longest)
+        period = _periods(path, longest, done >= hops)
         found = going[period > 0]
         status[found], periods[found], last[found] = PERIODIC, period[period > 0], path[-longest:, period > 0].max(0)
         going = going[period == 0]
@@ -102,17 +103,23 @@ def settled(
             status[going[exponents[going] > CHAOS]] = CHAOTIC
             last[going] = x[going]
             break
-        logs[:] = 0.0  # of the hops until they have settled
         until = min(2 * until, hops)
     return status, periods, last, exponents
 
 
-def _periods(path: np.ndarray, longest: int) -> np.ndarray:
-    """The periods (m,) of launch speeds (n, m), the smallest up to the longest after which all come back; else 0."""
-    found = np.zeros(path.shape[1], int)
-    for period in range(longest, 0, -1):
-        apart = np.abs(path[period:] - path[:-period]) / path[period:]
-        found[(apart <= SAME_LAUNCH).all(0)] = period
+def _periods(path: np.ndarray, longest: int, final: bool) -> np.ndarray:
+    """The periods (m,) of launch speeds (n, m), the smallest up to the longest after which all come back; else 0. While
+    launches that alternate approach a shorter period, the longer one shows first: unless this is the `final` test, it
+    is 0 where a shorter one is not excluded."""
+    apart = np.array([
+        (np.abs(path[period:] - path[:-period]) / path[period:]).max(0) for period in range(1, longest + 1)
+    ])  # fmt: skip
+    found = np.where((apart <= SAME_LAUNCH).any(0), 1 + np.argmax(apart <= SAME_LAUNCH, axis=0), 0)
+    for i in np.flatnonzero(found > 1).tolist():
+        period = int(found[i])
+        near = [part for part in range(1, period) if period % part == 0 and apart[part - 1, i] <= APPROACHED]
+        if near:
+            found[i] = near[0] if final else 0
     return found
 
 
@@ -124,10 +131,11 @@ class PeriodDiagram(Result, what="diagram of periods", dimension="launch"):
     machine : in words and numbers
     values, others : of the two parameters, (nx,) and (ny,), ascending
     starts : the launch speeds (k,) that were mapped
-    status : (ny, nx, k), what each settles to: "periodic", "chaotic" (the slopes are above 1 in the mean), "longer" (no
-        period up to the longest, without chaos: one above it, or one that attracts so slowly that more hops are
-        needed), "leaves" (ever faster), or why there is no next launch: "rests" and other statuses of a hop
-    periods : (ny, nx, k), 0 where it is not periodic
+    status : (ny, nx, k), what each settles to: "periodic", "outside" (periodic, with launches outside of the range),
+        "chaotic" (the slopes are above 1 in the mean), "longer" (no period up to the longest, without chaos: one above
+        it, or one that attracts so slowly that more hops are needed), "leaves" (ever faster), or why there is no next
+        launch: "rests" and other statuses of a hop
+    periods : (ny, nx, k), 0 where there is none
     launches : (ny, nx, k), the largest launch speed of the cycle, or the last one of others that go on; else NaN
     exponents : (ny, nx, k), the mean logarithm of the slopes of those without a period, NaN of others
     longest, hops : the longest period that was tested, and the largest number of hops
@@ -168,9 +176,10 @@ class PeriodDiagram(Result, what="diagram of periods", dimension="launch"):
 
     def _kinds(self) -> Iterator[tuple[str, np.ndarray]]:
         """The names of what is found, "period 1" before others, each with where it is (ny, nx, k)."""
-        for period in np.unique(self.periods[self.periods > 0]).tolist():
-            yield f"period {period}", self.periods == period
-        for name in np.unique(self.status[self.periods == 0].astype(str)).tolist():
+        inside = self.status == PERIODIC
+        for period in np.unique(self.periods[inside]).tolist():
+            yield f"period {period}", inside & (self.periods == period)
+        for name in np.unique(self.status[~inside].astype(str)).tolist():
             yield name, self.status == name
 
     def _notes(self) -> list[str]:
@@ -184,20 +193,24 @@ class PeriodDiagram(Result, what="diagram of periods", dimension="launch"):
 
     @property
     def first(self) -> np.ndarray:
-        """Of each place (ny, nx), the index of the first start that goes on; of others 0."""
-        return np.argmax(np.isfinite(self.launches), axis=2)
+        """Of each place (ny, nx), the index of the first start that goes on in the range; of others 0."""
+        return np.argmax(self._stays, axis=2)
+
+    @property
+    def _stays(self) -> np.ndarray:
+        """Which launches (ny, nx, k) go on in the range."""
+        return np.isin(self.status, (PERIODIC, CHAOTIC, LONGER))
 
     @property
     def several(self) -> np.ndarray:
-        """The places (ny, nx) where starts that go on lead to different periods."""
-        goes_on = np.isfinite(self.launches)
+        """The places (ny, nx) where starts that go on in the range lead to different periods."""
         first = np.take_along_axis(self.periods, self.first[:, :, None], axis=2)
-        return ((self.periods != first) & goes_on).any(axis=2)
+        return ((self.periods != first) & self._stays).any(axis=2)
 
     def period(self) -> np.ndarray:
-        """The periods (ny, nx) of the first start that goes on: 0 where it has none, -1 where none goes on."""
+        """The periods (ny, nx) of the first start that goes on in the range: 0 where it has none, -1 where none does."""
         found = np.take_along_axis(self.periods, self.first[:, :, None], axis=2)[:, :, 0]
-        return np.where(np.isfinite(self.launches).any(axis=2), found, -1)
+        return np.where(self._stays.any(axis=2), found, -1)
 
     def table(self) -> dict[str, np.ndarray]:
         """A row for each launch: both parameters, the start, what it settles to, its period and launch speed."""
@@ -284,6 +297,8 @@ def period_diagram(
         many = np.tile(own / speed, len(added)), np.repeat(added, len(own))
         status, periods, launches, exponents = settled(step, *many, longest, hops, FARTHEST * high / speed)
         where = (slice(None), index[0]) if place == 1 else (index[0], slice(None)) if place == 0 else index[::-1]
+        away = (status == PERIODIC) & ~((launches >= low / speed) & (launches <= high / speed))
+        status[away] = OUTSIDE
         for whole, part in zip(found, (status, periods, launches * speed, exponents), strict=True):
             whole[where] = part.reshape(len(added), len(own)) if place is not None else part
         if progress:

@@ -10,6 +10,8 @@ from .plot import COLOURS, finished, new_axes, plain
 
 # The colours of places where launches go on without a period, and of those where none goes on.
 CHAOTIC_COLOUR, REST_COLOUR = "0.25", "0.93"
+# The colours of the periods after those of all figures.
+FURTHER_COLOURS = ("#882255", "#999933", "#44AA99", "#332288", "#AA4499", "#DDCC77", "#117733", "#661100", "#6699CC")
 STYLES_OF_CURVES = {"flip": "-", "fold": "--", "border collision": ":"}
 
 
@@ -22,7 +24,7 @@ def plot_periods(diagram: Any, axes: Axes | None = None) -> Axes:
     periods, several = diagram.period(), diagram.several
     known = np.unique(periods[periods > 0]).tolist()
     names = {-1: "no hops go on", 0: "without a period", **{p: f"period {p}" for p in known}}
-    colours = {-1: REST_COLOUR, 0: CHAOTIC_COLOUR, **dict(zip(known, cycle(COLOURS)))}
+    colours = {-1: REST_COLOUR, 0: CHAOTIC_COLOUR, **dict(zip(known, cycle((*COLOURS, *FURTHER_COLOURS))))}
     levels = [level for level in names if (periods == level).any()]
     numbers = np.searchsorted(levels, periods)
     look = ListedColormap([colours[level] for level in levels])
