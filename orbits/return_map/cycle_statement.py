@@ -14,7 +14,7 @@ import numpy as np
 
 from ..laws.law import Algebraic, Parameters, Scalars
 from ..model.model import CONTACT_FORCE, Model
-from ..model.phase import Arc, Phase, Statement, weighted_sum
+from ..model.phase import Arc, Phase, Statement
 from ..periodic.fold_statement import fold_statement
 from ..units import LIFTOFF_SPEED
 

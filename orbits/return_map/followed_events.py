@@ -12,7 +12,7 @@ from typing import Any, cast
 import numpy as np
 
 from ..continuation.corrector import correct
-from ..continuation.curve import Curve, CurvePoint, CurvePoints, Watch
+from ..continuation.curve import Curve, CurvePoint, Watch
 from ..continuation.events import Segment
 from ..continuation.follow import bounds_of
 from ..continuation.limits import Endings
@@ -40,7 +40,7 @@ from .cycle_statement import (
     gap_speed,
     pressing,
 )
-from .cycles import DAMPERS_OF_HOPS, RESTITUTION, parameters_of_maps
+from .cycles import RESTITUTION, parameters_of_maps
 from .diagram import Bifurcation
 from .event_curve import CurveEvent, EventCurve
 from .flown_hops import flown_hops
@@ -229,33 +229,14 @@ def follow_bifurcation(
 ) -> EventCurve:  # fmt: skip
     """The curve of a bifurcation of hops along `along` as a second parameter goes to `stop`, from an event of a
     diagram of a machine with an injection; the other arguments as in `BifurcationDiagram.follow_event`."""
-    _check(machine, along, event, second)
     options = checked_options(at=at, longest=longest, most=most, step_control=step_control)
-    if along == INJECT:
-        inject = event.value
-    else:
-        machine = machine.with_values(**{along: event.value})
-    start = inject if second == INJECT else machine.values[second]
+    machine, curve, x = _begun(machine, along, event, second, inject)
+    start, least = float(x[-1]), curve.least
     behind, stop = bounds_of(second, start, stop, options.at)
-    model, units = machine.model, machine.units
-    speed = units.of(LIFTOFF_SPEED) if units else 1.0
-    cycle = _Cycle(Impacts(machine), [alpha / speed for alpha in event.alphas])
-    if event.kind == "fold" and (cycle.hops.slowest(cycle.impacts) <= TANGENTIAL).any():
-        raise InputError("this fold is a lossless hop: `follow` follows it along a parameter, without an injection")
-    kind: str | Border = event.kind if event.kind in MULTIPLIERS else cycle.border()
-    impacts, u = cycle.unknowns(kind)
-    curve = EventEquations(machine, along, second, kind, impacts, inject, abs(stop - behind))
-    if not isinstance(kind, Border):
-        equations = shooting_equations(cycle_statement(model, impacts), curve.names)
-        jacobian = equations.evaluate(u, curve.parameters).jacobian.copy()
-        place = equations.statement.unknowns.index("alpha")
-        jacobian[-1, place] += 1.0 - MULTIPLIERS[kind]
-        direction = np.linalg.svd(jacobian)[2][-1]
-        u = [*u, *np.delete(direction / direction[place], place)]
-    x, row = np.array([*u, event.value, start]), np.eye(len(u) + 2)[-1]
+    curve.span, row = abs(stop - behind), np.eye(len(x))[-1]
     tracer = EventTracer(curve, correct(curve, x, row, start, row * np.sign(stop - start)), behind, stop, options)
     found = cast(EventPoint, tracer.first.point)
-    if abs(found.first - event.value) > SAME_EVENT * max(abs(event.value), curve.least):
+    if abs(found.first - event.value) > SAME_EVENT * max(abs(event.value), least):
         raise NoOrbit(f"{along} = {event.value:.9g} is no {event.kind}: the nearest one is at {found.first:.9g}")
     points, events, end = [found], list[CurveEvent](), End("stopped", "")
     for item in tracer:
@@ -268,9 +249,48 @@ def follow_bifurcation(
             points.append(cast(EventPoint, item.point))
     values = np.array([(point.first, point.value) for point in points])
     words, alphas = machine_in_words(machine), np.array([point.alphas for point in points])
+    units, kind = machine.units, curve.event
     texts = {**words.get("units", {}), **dict.fromkeys(("alpha", INJECT), units.text(LIFTOFF_SPEED))} if units else {}
     name, border = (event.kind, kind.in_words()) if isinstance(kind, Border) else (kind, "")
-    return EventCurve(name, along, second, words, impacts, values, alphas, tuple(events), end, border, texts)
+    return EventCurve(name, along, second, words, curve.impacts, values, alphas, tuple(events), end, border, texts)
+
+
+def located(machine: Machine, along: str, event: Bifurcation, inject: float = 0.0) -> Bifurcation:
+    """A flip, fold or border collision of hops by Newton's method on its equations, from a guess of it: with the exact
+    value of the parameter and launch speeds. Raises `NoOrbit` where the method does not converge."""
+    _, curve, x = _begun(machine, along, event, "", inject)
+    row = np.eye(len(x))[-1]
+    point = cast(EventPoint, curve.certify(correct(curve, x, row, float(x[-1]), row)).point)
+    return replace(event, value=point.first, alphas=point.alphas, multiplier=MULTIPLIERS.get(event.kind, np.nan))
+
+
+def _begun(
+    machine: Machine, along: str, event: Bifurcation, second: str, inject: float
+) -> tuple[Machine, EventEquations, np.ndarray]:
+    """The machine at a bifurcation, the equations of its curve along a second parameter, and a guess of the point there;
+    for "" along any other parameter."""
+    _check(machine, along, event, second)
+    if along == INJECT:
+        inject = event.value
+    else:
+        machine = machine.with_values(**{along: event.value})
+    second = second or next(name for name in (*machine.values, INJECT) if name != along)
+    speed = machine.units.of(LIFTOFF_SPEED) if machine.units else 1.0
+    cycle = _Cycle(Impacts(machine), [alpha / speed for alpha in event.alphas])
+    if event.kind == "fold" and (cycle.hops.slowest(cycle.impacts) <= TANGENTIAL).any():
+        raise InputError("this fold is a lossless hop: `follow` follows it along a parameter, without an injection")
+    kind: str | Border = event.kind if event.kind in MULTIPLIERS else cycle.border()
+    impacts, u = cycle.unknowns(kind)
+    start = inject if second == INJECT else machine.values[second]
+    curve = EventEquations(machine, along, second, kind, impacts, inject, max(abs(start), 1.0))
+    if not isinstance(kind, Border):
+        equations = shooting_equations(cycle_statement(machine.model, impacts), curve.names)
+        jacobian = equations.evaluate(u, curve.parameters).jacobian.copy()
+        place = equations.statement.unknowns.index("alpha")
+        jacobian[-1, place] += 1.0 - MULTIPLIERS[kind]
+        direction = np.linalg.svd(jacobian)[2][-1]
+        u = [*u, *np.delete(direction / direction[place], place)]
+    return machine, curve, np.array([*u, event.value, start])
 
 
 def _check(machine: Machine, along: str, event: Bifurcation, second: str) -> None:
@@ -287,13 +307,13 @@ def _check(machine: Machine, along: str, event: Bifurcation, second: str) -> Non
         known = ", ".join((*MULTIPLIERS, *BORDERS))
         raise InputError(f"a {event.kind} has no curve in two parameters here: {known} have")
     known = [name for name in parameters_of_maps(machine) if name not in (along, RESTITUTION)]
-    if second not in known:
+    if second and second not in known:
         raise InputError(f"second = '{second}'; {event.kind}s in {along} are followed along {', '.join(known)}")
     if along == RESTITUTION or cast(Any, machine).restitution > 0:
         raise InputError(
             "with a restitution a hop has infinitely many impacts: bifurcations are followed where it is 0"
         )
-    if second not in (INJECT, *machine.values):
+    if second and second not in (INJECT, *machine.values):
         raise InputError(f"second = '{second}': the machine has none to begin with; give it a small one")
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, NoOrbit, finite_number, whole_number
+from ..errors import InputError, finite_number, whole_number
 from ..io import Document
 from ..model.machine import Machine, machine_in_words, title_of_machine
 from ..periodic.find import Progress
@@ -23,7 +23,6 @@ from ..simulation.impacts import CAP
 from ..units import LIFTOFF_SPEED
 from .cycles import INJECT, RESTITUTION, MapsAlong, parameters_of_maps
 from .diagram import RESERVED_IN_DIAGRAMS
-from .map_pieces import MapPieces
 from .return_map import ReturnMap
 
 # What launches settle to besides the statuses of a hop that has no next launch.
@@ -226,7 +225,9 @@ class PeriodDiagram(Result, what="diagram of periods", dimension="launch"):
         return shown("period_figures").plot_periods(self, axes)
 
     def document(self) -> Document:
-        columns = {name: [None if x != x else x for x in np.ravel(column).tolist()] for name, column in self.table().items()}
+        columns = {
+            name: [None if x != x else x for x in np.ravel(column).tolist()] for name, column in self.table().items()
+        }
         whole = {"machine": self.machine, "along": self.along, "second": self.second, "longest": self.longest}
         return {**whole, "hops": self.hops, **columns, **({"units": self.units} if self.units else {})}
 
@@ -272,7 +273,9 @@ def period_diagram(
     if not slow > 0:
         raise InputError(f"between = {between!r}; launch speeds are above 0")
     counts = [whole_number("samples", count, "values", 2) for count in samples]
-    axes = [np.linspace(*_ascending(name, ends), count) for name, ends, count in zip(names, ranges, counts, strict=True)]
+    axes = [
+        np.linspace(*_ascending(name, ends), count) for name, ends, count in zip(names, ranges, counts, strict=True)
+    ]
     own = np.linspace(low, high, STARTS + 2)[1:-1] if starts is None else np.array([*map(float, starts)])
     if not (len(own) and np.isfinite(own).all() and (own > 0).all()):
         raise InputError(f"starts = {starts!r}; they are launch speeds above 0")
