@@ -60,9 +60,11 @@ from .proof.prove import prove, prove_absence, prove_fold
 from .proof.theorem import Proof
 from .return_map.bifurcations import bifurcations
 from .return_map.diagram import Bifurcation as Bifurcation, BifurcationDiagram, Branch as Branch, BranchEnd as BranchEnd
+from .return_map.event_curve import EventCurve as EventCurve
 from .return_map.hops import FixedPoint as FixedPoint, Hops as Hops
 from .return_map.launch_hops import LaunchHops as LaunchHops
 from .return_map.periodic_hop import PeriodicHop
+from .return_map.periods import PeriodDiagram as PeriodDiagram, period_diagram
 from .return_map.proofs import prove_doubling, prove_fixed_point
 from .return_map.return_map import ReturnMap
 from .running.time_limit import time_limit
@@ -81,11 +83,12 @@ __version__: str
 PLACE_OF: dict[str, str]  # the module of each name
 
 __all__ = [
-    "BifurcationDiagram", "BranchPoint", "Control", "Design", "Existence", "Family", "Front", "HopMultipliers",
-    "InputError", "Machine", "Mechanism", "Model", "NoOrbit", "Orbit", "OrbitsError", "PeriodicHop", "Proof",
-    "ReturnMap", "Simulation", "Sweep", "Uncertainty", "Units", "__version__", "bifurcations", "check", "existence",
-    "find", "find_all", "find_branch_points", "follow", "follow_branch", "follow_branch_points", "follow_fold",
-    "multiplier", "multipliers", "optimize", "orbit_at", "orbit_function", "pareto", "prove", "prove_absence",
-    "prove_doubling", "prove_fixed_point", "prove_fold", "quantities", "sensitivities", "simulate", "start_from_rest",
-    "starts", "steer", "sweep", "time_limit", "trace", "uncertainty",
+    "BifurcationDiagram", "BranchPoint", "Control", "Design", "EventCurve", "Existence", "Family", "Front",
+    "HopMultipliers", "InputError", "Machine", "Mechanism", "Model", "NoOrbit", "Orbit", "OrbitsError",
+    "PeriodDiagram", "PeriodicHop", "Proof", "ReturnMap", "Simulation", "Sweep", "Uncertainty", "Units",
+    "__version__", "bifurcations", "check", "existence", "find", "find_all", "find_branch_points", "follow",
+    "follow_branch", "follow_branch_points", "follow_fold", "multiplier", "multipliers", "optimize", "orbit_at",
+    "orbit_function", "pareto", "period_diagram", "prove", "prove_absence", "prove_doubling", "prove_fixed_point",
+    "prove_fold", "quantities", "sensitivities", "simulate", "start_from_rest", "starts", "steer", "sweep",
+    "time_limit", "trace", "uncertainty",
 ]  # fmt: skip

@@ -1,0 +1,179 @@
+"""Beyond curve (d) of the paper's Fig. 8: hops of period two and four, the cascade, the crisis, and where each attracts.
+
+The paper leaves open what follows where its upper fixed point loses stability (M = 1, injection eps = 0.0716). Hops of
+period two follow, stable up to 0.113429, where their flip is subcritical: hops of period four that are unstable end
+there. Those begin with stable ones in a fold at 0.111550, so that both periods attract for a while. The stable hops of
+period four double in turn, by Feigenbaum's ratio, since the map's maximum is smooth: it lies above the lossless launch,
+the tip with unbounded curvature. All of it ends in a crisis at eps = 0.138812, where the maximum c of the map comes to
+the unstable fixed point u in two hops:
+
+    f'(c) = 0,    f(f(c) + eps) + eps = u,    f(u) + eps = u.
+
+Flips, folds and the crisis are then followed as the mass ratio changes, over the periods that attract there.
+Run: python studies/period_four.py [--output FOLDER] [--quick]
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from orbits import Bifurcation, BifurcationDiagram, ReturnMap, bifurcations, find, multiplier, period_diagram
+from orbits.numerics.roots import bracketed_root
+from orbits.return_map.flown_hops import slopes_of_hops
+from orbits.return_map.followed_events import located
+from orbits.show.plot import COLOURS, legend_below, new_axes, new_row, save_figure
+from orbits.simulation.impacts import Impacts
+from problems import Hopper
+
+INJECT, LAUNCHES = (0.0, 0.15), (4.3, 4.8)
+MASS_RATIOS = (1.0, 2.0)
+PERIOD_FOUR = 0.112  # an injection with both hops of period four
+DOUBLINGS = 4  # of period four
+FEIGENBAUM = 4.669201609
+
+
+def crisis(mass_ratio: float = 1.0) -> float:
+    """The injection at which the map's maximum comes to the unstable fixed point u in two hops. That fixed point
+    determines the injection, eps = u - f(u), so that one equation is left for u."""
+    machine = Hopper(mass_ratio=mass_ratio)
+    star, plain = find(machine).alpha, ReturnMap(machine)
+    slope = lambda alpha: multiplier(machine, alpha)  # noqa: E731
+    ends = star + 1e-5, star + 0.3
+    highest = float(plain(bracketed_root(slope, *ends, *map(slope, ends))).next)
+    added = lambda u: u - float(plain(u).next)  # noqa: E731
+    excess = lambda u: float(plain(highest + added(u)).next) + added(u) - u  # noqa: E731
+    ends = star - 0.2, star - 1e-6
+    return added(bracketed_root(excess, *ends, *map(excess, ends)))
+
+
+def cycle(launches: np.ndarray, eps: float) -> tuple[np.ndarray, float]:
+    """Launches (n,) of hops near some that come back, and their multiplier, by Newton's method on all of them."""
+    step, impacts = ReturnMap(Hopper(), inject=eps), Impacts(Hopper())
+    for _ in range(20):
+        slopes = slopes_of_hops(impacts, launches)
+        missing = np.roll(launches, -1) - step(launches).next
+        change = np.linalg.solve(np.diag(slopes) - np.roll(np.eye(len(launches)), 1, axis=1), missing)
+        launches = launches + change
+        if np.abs(change).max() < 1e-13:
+            break
+    return launches, float(np.prod(slopes))
+
+
+def settled(eps: float, period: int, hops: int = 800) -> np.ndarray:
+    """The launches (period,) that hops come to in the long run."""
+    step, alpha = ReturnMap(Hopper(), inject=eps), np.array([4.4925])
+    for _ in range(hops):
+        alpha = step(alpha).next
+    path = [alpha]
+    for _ in range(period - 1):
+        path.append(step(path[-1]).next)
+    return np.concatenate(path)
+
+
+def doublings(first: float, count: int) -> list[float]:
+    """The injections at which hops of period four double, from the first of them on: each where the multiplier of the
+    hops that began at the one before has fallen to -1."""
+    found, period, gap = [first], 4, 1.3e-3
+    for _ in range(count):
+        period, gap = 2 * period, gap / FEIGENBAUM
+        eps = found[-1] + 0.4 * gap
+        launches, value = cycle(settled(eps, period), eps)
+        before, last = (eps, value), found[-1] + 0.8 * gap
+        for _ in range(30):
+            launches, value = cycle(launches, last)
+            if abs(value + 1) < 1e-9:
+                break
+            before, last = (last, value), last - (value + 1) * (last - before[0]) / (value - before[1])
+        found.append(last)
+    return found
+
+
+def branches_of_four(ends: tuple[float, float], count: int) -> list[tuple[float, tuple[float, ...], float]]:
+    """The hops of period four with launches in the range of the figure, at injections between two: injection, launches
+    and multiplier of each."""
+    values = ends[0] + (ends[1] - ends[0]) * np.linspace(0.0, 1.0, count) ** 2
+    return [
+        (eps, each.launches, float(each.multiplier or np.nan))
+        for eps in values.tolist()
+        for each in ReturnMap(Hopper(), inject=eps).periodic_hops(4, *LAUNCHES)
+    ]
+
+
+def period_four_events(diagram: BifurcationDiagram) -> list[Bifurcation]:
+    """The fold and the flip of period four, by Newton's method from hops near them."""
+    hops = ReturnMap(Hopper(), inject=PERIOD_FOUR).periodic_hops(4, *LAUNCHES)
+    pairs = zip(("flip", "fold"), sorted(hops, key=lambda each: float(each.multiplier or 0.0)), strict=True)
+    return [located(Hopper(), "inject", Bifurcation(kind, PERIOD_FOUR, hop.launches)) for kind, hop in pairs]
+
+
+def main(folder: Path, quick: bool = False) -> dict[str, float]:
+    visits = 60 if quick else 1200
+    diagram = bifurcations(Hopper(), "inject", INJECT, LAUNCHES, sections=3, attractor=visits)
+    flips = [event for event in diagram.events if event.kind == "flip"]
+    doubled, fold = period_four_events(diagram)
+    cascade = doublings(doubled.value, 2 if quick else DOUBLINGS)
+    gaps = np.diff(cascade)
+    numbers = {"flip of one": flips[0].value, "flip of two": flips[1].value, "fold of four": fold.value}
+    numbers |= {"flip of four": doubled.value, "crisis": crisis(), "ratio": float(gaps[-2] / gaps[-1])}
+    for name, value in numbers.items():
+        print(f"  {name:14} {value:.13g}")
+    ratios = ", ".join(f"{value:.4f}" for value in gaps[:-1] / gaps[1:])
+    print(f"  period four doubles at {', '.join(f'{value:.10f}' for value in cascade)}: ratios {ratios}")
+
+    left, right = new_row(2, 5.4, 4.8)
+    diagram.plot(left)
+    four = branches_of_four((fold.value + 1e-7, INJECT[1]), 6 if quick else 40)
+    for axes in (left, right):
+        for stable, look in ((True, "."), (False, "x")):
+            some = [each for each in four if (abs(each[2]) < 1) == stable]
+            places = [(eps, alpha) for eps, launches, _ in some for alpha in launches]
+            label = f"period four, {'stable' if stable else 'unstable'}"
+            axes.plot(*np.reshape(places, (-1, 2)).T, look, ms=3, color=COLOURS[3], label=label)
+        for value in (fold.value, *cascade[:1], numbers["flip of two"], numbers["crisis"]):
+            axes.axvline(value, color="0.6", lw=0.7, ls="--", zorder=0)
+    zoom = (0.1112, 0.1138)
+    for start, colour in ((4.52, COLOURS[1]), (4.4925, COLOURS[0])):
+        _draw_visits(right, start, colour, zoom, visits)
+    right.set(xlim=zoom, ylim=(4.489, 4.511), xlabel="inject", ylabel="launch speed", title="two periods attract")
+    left.set(ylim=(4.44, 4.68), title="injections at M = 1")
+    for axes in (left, right):
+        legend_below(axes)
+    folder.mkdir(parents=True, exist_ok=True)
+    print(f"\n  figure: {save_figure(left, folder / 'period_four.png')}")
+
+    samples = (40, 7) if quick else (320, 81)
+    over = {"inject": (0.05, 0.24), "mass_ratio": MASS_RATIOS}
+    periods = period_diagram(Hopper(), over, (4.2, 5.4), samples=samples, starts=(4.52, 4.4925))
+    print(f"\n{periods}")
+    axes = periods.plot(new_axes(8.2, 6.2))
+    options = {"longest": 0.05} if quick else {}
+    for event in (*flips, doubled, fold):
+        curve = diagram.follow_event(event, "mass_ratio", MASS_RATIOS[1], **options)
+        numbers[f"{event.kind} of {len(event.alphas)} at M = 2"] = curve.at(MASS_RATIOS[1])[0]
+        curve.plot(axes)
+        print(f"\n{curve}")
+    masses = np.linspace(*MASS_RATIOS, 3 if quick else 21)
+    axes.plot([crisis(mass) for mass in masses], masses, "-.", color="black", lw=1.6, label="crisis")
+    axes.set(xlim=over["inject"], title="the periods that attract, with flips (full), folds (dashed) and the crisis")
+    legend_below(axes)
+    print(f"\n  figure: {save_figure(axes, folder / 'periods.png')}")
+    return numbers
+
+
+def _draw_visits(axes, start: float, colour: str, span: tuple[float, float], count: int) -> None:
+    """Draw the launches that hops from a start come to in the long run, over a range of the injection."""
+    injections = np.linspace(*span, count)
+    step, alpha = ReturnMap(Hopper()), np.full(count, start)
+    for hop in range(440):
+        alpha = step(alpha).next + injections
+        if hop >= 400:
+            axes.plot(injections, alpha, ".", ms=1.0, mew=0, color=colour, zorder=1, rasterized=True)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--output", type=Path, default=Path("figures"), help="folder for the figures")
+    parser.add_argument("--quick", action="store_true", help="fewer values of the parameters")
+    arguments = parser.parse_args()
+    main(arguments.output, arguments.quick)
