@@ -1,4 +1,4 @@
-"""Beyond curve (d) of the paper's Fig. 8: hops of period two and four, the cascade, the crisis, and where each attracts.
+"""Beyond curve (d) of the paper's Fig. 8: hops of period two and four, a cascade, the crisis, and what attracts where.
 
 The paper leaves open what follows where its upper fixed point loses stability (M = 1, injection eps = 0.0716). Hops of
 period two follow, stable up to 0.113429, where their flip is subcritical: hops of period four that are unstable end
@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from orbits import Bifurcation, BifurcationDiagram, ReturnMap, bifurcations, find, multiplier, period_diagram
+from orbits import Bifurcation, ReturnMap, bifurcations, find, multiplier, period_diagram
 from orbits.numerics.roots import bracketed_root
 from orbits.return_map.flown_hops import slopes_of_hops
 from orbits.return_map.followed_events import located
@@ -92,7 +92,7 @@ def doublings(first: float, count: int) -> list[float]:
 def branches_of_four(ends: tuple[float, float], count: int) -> list[tuple[float, tuple[float, ...], float]]:
     """The hops of period four with launches in the range of the figure, at injections between two: injection, launches
     and multiplier of each."""
-    values = ends[0] + (ends[1] - ends[0]) * np.linspace(0.0, 1.0, count) ** 2
+    values = ends[0] + (ends[1] - ends[0]) * np.linspace(0.0, 1.0, count) ** 3
     return [
         (eps, each.launches, float(each.multiplier or np.nan))
         for eps in values.tolist()
@@ -100,7 +100,7 @@ def branches_of_four(ends: tuple[float, float], count: int) -> list[tuple[float,
     ]
 
 
-def period_four_events(diagram: BifurcationDiagram) -> list[Bifurcation]:
+def period_four_events() -> list[Bifurcation]:
     """The fold and the flip of period four, by Newton's method from hops near them."""
     hops = ReturnMap(Hopper(), inject=PERIOD_FOUR).periodic_hops(4, *LAUNCHES)
     pairs = zip(("flip", "fold"), sorted(hops, key=lambda each: float(each.multiplier or 0.0)), strict=True)
@@ -111,7 +111,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     visits = 60 if quick else 1200
     diagram = bifurcations(Hopper(), "inject", INJECT, LAUNCHES, sections=3, attractor=visits)
     flips = [event for event in diagram.events if event.kind == "flip"]
-    doubled, fold = period_four_events(diagram)
+    doubled, fold = period_four_events()
     cascade = doublings(doubled.value, 2 if quick else DOUBLINGS)
     gaps = np.diff(cascade)
     numbers = {"flip of one": flips[0].value, "flip of two": flips[1].value, "fold of four": fold.value}
@@ -123,7 +123,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
 
     left, right = new_row(2, 5.4, 4.8)
     diagram.plot(left)
-    four = branches_of_four((fold.value + 1e-7, INJECT[1]), 6 if quick else 40)
+    four = branches_of_four((fold.value + 1e-7, INJECT[1]), 6 if quick else 60)
     for axes in (left, right):
         for stable, look in ((True, "."), (False, "x")):
             some = [each for each in four if (abs(each[2]) < 1) == stable]

@@ -108,10 +108,8 @@ def bifurcations(
         search.periodic(period)
         for _ in range(doublings):
             search.doubled(doublings)
-    return BifurcationDiagram(
-        *about, tuple(search.branches), search.located(), visits=_attractor(maps, (slow, fast), count), units=maps.units,
-        **own,
-    )  # fmt: skip
+    visits = _attractor(maps, (slow, fast), count)
+    return BifurcationDiagram(*about, tuple(search.branches), search.located(), visits=visits, units=maps.units, **own)
 
 
 def _range(name: str, ends: tuple[float, float]) -> tuple[float, float]:

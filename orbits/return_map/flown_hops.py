@@ -90,7 +90,10 @@ def slopes_of_hops(impacts: Impacts, alphas: np.ndarray) -> np.ndarray:
 
     impacts : of a machine without a restitution whose launch is a speed, and whose spring has no hysteresis
     """
-    hops, slopes = flown_hops(impacts, alphas), np.full(np.shape(alphas), np.nan)
+    slopes = np.full(np.shape(alphas), np.nan)
+    if not len(slopes):
+        return slopes
+    hops = flown_hops(impacts, alphas)
     speeds, p = hops.slowest(impacts), {**impacts.values, INJECT: 0.0}
     for count in np.unique(hops.counts[hops.counts > 0]).tolist():
         which = np.flatnonzero((hops.counts == count) & (speeds > TANGENTIAL))

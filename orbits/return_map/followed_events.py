@@ -267,8 +267,8 @@ def located(machine: Machine, along: str, event: Bifurcation, inject: float = 0.
 def _begun(
     machine: Machine, along: str, event: Bifurcation, second: str, inject: float
 ) -> tuple[Machine, EventEquations, np.ndarray]:
-    """The machine at a bifurcation, the equations of its curve along a second parameter, and a guess of the point there;
-    for "" along any other parameter."""
+    """The machine at a bifurcation, the equations of its curve along a second parameter, for "" along any other one,
+    and a guess of the point there."""
     _check(machine, along, event, second)
     if along == INJECT:
         inject = event.value

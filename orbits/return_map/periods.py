@@ -15,7 +15,7 @@ from ..errors import InputError, finite_number, whole_number
 from ..io import Document
 from ..model.machine import Machine, machine_in_words, title_of_machine
 from ..periodic.find import Progress
-from ..result import Axes, Result, Row, shown
+from ..result import Axes, Result, Row, shown, stored
 from ..running import interrupts
 from ..running.exclusive import exclusive
 from ..simulation.feet import LIFTS_OFF
@@ -28,7 +28,7 @@ from .return_map import ReturnMap
 # What launches settle to besides the statuses of a hop that has no next launch.
 PERIODIC, OUTSIDE, CHAOTIC, LONGER, LEAVES = "periodic", "outside", "chaotic", "longer", "leaves"
 FIRST_HOPS = 128  # after this many hops launches are examined, and after each doubling of their number
-# Launches that differ by a smaller share than the first come back; by less than the second they may approach each other.
+# Launches that differ by a share below the first come back; below the second they may be approaching each other.
 SAME_LAUNCH, APPROACHED = 1e-8, 1e-5
 CHAOS = 1e-3  # the mean logarithm of the slopes of a chaotic motion is larger
 STARTS = 3
@@ -207,7 +207,7 @@ class PeriodDiagram(Result, what="diagram of periods", dimension="launch"):
         return ((self.periods != first) & self._stays).any(axis=2)
 
     def period(self) -> np.ndarray:
-        """The periods (ny, nx) of the first start that goes on in the range: 0 where it has none, -1 where none does."""
+        """The periods (ny, nx) of the first start that goes on in the range, 0 for none, and -1 where no start does."""
         found = np.take_along_axis(self.periods, self.first[:, :, None], axis=2)[:, :, 0]
         return np.where(self._stays.any(axis=2), found, -1)
 
@@ -220,14 +220,12 @@ class PeriodDiagram(Result, what="diagram of periods", dimension="launch"):
         return {name: np.reshape(column, ny * nx * k) for name, column in zip(names, columns, strict=True)}
 
     def plot(self, axes: Axes | None = None) -> Axes:
-        """Plot the periods as coloured cells, the second parameter upwards, with a dot where the starts lead to different
-        ones; returns the axes. Curves of bifurcations are drawn over it with `EventCurve.plot(axes)`."""
+        """Plot the periods as coloured cells, the second parameter upwards, with a dot where the starts lead to
+        different ones; returns the axes. Curves of bifurcations are drawn over it with `EventCurve.plot(axes)`."""
         return shown("period_figures").plot_periods(self, axes)
 
     def document(self) -> Document:
-        columns = {
-            name: [None if x != x else x for x in np.ravel(column).tolist()] for name, column in self.table().items()
-        }
+        columns = {name: stored(column.tolist()) for name, column in self.table().items()}
         whole = {"machine": self.machine, "along": self.along, "second": self.second, "longest": self.longest}
         return {**whole, "hops": self.hops, **columns, **({"units": self.units} if self.units else {})}
 
@@ -269,8 +267,8 @@ def period_diagram(
             raise InputError(f"the return map has no parameter '{name}'; it has {', '.join(known)}")
     if INJECT in names and inject != 0:
         raise InputError(f"inject = {inject:g} beside a range of it: the range says it all")
-    (low, high), slow = _ascending("between", between), float(between[0])
-    if not slow > 0:
+    low, high = _ascending("between", between)
+    if not low > 0:
         raise InputError(f"between = {between!r}; launch speeds are above 0")
     counts = [whole_number("samples", count, "values", 2) for count in samples]
     axes = [

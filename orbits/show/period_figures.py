@@ -6,10 +6,9 @@ from typing import Any
 import numpy as np
 
 from ..result import Axes
-from .plot import COLOURS, finished, new_axes, plain
+from .plot import COLOURS, finished, legend_below, new_axes, plain
 
-# The colours of places where launches go on without a period, and of those where none goes on.
-CHAOTIC_COLOUR, REST_COLOUR = "0.25", "0.93"
+REST, CHAOS, UNSETTLED = -2, -1, 0  # places where no launch goes on, and where one does without a period
 # The colours of the periods after those of all figures.
 FURTHER_COLOURS = ("#882255", "#999933", "#44AA99", "#332288", "#AA4499", "#DDCC77", "#117733", "#661100", "#6699CC")
 STYLES_OF_CURVES = {"flip": "-", "fold": "--", "border collision": ":"}
@@ -22,21 +21,26 @@ def plot_periods(diagram: Any, axes: Axes | None = None) -> Axes:
 
     axes = axes or new_axes(6.8, 5.0)
     periods, several = diagram.period(), diagram.several
+    status = np.take_along_axis(diagram.status, diagram.first[:, :, None], axis=2)[:, :, 0]
+    periods = np.where(periods < 0, REST, np.where(status == "chaotic", CHAOS, periods))
     known = np.unique(periods[periods > 0]).tolist()
-    names = {-1: "no hops go on", 0: "without a period", **{p: f"period {p}" for p in known}}
-    colours = {-1: REST_COLOUR, 0: CHAOTIC_COLOUR, **dict(zip(known, cycle((*COLOURS, *FURTHER_COLOURS))))}
+    names = {REST: "no hops go on", CHAOS: "chaotic", UNSETTLED: f"no period up to {diagram.longest}"}
+    names |= {period: f"period {period}" for period in known}
+    colours = {REST: "0.93", CHAOS: "0.25", UNSETTLED: "0.6", **dict(zip(known, cycle((*COLOURS, *FURTHER_COLOURS))))}
     levels = [level for level in names if (periods == level).any()]
     numbers = np.searchsorted(levels, periods)
     look = ListedColormap([colours[level] for level in levels])
     limits = {"vmin": -0.5, "vmax": len(levels) - 0.5}
     axes.pcolormesh(diagram.values, diagram.others, numbers, cmap=look, **limits, shading="nearest", rasterized=True)
-    for level in levels:
-        axes.plot([], [], "s", ms=7, color=colours[level], mec="0.5", mew=0.5, label=names[level])
+    for number, level in enumerate(levels):  # a mark on a place of its own colour, for the legend
+        j, i = np.argwhere(numbers == number)[0]
+        axes.plot(diagram.values[i], diagram.others[j], "s", ms=4, mew=0, color=colours[level], label=names[level])
     if several.any():
         j, i = np.nonzero(several)
-        look = {"marker": ".", "ls": "", "ms": 1.5, "mew": 0, "color": "white", "rasterized": True}
-        axes.plot(diagram.values[i], diagram.others[j], **look)
-        axes.plot([], [], "o", ms=4, mfc="white", mec="0.5", mew=0.7, label="several attract")
+        mark = {"marker": ".", "ls": "", "ms": 1.5, "mew": 0, "color": "white", "rasterized": True}
+        axes.plot(diagram.values[i], diagram.others[j], **mark)
+        axes.plot(diagram.values[i[:1]], diagram.others[j[:1]], "o", ms=3, mfc="white", mec="0.5", mew=0.7,
+                  label="several attract")  # fmt: skip
     axes.set_title(plain(diagram.title()), fontsize="medium", wrap=True)
     across, up = (diagram.heading(name).replace("_", " ") for name in (diagram.along, diagram.second))
     return finished(axes, xlabel=across, ylabel=up)
@@ -54,7 +58,7 @@ def plot_event_curve(curve: Any, axes: Axes | None = None) -> Axes:
     if len(places):
         axes.plot(*places.T, "o", color="0.15", mfc="white", ms=5, zorder=4)
     if not own:
-        return axes
+        return legend_below(axes)
     axes.set_title(plain(curve.title()), fontsize="medium", wrap=True)
     across, up = (curve.heading(name).replace("_", " ") for name in (curve.along, curve.second))
     return finished(axes, xlabel=across, ylabel=up)

@@ -1,0 +1,109 @@
+"""The periods that attract, against the known flips, folds and crisis of the linear hopper, and the map itself."""
+
+import numpy as np
+import pytest
+
+from orbits import InputError, PeriodDiagram, ReturnMap, period_diagram
+from problems import Chain, HeavyHand, Hopper, hopper_in_si
+
+LAUNCHES = (4.2, 5.4)
+
+
+@pytest.fixture(scope="module")
+def diagram():
+    """At M = 1: fixed points up to 0.0716, period two up to 0.1134, chaos with windows up to 0.1388."""
+    over = {"inject": (0.05, 0.15), "mass_ratio": (1.0, 1.5)}
+    return period_diagram(Hopper(), over, LAUNCHES, samples=(5, 2), starts=(4.52,), hops=512)
+
+
+def test_periods_at_equal_masses(diagram):
+    assert diagram.values.tolist() == pytest.approx([0.05, 0.075, 0.1, 0.125, 0.15])
+    assert diagram.period()[0].tolist() == [1, 2, 2, 0, -1]
+    assert diagram.status[0, :, 0].tolist()[:4] == ["periodic", "periodic", "periodic", "chaotic"]
+    assert diagram.exponents[0, 3, 0] > 0.05
+    assert not diagram.several.any()
+
+
+def test_the_launches_are_those_of_the_map(diagram):
+    step = ReturnMap(Hopper(), inject=0.1)
+    known = max(step.periodic_hops(2, 4.4, 4.7)[0].launches)
+    assert diagram.launches[0, 2, 0] == pytest.approx(known, rel=1e-8)
+
+
+def test_two_periods_attract_side_by_side():
+    """Between the fold of period four at 0.11155 and the flip of period two at 0.11343."""
+    over = {"mass_ratio": (0.999, 1.001), "inject": (0.1, 0.1119)}
+    found = period_diagram(Hopper(), over, (4.4, 4.7), samples=(2, 2), starts=(4.52, 4.4926), hops=4096)
+    assert sorted(found.periods[1, 1].tolist()) == [2, 4]
+    assert found.several.tolist() == [[False, False], [True, True]]
+    assert "different periods" in str(found)
+
+
+def test_a_slow_hop_is_outside_of_the_range():
+    """Beyond the crisis some launches come to a slow hop, and not to rest."""
+    over = {"inject": (0.16, 0.165), "mass_ratio": (1.0, 1.01)}
+    found = period_diagram(Hopper(), over, LAUNCHES, samples=(2, 2), starts=(4.52,), hops=256)
+    assert (found.status[0, 0, 0], found.periods[0, 0, 0]) == ("outside", 1)
+    alpha = found.launches[0, 0, 0]
+    assert float(ReturnMap(Hopper(), inject=0.16)(alpha).next) == pytest.approx(alpha, rel=1e-7)
+    assert found.period()[0, 0] == -1
+
+
+def test_launches_that_leave():
+    """From a heavy hand every launch is faster than the one before."""
+    over = {"inject": (8.0, 9.0), "beta": (0.3, 0.31)}
+    found = period_diagram(HeavyHand("cubic"), over, (3.0, 3.4), samples=(2, 2), starts=(3.2,), hops=64, grid=20)
+    assert set(found.status.ravel()) == {"leaves"}
+
+
+@pytest.mark.slow
+def test_without_the_injection_among_the_parameters():
+    """With an injection of 0.1 the flip is at a damping of 0.001447."""
+    over = {"damping": (0.001, 0.002), "mass_ratio": (1.0, 1.01)}
+    found = period_diagram(Hopper(damping=0.001), over, (4.4, 4.7), samples=(2, 2), inject=0.1, starts=(4.55,))
+    assert found.period().tolist() == [[2, 1], [2, 1]]
+
+
+def test_in_si():
+    leg = hopper_in_si(2.0, 2.0, stiffness=100.0, rest_length=2.0)
+    speed, over = leg.units.of("alpha"), {"foot_mass": (2.0, 2.01)}
+    over = {"inject": (0.09 * speed, 0.1 * speed), next(name for name in leg.values if "stiffness" in name): (100, 101)}
+    launches = tuple(each * speed for each in (4.4, 4.7))
+    found = period_diagram(leg, over, launches, samples=(2, 2), starts=(4.52 * speed,), hops=256)
+    known = max(ReturnMap(Hopper(), inject=0.1).periodic_hops(2, 4.4, 4.7)[0].launches)
+    assert found.launches[0, 1, 0] == pytest.approx(known * speed, rel=1e-8)
+    assert found.heading("launch") == "launch (m/s)"
+
+
+def test_table_and_file(diagram, tmp_path):
+    table = diagram.table()
+    assert [*table][:3] == ["inject", "mass_ratio", "start"]
+    assert {len(column) for column in table.values()} == {10}
+    assert table["period"][:3].tolist() == [1, 2, 2]
+    again = PeriodDiagram.load(diagram.save(tmp_path / "periods.json"))
+    assert str(again) == str(diagram)
+    assert (again.status == diagram.status).all()
+    assert np.array_equal(again.launches, diagram.launches, equal_nan=True)
+    assert (tmp_path / "periods.json").stat().st_size < 20_000
+
+
+@pytest.mark.parametrize(
+    ("over", "options", "message"),
+    [
+        ({"inject": (0.0, 0.1)}, {}, "two parameters"),
+        ({"inject": (0.0, 0.1), "colour": (0.0, 1.0)}, {}, "no parameter 'colour'"),
+        ({"inject": (0.0, 0.1), "mass_ratio": (1.0, 1.1)}, {"inject": 0.1}, "the range says it all"),
+        ({"inject": (0.1, 0.0), "mass_ratio": (1.0, 1.1)}, {}, "a range goes up"),
+        ({"inject": (0.0, 0.1), "mass_ratio": 1.0}, {}, "a pair"),
+        ({"inject": (0.0, 0.1), "mass_ratio": (1.0, 1.1)}, {"starts": (-1.0,)}, "above 0"),
+        ({"inject": (0.0, 0.1), "mass_ratio": (1.0, 1.1)}, {"hops": 20}, "after 64 hops"),
+    ],
+)
+def test_what_is_refused(over, options, message):
+    with pytest.raises(InputError, match=message):
+        period_diagram(Hopper(), over, LAUNCHES, **options)
+
+
+def test_launches_of_several_numbers_are_refused():
+    with pytest.raises(InputError, match="more than a speed"):
+        period_diagram(Chain((1.0, 1.0, 1.0), ("r", "r")), {"inject": (0.0, 0.1), "mass": (1.0, 1.1)}, LAUNCHES)
