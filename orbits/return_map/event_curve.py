@@ -9,7 +9,7 @@ import numpy as np
 from ..continuation.point import End
 from ..model.machine import title_of_machine
 from ..result import Axes, Result, Row, shown
-from .diagram import HOPS_OF
+from .diagram import name_of_hops
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class EventCurve(Result, what="curve of bifurcations", in_line=("kind", "along",
         return len(self.values)
 
     def title(self) -> str:
-        hops = HOPS_OF.get(len(self.impacts), f"hops of period {len(self.impacts)}")
+        hops = name_of_hops(len(self.impacts))
         machine = title_of_machine(self.machine)
         return f"{self.kind} of {hops} of {machine}, in {self.along} and {self.second}, {len(self)} points"
 

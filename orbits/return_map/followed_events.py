@@ -277,7 +277,8 @@ def _begun(
     second = second or next(name for name in (*machine.values, INJECT) if name != along)
     speed = machine.units.of(LIFTOFF_SPEED) if machine.units else 1.0
     cycle = _Cycle(Impacts(machine), [alpha / speed for alpha in event.alphas])
-    if event.kind == "fold" and (cycle.hops.slowest(cycle.impacts) <= TANGENTIAL).any():
+    lossless = (cycle.hops.slowest(cycle.impacts) <= TANGENTIAL).any()
+    if lossless and (event.kind == "fold" or len(event.alphas) == 1):
         raise InputError("this fold is a lossless hop: `follow` follows it along a parameter, without an injection")
     kind: str | Border = event.kind if event.kind in MULTIPLIERS else cycle.border()
     impacts, u = cycle.unknowns(kind)

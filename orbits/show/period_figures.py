@@ -6,12 +6,13 @@ from typing import Any
 import numpy as np
 
 from ..result import Axes
+from ..return_map.diagram import name_of_hops
 from .plot import COLOURS, finished, legend_below, new_axes, plain
 
 REST, CHAOS, UNSETTLED = -2, -1, 0  # places where no launch goes on, and where one does without a period
 # The colours of the periods after those of all figures.
 FURTHER_COLOURS = ("#882255", "#999933", "#44AA99", "#332288", "#AA4499", "#DDCC77", "#117733", "#661100", "#6699CC")
-STYLES_OF_CURVES = {"flip": "-", "fold": "--", "border collision": ":"}
+STYLES_OF_CURVES = {"flip": "-", "fold": "--", "border collision": ":", "non-smooth fold": ":"}
 
 
 def plot_periods(diagram: Any, axes: Axes | None = None) -> Axes:
@@ -51,7 +52,7 @@ def plot_event_curve(curve: Any, axes: Axes | None = None) -> Axes:
     own = axes is None
     axes = axes or new_axes(5.6, 4.4)
     count = len(curve.impacts)
-    words = f"{curve.kind}, {'fixed points' if count == 1 else f'period {count}'}"
+    words = f"{curve.kind}, {name_of_hops(count).removeprefix('hops of ')}"
     colour = COLOURS[(count - 1) % len(COLOURS)] if own else "black"
     axes.plot(*curve.values.T, STYLES_OF_CURVES[curve.kind], color=colour, lw=1.6, label=words)
     places = np.array([event.values for event in curve.events if event.kind != "asked"]).reshape(-1, 2)
