@@ -142,7 +142,7 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     folder.mkdir(parents=True, exist_ok=True)
     print(f"\n  figure: {save_figure(left, folder / 'period_four.png')}")
 
-    samples = (40, 7) if quick else (320, 81)
+    samples = (40, 7) if quick else (240, 61)
     over = {"inject": (0.05, 0.24), "mass_ratio": MASS_RATIOS}
     periods = period_diagram(Hopper(), over, (4.2, 5.4), samples=samples, starts=(4.52, 4.4925))
     print(f"\n{periods}")

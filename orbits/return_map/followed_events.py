@@ -12,7 +12,7 @@ from typing import Any, cast
 import numpy as np
 
 from ..continuation.corrector import correct
-from ..continuation.curve import Curve, CurvePoint, Watch
+from ..continuation.curve import Curve, CurvePoint, CurvePoints, Watch
 from ..continuation.events import Segment
 from ..continuation.follow import bounds_of
 from ..continuation.limits import Endings
@@ -20,9 +20,10 @@ from ..continuation.point import End, Event
 from ..continuation.step_control import Options, StepControl, checked_options
 from ..continuation.tracer import Tracer
 from ..errors import InputError, NoOrbit, OrbitsError
+from ..flow.trajectory import Trajectories
 from ..model.machine import Machine, machine_in_words
 from ..model.phase import Affine
-from ..numerics.polynomial_roots import Crossings
+from ..numerics.polynomial_roots import Crossings, evaluate
 from ..running import interrupts
 from ..shooting.single_shooting import shooting_equations
 from ..simulation.hand_over import landed
@@ -37,6 +38,7 @@ from .cycle_statement import (
     Border,
     cycle_statement,
     event_statement,
+    force_in_contact,
     gap_speed,
     pressing,
 )
@@ -58,8 +60,8 @@ BORDERS = (
     "border collision",
     "non-smooth fold",
 )  # the kinds of events at which a hop is about to have another number of impacts
+TANGENTIAL = 1e-6  # the first landing of a lossless hop is slower than this share of the launch speed, by rounding
 SMALL_FORCE = 0.05  # a contact force below this, where 1 lifts the foot, vanishes near a lossless hop
-TANGENTIAL = 1e-6  # an impact slower than this, as a share of the launch speed, is that of a lossless hop
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,47 +121,66 @@ class EventEquations(Curve):
 
     def certify_all(self, points: Sequence[CurvePoint]) -> tuple[list[CurvePoint], OrbitsError | None]:
         """The points with their launches, up to the first at which there is no such machine."""
-        found, refused = list[CurvePoint](), self._refused(self.parameters_at(np.array([p.x for p in points])))
-        for i, point in enumerate(points):
-            if i in refused:
-                return found, refused[i]
-            found.append(point if point.certified else point._replace(certified=[cast(Any, self._point(point))]))
-        return found, None
+        ps = self.parameters_at(np.array([point.x for point in points]))
+        refused = self._refused(ps)
+        end = min(refused, default=len(points))
+        found = [*points[:end]]
+        new = [i for i, point in enumerate(found) if point.certified is None]
+        if new:
+            for i, made in zip(new, self._points(CurvePoints.of([found[i] for i in new]), ps[new]), strict=True):
+                found[i] = found[i]._replace(certified=[cast(Any, made)])
+        return found, refused.get(end)
 
-    def _point(self, point: CurvePoint) -> EventPoint:
-        x, names = point.x, self.cycle.unknowns
-        p = dict(zip(self.names, self.parameters_at(x[None])[0].tolist(), strict=True))
+    def _points(self, points: CurvePoints, ps: np.ndarray) -> list[EventPoint]:
+        """The points of the curve with their parameters (m, np) as they are stored."""
+        p = dict(zip(self.names, ps.T, strict=True))
         speed = self.machine.model.units(p).of(LIFTOFF_SPEED) if self.machine.model.units else 1.0
-        alphas = tuple(float(value * speed) for name, value in zip(names, x, strict=False) if name.startswith("alpha"))
-        values = tuple(x[:-1].tolist()), tuple(point.tangent.tolist())
-        return EventPoint(point.value, *values, float(x[-2]), alphas, self._tests(point, p))
+        places = [i for i, name in enumerate(self.cycle.unknowns) if name.startswith("alpha")]
+        alphas = (points.xs[:, places].T * speed).T.tolist()
+        tests = self._tests(points.own_evaluation.trajectories, p)
+        names, rows = [*tests], np.array([*tests.values()]).T.tolist()
+        columns = points.xs.tolist(), points.tangents.tolist(), alphas, rows
+        return [
+            EventPoint(x[-1], tuple(x[:-1]), tuple(tangent), x[-2], tuple(own), dict(zip(names, row, strict=True)))
+            for x, tangent, own, row in zip(*columns, strict=True)
+        ]
 
-    def _tests(self, point: CurvePoint, p: dict[str, float]) -> dict[str, float]:
-        """The test functions of a point, by what happens where they vanish."""
-        model, tests, border = self.machine.model, dict[str, float](), self.event
-        arcs = zip(self.cycle.arcs, point.evaluation.trajectories, strict=True)
+    def _tests(self, arcs: Sequence[Trajectories], p: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """The test functions (m,) of points with parameters (m,), by what happens where they vanish."""
+        model, tests, border = self.machine.model, dict[str, np.ndarray](), self.event
+        many = {name: np.repeat(values, len(SHARES)) for name, values in p.items()}
         hop, impact = 0, 0
-        for arc, motions in arcs:
-            path = motions[point.place]
-            rows = path(SHARES * path.times[-1]).T
-            end, size = path.end.tolist(), len(arc.phase.states)
+        for arc, motions in zip(self.cycle.arcs, arcs, strict=True):
+            size = len(arc.phase.states)
+            rows, end = [*_within(motions)[:, :size].T], [*motions.finals[:, :size].T]
+            least = lambda values: np.reshape(values, (-1, len(SHARES))).min(1)  # noqa: E731
             if arc.phase.name == model.contact.name:
-                force = model.contact.watch["contact force"]([*rows[:size]], p, [])
-                tests[f"the contact of hop {hop + 1} opens earlier"] = float(np.min(force))
+                force = np.broadcast_to(force_in_contact(model, rows, many), rows[0].shape)
+                tests[f"the contact of hop {hop + 1} opens earlier"] = least(force)
                 hop, impact = hop + 1, 0
                 continue
             here = Border(hop, impact)
-            tests[replace(here, kind=GRAZES).in_words()] = float(np.min(model.gap(p).at([*rows[:size]])))
+            tests[replace(here, kind=GRAZES).in_words()] = least(model.gap(many).at(rows))
             if isinstance(border, Border) and (hop, impact) == (border.hop, border.impact) and border.kind != LEAVES:
                 hop += border.kind == LOSSLESS  # a flight up to a graze is followed by that up to the impact
                 border = None
                 continue
-            tests[f"impact {impact + 1} of hop {hop + 1} becomes tangential"] = -float(gap_speed(model, end[:size], p))
+            tests[f"impact {impact + 1} of hop {hop + 1} becomes tangential"] = -gap_speed(model, end, p)
             if here != border:
                 last = impact + 1 == self.impacts[hop]
-                tests[here.in_words()] = (1.0 if last else -1.0) * float(pressing(model, end[:size], p))
+                tests[here.in_words()] = (1.0 if last else -1.0) * np.broadcast_to(
+                    pressing(model, end, p), end[0].shape
+                )
             impact += 1
         return tests
+
+
+def _within(motions: Trajectories) -> np.ndarray:
+    """The rows (m k, rows) of motions (m,) at k shares of the time of each."""
+    places, apart = SHARES * motions.ends[:, None], 2.0 * float(motions.ends.max())
+    each = apart * np.arange(len(motions))
+    step = np.searchsorted(motions.starts + apart * motions.owner, places + each[:, None], side="right") - 1
+    return evaluate(motions.coefficients[step.ravel()], (places - motions.starts[step]).ravel()[:, None])
 
 
 class EventSegment(Segment):
@@ -277,8 +298,7 @@ def _begun(
     second = second or next(name for name in (*machine.values, INJECT) if name != along)
     speed = machine.units.of(LIFTOFF_SPEED) if machine.units else 1.0
     cycle = _Cycle(Impacts(machine), [alpha / speed for alpha in event.alphas])
-    lossless = (cycle.hops.slowest(cycle.impacts) <= TANGENTIAL).any()
-    if lossless and (event.kind == "fold" or len(event.alphas) == 1):
+    if cycle.lossless(TANGENTIAL) is not None and (event.kind == "fold" or len(event.alphas) == 1):
         raise InputError("this fold is a lossless hop: `follow` follows it along a parameter, without an injection")
     kind: str | Border = event.kind if event.kind in MULTIPLIERS else cycle.border()
     impacts, u = cycle.unknowns(kind)
@@ -300,9 +320,8 @@ def _check(machine: Machine, along: str, event: Bifurcation, second: str) -> Non
     if not isinstance(event, Bifurcation):
         raise InputError(f"event = {event!r}; it is one of the `events` of a diagram")
     if not model.one_speed or not model.plain or model.hysteretic:
-        what = (
-            "has hysteresis" if model.hysteretic else "steps" if model.one_speed else "has a launch of several numbers"
-        )
+        other = "steps" if model.one_speed else "has a launch of several numbers"
+        what = "has hysteresis" if model.hysteretic else other
         raise InputError(f"a {model.name} {what}: bifurcations are followed where a launch is a speed alone")
     if event.kind not in (*MULTIPLIERS, *BORDERS):
         known = ", ".join((*MULTIPLIERS, *BORDERS))
@@ -326,14 +345,23 @@ class _Cycle:
         if not self.hops.counts.all():
             raise NoOrbit("the hops of this bifurcation are not found again at its launch speeds")
 
+    def lossless(self, slow: float) -> int | None:
+        """The index of a hop that is lossless: its first landing is slower than a share of the launch speed, without a
+        force."""
+        for hop, alpha in enumerate(self.hops.alphas.tolist()):
+            speed, force = self._at(self.hops.landings[hop, 0])
+            if speed <= slow * alpha and force <= SMALL_FORCE:
+                return hop
+        return None
+
     def border(self) -> Border:
         """The border that the cycle is at; raises `NoOrbit` where there is none."""
+        if (hop := self.lossless(AT_BORDER)) is not None:
+            return Border(hop, 0, LOSSLESS)
         found = list[tuple[float, Border]]()
         for hop, (alpha, count) in enumerate(zip(self.hops.alphas, self.hops.counts.tolist(), strict=True)):
             for impact, x in enumerate(self.hops.landings[hop, :count]):
                 speed, force = self._at(x)
-                if impact == 0 and speed <= AT_BORDER * alpha and force <= SMALL_FORCE:
-                    return Border(hop, 0, LOSSLESS)
                 found.append((force, Border(hop, impact)))
                 if impact + 1 < count:
                     found.append((speed / alpha, Border(hop, impact, GRAZES)))
