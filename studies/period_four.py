@@ -18,17 +18,15 @@ from pathlib import Path
 
 import numpy as np
 
-from orbits import Bifurcation, ReturnMap, bifurcations, find, multiplier, period_diagram
+from orbits import ReturnMap, bifurcations, find, multiplier, period_diagram
 from orbits.numerics.roots import bracketed_root
 from orbits.return_map.flown_hops import slopes_of_hops
-from orbits.return_map.followed_events import located
 from orbits.show.plot import COLOURS, legend_below, new_axes, new_row, save_figure
 from orbits.simulation.impacts import Impacts
 from problems import Hopper
 
 INJECT, LAUNCHES = (0.0, 0.15), (4.3, 4.8)
 MASS_RATIOS = (1.0, 2.0)
-PERIOD_FOUR = 0.112  # an injection with both hops of period four
 DOUBLINGS = 4  # of period four
 FEIGENBAUM = 4.669201609
 
@@ -89,29 +87,13 @@ def doublings(first: float, count: int) -> list[float]:
     return found
 
 
-def branches_of_four(ends: tuple[float, float], count: int) -> list[tuple[float, tuple[float, ...], float]]:
-    """The hops of period four with launches in the range of the figure, at injections between two: injection, launches
-    and multiplier of each."""
-    values = ends[0] + (ends[1] - ends[0]) * np.linspace(0.0, 1.0, count) ** 3
-    return [
-        (eps, each.launches, float(each.multiplier or np.nan))
-        for eps in values.tolist()
-        for each in ReturnMap(Hopper(), inject=eps).periodic_hops(4, *LAUNCHES)
-    ]
-
-
-def period_four_events() -> list[Bifurcation]:
-    """The fold and the flip of period four, by Newton's method from hops near them."""
-    hops = ReturnMap(Hopper(), inject=PERIOD_FOUR).periodic_hops(4, *LAUNCHES)
-    pairs = zip(("flip", "fold"), sorted(hops, key=lambda each: float(each.multiplier or 0.0)), strict=True)
-    return [located(Hopper(), "inject", Bifurcation(kind, PERIOD_FOUR, hop.launches)) for kind, hop in pairs]
-
-
 def main(folder: Path, quick: bool = False) -> dict[str, float]:
     visits = 60 if quick else 1200
-    diagram = bifurcations(Hopper(), "inject", INJECT, LAUNCHES, sections=3, attractor=visits)
-    flips = [event for event in diagram.events if event.kind == "flip"]
-    doubled, fold = period_four_events()
+    options = {"sections": 3, "doublings": 2, "attractor": visits}
+    diagram = bifurcations(Hopper(), "inject", INJECT, LAUNCHES, **options)
+    events = {(event.kind, len(event.alphas)): event for event in diagram.events}
+    flips = [events["flip", period] for period in (1, 2)]
+    doubled, fold = events["flip", 4], events["fold", 4]
     cascade = doublings(doubled.value, 2 if quick else DOUBLINGS)
     gaps = np.diff(cascade)
     numbers = {"flip of one": flips[0].value, "flip of two": flips[1].value, "fold of four": fold.value}
@@ -123,22 +105,21 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
 
     left, right = new_row(2, 5.4, 4.8)
     diagram.plot(left)
-    four = branches_of_four((fold.value + 1e-7, INJECT[1]), 6 if quick else 60)
     for axes in (left, right):
-        for stable, look in ((True, "."), (False, "x")):
-            some = [each for each in four if (abs(each[2]) < 1) == stable]
-            places = [(eps, alpha) for eps, launches, _ in some for alpha in launches]
-            label = f"period four, {'stable' if stable else 'unstable'}"
-            axes.plot(*np.reshape(places, (-1, 2)).T, look, ms=3, color=COLOURS[3], label=label)
         for value in (fold.value, *cascade[:1], numbers["flip of two"], numbers["crisis"]):
             axes.axvline(value, color="0.6", lw=0.7, ls="--", zorder=0)
     zoom = (0.1112, 0.1138)
-    for start, colour in ((4.52, COLOURS[1]), (4.4925, COLOURS[0])):
+    for branch in diagram.branches:
+        for first, last, stable in branch.parts():
+            look = {"color": COLOURS[branch.period - 1], "ls": "-" if stable else "--", "lw": 1.4 if stable else 1.0}
+            right.plot(branch.values[first : last + 1], branch.alphas[first : last + 1], **look)
+    for start, colour in ((4.52, COLOURS[4]), (4.4925, COLOURS[5])):
         _draw_visits(right, start, colour, zoom, visits)
     right.set(xlim=zoom, ylim=(4.489, 4.511), xlabel="inject", ylabel="launch speed", title="two periods attract")
     left.set(ylim=(4.44, 4.68), title="injections at M = 1")
-    for axes in (left, right):
-        legend_below(axes)
+    legend_below(left)
+    for mark in legend_below(right).get_legend().legend_handles:
+        mark.set_markersize(8)
     folder.mkdir(parents=True, exist_ok=True)
     print(f"\n  figure: {save_figure(left, folder / 'period_four.png')}")
 
@@ -147,9 +128,9 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
     periods = period_diagram(Hopper(), over, (4.2, 5.4), samples=samples, starts=(4.52, 4.4925))
     print(f"\n{periods}")
     axes = periods.plot(new_axes(8.2, 6.2))
-    options = {"longest": 0.05} if quick else {}
+    longest = 0.05 if quick else 0.02
     for event in (*flips, doubled, fold):
-        curve = diagram.follow_event(event, "mass_ratio", MASS_RATIOS[1], **options)
+        curve = diagram.follow_event(event, "mass_ratio", MASS_RATIOS[1], longest=longest)
         numbers[f"{event.kind} of {len(event.alphas)} at M = 2"] = curve.at(MASS_RATIOS[1])[0]
         curve.plot(axes)
         print(f"\n{curve}")
@@ -164,11 +145,12 @@ def main(folder: Path, quick: bool = False) -> dict[str, float]:
 def _draw_visits(axes, start: float, colour: str, span: tuple[float, float], count: int) -> None:
     """Draw the launches that hops from a start come to in the long run, over a range of the injection."""
     injections = np.linspace(*span, count)
-    step, alpha = ReturnMap(Hopper()), np.full(count, start)
+    step, alpha, found = ReturnMap(Hopper()), np.full(count, start), list[np.ndarray]()
     for hop in range(440):
         alpha = step(alpha).next + injections
-        if hop >= 400:
-            axes.plot(injections, alpha, ".", ms=1.0, mew=0, color=colour, zorder=1, rasterized=True)
+        found += [alpha] if hop >= 400 else []
+    look = {"marker": ".", "ls": "", "ms": 1.2, "mew": 0, "color": colour, "zorder": 1, "rasterized": True}
+    axes.plot(np.tile(injections, len(found)), np.concatenate(found), **look, label=f"in the long run from {start:g}")
 
 
 if __name__ == "__main__":

@@ -52,7 +52,7 @@ def test_a_slow_hop_is_outside_of_the_range():
 def test_launches_that_leave():
     """From a heavy hand every launch is faster than the one before, until one bounces for ever."""
     over = {"inject": (8.0, 9.0), "beta": (0.3, 0.31)}
-    found = period_diagram(HeavyHand("cubic"), over, (3.0, 3.4), samples=(2, 2), starts=(3.2,), hops=64, grid=20, cap=200)
+    found = period_diagram(HeavyHand("cubic"), over, (3.0, 3.4), samples=(2, 2), starts=(3.2,), hops=64, grid=9, cap=99)
     assert "leaves" in set(found.status.ravel()) <= {"leaves", "cap"}
 
 

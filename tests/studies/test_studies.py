@@ -44,6 +44,7 @@ from studies import (
     knee,
     mutations,
     paper,
+    period_four,
     plate,
     proved_steps,
     robot_leg,
@@ -66,7 +67,19 @@ STUDIES = {
     study.__name__.rpartition(".")[2]: study
     for study in (
         *(asteroid, attraction, bifurcations, chain, chain_hand, damped_hopper, design, existence, figure_8),
-        *(gravity_families, inerter, knee, plate, robot_leg, rocker, runner, series, spring_families, start_up),
+        *(
+            gravity_families,
+            inerter,
+            knee,
+            period_four,
+            plate,
+            robot_leg,
+            rocker,
+            runner,
+            series,
+            spring_families,
+            start_up,
+        ),
         *(theorems, tolerances, tutorial, walker),
     )
 }
@@ -342,6 +355,20 @@ def test_figure_8(tmp_path):
     assert numbers["last cycle"] == pytest.approx(0.113429246523, abs=1e-10)
     assert numbers["stays"] < numbers["crisis"] < numbers["stays"] + 0.002  # the grid's width
     assert (tmp_path / "figure_8.png").stat().st_size > 10_000
+
+
+@pytest.mark.slow
+def test_period_four(tmp_path):
+    """The flips and the crisis beyond Fig. 8, with Feigenbaum's ratio, and the flips where M = 2."""
+    numbers = period_four.main(tmp_path, quick=True)
+    assert numbers["flip of one"] == pytest.approx(0.071587384137, abs=1e-11)
+    assert numbers["flip of two"] == pytest.approx(0.113429246523, abs=1e-11)
+    assert numbers["fold of four"] < numbers["flip of four"] < numbers["flip of two"]
+    assert numbers["crisis"] == pytest.approx(figure_8.crisis(), abs=1e-9)
+    assert numbers["ratio"] == pytest.approx(period_four.FEIGENBAUM, rel=0.1)  # of the first two gaps
+    numbers_of_curve = numbers["flip of 1 at M = 2"], numbers["flip of 2 at M = 2"]
+    assert numbers_of_curve == pytest.approx((0.102076351991, 0.162923593866), abs=1e-10)  # by `bifurcations` there
+    assert (tmp_path / "periods.png").stat().st_size > 10_000
 
 
 @pytest.mark.slow
