@@ -3,11 +3,13 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..continuation.point import End
+from ..continuation.step_control import Options, StepControl
 from ..errors import InputError
 from ..io import Document, one_line
 from ..model.machine import Machine, title_of_machine
@@ -208,18 +210,19 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
         return sorted(found, key=lambda each: each[1])
 
     def follow_event(
-        self, event: Bifurcation, second: str, stop: float, *, machine: Machine | None = None,
-        at: Sequence[float] = (), longest: float = 0.02, most: int = 10_000,
+        self, event: Bifurcation | str, second: str, stop: float | tuple[float, float], *,
+        machine: Machine | None = None, at: Sequence[float] = Options.at, longest: float = Options.longest,
+        most: int = Options.most, step_control: StepControl = Options.step_control, output: str | Path | None = None,
     ) -> "EventCurve":  # fmt: skip
         """Follow a flip, a fold or a border collision of the diagram as a second parameter goes to `stop`: a curve in
         two parameters.
 
-        event : one of the `events`
+        event : one of the `events`, or the kind of the first of them
         second : name of the second parameter, "inject" or one of the machine
         stop : its last value, or the pair of a bound behind its first value and the last one
         machine : that of the diagram, needed for a diagram from a file
-        at, longest, most : as in `orbits.follow`: values of the second parameter that get a point, the longest distance
-            of two points as a share of the way, and the largest number of points
+        at, longest, most, step_control : as in `orbits.follow`
+        output : a file to which the curve is saved
 
         The equations of the hops are solved with those of the bifurcation, with exact derivatives. The curve ends where
         the hops have other numbers of impacts from there on. Raises `InputError` for an event that is none of these,
@@ -236,8 +239,16 @@ class BifurcationDiagram(Result, what="bifurcation diagram"):
 
         if (machine := machine or self.source) is None:
             raise InputError("a diagram from a file does not hold its machine: name it, machine=")
-        options = {"inject": self.inject, "at": at, "longest": longest, "most": most}
-        return follow_bifurcation(machine, self.along, event, second, stop, **options)
+        if isinstance(event, str):
+            kinds = {each.kind: each for each in reversed(self.events)}
+            if event not in kinds:
+                raise InputError(f"the diagram has no {event}; its events are {', '.join(sorted(kinds)) or 'none'}")
+            event = kinds[event]
+        options: dict[str, Any] = {"at": at, "longest": longest, "most": most, "step_control": step_control}
+        curve = follow_bifurcation(machine, self.along, event, second, stop, inject=self.inject, **options)
+        if output is not None:
+            curve.save(output)
+        return curve
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Plot the launch speeds against the parameter; returns the axes. See `orbits.show.map_figures`."""

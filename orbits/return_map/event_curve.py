@@ -62,7 +62,7 @@ class EventCurve(Result, what="curve of bifurcations", in_line=("kind", "along",
     def title(self) -> str:
         hops = name_of_hops(len(self.impacts))
         machine = title_of_machine(self.machine)
-        return f"{self.kind} of {hops} of {machine}, in {self.along} and {self.second}, {len(self)} points"
+        return f"{self.kind} of {hops} of {machine}, in {self.along} and {self.second}"
 
     def heads(self) -> list[str]:
         return ["", self.heading(self.along), self.heading(self.second), self.heading("alpha")]

@@ -53,7 +53,6 @@ SHARES = np.linspace(0.03, 0.97, 48)
 # A solved bifurcation may lie this far from where the diagram has it, as a share of the parameter, which is located to
 # some 1e-11; and a border condition is the one that vanishes to this share of the largest launch speed.
 SAME_EVENT, AT_BORDER = 1e-6, 1e-3
-STEPS_OF_CURVES = StepControl(largest_amplification=1e12)
 # At a cusp the share of the first parameter in the tangent vanishes beside that of the second one.
 CUSP = 1e-5
 BORDERS = (
@@ -244,9 +243,9 @@ class EventTracer(Tracer):
 
 
 def follow_bifurcation(
-    machine: Machine, along: str, event: Bifurcation, second: str, stop: float, *, inject: float = 0.0,
-    at: Sequence[float] = Options.at, longest: float = Options.longest, most: int = Options.most,
-    step_control: StepControl = STEPS_OF_CURVES,
+    machine: Machine, along: str, event: Bifurcation, second: str, stop: float | tuple[float, float], *,
+    inject: float = 0.0, at: Sequence[float] = Options.at, longest: float = Options.longest, most: int = Options.most,
+    step_control: StepControl = Options.step_control,
 ) -> EventCurve:  # fmt: skip
     """The curve of a bifurcation of hops along `along` as a second parameter goes to `stop`, from an event of a
     diagram of a machine with an injection; the other arguments as in `BifurcationDiagram.follow_event`."""

@@ -5,7 +5,7 @@ import pickle
 import numpy as np
 import pytest
 
-from orbits import Bifurcation, BifurcationDiagram, InputError, NoOrbit, ReturnMap, find, multiplier
+from orbits import Bifurcation, BifurcationDiagram, EventCurve, InputError, NoOrbit, ReturnMap, find, multiplier
 from orbits.model.machine import machine_in_words
 from orbits.numerics.roots import bracketed_root
 from orbits.return_map.followed_events import follow_bifurcation, located
@@ -108,7 +108,11 @@ def test_a_diagram_follows_its_events(tmp_path):
     assert pickle.loads(pickle.dumps(diagram)).source is None
     with pytest.raises(InputError, match="machine="):
         again.follow_event(again.events[0], "mass_ratio", 1.2)
-    other = again.follow_event(again.events[0], "mass_ratio", 1.2, machine=Hopper(), longest=0.5)
+    with pytest.raises(InputError, match="no fold; its events are flip"):
+        diagram.follow_event("fold", "mass_ratio", 1.2)
+    path = tmp_path / "curve.json"
+    again.follow_event("flip", "mass_ratio", 1.2, machine=Hopper(), longest=0.5, output=path)
+    other = EventCurve.load(path)
     assert np.array_equal(other.values, curve.values)
 
 

@@ -14,10 +14,10 @@ CODE = re.compile(r"(``.+?``|`[^`]+`)")
 SPECIAL = re.compile(r"[*|\\]|(?<=\w)_(?!\w)")
 # Results are made by functions, so that how they are constructed would only be in the way.
 RESULTS = {
-    *("Active", "Bifurcation", "BifurcationDiagram", "Branch", "Disturbed", "Exploration"),
+    *("Active", "Bifurcation", "BifurcationDiagram", "Branch", "CurveEvent", "Disturbed", "EventCurve", "Exploration"),
     *("Certificate", "Checked", "Control", "Design", "Driven", "Enclosure", "End", "Event", "Existence"),
     *("Family", "FixedPoint", "Front", "Hops", "Modes", "Orbit", "Point", "Proof", "Simulation", "Sweep"),
-    *("SweepProgress", "Uncertainty", "Machine", "Law", "MachineInSI"),
+    *("PeriodDiagram", "SweepProgress", "Uncertainty", "Machine", "Law", "MachineInSI"),
 }
 
 
